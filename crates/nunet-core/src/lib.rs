@@ -1,0 +1,1 @@
+//! From a picture to metric depth and a point cloud.

@@ -1,0 +1,3 @@
+//! `nunetd`.
+
+fn main() {}
