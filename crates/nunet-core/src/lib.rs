@@ -1,6 +1,6 @@
 //! From a picture to metric depth and a point cloud.
 //!
-//! A frame's journey reads in the order of the modules: [`frame`] -> [`preprocess`] -> serial graph -> [`depth`] ->
+//! A frame's journey reads in the order of the modules: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] ->
 //! [`cloud`]. A later stage may import an earlier one, never the reverse. Nothing here starts threads, opens
 //! sockets, prints, or reads a clock, and every large buffer belongs to the caller.
 
@@ -9,4 +9,7 @@ pub mod clock;
 pub mod cloud;
 pub mod depth;
 pub mod frame;
+pub mod graph;
+pub mod model;
+pub mod pipeline;
 pub mod preprocess;
