@@ -66,7 +66,7 @@ def config_files(env):
     files += [Path("/etc/pip.conf"), home / ".pip/pip.conf"]
     files += [Path(env.get("XDG_CONFIG_HOME") or home / ".config") / "pip/pip.conf"]
     files += [Path(sys.prefix) / "pip.conf"]
-    return files + [Path(named)] if named else files
+    return [*files, Path(named)] if named else files
 
 
 def configured(env):
@@ -101,7 +101,7 @@ def settings(env):
 
 def opener(chosen):
     """One that knows the certificate and the proxy."""
-    where = {"capath" if os.path.isdir(chosen.cert) else "cafile": chosen.cert} if chosen.cert else {}
+    where = {"capath" if Path(chosen.cert).is_dir() else "cafile": chosen.cert} if chosen.cert else {}
     try:
         context = ssl.create_default_context(**where)
     except OSError as error:
@@ -251,8 +251,8 @@ def sha256_of(path):
 def local_copy(find_links, file, sha256):
     """The file in one of the folders of `find-links`, if it is the pinned one."""
     for link in find_links:
-        folder = Path(urllib.request.url2pathname(urllib.parse.urlsplit(link).path if link.startswith("file:") else link))
-        candidate = folder / file
+        folder = urllib.request.url2pathname(urllib.parse.urlsplit(link).path) if link.startswith("file:") else link
+        candidate = Path(folder) / file
         if candidate.is_file() and sha256_of(candidate) == sha256:
             return candidate
     return None
@@ -286,7 +286,7 @@ def fetch(chosen, project, file, sha256, part):
 def place(part, member, to):
     """Put the file, or one member of the wheel, where it belongs, in one rename."""
     if not member:
-        os.replace(part, to)
+        part.replace(to)
         return
     fresh = to.with_name(f"{to.name}.{os.getpid()}.new")
     try:
@@ -294,7 +294,7 @@ def place(part, member, to):
             shutil.copyfileobj(packed, out, CHUNK_BYTES)
             out.flush()
             os.fsync(out.fileno())
-        os.replace(fresh, to)
+        fresh.replace(to)
     except KeyError as error:
         raise FetchError(f"`{part.name}` has no member `{member}`", "mend xtask/wheels.lock") from error
     finally:
