@@ -12,13 +12,20 @@ const JOURNEY: [&str; 9] = [
     "clock",
     "frame",
     "camera",
-    "preprocess",
-    "depth",
     "model",
+    "preprocess",
     "graph",
+    "depth",
     "cloud",
     "pipeline",
 ];
+
+/// Who may look ahead all the same: importer, imported, reason.
+const AHEAD: [(&str, &str, &str); 1] = [(
+    "model",
+    "depth",
+    "a model's description says encoding and range of its depth; these types live with the code that decodes them",
+)];
 
 /// What a pure pipeline has no use for, and why.
 const IMPURE: [(&[&str], &str); 8] = [
