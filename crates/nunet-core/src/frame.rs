@@ -246,3 +246,51 @@ pub enum FrameError {
         got: usize,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn odd_sides_round_up_where_pixels_share_colour() {
+        assert_eq!(PixelFormat::Yuyv.min_stride(5), 12);
+        assert_eq!(PixelFormat::Nv12.min_stride(5), 6);
+        assert_eq!(PixelFormat::Nv12.byte_len(5, 3, 6), 6 * (3 + 2));
+        assert_eq!(PixelFormat::Rgb8.byte_len(5, 3, 15), 45);
+    }
+
+    #[test]
+    fn the_last_row_needs_no_padding() {
+        assert_eq!(PixelFormat::Rgb8.byte_len(2, 3, 100), 206);
+        assert!(ImageView::new(&[0; 206], 2, 3, 100, PixelFormat::Rgb8).is_ok());
+        assert!(ImageView::new(&[0; 205], 2, 3, 100, PixelFormat::Rgb8).is_err());
+    }
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        for format in PixelFormat::ALL {
+            assert_eq!(format.to_string().parse(), Ok(format));
+        }
+        let error = "rgb".parse::<PixelFormat>().unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "`rgb` is no pixel format\nhint: one of rgb8, bgr8, mono8, yuyv, nv12"
+        );
+    }
+
+    #[test]
+    fn bytes_that_do_not_hold_the_picture_are_refused() {
+        let error = ImageView::packed(&[0; 11], 2, 2, PixelFormat::Rgb8).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "`11` bytes for a rgb8 picture of `2x2` with rows `6` bytes apart, which takes `12`"
+        );
+        let error = ImageView::new(&[0; 12], 2, 2, 5, PixelFormat::Rgb8).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "rows begin `5` bytes apart, but `2` pixels of rgb8 take `6`"
+        );
+        assert!(ImageView::packed(&[], 0, 2, PixelFormat::Mono8).is_err());
+        assert!(ImageView::packed(&[], 1, u32::MAX, PixelFormat::Yuyv).is_err());
+    }
+}

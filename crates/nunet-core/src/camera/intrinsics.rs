@@ -101,27 +101,40 @@ impl Intrinsics {
     }
 }
 
-fn check_focal(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
-    let sides = value / f64::from(side);
-    if !value.is_finite() {
-        Err(CameraError::NotFinite { name, value })
-    } else if value <= 0.0 {
-        Err(CameraError::NotPositive { name, value })
-    } else if !(1.0 / MAX_FOCAL_PER_SIDE..=MAX_FOCAL_PER_SIDE).contains(&sides) {
-        Err(CameraError::OutOfRange { name, value, side })
-    } else {
+fn check_finite(name: &'static str, value: f64) -> Result<(), CameraError> {
+    if value.is_finite() {
         Ok(())
+    } else {
+        Err(CameraError::NotFinite { name, value })
+    }
+}
+
+fn check_positive(name: &'static str, value: f64) -> Result<(), CameraError> {
+    check_finite(name, value)?;
+    if value > 0.0 {
+        Ok(())
+    } else {
+        Err(CameraError::NotPositive { name, value })
+    }
+}
+
+fn check_focal(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
+    check_positive(name, value)?;
+    let sides = value / f64::from(side);
+    if (1.0 / MAX_FOCAL_PER_SIDE..=MAX_FOCAL_PER_SIDE).contains(&sides) {
+        Ok(())
+    } else {
+        Err(CameraError::OutOfRange { name, value, side })
     }
 }
 
 fn check_centre(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
+    check_finite(name, value)?;
     let sides = (value + 0.5) / f64::from(side);
-    if !value.is_finite() {
-        Err(CameraError::NotFinite { name, value })
-    } else if !(-MAX_CENTRE_OUTSIDE..=1.0 + MAX_CENTRE_OUTSIDE).contains(&sides) {
-        Err(CameraError::OutOfRange { name, value, side })
-    } else {
+    if (-MAX_CENTRE_OUTSIDE..=1.0 + MAX_CENTRE_OUTSIDE).contains(&sides) {
         Ok(())
+    } else {
+        Err(CameraError::OutOfRange { name, value, side })
     }
 }
 
@@ -152,20 +165,94 @@ impl IntrinsicsSpec {
         let (own_width, own_height) = self.size.unwrap_or((width, height));
         Intrinsics::new(fx_px, fy_px, cx_px, cy_px, own_width, own_height)?.scaled_to(width, height)
     }
+
+    /// What can be known to be wrong before the picture's size is, so that a bad argument is refused as one.
+    fn check(&self) -> Result<(), CameraError> {
+        match self.size {
+            Some((width, height)) => self.at_size(width, height).map(|_| ()),
+            None => {
+                let [fx_px, fy_px, cx_px, cy_px] = self.numbers;
+                check_positive("fx", fx_px)?;
+                check_positive("fy", fy_px)?;
+                check_finite("cx", cx_px)?;
+                check_finite("cy", cy_px)
+            }
+        }
+    }
 }
 
 impl FromStr for IntrinsicsSpec {
     type Err = CameraError;
 
     fn from_str(text: &str) -> Result<Self, CameraError> {
-        todo!("{text}")
+        let (numbers, size) = match text.split_once('@') {
+            Some((numbers, size)) => (numbers, Some(parse_size(size)?)),
+            None => (text, None),
+        };
+        let parts: Vec<&str> = numbers.split(',').map(str::trim).collect();
+        let parts: [&str; 4] = parts.try_into().map_err(|parts: Vec<_>| CameraError::Count {
+            got: parts.len(),
+            text: text.to_owned(),
+        })?;
+        let mut spec = Self {
+            numbers: [0.0; 4],
+            size,
+        };
+        for ((name, part), number) in ["fx", "fy", "cx", "cy"]
+            .into_iter()
+            .zip(parts)
+            .zip(&mut spec.numbers)
+        {
+            *number = parse_number(name, part)?;
+        }
+        spec.check()?;
+        Ok(spec)
     }
+}
+
+fn parse_number(name: &'static str, text: &str) -> Result<f64, CameraError> {
+    text.parse().map_err(|_| CameraError::NotANumber {
+        name,
+        text: text.to_owned(),
+    })
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), CameraError> {
+    text.split_once('x')
+        .and_then(|(width, height)| Some((width.trim().parse().ok()?, height.trim().parse().ok()?)))
+        .ok_or_else(|| CameraError::NotASize {
+            text: text.to_owned(),
+        })
 }
 
 /// What is wrong with a camera's numbers.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CameraError {
+    /// Not four numbers.
+    #[error(
+        "intrinsics `{text}` hold `{got}` numbers, not 4\nhint: write `fx,fy,cx,cy` or `fx,fy,cx,cy@WxH`"
+    )]
+    Count {
+        /// How many there are.
+        got: usize,
+        /// What was written.
+        text: String,
+    },
+    /// Something else where a number belongs.
+    #[error("intrinsic `{name}` is `{text}`, not a number\nhint: write `fx,fy,cx,cy` or `fx,fy,cx,cy@WxH`")]
+    NotANumber {
+        /// Which number.
+        name: &'static str,
+        /// What was written.
+        text: String,
+    },
+    /// Something else where a size belongs.
+    #[error("`{text}` is no picture size\nhint: write width and height in pixels, as in `640x480`")]
+    NotASize {
+        /// What was written.
+        text: String,
+    },
     /// NaN or infinite.
     #[error("intrinsic `{name}` is `{value}`, not a finite number")]
     NotFinite {
@@ -203,4 +290,111 @@ pub enum CameraError {
         /// Pixels from top to bottom.
         height: u32,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn kinect() -> Intrinsics {
+        Intrinsics::new(518.858, 519.470, 325.582, 253.736, 640, 480).unwrap()
+    }
+
+    fn message(text: &str) -> String {
+        text.parse::<IntrinsicsSpec>().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn half_the_size_moves_the_principal_point_by_the_half_pixel_rule() {
+        let half = kinect().scaled_to(320, 240).unwrap();
+        assert_eq!((half.fx_px, half.fy_px), (259.429, 259.735));
+        assert!(
+            (half.cx_px - 162.541).abs() < 1e-9 && (half.cy_px - 126.618).abs() < 1e-9,
+            "{half:?}"
+        );
+    }
+
+    #[test]
+    fn each_axis_is_stretched_by_itself() {
+        let wide = kinect().scaled_to(1280, 480).unwrap();
+        assert_eq!((wide.fx_px, wide.fy_px, wide.cy_px), (1037.716, 519.470, 253.736));
+    }
+
+    #[test]
+    fn decimation_keeps_the_pixels_where_they_are() {
+        let third = kinect().decimated(NonZeroU32::new(3).unwrap());
+        assert_eq!((third.width, third.height), (214, 160));
+        assert_eq!((third.cx_px, third.fx_px), (325.582 / 3.0, 518.858 / 3.0));
+    }
+
+    #[test]
+    fn bad_numbers_are_refused_by_name() {
+        assert_eq!(
+            message("nan,500,320,240"),
+            "intrinsic `fx` is `NaN`, not a finite number"
+        );
+        assert_eq!(
+            message("500,-500,320,240"),
+            "focal length `fy` is `-500`; it must be greater than 0"
+        );
+        assert_eq!(
+            message("500,500,inf,240"),
+            "intrinsic `cx` is `inf`, not a finite number"
+        );
+        assert!(message("500,500,,240").starts_with("intrinsic `cx` is ``, not a number\nhint: "));
+        assert!(
+            message("500,500,320").starts_with("intrinsics `500,500,320` hold `3` numbers, not 4\nhint: ")
+        );
+        assert!(message("500,500,320,240,0").contains("hold `5` numbers"));
+        assert!(message("").contains("hold `1` numbers"));
+        assert!(message("500,500,320,240@640").starts_with("`640` is no picture size\nhint: "));
+        assert!(message("500,500,320,240@0x480").contains("`0x480` pixels"));
+    }
+
+    #[test]
+    fn millimetres_in_place_of_pixels_are_refused() {
+        let error = message("0.004,0.004,320,240@640x480");
+        assert!(error.starts_with(
+            "intrinsic `fx` of `0.004` pixels does not fit a picture `640` pixels long\nhint: "
+        ));
+    }
+
+    #[test]
+    fn a_principal_point_far_outside_the_picture_is_refused() {
+        let error = Intrinsics::new(500.0, 500.0, 320.0, 2000.0, 640, 480).unwrap_err();
+        assert_eq!(
+            error,
+            CameraError::OutOfRange {
+                name: "cy",
+                value: 2000.0,
+                side: 480
+            }
+        );
+    }
+
+    #[test]
+    fn numbers_without_a_size_are_taken_as_meant_for_the_picture() {
+        let spec: IntrinsicsSpec = "500, 501, 320, 240".parse().unwrap();
+        assert_eq!(
+            spec.at_size(640, 480),
+            Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480)
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn scaling_there_and_back_changes_nothing(width in 1u32..5000, height in 1u32..5000) {
+            let back = kinect().scaled_to(width, height).unwrap().scaled_to(640, 480).unwrap();
+            prop_assert!((back.fx_px - kinect().fx_px).abs() < 1e-9);
+            prop_assert!((back.cy_px - kinect().cy_px).abs() < 1e-9);
+        }
+
+        #[test]
+        fn no_text_panics(text in "[-0-9.,@xnaife ]{0,40}") {
+            if let Ok(spec) = text.parse::<IntrinsicsSpec>() {
+                let _ = spec.at_size(640, 480);
+            }
+        }
+    }
 }

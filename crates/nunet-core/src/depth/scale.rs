@@ -73,3 +73,51 @@ impl Scale {
         Self::from_focal_lengths(encoding, None, None)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twice_the_focal_length_is_twice_the_depth() {
+        let scale = Scale::from_focal_lengths(Encoding::Inverse, Some(500.0), Some(1000.0));
+        assert_eq!(
+            scale,
+            Scale {
+                units: Units::Metre,
+                source: ScaleSource::FocalScaled,
+                focal_factor: 2.0
+            }
+        );
+    }
+
+    #[test]
+    fn an_unknown_camera_is_assumed_to_be_the_training_camera() {
+        let scale = Scale::from_focal_lengths(Encoding::Metric, Some(500.0), None);
+        assert_eq!(
+            (scale.source, scale.focal_factor),
+            (ScaleSource::AssumedCamera, 1.0)
+        );
+    }
+
+    #[test]
+    fn a_network_without_a_unit_is_never_called_metres() {
+        for encoding in [Encoding::Relative, Encoding::MinMax] {
+            let scale = Scale::from_focal_lengths(encoding, Some(500.0), Some(1000.0));
+            assert_eq!(
+                scale,
+                Scale {
+                    units: Units::Relative,
+                    source: ScaleSource::Relative,
+                    focal_factor: 1.0
+                }
+            );
+        }
+    }
+
+    #[test]
+    fn without_scaling_the_networks_metres_stand() {
+        let scale = Scale::unscaled(Encoding::Log);
+        assert_eq!((scale.units, scale.source), (Units::Metre, ScaleSource::Metric));
+    }
+}

@@ -111,6 +111,14 @@ pub enum GraphError {
         /// Needed.
         expected: ElementType,
     },
+    /// `every` for a stage that the graph does not have.
+    #[error("no stage is named `{stage}`; the stages are {stages}")]
+    UnknownStage {
+        /// What was asked for.
+        stage: String,
+        /// What there is.
+        stages: String,
+    },
     /// Labels were asked of a graph that has none.
     #[error("the graph gives no labels")]
     NoLabels,

@@ -13,7 +13,9 @@ pub use selftest::{SelfTest, SelfTestGrid, SelfTestMismatch, SelfTestReport, Tol
 pub use sidecar::Sidecar;
 
 /// The range of a network that names none.
-const UNLIMITED: DepthRange = DepthRange::UNLIMITED;
+fn unlimited() -> DepthRange {
+    DepthRange::new(0.0, f32::MAX).expect("0 is not negative and below the largest number")
+}
 
 /// What a model file says of itself, checked.
 #[derive(Debug, Clone, PartialEq)]

@@ -60,8 +60,12 @@ pub struct SelfTestReport {
 
 impl SelfTestReport {
     /// The report of a model that carries no answer.
-    pub(crate) const UNCHECKED: Self =
-        Self { checked: false, worst_depth: 0.0, tolerance: 0.0, label_cells: 0 };
+    pub(crate) const UNCHECKED: Self = Self {
+        checked: false,
+        worst_depth: 0.0,
+        tolerance: 0.0,
+        label_cells: 0,
+    };
 }
 
 /// The picture `nunet-selftest-1`: `[height][width][3]`, RGB, rows top to bottom. No side may be 0.
@@ -93,7 +97,11 @@ fn pixel(u: i32, v: i32) -> [i32; 3] {
         [170 - v / 4 + fine, 40 + u / 4, 40 + fine]
     } else if v >= 168 {
         let check = ((u + v) / 24 + (v - 168) / 12) % 2;
-        [90 + 40 * check + fine, 70 + 30 * check + fine, 50 + 10 * check + v / 8]
+        [
+            90 + 40 * check + fine,
+            70 + 30 * check + fine,
+            50 + 10 * check + v / 8,
+        ]
     } else {
         [150 - u / 4 + fine, 130 - v / 4 + fine, 100 + u / 8 + fine]
     }
@@ -107,17 +115,31 @@ impl SelfTest {
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if file.version != VERSION || file.picture != PICTURE {
-            return Err(format!("version {VERSION} of picture `{PICTURE}` is all that this program knows"));
+            return Err(format!(
+                "version {VERSION} of picture `{PICTURE}` is all that this program knows"
+            ));
         }
         if !file.tolerance.contains_key(&file.precision) {
-            return Err(format!("no tolerance for the file's own precision `{}`", file.precision));
+            return Err(format!(
+                "no tolerance for the file's own precision `{}`",
+                file.precision
+            ));
         }
         let sound = |tolerance: &Tolerance| tolerance.depth.is_finite() && tolerance.depth >= 0.0;
-        if !file.tolerance.values().all(sound) || !file.depth.iter().flatten().flatten().all(|z| z.is_finite()) {
+        if !file.tolerance.values().all(sound)
+            || !file.depth.iter().flatten().flatten().all(|z| z.is_finite())
+        {
             return Err("depths and tolerances must be finite".to_owned());
         }
-        let answer = SelfTestGrid { depth: file.depth, labels: file.labels };
-        Ok(Self { precision: file.precision, answer, tolerance: file.tolerance })
+        let answer = SelfTestGrid {
+            depth: file.depth,
+            labels: file.labels,
+        };
+        Ok(Self {
+            precision: file.precision,
+            answer,
+            tolerance: file.tolerance,
+        })
     }
 
     /// Compares an answer of this machine with the one of the export, computing in the file's own precision.
@@ -128,11 +150,20 @@ impl SelfTest {
         let tolerance = self.tolerance[&self.precision];
         let worst_depth = self.compare_depth(got, tolerance.depth)?;
         let label_cells = self.compare_labels(got, tolerance.label_cells)?;
-        Ok(SelfTestReport { checked: true, worst_depth, tolerance: tolerance.depth, label_cells })
+        Ok(SelfTestReport {
+            checked: true,
+            worst_depth,
+            tolerance: tolerance.depth,
+            label_cells,
+        })
     }
 
     fn compare_depth(&self, got: &SelfTestGrid, tolerance: f32) -> Result<f32, SelfTestMismatch> {
-        let mut worst = Worst { off: 0.0, row: 0, column: 0 };
+        let mut worst = Worst {
+            off: 0.0,
+            row: 0,
+            column: 0,
+        };
         for (row, column) in cells() {
             let off = match (got.depth[row][column], self.answer.depth[row][column]) {
                 (Some(got), Some(expected)) => (got - expected).abs(),
@@ -263,14 +294,27 @@ pub enum SelfTestMismatch {
         "self-test: depth of cell (row {row}, column {column}) is `{got}`, expected `{expected}` within \
          `{tolerance}`\nhint: try another `--provider`; `cpu` is the one that models are exported with"
     )]
-    Depth { row: usize, column: usize, got: Cell, expected: Cell, tolerance: f32 },
+    Depth {
+        row: usize,
+        column: usize,
+        got: Cell,
+        expected: Cell,
+        tolerance: f32,
+    },
     /// More cells than allowed have another label; the first of them.
     #[error(
         "self-test: `{cells}` cells have another label, `{allowed}` may; the first is (row {row}, column {column}) \
          with `{got}`, expected `{expected}`\nhint: try another `--provider`; `cpu` is the one that models are \
          exported with"
     )]
-    Label { row: usize, column: usize, got: u8, expected: u8, cells: u32, allowed: u32 },
+    Label {
+        row: usize,
+        column: usize,
+        got: u8,
+        expected: u8,
+        cells: u32,
+        allowed: u32,
+    },
     /// Either the graph or the answer has labels, not both.
     #[error("self-test: the graph and the answer in its metadata do not both have labels")]
     LabelsMissing,
@@ -288,20 +332,34 @@ mod tests {
                 depth: [[Some(2.0); GRID_WIDTH]; GRID_HEIGHT],
                 labels: Some([[3; GRID_WIDTH]; GRID_HEIGHT]),
             },
-            tolerance: BTreeMap::from([("fp32".to_owned(), Tolerance { depth: 0.01, label_cells: 1 })]),
+            tolerance: BTreeMap::from([(
+                "fp32".to_owned(),
+                Tolerance {
+                    depth: 0.01,
+                    label_cells: 1,
+                },
+            )]),
         }
     }
 
     #[test]
     fn the_picture_is_the_documented_one_to_the_byte() {
         let rgb = picture(640, 480);
-        let first = [150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164];
+        let first = [
+            150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164,
+        ];
         assert_eq!(rgb[..16], first);
         let digest: String = {
             use sha2::Digest;
-            sha2::Sha256::digest(&rgb).iter().map(|byte| format!("{byte:02x}")).collect()
+            sha2::Sha256::digest(&rgb)
+                .iter()
+                .map(|byte| format!("{byte:02x}"))
+                .collect()
         };
-        assert_eq!(digest, "f13ba5a29ec76e875ed3a4cebc8c294e8be9e184d3485a166b7446ac8cd72536");
+        assert_eq!(
+            digest,
+            "f13ba5a29ec76e875ed3a4cebc8c294e8be9e184d3485a166b7446ac8cd72536"
+        );
     }
 
     #[test]
@@ -321,7 +379,9 @@ mod tests {
             depth[y * 16 + x] = f32::NAN;
         }
         let grid = SelfTestGrid::of(&depth, None, 16, 12);
-        let holes: Vec<_> = cells().filter(|&(row, column)| grid.depth[row][column].is_none()).collect();
+        let holes: Vec<_> = cells()
+            .filter(|&(row, column)| grid.depth[row][column].is_none())
+            .collect();
         assert_eq!(holes, [(2, 3)]);
     }
 
@@ -341,7 +401,10 @@ mod tests {
         got.depth[1][2] = Some(2.5);
         got.depth[4][5] = Some(1.0);
         let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(error.contains("cell (row 4, column 5) is `1`, expected `2` within `0.01`"), "{error}");
+        assert!(
+            error.contains("cell (row 4, column 5) is `1`, expected `2` within `0.01`"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -349,7 +412,10 @@ mod tests {
         let mut got = answer().answer;
         got.depth[0][7] = None;
         let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(error.contains("cell (row 0, column 7) is `none`, expected `2`"), "{error}");
+        assert!(
+            error.contains("cell (row 0, column 7) is `none`, expected `2`"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -358,7 +424,10 @@ mod tests {
         let labels = got.labels.as_mut().unwrap();
         (labels[2][1], labels[3][3]) = (0, 1);
         let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(error.contains("`2` cells have another label, `1` may; the first is (row 2, column 1)"), "{error}");
+        assert!(
+            error.contains("`2` cells have another label, `1` may; the first is (row 2, column 1)"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -380,7 +449,10 @@ mod tests {
             ("picture", serde_json::json!("noise")),
             ("precision", serde_json::json!("int8")),
             ("depth", serde_json::json!(vec![vec![2.0; 7]; 6])),
-            ("tolerance", serde_json::json!({"fp32": {"depth": -1.0, "label_cells": 0}})),
+            (
+                "tolerance",
+                serde_json::json!({"fp32": {"depth": -1.0, "label_cells": 0}}),
+            ),
         ] {
             let mut bad = good.clone();
             bad[key] = value;

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{ModelDescription, UNLIMITED};
+use super::{ModelDescription, unlimited};
 use crate::depth::{DepthRange, Encoding};
 use crate::frame::MAX_SIDE_PX;
 use crate::preprocess::{ChannelOrder, TensorFormat, TensorLayout};
@@ -32,8 +32,13 @@ impl Sidecar {
     pub fn parse(text: &str) -> Result<Self, String> {
         let file: File = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
         let [height, width] = file.input.size;
-        if ![height, width].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
-            return Err(format!("`size = [{height}, {width}]`; sides are 1 to {MAX_SIDE_PX}"));
+        if ![height, width]
+            .iter()
+            .all(|side| (1..=MAX_SIDE_PX).contains(side))
+        {
+            return Err(format!(
+                "`size = [{height}, {width}]`; sides are 1 to {MAX_SIDE_PX}"
+            ));
         }
         Ok(Self {
             format: file.input.format()?,
@@ -143,8 +148,16 @@ impl Input {
         let as_it_lies = self.scale == 1.0 && self.mean == [0.0; 3] && self.std == ones();
         match self.dtype {
             Dtype::Float32 => Ok(Some(TensorFormat {
-                layout: if self.layout == Layout::Nchw { TensorLayout::Nchw } else { TensorLayout::Nhwc },
-                channels: if self.color == Color::Rgb { ChannelOrder::Rgb } else { ChannelOrder::Bgr },
+                layout: if self.layout == Layout::Nchw {
+                    TensorLayout::Nchw
+                } else {
+                    TensorLayout::Nhwc
+                },
+                channels: if self.color == Color::Rgb {
+                    ChannelOrder::Rgb
+                } else {
+                    ChannelOrder::Bgr
+                },
                 scale: self.scale,
                 mean: self.mean,
                 std: self.std,
@@ -168,8 +181,8 @@ struct Output {
 
 impl Output {
     fn range(&self) -> Result<DepthRange, String> {
-        let min_m = self.min_m.unwrap_or(UNLIMITED.min_m());
-        let max_m = self.max_m.unwrap_or(UNLIMITED.max_m());
+        let min_m = self.min_m.unwrap_or(unlimited().min_m());
+        let max_m = self.max_m.unwrap_or(unlimited().max_m());
         DepthRange::new(min_m, max_m).map_err(|error| error.to_string())
     }
 }
@@ -199,7 +212,10 @@ mod tests {
         assert_eq!(sidecar.size, (256, 192));
         assert_eq!(sidecar.image_shape(), [1, 3, 192, 256]);
         let format = sidecar.format.unwrap();
-        assert_eq!((format.layout, format.channels), (TensorLayout::Nchw, ChannelOrder::Bgr));
+        assert_eq!(
+            (format.layout, format.channels),
+            (TensorLayout::Nchw, ChannelOrder::Bgr)
+        );
         assert_eq!(format.std, [0.229, 0.224, 0.225]);
         assert_eq!(sidecar.encoding, Encoding::Relative);
     }

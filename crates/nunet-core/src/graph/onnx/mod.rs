@@ -10,9 +10,8 @@ mod runtime;
 mod session;
 mod tensor;
 
-pub use provider::{Provider, UnknownProvider};
 pub(super) use model::Model;
-pub(super) use provider::ProviderError;
+pub use provider::{Provider, UnknownProvider};
 pub use runtime::{Runtime, RuntimeError};
 pub(super) use session::Session;
-pub(super) use tensor::{CallerTensor, Lent, OwnTensors};
+pub(super) use tensor::{CallerTensor, Lent, LentTensors, OwnTensors};

@@ -60,21 +60,32 @@ impl Provider {
         if self != Self::Auto {
             return self.try_register(runtime, threads).map(|()| self);
         }
-        let works = |provider: &Self| provider.is_compiled_in() && provider.try_register(runtime, threads).is_ok();
+        let works =
+            |provider: &Self| provider.is_compiled_in() && provider.try_register(runtime, threads).is_ok();
         Ok(Self::AUTOMATIC.into_iter().find(works).unwrap_or(Self::Cpu))
     }
 
     fn try_register(self, runtime: &Runtime, threads: NonZeroUsize) -> Result<(), ProviderError> {
-        let failed = |reason: String| ProviderError { provider: self, reason };
-        let builder = SessionBuilder::new(runtime.environment()).map_err(|error| failed(error.to_string()))?;
-        self.register(builder, threads).map(drop).map_err(|error| failed(error.to_string()))
+        let failed = |reason: String| ProviderError {
+            provider: self,
+            reason,
+        };
+        let builder =
+            SessionBuilder::new(runtime.environment()).map_err(|error| failed(error.to_string()))?;
+        self.register(builder, threads)
+            .map(drop)
+            .map_err(|error| failed(error.to_string()))
     }
 
     /// Adds the provider to a session in the making. ONNX Runtime's own needs no adding.
     ///
     /// # Errors
     /// What ONNX Runtime says; without `error_on_failure` ort would go on with the processor, silently.
-    pub(super) fn register(self, builder: SessionBuilder, threads: NonZeroUsize) -> ort::Result<SessionBuilder> {
+    pub(super) fn register(
+        self,
+        builder: SessionBuilder,
+        threads: NonZeroUsize,
+    ) -> ort::Result<SessionBuilder> {
         match self.dispatch(threads) {
             Some(provider) => Ok(builder.with_execution_providers([provider.error_on_failure()])?),
             None => Ok(builder),
@@ -85,7 +96,10 @@ impl Provider {
         match self {
             Self::Auto | Self::Cpu => None,
             Self::OpenVino => Some(
-                ep::OpenVINO::default().with_device_type("CPU").with_num_threads(threads.get()).build(),
+                ep::OpenVINO::default()
+                    .with_device_type("CPU")
+                    .with_num_threads(threads.get())
+                    .build(),
             ),
             Self::Cuda => Some(ep::CUDA::default().build()),
             Self::TensorRt => Some(ep::TensorRT::default().build()),

@@ -1,4 +1,7 @@
-#![expect(unsafe_code, reason = "calls a session through ONNX Runtime's C interface, because ort's own call allocates")]
+#![expect(
+    unsafe_code,
+    reason = "calls a session through ONNX Runtime's C interface, because ort's own call allocates"
+)]
 
 //! One run of one model file.
 
@@ -46,7 +49,8 @@ impl Session {
         outputs: impl Iterator<Item = Lent<'run>>,
     ) -> Result<(), String> {
         self.inputs.clear();
-        self.inputs.extend(inputs.map(|lent| lent.value.as_ptr().cast_const()));
+        self.inputs
+            .extend(inputs.map(|lent| lent.value.as_ptr().cast_const()));
         self.outputs.clear();
         for lent in outputs {
             let value = lent.value.as_ptr();
@@ -92,7 +96,10 @@ impl Names {
             .collect::<Result<_, _>>()
             .map_err(|error| error.to_string())?;
         let pointers = texts.iter().map(|text| text.as_ptr()).collect();
-        Ok(Self { _texts: texts, pointers })
+        Ok(Self {
+            _texts: texts,
+            pointers,
+        })
     }
 
     fn as_ptr(&self) -> *const *const c_char {
@@ -103,4 +110,3 @@ impl Names {
         self.pointers.len()
     }
 }
-

@@ -10,13 +10,23 @@ pub enum WiringError {
     NoImage,
     /// A stage wants a picture that the graph cannot give.
     #[error("stage `{stage}` takes the picture as `{tensor}` of {kind}, but a picture is {expected}")]
-    Image { stage: String, tensor: String, kind: String, expected: String },
+    Image {
+        stage: String,
+        tensor: String,
+        kind: String,
+        expected: String,
+    },
     /// Two stages want pictures that differ.
     #[error(
         "stage `{stage}` takes a picture of {kind}, but stage `{first}` takes one of {first_kind}\nhint: export all \
          stages for one size of input"
     )]
-    ImagesDiffer { first: String, first_kind: String, stage: String, kind: String },
+    ImagesDiffer {
+        first: String,
+        first_kind: String,
+        stage: String,
+        kind: String,
+    },
     /// The picture has sides beyond any camera's.
     #[error("a picture of {kind} is larger than any camera's")]
     TooLarge { kind: String },
@@ -34,26 +44,73 @@ pub enum WiringError {
     DuplicateStage { stage: String },
     /// The manifest binds an input that the file does not have.
     #[error("stage `{stage}` has no input `{tensor}`; its inputs are {inputs}")]
-    UnknownInput { stage: String, tensor: String, inputs: String },
+    UnknownInput {
+        stage: String,
+        tensor: String,
+        inputs: String,
+    },
     /// The file has an input that the manifest does not bind.
-    #[error("stage `{stage}` is given nothing for its input `{tensor}` of {kind}\nhint: inputs = {{ {tensor} = \"image\" }} or a tensor of an earlier stage, \"stage.tensor\"")]
-    Unbound { stage: String, tensor: String, kind: String },
+    #[error(
+        "stage `{stage}` is given nothing for its input `{tensor}` of {kind}\nhint: inputs = {{ {tensor} = \"image\" }} or a tensor of an earlier stage, \"stage.tensor\""
+    )]
+    Unbound {
+        stage: String,
+        tensor: String,
+        kind: String,
+    },
     /// A reference to a stage that is not there.
-    #[error("{user} takes `{reference}`, but no stage has that name; the stages are {stages}\nhint: `image`, or `stage.tensor`")]
-    UnknownStage { user: String, reference: String, stages: String },
+    #[error(
+        "{user} takes `{reference}`, but no stage has that name; the stages are {stages}\nhint: `image`, or `stage.tensor`"
+    )]
+    UnknownStage {
+        user: String,
+        reference: String,
+        stages: String,
+    },
     /// A reference to the stage itself or a later one.
-    #[error("{user} takes a tensor of stage `{stage}`, which has not run by then\nhint: stages run in the order of the file")]
+    #[error(
+        "{user} takes a tensor of stage `{stage}`, which has not run by then\nhint: stages run in the order of the file"
+    )]
     NotEarlier { user: String, stage: String },
     /// A reference to a tensor that the stage does not give.
     #[error("{user} takes `{tensor}` of stage `{stage}`, which gives {outputs}")]
-    UnknownTensor { user: String, stage: String, tensor: String, outputs: String },
+    UnknownTensor {
+        user: String,
+        stage: String,
+        tensor: String,
+        outputs: String,
+    },
     /// A tensor that is used, but whose size is not fixed or not reasonable.
-    #[error("stage `{stage}` gives `{tensor}` of {kind}, whose size is not fixed\nhint: export the model with fixed dimensions")]
-    OpenOutput { stage: String, tensor: String, kind: String },
+    #[error(
+        "stage `{stage}` gives `{tensor}` of {kind}, whose size is not fixed\nhint: export the model with fixed dimensions"
+    )]
+    OpenOutput {
+        stage: String,
+        tensor: String,
+        kind: String,
+    },
     /// Both sides are there and differ.
-    #[error("stage `{stage}` expects `{input}` of {expected}, but stage `{from}` gives `{tensor}` of {given}\nhint: export both stages for one size, with one element type where they meet")]
-    Mismatch { stage: String, input: String, expected: String, from: String, tensor: String, given: String },
+    #[error(
+        "stage `{stage}` expects `{input}` of {expected}, but stage `{from}` gives `{tensor}` of {given}\nhint: export both stages for one size, with one element type where they meet"
+    )]
+    Mismatch {
+        stage: String,
+        input: String,
+        expected: String,
+        from: String,
+        tensor: String,
+        given: String,
+    },
     /// A result of the graph is not what the contract says.
-    #[error("output `{role}` is `{reference}` of {given}, but for a picture of {width}x{height} it must be {expected}")]
-    Result { role: &'static str, reference: String, given: String, expected: String, width: u32, height: u32 },
+    #[error(
+        "output `{role}` is `{reference}` of {given}, but for a picture of {width}x{height} it must be {expected}"
+    )]
+    Result {
+        role: &'static str,
+        reference: String,
+        given: String,
+        expected: String,
+        width: u32,
+        height: u32,
+    },
 }

@@ -105,7 +105,12 @@ impl Unwired<'_> {
             let first = plan.tensors.len();
             plan.tensors.extend(self.outputs_to_fetch(stage, signature));
             let outputs = first..plan.tensors.len();
-            plan.stages.push(WiredStage { name: stage.name.clone(), every: stage.every, inputs, outputs });
+            plan.stages.push(WiredStage {
+                name: stage.name.clone(),
+                every: stage.every,
+                inputs,
+                outputs,
+            });
         }
         let outputs = &self.manifest.outputs;
         plan.depth = self.result("depth", &outputs.depth, ElementType::Float32, &plan)?;
@@ -143,15 +148,20 @@ impl Unwired<'_> {
     fn image_of(&self, stage: &str, input: &TensorSpec) -> Result<TensorSpec, WiringError> {
         let (fits, shape) = match self.contract {
             Contract::Nunet => {
-                let fits = matches!(input.shape[..], [1, 1.., 1.., 3]);
+                let fits = matches!(input.shape[..], [1, height, width, 3] if height > 0 && width > 0);
                 (fits && input.element == ElementType::Uint8, input.shape.clone())
             }
-            Contract::Foreign { element, image, .. } => {
-                (input.element == element && agree(&input.shape, &image), image.to_vec())
-            }
+            Contract::Foreign { element, image, .. } => (
+                input.element == element && agree(&input.shape, &image),
+                image.to_vec(),
+            ),
         };
         if fits {
-            Ok(TensorSpec { name: IMAGE.to_owned(), element: input.element, shape })
+            Ok(TensorSpec {
+                name: IMAGE.to_owned(),
+                element: input.element,
+                shape,
+            })
         } else {
             Err(WiringError::Image {
                 stage: stage.to_owned(),
@@ -178,10 +188,14 @@ impl Unwired<'_> {
 
     fn check_stage(&self, stage: &ManifestStage, plan: &Wired) -> Result<(), WiringError> {
         if stage.every == 0 {
-            return Err(WiringError::EveryZero { stage: stage.name.clone() });
+            return Err(WiringError::EveryZero {
+                stage: stage.name.clone(),
+            });
         }
         if plan.stages.iter().any(|earlier| earlier.name == stage.name) {
-            return Err(WiringError::DuplicateStage { stage: stage.name.clone() });
+            return Err(WiringError::DuplicateStage {
+                stage: stage.name.clone(),
+            });
         }
         Ok(())
     }
@@ -192,14 +206,22 @@ impl Unwired<'_> {
         signature: &Signature,
         plan: &Wired,
     ) -> Result<Vec<Source>, WiringError> {
-        if let Some(unknown) = stage.inputs.keys().find(|name| named(&signature.inputs, name).is_none()) {
+        if let Some(unknown) = stage
+            .inputs
+            .keys()
+            .find(|name| named(&signature.inputs, name).is_none())
+        {
             return Err(WiringError::UnknownInput {
                 stage: stage.name.clone(),
                 tensor: unknown.clone(),
                 inputs: list(&signature.inputs),
             });
         }
-        signature.inputs.iter().map(|input| self.wire_input(stage, input, plan)).collect()
+        signature
+            .inputs
+            .iter()
+            .map(|input| self.wire_input(stage, input, plan))
+            .collect()
     }
 
     fn wire_input(
@@ -241,16 +263,29 @@ impl Unwired<'_> {
         }
         let (stage, tensor) = split(reference);
         let (user, stage) = (user.to_owned(), stage.to_owned());
-        let Some(position) = self.manifest.stages.iter().position(|candidate| candidate.name == stage) else {
+        let Some(position) = self
+            .manifest
+            .stages
+            .iter()
+            .position(|candidate| candidate.name == stage)
+        else {
             let stages = self.manifest.stages.iter().map(|stage| stage.name.as_str());
-            return Err(WiringError::UnknownStage { user, reference: reference.to_owned(), stages: quoted(stages) });
+            return Err(WiringError::UnknownStage {
+                user,
+                reference: reference.to_owned(),
+                stages: quoted(stages),
+            });
         };
         if position >= plan.stages.len() {
             return Err(WiringError::NotEarlier { user, stage });
         }
         let outputs = &self.signatures[position].outputs;
         match named(outputs, tensor) {
-            Some(open) => Err(WiringError::OpenOutput { stage, tensor: open.name.clone(), kind: open.kind() }),
+            Some(open) => Err(WiringError::OpenOutput {
+                stage,
+                tensor: open.name.clone(),
+                kind: open.kind(),
+            }),
             None => Err(WiringError::UnknownTensor {
                 user,
                 stage,
@@ -270,11 +305,19 @@ impl Unwired<'_> {
         signature.outputs.iter().filter_map(move |output| {
             let name = format!("{}.{}", stage.name, output.name);
             let shape = match self.contract {
-                Contract::Foreign { size, .. } if name == self.manifest.outputs.depth => close(&output.shape, size),
+                Contract::Foreign { size, .. } if name == self.manifest.outputs.depth => {
+                    close(&output.shape, size)
+                }
                 _ => output.shape.clone(),
             };
-            let spec = TensorSpec { name, element: output.element, shape };
-            spec.bytes().is_some_and(|bytes| (1..=MAX_TENSOR_BYTES).contains(&bytes)).then_some(spec)
+            let spec = TensorSpec {
+                name,
+                element: output.element,
+                shape,
+            };
+            spec.bytes()
+                .is_some_and(|bytes| (1..=MAX_TENSOR_BYTES).contains(&bytes))
+                .then_some(spec)
         })
     }
 
@@ -289,10 +332,18 @@ impl Unwired<'_> {
         let index = self.find(&format!("output `{role}`"), reference, plan)?;
         let given = &plan.tensors[index];
         let (width, height) = (i64::from(plan.size.0), i64::from(plan.size.1));
-        let expected = if role == "depth" { vec![1, 1, height, width] } else { vec![1, height, width] };
+        let expected = if role == "depth" {
+            vec![1, 1, height, width]
+        } else {
+            vec![1, height, width]
+        };
         let shape_fits = match self.contract {
             Contract::Nunet => given.shape == expected,
-            Contract::Foreign { .. } => given.shape.iter().filter(|&&dim| dim != 1).eq(expected.iter().filter(|&&dim| dim != 1)),
+            Contract::Foreign { .. } => given
+                .shape
+                .iter()
+                .filter(|&&dim| dim != 1)
+                .eq(expected.iter().filter(|&&dim| dim != 1)),
         };
         if given.element == element && shape_fits {
             return Ok(index);
@@ -301,7 +352,12 @@ impl Unwired<'_> {
             role,
             reference: reference.to_owned(),
             given: given.kind(),
-            expected: TensorSpec { name: String::new(), element, shape: expected }.kind(),
+            expected: TensorSpec {
+                name: String::new(),
+                element,
+                shape: expected,
+            }
+            .kind(),
             width: plan.size.0,
             height: plan.size.1,
         })
@@ -310,10 +366,15 @@ impl Unwired<'_> {
 
 /// A depth map under a new capture time is of that time: the stage that gives it runs for each frame.
 fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
-    match plan.stages.iter().find(|stage| stage.outputs.contains(&plan.depth)) {
-        Some(stage) if stage.every != 1 => {
-            Err(WiringError::DepthSkipped { stage: stage.name.clone(), every: stage.every })
-        }
+    match plan
+        .stages
+        .iter()
+        .find(|stage| stage.outputs.contains(&plan.depth))
+    {
+        Some(stage) if stage.every != 1 => Err(WiringError::DepthSkipped {
+            stage: stage.name.clone(),
+            every: stage.every,
+        }),
         _ => Ok(()),
     }
 }
@@ -322,27 +383,41 @@ impl Contract {
     fn image_kind(self) -> String {
         match self {
             Self::Nunet => "uint8 [1, H, W, 3]".to_owned(),
-            Self::Foreign { element, image, .. } => {
-                TensorSpec { name: String::new(), element, shape: image.to_vec() }.kind()
+            Self::Foreign { element, image, .. } => TensorSpec {
+                name: String::new(),
+                element,
+                shape: image.to_vec(),
             }
+            .kind(),
         }
     }
 }
 
 fn takes_image(stage: &ManifestStage, input: &TensorSpec) -> bool {
-    stage.inputs.get(&input.name).is_some_and(|source| source == IMAGE)
+    stage
+        .inputs
+        .get(&input.name)
+        .is_some_and(|source| source == IMAGE)
 }
 
 /// Whether shapes are equal where neither is open.
 fn agree(shape: &[i64], expected: &[i64]) -> bool {
-    shape.len() == expected.len() && shape.iter().zip(expected).all(|(&dim, &want)| dim < 0 || dim == want)
+    shape.len() == expected.len()
+        && shape
+            .iter()
+            .zip(expected)
+            .all(|(&dim, &want)| dim < 0 || dim == want)
 }
 
 /// A foreign depth map's shape with open dimensions filled in from the back: width, height, then ones.
 fn close(shape: &[i64], (width, height): (u32, u32)) -> Vec<i64> {
     let mut expected = vec![1; shape.len().saturating_sub(2)];
     expected.extend([i64::from(height), i64::from(width)]);
-    shape.iter().zip(expected).map(|(&dim, want)| if dim < 0 { want } else { dim }).collect()
+    shape
+        .iter()
+        .zip(expected)
+        .map(|(&dim, want)| if dim < 0 { want } else { dim })
+        .collect()
 }
 
 /// `stage.tensor` at its first dot: stages have none in their names, tensors may.
@@ -359,5 +434,8 @@ fn list(specs: &[TensorSpec]) -> String {
 }
 
 fn quoted<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    names
+        .map(|name| format!("`{name}`"))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
