@@ -286,6 +286,14 @@ impl SerialGraph {
         self.runs = 0;
     }
 
+    /// The labels of the last run, `[H, W]`, where they stayed inside: nobody asked for them, or their stage does not
+    /// run for each frame.
+    #[must_use]
+    pub fn labels(&self) -> Option<&[u8]> {
+        let index = self.plan.labels.filter(|_| self.runs > 0 && !self.labels_left)?;
+        Some(self.own.bytes(index))
+    }
+
     /// A tensor of the last run by `stage.tensor`, inner ones too; the one stage of a fused file is `network`.
     ///
     /// `None` for a name that no stage gives, before the first run, and for a result that went into the caller's
