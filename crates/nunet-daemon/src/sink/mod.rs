@@ -1,0 +1,4 @@
+//! Where results go.
+
+pub mod files;
+pub(crate) mod shm;
