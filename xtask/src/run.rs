@@ -5,6 +5,8 @@
     reason = "talking to people is what xtask does"
 )]
 
+use std::ffi::OsStr;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, Result, bail};
@@ -79,7 +81,14 @@ fn shown(command: &Command) -> String {
     let settings = command
         .get_envs()
         .filter_map(|(key, value)| Some(format!("{}={}", key.to_str()?, value?.to_str()?)));
-    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    // Which cargo is rust-toolchain.toml's business; the long path would only hide the words that matter.
+    let program = Path::new(command.get_program());
+    let program = if program.ends_with("cargo") {
+        OsStr::new("cargo")
+    } else {
+        program.as_os_str()
+    };
+    let words = std::iter::once(program).chain(command.get_args());
     let words = words.map(|word| word.to_string_lossy().into_owned());
     settings.chain(words).collect::<Vec<_>>().join(" ")
 }
