@@ -22,6 +22,8 @@ pub enum Fill {
     Failed(anyhow::Error),
     /// Nothing yet; ask again.
     Nothing,
+    /// The source lends its memory and has no more to lend: give frames back first.
+    Crowded,
     /// There will be no more frames.
     End,
 }

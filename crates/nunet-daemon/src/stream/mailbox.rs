@@ -1,6 +1,7 @@
 //! The one place where frames wait: room for a single frame between the source and the inference thread.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// A mailbox with room for one item, and a shelf of used ones to be filled again.
 ///
@@ -35,6 +36,17 @@ pub enum Put {
     Replaced,
     /// Nobody will take it: the mailbox is closed.
     Refused,
+}
+
+/// What the receiver finds.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Taken<T> {
+    /// An item.
+    Item(T),
+    /// None came in time.
+    Nothing,
+    /// None will come any more.
+    Closed,
 }
 
 /// How many used items are kept: one being filled, one waiting, one in work.
@@ -75,19 +87,28 @@ impl<T: Reuse> Mailbox<T> {
         Put::Accepted
     }
 
-    /// Waits for an item; `None` when the mailbox is closed and empty.
-    pub fn take(&self) -> Option<T> {
-        let mut state = self.lock();
-        loop {
-            if let Some(item) = state.waiting.take() {
+    /// Waits for an item, `patience` long at the most.
+    pub fn take(&self, patience: Duration) -> Taken<T> {
+        let empty = |state: &mut State<T>| state.waiting.is_none() && !state.closed;
+        let waited = self.changed.wait_timeout_while(self.lock(), patience, empty);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        match state.waiting.take() {
+            Some(item) => {
                 self.changed.notify_all();
-                return Some(item);
+                Taken::Item(item)
             }
-            if state.closed {
-                return None;
-            }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            None if state.closed => Taken::Closed,
+            None => Taken::Nothing,
         }
+    }
+
+    /// Takes back the item that waits; says whether there was one.
+    pub fn recall(&self) -> bool {
+        let mut state = self.lock();
+        let waiting = state.waiting.take();
+        let recalled = waiting.is_some();
+        state.shelve(waiting);
+        recalled
     }
 
     /// Gives a used item back, to be filled again.
@@ -106,12 +127,10 @@ impl<T: Reuse> Mailbox<T> {
         self.changed.notify_all();
     }
 
-    /// Closes, and returns the item that nobody took.
-    pub fn close_and_empty(&self) -> Option<T> {
-        let mut state = self.lock();
-        state.closed = true;
-        self.changed.notify_all();
-        state.waiting.take()
+    /// Closes, and drops the item that nobody took; says whether there was one.
+    pub fn close_and_empty(&self) -> bool {
+        self.close();
+        self.recall()
     }
 
     fn lock(&self) -> MutexGuard<'_, State<T>> {
@@ -134,6 +153,8 @@ impl<T: Reuse> State<T> {
 mod tests {
     use super::*;
 
+    const LONG: Duration = Duration::from_secs(60);
+
     impl Reuse for i32 {
         fn release(&mut self) {}
     }
@@ -143,7 +164,7 @@ mod tests {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.put_latest(1), Put::Accepted);
         assert_eq!(mailbox.put_latest(2), Put::Replaced);
-        assert_eq!(mailbox.take(), Some(2));
+        assert_eq!(mailbox.take(LONG), Taken::Item(2));
         assert_eq!(mailbox.used(), Some(1));
         assert_eq!(mailbox.used(), None);
     }
@@ -151,14 +172,17 @@ mod tests {
     #[test]
     fn a_waiting_sender_loses_nothing() {
         let mailbox = Mailbox::default();
-        let received = std::thread::scope(|scope| {
+        let mut received = Vec::new();
+        std::thread::scope(|scope| {
             scope.spawn(|| {
                 for item in 0..100 {
                     assert_eq!(mailbox.put_waiting(item), Put::Accepted);
                 }
                 mailbox.close();
             });
-            std::iter::from_fn(|| mailbox.take()).collect::<Vec<_>>()
+            while let Taken::Item(item) = mailbox.take(LONG) {
+                received.push(item);
+            }
         });
         assert_eq!(received, (0..100).collect::<Vec<_>>());
     }
@@ -169,11 +193,21 @@ mod tests {
         mailbox.put_latest(1);
         std::thread::scope(|scope| {
             let sender = scope.spawn(|| mailbox.put_waiting(2));
-            assert_eq!(mailbox.close_and_empty(), Some(1));
+            assert!(mailbox.close_and_empty());
             assert_eq!(sender.join().unwrap(), Put::Refused);
-            assert_eq!(scope.spawn(|| mailbox.take()).join().unwrap(), None);
+            assert_eq!(scope.spawn(|| mailbox.take(LONG)).join().unwrap(), Taken::Closed);
         });
         assert_eq!(mailbox.put_latest(3), Put::Refused);
+    }
+
+    #[test]
+    fn patience_ends_and_a_recalled_item_is_gone() {
+        let mailbox = Mailbox::default();
+        assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
+        mailbox.put_latest(1);
+        assert!(mailbox.recall());
+        assert!(!mailbox.recall());
+        assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
     }
 
     #[test]

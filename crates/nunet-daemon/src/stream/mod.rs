@@ -12,7 +12,7 @@ mod totals;
 mod worker;
 
 pub use ledger::{Counts, End, Ledger};
-pub use mailbox::{Mailbox, Put, Reuse};
+pub use mailbox::{Mailbox, Put, Reuse, Taken};
 pub(crate) use optics::{Change, Optics};
 pub(crate) use pump::{Lane, Pace, pump};
 pub(crate) use stop::Stop;

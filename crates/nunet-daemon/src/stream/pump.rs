@@ -1,7 +1,7 @@
 //! The source's thread: asks for frames and puts them into the mailbox.
 
 use std::num::NonZeroU64;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nunet_core::clock::Clock as _;
 use tracing::{info, warn};
@@ -11,6 +11,9 @@ use super::mailbox::{Mailbox, Put};
 use super::stop::Stop;
 use crate::source::{Fill, Frame, Pacer, Rate, Source};
 use crate::telemetry::MonotonicClock;
+
+/// How long to wait for a lent frame to come back.
+const CROWDED_PAUSE: Duration = Duration::from_millis(1);
 
 /// How a source is asked for frames.
 #[derive(Debug, Clone, Copy)]
@@ -55,6 +58,7 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) {
                 lane.mailbox.give_back(frame);
             }
             Fill::Nothing => lane.mailbox.give_back(frame),
+            Fill::Crowded => make_room(frame, lane),
             Fill::End => break,
         }
     }
@@ -72,10 +76,21 @@ fn hand_over(mut frame: Frame, latest_wins: bool, lane: &Lane) -> bool {
     put != Put::Refused
 }
 
+/// The source lends no more frames: the one that waits makes room for a newer one. Where none waits, the one in work
+/// will be back soon.
+fn make_room(frame: Frame, lane: &Lane) {
+    lane.mailbox.give_back(frame);
+    if lane.mailbox.recall() {
+        lane.ledger.ended(End::Superseded);
+    } else {
+        lane.stop.sleep(CROWDED_PAUSE);
+    }
+}
+
 fn close(lane: &Lane) {
     if lane.stop.requested() {
         info!("stopping");
-        if lane.mailbox.close_and_empty().is_some() {
+        if lane.mailbox.close_and_empty() {
             lane.ledger.ended(End::Superseded);
         }
     } else {
@@ -85,12 +100,10 @@ fn close(lane: &Lane) {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use anyhow::anyhow;
 
     use super::*;
-    use crate::stream::Counts;
+    use crate::stream::{Counts, Taken};
 
     /// Frames by number; some are unreadable; the end comes after `count`.
     struct Numbers {
@@ -121,7 +134,7 @@ mod tests {
         let mut seen = Vec::new();
         std::thread::scope(|scope| {
             scope.spawn(|| pump(&mut source, pace, &lane));
-            while let Some(frame) = lane.mailbox.take() {
+            while let Taken::Item(frame) = lane.mailbox.take(Duration::from_secs(60)) {
                 seen.push(frame.sequence);
                 std::thread::sleep(per_frame);
                 lane.ledger.ended(End::Published);
@@ -166,6 +179,6 @@ mod tests {
         let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
         pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane);
         assert_eq!(lane.ledger.counts(), Counts { captured: 1, superseded: 1, ..Counts::default() });
-        assert!(lane.mailbox.take().is_none());
+        assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
     }
 }

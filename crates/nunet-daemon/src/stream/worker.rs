@@ -1,17 +1,23 @@
 //! The inference thread: one frame after the other through the pipeline, straight into shared memory.
 
+use std::time::Duration;
+
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::ScaleSource;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use tracing::{error, trace_span, warn};
 
 use super::ledger::End;
+use super::mailbox::Taken;
 use super::optics::{Change, Optics};
 use super::pump::Lane;
 use super::totals::Totals;
 use crate::sink::shm::Outlet;
 use crate::source::Frame;
 use crate::telemetry::{Latencies, MonotonicClock, allocations_of_this_thread};
+
+/// How soon a reader that joins a source that stands still gets the last frame.
+const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
 
 /// Everything that a frame meets between the mailbox and its readers.
 pub(crate) struct Worker {
@@ -50,15 +56,23 @@ impl Worker {
     /// Works until the mailbox is closed and empty.
     pub(crate) fn run(mut self, lane: &Lane) -> Remains {
         self.totals.start(MonotonicClock.nanos());
-        while let Some(frame) = lane.mailbox.take() {
-            let before = allocations_of_this_thread();
-            let end = self.journey(&frame);
-            lane.ledger.ended(end);
-            self.outlet.publish_stats(lane.ledger.counts(), &self.totals, &self.latencies);
-            lane.mailbox.give_back(frame);
-            self.totals.add_allocations(allocations_of_this_thread() - before);
+        loop {
+            match lane.mailbox.take(LATE_JOINER_PERIOD) {
+                Taken::Item(frame) => self.take_through(frame, lane),
+                Taken::Nothing => self.outlet.refresh(),
+                Taken::Closed => break,
+            }
         }
         Remains { outlet: self.outlet, totals: self.totals, latencies: self.latencies }
+    }
+
+    fn take_through(&mut self, frame: Frame, lane: &Lane) {
+        let before = allocations_of_this_thread();
+        let end = self.journey(&frame);
+        lane.ledger.ended(end);
+        self.outlet.publish_stats(&lane.ledger.counts(), &self.totals, &self.latencies);
+        lane.mailbox.give_back(frame);
+        self.totals.add_allocations(allocations_of_this_thread() - before);
     }
 
     /// One span a frame; a failure is told here and nowhere else.
