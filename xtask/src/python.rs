@@ -29,11 +29,24 @@ with open('models/recipe/pyproject.toml', 'rb') as file:
     project = tomllib.load(file)['project']
 print(*project['dependencies'], *project['optional-dependencies']['dev'], sep='\\n')";
 
+/// The interpreter that the machine offers.
+pub(crate) struct System {
+    pub(crate) program: PathBuf,
+    /// Installation and version: an environment is of use to this one only.
+    identity: String,
+}
+
 /// The interpreter to begin with: `$PYTHON`, else python3.
-pub(crate) fn system() -> PathBuf {
-    std::env::var_os("PYTHON")
-        .filter(|path| !path.is_empty())
-        .map_or_else(|| "python3".into(), PathBuf::from)
+pub(crate) fn system() -> Result<System> {
+    let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
+    let program = named.map_or_else(|| "python3".into(), PathBuf::from);
+    let identity = output(Command::new(&program).args(["-c", IDENTITY])).with_context(|| {
+        format!(
+            "`{}` is not usable\nhint: install python3, or name another by PYTHON",
+            program.display()
+        )
+    })?;
+    Ok(System { program, identity })
 }
 
 /// The environment of the tests in `tests/python`: small clients of what nunetd writes and publishes.
@@ -55,7 +68,7 @@ pub(crate) fn test_environment() -> Result<PathBuf> {
 /// The environment of `models/recipe`: torch and its libraries, several gigabytes. The recipe itself is not installed
 /// in it but found by PYTHONPATH, so that clones with different recipes share one environment.
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
-    let mut reader = Command::new(system());
+    let mut reader = Command::new(system()?.program);
     reader
         .args(["-c", RECIPE_REQUIREMENTS])
         .current_dir(paths::root());
@@ -75,17 +88,11 @@ pub(crate) fn recipe(python: &Path) -> Command {
 /// The interpreter of an environment with these requirements. It lies in the cache under a hash of them and of the
 /// interpreter, and is made anew when it was left half finished.
 fn environment(name: &str, requirements: &[String]) -> Result<PathBuf> {
-    let system = system();
-    let identity = output(Command::new(&system).args(["-c", IDENTITY])).with_context(|| {
-        format!(
-            "`{}` is not usable\nhint: install python3, or name another by PYTHON",
-            system.display()
-        )
-    })?;
+    let system = system()?;
     let cache = paths::cache()?;
     let folder = cache.join(format!(
         "venv-{name}-{:016x}",
-        fingerprint(&identity, requirements)?
+        fingerprint(&system.identity, requirements)?
     ));
     let (python, stamp) = (folder.join("bin/python"), folder.join(STAMP));
     let _lock = paths::lock()?;
@@ -94,7 +101,7 @@ fn environment(name: &str, requirements: &[String]) -> Result<PathBuf> {
             "setting up the Python environment `{name}` in {}",
             folder.display()
         ));
-        create(&system, &folder, requirements)?;
+        create(&system.program, &folder, requirements)?;
     }
     // The stamp's time says when the environment was last used.
     fs::write(&stamp, "").with_context(|| format!("cannot write `{}`", stamp.display()))?;
