@@ -12,7 +12,8 @@ struct Stats {
     latency_ms: Latencies,
     fps: f64,
     bytes_copied_per_frame: f64,
-    allocations_per_frame: f64,
+    /// `null` where a build does not count them.
+    allocations_per_frame: Option<f64>,
     frames: Frames,
 }
 
@@ -108,10 +109,13 @@ pub(crate) fn render(stats_json: &str) -> Result<String> {
         table,
         "{captured} frames captured, {published} published, {superseded} superseded, {failed} failed"
     )?;
+    let allocations = stats
+        .allocations_per_frame
+        .map_or("uncounted".to_owned(), |count| count.to_string());
     write!(
         table,
-        "{:.1} frames per second, {} bytes copied and {} allocations per frame",
-        stats.fps, stats.bytes_copied_per_frame, stats.allocations_per_frame
+        "{:.1} frames per second, {} bytes copied and {allocations} allocations per frame",
+        stats.fps, stats.bytes_copied_per_frame
     )?;
     Ok(table)
 }

@@ -47,7 +47,7 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            run::say(&format!("error: {error:#}"));
+            run::say_error(&error);
             ExitCode::FAILURE
         }
     }

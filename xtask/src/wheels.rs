@@ -51,7 +51,7 @@ pub(crate) fn fetch(wheel: &Wheel, member: Option<&str>, to: &Path) -> Result<()
     if to.is_file() {
         return Ok(());
     }
-    let mut fetcher = Command::new(python::system());
+    let mut fetcher = Command::new(python::system()?.program);
     fetcher.arg("xtask/fetch_wheel.py");
     fetcher.args([
         "--project",
