@@ -97,4 +97,7 @@ class LabelMetrics:
         total = self.confusion.sum()
         if not total:
             return {}
-        return {"miou": float((hit[seen] / union[seen]).mean()), "accuracy": hit.sum() / total}
+        return {
+            "miou": float((hit[seen] / union[seen]).mean()),
+            "accuracy": float(hit.sum() / total),
+        }

@@ -1,5 +1,6 @@
 """Training of one component of a serial graph, the earlier ones frozen."""
 
+import copy
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -196,11 +197,10 @@ class Trainer:
             self.save(best=True)
 
     def averaged_graph(self) -> SerialGraph:
-        """The graph with the averaged weights of the component in training."""
-        graph = SerialGraph(self.graph.spec)
-        graph.load_state_dict(self.graph.state_dict())
+        """A copy of the graph with the averaged weights of the component in training."""
+        graph = copy.deepcopy(self.graph)  # a fresh one would draw from the run's random numbers
         graph.components[self.index].load_state_dict(self.averaged.module.state_dict())
-        return graph.eval().to(memory_format=torch.channels_last)
+        return graph.eval()
 
     def save(self, *, best: bool = False) -> None:
         """Write `LAST`, or `BEST` (which carries no optimiser and cannot be resumed)."""
