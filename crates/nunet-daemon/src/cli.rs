@@ -1,10 +1,11 @@
 //! The command line as clap sees it. Checked values are made from it in the verbs.
 #![expect(missing_docs, reason = "a doc comment on a flattened group would become its help text")]
 
+use std::ffi::OsString;
 use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::graph::Provider;
 
@@ -12,22 +13,49 @@ use nunet_core::graph::Provider;
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
 
 /// One camera becomes a depth sensor.
+///
+/// Without a command, `nunetd` means `nunetd run`: see `nunetd run --help`.
 #[derive(Debug, Parser)]
-#[command(name = "nunetd", version, args_conflicts_with_subcommands = true)]
+#[command(name = "nunetd", version, subcommand_required = true)]
 pub struct Cli {
     #[command(flatten)]
-    run: RunArgs,
-    #[command(flatten)]
-    logging: LogArgs,
+    pub logging: LogArgs,
     #[command(subcommand)]
-    verb: Option<Verb>,
+    pub verb: Verb,
 }
 
 impl Cli {
-    /// `nunetd` alone means `nunetd run`.
-    pub fn split(self) -> (LogArgs, Verb) {
-        (self.logging, self.verb.unwrap_or(Verb::Run(Box::new(self.run))))
+    /// Parses a command line, the program's name first.
+    ///
+    /// # Errors
+    /// What clap has to say: a mistake, or the help that was asked for.
+    pub fn parse_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
+        let mut arguments: Vec<_> = arguments.into_iter().collect();
+        if let Some(place) = place_of_default_verb(&arguments) {
+            arguments.insert(place, "run".into());
+        }
+        Self::try_parse_from(arguments)
     }
+}
+
+/// Where `run` is to be put in; `None` where a verb, help or the version is asked for.
+///
+/// clap's own way (flattening the default verb's arguments into the program's) would refuse `nunetd -q infer ...`.
+fn place_of_default_verb(arguments: &[OsString]) -> Option<usize> {
+    let mut place = 1;
+    while let Some(argument) = arguments.get(place).and_then(|argument| argument.to_str()) {
+        let letters = argument.strip_prefix('-').filter(|letters| !letters.is_empty());
+        match argument {
+            "--log-format" => place += 2,
+            "--verbose" | "--quiet" => place += 1,
+            _ if argument.starts_with("--log-format=") => place += 1,
+            _ if letters.is_some_and(|letters| letters.chars().all(|letter| "vq".contains(letter))) => place += 1,
+            "help" | "-h" | "--help" | "-V" | "--version" => return None,
+            _ if Cli::command().find_subcommand(argument).is_some() => return None,
+            _ => break,
+        }
+    }
+    Some(place.min(arguments.len()))
 }
 
 /// What `nunetd` can do.
@@ -294,5 +322,42 @@ impl Default for CameraArgs {
     /// An unknown camera, and a cloud of every pixel.
     fn default() -> Self {
         Self { intrinsics: None, focal: FocalArg::Auto, cloud_stride: NonZeroU32::MIN }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Cli {
+        Cli::parse_line(line.split(' ').map(OsString::from)).unwrap()
+    }
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn without_a_verb_it_is_run_wherever_the_logging_flags_stand() {
+        for line in ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"] {
+            assert!(matches!(parse(line).verb, Verb::Run(_)), "{line}");
+        }
+    }
+
+    #[test]
+    fn logging_flags_may_stand_before_and_behind_a_verb() {
+        for line in ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"] {
+            let cli = parse(line);
+            assert!(cli.logging.quiet && matches!(cli.verb, Verb::Inspect(_)), "{line}");
+        }
+    }
+
+    #[test]
+    fn help_and_version_are_those_of_the_program() {
+        for line in ["nunetd --help", "nunetd -V", "nunetd help bench"] {
+            let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
+            assert!(!error.use_stderr(), "{line}");
+        }
     }
 }

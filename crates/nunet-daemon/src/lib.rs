@@ -19,8 +19,6 @@ mod vetting;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::Parser as _;
-
 pub use exit::Outcome;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
@@ -28,11 +26,10 @@ pub use exit::Outcome;
 /// stdout is data, stderr is people. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
 /// lost, 130 interrupted twice.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let cli = match cli::Cli::try_parse_from(arguments) {
+    let cli = match cli::Cli::parse_line(arguments) {
         Ok(cli) => cli,
         Err(error) => return exit::from_usage_error(&error),
     };
-    let (logging, verb) = cli.split();
-    telemetry::start_logging(&logging);
-    exit::from_result(verbs::dispatch(verb))
+    telemetry::start_logging(&cli.logging);
+    exit::from_result(verbs::dispatch(cli.verb))
 }

@@ -70,6 +70,12 @@ impl From<&Latencies> for LatencyMs {
     }
 }
 
+/// Makes sure before a long run that its figures can be written at the end.
+pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
+    let opened = std::fs::OpenOptions::new().create(true).append(true).open(path);
+    opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))
+}
+
 /// Writes `value` as JSON.
 pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(value).context("cannot put the figures into JSON")?;

@@ -9,13 +9,14 @@ use crate::engine::{Engine, tested_pipeline};
 use crate::exit::camera_name;
 use crate::sink::collect::Collector;
 use crate::sink::shm::{Outlet, OutletOptions};
-use crate::sink::stats::{ModelName, Stats, write_json};
+use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
 use crate::source::{self, Kind, Rate};
 use crate::stream::{self, Counts, Optics, Pace, Stop, Worker};
 
 /// Runs until the source ends, `--frames` are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
     let kind = source_kind(arguments.source.as_deref());
     let source = source::open(&kind, arguments.pace.repeat)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
