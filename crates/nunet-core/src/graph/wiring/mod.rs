@@ -90,6 +90,7 @@ impl Unwired<'_> {
     /// # Errors
     /// The first thing that does not fit, with both sides.
     pub(crate) fn wire(self) -> Result<Wired, WiringError> {
+        self.check_stages()?;
         let mut plan = Wired {
             stages: Vec::new(),
             tensors: Vec::new(),
@@ -100,8 +101,11 @@ impl Unwired<'_> {
         };
         plan.size = self.size(&plan.image)?;
         for (stage, signature) in self.manifest.stages.iter().zip(&self.signatures) {
-            self.check_stage(stage, &plan)?;
-            let inputs = self.wire_inputs(stage, signature, &plan)?;
+            let inputs = signature
+                .inputs
+                .iter()
+                .map(|input| self.wire_input(stage, input, &plan));
+            let inputs = inputs.collect::<Result<_, _>>()?;
             let first = plan.tensors.len();
             plan.tensors.extend(self.outputs_to_fetch(stage, signature));
             let outputs = first..plan.tensors.len();
@@ -186,42 +190,33 @@ impl Unwired<'_> {
         }
     }
 
-    fn check_stage(&self, stage: &ManifestStage, plan: &Wired) -> Result<(), WiringError> {
-        if stage.every == 0 {
-            return Err(WiringError::EveryZero {
-                stage: stage.name.clone(),
-            });
-        }
-        if plan.stages.iter().any(|earlier| earlier.name == stage.name) {
-            return Err(WiringError::DuplicateStage {
-                stage: stage.name.clone(),
-            });
+    /// What is wrong with a stage by itself, whatever it is connected to.
+    fn check_stages(&self) -> Result<(), WiringError> {
+        let stages = &self.manifest.stages;
+        for (index, (stage, signature)) in stages.iter().zip(&self.signatures).enumerate() {
+            if stage.every == 0 {
+                return Err(WiringError::EveryZero {
+                    stage: stage.name.clone(),
+                });
+            }
+            if stages[..index].iter().any(|earlier| earlier.name == stage.name) {
+                return Err(WiringError::DuplicateStage {
+                    stage: stage.name.clone(),
+                });
+            }
+            if let Some(unknown) = stage
+                .inputs
+                .keys()
+                .find(|name| named(&signature.inputs, name).is_none())
+            {
+                return Err(WiringError::UnknownInput {
+                    stage: stage.name.clone(),
+                    tensor: unknown.clone(),
+                    inputs: list(&signature.inputs),
+                });
+            }
         }
         Ok(())
-    }
-
-    fn wire_inputs(
-        &self,
-        stage: &ManifestStage,
-        signature: &Signature,
-        plan: &Wired,
-    ) -> Result<Vec<Source>, WiringError> {
-        if let Some(unknown) = stage
-            .inputs
-            .keys()
-            .find(|name| named(&signature.inputs, name).is_none())
-        {
-            return Err(WiringError::UnknownInput {
-                stage: stage.name.clone(),
-                tensor: unknown.clone(),
-                inputs: list(&signature.inputs),
-            });
-        }
-        signature
-            .inputs
-            .iter()
-            .map(|input| self.wire_input(stage, input, plan))
-            .collect()
     }
 
     fn wire_input(
