@@ -1,0 +1,161 @@
+//! A frame as its reader sees it.
+
+use iceoryx2::sample::Sample;
+
+use crate::block::{BLOCK_BYTES, Block64};
+use crate::error::IpcError;
+use crate::header::{CONTRACT_VERSION, FrameHeader};
+use crate::node::Iceoryx;
+use crate::plain::{self, Plain, Point};
+use crate::stats::StatsRecord;
+use crate::vocabulary::{Encoding, Topic};
+
+/// One message, in shared memory, read-only.
+///
+/// It stays as it is for as long as this value lives, also after the reader and the owner are gone; the owner needs
+/// its memory back when it is dropped. `Send`: it may be handed to another thread.
+#[derive(Debug)]
+pub struct Frame {
+    sample: Sample<Iceoryx, [Block64], FrameHeader>,
+    topic: Topic,
+}
+
+impl Frame {
+    pub(crate) fn new(
+        sample: Sample<Iceoryx, [Block64], FrameHeader>,
+        topic: Topic,
+    ) -> Result<Self, IpcError> {
+        let header = sample.user_header();
+        let room = sample.payload().len() * BLOCK_BYTES;
+        let bad = |detail: String| Err(IpcError::BadMessage { topic, detail });
+        if header.contract_version != CONTRACT_VERSION {
+            return bad(format!(
+                "it is of version `{}`, not `{CONTRACT_VERSION}`",
+                header.contract_version
+            ));
+        }
+        if header.topic() != Ok(topic) {
+            return bad(format!("its header says topic `{}`", header.topic));
+        }
+        if header.payload_bytes > room as u64 {
+            return bad(format!(
+                "its header says {} bytes, but there are {room}",
+                header.payload_bytes
+            ));
+        }
+        Ok(Self { sample, topic })
+    }
+
+    /// The topic it came on.
+    #[must_use]
+    pub fn topic(&self) -> Topic {
+        self.topic
+    }
+
+    /// What it says about itself.
+    #[must_use]
+    pub fn header(&self) -> &FrameHeader {
+        self.sample.user_header()
+    }
+
+    /// The payload, aligned to 64 bytes, in shared memory.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &plain::bytes_of_slice(self.sample.payload())[..self.header().payload_bytes as usize]
+    }
+
+    /// The depth map: `[height, width]`, rows from the top, in the header's units; NaN where there is none.
+    ///
+    /// # Errors
+    /// [`IpcError::WrongEncoding`] when it is something else, [`IpcError::BadMessage`] when its size is not that of
+    /// its header.
+    pub fn depth(&self) -> Result<&[f32], IpcError> {
+        self.grid(Encoding::DepthF32)
+    }
+
+    /// The class of each pixel: `[height, width]`, rows from the top.
+    ///
+    /// # Errors
+    /// Those of [`depth`](Self::depth).
+    pub fn labels(&self) -> Result<&[u8], IpcError> {
+        self.grid(Encoding::LabelsU8)
+    }
+
+    /// The cloud's points: `[height, width]`, rows from the top.
+    ///
+    /// # Errors
+    /// Those of [`depth`](Self::depth).
+    pub fn points(&self) -> Result<&[Point], IpcError> {
+        self.grid(Encoding::Points)
+    }
+
+    /// The daemon's figures.
+    ///
+    /// # Errors
+    /// Those of [`depth`](Self::depth).
+    pub fn stats(&self) -> Result<&StatsRecord, IpcError> {
+        self.expect(Encoding::StatsRecord)?;
+        let records = plain::cast::<StatsRecord>(self.bytes()).unwrap_or_default();
+        records
+            .first()
+            .ok_or_else(|| self.bad(format!("{} bytes are no record of figures", self.bytes().len())))
+    }
+
+    fn grid<T: Plain>(&self, encoding: Encoding) -> Result<&[T], IpcError> {
+        self.expect(encoding)?;
+        let (width, height) = (self.header().width as usize, self.header().height as usize);
+        let cells = plain::cast::<T>(self.bytes()).unwrap_or_default();
+        if width.checked_mul(height) == Some(cells.len()) && !cells.is_empty() {
+            return Ok(cells);
+        }
+        let (bytes, each) = (self.bytes().len(), size_of::<T>());
+        Err(self.bad(format!(
+            "{width}x{height} cells of {each} bytes, but a payload of {bytes} bytes"
+        )))
+    }
+
+    fn expect(&self, expected: Encoding) -> Result<(), IpcError> {
+        match self.header().encoding() {
+            Ok(found) if found == expected => Ok(()),
+            Ok(found) => Err(IpcError::WrongEncoding {
+                expected,
+                found: found.to_string(),
+            }),
+            Err(unknown) => Err(IpcError::WrongEncoding {
+                expected,
+                found: unknown.value.to_string(),
+            }),
+        }
+    }
+
+    fn bad(&self, detail: String) -> IpcError {
+        IpcError::BadMessage {
+            topic: self.topic,
+            detail,
+        }
+    }
+}
+
+/// Frames of several topics that belong together: all of one sequence number.
+#[derive(Debug)]
+pub struct FrameSet {
+    pub(crate) frames: [Option<Frame>; Topic::ALL.len()],
+}
+
+impl FrameSet {
+    /// The frame of a topic; `None` for one that the reader did not open.
+    #[must_use]
+    pub fn get(&self, topic: Topic) -> Option<&Frame> {
+        self.frames[topic as usize].as_ref()
+    }
+
+    /// Takes the frame of a topic out, to keep it longer than the rest.
+    pub fn take(&mut self, topic: Topic) -> Option<Frame> {
+        self.frames[topic as usize].take()
+    }
+
+    /// The frames that are (still) in it, in the order of their topics.
+    pub fn iter(&self) -> impl Iterator<Item = &Frame> {
+        self.frames.iter().flatten()
+    }
+}

@@ -1,0 +1,222 @@
+#![expect(
+    unsafe_code,
+    reason = "iceoryx2 asks for an unsafe promise that a type may cross process boundaries"
+)]
+//! What travels in front of every payload.
+
+use std::borrow::Cow;
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::layout::{contract_struct, set_text, text};
+use crate::vocabulary::{Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, UnknownValue};
+
+/// The version of this contract, in every header and in the attribute of every service.
+pub const CONTRACT_VERSION: u32 = 1;
+
+/// Stages whose times fit into a header.
+pub const MAX_STAGES: usize = 16;
+
+/// Coefficients that a distortion model may have.
+pub const MAX_COEFFICIENTS: usize = 14;
+
+/// The name under which other languages know [`FrameHeader`].
+pub const HEADER_TYPE_NAME: &str = "nunet.v1.FrameHeader";
+
+contract_struct! {
+    /// What a message says about itself.
+    ///
+    /// Plain numbers in native order, so that C, Python and a recording read it as it lies. Words are numbers here
+    /// ([`vocabulary`](crate::vocabulary)): read them through the methods, which refuse numbers without a meaning.
+    FrameHeader, 1024 bytes {
+        /// [`CONTRACT_VERSION`].
+        pub contract_version: u32,
+        /// A [`Topic`].
+        pub topic: u32,
+        /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
+        pub sequence: u64,
+        /// When the picture was taken, nanoseconds of `capture_clock`.
+        pub capture_nanos: i64,
+        /// When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown.
+        pub capture_unix_nanos: i64,
+        /// When this message was sent, nanoseconds of `CLOCK_MONOTONIC`.
+        pub publish_nanos: i64,
+        /// A [`Clock`].
+        pub capture_clock: u32,
+        /// An [`Encoding`].
+        pub encoding: u32,
+        /// Columns of the payload, in pixels or points.
+        pub width: u32,
+        /// Rows of the payload.
+        pub height: u32,
+        /// Bytes from one row to the next.
+        pub row_stride_bytes: u32,
+        /// [`Units`].
+        pub units: u32,
+        /// Bytes of the payload that mean something; the rest of the last block does not.
+        pub payload_bytes: u64,
+        /// A [`ScaleSource`]; without meaning when `units` is none.
+        pub scale_source: u32,
+        /// A [`Quality`].
+        pub quality: u32,
+        /// Focal length in pixels at `width` x `height`; 0 when the camera is not known.
+        pub fx: f64,
+        /// Focal length in pixels, vertically.
+        pub fy: f64,
+        /// Principal point in pixels; the middle of the first pixel is 0.
+        pub cx: f64,
+        /// Principal point in pixels, vertically.
+        pub cy: f64,
+        /// The coefficients of `distortion_model`, zeros behind them.
+        pub distortion: [f64; MAX_COEFFICIENTS],
+        /// A [`DistortionModel`].
+        pub distortion_model: u32,
+        /// How many of `stage_micros` are in use; the stages' names are in the `stats` topic.
+        pub stage_count: u32,
+        /// SHA-256 of the model; zeros in a camera's own pictures.
+        pub model_hash: [u8; 32],
+        /// Microseconds that each stage took for this frame.
+        pub stage_micros: [u32; MAX_STAGES],
+        /// Bytes copied between the camera's memory and the network's input for this frame.
+        pub bytes_copied: u64,
+        /// Pixels without a measurement.
+        pub invalid_pixels: u64,
+        /// The name of the camera's coordinate frame, UTF-8, zeros behind it.
+        pub frame_id: [u8; 64],
+        /// Zero; room for later fields. Public only so that `..Default::default()` works.
+        pub reserved: [u8; 616],
+    }
+}
+
+// SAFETY: `FrameHeader` is `repr(C)`, holds nothing but fixed-width numbers and arrays of them, and has no padding
+// (asserted by `contract_struct!`), so it means the same in every process and every bit pattern of it is valid.
+unsafe impl ZeroCopySend for FrameHeader {
+    unsafe fn type_name() -> &'static str {
+        HEADER_TYPE_NAME
+    }
+}
+
+impl Default for FrameHeader {
+    /// All zero but the version: a picture of nothing, taken never, by an unknown camera.
+    fn default() -> Self {
+        Self {
+            contract_version: CONTRACT_VERSION,
+            topic: 0,
+            sequence: 0,
+            capture_nanos: 0,
+            capture_unix_nanos: 0,
+            publish_nanos: 0,
+            capture_clock: 0,
+            encoding: 0,
+            width: 0,
+            height: 0,
+            row_stride_bytes: 0,
+            units: 0,
+            payload_bytes: 0,
+            scale_source: 0,
+            quality: 0,
+            fx: 0.0,
+            fy: 0.0,
+            cx: 0.0,
+            cy: 0.0,
+            distortion: [0.0; MAX_COEFFICIENTS],
+            distortion_model: 0,
+            stage_count: 0,
+            model_hash: [0; 32],
+            stage_micros: [0; MAX_STAGES],
+            bytes_copied: 0,
+            invalid_pixels: 0,
+            frame_id: [0; 64],
+            reserved: [0; 616],
+        }
+    }
+}
+
+// The getter refuses what the setter could not have written.
+macro_rules! word {
+    ($getter:ident, $setter:ident, $field:ident, $kind:ident) => {
+        #[doc = concat!("The field `", stringify!($field), "` as a word.")]
+        ///
+        /// # Errors
+        /// [`UnknownValue`] when the sender wrote a number that this contract gives no meaning.
+        pub fn $getter(&self) -> Result<$kind, UnknownValue> {
+            $kind::try_from(self.$field)
+        }
+
+        #[doc = concat!("Sets the field `", stringify!($field), "`.")]
+        pub fn $setter(&mut self, value: $kind) {
+            self.$field = value.into();
+        }
+    };
+}
+
+impl FrameHeader {
+    word!(topic, set_topic, topic, Topic);
+    word!(encoding, set_encoding, encoding, Encoding);
+    word!(units, set_units, units, Units);
+    word!(scale_source, set_scale_source, scale_source, ScaleSource);
+    word!(capture_clock, set_capture_clock, capture_clock, Clock);
+    word!(
+        distortion_model,
+        set_distortion_model,
+        distortion_model,
+        DistortionModel
+    );
+    word!(quality, set_quality, quality, Quality);
+
+    /// The name of the camera's coordinate frame; what is not UTF-8 is replaced.
+    #[must_use]
+    pub fn frame_id(&self) -> Cow<'_, str> {
+        text(&self.frame_id)
+    }
+
+    /// Sets the name of the camera's coordinate frame, cut to 64 bytes.
+    pub fn set_frame_id(&mut self, name: &str) {
+        set_text(&mut self.frame_id, name);
+    }
+
+    /// Microseconds of each stage; a `stage_count` beyond the array is cut to it.
+    #[must_use]
+    pub fn stages(&self) -> &[u32] {
+        &self.stage_micros[..(self.stage_count as usize).min(MAX_STAGES)]
+    }
+
+    /// Sets the stages' times; those beyond [`MAX_STAGES`] are left out.
+    pub fn set_stages(&mut self, micros: impl IntoIterator<Item = u32>) {
+        self.stage_micros = [0; MAX_STAGES];
+        self.stage_count = 0;
+        for (slot, value) in self.stage_micros.iter_mut().zip(micros) {
+            *slot = value;
+            self.stage_count += 1;
+        }
+    }
+
+    /// Whether the camera's intrinsics are known.
+    #[must_use]
+    pub fn has_intrinsics(&self) -> bool {
+        self.fx > 0.0 && self.fy > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_beyond_the_array_are_left_out() {
+        let mut header = FrameHeader::default();
+        header.set_stages(0..20);
+        assert_eq!(header.stages().len(), MAX_STAGES);
+        header.stage_count = u32::MAX; // as a hostile sender might write
+        assert_eq!(header.stages().len(), MAX_STAGES);
+    }
+
+    #[test]
+    fn a_default_header_claims_nothing() {
+        let header = FrameHeader::default();
+        assert_eq!(header.contract_version, CONTRACT_VERSION);
+        assert_eq!(header.units(), Ok(Units::None));
+        assert!(!header.has_intrinsics());
+        assert_eq!(header.frame_id(), "");
+    }
+}

@@ -1,0 +1,89 @@
+#![expect(
+    unsafe_code,
+    reason = "the chunk's bytes come from the kernel, which Rust cannot know to be initialised"
+)]
+//! A frame that is being filled.
+
+use std::mem::MaybeUninit;
+
+use iceoryx2::sample_mut::SampleMut;
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
+
+use crate::block::Block64;
+use crate::error::IpcError;
+use crate::header::FrameHeader;
+use crate::node::Iceoryx;
+use crate::plain::{self, Plain};
+use crate::vocabulary::Topic;
+
+/// A chunk of shared memory on loan from a [`Publisher`](crate::Publisher): fill its header and its bytes, then
+/// publish it. Dropping it instead gives it back unseen. `Send`: it may be filled by another thread.
+#[derive(Debug)]
+pub struct Loan {
+    sample: SampleMut<Iceoryx, [Block64], FrameHeader>,
+    topic: Topic,
+    payload_bytes: usize,
+}
+
+impl Loan {
+    pub(crate) fn new(
+        sample: SampleMutUninit<Iceoryx, [MaybeUninit<Block64>], FrameHeader>,
+        topic: Topic,
+        payload_bytes: usize,
+    ) -> Self {
+        // SAFETY: the chunk is memory that the kernel handed out as zeros (`touch` had it backed by pages) and that
+        // only whole `Block64`s were written to since; any bytes are a valid `Block64`.
+        let mut sample = unsafe { sample.assume_init() };
+        let header = sample.user_header_mut();
+        header.set_topic(topic);
+        header.payload_bytes = payload_bytes as u64;
+        Self {
+            sample,
+            topic,
+            payload_bytes,
+        }
+    }
+
+    /// The header. `topic`, `payload_bytes` and `contract_version` are filled in, and are again at publication;
+    /// everything else is as [`FrameHeader::default`] says.
+    pub fn header_mut(&mut self) -> &mut FrameHeader {
+        self.sample.user_header_mut()
+    }
+
+    /// The payload, aligned to 64 bytes, in shared memory: its address is the one that readers will see (in their
+    /// own mapping of the same segment). Whatever an earlier frame left is still in it.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        let bytes = plain::bytes_of_slice_mut(self.sample.payload_mut());
+        &mut bytes[..self.payload_bytes]
+    }
+
+    /// The payload as numbers.
+    ///
+    /// # Errors
+    /// [`IpcError::WrongElement`] when it is no whole number of them.
+    pub fn slice_mut<T: Plain>(&mut self) -> Result<&mut [T], IpcError> {
+        let payload_bytes = self.payload_bytes;
+        plain::cast_mut(self.bytes_mut()).map_err(|_misfit| IpcError::WrongElement {
+            element: std::any::type_name::<T>(),
+            element_bytes: size_of::<T>(),
+            payload_bytes,
+        })
+    }
+
+    /// Sends the frame, with the time of sending in nanoseconds of `CLOCK_MONOTONIC`, and says how many readers got
+    /// it. It wakes nobody: [`Publisher::notify`](crate::Publisher::notify) does, once for all topics of a frame.
+    ///
+    /// # Errors
+    /// [`IpcError::Iceoryx`].
+    pub fn publish(mut self, publish_nanos: i64) -> Result<usize, IpcError> {
+        let (topic, payload_bytes) = (self.topic, self.payload_bytes as u64);
+        let header = self.sample.user_header_mut();
+        header.contract_version = crate::header::CONTRACT_VERSION;
+        header.set_topic(topic);
+        header.payload_bytes = payload_bytes;
+        header.publish_nanos = publish_nanos;
+        self.sample
+            .send()
+            .map_err(|cause| IpcError::iceoryx(format!("publish topic `{topic}`"), cause))
+    }
+}

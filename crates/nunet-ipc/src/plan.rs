@@ -1,0 +1,282 @@
+//! How much shared memory a camera needs, computed before anything is created.
+//!
+//! With the default [`Limits`] a VGA camera (640x480) that publishes everything reserves:
+//!
+//! | topic  | payload bytes | chunks | reserved |
+//! |--------|--------------:|-------:|---------:|
+//! | rgb    |       921 600 |     10 |   9.2 MB |
+//! | depth  |     1 228 800 |     10 |  12.3 MB |
+//! | labels |       307 200 |     10 |   3.1 MB |
+//! | cloud  |     4 915 200 |      6 |  29.5 MB |
+//! | stats  |         2 560 |     10 |   0.1 MB |
+//! | all    |               |        |  54.3 MB |
+//!
+//! which leaves room in the 64 MB (67.1 million bytes) that `/dev/shm` has in a container.
+
+use std::fmt;
+
+use crate::block::{BLOCK_BYTES, blocks_for};
+use crate::error::IpcError;
+use crate::header::FrameHeader;
+use crate::vocabulary::Topic;
+
+/// One topic that an owner publishes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TopicPlan {
+    /// The topic.
+    pub topic: Topic,
+    /// The largest payload, in bytes.
+    pub payload_bytes: usize,
+}
+
+/// How many may read, and how much each may hold. Memory is reserved for all of them at once, so that no reader,
+/// however slow, can take a chunk that the owner or another reader needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Readers of each topic other than the cloud.
+    pub max_readers: usize,
+    /// Readers of the cloud, by far the largest payload.
+    pub max_cloud_readers: usize,
+    /// Frames of a topic that one reader may hold at a time: the one it works on and the one that comes next.
+    pub max_held_frames: usize,
+    /// Frames of a topic that the owner may fill at a time.
+    pub max_loans: usize,
+}
+
+impl Limits {
+    /// The defaults, for tables and help texts.
+    pub const DEFAULT: Self = Self {
+        max_readers: 4,
+        max_cloud_readers: 2,
+        max_held_frames: 2,
+        max_loans: 1,
+    };
+
+    /// Readers that a topic is made for.
+    #[must_use]
+    pub const fn readers_of(&self, topic: Topic) -> usize {
+        match topic {
+            Topic::Cloud => self.max_cloud_readers,
+            _ => self.max_readers,
+        }
+    }
+
+    /// Chunks that a topic needs so that a loan never fails while the owner keeps to `max_loans`.
+    ///
+    /// A chunk is in use when a reader holds it (`readers * held`), when it is the newest frame, or when the owner
+    /// fills it. Every reader's queue is one frame long, is overwritten by every send, and so holds nothing but the
+    /// newest frame, which is also the one kept for late joiners: one chunk for all of them. iceoryx2's own figure
+    /// counts a chunk more for each reader, because it allows for queues that hold different frames.
+    #[must_use]
+    pub const fn chunks_of(&self, topic: Topic) -> usize {
+        self.readers_of(topic) * self.max_held_frames + 1 + self.max_loans
+    }
+
+    /// Refuses limits under which nothing would work.
+    pub(crate) fn check(&self) -> Result<(), IpcError> {
+        let limits = [
+            ("max_readers", self.max_readers),
+            ("max_cloud_readers", self.max_cloud_readers),
+            ("max_held_frames", self.max_held_frames),
+            ("max_loans", self.max_loans),
+        ];
+        for (limit, value) in limits {
+            if !(1..=MAX_LIMIT).contains(&value) {
+                return Err(IpcError::Limit {
+                    limit,
+                    value,
+                    most: MAX_LIMIT,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// No limit may be larger: what is more is a slip of the finger.
+const MAX_LIMIT: usize = 64;
+
+/// The memory of one topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TopicReservation {
+    /// The topic and its largest payload.
+    pub plan: TopicPlan,
+    /// How many payloads there is room for.
+    pub chunks: usize,
+    /// Bytes of `/dev/shm`, iceoryx2's own records included.
+    pub bytes: u64,
+}
+
+/// The shared memory that an owner needs, before it is created.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reservation {
+    /// Each topic's share.
+    pub topics: Vec<TopicReservation>,
+}
+
+impl Reservation {
+    /// Computes what these topics need.
+    #[must_use]
+    pub fn new(plans: &[TopicPlan], limits: &Limits) -> Self {
+        let topics = plans.iter().map(|plan| {
+            let chunks = limits.chunks_of(plan.topic);
+            let records = RECORD_BYTES + limits.readers_of(plan.topic) as u64 * RECORD_BYTES_PER_READER;
+            TopicReservation {
+                plan: *plan,
+                chunks,
+                bytes: (chunks * chunk_bytes(plan.payload_bytes)) as u64 + records,
+            }
+        });
+        Self {
+            topics: topics.collect(),
+        }
+    }
+
+    /// Bytes of all topics together.
+    #[must_use]
+    pub fn total_bytes(&self) -> u64 {
+        self.topics.iter().map(|topic| topic.bytes).sum()
+    }
+
+    /// Compares the need with what is free.
+    ///
+    /// # Errors
+    /// [`IpcError::SharedMemoryTooSmall`] with the ways out.
+    pub fn check(&self, free_bytes: u64) -> Result<(), IpcError> {
+        if self.total_bytes() <= free_bytes {
+            return Ok(());
+        }
+        Err(IpcError::SharedMemoryTooSmall {
+            reservation: self.clone(),
+            free_bytes,
+        })
+    }
+}
+
+impl fmt::Display for Reservation {
+    /// `54.3 MB (rgb 9.2, depth 12.3)`
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} MB (", megabytes(self.total_bytes()))?;
+        for (index, topic) in self.topics.iter().enumerate() {
+            let comma = if index == 0 { "" } else { ", " };
+            write!(f, "{comma}{} {:.1}", topic.plan.topic, megabytes(topic.bytes))?;
+        }
+        write!(f, ")")
+    }
+}
+
+pub(crate) fn megabytes(bytes: u64) -> f64 {
+    bytes as f64 / 1e6
+}
+
+/// iceoryx2's own header in front of each [`FrameHeader`] (`iceoryx2::service::header::publish_subscribe::Header`).
+const ICEORYX_HEADER_BYTES: usize = 48;
+
+/// Bytes of one chunk: both headers, then the payload, aligned.
+pub(crate) const fn chunk_bytes(payload_bytes: usize) -> usize {
+    (ICEORYX_HEADER_BYTES + size_of::<FrameHeader>()).next_multiple_of(BLOCK_BYTES)
+        + blocks_for(payload_bytes) * BLOCK_BYTES
+}
+
+/// What iceoryx2 keeps in `/dev/shm` for a service besides the chunks, rounded up: measured by
+/// `a_camera_uses_no_more_shared_memory_than_it_reserved`.
+const RECORD_BYTES: u64 = 32 * 1024;
+
+/// The same for each reader: its connection.
+const RECORD_BYTES_PER_READER: u64 = 8 * 1024;
+
+/// Where shared memory lives on Linux.
+pub const SHARED_MEMORY_FOLDER: &str = "/dev/shm";
+
+/// Bytes that this user may still take from [`SHARED_MEMORY_FOLDER`].
+///
+/// # Errors
+/// [`IpcError::SharedMemoryMissing`] when there is no such file system.
+pub fn free_shared_memory_bytes() -> Result<u64, IpcError> {
+    let found = rustix::fs::statvfs(SHARED_MEMORY_FOLDER)
+        .map_err(|error| IpcError::SharedMemoryMissing { source: error.into() })?;
+    Ok(found.f_bavail * found.f_frsize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VGA: usize = 640 * 480;
+
+    fn vga() -> [TopicPlan; 5] {
+        [
+            (Topic::Rgb, VGA * 3),
+            (Topic::Depth, VGA * 4),
+            (Topic::Labels, VGA),
+            (Topic::Cloud, VGA * 16),
+            (Topic::Stats, 2560),
+        ]
+        .map(|(topic, payload_bytes)| TopicPlan { topic, payload_bytes })
+    }
+
+    #[test]
+    fn a_vga_camera_with_everything_fits_in_64_mb() {
+        let reservation = Reservation::new(&vga(), &Limits::default());
+        assert!(reservation.total_bytes() < 64 << 20, "{reservation}");
+        reservation.check(64 << 20).unwrap();
+    }
+
+    #[test]
+    fn the_table_in_the_documentation_is_true() {
+        let reservation = Reservation::new(&vga(), &Limits::default());
+        let rows: Vec<String> = include_str!("plan.rs")
+            .lines()
+            .filter(|line| line.starts_with("//! | "))
+            .map(|line| line[3..].replace(' ', ""))
+            .collect();
+        for topic in &reservation.topics {
+            let TopicPlan {
+                topic: name,
+                payload_bytes,
+            } = topic.plan;
+            let row = format!(
+                "|{name}|{payload_bytes}|{}|{:.1}MB|",
+                topic.chunks,
+                megabytes(topic.bytes)
+            );
+            assert!(rows.contains(&row), "{row} is not in {rows:?}");
+        }
+        let sum = format!("|all|||{:.1}MB|", megabytes(reservation.total_bytes()));
+        assert!(rows.contains(&sum), "{sum} is not in {rows:?}");
+    }
+
+    #[test]
+    fn too_little_memory_is_refused_with_both_figures_and_the_ways_out() {
+        let reservation = Reservation::new(&vga(), &Limits::default());
+        let message = reservation.check(32 << 20).unwrap_err().to_string();
+        assert!(
+            message.contains("54.") && message.contains("33.6 MB"),
+            "{message}"
+        );
+        assert!(message.contains("\nhint: "), "{message}");
+    }
+
+    #[test]
+    fn a_limit_of_zero_or_of_a_million_is_refused() {
+        for max_readers in [0, 1_000_000] {
+            let limits = Limits {
+                max_readers,
+                ..Limits::default()
+            };
+            assert!(matches!(
+                limits.check(),
+                Err(IpcError::Limit {
+                    limit: "max_readers",
+                    ..
+                })
+            ));
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The owner's side: creates a camera's services and fills frames in place.
+
+use std::time::Duration;
+
+use iceoryx2::port::LoanError;
+use iceoryx2::port::event_id::EventId;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::service::port_factory::PortFactory;
+
+use crate::block::{Block64, blocks_for};
+use crate::error::IpcError;
+use crate::header::FrameHeader;
+use crate::loan::Loan;
+use crate::name::CameraName;
+use crate::node::{self, Iceoryx, Process};
+use crate::plan::{Limits, Reservation, TopicPlan, free_shared_memory_bytes};
+use crate::service::{TopicService, create_topic, create_wake, owner_of};
+use crate::touch;
+use crate::vocabulary::{Topic, Wake};
+
+/// How long to wait for another process that is cleaning up after a dead owner.
+const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// The owner of some of a camera's topics.
+///
+/// Creating one creates the services, reserves all the memory they will ever use, and touches it. Slow readers,
+/// readers that never give a frame back and readers that die take nothing away from the owner or from each other.
+/// Dropping it removes the services, unless readers still have them open: then the next owner takes over from
+/// there, and the readers go on with its frames.
+#[derive(Debug)]
+pub struct Publisher {
+    camera: CameraName,
+    // The order of the fields is the order of their end: ports, then services, then the node inside of them.
+    notifier: Notifier<Iceoryx>,
+    topics: Vec<OwnedTopic>,
+    reservation: Reservation,
+    limits: Limits,
+}
+
+#[derive(Debug)]
+struct OwnedTopic {
+    plan: TopicPlan,
+    port: Port<Iceoryx, [Block64], FrameHeader>,
+    service: TopicService,
+}
+
+impl Publisher {
+    /// Becomes the owner of these topics of a camera.
+    ///
+    /// # Errors
+    /// [`IpcError::AlreadyOwned`] when another process publishes one of them, [`IpcError::SharedMemoryTooSmall`]
+    /// when they do not fit, [`IpcError::ContractVersion`] and [`IpcError::OtherLimits`] when readers keep services
+    /// open that this owner cannot take over.
+    pub fn create(camera: &CameraName, plans: &[TopicPlan], limits: &Limits) -> Result<Self, IpcError> {
+        Self::create_within(camera, plans, limits, free_shared_memory_bytes()?)
+    }
+
+    /// [`create`](Self::create) with the free shared memory told instead of asked for.
+    ///
+    /// # Errors
+    /// Those of [`create`](Self::create).
+    pub fn create_within(
+        camera: &CameraName,
+        plans: &[TopicPlan],
+        limits: &Limits,
+        free_bytes: u64,
+    ) -> Result<Self, IpcError> {
+        limits.check()?;
+        refuse_repetition(plans)?;
+        let reservation = Reservation::new(plans, limits);
+        let node = node::create()?;
+        let mut services = Vec::with_capacity(plans.len());
+        for plan in plans {
+            let service = create_topic(&node, camera, plan.topic, limits)?;
+            refuse_living_owner(&service, camera, plan.topic)?;
+            services.push((*plan, service));
+        }
+        // Only the services' records exist so far. Asked after the owners: a camera that is already published
+        // should say so, not that there is no memory for it twice.
+        reservation.check(free_bytes)?;
+        let topics = services
+            .into_iter()
+            .map(|(plan, service)| OwnedTopic::create(camera, plan, service, limits))
+            .collect::<Result<Vec<_>, _>>()?;
+        let notifier = create_wake(&node, camera)?
+            .notifier_builder()
+            .create()
+            .map_err(|cause| IpcError::iceoryx(format!("notify the readers of camera `{camera}`"), cause))?;
+        Ok(Self {
+            camera: camera.clone(),
+            notifier,
+            topics,
+            reservation,
+            limits: *limits,
+        })
+    }
+
+    /// The camera's name.
+    #[must_use]
+    pub fn camera(&self) -> &CameraName {
+        &self.camera
+    }
+
+    /// The shared memory that was reserved.
+    #[must_use]
+    pub fn reservation(&self) -> &Reservation {
+        &self.reservation
+    }
+
+    /// Whether anybody reads a topic; false for a topic that is not this owner's. Two loads from shared memory: ask
+    /// before every frame. A reader that was killed counts until it is cleaned up after.
+    #[must_use]
+    pub fn has_readers(&self, topic: Topic) -> bool {
+        self.topic(topic)
+            .is_ok_and(|topic| topic.service.dynamic_config().number_of_subscribers() > 0)
+    }
+
+    /// Borrows a chunk for a frame of the planned size. Its bytes are those of some earlier frame.
+    ///
+    /// # Errors
+    /// [`IpcError::NoSuchTopic`], and [`IpcError::TooManyLoans`] when [`Limits::max_loans`] are open. While they are
+    /// not, a loan always succeeds.
+    pub fn loan(&self, topic: Topic) -> Result<Loan, IpcError> {
+        self.loan_bytes(topic, self.topic(topic)?.plan.payload_bytes)
+    }
+
+    /// Borrows a chunk for a frame that is smaller than planned.
+    ///
+    /// # Errors
+    /// Those of [`loan`](Self::loan), and [`IpcError::PayloadTooLarge`].
+    pub fn loan_bytes(&self, topic: Topic, payload_bytes: usize) -> Result<Loan, IpcError> {
+        let owned = self.topic(topic)?;
+        let planned = owned.plan.payload_bytes;
+        if payload_bytes > planned {
+            return Err(IpcError::PayloadTooLarge {
+                topic,
+                payload_bytes,
+                planned,
+            });
+        }
+        match owned.port.loan_slice_uninit(blocks_for(payload_bytes)) {
+            Ok(sample) => Ok(Loan::new(sample, topic, payload_bytes)),
+            Err(LoanError::OutOfMemory | LoanError::ExceedsMaxLoans) => Err(IpcError::TooManyLoans {
+                topic,
+                limit: self.limits.max_loans,
+            }),
+            Err(cause) => Err(IpcError::iceoryx(
+                format!("loan a chunk of topic `{topic}`"),
+                cause,
+            )),
+        }
+    }
+
+    /// Wakes the readers: [`Wake::Picture`] after `rgb`, [`Wake::Depth`] after a frame's last topic, `depth`.
+    ///
+    /// # Errors
+    /// [`IpcError::Iceoryx`].
+    pub fn notify(&self, wake: Wake) -> Result<(), IpcError> {
+        self.notifier
+            .notify_with_custom_event_id(EventId::new(wake as usize))
+            .map(drop)
+            .map_err(|cause| {
+                IpcError::iceoryx(format!("wake the readers of camera `{}`", self.camera), cause)
+            })
+    }
+
+    /// Connects readers that came since the last frame and hands them the newest one. Publishing does the same;
+    /// call this on a timer (a few times a second) so that a late joiner sees the last frame of a source that stands
+    /// still.
+    ///
+    /// # Errors
+    /// [`IpcError::Iceoryx`].
+    pub fn refresh(&self) -> Result<(), IpcError> {
+        for topic in &self.topics {
+            topic.port.update_connections().map_err(|cause| {
+                IpcError::iceoryx(format!("connect readers of camera `{}`", self.camera), cause)
+            })?;
+        }
+        Ok(())
+    }
+
+    fn topic(&self, topic: Topic) -> Result<&OwnedTopic, IpcError> {
+        let has = || self.topics.iter().map(|owned| owned.plan.topic).collect();
+        self.topics
+            .iter()
+            .find(|owned| owned.plan.topic == topic)
+            .ok_or_else(|| IpcError::NoSuchTopic { topic, has: has() })
+    }
+}
+
+impl OwnedTopic {
+    fn create(
+        camera: &CameraName,
+        plan: TopicPlan,
+        service: TopicService,
+        limits: &Limits,
+    ) -> Result<Self, IpcError> {
+        let chunks = limits.chunks_of(plan.topic);
+        let created = service
+            .publisher_builder()
+            .initial_max_slice_len(blocks_for(plan.payload_bytes))
+            .override_sample_preallocation(move |_| chunks)
+            .max_loaned_samples(chunks) // all of them, for `touch`; afterwards the number of chunks is the limit
+            .backpressure_strategy(BackpressureStrategy::DiscardData) // the owner waits for nobody
+            .create();
+        let port = match created {
+            Ok(port) => port,
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
+                let owner = owner_of(&service).unwrap_or(Process { pid: 0, alive: true });
+                return Err(IpcError::AlreadyOwned {
+                    camera: camera.clone(),
+                    topic: plan.topic,
+                    owner,
+                });
+            }
+            Err(cause) => {
+                return Err(IpcError::iceoryx(
+                    format!("publish `{}`", camera.service(plan.topic)),
+                    cause,
+                ));
+            }
+        };
+        touch::every_chunk(&port, plan, chunks)?;
+        Ok(Self { plan, port, service })
+    }
+}
+
+/// Refuses a topic that a living process publishes; cleans up after a dead one.
+fn refuse_living_owner(service: &TopicService, camera: &CameraName, topic: Topic) -> Result<(), IpcError> {
+    match owner_of(service) {
+        Some(owner) if owner.alive => Err(IpcError::AlreadyOwned {
+            camera: camera.clone(),
+            topic,
+            owner,
+        }),
+        Some(_) => {
+            service.blocking_cleanup_dead_nodes(CLEAN_UP_TIMEOUT);
+            Ok(())
+        }
+        None => Ok(()),
+    }
+}
+
+fn refuse_repetition(plans: &[TopicPlan]) -> Result<(), IpcError> {
+    for (index, plan) in plans.iter().enumerate() {
+        if plans[..index].iter().any(|earlier| earlier.topic == plan.topic) {
+            return Err(IpcError::PlannedTwice { topic: plan.topic });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,288 @@
+//! The reader's side: opens what an owner created and looks at its frames.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use iceoryx2::port::ReceiveError;
+use iceoryx2::port::listener::{Listener, ListenerCreateError};
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::prelude::EventActivation;
+use iceoryx2::service::port_factory::PortFactory;
+
+use crate::block::Block64;
+use crate::error::IpcError;
+use crate::frame::{Frame, FrameSet};
+use crate::header::FrameHeader;
+use crate::name::CameraName;
+use crate::node::{self, Iceoryx, Process};
+use crate::service::{TopicService, open_topic, open_wake, owner_of};
+use crate::vocabulary::{Topic, Wake};
+
+/// How often to look for services that are not there yet. There is nothing to wait on before they exist.
+const RETRY_PERIOD: Duration = Duration::from_millis(10);
+
+/// iceoryx2 hands the time to the socket in microseconds, and there 0 means for ever.
+const SHORTEST_SLEEP: Duration = Duration::from_micros(10);
+
+/// A reader of some of a camera's topics.
+///
+/// It gets the newest frame of each topic and never waits for, nor delays, anybody. When the owner ends, it stays
+/// connected to the services; when a new owner comes, its frames arrive here without further ado. `Send`.
+///
+/// ```no_run
+/// use std::time::Duration;
+/// use nunet_ipc::{CameraName, Reader, Topic};
+///
+/// let mut reader = Reader::open(&CameraName::new("front")?, &[Topic::Depth], Duration::from_secs(5))?;
+/// loop {
+///     reader.wait(Duration::from_secs(1))?; // a hint: look for frames whatever it says
+///     while let Some(frame) = reader.latest(Topic::Depth)? {
+///         println!("{}: {} pixels", frame.header().sequence, frame.depth()?.len());
+///     }
+/// }
+/// # #[expect(unreachable_code, reason = "the loop above has no end")]
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Reader {
+    camera: CameraName,
+    listener: Listener<Iceoryx>,
+    topics: Vec<ReadTopic>,
+    joining: [Option<Frame>; Topic::ALL.len()],
+}
+
+#[derive(Debug)]
+struct ReadTopic {
+    topic: Topic,
+    port: Subscriber<Iceoryx, [Block64], FrameHeader>,
+    service: TopicService,
+}
+
+impl Reader {
+    /// Opens topics of a camera, and tries again until they are there or the time is over.
+    ///
+    /// # Errors
+    /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`], [`IpcError::ContractVersion`].
+    pub fn open(camera: &CameraName, topics: &[Topic], timeout: Duration) -> Result<Self, IpcError> {
+        let node = node::create()?;
+        let deadline = Instant::now() + timeout;
+        let mut opened = Vec::with_capacity(topics.len());
+        for topic in topics {
+            let missing = IpcError::NobodyPublishes {
+                service: camera.service(*topic),
+                timeout,
+            };
+            let service = retry(deadline, missing, || open_topic(&node, camera, *topic))?;
+            opened.push(ReadTopic::subscribe(camera, *topic, service)?);
+        }
+        let listener = Self::listen(&node, camera, timeout, deadline)?;
+        Ok(Self {
+            camera: camera.clone(),
+            listener,
+            topics: opened,
+            joining: Default::default(),
+        })
+    }
+
+    fn listen(
+        node: &Node<Iceoryx>,
+        camera: &CameraName,
+        timeout: Duration,
+        deadline: Instant,
+    ) -> Result<Listener<Iceoryx>, IpcError> {
+        let missing = IpcError::NobodyPublishes {
+            service: camera.wake_service(),
+            timeout,
+        };
+        let service = retry(deadline, missing, || open_wake(node, camera))?;
+        service.listener_builder().create().map_err(|cause| match cause {
+            ListenerCreateError::ExceedsMaxSupportedListeners => IpcError::TooManyListeners {
+                camera: camera.clone(),
+                limit: service.static_config().max_listeners(),
+            },
+            cause => IpcError::iceoryx(format!("listen to `{}`", camera.wake_service()), cause),
+        })
+    }
+
+    /// The camera's name.
+    #[must_use]
+    pub fn camera(&self) -> &CameraName {
+        &self.camera
+    }
+
+    /// The topics that were opened.
+    pub fn topics(&self) -> impl ExactSizeIterator<Item = Topic> {
+        self.topics.iter().map(|opened| opened.topic)
+    }
+
+    /// Sleeps until an owner has something new on one of the topics, or comes or goes, or the time is over; says
+    /// whether it was woken. Only a hint: look for frames whatever it says, and keep the timeout short enough for
+    /// the frame that a late joiner gets without a wake-up.
+    ///
+    /// # Errors
+    /// [`IpcError::Iceoryx`].
+    pub fn wait(&self, timeout: Duration) -> Result<bool, IpcError> {
+        let failed = |cause| IpcError::iceoryx(format!("wait for camera `{}`", self.camera), cause);
+        let deadline = Instant::now() + timeout;
+        loop {
+            let mut woken = false;
+            let left = deadline.saturating_duration_since(Instant::now());
+            let over = left < SHORTEST_SLEEP;
+            let note = |event: EventActivation| woken |= self.cares_for(event.id.as_value());
+            if over {
+                self.listener.try_wait(note).map_err(failed)?;
+            } else {
+                self.listener.timed_wait(note, left).map_err(failed)?;
+            }
+            if woken || over {
+                return Ok(woken);
+            }
+        }
+    }
+
+    /// Without this a daemon that reads `rgb` would be woken by its own depth maps.
+    fn cares_for(&self, event: usize) -> bool {
+        match Wake::ALL.get(event) {
+            Some(Wake::Picture) => self.topics().any(|topic| topic == Topic::Rgb),
+            Some(Wake::Depth) => self.topics().any(|topic| topic != Topic::Rgb),
+            Some(Wake::OwnerCame | Wake::OwnerLeft | Wake::OwnerDied) => true,
+            None => false,
+        }
+    }
+
+    /// The next frame of a topic that was not seen yet, if there is one.
+    ///
+    /// # Errors
+    /// [`IpcError::TooManyFramesHeld`] when there is one but this reader holds as many as it may,
+    /// [`IpcError::NoSuchTopic`], [`IpcError::BadMessage`].
+    pub fn next(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
+        let opened = self.topic(topic)?;
+        match opened.port.receive() {
+            Ok(Some(sample)) => Frame::new(sample, topic).map(Some),
+            Ok(None) => Ok(None),
+            Err(ReceiveError::ExceedsMaxBorrows) => {
+                let limit = opened.service.static_config().subscriber_max_borrowed_samples();
+                Err(IpcError::TooManyFramesHeld { topic, limit })
+            }
+            Err(cause) => Err(IpcError::iceoryx(
+                format!("read `{}`", self.camera.service(topic)),
+                cause,
+            )),
+        }
+    }
+
+    /// The newest frame of a topic that was not seen yet, if there is one; older ones are dropped.
+    ///
+    /// # Errors
+    /// Those of [`next`](Self::next).
+    pub fn latest(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
+        let mut newest = None;
+        while self.has_more(topic)? {
+            drop(newest.take()); // given back first: a reader may hold few frames
+            newest = self.next(topic)?;
+        }
+        Ok(newest)
+    }
+
+    /// The newest frames of all topics but `stats` that belong together, if they are all there. What came so far is
+    /// kept for the next call; what can no longer become complete is dropped.
+    ///
+    /// # Errors
+    /// Those of [`next`](Self::next).
+    pub fn next_set(&mut self) -> Result<Option<FrameSet>, IpcError> {
+        let mut sequence = None;
+        let mut complete = true;
+        for index in 0..self.topics.len() {
+            let topic = self.topics[index].topic;
+            if topic == Topic::Stats {
+                continue;
+            }
+            if self.has_more(topic)? {
+                drop(self.joining[topic as usize].take());
+                self.joining[topic as usize] = self.latest(topic)?;
+            }
+            let found = self.joining[topic as usize]
+                .as_ref()
+                .map(|frame| frame.header().sequence);
+            complete &= found.is_some() && (sequence.is_none() || sequence == found);
+            sequence = found;
+        }
+        if !complete || sequence.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(FrameSet {
+            frames: std::mem::take(&mut self.joining),
+        }))
+    }
+
+    /// The process that publishes a topic: `None` when there is none, not alive when it was killed. Asks the file
+    /// system: for the moments when no frames come, not for every frame.
+    ///
+    /// # Errors
+    /// [`IpcError::NoSuchTopic`].
+    pub fn owner(&self, topic: Topic) -> Result<Option<Process>, IpcError> {
+        Ok(owner_of(&self.topic(topic)?.service))
+    }
+
+    /// Whether a living process publishes each of the topics. As costly as [`owner`](Self::owner).
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        self.topics
+            .iter()
+            .all(|opened| owner_of(&opened.service).is_some_and(|owner| owner.alive))
+    }
+
+    fn has_more(&self, topic: Topic) -> Result<bool, IpcError> {
+        let failed = |cause| IpcError::iceoryx(format!("read `{}`", self.camera.service(topic)), cause);
+        self.topic(topic)?.port.has_samples().map_err(failed)
+    }
+
+    fn topic(&self, topic: Topic) -> Result<&ReadTopic, IpcError> {
+        let missing = || IpcError::NoSuchTopic {
+            topic,
+            has: self.topics().collect(),
+        };
+        self.topics
+            .iter()
+            .find(|opened| opened.topic == topic)
+            .ok_or_else(missing)
+    }
+}
+
+impl ReadTopic {
+    fn subscribe(camera: &CameraName, topic: Topic, service: TopicService) -> Result<Self, IpcError> {
+        let port = service
+            .subscriber_builder()
+            .create()
+            .map_err(|cause| match cause {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+                    let limit = service.static_config().max_subscribers();
+                    IpcError::TooManyReaders {
+                        camera: camera.clone(),
+                        topic,
+                        limit,
+                    }
+                }
+                cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
+            })?;
+        Ok(Self { topic, port, service })
+    }
+}
+
+/// Tries until there is something or the time is over; tries at least once.
+fn retry<T>(
+    deadline: Instant,
+    missing: IpcError,
+    mut attempt: impl FnMut() -> Result<Option<T>, IpcError>,
+) -> Result<T, IpcError> {
+    loop {
+        if let Some(found) = attempt()? {
+            return Ok(found);
+        }
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(missing);
+        }
+        std::thread::sleep(RETRY_PERIOD.min(left));
+    }
+}

@@ -1,0 +1,157 @@
+//! The services of a camera: how owners create them and readers open them.
+
+use iceoryx2::node::{Node, NodeState};
+use iceoryx2::port::event_id::EventId;
+use iceoryx2::prelude::{CallbackProgression, MessagingPattern, Service};
+use iceoryx2::service::builder::event::EventOpenError;
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::port_factory::{PortFactory, event, publish_subscribe};
+
+use crate::block::Block64;
+use crate::error::IpcError;
+use crate::header::FrameHeader;
+use crate::name::CameraName;
+use crate::node::{Iceoryx, Process, check_contract, config, contract_attribute, service_name};
+use crate::plan::Limits;
+use crate::vocabulary::{Topic, Wake};
+
+pub(crate) type TopicService = publish_subscribe::PortFactory<Iceoryx, [Block64], FrameHeader>;
+pub(crate) type WakeService = event::PortFactory<Iceoryx>;
+
+/// The newest frame is all that a queue or a late joiner gets: the latest frame wins.
+const QUEUE_FRAMES: usize = 1;
+
+/// Processes that may have a service open besides its readers: the owner, the next owner, tools, and some that died
+/// and were not cleaned up yet.
+const SPARE_NODES: usize = 12;
+
+/// Listeners of one camera. Not a matter of [`Limits`], because a camera and a daemon share the event service and
+/// whoever comes first creates it.
+const MAX_LISTENERS: usize = 64;
+
+/// The owner of `rgb`, the owner of the rest, and dead ones that were not cleaned up yet.
+const MAX_NOTIFIERS: usize = 8;
+
+/// Opens or creates a topic's service, as its owner.
+pub(crate) fn create_topic(
+    node: &Node<Iceoryx>,
+    camera: &CameraName,
+    topic: Topic,
+    limits: &Limits,
+) -> Result<TopicService, IpcError> {
+    let name = camera.service(topic);
+    refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
+    let service = node
+        .service_builder(&service_name(&name)?)
+        .publish_subscribe::<[Block64]>()
+        .user_header::<FrameHeader>()
+        .max_publishers(1)
+        .max_subscribers(limits.readers_of(topic))
+        .max_nodes(limits.readers_of(topic) + SPARE_NODES)
+        .subscriber_max_borrowed_samples(limits.max_held_frames)
+        .subscriber_max_buffer_size(QUEUE_FRAMES)
+        .history_size(QUEUE_FRAMES)
+        .enable_safe_overflow(true)
+        .open_or_create_with_attributes(&contract_attribute()?)
+        .map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))?;
+    let existing = service.static_config();
+    let same = existing.max_subscribers() == limits.readers_of(topic)
+        && existing.subscriber_max_borrowed_samples() == limits.max_held_frames
+        && existing.subscriber_max_buffer_size() == QUEUE_FRAMES
+        && existing.max_publishers() == 1;
+    if same {
+        Ok(service)
+    } else {
+        Err(IpcError::OtherLimits { service: name })
+    }
+}
+
+/// Opens or creates the camera's event service, as an owner.
+pub(crate) fn create_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<WakeService, IpcError> {
+    let name = camera.wake_service();
+    refuse_other_contract(&name, MessagingPattern::Event)?;
+    let id = |wake: Wake| EventId::new(wake as usize);
+    node.service_builder(&service_name(&name)?)
+        .event()
+        .max_listeners(MAX_LISTENERS)
+        .max_notifiers(MAX_NOTIFIERS)
+        .max_nodes(MAX_LISTENERS + SPARE_NODES)
+        .event_id_max_value(Wake::ALL.len() - 1)
+        .notifier_created_event(id(Wake::OwnerCame))
+        .notifier_dropped_event(id(Wake::OwnerLeft))
+        .notifier_dead_event(id(Wake::OwnerDied))
+        .open_or_create_with_attributes(&contract_attribute()?)
+        .map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))
+}
+
+/// Opens a topic's service as a reader; `None` while there is none.
+pub(crate) fn open_topic(
+    node: &Node<Iceoryx>,
+    camera: &CameraName,
+    topic: Topic,
+) -> Result<Option<TopicService>, IpcError> {
+    use PublishSubscribeOpenError as E;
+    let name = camera.service(topic);
+    refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
+    let opened = node
+        .service_builder(&service_name(&name)?)
+        .publish_subscribe::<[Block64]>()
+        .user_header::<FrameHeader>()
+        .open_with_attributes(&contract_attribute()?);
+    match opened {
+        Ok(service) => Ok(Some(service)),
+        Err(
+            E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
+        ) => Ok(None),
+        Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
+    }
+}
+
+/// Opens the camera's event service as a reader; `None` while there is none.
+pub(crate) fn open_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<Option<WakeService>, IpcError> {
+    use EventOpenError as E;
+    let name = camera.wake_service();
+    refuse_other_contract(&name, MessagingPattern::Event)?;
+    match node
+        .service_builder(&service_name(&name)?)
+        .event()
+        .open_with_attributes(&contract_attribute()?)
+    {
+        Ok(service) => Ok(Some(service)),
+        Err(
+            E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
+        ) => Ok(None),
+        Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
+    }
+}
+
+/// Reads the attributes before opening: a service of another version may have other types, and then opening it
+/// would fail before anything could be said about the reason.
+fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Result<(), IpcError> {
+    let details = Iceoryx::details(&service_name(name)?, config(), pattern)
+        .map_err(|cause| IpcError::iceoryx(format!("look at service `{name}`"), cause))?;
+    match details {
+        Some(details) => check_contract(name, details.static_details.attributes()),
+        None => Ok(()),
+    }
+}
+
+/// Who publishes on a service.
+pub(crate) fn owner_of(service: &TopicService) -> Option<Process> {
+    let mut owner = None;
+    service.dynamic_config().list_publishers(|publisher| {
+        owner = Some(publisher.node_id);
+        CallbackProgression::Stop
+    });
+    let owner = owner?;
+    let pid = owner
+        .pid::<Iceoryx>()
+        .map_or(0, |pid| pid.value().cast_unsigned());
+    let mut alive = false;
+    // A listing that fails part of the way leaves the owner dead: it could not be found.
+    let _ = service.nodes(|node| {
+        alive |= matches!(&node, NodeState::Alive(_)) && *node.node_id() == owner;
+        CallbackProgression::Continue
+    });
+    Some(Process { pid, alive })
+}
