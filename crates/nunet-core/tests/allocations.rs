@@ -39,15 +39,6 @@ static COUNTING: Counting = Counting;
 
 const SIZE: (u32, u32) = (64, 48);
 const PIXELS: usize = 64 * 48;
-const NO_POINT: CloudPoint = CloudPoint {
-    x: 0.0,
-    y: 0.0,
-    z: 0.0,
-    b: 0,
-    g: 0,
-    r: 0,
-    label: 0,
-};
 
 /// The caller's memory for one frame.
 struct Buffers {
@@ -63,7 +54,7 @@ impl Buffers {
             picture: (0..picture_bytes).map(|i| (i * 31 % 251) as u8).collect(),
             depth_m: vec![0.0; PIXELS],
             labels: vec![0; PIXELS],
-            cloud: vec![NO_POINT; PIXELS],
+            cloud: vec![CloudPoint::NONE; PIXELS],
         }
     }
 }

@@ -6,6 +6,7 @@ mod foreign;
 mod memory;
 mod pipeline;
 mod runtime;
+mod shipped;
 
 use std::path::{Path, PathBuf};
 

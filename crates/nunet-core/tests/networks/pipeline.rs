@@ -5,21 +5,11 @@ use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::{ScaleSource, Units};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::model::selftest;
-use nunet_core::pipeline::{Focal, FrameReport, Outputs, Pipeline, PipelineError, PipelineOptions};
+use nunet_core::pipeline::{Focal, FrameReport, Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
 
 use crate::{Folder, SIZE, chain, picture, pixels, ticking};
-
-const EMPTY_POINT: CloudPoint = CloudPoint {
-    x: 0.0,
-    y: 0.0,
-    z: 0.0,
-    b: 0,
-    g: 0,
-    r: 0,
-    label: 0,
-};
 
 fn pipeline(model: &ModelBuilder, options: PipelineOptions) -> Pipeline {
     let graph = Folder::new().model("m.onnx", model).load("m.onnx").unwrap();
@@ -130,7 +120,7 @@ fn the_cloud_carries_colours_and_labels_whoever_asked_for_them() {
         ..with_camera(4.0)
     };
     let mut pipeline = pipeline(&models::wnet(SIZE, true), focal_off);
-    assert_eq!(pipeline.cloud_size(), Some(SIZE));
+    assert_eq!(pipeline.cloud_size(), SIZE);
     assert_eq!(
         pipeline.stage_names(),
         ["preprocess", "network", "decode", "cloud"]
@@ -138,7 +128,7 @@ fn the_cloud_carries_colours_and_labels_whoever_asked_for_them() {
     let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
     for labels_wanted in [true, false] {
         let (mut depth_m, mut labels) = (vec![0.0; 18], vec![0; 18]);
-        let mut cloud = vec![EMPTY_POINT; 18];
+        let mut cloud = vec![CloudPoint::NONE; 18];
         let outputs = Outputs {
             depth_m: &mut depth_m,
             labels: labels_wanted.then_some(&mut labels[..]),
@@ -161,19 +151,45 @@ fn the_cloud_carries_colours_and_labels_whoever_asked_for_them() {
     }
 }
 
-#[test]
-fn a_cloud_without_a_camera_is_an_error() {
-    let mut pipeline = pipeline(&models::unet(SIZE), PipelineOptions::default());
-    let rgb = picture(SIZE);
-    let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
-    let (mut depth_m, mut cloud) = (vec![0.0; 18], vec![EMPTY_POINT; 18]);
+/// The cloud of one picture of a pipeline, and where its scale comes from.
+fn cloud_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<CloudPoint>, FrameReport) {
+    let (mut depth_m, mut cloud) = (vec![0.0; 18], vec![CloudPoint::NONE; 18]);
+    let frame = ImageView::packed(rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
     let outputs = Outputs {
         depth_m: &mut depth_m,
         labels: None,
         cloud: Some(&mut cloud),
     };
-    let error = pipeline.process(&frame, outputs, &ticking()).unwrap_err();
-    assert!(matches!(error, PipelineError::NoCamera), "{error}");
+    let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
+    (cloud, report)
+}
+
+#[test]
+fn without_a_camera_points_are_the_training_cameras_and_marked_so() {
+    let mut pipeline = pipeline(&models::unet(SIZE), PipelineOptions::default());
+    let (cloud, report) = cloud_of(&mut pipeline, &picture(SIZE));
+    assert_eq!(
+        (report.scale_source, report.intrinsics),
+        (ScaleSource::AssumedCamera, None)
+    );
+    // The training camera stretched to this size, looking through the middle.
+    let fx_px = (525.0 * 6.0 / 640.0) as f32;
+    assert!((cloud[0].x - (0.0 - 2.5) / fx_px * cloud[0].z).abs() < 1e-5);
+}
+
+#[test]
+fn a_camera_may_be_set_later_and_taken_away_again() {
+    let mut pipeline = pipeline(&models::unet(SIZE), PipelineOptions::default());
+    let (assumed, _) = cloud_of(&mut pipeline, &picture(SIZE));
+    pipeline.set_camera(Some(camera(9.0))).unwrap();
+    let (known, report) = cloud_of(&mut pipeline, &picture(SIZE));
+    assert_eq!(
+        (report.scale_source, report.intrinsics),
+        (ScaleSource::FocalScaled, Some(camera(9.0).intrinsics))
+    );
+    assert_ne!(known, assumed);
+    pipeline.set_camera(None).unwrap();
+    assert_eq!(cloud_of(&mut pipeline, &picture(SIZE)).0, assumed);
 }
 
 #[test]

@@ -1,8 +1,11 @@
 use super::*;
 
-/// A manifest of stages `(name, every, [(input, source)])`.
-fn manifest(stages: &[(&str, u32, &[(&str, &str)])], depth: &str, labels: Option<&str>) -> Manifest {
-    let stage = |&(name, every, inputs): &(&str, u32, &[(&str, &str)])| ManifestStage {
+/// Inputs of a stage and where they come from.
+type Inputs<'a> = &'a [(&'a str, &'a str)];
+
+/// A manifest of stages `(name, every, inputs)`.
+fn manifest(stages: &[(&str, u32, Inputs<'_>)], depth: &str, labels: Option<&str>) -> Manifest {
+    let stage = |&(name, every, inputs): &(&str, u32, Inputs<'_>)| ManifestStage {
         name: name.to_owned(),
         model: format!("{name}.onnx"),
         inputs: inputs
@@ -74,7 +77,6 @@ fn wire(manifest: &Manifest, signatures: &[Signature]) -> Result<Wired, WiringEr
     .wire()
 }
 
-type Inputs<'a> = &'a [(&'a str, &'a str)];
 const SEES_IMAGE: Inputs<'static> = &[("rgb", "image")];
 const CONNECTED: Inputs<'static> = &[("rgb", "image"), ("features", "segmentation.logits")];
 
@@ -178,8 +180,8 @@ fn a_later_stage_cannot_be_referenced() {
     assert_eq!(
         error,
         WiringError::NotEarlier {
-            user: "stage `depth`".to_owned(),
-            stage: "segmentation".to_owned()
+            user: "stage `depth`".into(),
+            stage: "segmentation".into()
         }
     );
 }
@@ -244,23 +246,13 @@ fn stage_names_are_unique_and_every_is_not_zero() {
     let signatures = [segmentation(), segmentation()];
     let twice = [("a", 1, SEES_IMAGE), ("a", 1, SEES_IMAGE)];
     let error = wire(&manifest(&twice, "a.depth", None), &signatures).unwrap_err();
-    assert_eq!(
-        error,
-        WiringError::DuplicateStage {
-            stage: "a".to_owned()
-        }
-    );
+    assert_eq!(error, WiringError::DuplicateStage { stage: "a".into() });
     let error = wire(
         &manifest(&[("a", 0, SEES_IMAGE)], "a.depth", None),
         &signatures[..1],
     )
     .unwrap_err();
-    assert_eq!(
-        error,
-        WiringError::EveryZero {
-            stage: "a".to_owned()
-        }
-    );
+    assert_eq!(error, WiringError::EveryZero { stage: "a".into() });
 }
 
 #[test]
@@ -274,7 +266,7 @@ fn the_stage_of_the_depth_runs_for_each_frame() {
     assert_eq!(
         error,
         WiringError::DepthSkipped {
-            stage: "depth".to_owned(),
+            stage: "depth".into(),
             every: 2
         }
     );
