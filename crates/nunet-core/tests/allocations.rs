@@ -1,4 +1,5 @@
 #![expect(unsafe_code, reason = "a counting allocator is an allocator")]
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 //! A steady frame makes no heap allocation in our code, whichever of a few buffers it is given.
 

@@ -1,4 +1,5 @@
 //! Small networks of every kind, run by the real ONNX Runtime and held to answers computed by hand.
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 mod answers;
 mod bad_models;
