@@ -315,7 +315,10 @@ impl Lens {
             Some(camera) => camera,
             None => assumed_camera(description, width, height)?,
         };
-        Ok(Self { known, rays: RayTable::new(&camera) })
+        Ok(Self {
+            known,
+            rays: RayTable::new(&camera),
+        })
     }
 }
 
@@ -329,7 +332,10 @@ fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Re
         },
         |camera| {
             let scale = |focal: f64, from: u32, to: u32| focal * f64::from(to) / f64::from(from);
-            (scale(camera.fx, camera.width, width), scale(camera.fy, camera.height, height))
+            (
+                scale(camera.fx, camera.width, width),
+                scale(camera.fy, camera.height, height),
+            )
         },
     );
     Intrinsics::new(fx, fy, middle(width), middle(height), width, height).map(Camera::pinhole)

@@ -32,7 +32,15 @@ pub struct CloudPoint {
 
 impl CloudPoint {
     /// No depth, no colour, no class.
-    pub const NONE: Self = Self { x: f32::NAN, y: f32::NAN, z: f32::NAN, b: 0, g: 0, r: 0, label: NO_LABEL };
+    pub const NONE: Self = Self {
+        x: f32::NAN,
+        y: f32::NAN,
+        z: f32::NAN,
+        b: 0,
+        g: 0,
+        r: 0,
+        label: NO_LABEL,
+    };
 }
 
 /// Width and height of the cloud of every `stride`-th column and row of a depth map.

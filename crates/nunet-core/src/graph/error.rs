@@ -73,7 +73,7 @@ pub enum GraphError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: WiringError,
+        source: Box<WiringError>,
     },
     /// What the file says of itself is wrong.
     #[error("the model `{}` does not describe itself as it should", path.display())]

@@ -60,9 +60,15 @@ fn is_manifest(path: &Path) -> bool {
 /// The manifest's bytes and what they say.
 fn read_manifest(path: &Path) -> Result<(Vec<u8>, Manifest), GraphError> {
     let bytes = read(path, MAX_TOML_BYTES)?;
-    let wrong = |source| GraphError::Manifest { path: path.to_owned(), source };
-    let text = std::str::from_utf8(&bytes)
-        .map_err(|error| wrong(ManifestError::Syntax { reason: error.to_string() }))?;
+    let wrong = |source| GraphError::Manifest {
+        path: path.to_owned(),
+        source,
+    };
+    let text = std::str::from_utf8(&bytes).map_err(|error| {
+        wrong(ManifestError::Syntax {
+            reason: error.to_string(),
+        })
+    })?;
     let manifest = Manifest::parse(text).map_err(wrong)?;
     Ok((bytes, manifest))
 }
@@ -198,7 +204,7 @@ impl<'a> Loader<'a> {
         .wire()
         .map_err(|source| GraphError::Wiring {
             path: path.to_owned(),
-            source,
+            source: Box::new(source),
         })?;
         Ok(Loaded {
             plan,

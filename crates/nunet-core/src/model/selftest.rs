@@ -75,7 +75,11 @@ impl fmt::Display for SelfTestReport {
         if !self.checked {
             return f.write_str("none in the file");
         }
-        write!(f, "passed, off by {:.2e} of {:.2e} allowed", self.worst_depth, self.tolerance)
+        write!(
+            f,
+            "passed, off by {:.2e} of {:.2e} allowed",
+            self.worst_depth, self.tolerance
+        )
     }
 }
 

@@ -31,18 +31,21 @@ impl Runtime {
     pub fn load(library: &Path) -> Result<Self, RuntimeError> {
         let library = plain_file(library)?;
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(runtime) = loaded.as_ref().filter(|runtime| runtime.library == library) {
+            return Ok(runtime.clone());
+        }
+        // Before what is loaded already is mentioned: what is wrong with this one is the better answer.
+        let version = library::version(&library)?;
         match &*loaded {
-            Some(runtime) if runtime.library == library => Ok(runtime.clone()),
             Some(runtime) => Err(RuntimeError::AnotherLoaded {
                 library,
                 loaded: runtime.library.clone(),
             }),
-            None => Ok(loaded.insert(Self::start(library)?).clone()),
+            None => Ok(loaded.insert(Self::start(library, version)?).clone()),
         }
     }
 
-    fn start(library: PathBuf) -> Result<Self, RuntimeError> {
-        let version = library::version(&library)?;
+    fn start(library: PathBuf, version: String) -> Result<Self, RuntimeError> {
         let failed = |reason: String| RuntimeError::Start {
             library: library.clone(),
             reason,

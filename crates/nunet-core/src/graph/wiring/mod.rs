@@ -9,7 +9,7 @@ mod tests;
 use std::ops::Range;
 
 use crate::graph::manifest::{Manifest, ManifestStage};
-use crate::graph::signature::{ElementType, Signature, TensorSpec};
+use crate::graph::signature::{ElementType, Signature, TensorSpec, kind};
 
 pub use error::WiringError;
 
@@ -90,6 +90,7 @@ impl Unwired<'_> {
     /// # Errors
     /// The first thing that does not fit, with both sides.
     pub(crate) fn wire(self) -> Result<Wired, WiringError> {
+        self.check_stages()?;
         let mut plan = Wired {
             stages: Vec::new(),
             tensors: Vec::new(),
@@ -100,8 +101,11 @@ impl Unwired<'_> {
         };
         plan.size = self.size(&plan.image)?;
         for (stage, signature) in self.manifest.stages.iter().zip(&self.signatures) {
-            self.check_stage(stage, &plan)?;
-            let inputs = self.wire_inputs(stage, signature, &plan)?;
+            let inputs = signature
+                .inputs
+                .iter()
+                .map(|input| self.wire_input(stage, input, &plan));
+            let inputs = inputs.collect::<Result<_, _>>()?;
             let first = plan.tensors.len();
             plan.tensors.extend(self.outputs_to_fetch(stage, signature));
             let outputs = first..plan.tensors.len();
@@ -130,10 +134,10 @@ impl Unwired<'_> {
                 match &seen {
                     Some((first, image)) if image.kind() != wanted.kind() => {
                         return Err(WiringError::ImagesDiffer {
-                            first: (*first).to_owned(),
-                            first_kind: image.kind(),
-                            stage: stage.name.clone(),
-                            kind: wanted.kind(),
+                            first: (*first).into(),
+                            first_kind: image.kind().into(),
+                            stage: stage.name.clone().into(),
+                            kind: wanted.kind().into(),
                         });
                     }
                     Some(_) => {}
@@ -164,10 +168,10 @@ impl Unwired<'_> {
             })
         } else {
             Err(WiringError::Image {
-                stage: stage.to_owned(),
-                tensor: input.name.clone(),
-                kind: input.kind(),
-                expected: self.contract.image_kind(),
+                stage: stage.to_owned().into(),
+                tensor: input.name.clone().into(),
+                kind: input.kind().into(),
+                expected: self.contract.image_kind().into(),
             })
         }
     }
@@ -179,49 +183,42 @@ impl Unwired<'_> {
                 let side = |pixels: i64| u32::try_from(pixels).ok().filter(|&side| side <= MAX_SIDE_PX);
                 match (side(width), side(height)) {
                     (Some(width), Some(height)) => Ok((width, height)),
-                    _ => Err(WiringError::TooLarge { kind: image.kind() }),
+                    _ => Err(WiringError::TooLarge {
+                        kind: image.kind().into(),
+                    }),
                 }
             }
             (Contract::Nunet, _) => Err(WiringError::NoImage),
         }
     }
 
-    fn check_stage(&self, stage: &ManifestStage, plan: &Wired) -> Result<(), WiringError> {
-        if stage.every == 0 {
-            return Err(WiringError::EveryZero {
-                stage: stage.name.clone(),
-            });
-        }
-        if plan.stages.iter().any(|earlier| earlier.name == stage.name) {
-            return Err(WiringError::DuplicateStage {
-                stage: stage.name.clone(),
-            });
+    /// What is wrong with a stage by itself, whatever it is connected to.
+    fn check_stages(&self) -> Result<(), WiringError> {
+        let stages = &self.manifest.stages;
+        for (index, (stage, signature)) in stages.iter().zip(&self.signatures).enumerate() {
+            if stage.every == 0 {
+                return Err(WiringError::EveryZero {
+                    stage: stage.name.clone().into(),
+                });
+            }
+            if stages[..index].iter().any(|earlier| earlier.name == stage.name) {
+                return Err(WiringError::DuplicateStage {
+                    stage: stage.name.clone().into(),
+                });
+            }
+            if let Some(unknown) = stage
+                .inputs
+                .keys()
+                .find(|name| named(&signature.inputs, name).is_none())
+            {
+                return Err(WiringError::UnknownInput {
+                    stage: stage.name.clone().into(),
+                    tensor: unknown.clone().into(),
+                    inputs: list(&signature.inputs).into(),
+                });
+            }
         }
         Ok(())
-    }
-
-    fn wire_inputs(
-        &self,
-        stage: &ManifestStage,
-        signature: &Signature,
-        plan: &Wired,
-    ) -> Result<Vec<Source>, WiringError> {
-        if let Some(unknown) = stage
-            .inputs
-            .keys()
-            .find(|name| named(&signature.inputs, name).is_none())
-        {
-            return Err(WiringError::UnknownInput {
-                stage: stage.name.clone(),
-                tensor: unknown.clone(),
-                inputs: list(&signature.inputs),
-            });
-        }
-        signature
-            .inputs
-            .iter()
-            .map(|input| self.wire_input(stage, input, plan))
-            .collect()
     }
 
     fn wire_input(
@@ -232,9 +229,9 @@ impl Unwired<'_> {
     ) -> Result<Source, WiringError> {
         let Some(source) = stage.inputs.get(&input.name) else {
             return Err(WiringError::Unbound {
-                stage: stage.name.clone(),
-                tensor: input.name.clone(),
-                kind: input.kind(),
+                stage: stage.name.clone().into(),
+                tensor: input.name.clone().into(),
+                kind: input.kind().into(),
             });
         };
         if source == IMAGE {
@@ -247,12 +244,12 @@ impl Unwired<'_> {
         }
         let (from, tensor) = split(source);
         Err(WiringError::Mismatch {
-            stage: stage.name.clone(),
-            input: input.name.clone(),
-            expected: input.kind(),
-            from: from.to_owned(),
-            tensor: tensor.to_owned(),
-            given: given.kind(),
+            stage: stage.name.clone().into(),
+            input: input.name.clone().into(),
+            expected: input.kind().into(),
+            from: from.to_owned().into(),
+            tensor: tensor.to_owned().into(),
+            given: given.kind().into(),
         })
     }
 
@@ -262,7 +259,6 @@ impl Unwired<'_> {
             return Ok(index);
         }
         let (stage, tensor) = split(reference);
-        let (user, stage) = (user.to_owned(), stage.to_owned());
         let Some(position) = self
             .manifest
             .stages
@@ -271,26 +267,29 @@ impl Unwired<'_> {
         else {
             let stages = self.manifest.stages.iter().map(|stage| stage.name.as_str());
             return Err(WiringError::UnknownStage {
-                user,
-                reference: reference.to_owned(),
-                stages: quoted(stages),
+                user: user.into(),
+                reference: reference.to_owned().into(),
+                stages: quoted(stages).into(),
             });
         };
         if position >= plan.stages.len() {
-            return Err(WiringError::NotEarlier { user, stage });
+            return Err(WiringError::NotEarlier {
+                user: user.into(),
+                stage: stage.into(),
+            });
         }
         let outputs = &self.signatures[position].outputs;
         match named(outputs, tensor) {
             Some(open) => Err(WiringError::OpenOutput {
-                stage,
-                tensor: open.name.clone(),
-                kind: open.kind(),
+                stage: stage.into(),
+                tensor: open.name.clone().into(),
+                kind: open.kind().into(),
             }),
             None => Err(WiringError::UnknownTensor {
-                user,
-                stage,
-                tensor: tensor.to_owned(),
-                outputs: list(outputs),
+                user: user.into(),
+                stage: stage.into(),
+                tensor: tensor.to_owned().into(),
+                outputs: list(outputs).into(),
             }),
         }
     }
@@ -350,14 +349,9 @@ impl Unwired<'_> {
         }
         Err(WiringError::Result {
             role,
-            reference: reference.to_owned(),
-            given: given.kind(),
-            expected: TensorSpec {
-                name: String::new(),
-                element,
-                shape: expected,
-            }
-            .kind(),
+            reference: reference.to_owned().into(),
+            given: given.kind().into(),
+            expected: kind(element, &expected).into(),
             width: plan.size.0,
             height: plan.size.1,
         })
@@ -372,7 +366,7 @@ fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
         .find(|stage| stage.outputs.contains(&plan.depth))
     {
         Some(stage) if stage.every != 1 => Err(WiringError::DepthSkipped {
-            stage: stage.name.clone(),
+            stage: stage.name.clone().into(),
             every: stage.every,
         }),
         _ => Ok(()),
@@ -383,12 +377,7 @@ impl Contract {
     fn image_kind(self) -> String {
         match self {
             Self::Nunet => "uint8 [1, H, W, 3]".to_owned(),
-            Self::Foreign { element, image, .. } => TensorSpec {
-                name: String::new(),
-                element,
-                shape: image.to_vec(),
-            }
-            .kind(),
+            Self::Foreign { element, image, .. } => kind(element, &image),
         }
     }
 }
