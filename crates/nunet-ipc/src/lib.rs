@@ -31,6 +31,7 @@ pub mod frame;
 pub mod header;
 mod layout;
 pub mod loan;
+mod mend;
 pub mod name;
 mod node;
 pub mod orphans;
