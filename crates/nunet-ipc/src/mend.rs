@@ -108,9 +108,9 @@ pub(crate) fn dead_processes() -> Vec<u32> {
     let listed = Node::<Iceoryx>::list(config(), |state| {
         let pid = pid_of(state.node_id().value());
         if matches!(state, NodeState::Dead(_)) {
-            dead.push(pid)
+            dead.push(pid);
         } else {
-            alive.push(pid)
+            alive.push(pid);
         }
         CallbackProgression::Continue
     });

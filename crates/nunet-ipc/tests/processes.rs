@@ -1,5 +1,10 @@
 //! Owners and readers in processes of their own: the same memory, and what is left when they are killed.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test may stop at the first thing that is wrong"
+)]
+
 mod support;
 
 use std::path::PathBuf;
