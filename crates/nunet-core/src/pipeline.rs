@@ -2,13 +2,14 @@
 
 use std::num::NonZeroU32;
 
-use crate::camera::{Camera, Intrinsics};
+use crate::camera::{Camera, CameraError, Intrinsics, RayTable};
 use crate::clock::Clock;
-use crate::cloud::CloudPoint;
-use crate::depth::{ScaleSource, Units};
+use crate::cloud::{CloudError, CloudPoint, cloud_size, organised_cloud};
+use crate::depth::{Scale, ScaleSource, Units};
 use crate::frame::ImageView;
-use crate::graph::{GraphError, Quality, SerialGraph, StageTimes};
-use crate::model::{SelfTestMismatch, SelfTestReport};
+use crate::graph::{GraphError, GraphInput, GraphOutputs, Quality, SerialGraph, StageTimes};
+use crate::model::{ModelDescription, SelfTestGrid, SelfTestMismatch, SelfTestReport, selftest};
+use crate::preprocess::{Preprocessor, TensorFormat};
 
 /// What to do about the focal length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -72,8 +73,39 @@ pub struct FrameReport {
 }
 
 /// A graph with everything around it.
+///
+/// # Example: depth and labels of one picture
+/// ```no_run
+/// use nunet_core::frame::{ImageView, PixelFormat};
+/// use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
+/// use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let runtime = Runtime::load("libonnxruntime.so".as_ref())?;
+/// let graph = SerialGraph::load("wnet_c.onnx".as_ref(), &runtime, &GraphOptions::default())?;
+/// let mut pipeline = Pipeline::new(graph, PipelineOptions::default())?;
+/// let clock = || 0; // a real one where the times matter
+/// pipeline.selftest(&clock)?;
+///
+/// let (width, height) = pipeline.size();
+/// let pixels = width as usize * height as usize;
+/// let (mut depth_m, mut labels) = (vec![0.0; pixels], vec![0; pixels]);
+/// let bytes = vec![0; 640 * 480 * 3];
+/// let frame = ImageView::packed(&bytes, 640, 480, PixelFormat::Rgb8)?;
+/// let outputs = Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), cloud: None };
+/// let report = pipeline.process(&frame, outputs, &clock)?;
+/// println!("{} of {pixels} pixels without depth", report.invalid_pixels);
+/// # Ok(())
+/// # }
+/// ```
 pub struct Pipeline {
+    preprocessor: Preprocessor,
+    input: Input,
     graph: SerialGraph,
+    scale: Scale,
+    lens: Option<Lens>,
+    cloud_stride: NonZeroU32,
+    stage_names: Vec<String>,
 }
 
 impl Pipeline {
@@ -82,8 +114,22 @@ impl Pipeline {
     /// # Errors
     /// A camera that cannot be scaled to the network's size.
     pub fn new(graph: SerialGraph, options: PipelineOptions) -> Result<Self, PipelineError> {
-        let _ = (&graph, options);
-        todo!()
+        let (width, height) = graph.size();
+        let lens = options
+            .camera
+            .map(|camera| Lens::new(&camera, graph.size()))
+            .transpose()?;
+        let inner = graph.stages().iter().map(|stage| stage.name.as_str());
+        let names = ["preprocess"].into_iter().chain(inner).chain(["decode", "cloud"]);
+        Ok(Self {
+            preprocessor: Preprocessor::new(width, height),
+            input: Input::new(&graph),
+            scale: scale(graph.description(), options.focal, width, lens.as_ref()),
+            lens,
+            cloud_stride: options.cloud_stride,
+            stage_names: names.map(str::to_owned).collect(),
+            graph,
+        })
     }
 
     /// The graph inside.
@@ -101,26 +147,77 @@ impl Pipeline {
     /// Width and height of the cloud; `None` without a camera.
     #[must_use]
     pub fn cloud_size(&self) -> Option<(u32, u32)> {
-        todo!()
+        let (width, height) = self.size();
+        self.lens
+            .as_ref()
+            .map(|_| cloud_size(width, height, self.cloud_stride))
+    }
+
+    /// The unit of the depth map and where its scale comes from, the same for every frame.
+    #[must_use]
+    pub fn scale(&self) -> Scale {
+        self.scale
     }
 
     /// `preprocess`, the graph's stages, `decode`, `cloud`.
     #[must_use]
     pub fn stage_names(&self) -> &[String] {
-        todo!()
+        &self.stage_names
     }
 
     /// Takes one frame from camera bytes to depth, labels and cloud.
     ///
+    /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
+    ///
     /// # Errors
-    /// Buffers of another length than the network's size asks for, and what ONNX Runtime reports.
+    /// Buffers of another length than the network's size asks for, a cloud without a camera, and what ONNX Runtime
+    /// reports.
     pub fn process(
         &mut self,
         frame: &ImageView<'_>,
         outputs: Outputs<'_>,
         clock: &dyn Clock,
     ) -> Result<FrameReport, PipelineError> {
-        todo!("{frame:?} {outputs:?} {}", clock.nanos())
+        let Outputs {
+            depth_m,
+            mut labels,
+            cloud,
+        } = outputs;
+        let mut stages = StageTimes::default();
+
+        let start = clock.nanos();
+        let picture = self.preprocessor.prepare(frame);
+        let (input, bytes_filled) = self.input.of(picture.rgb);
+        stages.push(start, clock.nanos());
+
+        let results = GraphOutputs {
+            depth: depth_m,
+            labels: labels.as_deref_mut(),
+        };
+        let run = self.graph.run(input, results, clock)?;
+        stages.extend(&run.stages);
+
+        let start = clock.nanos();
+        let invalid_pixels = decode(self.graph.description(), depth_m, self.scale.focal_factor);
+        let decoded = clock.nanos();
+        stages.push(start, decoded);
+
+        if let Some(points) = cloud {
+            let rays = &self.lens.as_ref().ok_or(PipelineError::NoCamera)?.rays;
+            let labels = labels.as_deref().or_else(|| self.graph.labels());
+            organised_cloud(depth_m, rays, picture.rgb, labels, self.cloud_stride, points)?;
+        }
+        stages.push(decoded, clock.nanos());
+
+        Ok(FrameReport {
+            stages,
+            quality: run.quality,
+            units: self.scale.units,
+            scale_source: self.scale.source,
+            bytes_copied: picture.bytes_copied + bytes_filled + run.bytes_copied,
+            invalid_pixels,
+            intrinsics: self.lens.as_ref().map(|lens| lens.intrinsics),
+        })
     }
 
     /// Runs the self-test picture and compares the answer with the one that the model carries. Doubles as warm-up.
@@ -128,7 +225,101 @@ impl Pipeline {
     /// # Errors
     /// An answer that differs by more than the tolerance, and what ONNX Runtime reports.
     pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
-        todo!("{}", clock.nanos())
+        let (width, height) = self.size();
+        let pixels = width as usize * height as usize;
+        let (mut depth, mut labels) = (
+            vec![0.0; pixels],
+            self.graph.has_labels().then(|| vec![0; pixels]),
+        );
+        let picture = selftest::picture(width, height);
+
+        self.graph.reset();
+        let (input, _) = self.input.of(&picture);
+        self.graph.run(
+            input,
+            GraphOutputs {
+                depth: &mut depth,
+                labels: labels.as_deref_mut(),
+            },
+            clock,
+        )?;
+        self.graph.reset();
+
+        decode(self.graph.description(), &mut depth, 1.0);
+        match &self.graph.description().selftest {
+            Some(expected) => {
+                Ok(expected.compare(&SelfTestGrid::of(&depth, labels.as_deref(), width, height))?)
+            }
+            None => Ok(SelfTestReport::UNCHECKED),
+        }
+    }
+}
+
+/// The network's numbers to depth, in place; how many pixels are no measurement.
+fn decode(description: &ModelDescription, depth: &mut [f32], focal_factor: f32) -> u32 {
+    description
+        .encoding
+        .decode(depth, description.range, focal_factor)
+}
+
+/// The scale of all frames. Both focal lengths are compared at the network's width.
+fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: Option<&Lens>) -> Scale {
+    let training_fx_px = description
+        .camera
+        .map(|camera| camera.fx * f64::from(width) / f64::from(camera.width));
+    match focal {
+        Focal::Off => Scale::unscaled(description.encoding),
+        Focal::Auto => Scale::from_focal_lengths(
+            description.encoding,
+            training_fx_px,
+            lens.map(|lens| lens.intrinsics.fx_px),
+        ),
+    }
+}
+
+/// The camera at the network's size.
+struct Lens {
+    intrinsics: Intrinsics,
+    rays: RayTable,
+}
+
+impl Lens {
+    fn new(camera: &Camera, (width, height): (u32, u32)) -> Result<Self, CameraError> {
+        let camera = camera.scaled_to(width, height)?;
+        Ok(Self {
+            intrinsics: camera.intrinsics,
+            rays: RayTable::new(&camera),
+        })
+    }
+}
+
+/// The picture as the graph wants it: as it is, or as a foreign network's tensor in memory kept for it.
+enum Input {
+    Rgb,
+    Float { format: TensorFormat, tensor: Vec<f32> },
+}
+
+impl Input {
+    fn new(graph: &SerialGraph) -> Self {
+        let (width, height) = graph.size();
+        match graph.float_input() {
+            None => Self::Rgb,
+            Some(&format) => Self::Float {
+                format,
+                tensor: vec![0.0; 3 * width as usize * height as usize],
+            },
+        }
+    }
+
+    /// The graph's input for a picture of its size, and the bytes written to make it.
+    fn of<'a>(&'a mut self, rgb: &'a [u8]) -> (GraphInput<'a>, u64) {
+        match self {
+            Self::Rgb => (GraphInput::Rgb(rgb), 0),
+            Self::Float { format, tensor } => {
+                format.fill(rgb, tensor);
+                (GraphInput::Float(tensor), size_of_val(&tensor[..]) as u64)
+            }
+        }
     }
 }
 
@@ -139,6 +330,15 @@ pub enum PipelineError {
     /// The graph did not run.
     #[error(transparent)]
     Graph(#[from] GraphError),
+    /// The camera does not go with the network's size.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The cloud's buffers do not fit.
+    #[error(transparent)]
+    Cloud(#[from] CloudError),
+    /// A cloud was asked of a pipeline without a camera.
+    #[error("a cloud needs to know the camera\nhint: give its intrinsics")]
+    NoCamera,
     /// The model computes something else here than where it was exported.
     #[error("the model gives other numbers on this machine than when it was exported")]
     SelfTest(#[from] SelfTestMismatch),

@@ -69,6 +69,14 @@ impl Engine {
 
 /// Builds the pipeline around a graph and tests it: no frame before the numbers are right.
 pub(crate) fn tested_pipeline(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<Pipeline> {
+    let path = loaded.path.clone();
+    let (pipeline, report) = tested(loaded, optics)?;
+    say_what_is_loaded(&path, &pipeline, &report);
+    Ok(pipeline)
+}
+
+/// The same without a word, and what the test found.
+pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pipeline, SelfTestReport)> {
     let path = loaded.path;
     let options = PipelineOptions {
         camera: None,
@@ -81,8 +89,7 @@ pub(crate) fn tested_pipeline(loaded: Loaded, optics: &CameraArgs) -> anyhow::Re
     let mut pipeline = Pipeline::new(loaded.graph, options)?;
     let report =
         pipeline.selftest(&MonotonicClock).with_context(|| format!("`{}` is refused", path.display()))?;
-    say_what_is_loaded(&path, &pipeline, &report);
-    Ok(pipeline)
+    Ok((pipeline, report))
 }
 
 fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport) {

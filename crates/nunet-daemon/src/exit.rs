@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use nunet_ipc::CameraName;
+
 /// How a verb ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
@@ -15,6 +17,11 @@ pub enum Outcome {
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct BadArguments(pub(crate) String);
+
+/// A camera's name as the user wrote it.
+pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
+    CameraName::new(name).map_err(|error| BadArguments(error.to_string()))
+}
 
 const FAILURE: u8 = 1;
 const BAD_ARGUMENTS: u8 = 2;

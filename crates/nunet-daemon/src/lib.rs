@@ -3,6 +3,7 @@
 //! The way in is [`main`]: arguments -> [`cli`] -> one of the [`verbs`]. A stream of frames runs through
 //! [`source`] -> [`stream`] -> [`sink`].
 
+mod buffers;
 pub mod cli;
 mod engine;
 mod exit;

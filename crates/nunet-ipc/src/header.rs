@@ -83,8 +83,8 @@ contract_struct! {
         pub invalid_pixels: u64,
         /// The name of the camera's coordinate frame, UTF-8, zeros behind it.
         pub frame_id: [u8; 64],
-        /// Zero; room for later fields.
-        reserved: [u8; 616],
+        /// Zero; room for later fields. Public only so that `..Default::default()` works.
+        pub reserved: [u8; 616],
     }
 }
 

@@ -1,5 +1,31 @@
-//! The shared-memory contract of `nunetd`.
+//! The shared-memory contract of `nunetd`: what a frame looks like, and how it gets from its owner to its readers.
+//!
+//! A camera is a handful of iceoryx2 services, `nunet/CAMERA/TOPIC`, each with one owner and some readers, and an
+//! event, `nunet/CAMERA/wake`. A message is a [`FrameHeader`] of 1024 bytes and a payload aligned to 64 bytes. The
+//! owner ([`Publisher`]) fills both in place, readers ([`Reader`]) look at the same memory: nothing is copied.
+//!
+//! This crate is a leaf with plain-data types: a program that only reads depth needs nothing else of nunet.
+//!
+//! Read it in this order:
+//!
+//! | module | what |
+//! |--------|------|
+//! | [`header`], [`vocabulary`], [`block`], [`plain`], [`stats`] | the bytes of a message |
+//! | [`contract`] | the same as tables, for other languages |
+//! | [`name`], [`plan`] | a camera's name, and how much memory it needs |
+//! | [`publisher`], [`loan`] | the owner's side |
+//! | [`reader`], [`frame`] | the reader's side |
+//! | [`orphans`] | what killed processes left behind |
+//!
+//! # Promises
+//! - The owner never waits for a reader; a reader never waits for another one. The newest frame wins.
+//! - The last frame reaches a reader that comes late ([`Publisher::refresh`]).
+//! - Memory is computed, checked, reserved and touched before the first frame ([`plan`]).
+//! - A frame's memory stays as it is for as long as its [`Frame`] lives.
+//! - After the first frames, loan, publish and receive do not allocate on the heap.
+
 pub mod block;
+pub mod contract;
 pub mod error;
 pub mod frame;
 pub mod header;
@@ -7,6 +33,7 @@ mod layout;
 pub mod loan;
 pub mod name;
 mod node;
+pub mod orphans;
 pub mod plain;
 pub mod plan;
 pub mod publisher;

@@ -231,24 +231,25 @@ mod tests {
     #[test]
     fn the_table_in_the_documentation_is_true() {
         let reservation = Reservation::new(&vga(), &Limits::default());
-        let table = include_str!("plan.rs");
+        let rows: Vec<String> = include_str!("plan.rs")
+            .lines()
+            .filter(|line| line.starts_with("//! | "))
+            .map(|line| line[3..].replace(' ', ""))
+            .collect();
         for topic in &reservation.topics {
-            let payload = topic.plan.payload_bytes;
-            let row = table
-                .lines()
-                .find(|line| line.starts_with(&format!("//! | {} ", topic.plan.topic)))
-                .unwrap();
-            let cells: Vec<_> = row.split('|').map(|cell| cell.replace(' ', "")).collect();
-            assert_eq!(cells[2], payload.to_string(), "{row}");
-            assert_eq!(cells[3], topic.chunks.to_string(), "{row}");
-            assert_eq!(cells[4], format!("{:.1}MB", megabytes(topic.bytes)), "{row}");
+            let TopicPlan {
+                topic: name,
+                payload_bytes,
+            } = topic.plan;
+            let row = format!(
+                "|{name}|{payload_bytes}|{}|{:.1}MB|",
+                topic.chunks,
+                megabytes(topic.bytes)
+            );
+            assert!(rows.contains(&row), "{row} is not in {rows:?}");
         }
-        let sum =
-            format!("| {:>7.1} MB |", megabytes(reservation.total_bytes()).abs()).replace("    ", "   ");
-        assert!(
-            table.contains(sum.trim_start_matches("| ").trim_start()),
-            "the sum is {sum}"
-        );
+        let sum = format!("|all|||{:.1}MB|", megabytes(reservation.total_bytes()));
+        assert!(rows.contains(&sum), "{sum} is not in {rows:?}");
     }
 
     #[test]

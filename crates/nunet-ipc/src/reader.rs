@@ -6,6 +6,7 @@ use iceoryx2::node::Node;
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::listener::{Listener, ListenerCreateError};
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::prelude::EventActivation;
 use iceoryx2::service::port_factory::PortFactory;
 
 use crate::block::Block64;
@@ -19,6 +20,9 @@ use crate::vocabulary::{Topic, Wake};
 
 /// How often to look for services that are not there yet. There is nothing to wait on before they exist.
 const RETRY_PERIOD: Duration = Duration::from_millis(10);
+
+/// iceoryx2 hands the time to the socket in microseconds, and there 0 means for ever.
+const SHORTEST_SLEEP: Duration = Duration::from_micros(10);
 
 /// A reader of some of a camera's topics.
 ///
@@ -118,14 +122,19 @@ impl Reader {
     /// # Errors
     /// [`IpcError::Iceoryx`].
     pub fn wait(&self, timeout: Duration) -> Result<bool, IpcError> {
+        let failed = |cause| IpcError::iceoryx(format!("wait for camera `{}`", self.camera), cause);
         let deadline = Instant::now() + timeout;
         loop {
             let mut woken = false;
             let left = deadline.saturating_duration_since(Instant::now());
-            self.listener
-                .timed_wait(|event| woken |= self.cares_for(event.id.as_value()), left)
-                .map_err(|cause| IpcError::iceoryx(format!("wait for camera `{}`", self.camera), cause))?;
-            if woken || left.is_zero() {
+            let over = left < SHORTEST_SLEEP;
+            let note = |event: EventActivation| woken |= self.cares_for(event.id.as_value());
+            if over {
+                self.listener.try_wait(note).map_err(failed)?;
+            } else {
+                self.listener.timed_wait(note, left).map_err(failed)?;
+            }
+            if woken || over {
                 return Ok(woken);
             }
         }

@@ -64,8 +64,8 @@ contract_struct! {
         pub stage_max_us: [f64; MAX_STAGES],
         /// Each stage's mean.
         pub stage_mean_us: [f64; MAX_STAGES],
-        /// Zero; room for later fields.
-        reserved: [u8; 1168],
+        /// Zero; room for later fields. Public only so that `..Default::default()` works.
+        pub reserved: [u8; 1168],
     }
 }
 

@@ -5,11 +5,12 @@ import sys
 
 from nunet_models.errors import RecipeError
 from nunet_models.export import command as export_command
+from nunet_models.training import command as train_command
 
 EXIT_FAILURE = 1
 EXIT_INTERRUPTED = 130
 
-VERBS = (export_command,)
+VERBS = (train_command, export_command)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::graph::{ManifestError, Provider, WiringError};
+use crate::graph::{ElementType, ManifestError, Provider, WiringError};
 use crate::model::ModelError;
 
 /// What is wrong with a graph: its files, their wiring, or a run.
@@ -101,13 +101,23 @@ pub enum GraphError {
         /// Elements needed.
         expected: usize,
     },
-    /// The picture's element type is not the graph's.
-    #[error("the graph takes `{expected}` pictures, but was given `{got}`")]
-    InputType {
-        /// What the graph takes.
-        expected: crate::graph::ElementType,
-        /// What it was given.
-        got: crate::graph::ElementType,
+    /// A caller's buffer has another element type than the tensor.
+    #[error("the buffer for `{tensor}` holds {got}, but the graph has {expected}")]
+    ElementType {
+        /// `image`, `depth` or `labels`.
+        tensor: &'static str,
+        /// Given.
+        got: ElementType,
+        /// Needed.
+        expected: ElementType,
+    },
+    /// `every` for a stage that the graph does not have.
+    #[error("no stage is named `{stage}`; the stages are {stages}")]
+    UnknownStage {
+        /// What was asked for.
+        stage: String,
+        /// What there is.
+        stages: String,
     },
     /// Labels were asked of a graph that has none.
     #[error("the graph gives no labels")]

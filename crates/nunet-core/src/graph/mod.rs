@@ -1,9 +1,10 @@
 //! The serial graph: N components in series, from a picture to depth, labels, and what lies between them.
 //!
-//! Read in this order: [`manifest`](Manifest) (what a user wrote) -> [`wiring`](WiringError) (proof that the stages
-//! fit) -> [`serial`](SerialGraph) (the run). Only the folder `onnx/` knows ONNX Runtime.
+//! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (proof that the stages
+//! fit) -> [`serial`] (the run). Only the folder [`onnx`] knows ONNX Runtime.
 
 mod error;
+mod load;
 mod manifest;
 mod onnx;
 mod serial;

@@ -1,12 +1,21 @@
 //! What a model file says of itself: metadata, or a sidecar for foreign networks -> a checked description.
 
 mod error;
-mod selftest;
+mod metadata;
+pub mod selftest;
+mod sidecar;
 
 use crate::depth::{DepthRange, Encoding};
 
 pub use error::ModelError;
+pub use metadata::METADATA_KEYS;
 pub use selftest::{SelfTest, SelfTestGrid, SelfTestMismatch, SelfTestReport, Tolerance};
+pub use sidecar::Sidecar;
+
+/// The range of a network that names none.
+fn unlimited() -> DepthRange {
+    DepthRange::new(0.0, f32::MAX).expect("0 is not negative and below the largest number")
+}
 
 /// What a model file says of itself, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +69,6 @@ pub struct Component {
 
 /// The camera of the training pictures.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, serde::Serialize)]
-#[serde(deny_unknown_fields)]
 pub struct TrainingCamera {
     /// Pixels from left to right.
     pub width: u32,

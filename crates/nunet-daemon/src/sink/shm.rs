@@ -14,7 +14,7 @@ use super::words;
 use crate::cli::Publish;
 use crate::source::Frame;
 use crate::stream::{Counts, Totals, stage_names};
-use crate::telemetry::{Latencies, MonotonicClock};
+use crate::telemetry::{Latencies, MonotonicClock, monotonic_nanos};
 
 /// How often percentiles are computed anew; the ledger is of every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
@@ -163,7 +163,7 @@ impl Outlet {
         header.sequence = frame.sequence;
         header.capture_nanos = frame.capture.nanos;
         header.capture_unix_nanos = frame.capture.unix_nanos;
-        header.set_capture_clock(words::clock(frame.capture.clock));
+        header.set_capture_clock(frame.capture.clock);
         header.set_units(words::units(report.units));
         header.set_scale_source(words::scale_source(report.scale_source));
         header.set_quality(words::quality(report.quality));
@@ -179,14 +179,14 @@ impl Outlet {
         (header.width, header.height) = (width, height);
         header.row_stride_bytes = width * words::bytes_per_cell(encoding);
         if let Some(camera) = camera {
-            (header.fx, header.fy, header.cx, header.cy) =
-                (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px);
+            words::set_intrinsics(&mut header, camera);
         }
         header
     }
 }
 
-fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> {
+/// The topics of a pipeline's results.
+pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> {
     let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
     let (size, points) = (pixels(pipeline.size()), pixels(pipeline.cloud_size()));
     let labels = publish.contains(&Publish::Labels) && pipeline.graph().has_labels();
@@ -203,7 +203,7 @@ fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> {
 
 fn send(mut loan: Loan, header: FrameHeader) -> anyhow::Result<()> {
     *loan.header_mut() = header;
-    loan.publish(i64::try_from(MonotonicClock.nanos()).unwrap_or(i64::MAX))?;
+    loan.publish(monotonic_nanos())?;
     Ok(())
 }
 

@@ -1,27 +1,10 @@
 //! The pipeline's words as the contract's.
 
+use nunet_core::camera::Intrinsics;
 use nunet_core::depth;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph;
-use nunet_ipc::{Clock, Encoding, Quality, ScaleSource, Units};
-
-use crate::source::CaptureClock;
-
-pub(crate) fn clock(clock: CaptureClock) -> Clock {
-    match clock {
-        CaptureClock::Monotonic => Clock::Monotonic,
-        CaptureClock::Unix => Clock::Unix,
-        CaptureClock::Media => Clock::Media,
-    }
-}
-
-pub(crate) fn capture_clock(clock: Clock) -> CaptureClock {
-    match clock {
-        Clock::Monotonic => CaptureClock::Monotonic,
-        Clock::Unix => CaptureClock::Unix,
-        Clock::Media => CaptureClock::Media,
-    }
-}
+use nunet_ipc::{Encoding, FrameHeader, Quality, ScaleSource, Units};
 
 pub(crate) fn units(units: depth::Units) -> Units {
     match units {
@@ -71,4 +54,9 @@ pub(crate) fn bytes_per_cell(encoding: Encoding) -> u32 {
         Encoding::Points => 16,
         _ => 0,
     }
+}
+
+/// The camera of a message, at the message's size.
+pub(crate) fn set_intrinsics(header: &mut FrameHeader, camera: Intrinsics) {
+    (header.fx, header.fy, header.cx, header.cy) = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px);
 }

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
-use nunet_core::clock::Clock as _;
+use nunet_ipc::Clock;
 
-use super::{Capture, CaptureClock, Fill, Frame, Source};
+use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
-use crate::telemetry::{MonotonicClock, unix_nanos};
+use crate::telemetry::{monotonic_nanos, unix_nanos};
 
 /// The longest side of a picture that is decoded, pixels.
 const MAX_SIDE_PX: u32 = 16_384;
@@ -45,8 +45,8 @@ impl Source for Files {
         if let Err(error) = decode(path, frame) {
             return Fill::Failed(error.context(format!("cannot read the picture `{}`", path.display())));
         }
-        let nanos = i64::try_from(MonotonicClock.nanos()).unwrap_or(i64::MAX);
-        frame.capture = Capture { nanos, clock: CaptureClock::Monotonic, unix_nanos: unix_nanos() };
+        let nanos = monotonic_nanos();
+        frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
         frame.camera = None;
         Fill::Frame
     }

@@ -2,30 +2,26 @@
 
 use nunet_core::camera::Camera;
 use nunet_core::frame::{FrameError, ImageView, PixelFormat};
+use nunet_ipc::Clock;
 
 use crate::stream::Reuse;
 
-/// Which clock a capture time was read from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum CaptureClock {
-    /// `CLOCK_MONOTONIC` of this machine.
-    #[default]
-    Monotonic,
-    /// Nanoseconds since 1970.
-    Unix,
-    /// Position within a recording or a rendered scene.
-    Media,
-}
-
 /// When a frame was taken.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct Capture {
     /// Nanoseconds of `clock`.
     pub nanos: i64,
     /// The frame's own clock.
-    pub clock: CaptureClock,
+    pub clock: Clock,
     /// Nanoseconds since 1970, for everything that ROS reads.
     pub unix_nanos: i64,
+}
+
+impl Default for Capture {
+    /// Nobody knows when.
+    fn default() -> Self {
+        Self { nanos: 0, clock: Clock::Monotonic, unix_nanos: 0 }
+    }
 }
 
 /// A picture's bytes: our own, or a view into another process' shared memory.

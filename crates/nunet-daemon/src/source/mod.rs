@@ -5,12 +5,13 @@ pub mod demo;
 mod files;
 mod frame;
 mod rate;
+mod scene;
 mod shm;
 
 use std::path::PathBuf;
 
 pub(crate) use files::decode;
-pub use frame::{Capture, CaptureClock, Frame, Pixels};
+pub use frame::{Capture, Frame, Pixels};
 pub use rate::{Pacer, Rate};
 
 /// What happened when a source was asked for a frame.
@@ -80,7 +81,7 @@ impl Kind {
 /// Nothing of that name, no pictures in a folder, a glob that is none.
 pub fn open(kind: &Kind, repeat: bool) -> anyhow::Result<Box<dyn Source>> {
     Ok(match kind {
-        Kind::Demo => Box::new(demo::DemoSource::default()),
+        Kind::Demo => Box::new(scene::Scene::default()),
         Kind::Files(pattern) => Box::new(files::Files::open(pattern, repeat)?),
         Kind::SharedMemory(camera) => Box::new(shm::SharedMemory::open(camera)?),
     })

@@ -3,10 +3,11 @@
 use std::time::{Duration, Instant};
 
 use nunet_core::camera::{Camera, CameraError, Intrinsics};
-use nunet_ipc::{CameraName, FrameHeader, IpcError, Reader, Topic};
+use nunet_ipc::{CameraName, Clock, FrameHeader, IpcError, Reader, Topic};
 use tracing::{info, warn};
 
 use super::{Capture, Fill, Frame, Pixels, Source};
+use crate::exit::camera_name;
 use crate::sink::words;
 
 /// How long one call may wait, so that a stop is seen.
@@ -25,7 +26,7 @@ pub(super) struct SharedMemory {
 
 impl SharedMemory {
     pub(super) fn open(camera: &str) -> anyhow::Result<Self> {
-        let camera = CameraName::new(camera).map_err(|error| crate::exit::BadArguments(error.to_string()))?;
+        let camera = camera_name(camera)?;
         Ok(Self { camera, reader: None, last_sign: None, bad_camera: false })
     }
 
@@ -77,7 +78,7 @@ impl SharedMemory {
         frame.row_stride = header.row_stride_bytes;
         frame.capture = Capture {
             nanos: header.capture_nanos,
-            clock: header.capture_clock().map(words::capture_clock).unwrap_or_default(),
+            clock: header.capture_clock().unwrap_or(Clock::Monotonic),
             unix_nanos: header.capture_unix_nanos,
         };
         frame.camera = self.camera_of(header);

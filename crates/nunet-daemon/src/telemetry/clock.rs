@@ -22,3 +22,8 @@ pub fn unix_nanos() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
+
+/// `CLOCK_MONOTONIC` as the shared-memory contract counts it.
+pub fn monotonic_nanos() -> i64 {
+    i64::try_from(MonotonicClock.nanos()).unwrap_or(i64::MAX)
+}

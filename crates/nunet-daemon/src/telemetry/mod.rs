@@ -6,6 +6,6 @@ mod latency;
 mod log;
 
 pub use allocations::{CountingAllocator, allocations_of_this_thread};
-pub use clock::{MonotonicClock, unix_nanos};
+pub use clock::{MonotonicClock, monotonic_nanos, unix_nanos};
 pub use latency::{Latencies, Summary};
 pub(crate) use log::start_logging;

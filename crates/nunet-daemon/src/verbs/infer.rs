@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use nunet_core::clock::Clock as _;
-use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::Units;
-use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
+use nunet_core::pipeline::{FrameReport, Pipeline};
 use tracing::{error, info};
 
 use crate::Outcome;
+use crate::buffers::Buffers;
 use crate::cli::InferArgs;
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::BadArguments;
@@ -77,32 +77,18 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
     Ok(folders)
 }
 
-/// The pipeline with buffers of its own.
+/// The pipeline and everything around one picture after the other.
 struct Work {
     pipeline: Pipeline,
     optics: Optics,
     model: ModelName,
     frame: Frame,
-    depth: Vec<f32>,
-    labels: Vec<u8>,
-    cloud: Vec<CloudPoint>,
+    buffers: Buffers,
 }
 
 impl Work {
     fn new(pipeline: Pipeline, optics: Optics, model: ModelName) -> Self {
-        let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
-        let points = pixels(pipeline.cloud_size());
-        let size = pixels(pipeline.size());
-        let labels = if pipeline.graph().has_labels() { size } else { 0 };
-        Self {
-            pipeline,
-            optics,
-            model,
-            frame: Frame::default(),
-            depth: vec![0.0; size],
-            labels: vec![0; labels],
-            cloud: vec![CloudPoint::NONE; points],
-        }
+        Self { buffers: Buffers::new(&pipeline), pipeline, optics, model, frame: Frame::default() }
     }
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
@@ -112,12 +98,7 @@ impl Work {
         if let Change::To(camera) = self.optics.follow(&self.frame)? {
             self.pipeline.set_camera(camera)?;
         }
-        let outputs = Outputs {
-            depth_m: &mut self.depth,
-            labels: Some(self.labels.as_mut_slice()).filter(|labels| !labels.is_empty()),
-            cloud: Some(&mut self.cloud),
-        };
-        let report = self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;
+        let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();
         files::write(folder, &self.results(&report))?;
         let stats = self.stats(image, &report, [start_nanos, ready_nanos, done_nanos]);
@@ -127,10 +108,10 @@ impl Work {
     fn results(&self, report: &FrameReport) -> Results<'_> {
         Results {
             size: self.pipeline.size(),
-            depth: &self.depth,
+            depth: self.buffers.depth(),
             metric: report.units == Units::Metre,
-            labels: Some(self.labels.as_slice()).filter(|labels| !labels.is_empty()),
-            cloud: Some(&self.cloud),
+            labels: self.buffers.labels(),
+            cloud: Some(self.buffers.cloud()),
         }
     }
 

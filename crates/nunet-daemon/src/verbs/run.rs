@@ -1,10 +1,12 @@
 //! `nunetd run`: a source of frames becomes depth in shared memory.
 
+use nunet_ipc::Limits;
 use tracing::{info, warn};
 
 use crate::Outcome;
 use crate::cli::RunArgs;
 use crate::engine::{Engine, tested_pipeline};
+use crate::exit::camera_name;
 use crate::sink::collect::Collector;
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, write_json};
@@ -16,7 +18,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     let kind = source_kind(arguments.source.as_deref());
     let source = source::open(&kind, arguments.pace.repeat)?;
-    let camera = arguments.camera.unwrap_or_else(|| kind.default_camera().to_owned());
+    let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
 
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &arguments.every)?;
@@ -28,6 +30,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
         camera: &camera,
         frame_id: arguments.frame_id.as_deref(),
         publish: &arguments.publish,
+        limits: Limits::default(),
         model: &model.name,
     };
     let outlet = Outlet::open(&pipeline, &options)?;
@@ -39,7 +42,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     if let Some(collector) = collector {
         collector.write(&remains.outlet)?;
     }
-    let stats = Stats::new(camera, model, provider, counts, &remains.totals, &remains.latencies);
+    let stats = Stats::new(camera.to_string(), model, provider, counts, &remains.totals, &remains.latencies);
     if let Some(path) = &arguments.stats_json {
         write_json(path, &stats)?;
     }

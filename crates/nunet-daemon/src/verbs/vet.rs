@@ -1,6 +1,6 @@
 //! `nunetd vet`: what the child process does with a model that is not trusted yet.
 
-use crate::cli::{CameraArgs, FocalArg, VetArgs};
+use crate::cli::{CameraArgs, VetArgs};
 use crate::engine::{Engine, tested_pipeline};
 use crate::{Outcome, vetting};
 

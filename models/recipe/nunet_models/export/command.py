@@ -31,7 +31,9 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--out", type=Path, help="NAME.onnx for one file, NAME.toml for stages")
     parser.add_argument("--backbone", default="efficientnet_lite0")
-    parser.add_argument("--seed", type=int, default=0, help="of random weights (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of random weights (default %(default)s)"
+    )
     parser.set_defaults(run=run)
 
 

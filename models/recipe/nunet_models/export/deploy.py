@@ -53,9 +53,7 @@ class FromInner(nn.Module):
         depth = decode_depth(raw, self.spec)
         if self.spec.downsampling == (1, 1):
             return depth
-        return F.interpolate(
-            depth, size=self.spec.input_size, mode="bilinear", align_corners=False
-        )
+        return F.interpolate(depth, size=self.spec.input_size, mode="bilinear", align_corners=False)
 
     def labels(self, logits: torch.Tensor) -> torch.Tensor:
         """Logits `[1, C, h, w]` to labels, uint8 `[1, H, W]`.

@@ -69,15 +69,22 @@ def library_name(backbone: str) -> str:
 
 
 def build_unet(
-    backbone: str, *, in_channels: int, out_channels: int, decoder_channels: tuple[int, ...]
+    backbone: str,
+    *,
+    in_channels: int,
+    out_channels: int,
+    decoder_channels: tuple[int, ...],
+    drop_path: float = 0.0,
 ) -> smp.Unet:
     """A U-Net with random weights and a linear head: `[B, in, h, w]` to `[B, out, h, w]`.
 
-    h and w must be multiples of 32, else the library's decoder crops silently at odd maps.
+    `drop_path` is for timm's backbones (Huang et al., "Deep networks with stochastic depth",
+    2016); segmentation_models_pytorch's own know none and refuse it.
     """
     return smp.Unet(
         library_name(backbone),
         encoder_weights=None,
+        drop_path_rate=drop_path or None,
         in_channels=in_channels,
         classes=out_channels,
         decoder_channels=decoder_channels,

@@ -21,6 +21,7 @@ class Component(nn.Module):
             in_channels=in_channels,
             out_channels=out_channels,
             decoder_channels=spec.decoder_channels,
+            drop_path=spec.drop_path,
         )
         self.dropout = nn.Dropout2d(spec.dropout) if spec.dropout else nn.Identity()
 

@@ -20,7 +20,8 @@ class ComponentSpec:
     """One U-Net of a serial graph.
 
     `connected` says whether it sees the image; the first component always does. `sigmoid_joint`
-    keeps a final sigmoid on what the next component reads, as in the paper's code.
+    keeps a final sigmoid on what the next component reads, as in the paper's code. `dropout` (of
+    whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
     """
 
     name: str
@@ -29,6 +30,7 @@ class ComponentSpec:
     connected: bool = True
     decoder_channels: tuple[int, ...] = LITE_DECODER
     dropout: float = 0.0
+    drop_path: float = 0.0
     sigmoid_joint: bool = False
 
 
@@ -67,7 +69,9 @@ class GraphSpec:
         if not self.components:
             raise ConfigError(f"architecture `{self.architecture}` has no components")
         if self.components[-1].task != "depth":
-            raise ConfigError(f"the last component of `{self.architecture}` must be of task `depth`")
+            raise ConfigError(
+                f"the last component of `{self.architecture}` must be of task `depth`"
+            )
         for outer, inner in zip(self.input_size, self.inner_size, strict=True):
             if outer % inner:
                 raise ConfigError(

@@ -1,24 +1,70 @@
 //! The ONNX Runtime library: loaded by path, once for the life of the process.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ort::environment::Environment;
+use ort::logging::LogLevel;
+
+use super::library;
+
+/// The process's ONNX Runtime: ort allows one environment for the life of a process.
+static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
 
 /// A loaded ONNX Runtime. Clones are handles to the same one.
 #[derive(Clone)]
 pub struct Runtime {
     library: PathBuf,
     version: String,
+    environment: Environment,
 }
 
 impl Runtime {
     /// Loads the library at `library`, or gives another handle to it where it is loaded already.
     ///
     /// A process can have one ONNX Runtime for its life: the library cannot be unloaded while threads of its own run.
+    /// A load that fails leaves nothing behind, so that another path can be tried.
     ///
     /// # Errors
     /// A path that is missing or not a plain file, a file that is no shared library, a shared library that is not
     /// ONNX Runtime, one that is too old, and another one than the process has loaded before.
     pub fn load(library: &Path) -> Result<Self, RuntimeError> {
-        todo!("{}", library.display())
+        let library = plain_file(library)?;
+        let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*loaded {
+            Some(runtime) if runtime.library == library => Ok(runtime.clone()),
+            Some(runtime) => Err(RuntimeError::AnotherLoaded {
+                library,
+                loaded: runtime.library.clone(),
+            }),
+            None => Ok(loaded.insert(Self::start(library)?).clone()),
+        }
+    }
+
+    fn start(library: PathBuf) -> Result<Self, RuntimeError> {
+        let version = library::version(&library)?;
+        let failed = |reason: String| RuntimeError::Start {
+            library: library.clone(),
+            reason,
+        };
+        // ONNX Runtime writes to stderr by default; what matters of it comes back as an error as well.
+        let environment = ort::init_from(&library)
+            .map_err(|error| failed(error.to_string()))?
+            .with_name("nunet")
+            .with_telemetry(false)
+            .with_logger(Arc::new(|_, _, _, _, _| {}))
+            .build()
+            .map_err(|error| failed(error.to_string()))?;
+        environment.set_log_level(LogLevel::Error);
+        Ok(Self {
+            library,
+            version,
+            environment,
+        })
+    }
+
+    pub(super) fn environment(&self) -> &Environment {
+        &self.environment
     }
 
     /// Where the library lies, with links resolved.
@@ -31,6 +77,21 @@ impl Runtime {
     #[must_use]
     pub fn version(&self) -> &str {
         &self.version
+    }
+}
+
+/// `path` with links resolved, so that ort neither looks for it beside the executable nor waits for a pipe to open.
+fn plain_file(path: &Path) -> Result<PathBuf, RuntimeError> {
+    let missing = |source| RuntimeError::Missing {
+        library: path.to_owned(),
+        source,
+    };
+    let library = path.canonicalize().map_err(missing)?;
+    let is_file = library.metadata().map_err(missing)?.is_file();
+    if is_file {
+        Ok(library)
+    } else {
+        Err(RuntimeError::NotAFile { library })
     }
 }
 

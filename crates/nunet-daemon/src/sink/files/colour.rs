@@ -2,7 +2,7 @@
 //!
 //! The only place where depth is stretched between its own nearest and farthest point.
 
-use colorgrad::{BasisGradient, Gradient as _};
+use colorgrad::Gradient;
 use embedded_graphics::mono_font::MonoTextStyle;
 use embedded_graphics::mono_font::ascii::FONT_7X13;
 use embedded_graphics::pixelcolor::Rgb888;
@@ -39,7 +39,7 @@ pub fn depth_picture(results: &Results<'_>) -> RgbImage {
     picture
 }
 
-fn colour_of(gradient: &BasisGradient, depth: f32, near: f32, far: f32) -> Rgb<u8> {
+fn colour_of(gradient: &impl Gradient, depth: f32, near: f32, far: f32) -> Rgb<u8> {
     let share = ((depth - near) / (far - near).max(f32::EPSILON)).clamp(0.0, 1.0);
     let [r, g, b, _] = gradient.at(1.0 - share).to_rgba8();
     Rgb([r, g, b])
@@ -60,7 +60,7 @@ fn range(depth: &[f32]) -> (f32, f32) {
 
 fn draw_scale(
     picture: &mut RgbImage,
-    gradient: &BasisGradient,
+    gradient: &impl Gradient,
     left: u32,
     (near, far): (f32, f32),
     metric: bool,

@@ -1,0 +1,121 @@
+//! The whole contract as tables, for `nunetd contract --json` and for whoever checks another language against it.
+//!
+//! Everything here is taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
+
+use crate::block::{BLOCK_BYTES, BLOCK_TYPE_NAME};
+use crate::header::{FrameHeader, HEADER_TYPE_NAME};
+use crate::layout::Field;
+use crate::plain::Point;
+use crate::stats::{STATS_TYPE_NAME, StatsRecord};
+use crate::vocabulary::{Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, Wake};
+
+pub use crate::header::CONTRACT_VERSION;
+pub use crate::node::CONTRACT_ATTRIBUTE;
+
+/// A struct of the contract.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// The name under which other languages know it (iceoryx2's type name, where it has one).
+    pub type_name: &'static str,
+    /// Its size.
+    pub bytes: usize,
+    /// Its alignment.
+    pub alignment: usize,
+    /// Its fields; none for a block, which is bytes.
+    pub fields: &'static [Field],
+}
+
+/// The user header of every message.
+pub const HEADER: Layout = Layout {
+    type_name: HEADER_TYPE_NAME,
+    bytes: size_of::<FrameHeader>(),
+    alignment: align_of::<FrameHeader>(),
+    fields: FrameHeader::FIELDS,
+};
+
+/// The element of every payload's slice.
+pub const BLOCK: Layout = Layout {
+    type_name: BLOCK_TYPE_NAME,
+    bytes: BLOCK_BYTES,
+    alignment: BLOCK_BYTES,
+    fields: &[],
+};
+
+/// What lies in the payload of `stats`.
+pub const STATS: Layout = Layout {
+    type_name: STATS_TYPE_NAME,
+    bytes: size_of::<StatsRecord>(),
+    alignment: align_of::<StatsRecord>(),
+    fields: StatsRecord::FIELDS,
+};
+
+/// What lies in the payload of `cloud`, once for each pixel.
+pub const POINT: Layout = Layout {
+    type_name: "nunet.v1.Point",
+    bytes: size_of::<Point>(),
+    alignment: align_of::<Point>(),
+    fields: Point::FIELDS,
+};
+
+/// An enumeration's name, and its words with their numbers.
+pub type Enumeration = (&'static str, &'static [(&'static str, u32)]);
+
+/// Every enumeration of the header, and the ids of wake-up events.
+pub const ENUMS: &[Enumeration] = &[
+    (Topic::FIELD, Topic::NUMBERS),
+    (Encoding::FIELD, Encoding::NUMBERS),
+    (Units::FIELD, Units::NUMBERS),
+    (ScaleSource::FIELD, ScaleSource::NUMBERS),
+    (Clock::FIELD, Clock::NUMBERS),
+    (DistortionModel::FIELD, DistortionModel::NUMBERS),
+    (Quality::FIELD, Quality::NUMBERS),
+    (Wake::FIELD, Wake::NUMBERS),
+];
+
+/// Every service, with `CAMERA` standing for the camera's name: publish-subscribe, but for `wake`, an event.
+pub const SERVICES: &[&str] = &[
+    "nunet/CAMERA/rgb",
+    "nunet/CAMERA/depth",
+    "nunet/CAMERA/labels",
+    "nunet/CAMERA/cloud",
+    "nunet/CAMERA/scan",
+    "nunet/CAMERA/stats",
+    "nunet/CAMERA/wake",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::name::CameraName;
+
+    #[test]
+    fn the_services_are_those_that_the_code_opens() {
+        let camera = CameraName::new("CAMERA").unwrap();
+        let topics = Topic::ALL.iter().map(|topic| camera.service(*topic));
+        let opened: Vec<_> = topics.chain([camera.wake_service()]).collect();
+        assert_eq!(opened, SERVICES);
+    }
+
+    #[test]
+    fn every_word_of_the_header_is_an_enumeration_of_its_field() {
+        let fields = [
+            "topic",
+            "encoding",
+            "units",
+            "scale_source",
+            "capture_clock",
+            "distortion_model",
+            "quality",
+        ];
+        for field in fields {
+            assert!(
+                HEADER
+                    .fields
+                    .iter()
+                    .any(|found| found.name == field && found.kind == "u32"),
+                "{field}"
+            );
+            assert!(ENUMS.iter().any(|(name, _)| *name == field), "{field}");
+        }
+    }
+}

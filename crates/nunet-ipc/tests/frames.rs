@@ -1,0 +1,354 @@
+//! Owners and readers: who gets which frame, and what nobody can do to anybody else.
+
+mod support;
+
+use std::time::Duration;
+
+use nunet_ipc::{Frame, IpcError, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake};
+use support::{HEIGHT, PATIENCE, WIDTH, camera, eventually, owner, plan, publish_depth};
+
+const SHORT: Duration = Duration::from_millis(50);
+
+fn depth_reader(camera: &nunet_ipc::CameraName) -> Reader {
+    Reader::open(camera, &[Topic::Depth], PATIENCE).unwrap()
+}
+
+fn latest(reader: &Reader) -> Frame {
+    eventually("a frame", || reader.latest(Topic::Depth).unwrap())
+}
+
+#[test]
+fn a_published_frame_arrives_as_it_was_filled() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    publish_depth(&owner, 7);
+    let frame = latest(&reader);
+    assert_eq!(frame.header().sequence, 7);
+    assert_eq!(frame.depth().unwrap(), [7.0; WIDTH * HEIGHT]);
+    assert!(frame.bytes().as_ptr().addr().is_multiple_of(64));
+}
+
+#[test]
+fn frames_and_readers_can_move_to_another_thread() {
+    fn send<T: Send>() {}
+    send::<Frame>();
+    send::<Reader>();
+    send::<Publisher>();
+    send::<nunet_ipc::Loan>();
+}
+
+#[test]
+fn the_last_frame_reaches_a_late_joiner_though_the_source_stands_still() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    publish_depth(&owner, 1);
+    publish_depth(&owner, 2);
+    let reader = depth_reader(&camera);
+    owner.refresh().unwrap(); // as a timer would
+    assert_eq!(latest(&reader).header().sequence, 2);
+}
+
+#[test]
+fn a_slow_reader_gets_the_newest_frame_and_delays_nobody() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let (slow, fast) = (depth_reader(&camera), depth_reader(&camera));
+    for sequence in 0..1000 {
+        publish_depth(&owner, sequence);
+        owner.notify(Wake::Depth).unwrap(); // nor do wake-ups that nobody picks up block
+        assert_eq!(latest(&fast).header().sequence, sequence);
+    }
+    assert_eq!(latest(&slow).header().sequence, 999);
+    assert!(slow.latest(Topic::Depth).unwrap().is_none());
+}
+
+#[test]
+fn readers_that_never_give_frames_back_stop_neither_the_owner_nor_others() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let limits = Limits::default();
+    let mut hoarders = Vec::new();
+    for _ in 0..limits.max_readers - 1 {
+        hoarders.push((depth_reader(&camera), Vec::new()));
+    }
+    let honest = depth_reader(&camera);
+    for sequence in 0..100 {
+        publish_depth(&owner, sequence); // panics when there is no free chunk
+        for (reader, held) in &mut hoarders {
+            if held.len() < limits.max_held_frames && sequence % 3 == 0 {
+                held.push(latest(reader));
+            }
+        }
+        assert_eq!(latest(&honest).depth().unwrap()[0], sequence as f32);
+    }
+    for (reader, held) in &hoarders {
+        assert_eq!(held[0].depth().unwrap()[0], 0.0, "a held frame must not change");
+        assert_eq!(held[1].depth().unwrap()[0], 3.0, "a held frame must not change");
+        let error = reader.latest(Topic::Depth).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                IpcError::TooManyFramesHeld {
+                    topic: Topic::Depth,
+                    limit: 2
+                }
+            ),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn a_hoarder_goes_on_with_the_newest_frame_once_it_lets_go() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    let mut held = Vec::new();
+    for sequence in 0..5 {
+        publish_depth(&owner, sequence);
+        if let Ok(frame) = reader.latest(Topic::Depth) {
+            held.extend(frame);
+        }
+    }
+    held.remove(0);
+    assert_eq!(latest(&reader).header().sequence, 4);
+}
+
+#[test]
+fn a_second_owner_of_the_same_camera_is_refused_by_name() {
+    let camera = camera();
+    let first = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    let error = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
+    let expected = format!(
+        "camera `{camera}` is already published: topic `depth` belongs to process {}\n\
+         hint: stop it, or choose another camera name",
+        std::process::id()
+    );
+    assert_eq!(error.to_string(), expected);
+    publish_depth(&first, 1); // unharmed
+    assert_eq!(latest(&reader).header().sequence, 1);
+}
+
+#[test]
+fn a_camera_and_a_daemon_share_a_name_with_different_topics() {
+    let camera = camera();
+    let _camera_driver = owner(&camera, &[Topic::Rgb]);
+    let daemon = owner(&camera, &[Topic::Depth, Topic::Labels]);
+    assert!(matches!(
+        daemon.loan(Topic::Rgb),
+        Err(IpcError::NoSuchTopic {
+            topic: Topic::Rgb,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn a_reader_goes_on_with_the_next_owner_of_its_camera() {
+    let camera = camera();
+    let first = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    publish_depth(&first, 41);
+    assert_eq!(latest(&reader).header().sequence, 41);
+    assert!(reader.is_connected());
+    drop(first);
+    assert!(!reader.is_connected());
+    assert_eq!(reader.owner(Topic::Depth).unwrap(), None);
+    let second = owner(&camera, &[Topic::Depth]);
+    publish_depth(&second, 1);
+    assert_eq!(latest(&reader).header().sequence, 1);
+    assert!(reader.is_connected());
+}
+
+#[test]
+fn a_frame_outlives_its_reader_and_its_owner() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    publish_depth(&owner, 5);
+    let frame = latest(&reader);
+    drop(reader);
+    drop(owner);
+    assert_eq!(frame.depth().unwrap(), [5.0; WIDTH * HEIGHT]);
+}
+
+#[test]
+fn one_reader_more_than_planned_is_refused() {
+    let camera = camera();
+    let _owner = owner(&camera, &[Topic::Depth]);
+    let readers: Vec<_> = (0..Limits::default().max_readers)
+        .map(|_| depth_reader(&camera))
+        .collect();
+    let error = Reader::open(&camera, &[Topic::Depth], SHORT).unwrap_err();
+    assert!(
+        matches!(error, IpcError::TooManyReaders { limit: 4, .. }),
+        "{error}"
+    );
+    drop(readers);
+    depth_reader(&camera);
+}
+
+#[test]
+fn a_camera_that_nobody_publishes_is_an_error_after_the_timeout() {
+    let error = Reader::open(&camera(), &[Topic::Depth], SHORT).unwrap_err();
+    assert!(matches!(error, IpcError::NobodyPublishes { .. }), "{error}");
+}
+
+#[test]
+fn a_reader_may_come_before_the_owner() {
+    let camera = camera();
+    let name = camera.clone();
+    let waiting = std::thread::spawn(move || depth_reader(&name));
+    std::thread::sleep(SHORT);
+    let _owner = owner(&camera, &[Topic::Depth]);
+    assert!(waiting.join().unwrap().is_connected());
+}
+
+#[test]
+fn a_sleeping_reader_is_woken_by_its_own_topics_only() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Rgb, Topic::Depth]);
+    let reader = depth_reader(&camera);
+    while reader.wait(SHORT).unwrap() {} // whatever was left of the owner's coming
+    owner.notify(Wake::Picture).unwrap();
+    assert!(!reader.wait(SHORT).unwrap());
+    owner.notify(Wake::Depth).unwrap();
+    assert!(reader.wait(PATIENCE).unwrap());
+}
+
+#[test]
+fn an_owner_that_leaves_wakes_its_readers() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    drop(owner);
+    assert!(reader.wait(PATIENCE).unwrap());
+}
+
+#[test]
+fn a_set_is_complete_when_every_topic_has_the_same_sequence() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Labels, Topic::Depth]);
+    let mut reader = Reader::open(&camera, &[Topic::Depth, Topic::Labels], PATIENCE).unwrap();
+    let labels = |sequence| {
+        let mut loan = owner.loan(Topic::Labels).unwrap();
+        loan.header_mut().sequence = sequence;
+        loan.publish(0).unwrap();
+    };
+    labels(1);
+    assert!(reader.next_set().unwrap().is_none(), "depth is missing");
+    publish_depth(&owner, 1);
+    let first = reader.next_set().unwrap().unwrap();
+    labels(2); // its depth never comes
+    assert!(reader.next_set().unwrap().is_none());
+    labels(3);
+    publish_depth(&owner, 3);
+    let second = reader.next_set().unwrap().unwrap(); // while the first is still held
+    let sequences = |set: &nunet_ipc::FrameSet| {
+        set.iter()
+            .map(|frame| frame.header().sequence)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!((sequences(&first), sequences(&second)), (vec![1, 1], vec![3, 3]));
+    assert!(second.get(Topic::Cloud).is_none());
+}
+
+#[test]
+fn demand_is_visible_to_the_owner() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth, Topic::Labels]);
+    assert!(!owner.has_readers(Topic::Depth));
+    let reader = depth_reader(&camera);
+    assert!(owner.has_readers(Topic::Depth));
+    assert!(!owner.has_readers(Topic::Labels));
+    drop(reader);
+    assert!(!owner.has_readers(Topic::Depth));
+}
+
+#[test]
+fn a_view_of_the_wrong_kind_is_refused() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    publish_depth(&owner, 1);
+    let frame = latest(&reader);
+    assert!(matches!(frame.labels(), Err(IpcError::WrongEncoding { .. })));
+    assert!(matches!(frame.points(), Err(IpcError::WrongEncoding { .. })));
+    assert!(matches!(frame.stats(), Err(IpcError::WrongEncoding { .. })));
+}
+
+#[test]
+fn a_header_that_contradicts_its_payload_is_refused() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    let mut loan = owner.loan(Topic::Depth).unwrap();
+    support::describe(&mut loan, 1);
+    loan.header_mut().height += 1;
+    loan.publish(0).unwrap();
+    let frame = latest(&reader);
+    assert!(matches!(frame.depth(), Err(IpcError::BadMessage { .. })));
+}
+
+#[test]
+fn statistics_travel_as_a_record() {
+    let camera = camera();
+    let plan = TopicPlan {
+        topic: Topic::Stats,
+        payload_bytes: size_of::<StatsRecord>(),
+    };
+    let owner = Publisher::create(&camera, &[plan], &Limits::default()).unwrap();
+    let reader = Reader::open(&camera, &[Topic::Stats], PATIENCE).unwrap();
+    let mut loan = owner.loan(Topic::Stats).unwrap();
+    loan.header_mut().set_encoding(nunet_ipc::Encoding::StatsRecord);
+    loan.slice_mut::<StatsRecord>().unwrap()[0] = StatsRecord {
+        captured: 3,
+        published: 2,
+        ..Default::default()
+    };
+    loan.publish(0).unwrap();
+    let frame = reader.latest(Topic::Stats).unwrap().unwrap();
+    assert_eq!(frame.stats().unwrap().captured, 3);
+}
+
+#[test]
+fn more_bytes_than_planned_are_refused_and_fewer_are_not() {
+    let camera = camera();
+    let owner = owner(&camera, &[Topic::Depth]);
+    let planned = plan(Topic::Depth).payload_bytes;
+    assert!(matches!(
+        owner.loan_bytes(Topic::Depth, planned + 1),
+        Err(IpcError::PayloadTooLarge { .. })
+    ));
+    assert_eq!(owner.loan_bytes(Topic::Depth, 10).unwrap().bytes_mut().len(), 10);
+}
+
+#[test]
+fn memory_that_is_not_there_is_refused_before_it_is_taken() {
+    let camera = camera();
+    let error =
+        Publisher::create_within(&camera, &[plan(Topic::Depth)], &Limits::default(), 1000).unwrap_err();
+    assert!(
+        matches!(error, IpcError::SharedMemoryTooSmall { free_bytes: 1000, .. }),
+        "{error}"
+    );
+    owner(&camera, &[Topic::Depth]); // and nothing is in the way of a smaller one
+}
+
+#[test]
+fn an_owner_with_other_limits_cannot_take_over_services_that_readers_keep_open() {
+    let camera = camera();
+    let first = owner(&camera, &[Topic::Depth]);
+    let reader = depth_reader(&camera);
+    drop(first);
+    let limits = Limits {
+        max_readers: 2,
+        ..Limits::default()
+    };
+    let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
+    assert!(matches!(error, IpcError::OtherLimits { .. }), "{error}");
+    drop(reader);
+    Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap();
+}
