@@ -33,7 +33,7 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     assert_eq!(stats["camera"], name.as_str());
     assert_eq!(stats["model"]["name"], "model.onnx");
     assert!(stats["latency_ms"]["total"]["p50"].as_f64().unwrap() > 0.0);
-    assert!(stats["latency_ms"]["stages"]["depth"]["p99"].is_number());
+    assert!(stats["latency_ms"]["stages"]["decode"]["p99"].is_number());
 }
 
 #[test]

@@ -128,7 +128,7 @@ impl Bench {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         let mut rgb = vec![0; 3 * (SIZE.0 * SIZE.1) as usize];
-        DemoScene::new(1, SIZE.0, SIZE.1).render(frame, &mut rgb, None, None);
+        DemoScene::new(1, SIZE.0, SIZE.1).unwrap().render(frame, &mut rgb, None, None);
         image::save_buffer(path, &rgb, SIZE.0, SIZE.1, image::ExtendedColorType::Rgb8).unwrap();
     }
 }

@@ -23,7 +23,7 @@ struct Truth {
 
 impl Truth {
     fn new() -> Self {
-        let scene = DemoScene::new(SEED, SIZE.0, SIZE.1);
+        let mut scene = DemoScene::new(SEED, SIZE.0, SIZE.1).unwrap();
         let (mut rgb, mut depth_m, mut labels) = (vec![0; 3 * PIXELS], vec![0.0; PIXELS], vec![0; PIXELS]);
         scene.render(0, &mut rgb, Some(&mut depth_m), Some(&mut labels));
         Self { scene, rgb, depth_m, labels }

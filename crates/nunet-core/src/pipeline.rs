@@ -24,7 +24,7 @@ pub enum Focal {
 /// How a pipeline is to be built.
 #[derive(Debug, Clone, Copy)]
 pub struct PipelineOptions {
-    /// The camera; without one there is no cloud and no focal scaling.
+    /// The camera; without one points and metres are those of an assumed camera ([`Pipeline::set_camera`]).
     pub camera: Option<Camera>,
     /// Whether depth is corrected for the focal length.
     pub focal: Focal,
@@ -68,9 +68,12 @@ pub struct FrameReport {
     pub bytes_copied: u64,
     /// Pixels without a measurement.
     pub invalid_pixels: u32,
-    /// The camera at the network's size.
+    /// The camera at the network's size; `None` where it was assumed.
     pub intrinsics: Option<Intrinsics>,
 }
+
+/// Horizontal field of view of a camera of which nothing is known, not even by the model: that of a common webcam.
+const ASSUMED_HFOV_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
 /// A graph with everything around it.
 ///
@@ -102,8 +105,9 @@ pub struct Pipeline {
     preprocessor: Preprocessor,
     input: Input,
     graph: SerialGraph,
+    focal: Focal,
     scale: Scale,
-    lens: Option<Lens>,
+    lens: Lens,
     cloud_stride: NonZeroU32,
     stage_names: Vec<String>,
 }
@@ -115,21 +119,33 @@ impl Pipeline {
     /// A camera that cannot be scaled to the network's size.
     pub fn new(graph: SerialGraph, options: PipelineOptions) -> Result<Self, PipelineError> {
         let (width, height) = graph.size();
-        let lens = options
-            .camera
-            .map(|camera| Lens::new(&camera, graph.size()))
-            .transpose()?;
+        let lens = Lens::new(options.camera, graph.description(), graph.size())?;
         let inner = graph.stages().iter().map(|stage| stage.name.as_str());
         let names = ["preprocess"].into_iter().chain(inner).chain(["decode", "cloud"]);
         Ok(Self {
             preprocessor: Preprocessor::new(width, height),
             input: Input::new(&graph),
-            scale: scale(graph.description(), options.focal, width, lens.as_ref()),
+            focal: options.focal,
+            scale: scale(graph.description(), options.focal, width, &lens),
             lens,
             cloud_stride: options.cloud_stride,
             stage_names: names.map(str::to_owned).collect(),
             graph,
         })
+    }
+
+    /// Another camera takes the frames from now on, or one of which nothing is known.
+    ///
+    /// Without a camera, points and metres are those of an assumed one: the training camera, else a webcam's 60
+    /// degrees from left to right. Computes the table of rays anew.
+    ///
+    /// # Errors
+    /// A camera that cannot be scaled to the network's size.
+    pub fn set_camera(&mut self, camera: Option<Camera>) -> Result<(), PipelineError> {
+        let description = self.graph.description();
+        self.lens = Lens::new(camera, description, self.size())?;
+        self.scale = scale(description, self.focal, self.size().0, &self.lens);
+        Ok(())
     }
 
     /// The graph inside.
@@ -144,16 +160,20 @@ impl Pipeline {
         self.graph.size()
     }
 
-    /// Width and height of the cloud; `None` without a camera.
+    /// Width and height of the cloud, points.
     #[must_use]
-    pub fn cloud_size(&self) -> Option<(u32, u32)> {
+    pub fn cloud_size(&self) -> (u32, u32) {
         let (width, height) = self.size();
-        self.lens
-            .as_ref()
-            .map(|_| cloud_size(width, height, self.cloud_stride))
+        cloud_size(width, height, self.cloud_stride)
     }
 
-    /// The unit of the depth map and where its scale comes from, the same for every frame.
+    /// The cloud has each n-th column and row of the depth map.
+    #[must_use]
+    pub fn cloud_stride(&self) -> NonZeroU32 {
+        self.cloud_stride
+    }
+
+    /// The unit of the depth map and where its scale comes from, the same until the camera changes.
     #[must_use]
     pub fn scale(&self) -> Scale {
         self.scale
@@ -170,8 +190,7 @@ impl Pipeline {
     /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
     ///
     /// # Errors
-    /// Buffers of another length than the network's size asks for, a cloud without a camera, and what ONNX Runtime
-    /// reports.
+    /// Buffers of another length than the network's size asks for, and what ONNX Runtime reports.
     pub fn process(
         &mut self,
         frame: &ImageView<'_>,
@@ -203,7 +222,7 @@ impl Pipeline {
         stages.push(start, decoded);
 
         if let Some(points) = cloud {
-            let rays = &self.lens.as_ref().ok_or(PipelineError::NoCamera)?.rays;
+            let rays = &self.lens.rays;
             let labels = labels.as_deref().or_else(|| self.graph.labels());
             organised_cloud(depth_m, rays, picture.rgb, labels, self.cloud_stride, points)?;
         }
@@ -216,7 +235,7 @@ impl Pipeline {
             scale_source: self.scale.source,
             bytes_copied: picture.bytes_copied + bytes_filled + run.bytes_copied,
             invalid_pixels,
-            intrinsics: self.lens.as_ref().map(|lens| lens.intrinsics),
+            intrinsics: self.lens.known,
         })
     }
 
@@ -263,7 +282,7 @@ fn decode(description: &ModelDescription, depth: &mut [f32], focal_factor: f32) 
 }
 
 /// The scale of all frames. Both focal lengths are compared at the network's width.
-fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: Option<&Lens>) -> Scale {
+fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: &Lens) -> Scale {
     let training_fx_px = description
         .camera
         .map(|camera| camera.fx * f64::from(width) / f64::from(camera.width));
@@ -272,25 +291,48 @@ fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: Option<
         Focal::Auto => Scale::from_focal_lengths(
             description.encoding,
             training_fx_px,
-            lens.map(|lens| lens.intrinsics.fx_px),
+            lens.known.map(|intrinsics| intrinsics.fx_px),
         ),
     }
 }
 
 /// The camera at the network's size.
 struct Lens {
-    intrinsics: Intrinsics,
+    /// `None` where the rays are those of an assumed camera.
+    known: Option<Intrinsics>,
     rays: RayTable,
 }
 
 impl Lens {
-    fn new(camera: &Camera, (width, height): (u32, u32)) -> Result<Self, CameraError> {
-        let camera = camera.scaled_to(width, height)?;
-        Ok(Self {
-            intrinsics: camera.intrinsics,
-            rays: RayTable::new(&camera),
-        })
+    fn new(
+        camera: Option<Camera>,
+        description: &ModelDescription,
+        (width, height): (u32, u32),
+    ) -> Result<Self, CameraError> {
+        let scaled = camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
+        let known = scaled.map(|camera| camera.intrinsics);
+        let camera = match scaled {
+            Some(camera) => camera,
+            None => assumed_camera(description, width, height)?,
+        };
+        Ok(Self { known, rays: RayTable::new(&camera) })
     }
+}
+
+/// The training camera, else one of [`ASSUMED_HFOV_RAD`], looking through the middle of the picture.
+fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Result<Camera, CameraError> {
+    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+    let (fx, fy) = description.camera.map_or_else(
+        || {
+            let fx = f64::from(width) / (2.0 * (ASSUMED_HFOV_RAD / 2.0).tan());
+            (fx, fx)
+        },
+        |camera| {
+            let scale = |focal: f64, from: u32, to: u32| focal * f64::from(to) / f64::from(from);
+            (scale(camera.fx, camera.width, width), scale(camera.fy, camera.height, height))
+        },
+    );
+    Intrinsics::new(fx, fy, middle(width), middle(height), width, height).map(Camera::pinhole)
 }
 
 /// The picture as the graph wants it: as it is, or as a foreign network's tensor in memory kept for it.
@@ -336,9 +378,6 @@ pub enum PipelineError {
     /// The cloud's buffers do not fit.
     #[error(transparent)]
     Cloud(#[from] CloudError),
-    /// A cloud was asked of a pipeline without a camera.
-    #[error("a cloud needs to know the camera\nhint: give its intrinsics")]
-    NoCamera,
     /// The model computes something else here than where it was exported.
     #[error("the model gives other numbers on this machine than when it was exported")]
     SelfTest(#[from] SelfTestMismatch),

@@ -61,8 +61,7 @@ impl Engine {
             threads: self.arguments.threads,
             every: every.iter().map(|(stage, count)| (stage.clone(), count.get())).collect(),
         };
-        let graph = SerialGraph::load(&path, &self.runtime, &options)
-            .with_context(|| format!("cannot load the model `{}`", path.display()))?;
+        let graph = SerialGraph::load(&path, &self.runtime, &options)?;
         Ok(Loaded { path, graph })
     }
 }

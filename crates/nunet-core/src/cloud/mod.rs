@@ -30,6 +30,11 @@ pub struct CloudPoint {
     pub label: u8,
 }
 
+impl CloudPoint {
+    /// No depth, no colour, no class.
+    pub const NONE: Self = Self { x: f32::NAN, y: f32::NAN, z: f32::NAN, b: 0, g: 0, r: 0, label: NO_LABEL };
+}
+
 /// Width and height of the cloud of every `stride`-th column and row of a depth map.
 #[must_use]
 pub fn cloud_size(width: u32, height: u32, stride: NonZeroU32) -> (u32, u32) {

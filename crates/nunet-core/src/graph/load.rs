@@ -31,11 +31,45 @@ pub(super) struct Loaded {
 /// Loads and proves a graph.
 pub(super) fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Loaded, GraphError> {
     let loader = Loader::new(runtime, options)?;
-    if path.extension().is_some_and(|extension| extension == "toml") {
+    if is_manifest(path) {
         loader.staged(path, options)
     } else {
         loader.single(path, options)
     }
+}
+
+/// Every file that a graph consists of: the model file, with its sidecar where it has one, or the manifest and the
+/// files that it names. Reads manifests only.
+///
+/// # Errors
+/// A manifest that cannot be read or is wrong.
+pub fn model_files(path: &Path) -> Result<Vec<PathBuf>, GraphError> {
+    if is_manifest(path) {
+        let (_, manifest) = read_manifest(path)?;
+        let stages = manifest.stages.iter().map(|stage| file_of(path, &stage.model));
+        return Ok(std::iter::once(path.to_owned()).chain(stages).collect());
+    }
+    let sidecar = Some(path.with_extension("toml")).filter(|sidecar| sidecar.is_file());
+    Ok(std::iter::once(path.to_owned()).chain(sidecar).collect())
+}
+
+fn is_manifest(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "toml")
+}
+
+/// The manifest's bytes and what they say.
+fn read_manifest(path: &Path) -> Result<(Vec<u8>, Manifest), GraphError> {
+    let bytes = read(path, MAX_TOML_BYTES)?;
+    let wrong = |source| GraphError::Manifest { path: path.to_owned(), source };
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|error| wrong(ManifestError::Syntax { reason: error.to_string() }))?;
+    let manifest = Manifest::parse(text).map_err(wrong)?;
+    Ok((bytes, manifest))
+}
+
+/// A stage's file, which the manifest names relative to itself.
+fn file_of(manifest: &Path, model: &str) -> PathBuf {
+    manifest.parent().unwrap_or(Path::new("")).join(model)
 }
 
 struct Loader<'a> {
@@ -102,22 +136,11 @@ impl<'a> Loader<'a> {
 
     /// A manifest and the files that it names.
     fn staged(&self, path: &Path, options: &GraphOptions) -> Result<Loaded, GraphError> {
-        let bytes = read(path, MAX_TOML_BYTES)?;
-        let wrong = |source| GraphError::Manifest {
-            path: path.to_owned(),
-            source,
-        };
-        let text = std::str::from_utf8(&bytes).map_err(|error| {
-            wrong(ManifestError::Syntax {
-                reason: error.to_string(),
-            })
-        })?;
-        let manifest = Manifest::parse(text).map_err(wrong)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let (bytes, manifest) = read_manifest(path)?;
         let mut hash = Sha256::new_with_prefix(&bytes);
         let mut models = Vec::with_capacity(manifest.stages.len());
         for stage in &manifest.stages {
-            let file = folder.join(&stage.model);
+            let file = file_of(path, &stage.model);
             let (model, file_hash) = self.model(&file)?;
             hash.update(file_hash);
             models.push((file, model));

@@ -13,6 +13,7 @@ mod times;
 mod wiring;
 
 pub use error::GraphError;
+pub use load::model_files;
 pub use manifest::{MAX_STAGES, Manifest, ManifestError};
 pub use onnx::{Provider, Runtime, RuntimeError, UnknownProvider};
 pub use serial::{

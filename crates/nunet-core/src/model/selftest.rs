@@ -4,6 +4,7 @@
 //! those of `docs/model-file.md`, to the byte.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::Deserialize;
 
@@ -66,6 +67,16 @@ impl SelfTestReport {
         tolerance: 0.0,
         label_cells: 0,
     };
+}
+
+impl fmt::Display for SelfTestReport {
+    /// `passed, off by 0.0003 of 0.002 allowed` or `none in the file`
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.checked {
+            return f.write_str("none in the file");
+        }
+        write!(f, "passed, off by {:.2e} of {:.2e} allowed", self.worst_depth, self.tolerance)
+    }
 }
 
 /// The picture `nunet-selftest-1`: `[height][width][3]`, RGB, rows top to bottom. No side may be 0.

@@ -9,6 +9,17 @@ pub enum TensorLayout {
     Nhwc,
 }
 
+impl TensorLayout {
+    /// The name in a sidecar and in `inspect --json`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nchw => "nchw",
+            Self::Nhwc => "nhwc",
+        }
+    }
+}
+
 /// The order of a tensor's channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ChannelOrder {

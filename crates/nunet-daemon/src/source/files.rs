@@ -159,7 +159,7 @@ mod tests {
                     colours.push([view.bytes()[0], view.bytes()[1], view.bytes()[2]]);
                 }
                 Fill::Failed(error) => errors.push(format!("{error:#}")),
-                Fill::Nothing => {}
+                Fill::Nothing | Fill::Crowded => unreachable!("files are there at once and lend nothing"),
                 Fill::End => return (colours, errors),
             }
         }

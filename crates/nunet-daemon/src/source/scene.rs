@@ -12,7 +12,6 @@ const SIZE: (u32, u32) = (640, 480);
 const FRAME_NANOS: u64 = 1_000_000_000 / 30;
 
 /// The walk; it has no end.
-#[derive(Debug)]
 pub(crate) struct Scene {
     scene: DemoScene,
     next: u64,
@@ -20,7 +19,7 @@ pub(crate) struct Scene {
 
 impl Default for Scene {
     fn default() -> Self {
-        Self { scene: DemoScene::new(SEED, SIZE.0, SIZE.1), next: 0 }
+        Self { scene: DemoScene::new(SEED, SIZE.0, SIZE.1).expect("VGA is a size that the scene takes"), next: 0 }
     }
 }
 

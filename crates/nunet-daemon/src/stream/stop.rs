@@ -30,7 +30,8 @@ impl Stop {
         Ok(stop)
     }
 
-    /// Makes the request.
+    /// Makes the request, as a signal does.
+    #[cfg(test)]
     pub(crate) fn request(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

@@ -103,7 +103,7 @@ impl Worker {
     fn follow_camera(&mut self, frame: &Frame) -> anyhow::Result<()> {
         if let Change::To(camera) = self.optics.follow(frame)? {
             self.pipeline.set_camera(camera)?;
-            if self.pipeline.scale_source() == ScaleSource::AssumedCamera {
+            if self.pipeline.scale().source == ScaleSource::AssumedCamera {
                 warn!("no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy");
             }
         }
