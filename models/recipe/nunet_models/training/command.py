@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from nunet_models.data.options import add_data_options, open_cached
+from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.settings import AUGMENTATIONS, Settings
@@ -26,6 +26,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     add_data_options(parser)
+    add_cache_option(parser)
     parser.add_argument("--train-ids", type=Path, required=True)
     parser.add_argument("--val-ids", type=Path, required=True)
     _add_graph_options(parser)
