@@ -5,7 +5,7 @@ use super::solid::{FACES, OnFace, Shape, Solid};
 use super::vector::Vec3;
 
 /// Distance between two samples on a surface, metres; light changes slowly.
-const SAMPLE_M: f32 = 0.08;
+const SAMPLE_M: f32 = 0.1;
 /// Samples lie this far inside a surface's border and in front of it, out of what it touches.
 const INSET_M: f32 = 0.004;
 /// Corners within this distance darken each other.
@@ -14,8 +14,8 @@ const CORNER_M: f32 = 0.9;
 /// Red, green, blue.
 const DAYLIGHT: Vec3 = Vec3::new(3.3, 3.7, 4.3);
 const LAMPLIGHT: Vec3 = Vec3::new(1.25, 1.05, 0.78);
-const FROM_CEILING: Vec3 = Vec3::new(0.34, 0.34, 0.35);
-const FROM_FLOOR: Vec3 = Vec3::new(0.24, 0.20, 0.17);
+const FROM_CEILING: Vec3 = Vec3::new(0.42, 0.42, 0.43);
+const FROM_FLOOR: Vec3 = Vec3::new(0.29, 0.25, 0.21);
 
 /// Light on all surfaces of all solids, sampled on a grid on each.
 pub(super) struct LightMap {

@@ -190,7 +190,8 @@ impl Shape {
     }
 }
 
-fn meet_cuboid(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
+#[inline]
+pub(super) fn meet_cuboid(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
     let (x_in, x_out) = slab(half.x, o.x, d.x);
     let (y_in, y_out) = slab(half.y, o.y, d.y);
     let (z_in, z_out) = slab(half.z, o.z, d.z);
@@ -210,13 +211,15 @@ fn meet_cuboid(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
 }
 
 /// Where a ray enters and leaves the space between two parallel planes.
+#[inline]
 fn slab(half: f32, o: f32, d: f32) -> (f32, f32) {
     let inverse = 1.0 / d;
     let (a, b) = ((-half - o) * inverse, (half - o) * inverse);
     (a.min(b), a.max(b))
 }
 
-fn meet_hollow(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
+#[inline]
+pub(super) fn meet_hollow(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
     let leave = |half: f32, o: f32, d: f32| (half.copysign(d) - o) / d;
     let (x, y, z) = (
         leave(half.x, o.x, d.x),

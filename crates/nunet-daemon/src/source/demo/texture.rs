@@ -78,10 +78,10 @@ impl Material {
 fn boards(colour: Colour, u: f32, v: f32) -> Colour {
     const WIDTH: f32 = 0.14;
     const LENGTH: f32 = 1.3;
-    let row = (v / WIDTH).floor();
+    let row = (v / WIDTH) as i32;
     let along = u / LENGTH + unit(row as u32, 21) * 7.0;
-    let board = along.floor();
-    let (across_seam, along_seam) = (v / WIDTH - row, along - board);
+    let board = along as i32;
+    let (across_seam, along_seam) = (v / WIDTH - row as f32, along - board as f32);
     let tone = mix(0.72, 1.08, unit(row as u32, board as u32));
     let grain = mix(0.85, 1.1, hills(u * 3.0, v * 60.0, 22));
     let seam = if across_seam < 0.03 || along_seam < 0.004 {
@@ -100,13 +100,13 @@ fn stripes(one: Colour, other: Colour, u: f32, v: f32) -> Colour {
 
 fn books(height: f32, seed: u32, u: f32, v: f32) -> Colour {
     const WIDTH: f32 = 0.036;
-    let book = (u / WIDTH) as u32;
+    let book = (u / WIDTH) as i32;
     let across = u / WIDTH - book as f32;
-    let top = height * mix(0.7, 1.0, unit(book, seed));
+    let top = height * mix(0.7, 1.0, unit(book as u32, seed));
     if v > top || !(0.06..0.94).contains(&across) {
         return DARK;
     }
-    let cover = match hash(book, seed ^ 31) % 6 {
+    let cover = match hash(book as u32, seed ^ 31) % 6 {
         0 => Colour::new(0.42, 0.05, 0.05),
         1 => Colour::new(0.05, 0.13, 0.34),
         2 => Colour::new(0.09, 0.26, 0.12),
