@@ -1,6 +1,7 @@
 //! What can go wrong between an owner and its readers.
 
 use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::name::CameraName;
@@ -192,6 +193,22 @@ pub enum IpcError {
         topic: Topic,
         /// What is wrong.
         detail: String,
+    },
+    /// Another owner has been creating its services for too long.
+    #[error("cannot lock `{}` to create services\nhint: another owner seems to hang there; see `fuser {}`", folder.display(), folder.display())]
+    Locked {
+        /// iceoryx2's folder of services.
+        folder: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something that a killed process left behind could not be removed.
+    #[error("cannot remove `{}`, which a killed process left behind", path.display())]
+    Remove {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
     },
     /// iceoryx2 could not do it.
     #[error("cannot {action}: iceoryx2 says `{cause}`")]

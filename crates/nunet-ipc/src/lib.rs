@@ -16,6 +16,7 @@
 //! | [`publisher`], [`loan`] | the owner's side |
 //! | [`reader`], [`frame`] | the reader's side |
 //! | [`orphans`] | what killed processes left behind |
+//! | [`clock`] | the time that all of them share |
 //!
 //! # Promises
 //! - The owner never waits for a reader; a reader never waits for another one. The newest frame wins.
@@ -25,12 +26,14 @@
 //! - After the first frames, loan, publish and receive do not allocate on the heap.
 
 pub mod block;
+pub mod clock;
 pub mod contract;
 pub mod error;
 pub mod frame;
 pub mod header;
 mod layout;
 pub mod loan;
+mod mend;
 pub mod name;
 mod node;
 pub mod orphans;
@@ -43,6 +46,7 @@ pub mod stats;
 mod touch;
 pub mod vocabulary;
 
+pub use crate::clock::monotonic_nanos;
 pub use crate::error::IpcError;
 pub use crate::frame::{Frame, FrameSet};
 pub use crate::header::{CONTRACT_VERSION, FrameHeader};

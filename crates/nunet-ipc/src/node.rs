@@ -11,6 +11,7 @@ use iceoryx2::service::attribute::AttributeSet;
 
 use crate::error::IpcError;
 use crate::header::CONTRACT_VERSION;
+use crate::mend;
 
 /// The thread-safe kind of service: its ports and samples are `Send`, at the price of a mutex that nobody else
 /// competes for.
@@ -38,10 +39,13 @@ impl fmt::Display for Process {
 /// Makes a node. Doing so also removes what dead processes left behind: iceoryx2's default, which we keep.
 pub(crate) fn create() -> Result<Node<Iceoryx>, IpcError> {
     hush();
-    NodeBuilder::new()
+    let dead = mend::dead_processes();
+    let node = NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled) // signals belong to the program, not to a library
         .create::<Iceoryx>()
-        .map_err(|cause| IpcError::iceoryx("join iceoryx2", cause))
+        .map_err(|cause| IpcError::iceoryx("join iceoryx2", cause))?;
+    mend::sweep(&dead);
+    Ok(node)
 }
 
 /// iceoryx2 logs to stdout and stderr on its own. Our errors say it all; `IOX2_LOG_LEVEL` brings the rest back.

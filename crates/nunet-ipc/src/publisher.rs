@@ -14,6 +14,7 @@ use crate::block::{Block64, blocks_for};
 use crate::error::IpcError;
 use crate::header::FrameHeader;
 use crate::loan::Loan;
+use crate::mend::Turn;
 use crate::name::CameraName;
 use crate::node::{self, Iceoryx, Process};
 use crate::plan::{Limits, Reservation, TopicPlan, free_shared_memory_bytes};
@@ -72,12 +73,15 @@ impl Publisher {
         refuse_repetition(plans)?;
         let reservation = Reservation::new(plans, limits);
         let node = node::create()?;
+        let turn = Turn::take()?;
         let mut services = Vec::with_capacity(plans.len());
         for plan in plans {
-            let service = create_topic(&node, camera, plan.topic, limits)?;
+            let service = create_topic(&turn, &node, camera, plan.topic, limits)?;
             refuse_living_owner(&service, camera, plan.topic)?;
             services.push((*plan, service));
         }
+        let wake = create_wake(&turn, &node, camera)?;
+        drop(turn);
         // Only the services' records exist so far. Asked after the owners: a camera that is already published
         // should say so, not that there is no memory for it twice.
         reservation.check(free_bytes)?;
@@ -85,7 +89,7 @@ impl Publisher {
             .into_iter()
             .map(|(plan, service)| OwnedTopic::create(camera, plan, service, limits))
             .collect::<Result<Vec<_>, _>>()?;
-        let notifier = create_wake(&node, camera)?
+        let notifier = wake
             .notifier_builder()
             .create()
             .map_err(|cause| IpcError::iceoryx(format!("notify the readers of camera `{camera}`"), cause))?;

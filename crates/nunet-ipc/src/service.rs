@@ -10,6 +10,7 @@ use iceoryx2::service::port_factory::{PortFactory, event, publish_subscribe};
 use crate::block::Block64;
 use crate::error::IpcError;
 use crate::header::FrameHeader;
+use crate::mend::Turn;
 use crate::name::CameraName;
 use crate::node::{Iceoryx, Process, check_contract, config, contract_attribute, service_name};
 use crate::plan::Limits;
@@ -34,12 +35,14 @@ const MAX_NOTIFIERS: usize = 8;
 
 /// Opens or creates a topic's service, as its owner.
 pub(crate) fn create_topic(
+    turn: &Turn,
     node: &Node<Iceoryx>,
     camera: &CameraName,
     topic: Topic,
     limits: &Limits,
 ) -> Result<TopicService, IpcError> {
     let name = camera.service(topic);
+    turn.mend(node, &name, MessagingPattern::PublishSubscribe)?;
     refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
     let service = node
         .service_builder(&service_name(&name)?)
@@ -67,8 +70,13 @@ pub(crate) fn create_topic(
 }
 
 /// Opens or creates the camera's event service, as an owner.
-pub(crate) fn create_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<WakeService, IpcError> {
+pub(crate) fn create_wake(
+    turn: &Turn,
+    node: &Node<Iceoryx>,
+    camera: &CameraName,
+) -> Result<WakeService, IpcError> {
     let name = camera.wake_service();
+    turn.mend(node, &name, MessagingPattern::Event)?;
     refuse_other_contract(&name, MessagingPattern::Event)?;
     let id = |wake: Wake| EventId::new(wake as usize);
     node.service_builder(&service_name(&name)?)

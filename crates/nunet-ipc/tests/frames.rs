@@ -1,5 +1,10 @@
 //! Owners and readers: who gets which frame, and what nobody can do to anybody else.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test may stop at the first thing that is wrong"
+)]
+
 mod support;
 
 use std::time::Duration;

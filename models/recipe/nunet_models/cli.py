@@ -4,13 +4,14 @@ import argparse
 import sys
 
 from nunet_models.errors import RecipeError
+from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import command as export_command
 from nunet_models.training import command as train_command
 
 EXIT_FAILURE = 1
 EXIT_INTERRUPTED = 130
 
-VERBS = (train_command, export_command)
+VERBS = (train_command, evaluate_command, export_command)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from nunet_models.cli import main
 from nunet_models.errors import ExportError
 from nunet_models.export import measure
-from nunet_models.export.collections import tiny_spec
+from nunet_models.export.collections import TINY_ARCHITECTURES, TINY_SEED, tiny_spec
 from nunet_models.export.deploy import FusedModel
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.onnx_file import read_metadata, run, session
@@ -139,3 +140,31 @@ def test_a_file_that_computes_something_else_is_refused(wnet_c):
 def test_export_wants_an_ending_that_says_what_to_write(tmp_path, capsys):
     assert main(["export", "--untrained", "unet", "--out", str(tmp_path / "model.pt")]) == 1
     assert "`.onnx` or `.toml`" in capsys.readouterr().err
+
+
+TINY = Path(__file__).parents[2] / "tiny"
+
+
+@pytest.mark.parametrize("architecture", TINY_ARCHITECTURES)
+def test_a_test_model_in_git_is_what_the_recipe_makes(architecture):
+    model = FusedModel(untrained_graph(tiny_spec(architecture), seed=TINY_SEED).eval())
+    path = TINY / f"tiny_{architecture}.onnx"
+    rgb = measure.picture_of(model.network.spec)
+    measure.check_against_torch(model, path, rgb, bound=measure.UNTRAINED_BOUND)
+    assert read_metadata(path)["nunet.architecture"] == architecture
+
+
+def test_a_memory_goes_in_and_out_of_its_file():
+    path = TINY / "tiny_wnet_c_lstm.onnx"
+    (hidden, cell) = json.loads(read_metadata(path)["nunet.state"])
+    zeros = {s["input"]: np.zeros(s["shape"], np.float32) for s in (hidden, cell)}
+    rgb = selftest_picture(128, 96)[None]
+    outputs = run(path, {"rgb": rgb, **zeros})
+    assert outputs[cell["output"]].shape == tuple(cell["shape"])
+    assert np.abs(outputs[hidden["output"]]).max() > 0
+
+
+def test_a_graph_with_a_memory_has_no_stages(tmp_path):
+    graph = untrained_graph(tiny_spec("wnet_c_lstm"), seed=1)
+    with pytest.raises(ExportError, match="no stages"):
+        export_staged(graph, tmp_path / "staged.toml", Provenance())

@@ -106,7 +106,7 @@ def test_a_loss_is_parsed_by_name_and_weight():
 
 @pytest.mark.parametrize("text", ["l3", "l1=much"])
 def test_an_unknown_loss_is_refused_by_name(text):
-    with pytest.raises(ConfigError, match="l3|much"):
+    with pytest.raises(ConfigError, match=r"l3|much"):
         losses.parse_loss(text)
 
 

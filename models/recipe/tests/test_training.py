@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from nunet_models.cli import main
+from nunet_models.export.collections import tiny_spec
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
@@ -110,8 +111,6 @@ def test_the_schedule_rises_falls_and_ends_at_its_final_share():
 
 
 def test_a_frozen_component_keeps_its_batch_norm_statistics():
-    from nunet_models.export.collections import tiny_spec
-
     graph = SerialGraph(tiny_spec("wnet_c"))
     graph.components[0].freeze()
     before = {k: v.clone() for k, v in graph.components[0].state_dict().items()}

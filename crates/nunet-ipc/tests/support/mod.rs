@@ -1,5 +1,10 @@
 //! What the tests of this crate share: cameras of their own, small plans, and other processes.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test may stop at the first thing that is wrong"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

@@ -29,7 +29,6 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
         metavar="TOP,LEFT,BOTTOM,RIGHT",
         help="pixels outside have no truth, for data with a frame around each picture",
     )
-    group.add_argument("--cache", type=Path, required=True, help="folder for decoded pictures")
 
 
 def open_pairs(options: argparse.Namespace, ids: Path) -> FolderPairs:
@@ -40,6 +39,11 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> FolderPairs:
     return FolderPairs(
         options.data, read_ids(ids), units=units, window=_parse_window(options.window)
     )
+
+
+def add_cache_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that `open_cached` reads beside the others."""
+    parser.add_argument("--cache", type=Path, required=True, help="folder for decoded pictures")
 
 
 def open_cached(options: argparse.Namespace, ids: Path) -> Cached:

@@ -7,7 +7,7 @@ from nunet_models.errors import ConfigError
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.untrained import untrained_graph
-from nunet_models.zoo import ARCHITECTURES, graph_spec
+from nunet_models.zoo import architecture_names, graph_spec
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -17,8 +17,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     what.add_argument(
         "--untrained",
         metavar="ARCHITECTURE",
-        choices=sorted(ARCHITECTURES),
-        help="export an architecture with seeded random weights",
+        help=f"export an architecture with seeded random weights: {architecture_names()}",
     )
     what.add_argument(
         "--tiny", type=Path, metavar="FOLDER", help="write the small test models into FOLDER"
@@ -30,7 +29,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         help="write the paper's networks (ResNet-34, 480x640, random weights) into FOLDER",
     )
     parser.add_argument("--out", type=Path, help="NAME.onnx for one file, NAME.toml for stages")
-    parser.add_argument("--backbone", default="efficientnet_lite0")
+    parser.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
     parser.add_argument(
         "--seed", type=int, default=0, help="of random weights (default %(default)s)"
     )

@@ -11,6 +11,11 @@ PIXEL_SCALE = 128.0
 """One normalisation for every network, `(rgb - 127) / 128`: it is EfficientNet-Lite's own, and
 also a DequantizeLinear, so that camera bytes can be the quantised tensor."""
 
+STATE_INPUTS = ("hidden_in", "cell_in")
+STATE_OUTPUTS = ("hidden_out", "cell_out")
+"""What a graph with a memory takes and gives beside the picture's tensors, float32, zeros before
+the first frame and after every jump of the stream; each output is the next frame's input."""
+
 
 def normalise(rgb: torch.Tensor) -> torch.Tensor:
     """Bytes 0..255 (any shape, any number type) to float32 -0.99..1."""
@@ -79,23 +84,40 @@ class FusedModel(nn.Module):
         tasks = [c.task for c in graph.spec.components]
         self.segments = tasks.index("segmentation") if "segmentation" in tasks else None
 
-    def forward(self, rgb: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        """uint8 `[1, H, W, 3]` to `(depth,)` or `(depth, labels)`."""
-        outputs = self.network(self.to_inner(rgb))
-        depth = self.from_inner.depth(outputs[-1])
-        if self.segments is None:
-            return (depth,)
-        return depth, self.from_inner.labels(outputs[self.segments])
+    def forward(self, rgb: torch.Tensor, *state: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Tensors in the order of `input_names` to tensors in the order of `output_names`.
+
+        Depth and labels of the picture; where the graph remembers, its state goes in and out.
+        """
+        image = self.to_inner(rgb)
+        if state:
+            outputs, state = self.network.remembering(image, state)
+        else:
+            outputs = self.network(image)
+        results = [self.from_inner.depth(outputs[-1])]
+        if self.segments is not None:
+            results.append(self.from_inner.labels(outputs[self.segments]))
+        return (*results, *state)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the graph carries a state from frame to frame."""
+        return self.network.spec.components[-1].memory > 0
 
     @property
     def input_names(self) -> list[str]:
         """Names of the tensors that `forward` takes."""
-        return ["rgb"]
+        return ["rgb", *(STATE_INPUTS if self.remembers else ())]
 
     @property
     def output_names(self) -> list[str]:
         """Names of the tensors that `forward` gives."""
-        return ["depth"] if self.segments is None else ["depth", "labels"]
+        results = ["depth"] if self.segments is None else ["depth", "labels"]
+        return [*results, *(STATE_OUTPUTS if self.remembers else ())]
+
+    def example(self, rgb: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Inputs for a picture, the first of its stream."""
+        return (rgb, *(self.network.components[-1].no_state() if self.remembers else ()))
 
 
 class StageModel(nn.Module):

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from nunet_models.export.deploy import STATE_INPUTS, STATE_OUTPUTS
 from nunet_models.zoo import GraphSpec, SerialGraph
 
 DATA_LICENSE = (
@@ -45,6 +46,12 @@ def metadata(
     }
     if any(c.task == "segmentation" for c in spec.components):
         values["nunet.classes"] = list(spec.classes)
+    if spec.components[-1].memory:
+        shapes = [list(tensor.shape) for tensor in graph.components[-1].no_state()]
+        values["nunet.state"] = [
+            {"input": given, "output": taken, "shape": shape}
+            for given, taken, shape in zip(STATE_INPUTS, STATE_OUTPUTS, shapes, strict=True)
+        ]
     return {k: v if isinstance(v, str) else to_json(v) for k, v in values.items()}
 
 

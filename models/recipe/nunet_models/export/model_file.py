@@ -6,10 +6,13 @@ from typing import Any
 
 import torch
 
+from nunet_models.errors import ExportError
 from nunet_models.export.deploy import FusedModel, StageModel
 from nunet_models.export.measure import (
     BF16_MARGIN,
     FP32_MARGIN,
+    TORCH_BOUND,
+    UNTRAINED_BOUND,
     check_against_torch,
     measured_selftest,
     picture_of,
@@ -35,8 +38,7 @@ def export_fused(graph: SerialGraph, path: Path, provenance: Provenance) -> None
     `ExportError` when the file computes something else than the network.
     """
     model = FusedModel(graph.eval())
-    rgb = picture_of(graph.spec)
-    export_onnx(model, (torch.from_numpy(rgb),), path)
+    export_onnx(model, model.example(torch.from_numpy(picture_of(graph.spec))), path)
     write_metadata(path, _metadata(model, path, provenance))
 
 
@@ -45,9 +47,14 @@ def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> Non
 
     The depth stage carries the metadata of the whole graph. The self-test is measured on a fused
     file, made for that and removed: the stages compute the same.
+
+    # Errors
+    `ExportError` as for `export_fused`, and for a graph with a memory: stages carry no state.
     """
     fused = path.with_suffix(".fused.onnx")
     model = FusedModel(graph.eval())
+    if model.remembers:
+        raise ExportError("a graph with a memory has no stages; hint: write one `.onnx`")
     export_onnx(model, (torch.from_numpy(picture_of(graph.spec)),), fused)
     try:
         whole = _metadata(model, fused, provenance)
@@ -93,7 +100,8 @@ def staged_toml(graph: SerialGraph, stem: str) -> str:
 
 
 def _metadata(model: FusedModel, path: Path, provenance: Provenance) -> dict[str, str]:
-    gap = check_against_torch(model, path, picture_of(model.network.spec))
+    bound = TORCH_BOUND if provenance.trained else UNTRAINED_BOUND
+    gap = check_against_torch(model, path, picture_of(model.network.spec), bound=bound)
     measured = {
         "torch_max_difference": float(f"{gap:.3g}"),
         "selftest_margin": {"fp32": FP32_MARGIN, "bf16": BF16_MARGIN},

@@ -30,7 +30,7 @@ def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
         for component in graph.components:
             x = graph.joint(image, outputs)
             _settle_batch_norm(component, x)
-            _settle_head(component.unet.segmentation_head[0], component(x), spec)
+            _settle_head(component.head, component(x), spec)
             outputs.append(component(x))
     return graph
 
@@ -48,7 +48,7 @@ def _settle_batch_norm(module: nn.Module, x: torch.Tensor) -> None:
         norm.running_var += norm.running_var.mean()  # else a quiet channel magnifies rounding
 
 
-def _settle_head(head: nn.Conv2d, raw: torch.Tensor, spec: GraphSpec) -> None:
+def _settle_head(head: nn.Conv2d | nn.Linear, raw: torch.Tensor, spec: GraphSpec) -> None:
     mean, spread = raw.mean(dim=(0, 2, 3)), raw.std(dim=(0, 2, 3))
     if raw.shape[1] == 1 and spec.encoding == "metric":
         wanted_mean, wanted_spread = math.log(MEAN_DEPTH_M), SPREAD
@@ -57,5 +57,5 @@ def _settle_head(head: nn.Conv2d, raw: torch.Tensor, spec: GraphSpec) -> None:
     else:
         wanted_mean, wanted_spread = 0.0, 1.0
     scale = wanted_spread / spread
-    head.weight *= scale[:, None, None, None]
+    head.weight *= scale.reshape(-1, *[1] * (head.weight.dim() - 1))
     head.bias.copy_((head.bias - mean) * scale + wanted_mean)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import torch
 
-from nunet_models.data.options import add_data_options, open_cached
+from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import Trainer
-from nunet_models.zoo import ARCHITECTURES, PAPER_DECODER, SerialGraph, graph_spec
+from nunet_models.zoo import PAPER_DECODER, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.spec import LITE_DECODER
 from nunet_models.zoo.weights import imagenet_encoder, like_component
 
@@ -26,6 +26,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     add_data_options(parser)
+    add_cache_option(parser)
     parser.add_argument("--train-ids", type=Path, required=True)
     parser.add_argument("--val-ids", type=Path, required=True)
     _add_graph_options(parser)
@@ -35,8 +36,8 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
 
 def _add_graph_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("graph")
-    group.add_argument("--architecture", choices=sorted(ARCHITECTURES), default="wnet_c")
-    group.add_argument("--backbone", default="efficientnet_lite0")
+    group.add_argument("--architecture", default="wnet_c", help=architecture_names())
+    group.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
     group.add_argument("--decoder", choices=sorted(DECODERS), default="lite")
     group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
     group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")

@@ -1,11 +1,11 @@
 """The networks: specs as plain data, backbones by name, components in series."""
 
-from nunet_models.zoo.registry import ARCHITECTURES, graph_spec
-from nunet_models.zoo.serial import Component, SerialGraph
+from nunet_models.zoo.component import Component
+from nunet_models.zoo.registry import architecture_names, graph_spec
+from nunet_models.zoo.serial import SerialGraph
 from nunet_models.zoo.spec import LITE_DECODER, PAPER_DECODER, Camera, ComponentSpec, GraphSpec
 
 __all__ = [
-    "ARCHITECTURES",
     "LITE_DECODER",
     "PAPER_DECODER",
     "Camera",
@@ -13,5 +13,6 @@ __all__ = [
     "ComponentSpec",
     "GraphSpec",
     "SerialGraph",
+    "architecture_names",
     "graph_spec",
 ]

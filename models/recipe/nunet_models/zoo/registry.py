@@ -1,38 +1,46 @@
 """Architectures by name."""
 
+import re
 from collections.abc import Callable
 
 from nunet_models.errors import ConfigError
-from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec
+from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec, Task
+
+MEMORY_UNITS = 64  # of W-Net Connected's convolutional LSTM
 
 
-def unet(backbone: str, decoder: tuple[int, ...] = LITE_DECODER) -> tuple[ComponentSpec, ...]:
-    """One U-Net from image to depth."""
-    return (ComponentSpec("depth", "depth", backbone, decoder_channels=decoder),)
+def _unet(name: str, task: Task, backbone: str, *, connected: bool = True) -> ComponentSpec:
+    return ComponentSpec(name, task, backbone, connected=connected)
 
 
-def wnet(backbone: str, decoder: tuple[int, ...] = LITE_DECODER) -> tuple[ComponentSpec, ...]:
-    """A segmentation U-Net whose logits alone feed a depth U-Net."""
-    return _w(backbone, decoder, connected=False)
+def _segmentation(backbone: str) -> ComponentSpec:
+    return _unet("segmentation", "segmentation", backbone)
 
 
-def wnet_c(backbone: str, decoder: tuple[int, ...] = LITE_DECODER) -> tuple[ComponentSpec, ...]:
-    """W-Net Connected: the depth U-Net sees the image beside the logits."""
-    return _w(backbone, decoder, connected=True)
-
-
-def _w(backbone: str, decoder: tuple[int, ...], *, connected: bool) -> tuple[ComponentSpec, ...]:
-    return (
-        ComponentSpec("segmentation", "segmentation", backbone, decoder_channels=decoder),
-        ComponentSpec("depth", "depth", backbone, connected, decoder),
-    )
-
-
-ARCHITECTURES: dict[str, Callable[..., tuple[ComponentSpec, ...]]] = {
-    "unet": unet,
-    "wnet": wnet,
-    "wnet_c": wnet_c,
+ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
+    # the paper's systems without a U-Net before them
+    "cnn": lambda _: (ComponentSpec("depth", "depth", "cnn"),),
+    "rcnn": lambda _: (ComponentSpec("depth", "depth", "rcnn"),),
+    "unet": lambda b: (_unet("depth", "depth", b),),
+    # a segmentation U-Net, then a depth system that sees its logits alone
+    "unet_cnn": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", "cnn", False)),
+    "unet_rcnn": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", "rcnn", False)),
+    "wnet": lambda b: (_segmentation(b), _unet("depth", "depth", b, connected=False)),
+    # W-Net Connected: the depth U-Net sees the image beside the logits
+    "wnet_c": lambda b: (_segmentation(b), _unet("depth", "depth", b)),
+    "wnet_c_lstm": lambda b: (
+        _segmentation(b),
+        ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS),
+    ),
 }
+"""Each from the name of its backbone; `nunetN` and `nunetN_c` beside these for any N."""
+
+_SERIES = re.compile(r"nunet(?P<count>[1-9]\d?)(?P<connected>_c)?")
+
+
+def architecture_names() -> str:
+    """What may stand for an architecture, for help and errors."""
+    return "one of " + ", ".join([*ARCHITECTURES, "nunetN", "nunetN_c"])
 
 
 def graph_spec(
@@ -42,9 +50,37 @@ def graph_spec(
     decoder: tuple[int, ...] = LITE_DECODER,
     **fields: object,
 ) -> GraphSpec:
-    """The spec of a named architecture; `fields` overrides those of `GraphSpec`."""
-    if architecture not in ARCHITECTURES:
+    """The spec of a named architecture; `fields` overrides those of `GraphSpec`.
+
+    `backbone` may name one for each component, separated by commas. `nunetN` is a segmentation
+    U-Net and N - 1 depth U-Nets, each refining the one before (N = 1: one depth U-Net);
+    `nunetN_c` shows the image to all of them.
+    """
+    backbones = backbone.split(",")
+    series = _SERIES.fullmatch(architecture)
+    if series:
+        components = _series(int(series["count"]), series["connected"] is not None, backbones[0])
+    elif architecture in ARCHITECTURES:
+        components = ARCHITECTURES[architecture](backbones[0])
+    else:
+        raise ConfigError(f"no architecture `{architecture}`; hint: {architecture_names()}")
+    if len(backbones) not in {1, len(components)}:
         raise ConfigError(
-            f"no architecture `{architecture}`; hint: one of {', '.join(ARCHITECTURES)}"
+            f"`{backbone}` names {len(backbones)} backbones; `{architecture}` has "
+            f"{len(components)} components"
         )
-    return GraphSpec(architecture, ARCHITECTURES[architecture](backbone, decoder), **fields)
+    if len(backbones) > 1:
+        pairs = zip(components, backbones, strict=True)
+        components = tuple(c.changed(backbone=b) for c, b in pairs)
+    components = tuple(c.changed(decoder_channels=decoder) for c in components)
+    return GraphSpec(architecture, components, **fields)
+
+
+def _series(count: int, connected: bool, backbone: str) -> tuple[ComponentSpec, ...]:
+    if count == 1:
+        return ARCHITECTURES["unet"](backbone)
+    refining = tuple(
+        _unet(f"coarse{k}", "depth", backbone, connected=connected) for k in range(1, count - 1)
+    )
+    last = _unet("depth", "depth", backbone, connected=connected)
+    return (_segmentation(backbone), *refining, last)

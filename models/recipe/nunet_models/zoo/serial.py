@@ -3,46 +3,8 @@
 import torch
 from torch import nn
 
-from nunet_models.zoo.backbones import build_unet
-from nunet_models.zoo.spec import ComponentSpec, GraphSpec
-
-
-class Component(nn.Module):
-    """One U-Net of a serial graph: `[B, in, h, w]` to raw numbers `[B, out, h, w]`.
-
-    Raw numbers are logits (segmentation) or the head's linear output (depth).
-    """
-
-    def __init__(self, spec: ComponentSpec, *, in_channels: int, out_channels: int) -> None:
-        super().__init__()
-        self.spec = spec
-        self.unet = build_unet(
-            spec.backbone,
-            in_channels=in_channels,
-            out_channels=out_channels,
-            decoder_channels=spec.decoder_channels,
-            drop_path=spec.drop_path,
-        )
-        self.dropout = nn.Dropout2d(spec.dropout) if spec.dropout else nn.Identity()
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Encoder, decoder, dropout of whole channels, linear head."""
-        decoded = self.unet.decoder(self.unet.encoder(x))
-        return self.unet.segmentation_head(self.dropout(decoded))
-
-    def freeze(self) -> None:
-        """Stop all learning here, batch-norm statistics included (see `train`)."""
-        self.requires_grad_(False)
-        self.eval()
-
-    @property
-    def frozen(self) -> bool:
-        """Whether no parameter of this component learns."""
-        return not any(p.requires_grad for p in self.parameters())
-
-    def train(self, mode: bool = True) -> "Component":
-        """Enter or leave training; a frozen component stays as it is evaluated."""
-        return super().train(mode and not self.frozen)
+from nunet_models.zoo.component import Component, State
+from nunet_models.zoo.spec import GraphSpec
 
 
 class SerialGraph(nn.Module):
@@ -66,6 +28,7 @@ class SerialGraph(nn.Module):
                     component,
                     in_channels=before + (3 if sees_image else 0),
                     out_channels=out_channels,
+                    size=spec.inner_size,
                 )
             )
             before = out_channels
@@ -76,6 +39,14 @@ class SerialGraph(nn.Module):
         for component in self.components:
             outputs.append(component(self.joint(image, outputs)))
         return outputs
+
+    def remembering(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
+        """The same for the next picture of a stream; the last component carries the state."""
+        outputs: list[torch.Tensor] = []
+        for component in self.components[:-1]:
+            outputs.append(component(self.joint(image, outputs)))
+        raw, state = self.components[-1].remembering(self.joint(image, outputs), state)
+        return [*outputs, raw], state
 
     def joint(self, image: torch.Tensor, outputs: list[torch.Tensor]) -> torch.Tensor:
         """What the next component reads, given the outputs so far."""

@@ -22,6 +22,8 @@ class ComponentSpec:
     `connected` says whether it sees the image; the first component always does. `sigmoid_joint`
     keeps a final sigmoid on what the next component reads, as in the paper's code. `dropout` (of
     whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
+    `backbone` may also be `cnn` or `rcnn`, whose hidden layers `width` scales. `memory` is the
+    number of units of a convolutional LSTM at the bottleneck, 0 for none.
     """
 
     name: str
@@ -32,6 +34,12 @@ class ComponentSpec:
     dropout: float = 0.0
     drop_path: float = 0.0
     sigmoid_joint: bool = False
+    width: float = 1.0
+    memory: int = 0
+
+    def changed(self, **fields: object) -> Self:
+        """The same component with some fields changed."""
+        return replace(self, **fields)
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,8 @@ class GraphSpec:
             raise ConfigError(
                 f"the last component of `{self.architecture}` must be of task `depth`"
             )
+        if any(c.memory for c in self.components[:-1]):
+            raise ConfigError("only the last component can have a memory")
         for outer, inner in zip(self.input_size, self.inner_size, strict=True):
             if outer % inner:
                 raise ConfigError(

