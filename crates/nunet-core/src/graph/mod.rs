@@ -4,6 +4,7 @@
 //! fit) -> [`serial`] (the run). Only the folder [`onnx`] knows ONNX Runtime.
 
 mod error;
+mod io;
 mod load;
 mod manifest;
 mod onnx;
@@ -13,12 +14,11 @@ mod times;
 mod wiring;
 
 pub use error::GraphError;
+pub use io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, StageInfo, TensorView};
 pub use load::model_files;
 pub use manifest::{MAX_STAGES, Manifest, ManifestError};
 pub use onnx::{Provider, Runtime, RuntimeError, UnknownProvider};
-pub use serial::{
-    GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, SerialGraph, StageInfo, TensorView,
-};
+pub use serial::SerialGraph;
 pub use signature::{ElementType, Signature, TensorSpec};
 pub use times::{MAX_TIMED_STAGES, StageTimes};
 pub use wiring::WiringError;

@@ -1,108 +1,15 @@
 //! The run: each stage in turn, each reading what the earlier ones left.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::clock::Clock;
+use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, StageInfo, TensorView};
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
 use crate::graph::wiring::{Source, Wired, WiredStage};
-use crate::graph::{GraphError, Provider, Runtime, Signature, StageTimes, TensorSpec};
+use crate::graph::{GraphError, Provider, Runtime};
 use crate::model::ModelDescription;
 use crate::preprocess::TensorFormat;
-
-/// How a graph is to be loaded.
-#[derive(Debug, Clone, Default)]
-pub struct GraphOptions {
-    /// Who does the arithmetic.
-    pub provider: Provider,
-    /// Threads of one stage's arithmetic; `None` for as many as the process may use.
-    pub threads: Option<std::num::NonZeroUsize>,
-    /// `(stage, n)`: run that stage each n-th frame, whatever the manifest says.
-    pub every: Vec<(String, u32)>,
-}
-
-/// What a stage is, as `inspect` shows it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StageInfo {
-    /// Its name.
-    pub name: String,
-    /// Its model file.
-    pub model: PathBuf,
-    /// What it takes.
-    pub inputs: Vec<TensorSpec>,
-    /// What it gives.
-    pub outputs: Vec<TensorSpec>,
-    /// It runs each n-th frame.
-    pub every: u32,
-}
-
-impl StageInfo {
-    /// Inputs as the file has them, outputs as the plan fetches them, without the stage's name before theirs.
-    fn new(stage: &WiredStage, plan: &Wired, model: PathBuf, signature: &Signature) -> Self {
-        let prefix = stage.name.len() + 1;
-        let output = |spec: &TensorSpec| TensorSpec {
-            name: spec.name[prefix..].to_owned(),
-            ..spec.clone()
-        };
-        Self {
-            name: stage.name.clone(),
-            model,
-            inputs: signature.inputs.clone(),
-            outputs: plan.tensors[stage.outputs.clone()].iter().map(output).collect(),
-            every: stage.every,
-        }
-    }
-}
-
-/// The picture that enters a graph, at the graph's size.
-#[derive(Debug, Clone, Copy)]
-pub enum GraphInput<'a> {
-    /// `[1, H, W, 3]`, `u8`, RGB, rows top to bottom: what every network of the contract takes.
-    Rgb(&'a [u8]),
-    /// A foreign network's `f32` tensor, filled as its [`TensorFormat`] says.
-    Float(&'a [f32]),
-}
-
-/// Where a graph's results go: memory of the caller, into which ONNX Runtime writes.
-#[derive(Debug)]
-pub struct GraphOutputs<'a> {
-    /// `[H, W]`, `f32`, in the network's encoding.
-    pub depth: &'a mut [f32],
-    /// `[H, W]`, `u8`, class indices; `None` where nobody wants them.
-    pub labels: Option<&'a mut [u8]>,
-}
-
-/// How much of a frame's result was computed from this frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Quality {
-    /// All of it.
-    #[default]
-    Full,
-    /// A stage was skipped (`every`), and its earlier result used again.
-    ReusedLabels,
-    /// Something simpler stood in for the network.
-    Fallback,
-}
-
-/// What happened in one run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct GraphReport {
-    /// The time of each stage, in the order of [`SerialGraph::stages`]; 0 for a skipped one.
-    pub stages: StageTimes,
-    /// Whether a stage was skipped.
-    pub quality: Quality,
-    /// Bytes of results that had to be copied, because their stage runs less often than each frame.
-    pub bytes_copied: u64,
-}
-
-/// A tensor of the last run.
-#[derive(Debug, Clone, Copy)]
-pub struct TensorView<'a> {
-    /// Name, type and shape.
-    pub spec: &'a TensorSpec,
-    /// Its bytes, in this machine's byte order, aligned to 64.
-    pub bytes: &'a [u8],
-}
 
 /// N components in series, proved to fit, ready to run.
 pub struct SerialGraph {

@@ -3,15 +3,18 @@
 //! It catches a provider, a processor or a quantisation that computes something else. Picture, grid and format are
 //! those of `docs/model-file.md`, to the byte.
 
+mod grid;
+mod picture;
+
 use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Deserialize;
 
-/// Cells of the answer's grid from left to right.
-pub const GRID_WIDTH: usize = 8;
-/// Cells of the answer's grid from top to bottom.
-pub const GRID_HEIGHT: usize = 6;
+use grid::cells;
+pub use grid::{GRID_HEIGHT, GRID_WIDTH, SelfTestGrid};
+pub use picture::picture;
+
 /// The format of the answer that this program reads.
 const VERSION: u32 = 1;
 /// The name of [`picture`].
@@ -26,15 +29,6 @@ pub struct SelfTest {
     pub answer: SelfTestGrid,
     /// How far another runtime may be off, by the precision in which it computes.
     pub tolerance: BTreeMap<String, Tolerance>,
-}
-
-/// An answer to the self-test picture: 8 x 6 cells.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SelfTestGrid {
-    /// `[row][column]`: the lower median of the decoded depth's finite values, `None` where there is none.
-    pub depth: [[Option<f32>; GRID_WIDTH]; GRID_HEIGHT],
-    /// `[row][column]`: the most frequent label, the lowest of equals.
-    pub labels: Option<[[u8; GRID_WIDTH]; GRID_HEIGHT]>,
 }
 
 /// How far an answer may be off.
@@ -80,45 +74,6 @@ impl fmt::Display for SelfTestReport {
             "passed, off by {:.2e} of {:.2e} allowed",
             self.worst_depth, self.tolerance
         )
-    }
-}
-
-/// The picture `nunet-selftest-1`: `[height][width][3]`, RGB, rows top to bottom. No side may be 0.
-///
-/// Integers alone, so that every language draws the same; no symmetry in colour, left to right or top to bottom, so
-/// that swapped channels or a mirrored picture give another answer.
-#[must_use]
-pub fn picture(width: u32, height: u32) -> Vec<u8> {
-    let mut rgb = Vec::with_capacity(3 * width as usize * height as usize);
-    for y in 0..u64::from(height) {
-        for x in 0..u64::from(width) {
-            let u = 256 * x / u64::from(width);
-            let v = 256 * y / u64::from(height);
-            rgb.extend(pixel(u as i32, v as i32).map(|value| value as u8));
-        }
-    }
-    rgb
-}
-
-/// The colour at (u, v), both 0 to 255.
-fn pixel(u: i32, v: i32) -> [i32; 3] {
-    let fine = (7 * u + 13 * v + u * v / 32) % 23;
-    let in_disc = (u - 140).pow(2) + (v - 180).pow(2) < 28 * 28;
-    if in_disc {
-        [30 + fine, 150 - u / 4, 40 + v / 4]
-    } else if (168..232).contains(&u) && (24..104).contains(&v) {
-        [60 + fine, 140 + v / 5, 200 + u / 8]
-    } else if (24..92).contains(&u) && (88..208).contains(&v) {
-        [170 - v / 4 + fine, 40 + u / 4, 40 + fine]
-    } else if v >= 168 {
-        let check = ((u + v) / 24 + (v - 168) / 12) % 2;
-        [
-            90 + 40 * check + fine,
-            70 + 30 * check + fine,
-            50 + 10 * check + v / 8,
-        ]
-    } else {
-        [150 - u / 4 + fine, 130 - v / 4 + fine, 100 + u / 8 + fine]
     }
 }
 
@@ -232,47 +187,6 @@ struct Worst {
     column: usize,
 }
 
-fn cells() -> impl Iterator<Item = (usize, usize)> + Clone {
-    (0..GRID_HEIGHT).flat_map(|row| (0..GRID_WIDTH).map(move |column| (row, column)))
-}
-
-impl SelfTestGrid {
-    /// The grid of a decoded depth map, NaN where there is no measurement, and of its labels: both `[height][width]`.
-    #[must_use]
-    pub fn of(depth: &[f32], labels: Option<&[u8]>, width: u32, height: u32) -> Self {
-        let (width, height) = (width as usize, height as usize);
-        let mut grid = Self {
-            depth: [[None; GRID_WIDTH]; GRID_HEIGHT],
-            labels: labels.map(|_| [[0; GRID_WIDTH]; GRID_HEIGHT]),
-        };
-        for (row, column) in cells() {
-            let rows = row * height / GRID_HEIGHT..(row + 1) * height / GRID_HEIGHT;
-            let columns = column * width / GRID_WIDTH..(column + 1) * width / GRID_WIDTH;
-            let spans = rows.map(|y| y * width + columns.start..y * width + columns.end);
-            grid.depth[row][column] = lower_median(spans.clone().flat_map(|span| &depth[span]).copied());
-            if let (Some(grid), Some(labels)) = (&mut grid.labels, labels) {
-                grid[row][column] = majority(spans.flat_map(|span| &labels[span]).copied());
-            }
-        }
-        grid
-    }
-}
-
-/// `sorted[(n - 1) / 2]` of the finite values.
-fn lower_median(values: impl Iterator<Item = f32>) -> Option<f32> {
-    let mut finite: Vec<f32> = values.filter(|value| value.is_finite()).collect();
-    let middle = finite.len().checked_sub(1)? / 2;
-    Some(*finite.select_nth_unstable_by(middle, f32::total_cmp).1)
-}
-
-/// The most frequent value, the lowest of equals.
-fn majority(values: impl Iterator<Item = u8>) -> u8 {
-    let mut counts = [0_u32; 256];
-    values.for_each(|value| counts[usize::from(value)] += 1);
-    let most = counts.iter().max().copied().unwrap_or(0);
-    counts.iter().position(|&count| count == most).unwrap_or(0) as u8
-}
-
 #[derive(Deserialize)]
 struct File {
     version: u32,
@@ -355,49 +269,6 @@ mod tests {
                 },
             )]),
         }
-    }
-
-    #[test]
-    fn the_picture_is_the_documented_one_to_the_byte() {
-        let rgb = picture(640, 480);
-        let first = [
-            150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164,
-        ];
-        assert_eq!(rgb[..16], first);
-        let digest: String = {
-            use sha2::Digest;
-            sha2::Sha256::digest(&rgb)
-                .iter()
-                .map(|byte| format!("{byte:02x}"))
-                .collect()
-        };
-        assert_eq!(
-            digest,
-            "f13ba5a29ec76e875ed3a4cebc8c294e8be9e184d3485a166b7446ac8cd72536"
-        );
-    }
-
-    #[test]
-    fn the_grid_takes_lower_medians_and_the_lowest_of_equally_frequent_labels() {
-        // 16 x 6 pixels: two to a cell. The left one is the smaller depth and the larger label.
-        let depth: Vec<f32> = (0..96).map(|i| if i % 2 == 0 { 1.0 } else { 5.0 }).collect();
-        let labels: Vec<u8> = (0..96).map(|i| if i % 2 == 0 { 9 } else { 4 }).collect();
-        let grid = SelfTestGrid::of(&depth, Some(&labels), 16, 6);
-        assert_eq!(grid.depth, [[Some(1.0); GRID_WIDTH]; GRID_HEIGHT]);
-        assert_eq!(grid.labels, Some([[4; GRID_WIDTH]; GRID_HEIGHT]));
-    }
-
-    #[test]
-    fn a_cell_covers_its_own_pixels_and_no_others() {
-        let mut depth = vec![1.0; 16 * 12];
-        for (x, y) in [(6, 4), (7, 4), (6, 5), (7, 5)] {
-            depth[y * 16 + x] = f32::NAN;
-        }
-        let grid = SelfTestGrid::of(&depth, None, 16, 12);
-        let holes: Vec<_> = cells()
-            .filter(|&(row, column)| grid.depth[row][column].is_none())
-            .collect();
-        assert_eq!(holes, [(2, 3)]);
     }
 
     #[test]
