@@ -1,3 +1,54 @@
-//! `cargo xtask`.
+//! `cargo xtask`: set-up, checks and the demo, with nothing but cargo, a C compiler and python3.
 
-fn main() {}
+mod check;
+mod demo;
+mod latency_table;
+mod paper_models;
+mod paths;
+mod python;
+mod run;
+mod setup;
+mod test;
+mod wheels;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+usage: cargo xtask VERB
+
+  setup          fetch ONNX Runtime's library into the cache, if it is not there
+  demo           run nunetd on its demo scene; results in target/demo/
+  check          format, lints, documentation, structure of the source
+  test           every test, Rust and Python
+  paper-models   export the paper's networks at 480x640 to target/paper-models/
+
+The package index is the one that pip is configured to use. The cache is $XDG_CACHE_HOME/nunet or ~/.cache/nunet.";
+
+const BAD_ARGUMENTS: u8 = 2;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = match words.as_slice() {
+        ["setup"] => setup::setup(),
+        ["demo"] => demo::demo(),
+        ["check"] => check::check(),
+        ["test"] => test::test(),
+        ["paper-models"] => paper_models::paper_models(),
+        ["help" | "--help" | "-h"] => {
+            run::print(USAGE);
+            return ExitCode::SUCCESS;
+        }
+        _ => {
+            run::say(USAGE);
+            return ExitCode::from(BAD_ARGUMENTS);
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            run::say_error(&error);
+            ExitCode::FAILURE
+        }
+    }
+}

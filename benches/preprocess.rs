@@ -1,0 +1,71 @@
+//! From a camera's picture to the network's.
+#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use nunet_core::frame::{ImageView, PixelFormat};
+use nunet_core::preprocess::{ChannelOrder, Preprocessor, TensorFormat, TensorLayout};
+
+const NETWORK: (u32, u32) = (640, 480);
+
+fn picture(format: PixelFormat, (width, height): (u32, u32)) -> Vec<u8> {
+    let len = format.byte_len(width, height, format.min_stride(width));
+    (0..len as u32)
+        .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
+        .collect()
+}
+
+fn prepare(criterion: &mut Criterion) {
+    let cases = [
+        ("as_it_lies", PixelFormat::Rgb8, NETWORK),
+        ("convert", PixelFormat::Bgr8, NETWORK),
+        ("convert", PixelFormat::Mono8, NETWORK),
+        ("convert", PixelFormat::Yuyv, NETWORK),
+        ("convert", PixelFormat::Nv12, NETWORK),
+        ("resize", PixelFormat::Rgb8, (1280, 720)),
+        ("resize", PixelFormat::Rgb8, (1920, 1080)),
+        ("resize", PixelFormat::Rgb8, (320, 240)),
+        ("resize", PixelFormat::Bgr8, (1280, 720)),
+        ("resize", PixelFormat::Mono8, (1280, 720)),
+        ("resize", PixelFormat::Yuyv, (1280, 720)),
+        ("resize", PixelFormat::Nv12, (1280, 720)),
+    ];
+    for (case, format, (width, height)) in cases {
+        let bytes = picture(format, (width, height));
+        let frame = ImageView::packed(&bytes, width, height, format).expect("a whole picture");
+        let mut preprocessor = Preprocessor::new(NETWORK.0, NETWORK.1);
+        let id = format!(
+            "preprocess/{case}_{format}/{width}x{height}_to_{}x{}",
+            NETWORK.0, NETWORK.1
+        );
+        criterion.bench_function(&id, |bencher| {
+            bencher.iter(|| black_box(preprocessor.prepare(black_box(&frame)).bytes_copied));
+        });
+    }
+}
+
+fn tensor(criterion: &mut Criterion) {
+    let rgb = picture(PixelFormat::Rgb8, NETWORK);
+    let mut out = vec![0.0; rgb.len()];
+    for (case, layout, channels) in [
+        ("nchw_rgb", TensorLayout::Nchw, ChannelOrder::Rgb),
+        ("nhwc_rgb", TensorLayout::Nhwc, ChannelOrder::Rgb),
+        ("nhwc_bgr", TensorLayout::Nhwc, ChannelOrder::Bgr),
+    ] {
+        let (mean, std) = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225]);
+        let format = TensorFormat {
+            layout,
+            channels,
+            scale: 1.0 / 255.0,
+            mean,
+            std,
+        };
+        criterion.bench_function(&format!("preprocess/tensor_{case}/640x480"), |bencher| {
+            bencher.iter(|| format.fill(black_box(&rgb), black_box(&mut out)));
+        });
+    }
+}
+
+criterion_group!(benches, prepare, tensor);
+criterion_main!(benches);

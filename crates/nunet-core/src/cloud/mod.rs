@@ -1,0 +1,292 @@
+//! From depth to points: the organised cloud in the camera's optical frame.
+
+use std::num::NonZeroU32;
+
+use crate::camera::RayTable;
+
+/// The label of a point whose class nobody knows.
+pub const NO_LABEL: u8 = 255;
+
+/// One point of an organised cloud, 16 bytes as they lie in shared memory.
+///
+/// Metres in the camera's optical frame (x right, y down, z forward), NaN where there is no depth. The same bytes
+/// are a ROS `PointCloud2` with fields x, y, z, rgb (FLOAT32 at 12) and label (UINT8 at 15).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
+pub struct CloudPoint {
+    /// To the right, metres.
+    pub x: f32,
+    /// Down, metres.
+    pub y: f32,
+    /// Forward, metres.
+    pub z: f32,
+    /// Blue.
+    pub b: u8,
+    /// Green.
+    pub g: u8,
+    /// Red.
+    pub r: u8,
+    /// Class index, [`NO_LABEL`] where there is none.
+    pub label: u8,
+}
+
+impl CloudPoint {
+    /// No depth, no colour, no class.
+    pub const NONE: Self = Self {
+        x: f32::NAN,
+        y: f32::NAN,
+        z: f32::NAN,
+        b: 0,
+        g: 0,
+        r: 0,
+        label: NO_LABEL,
+    };
+}
+
+/// Width and height of the cloud of every `stride`-th column and row of a depth map.
+#[must_use]
+pub fn cloud_size(width: u32, height: u32, stride: NonZeroU32) -> (u32, u32) {
+    (width.div_ceil(stride.get()), height.div_ceil(stride.get()))
+}
+
+/// Fills `out` with the points of columns and rows 0, `stride`, 2 `stride`, ... of a depth map.
+///
+/// `depth_m` is `[height][width]` of `rays`' size, metres along the optical axis; `rgb` is `[height][width][3]`;
+/// `labels`, where there are any, `[height][width]`; `out` is [`cloud_size`] points, rows from the top. A point
+/// without depth, or on a pixel without a ray, keeps its place with NaN coordinates.
+///
+/// # Errors
+/// A buffer whose size is not the one above.
+pub fn organised_cloud(
+    depth_m: &[f32],
+    rays: &RayTable,
+    rgb: &[u8],
+    labels: Option<&[u8]>,
+    stride: NonZeroU32,
+    out: &mut [CloudPoint],
+) -> Result<(), CloudError> {
+    let (width, height) = (rays.width(), rays.height());
+    let check = |buffer, got, expected| {
+        if got == expected {
+            Ok(())
+        } else {
+            Err(CloudError::Size {
+                buffer,
+                got,
+                expected,
+                width,
+                height,
+            })
+        }
+    };
+    let pixels = rays.rays().len();
+    let (cloud_width, cloud_height) = cloud_size(width, height, stride);
+    check("depth", depth_m.len(), pixels)?;
+    check("rgb", rgb.len(), 3 * pixels)?;
+    check("labels", labels.map_or(pixels, <[u8]>::len), pixels)?;
+    check("points", out.len(), cloud_width as usize * cloud_height as usize)?;
+
+    let picture = Picture {
+        depth_m,
+        rays: rays.rays(),
+        rgb: rgb.as_chunks().0,
+    };
+    match labels {
+        Some(labels) => picture.fill(width as usize, stride, out, |pixel| labels[pixel]),
+        None => picture.fill(width as usize, stride, out, |_| NO_LABEL),
+    }
+    Ok(())
+}
+
+/// What a point is made of, one element a pixel.
+struct Picture<'a> {
+    depth_m: &'a [f32],
+    rays: &'a [[f32; 2]],
+    rgb: &'a [[u8; 3]],
+}
+
+impl Picture<'_> {
+    /// Generic over the label, so that the loop asks for it once and not at every point.
+    fn fill(&self, width: usize, stride: NonZeroU32, out: &mut [CloudPoint], label: impl Fn(usize) -> u8) {
+        let step = stride.get() as usize;
+        for (out_row, points) in out.chunks_exact_mut(width.div_ceil(step)).enumerate() {
+            let first = out_row * step * width;
+            for (out_column, point) in points.iter_mut().enumerate() {
+                let pixel = first + out_column * step;
+                *point = self.point(pixel, label(pixel));
+            }
+        }
+    }
+
+    #[inline]
+    fn point(&self, pixel: usize, label: u8) -> CloudPoint {
+        let [ray_x, ray_y] = self.rays[pixel];
+        let [r, g, b] = self.rgb[pixel];
+        // Adding nothing of the ray makes z NaN where there is no ray, without a branch.
+        let z = self.depth_m[pixel] + 0.0 * ray_x;
+        CloudPoint {
+            x: ray_x * z,
+            y: ray_y * z,
+            z,
+            b,
+            g,
+            r,
+            label,
+        }
+    }
+}
+
+/// What is wrong with the buffers of a cloud.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CloudError {
+    /// A buffer does not fit the camera's picture.
+    #[error(
+        "the cloud's `{buffer}` holds `{got}` elements; a camera of `{width}x{height}` takes `{expected}`"
+    )]
+    Size {
+        /// Which buffer.
+        buffer: &'static str,
+        /// Elements given.
+        got: usize,
+        /// Elements needed.
+        expected: usize,
+        /// The camera's pixels from left to right.
+        width: u32,
+        /// The camera's pixels from top to bottom.
+        height: u32,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Intrinsics};
+    use proptest::prelude::*;
+
+    const ONE: NonZeroU32 = NonZeroU32::MIN;
+    const BLANK: CloudPoint = CloudPoint {
+        x: 0.0,
+        y: 0.0,
+        z: 0.0,
+        b: 0,
+        g: 0,
+        r: 0,
+        label: 0,
+    };
+
+    fn rays(fx: f64, fy: f64, cx: f64, cy: f64, width: u32, height: u32) -> RayTable {
+        RayTable::new(&Camera::pinhole(
+            Intrinsics::new(fx, fy, cx, cy, width, height).unwrap(),
+        ))
+    }
+
+    #[test]
+    fn a_point_is_16_bytes_with_the_colour_at_12_and_the_label_at_15() {
+        assert_eq!(size_of::<CloudPoint>(), 16);
+        assert_eq!(std::mem::offset_of!(CloudPoint, b), 12);
+        assert_eq!(std::mem::offset_of!(CloudPoint, r), 14);
+        assert_eq!(std::mem::offset_of!(CloudPoint, label), 15);
+    }
+
+    #[test]
+    fn a_hand_computed_cloud_of_two_points() {
+        let rays = rays(2.0, 4.0, 0.5, 1.0, 2, 1);
+        let mut out = [BLANK; 2];
+        organised_cloud(
+            &[2.0, 4.0],
+            &rays,
+            &[1, 2, 3, 4, 5, 6],
+            Some(&[7, 8]),
+            ONE,
+            &mut out,
+        )
+        .unwrap();
+        assert_eq!(
+            out[0],
+            CloudPoint {
+                x: -0.5,
+                y: -0.5,
+                z: 2.0,
+                b: 3,
+                g: 2,
+                r: 1,
+                label: 7
+            }
+        );
+        assert_eq!(
+            out[1],
+            CloudPoint {
+                x: 1.0,
+                y: -1.0,
+                z: 4.0,
+                b: 6,
+                g: 5,
+                r: 4,
+                label: 8
+            }
+        );
+    }
+
+    #[test]
+    fn a_point_without_depth_keeps_its_place_and_colour() {
+        let mut out = [BLANK; 2];
+        let rays = rays(2.0, 4.0, 0.5, 0.0, 2, 1);
+        organised_cloud(&[f32::NAN, 1.0], &rays, &[9; 6], None, ONE, &mut out).unwrap();
+        assert!(out[0].x.is_nan() && out[0].y.is_nan() && out[0].z.is_nan());
+        assert_eq!((out[0].r, out[0].label, out[1].z), (9, NO_LABEL, 1.0));
+    }
+
+    #[test]
+    fn a_stride_keeps_every_nth_column_and_row_and_the_last_odd_one() {
+        let (width, height) = (5u32, 3u32);
+        let stride = NonZeroU32::new(2).unwrap();
+        let depth: Vec<f32> = (1..=15).map(|z| z as f32).collect();
+        let mut out = vec![BLANK; 6];
+        let rays = rays(5.0, 3.0, 2.0, 1.0, width, height);
+        organised_cloud(&depth, &rays, &[0; 45], None, stride, &mut out).unwrap();
+        assert_eq!(cloud_size(width, height, stride), (3, 2));
+        assert_eq!(
+            out.iter().map(|point| point.z).collect::<Vec<_>>(),
+            [1.0, 3.0, 5.0, 11.0, 13.0, 15.0]
+        );
+    }
+
+    #[test]
+    fn a_buffer_of_another_size_is_refused_by_name() {
+        let rays = rays(2.0, 2.0, 0.5, 0.5, 2, 2);
+        let mut out = [BLANK; 4];
+        let error = organised_cloud(&[1.0; 4], &rays, &[0; 11], None, ONE, &mut out).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the cloud's `rgb` holds `11` elements; a camera of `2x2` takes `12`"
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn every_point_projects_back_onto_its_pixel(
+            width in 1u32..40, height in 1u32..30, stride in 1u32..5, focal in 0.3..3.0f64, depth in 0.1..50f32,
+        ) {
+            let stride = NonZeroU32::new(stride).unwrap();
+            let (fx, fy) = (focal * f64::from(width), focal * f64::from(height));
+            let (cx, cy) = (0.4 * f64::from(width), 0.6 * f64::from(height));
+            let full = Intrinsics::new(fx, fy, cx, cy, width, height).unwrap();
+            let pixels = (width * height) as usize;
+            let depth_m: Vec<f32> = (0..pixels).map(|i| depth * (1.0 + (i % 7) as f32)).collect();
+            let (cloud_width, cloud_height) = cloud_size(width, height, stride);
+            let mut out = vec![BLANK; (cloud_width * cloud_height) as usize];
+            let rays = RayTable::new(&Camera::pinhole(full));
+            organised_cloud(&depth_m, &rays, &vec![0; 3 * pixels], None, stride, &mut out).unwrap();
+
+            let kept = full.decimated(stride);
+            prop_assert_eq!((kept.width, kept.height), (cloud_width, cloud_height));
+            for (i, point) in out.iter().enumerate() {
+                let column = f64::from(point.x / point.z) * kept.fx_px + kept.cx_px;
+                let row = f64::from(point.y / point.z) * kept.fy_px + kept.cy_px;
+                prop_assert!((column - f64::from(i as u32 % cloud_width)).abs() < 1e-3);
+                prop_assert!((row - f64::from(i as u32 / cloud_width)).abs() < 1e-3);
+            }
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! From a network's numbers to depth: decoding, the range of what counts as a measurement, and the scale.
+
+mod decode;
+mod scale;
+
+pub use decode::{DepthError, DepthRange, Encoding};
+pub use scale::{Scale, ScaleSource, Units};

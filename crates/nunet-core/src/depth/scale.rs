@@ -1,0 +1,123 @@
+//! What the numbers of a depth map are, and where their scale comes from.
+
+use super::Encoding;
+
+/// The unit of a depth map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Units {
+    /// Not a length at all, as of labels.
+    None,
+    /// Metres along the optical axis.
+    Metre,
+    /// Nearer or farther, without a unit.
+    Relative,
+}
+
+/// Where a depth map's scale comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ScaleSource {
+    /// The network's own metres, as they are.
+    Metric,
+    /// The network's metres times the ratio of this camera's focal length to the training camera's.
+    FocalScaled,
+    /// The network's metres, as if this camera had the training camera's focal length: nobody said which it has.
+    AssumedCamera,
+    /// No scale.
+    Relative,
+}
+
+/// How to scale what a network says, decided once when the pipeline is built.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// The unit of the depth map.
+    pub units: Units,
+    /// Where its scale comes from.
+    pub source: ScaleSource,
+    /// What to multiply the network's metres by.
+    pub focal_factor: f32,
+}
+
+impl Scale {
+    /// The scale of a network's depth from the focal lengths of both cameras, in pixels at the network's size.
+    ///
+    /// Depth from one picture grows with the focal length: an object twice as large in the picture is half as far,
+    /// or seen with twice the focal length. Without a training camera there is nothing to correct for.
+    #[must_use]
+    pub fn from_focal_lengths(
+        encoding: Encoding,
+        training_fx_px: Option<f64>,
+        input_fx_px: Option<f64>,
+    ) -> Self {
+        if !encoding.is_metric() {
+            return Self {
+                units: Units::Relative,
+                source: ScaleSource::Relative,
+                focal_factor: 1.0,
+            };
+        }
+        let (source, factor) = match (training_fx_px, input_fx_px) {
+            (Some(training), Some(input)) => (ScaleSource::FocalScaled, input / training),
+            (Some(_), None) => (ScaleSource::AssumedCamera, 1.0),
+            (None, _) => (ScaleSource::Metric, 1.0),
+        };
+        Self {
+            units: Units::Metre,
+            source,
+            focal_factor: factor as f32,
+        }
+    }
+
+    /// The scale of a network's depth taken as it is, whatever the camera (`--focal off`).
+    #[must_use]
+    pub fn unscaled(encoding: Encoding) -> Self {
+        Self::from_focal_lengths(encoding, None, None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twice_the_focal_length_is_twice_the_depth() {
+        let scale = Scale::from_focal_lengths(Encoding::Inverse, Some(500.0), Some(1000.0));
+        assert_eq!(
+            scale,
+            Scale {
+                units: Units::Metre,
+                source: ScaleSource::FocalScaled,
+                focal_factor: 2.0
+            }
+        );
+    }
+
+    #[test]
+    fn an_unknown_camera_is_assumed_to_be_the_training_camera() {
+        let scale = Scale::from_focal_lengths(Encoding::Metric, Some(500.0), None);
+        assert_eq!(
+            (scale.source, scale.focal_factor),
+            (ScaleSource::AssumedCamera, 1.0)
+        );
+    }
+
+    #[test]
+    fn a_network_without_a_unit_is_never_called_metres() {
+        for encoding in [Encoding::Relative, Encoding::MinMax] {
+            let scale = Scale::from_focal_lengths(encoding, Some(500.0), Some(1000.0));
+            assert_eq!(
+                scale,
+                Scale {
+                    units: Units::Relative,
+                    source: ScaleSource::Relative,
+                    focal_factor: 1.0
+                }
+            );
+        }
+    }
+
+    #[test]
+    fn without_scaling_the_networks_metres_stand() {
+        let scale = Scale::unscaled(Encoding::Log);
+        assert_eq!((scale.units, scale.source), (Units::Metre, ScaleSource::Metric));
+    }
+}

@@ -1,0 +1,281 @@
+//! The staged graph as a user writes it, in TOML.
+
+use std::collections::BTreeMap;
+use std::path::{Component, Path};
+
+use serde::Deserialize;
+
+/// The most stages of one graph: as many as a frame's header has room to time, with those around the graph.
+pub const MAX_STAGES: usize = 12;
+/// The most characters of a stage's name.
+const MAX_STAGE_NAME: usize = 32;
+/// The most bytes of a manifest or a sidecar: a hundred times what one needs.
+pub(crate) const MAX_TOML_BYTES: u64 = 64 * 1024;
+/// The format that this program reads.
+const VERSION: u32 = 1;
+/// What the pipeline and the loop around it call their own stages, and what a manifest calls the picture.
+const RESERVED_NAMES: [&str; 6] = ["image", "queue", "preprocess", "decode", "cloud", "publish"];
+/// The name of the one stage of a fused file.
+const FUSED_STAGE: &str = "network";
+
+/// A staged graph as its file says it, not yet proved to fit.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Format of the file: 1.
+    pub version: u32,
+    /// The stages in the order in which they run.
+    #[serde(rename = "stage", default)]
+    pub stages: Vec<ManifestStage>,
+    /// What leaves the graph.
+    pub outputs: ManifestOutputs,
+}
+
+/// One stage as the manifest says it.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestStage {
+    /// Its name: lower-case letters, digits, `_` and `-`.
+    pub name: String,
+    /// The model file, relative to the manifest, in its folder or below.
+    pub model: String,
+    /// The file's input tensor -> `image` or `stage.tensor`.
+    pub inputs: BTreeMap<String, String>,
+    /// Run each n-th frame, reuse the result in between.
+    #[serde(default = "each_frame")]
+    pub every: u32,
+}
+
+/// What leaves the graph, as `stage.tensor`.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestOutputs {
+    /// The depth map.
+    pub depth: String,
+    /// The labels, where a stage segments.
+    pub labels: Option<String>,
+}
+
+fn each_frame() -> u32 {
+    1
+}
+
+impl Manifest {
+    /// Reads a manifest's text; whether its stages fit is for the wiring to prove.
+    ///
+    /// # Errors
+    /// Text that is not TOML, unknown or missing keys, another version, no stage or too many, a name with other
+    /// characters, and a model outside the manifest's folder.
+    pub fn parse(text: &str) -> Result<Self, ManifestError> {
+        let manifest: Self = toml::from_str(text).map_err(|error| ManifestError::Syntax {
+            reason: error.to_string().trim_end().to_owned(),
+        })?;
+        if manifest.version != VERSION {
+            return Err(ManifestError::Version {
+                version: manifest.version,
+            });
+        }
+        if !(1..=MAX_STAGES).contains(&manifest.stages.len()) {
+            return Err(ManifestError::StageCount {
+                count: manifest.stages.len(),
+            });
+        }
+        for stage in &manifest.stages {
+            check_name(&stage.name)?;
+            check_model(stage)?;
+        }
+        Ok(manifest)
+    }
+
+    /// What a manifest for a single file would say: one stage that takes the picture and gives the results.
+    pub(crate) fn fused(model: &str, input: &str, depth: &str, labels: Option<&str>) -> Self {
+        let stage = ManifestStage {
+            name: FUSED_STAGE.to_owned(),
+            model: model.to_owned(),
+            inputs: BTreeMap::from([(input.to_owned(), "image".to_owned())]),
+            every: 1,
+        };
+        let outputs = ManifestOutputs {
+            depth: format!("{FUSED_STAGE}.{depth}"),
+            labels: labels.map(|labels| format!("{FUSED_STAGE}.{labels}")),
+        };
+        Self {
+            version: VERSION,
+            stages: vec![stage],
+            outputs,
+        }
+    }
+}
+
+fn check_name(name: &str) -> Result<(), ManifestError> {
+    let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
+    if name.is_empty() || name.len() > MAX_STAGE_NAME || !name.chars().all(fits) {
+        return Err(ManifestError::StageName {
+            name: name.to_owned(),
+        });
+    }
+    if RESERVED_NAMES.contains(&name) {
+        return Err(ManifestError::ReservedName {
+            name: name.to_owned(),
+        });
+    }
+    Ok(())
+}
+
+/// A manifest is data from elsewhere: it may name files beside itself, and no others.
+fn check_model(stage: &ManifestStage) -> Result<(), ManifestError> {
+    let mut parts = Path::new(&stage.model).components();
+    let inside =
+        !stage.model.is_empty() && parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if inside {
+        Ok(())
+    } else {
+        Err(ManifestError::ModelOutside {
+            stage: stage.name.clone(),
+            model: stage.model.clone(),
+        })
+    }
+}
+
+/// What is wrong with a manifest.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ManifestError {
+    /// Not TOML, or other keys than a manifest has.
+    #[error("{reason}")]
+    Syntax {
+        /// The parser's words, with line and column.
+        reason: String,
+    },
+    /// Another format.
+    #[error("`version = {version}`, but this program reads version `{VERSION}`")]
+    Version {
+        /// The manifest's.
+        version: u32,
+    },
+    /// No stage, or too many.
+    #[error("`{count}` stages; a graph has 1 to {MAX_STAGES}\nhint: each stage is a `[[stage]]` table")]
+    StageCount {
+        /// How many.
+        count: usize,
+    },
+    /// A stage's name has other characters, or too many.
+    #[error(
+        "`{name}` cannot name a stage\nhint: 1 to {MAX_STAGE_NAME} lower-case letters, digits, `_` or `-`"
+    )]
+    StageName {
+        /// The name.
+        name: String,
+    },
+    /// A stage has a name that means something else.
+    #[error("`{name}` cannot name a stage: the pipeline uses it for something else")]
+    ReservedName {
+        /// The name.
+        name: String,
+    },
+    /// A model that is not in the manifest's folder.
+    #[error(
+        "stage `{stage}` names the model `{model}`, which is not beside the manifest\nhint: a path relative to the \
+         manifest, without `..`"
+    )]
+    ModelOutside {
+        /// The stage.
+        stage: String,
+        /// The path.
+        model: String,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TWO_STAGES: &str = r#"
+        version = 1
+        [[stage]]
+        name = "segmentation"
+        model = "wnet_c.segmentation.onnx"
+        inputs = { rgb = "image" }
+        every = 2
+        [[stage]]
+        name = "depth"
+        model = "parts/wnet_c.depth.onnx"
+        inputs = { rgb = "image", features = "segmentation.logits" }
+        [outputs]
+        depth = "depth.depth"
+        labels = "segmentation.labels"
+    "#;
+
+    #[test]
+    fn the_documented_manifest_is_read() {
+        let manifest = Manifest::parse(TWO_STAGES).unwrap();
+        let every: Vec<u32> = manifest.stages.iter().map(|stage| stage.every).collect();
+        assert_eq!(every, [2, 1]);
+        assert_eq!(manifest.stages[1].inputs["features"], "segmentation.logits");
+        assert_eq!(manifest.outputs.labels.as_deref(), Some("segmentation.labels"));
+    }
+
+    #[test]
+    fn unknown_keys_are_errors_that_name_the_key() {
+        let error = Manifest::parse(&TWO_STAGES.replace("every = 2", "evry = 2")).unwrap_err();
+        assert!(error.to_string().contains("unknown field `evry`"), "{error}");
+    }
+
+    #[test]
+    fn another_version_is_refused_by_name() {
+        let error = Manifest::parse(&TWO_STAGES.replace("version = 1", "version = 2")).unwrap_err();
+        assert_eq!(error, ManifestError::Version { version: 2 });
+    }
+
+    #[test]
+    fn a_graph_has_at_least_one_stage_and_not_too_many() {
+        let outputs = "version = 1\n[outputs]\ndepth = \"a.depth\"\n";
+        assert_eq!(
+            Manifest::parse(outputs).unwrap_err(),
+            ManifestError::StageCount { count: 0 }
+        );
+        let stage = "[[stage]]\nname = \"a\"\nmodel = \"a.onnx\"\ninputs = {}\n";
+        let crowd = format!("{outputs}{}", stage.repeat(MAX_STAGES + 1));
+        assert_eq!(
+            Manifest::parse(&crowd).unwrap_err(),
+            ManifestError::StageCount {
+                count: MAX_STAGES + 1
+            }
+        );
+    }
+
+    #[test]
+    fn a_model_outside_the_manifests_folder_is_refused() {
+        for model in ["../secret.onnx", "/etc/passwd", "parts/../../x.onnx", ""] {
+            let error = Manifest::parse(&TWO_STAGES.replace("wnet_c.segmentation.onnx", model)).unwrap_err();
+            assert!(
+                matches!(error, ManifestError::ModelOutside { .. }),
+                "{model}: {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn stage_names_are_short_plain_and_not_reserved() {
+        for name in [
+            "",
+            "two words",
+            "dotted.name",
+            "Upper",
+            &"x".repeat(MAX_STAGE_NAME + 1),
+        ] {
+            let text = TWO_STAGES.replace("name = \"segmentation\"", &format!("name = \"{name}\""));
+            assert!(
+                matches!(Manifest::parse(&text), Err(ManifestError::StageName { .. })),
+                "{name}"
+            );
+        }
+        for name in RESERVED_NAMES {
+            let text = TWO_STAGES.replace("name = \"segmentation\"", &format!("name = \"{name}\""));
+            assert!(
+                matches!(Manifest::parse(&text), Err(ManifestError::ReservedName { .. })),
+                "{name}"
+            );
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! The serial graph: N components in series, from a picture to depth, labels, and what lies between them.
+//!
+//! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (proof that the stages
+//! fit) -> [`serial`] (the run). Only the folder [`onnx`] knows ONNX Runtime.
+
+mod error;
+mod load;
+mod manifest;
+mod onnx;
+mod serial;
+mod signature;
+mod times;
+mod wiring;
+
+pub use error::GraphError;
+pub use load::model_files;
+pub use manifest::{MAX_STAGES, Manifest, ManifestError};
+pub use onnx::{Provider, Runtime, RuntimeError, UnknownProvider};
+pub use serial::{
+    GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, SerialGraph, StageInfo, TensorView,
+};
+pub use signature::{ElementType, Signature, TensorSpec};
+pub use times::{MAX_TIMED_STAGES, StageTimes};
+pub use wiring::WiringError;

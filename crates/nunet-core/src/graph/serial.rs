@@ -1,0 +1,357 @@
+//! The run: each stage in turn, each reading what the earlier ones left.
+
+use std::path::{Path, PathBuf};
+
+use crate::clock::Clock;
+use crate::graph::load::{Loaded, load};
+use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
+use crate::graph::wiring::{Source, Wired, WiredStage};
+use crate::graph::{GraphError, Provider, Runtime, Signature, StageTimes, TensorSpec};
+use crate::model::ModelDescription;
+use crate::preprocess::TensorFormat;
+
+/// How a graph is to be loaded.
+#[derive(Debug, Clone, Default)]
+pub struct GraphOptions {
+    /// Who does the arithmetic.
+    pub provider: Provider,
+    /// Threads of one stage's arithmetic; `None` for as many as the process may use.
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// `(stage, n)`: run that stage each n-th frame, whatever the manifest says.
+    pub every: Vec<(String, u32)>,
+}
+
+/// What a stage is, as `inspect` shows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StageInfo {
+    /// Its name.
+    pub name: String,
+    /// Its model file.
+    pub model: PathBuf,
+    /// What it takes.
+    pub inputs: Vec<TensorSpec>,
+    /// What it gives.
+    pub outputs: Vec<TensorSpec>,
+    /// It runs each n-th frame.
+    pub every: u32,
+}
+
+impl StageInfo {
+    /// Inputs as the file has them, outputs as the plan fetches them, without the stage's name before theirs.
+    fn new(stage: &WiredStage, plan: &Wired, model: PathBuf, signature: &Signature) -> Self {
+        let prefix = stage.name.len() + 1;
+        let output = |spec: &TensorSpec| TensorSpec {
+            name: spec.name[prefix..].to_owned(),
+            ..spec.clone()
+        };
+        Self {
+            name: stage.name.clone(),
+            model,
+            inputs: signature.inputs.clone(),
+            outputs: plan.tensors[stage.outputs.clone()].iter().map(output).collect(),
+            every: stage.every,
+        }
+    }
+}
+
+/// The picture that enters a graph, at the graph's size.
+#[derive(Debug, Clone, Copy)]
+pub enum GraphInput<'a> {
+    /// `[1, H, W, 3]`, `u8`, RGB, rows top to bottom: what every network of the contract takes.
+    Rgb(&'a [u8]),
+    /// A foreign network's `f32` tensor, filled as its [`TensorFormat`] says.
+    Float(&'a [f32]),
+}
+
+/// Where a graph's results go: memory of the caller, into which ONNX Runtime writes.
+#[derive(Debug)]
+pub struct GraphOutputs<'a> {
+    /// `[H, W]`, `f32`, in the network's encoding.
+    pub depth: &'a mut [f32],
+    /// `[H, W]`, `u8`, class indices; `None` where nobody wants them.
+    pub labels: Option<&'a mut [u8]>,
+}
+
+/// How much of a frame's result was computed from this frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Quality {
+    /// All of it.
+    #[default]
+    Full,
+    /// A stage was skipped (`every`), and its earlier result used again.
+    ReusedLabels,
+    /// Something simpler stood in for the network.
+    Fallback,
+}
+
+/// What happened in one run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct GraphReport {
+    /// The time of each stage, in the order of [`SerialGraph::stages`]; 0 for a skipped one.
+    pub stages: StageTimes,
+    /// Whether a stage was skipped.
+    pub quality: Quality,
+    /// Bytes of results that had to be copied, because their stage runs less often than each frame.
+    pub bytes_copied: u64,
+}
+
+/// A tensor of the last run.
+#[derive(Debug, Clone, Copy)]
+pub struct TensorView<'a> {
+    /// Name, type and shape.
+    pub spec: &'a TensorSpec,
+    /// Its bytes, in this machine's byte order, aligned to 64.
+    pub bytes: &'a [u8],
+}
+
+/// N components in series, proved to fit, ready to run.
+pub struct SerialGraph {
+    description: ModelDescription,
+    stages: Vec<StageInfo>,
+    provider: Provider,
+    float_input: Option<TensorFormat>,
+    plan: Wired,
+    sessions: Vec<Session>,
+    image: CallerTensor,
+    depth: CallerTensor,
+    labels: Option<CallerTensor>,
+    own: OwnTensors,
+    /// Runs since the last reset; `every` counts in it.
+    runs: u64,
+    /// Whether the labels of the last run went into the caller's memory.
+    labels_left: bool,
+}
+
+impl SerialGraph {
+    /// Loads a fused `.onnx` file, or a staged graph's `.toml` with the files that it names.
+    ///
+    /// # Errors
+    /// Files that cannot be read or that ONNX Runtime does not take, stages that do not fit, and a description that
+    /// is missing or wrong.
+    pub fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Self, GraphError> {
+        let Loaded {
+            plan,
+            models,
+            description,
+            provider,
+            float_input,
+        } = load(path, runtime, options)?;
+        let mut stages = Vec::with_capacity(models.len());
+        let mut sessions = Vec::with_capacity(models.len());
+        for (stage, (file, model)) in plan.stages.iter().zip(models) {
+            let info = StageInfo::new(stage, &plan, file, model.signature());
+            let session = model
+                .into_session(&info.inputs, &info.outputs)
+                .map_err(|reason| GraphError::Run {
+                    stage: stage.name.clone(),
+                    reason,
+                })?;
+            sessions.push(session);
+            stages.push(info);
+        }
+        let spec = |index: usize| plan.tensors[index].clone();
+        Ok(Self {
+            description,
+            stages,
+            provider,
+            float_input,
+            sessions,
+            image: CallerTensor::new("image", plan.image.clone()),
+            depth: CallerTensor::new("depth", spec(plan.depth)),
+            labels: plan.labels.map(|index| CallerTensor::new("labels", spec(index))),
+            own: OwnTensors::new(&plan.tensors)?,
+            plan,
+            runs: 0,
+            labels_left: false,
+        })
+    }
+
+    /// What the model file says of itself.
+    #[must_use]
+    pub fn description(&self) -> &ModelDescription {
+        &self.description
+    }
+
+    /// The stages in the order in which they run.
+    #[must_use]
+    pub fn stages(&self) -> &[StageInfo] {
+        &self.stages
+    }
+
+    /// Width and height of the picture, the depth map and the labels, in pixels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        self.plan.size
+    }
+
+    /// Whether the graph gives labels.
+    #[must_use]
+    pub fn has_labels(&self) -> bool {
+        self.plan.labels.is_some()
+    }
+
+    /// The provider that does the arithmetic; never [`Provider::Auto`].
+    #[must_use]
+    pub fn provider(&self) -> Provider {
+        self.provider
+    }
+
+    /// How a foreign network wants its picture ([`GraphInput::Float`]); `None` where it takes camera bytes
+    /// ([`GraphInput::Rgb`]).
+    #[must_use]
+    pub fn float_input(&self) -> Option<&TensorFormat> {
+        self.float_input.as_ref()
+    }
+
+    /// Runs all stages that are due on one picture; their results are in `outputs` when it returns.
+    ///
+    /// The picture is read where it lies and the results are written where they shall be: nothing is copied, and
+    /// nothing allocated on the Rust side once each buffer's address has been seen. Labels of a stage that does not
+    /// run for each frame are the exception: they are kept inside, and copied out.
+    ///
+    /// # Errors
+    /// Buffers of another length or type than the graph's, and what ONNX Runtime reports. After an error every stage
+    /// is due again.
+    pub fn run(
+        &mut self,
+        image: GraphInput<'_>,
+        outputs: GraphOutputs<'_>,
+        clock: &dyn Clock,
+    ) -> Result<GraphReport, GraphError> {
+        let run = self.runs;
+        self.runs = 0;
+        let report = self.run_due_stages(run, image, outputs, clock)?;
+        self.runs = run + 1;
+        Ok(report)
+    }
+
+    fn run_due_stages(
+        &mut self,
+        run: u64,
+        image: GraphInput<'_>,
+        outputs: GraphOutputs<'_>,
+        clock: &dyn Clock,
+    ) -> Result<GraphReport, GraphError> {
+        let GraphOutputs { depth, labels } = outputs;
+        let (labels, kept_labels) = if self.keeps_labels() {
+            (None, labels)
+        } else {
+            (labels, None)
+        };
+        self.labels_left = labels.is_some();
+        let homes = Homes {
+            plan: &self.plan,
+            image: match image {
+                GraphInput::Rgb(bytes) => self.image.lend(bytes)?,
+                GraphInput::Float(values) => self.image.lend(values)?,
+            },
+            depth: self.depth.lend_mut(depth)?,
+            labels: match (labels, &mut self.labels) {
+                (Some(memory), Some(tensor)) => Some(tensor.lend_mut(memory)?),
+                (Some(_), None) => return Err(GraphError::NoLabels),
+                (None, _) => None,
+            },
+            own: self.own.lend(),
+        };
+        let mut report = GraphReport::default();
+        for (stage, session) in self.plan.stages.iter().zip(&mut self.sessions) {
+            let start = clock.nanos();
+            if run.is_multiple_of(u64::from(stage.every)) {
+                homes.run(stage, session)?;
+            } else {
+                report.quality = Quality::ReusedLabels;
+            }
+            report.stages.push(start, clock.nanos());
+        }
+        if let (Some(memory), Some(index)) = (kept_labels, self.plan.labels) {
+            report.bytes_copied = copy_out(self.own.bytes(index), memory)?;
+        }
+        Ok(report)
+    }
+
+    /// Whether the labels have to outlive a run, because their stage will be skipped.
+    fn keeps_labels(&self) -> bool {
+        let gives = |index| move |stage: &&WiredStage| stage.outputs.contains(&index);
+        self.plan.labels.is_some_and(|index| {
+            self.plan
+                .stages
+                .iter()
+                .find(gives(index))
+                .is_some_and(|s| s.every > 1)
+        })
+    }
+
+    /// Forgets earlier frames: the next run runs every stage.
+    pub fn reset(&mut self) {
+        self.runs = 0;
+    }
+
+    /// The labels of the last run, `[H, W]`, where they stayed inside: nobody asked for them, or their stage does not
+    /// run for each frame.
+    #[must_use]
+    pub fn labels(&self) -> Option<&[u8]> {
+        let index = self.plan.labels.filter(|_| self.runs > 0 && !self.labels_left)?;
+        Some(self.own.bytes(index))
+    }
+
+    /// A tensor of the last run by `stage.tensor`, inner ones too; the one stage of a fused file is `network`.
+    ///
+    /// `None` for a name that no stage gives, before the first run, and for a result that went into the caller's
+    /// memory.
+    #[must_use]
+    pub fn tensor(&self, name: &str) -> Option<TensorView<'_>> {
+        let index = self.plan.tensors.iter().position(|spec| spec.name == name)?;
+        let left = index == self.plan.depth || (self.labels_left && Some(index) == self.plan.labels);
+        if left || self.runs == 0 {
+            return None;
+        }
+        Some(TensorView {
+            spec: &self.plan.tensors[index],
+            bytes: self.own.bytes(index),
+        })
+    }
+}
+
+/// Where each tensor of one run lies.
+struct Homes<'run> {
+    plan: &'run Wired,
+    image: Lent<'run>,
+    depth: Lent<'run>,
+    labels: Option<Lent<'run>>,
+    own: LentTensors<'run>,
+}
+
+impl Homes<'_> {
+    fn run(&self, stage: &WiredStage, session: &mut Session) -> Result<(), GraphError> {
+        let inputs = stage.inputs.iter().map(|&source| match source {
+            Source::Image => self.image,
+            Source::Tensor(index) => self.of(index),
+        });
+        session
+            .run(inputs, stage.outputs.clone().map(|index| self.of(index)))
+            .map_err(|reason| GraphError::Run {
+                stage: stage.name.clone(),
+                reason,
+            })
+    }
+
+    fn of(&self, index: usize) -> Lent<'_> {
+        match self.labels {
+            Some(labels) if Some(index) == self.plan.labels => labels,
+            _ if index == self.plan.depth => self.depth,
+            _ => self.own.get(index),
+        }
+    }
+}
+
+fn copy_out(kept: &[u8], memory: &mut [u8]) -> Result<u64, GraphError> {
+    if kept.len() != memory.len() {
+        return Err(GraphError::Buffer {
+            tensor: "labels",
+            got: memory.len(),
+            expected: kept.len(),
+        });
+    }
+    memory.copy_from_slice(kept);
+    Ok(kept.len() as u64)
+}

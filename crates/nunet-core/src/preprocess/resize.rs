@@ -1,0 +1,102 @@
+//! One pass to the network's size.
+
+use std::fmt;
+use std::sync::Arc;
+
+use pic_scale::{BufferStore, ImageSize, ImageStore, ImageStoreMut, Resampling, ResamplingFunction, Scaler};
+
+use crate::frame::ImageView;
+
+/// Weighs a pixel by 2|t|^3 - 3t^2 + 1, t being its distance in pixels of the coarser picture: nothing between two
+/// samples is lost when shrinking, nothing overshoots when growing.
+///
+/// `pic-scale`'s `Area` is four target pixels wide, and its `Bilinear` drops the last tap at most ratios, which moves
+/// the picture by a fraction of a pixel; this one has room for all of its taps.
+const FILTER: ResamplingFunction = ResamplingFunction::Hermite;
+
+/// Why `pic-scale` cannot fail here.
+const FITS: &str = "the view was checked, and plan, scratch and buffer were sized for it";
+
+/// Resizes pictures of `N` bytes a pixel to one size, with vector instructions where the processor has them.
+///
+/// Weights and scratch memory are made for the first picture of a size and kept, so that later ones allocate nothing.
+/// (`fast_image_resize` is as fast, but computes its weights anew for each picture, in a thousand allocations.)
+pub(super) struct Resizer<const N: usize> {
+    target: ImageSize,
+    plan: Option<Arc<Resampling<u8, N>>>,
+    scratch: Vec<u8>,
+}
+
+impl<const N: usize> fmt::Debug for Resizer<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Resizer")
+            .field("target", &self.target)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<const N: usize> Resizer<N>
+where
+    Scaler: Plan<N>,
+{
+    pub(super) fn to_size(width: u32, height: u32) -> Self {
+        Self {
+            target: image_size(width, height),
+            plan: None,
+            scratch: Vec::new(),
+        }
+    }
+
+    /// Fills `out`, packed and of the target's size, with the stretched `frame`, whose format has `N` bytes a pixel.
+    pub(super) fn resize(&mut self, frame: &ImageView<'_>, out: &mut [u8]) {
+        let source = image_size(frame.width(), frame.height());
+        let known = self.plan.take().filter(|plan| plan.source_size() == source);
+        let plan = known.unwrap_or_else(|| self.plan_for(source));
+        let picture = ImageStore::<u8, N> {
+            buffer: frame.bytes().into(),
+            channels: N,
+            width: source.width,
+            height: source.height,
+            stride: frame.row_stride() as usize,
+            bit_depth: u8::BITS as usize,
+        };
+        let mut out = ImageStoreMut::<u8, N> {
+            buffer: BufferStore::Borrowed(out),
+            channels: N,
+            width: self.target.width,
+            height: self.target.height,
+            stride: self.target.width * N,
+            bit_depth: u8::BITS as usize,
+        };
+        plan.resample_with_scratch(&picture, &mut out, &mut self.scratch)
+            .expect(FITS);
+        self.plan = Some(plan);
+    }
+
+    fn plan_for(&mut self, source: ImageSize) -> Arc<Resampling<u8, N>> {
+        let plan = Scaler::new(FILTER).plan(source, self.target);
+        self.scratch = plan.alloc_scratch();
+        plan
+    }
+}
+
+/// `pic-scale` has a planning method for each number of channels; this is one name for those used here.
+pub(super) trait Plan<const N: usize> {
+    fn plan(&self, source: ImageSize, target: ImageSize) -> Arc<Resampling<u8, N>>;
+}
+
+impl Plan<1> for Scaler {
+    fn plan(&self, source: ImageSize, target: ImageSize) -> Arc<Resampling<u8, 1>> {
+        self.plan_planar_resampling(source, target).expect(FITS)
+    }
+}
+
+impl Plan<3> for Scaler {
+    fn plan(&self, source: ImageSize, target: ImageSize) -> Arc<Resampling<u8, 3>> {
+        self.plan_rgb_resampling(source, target).expect(FITS)
+    }
+}
+
+fn image_size(width: u32, height: u32) -> ImageSize {
+    ImageSize::new(width as usize, height as usize)
+}

@@ -1,0 +1,138 @@
+#![expect(unsafe_code, reason = "a counting allocator is an allocator")]
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
+//! A steady frame makes no heap allocation in our code, whichever of a few buffers it is given.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::num::NonZeroU32;
+
+use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::cloud::CloudPoint;
+use nunet_core::frame::{ImageView, PixelFormat};
+use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
+use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
+use nunet_testkit::models;
+
+/// The system's allocator, counting what this thread asks of it. ONNX Runtime's own allocations do not pass here.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call goes to `System` as it is; the counter neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller keeps the contract of `alloc`, which is `System`'s too.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: `memory` came from `System` with this layout.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+const SIZE: (u32, u32) = (64, 48);
+const PIXELS: usize = 64 * 48;
+
+/// The caller's memory for one frame.
+struct Buffers {
+    picture: Vec<u8>,
+    depth_m: Vec<f32>,
+    labels: Vec<u8>,
+    cloud: Vec<CloudPoint>,
+}
+
+impl Buffers {
+    fn new(picture_bytes: usize) -> Self {
+        Self {
+            picture: (0..picture_bytes).map(|i| (i * 31 % 251) as u8).collect(),
+            depth_m: vec![0.0; PIXELS],
+            labels: vec![0; PIXELS],
+            cloud: vec![CloudPoint::NONE; PIXELS],
+        }
+    }
+}
+
+fn pipeline(folder: &std::path::Path) -> Pipeline {
+    let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
+    let options = GraphOptions {
+        threads: std::num::NonZeroUsize::new(2),
+        ..GraphOptions::default()
+    };
+    let graph = SerialGraph::load(&folder.join("graph.toml"), &runtime, &options).unwrap();
+    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
+    let options = PipelineOptions {
+        camera: Some(camera),
+        cloud_stride: NonZeroU32::MIN,
+        ..Default::default()
+    };
+    Pipeline::new(graph, options).unwrap()
+}
+
+/// Allocations of frames after each set of buffers has been seen once.
+fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFormat) -> u64 {
+    let bytes = format.byte_len(size.0, size.1, format.min_stride(size.0));
+    let mut buffers: Vec<Buffers> = (0..4).map(|_| Buffers::new(bytes)).collect();
+    let clock = || 0;
+    let mut frames = |count: usize| {
+        for i in 0..count {
+            // Pictures and results do not change in step: 4 of each, in 16 pairs.
+            let picture = std::mem::take(&mut buffers[i / 4 % 4].picture);
+            let memory = &mut buffers[i % 4];
+            let frame = ImageView::packed(&picture, size.0, size.1, format).unwrap();
+            let outputs = Outputs {
+                depth_m: &mut memory.depth_m,
+                labels: Some(&mut memory.labels),
+                cloud: Some(&mut memory.cloud),
+            };
+            pipeline.process(&frame, outputs, &clock).unwrap();
+            buffers[i / 4 % 4].picture = picture;
+        }
+    };
+    frames(16);
+    let before = ALLOCATIONS.get();
+    frames(100);
+    ALLOCATIONS.get() - before
+}
+
+#[test]
+fn a_steady_frame_allocates_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    models::segmentation_stage(SIZE).write(folder.path().join("segmentation.onnx"));
+    models::depth_stage(SIZE, true).write(folder.path().join("depth.onnx"));
+    let manifest = |every: u32| {
+        format!(
+            "version = 1\n[[stage]]\nname = \"segmentation\"\nmodel = \"segmentation.onnx\"\n\
+             inputs = {{ rgb = \"image\" }}\nevery = {every}\n[[stage]]\nname = \"depth\"\nmodel = \"depth.onnx\"\n\
+             inputs = {{ rgb = \"image\", features = \"segmentation.logits\" }}\n[outputs]\n\
+             depth = \"depth.depth\"\nlabels = \"segmentation.labels\"\n"
+        )
+    };
+    for every in [1, 2] {
+        std::fs::write(folder.path().join("graph.toml"), manifest(every)).unwrap();
+        let mut pipeline = pipeline(folder.path());
+        for (size, format) in [
+            (SIZE, PixelFormat::Rgb8),
+            (SIZE, PixelFormat::Bgr8),
+            ((128, 96), PixelFormat::Rgb8),
+            ((160, 120), PixelFormat::Nv12),
+        ] {
+            let allocations = steady_allocations(&mut pipeline, size, format);
+            assert_eq!(allocations, 0, "every {every}, {format} of {size:?}");
+        }
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = ALLOCATIONS.get();
+    drop(std::hint::black_box(vec![1_u8]));
+    assert_eq!(ALLOCATIONS.get() - before, 1);
+}

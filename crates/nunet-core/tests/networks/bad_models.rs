@@ -1,0 +1,187 @@
+//! Files that are no models, and models that are not what they should be.
+
+use nunet_testkit::models;
+use nunet_testkit::onnx::{ElementType, ModelBuilder};
+
+use crate::{Folder, SIZE, refusal};
+
+const F32: ElementType = ElementType::F32;
+
+/// A described network with these tensors, whose depth is a constant of the output's shape.
+fn constant(input: (ElementType, &[i64]), output: (ElementType, &[i64])) -> ModelBuilder {
+    let ones: Vec<i64> = vec![1; output.1.len()];
+    let model = ModelBuilder::new()
+        .input("rgb", input.0, input.1)
+        .constant_f32("one", &ones, &[1.0])
+        .constant_i64("shape", &[output.1.len() as i64], output.1)
+        .node("Expand", &["one", "shape"], &["float"], &[])
+        .node(
+            "Cast",
+            &["float"],
+            &["depth"],
+            &[("to", (output.0 as i64).into())],
+        )
+        .output("depth", output.0, output.1);
+    models::describe(model, "constant", false)
+}
+
+fn message(model: &ModelBuilder) -> String {
+    refusal(Folder::new().model("m.onnx", model).load("m.onnx"))
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let folder = Folder::new();
+    let message = refusal(folder.load("absent.onnx"));
+    assert!(message.contains("absent.onnx`: No such file"), "{message}");
+}
+
+#[test]
+fn a_folder_is_not_a_model() {
+    assert!(refusal(Folder::new().load("")).ends_with("is not a file"));
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    assert!(refusal(Folder::new().text("m.onnx", "").load("m.onnx")).ends_with("m.onnx` is empty"));
+}
+
+#[test]
+fn a_text_is_not_a_model() {
+    let message = refusal(
+        Folder::new()
+            .text("m.onnx", "not a model at all, just words\n")
+            .load("m.onnx"),
+    );
+    assert!(message.starts_with("cannot load the model `"), "{message}");
+    assert!(
+        message.contains("\nhint: the file is damaged or is not an ONNX model"),
+        "{message}"
+    );
+    assert_eq!(message.lines().count(), 2, "{message}");
+}
+
+#[test]
+fn a_model_cut_at_any_length_is_refused() {
+    let whole = models::wnet(SIZE, true).to_bytes();
+    for length in (1..whole.len()).step_by(37) {
+        let folder = Folder::new();
+        std::fs::write(folder.path("m.onnx"), &whole[..length]).unwrap();
+        refusal(folder.load("m.onnx"));
+    }
+}
+
+#[test]
+fn a_model_that_does_not_describe_itself_is_told_how() {
+    let message = message(&models::undescribed_unet(SIZE));
+    assert!(
+        message.contains("there is no sidecar `m.toml`\nhint: describe a foreign network in `m.toml`"),
+        "{message}"
+    );
+}
+
+#[test]
+fn another_version_of_the_contract_is_refused_by_name() {
+    let message = message(&models::unet(SIZE).metadata("nunet.version", "7"));
+    assert!(
+        message.contains("`nunet.version` `7`, but this program reads version `1`"),
+        "{message}"
+    );
+}
+
+#[test]
+fn malformed_metadata_is_named_with_its_key() {
+    let message = message(&models::unet(SIZE).metadata("nunet.classes", "[\"wall\""));
+    assert!(
+        message.contains("`nunet.classes` `[\"wall\"`: EOF while parsing"),
+        "{message}"
+    );
+}
+
+#[test]
+fn pictures_of_another_kind_are_refused() {
+    let depth = (F32, &[1, 1, 3, 6][..]);
+    for (input, kind) in [
+        ((F32, &[1, 3, 6, 3][..]), "float32 [1, 3, 6, 3]"),
+        ((ElementType::U8, &[1, 3, 3, 6]), "uint8 [1, 3, 3, 6]"),
+        ((ElementType::U8, &[3, 6, 3]), "uint8 [3, 6, 3]"),
+        ((ElementType::U8, &[-1, 3, 6, 3]), "uint8 [?, 3, 6, 3]"),
+        ((ElementType::U8, &[1, -1, -1, 3]), "uint8 [1, ?, ?, 3]"),
+    ] {
+        let message = message(&constant(input, depth));
+        let expected = format!("takes the picture as `rgb` of {kind}, but a picture is uint8 [1, H, W, 3]");
+        assert!(message.contains(&expected), "{message}");
+    }
+}
+
+#[test]
+fn depth_of_another_kind_is_refused() {
+    let picture = (ElementType::U8, &[1, 3, 6, 3][..]);
+    for (output, kind) in [
+        ((ElementType::F64, &[1, 1, 3, 6][..]), "float64 [1, 1, 3, 6]"),
+        ((ElementType::U8, &[1, 1, 3, 6]), "uint8 [1, 1, 3, 6]"),
+        ((F32, &[1, 3, 6]), "float32 [1, 3, 6]"),
+        ((F32, &[1, 1, 6, 12]), "float32 [1, 1, 6, 12]"),
+        ((F32, &[1, 1, 6, 3]), "float32 [1, 1, 6, 3]"),
+    ] {
+        let message = message(&constant(picture, output));
+        let expected =
+            format!("is `network.depth` of {kind}, but for a picture of 6x3 it must be float32 [1, 1, 3, 6]");
+        assert!(message.contains(&expected), "{message}");
+    }
+}
+
+#[test]
+fn an_input_of_another_name_is_refused_naming_it() {
+    let model = models::describe(
+        ModelBuilder::new()
+            .input("image", ElementType::U8, &[1, 3, 6, 3])
+            .node("Cast", &["image"], &["depth"], &[("to", 1.into())])
+            .output("depth", F32, &[1, 3, 6, 3]),
+        "unet",
+        false,
+    );
+    let message = message(&model);
+    assert!(
+        message.contains("stage `network` has no input `rgb`; its inputs are `image`"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_constant_depth_is_written_to_the_caller_like_any_other() {
+    let model = constant((ElementType::U8, &[1, 3, 6, 3]), (F32, &[1, 1, 3, 6]));
+    let mut graph = Folder::new().model("m.onnx", &model).load("m.onnx").unwrap();
+    assert_eq!(crate::run(&mut graph, &crate::picture(SIZE)).depth, [1.0; 18]);
+}
+
+#[test]
+fn staged_graphs_with_broken_files_are_refused() {
+    for (manifest, says) in [
+        ("", "missing field `version`"),
+        ("version = 1\n[[stage]\n", "TOML parse error"),
+        ("version = 3\n[outputs]\ndepth = \"a.depth\"\n", "`version = 3`"),
+        (
+            "version = 1\n[outputs]\ndepth = \"a.depth\"\n",
+            "a graph has 1 to",
+        ),
+        (
+            "version = 1\n[[stage]]\nname = \"a\"\nmodel = \"../a.onnx\"\ninputs = {}\n[outputs]\ndepth = \"a.depth\"\n",
+            "stage `a` names the model `../a.onnx`, which is not beside the manifest",
+        ),
+        (
+            "version = 1\n[[stage]]\nname = \"a\"\nmodel = \"a.onnx\"\ninputs = {}\n[outputs]\ndepth = \"a.depth\"\n",
+            "a.onnx`: No such file",
+        ),
+    ] {
+        let folder = Folder::new().text("graph.toml", &format!("# a graph\n{manifest}"));
+        let message = refusal(folder.load("graph.toml"));
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn a_manifest_beyond_all_reason_is_not_read() {
+    let folder = Folder::new().text("graph.toml", &"#".repeat(100_000));
+    assert!(refusal(folder.load("graph.toml")).contains("has `100000` bytes"));
+}

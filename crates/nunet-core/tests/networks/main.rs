@@ -1,0 +1,137 @@
+//! Small networks of every kind, run by the real ONNX Runtime and held to answers computed by hand.
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
+mod answers;
+mod bad_models;
+mod foreign;
+mod memory;
+mod pipeline;
+mod runtime;
+mod shipped;
+
+use std::path::{Path, PathBuf};
+
+use nunet_core::graph::{
+    GraphError, GraphInput, GraphOptions, GraphOutputs, GraphReport, Runtime, SerialGraph,
+};
+use nunet_testkit::models::Size;
+use nunet_testkit::onnx::ModelBuilder;
+use tempfile::TempDir;
+
+/// An odd, wide size: swapped sides, or a picture read transposed, cannot pass.
+const SIZE: Size = (6, 3);
+
+fn runtime() -> Runtime {
+    Runtime::load(&nunet_testkit::runtime_library()).unwrap()
+}
+
+/// One thread: the tests run beside each other.
+fn options() -> GraphOptions {
+    GraphOptions {
+        threads: std::num::NonZeroUsize::new(1),
+        ..GraphOptions::default()
+    }
+}
+
+fn load(path: &Path) -> Result<SerialGraph, GraphError> {
+    SerialGraph::load(path, &runtime(), &options())
+}
+
+/// A folder with files in it.
+struct Folder(TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(TempDir::new().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn model(self, name: &str, model: &ModelBuilder) -> Self {
+        model.write(self.path(name));
+        self
+    }
+
+    fn text(self, name: &str, text: &str) -> Self {
+        std::fs::write(self.path(name), text).unwrap();
+        self
+    }
+
+    fn load(&self, name: &str) -> Result<SerialGraph, GraphError> {
+        load(&self.path(name))
+    }
+}
+
+/// A picture without any symmetry: every pixel and every channel differs from its neighbours.
+fn picture((width, height): Size) -> Vec<u8> {
+    let pixels = u32::from(u8::MAX) - 5;
+    (0..width * height)
+        .flat_map(|i| {
+            [
+                (i * 37 + 11) % pixels,
+                (i * 59 + 83) % pixels,
+                (i * 23 + 149) % pixels,
+            ]
+        })
+        .map(|v| v as u8)
+        .collect()
+}
+
+fn pixels(rgb: &[u8]) -> impl Iterator<Item = [u8; 3]> {
+    rgb.as_chunks().0.iter().copied()
+}
+
+/// What a graph made of one picture.
+struct Answer {
+    depth: Vec<f32>,
+    labels: Vec<u8>,
+    report: GraphReport,
+}
+
+/// Runs a graph with labels if it has any. Each reading of the clock is a millisecond later than the one before.
+fn run(graph: &mut SerialGraph, rgb: &[u8]) -> Answer {
+    let clock = ticking();
+    let pixels = rgb.len() / 3;
+    // Values that no network here gives, so that memory which was never written to shows.
+    let (mut depth, mut labels) = (vec![-1.0; pixels], vec![99; pixels]);
+    let wanted = graph.has_labels().then_some(&mut labels[..]);
+    let outputs = GraphOutputs {
+        depth: &mut depth,
+        labels: wanted,
+    };
+    let report = graph.run(GraphInput::Rgb(rgb), outputs, &clock).unwrap();
+    Answer {
+        depth,
+        labels,
+        report,
+    }
+}
+
+fn ticking() -> impl Fn() -> u64 {
+    let now = std::cell::Cell::new(0);
+    move || {
+        now.set(now.get() + 1_000_000);
+        now.get()
+    }
+}
+
+/// The error's whole chain, as `main` would print it.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        text += &format!(": {error}");
+        source = error.source();
+    }
+    text
+}
+
+/// The chain of a load that must fail.
+fn refusal(result: Result<SerialGraph, GraphError>) -> String {
+    match result {
+        Ok(_) => panic!("the graph was taken"),
+        Err(error) => chain(&error),
+    }
+}

@@ -1,0 +1,209 @@
+//! Where a run reads and writes: the caller's memory, at any alignment, and nowhere else.
+
+use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
+use nunet_testkit::models;
+use nunet_testkit::onnx::{ElementType, ModelBuilder};
+
+use crate::{Folder, SIZE, picture, pixels, refusal, ticking};
+
+fn wnet() -> SerialGraph {
+    Folder::new()
+        .model("wnet.onnx", &models::wnet(SIZE, true))
+        .load("wnet.onnx")
+        .unwrap()
+}
+
+#[test]
+fn many_buffers_in_turn_each_get_their_own_answer() {
+    let mut graph = wnet();
+    let pixel_count = picture(SIZE).len() / 3;
+    // More than are remembered, so that remembered ones are forgotten and met again.
+    let mut buffers: Vec<(Vec<u8>, Vec<f32>, Vec<u8>)> = (0..150_u8)
+        .map(|i| {
+            let rgb = picture(SIZE).iter().map(|value| value.wrapping_add(i)).collect();
+            (rgb, vec![-1.0; pixel_count], vec![99; pixel_count])
+        })
+        .collect();
+    for _ in 0..2 {
+        for (rgb, depth, labels) in &mut buffers {
+            depth.fill(-1.0);
+            labels.fill(99);
+            let outputs = GraphOutputs {
+                depth,
+                labels: Some(labels),
+            };
+            graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap();
+        }
+        for (rgb, depth, labels) in &buffers {
+            assert!(pixels(rgb).map(models::connected_depth).eq(depth.iter().copied()));
+            assert!(pixels(rgb).map(models::label).eq(labels.iter().copied()));
+        }
+    }
+}
+
+#[test]
+fn an_address_that_was_freed_and_given_out_again_is_sound() {
+    let mut graph = wnet();
+    for i in 0..200_u8 {
+        // Fresh allocations each time: the allocator hands the same addresses out again and again.
+        let rgb: Vec<u8> = picture(SIZE)
+            .iter()
+            .map(|value| value.wrapping_mul(i | 1))
+            .collect();
+        let mut depth = vec![-1.0; rgb.len() / 3];
+        graph
+            .run(
+                GraphInput::Rgb(&rgb),
+                GraphOutputs {
+                    depth: &mut depth,
+                    labels: None,
+                },
+                &ticking(),
+            )
+            .unwrap();
+        assert!(
+            pixels(&rgb)
+                .map(models::connected_depth)
+                .eq(depth.iter().copied())
+        );
+    }
+}
+
+#[test]
+fn memory_may_lie_at_any_address() {
+    let mut graph = wnet();
+    let rgb = picture(SIZE);
+    let pixel_count = rgb.len() / 3;
+    let mut bytes = vec![0; rgb.len() + 64];
+    let mut floats = vec![0.0; pixel_count + 64];
+    let mut classes = vec![0; pixel_count + 64];
+    for offset in 0..64 {
+        bytes[offset..offset + rgb.len()].copy_from_slice(&rgb);
+        floats.fill(-1.0);
+        classes.fill(99);
+        let outputs = GraphOutputs {
+            depth: &mut floats[offset..offset + pixel_count],
+            labels: Some(&mut classes[offset..offset + pixel_count]),
+        };
+        graph
+            .run(
+                GraphInput::Rgb(&bytes[offset..offset + rgb.len()]),
+                outputs,
+                &ticking(),
+            )
+            .unwrap();
+        assert!(
+            pixels(&rgb)
+                .map(models::connected_depth)
+                .eq(floats[offset..offset + pixel_count].iter().copied())
+        );
+        let outside = |i: &usize| *i < offset || *i >= offset + pixel_count;
+        assert!(
+            (0..floats.len()).filter(outside).all(|i| floats[i] == -1.0),
+            "nothing beside it is touched"
+        );
+        assert!(
+            (0..classes.len()).filter(outside).all(|i| classes[i] == 99),
+            "nothing beside it is touched"
+        );
+    }
+}
+
+#[test]
+fn buffers_of_another_length_or_type_are_refused() {
+    let mut graph = wnet();
+    let rgb = picture(SIZE);
+    let mut run = |rgb: GraphInput<'_>, depth_len: usize, labels_len: usize| {
+        let (mut depth, mut labels) = (vec![0.0; depth_len], vec![0; labels_len]);
+        let outputs = GraphOutputs {
+            depth: &mut depth,
+            labels: Some(&mut labels),
+        };
+        graph
+            .run(rgb, outputs, &ticking())
+            .map(drop)
+            .map_err(|error| error.to_string())
+    };
+    let error = |buffer: &str, got: usize, expected: usize| {
+        Err(format!(
+            "the buffer for `{buffer}` holds `{got}` elements, but the graph has `{expected}`"
+        ))
+    };
+    assert_eq!(run(GraphInput::Rgb(&rgb[..51]), 18, 18), error("image", 51, 54));
+    assert_eq!(run(GraphInput::Rgb(&rgb), 17, 18), error("depth", 17, 18));
+    assert_eq!(run(GraphInput::Rgb(&rgb), 18, 19), error("labels", 19, 18));
+    assert_eq!(
+        run(GraphInput::Float(&[0.0; 54]), 18, 18),
+        Err("the buffer for `image` holds float32, but the graph has uint8".to_owned())
+    );
+    assert_eq!(
+        run(GraphInput::Rgb(&rgb), 18, 18),
+        Ok(()),
+        "an error leaves the graph usable"
+    );
+}
+
+#[test]
+fn labels_cannot_be_asked_of_a_graph_without() {
+    let mut graph = Folder::new()
+        .model("unet.onnx", &models::unet(SIZE))
+        .load("unet.onnx")
+        .unwrap();
+    let (mut depth, mut labels) = ([0.0; 18], [0; 18]);
+    let outputs = GraphOutputs {
+        depth: &mut depth,
+        labels: Some(&mut labels),
+    };
+    let error = graph
+        .run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking())
+        .unwrap_err();
+    assert_eq!(error.to_string(), "the graph gives no labels");
+}
+
+/// Depth that comes out of an operator which only renames memory: the caller's must be written all the same.
+#[test]
+fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
+    let model = ModelBuilder::new()
+        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .constant_i64("start", &[1], &[0])
+        .constant_i64("end", &[1], &[1])
+        .constant_i64("axis", &[1], &[3])
+        .constant_i64("shape", &[4], &[1, 1, 3, 6])
+        .node("Slice", &["rgb", "start", "end", "axis"], &["red"], &[])
+        .node("Cast", &["red"], &["float"], &[("to", 1.into())])
+        .node("Reshape", &["float", "shape"], &["depth"], &[])
+        .output("depth", ElementType::F32, &[1, 1, 3, 6]);
+    let model = models::describe(model, "red", false);
+    let mut graph = Folder::new().model("red.onnx", &model).load("red.onnx").unwrap();
+    let rgb = picture(SIZE);
+    let red: Vec<f32> = pixels(&rgb).map(|[r, _, _]| f32::from(r)).collect();
+    assert_eq!(crate::run(&mut graph, &rgb).depth, red);
+}
+
+/// What the file promises and what it computes may differ: that is an error of the run, not a write past the end.
+#[test]
+fn a_model_that_lies_about_its_output_is_refused_before_or_in_the_run() {
+    let model = ModelBuilder::new()
+        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
+        .node("NonZero", &["float"], &["where"], &[])
+        .node("Cast", &["where"], &["depth"], &[("to", 1.into())])
+        .output("depth", ElementType::F32, &[1, 1, 3, 6]);
+    let folder = Folder::new().model("liar.onnx", &models::describe(model, "liar", false));
+    let mut graph = match folder.load("liar.onnx") {
+        Err(error) => return drop(refusal(Err(error))),
+        Ok(graph) => graph,
+    };
+    let mut depth = [0.0; 18];
+    let outputs = GraphOutputs {
+        depth: &mut depth,
+        labels: None,
+    };
+    let error = graph
+        .run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking())
+        .unwrap_err();
+    assert!(
+        error.to_string().starts_with("stage `network` failed: "),
+        "{error}"
+    );
+}

@@ -1,0 +1,162 @@
+//! Libraries that are not ONNX Runtime, or not a good one: an error that says so, never a panic or a wait.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use nunet_core::graph::{GraphOptions, Provider, Runtime, RuntimeError, SerialGraph};
+use nunet_testkit::models;
+
+use crate::{Folder, SIZE, options, refusal, runtime};
+
+/// A shared library of one C file, made by the C compiler that the project assumes.
+fn shared_library(folder: &Folder, name: &str, source: &str) -> PathBuf {
+    let (code, library) = (
+        folder.path(&format!("{name}.c")),
+        folder.path(&format!("{name}.so")),
+    );
+    std::fs::write(&code, source).unwrap();
+    let made = Command::new("cc")
+        .args(["-shared", "-fPIC", "-o"])
+        .arg(&library)
+        .arg(&code)
+        .status()
+        .unwrap();
+    assert!(made.success());
+    library
+}
+
+fn load_error(library: &Path) -> RuntimeError {
+    match Runtime::load(library) {
+        Ok(_) => panic!("`{}` was taken for ONNX Runtime", library.display()),
+        Err(error) => error,
+    }
+}
+
+#[test]
+fn the_library_says_its_version_and_where_it_lies() {
+    let runtime = runtime();
+    assert!(runtime.version().starts_with("1."), "{}", runtime.version());
+    assert!(runtime.library().is_absolute());
+}
+
+#[test]
+fn a_missing_library_is_an_error() {
+    let error = load_error(Path::new("/nowhere/libonnxruntime.so"));
+    assert_eq!(
+        error.to_string(),
+        "no ONNX Runtime at `/nowhere/libonnxruntime.so`"
+    );
+}
+
+#[test]
+fn a_text_file_is_an_error() {
+    let folder = Folder::new().text("libonnxruntime.so", "this is not a library\n");
+    let error = load_error(&folder.path("libonnxruntime.so"));
+    assert!(matches!(error, RuntimeError::NotALibrary { .. }), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("is not a shared library for this machine: "),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_folder_and_a_pipe_are_errors() {
+    let folder = Folder::new();
+    let pipe = folder.path("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for path in [folder.path(""), pipe] {
+        assert!(matches!(load_error(&path), RuntimeError::NotAFile { .. }));
+    }
+}
+
+#[test]
+fn another_shared_library_is_an_error() {
+    let folder = Folder::new();
+    let library = shared_library(&folder, "other", "int answer(void) { return 42; }");
+    let error = load_error(&library);
+    assert!(
+        error
+            .to_string()
+            .ends_with("is not ONNX Runtime: it has no `OrtGetApiBase`"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_library_that_answers_nothing_is_an_error() {
+    let folder = Folder::new();
+    let source = "void *OrtGetApiBase(void) { return 0; }";
+    let error = load_error(&shared_library(&folder, "null", source));
+    assert!(matches!(error, RuntimeError::NotOnnxRuntime { .. }), "{error}");
+}
+
+#[test]
+fn a_library_that_is_too_old_is_an_error_with_both_versions() {
+    let folder = Folder::new();
+    let source = r#"
+        static const void *api(unsigned version) { return version <= 17 ? &api : 0; }
+        static const char *version(void) { return "1.17.3"; }
+        static const struct { const void *(*api)(unsigned); const char *(*version)(void); } base = { api, version };
+        const void *OrtGetApiBase(void) { return &base; }
+    "#;
+    let error = load_error(&shared_library(&folder, "old", source));
+    assert!(
+        error
+            .to_string()
+            .ends_with("is ONNX Runtime `1.17.3`, but `1.24` or newer is needed"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_second_library_is_refused_naming_the_first() {
+    let first = runtime();
+    let folder = Folder::new();
+    let copy = folder.path("libonnxruntime.so");
+    std::fs::copy(first.library(), &copy).unwrap();
+    let error = load_error(&copy);
+    assert!(matches!(error, RuntimeError::AnotherLoaded { .. }), "{error}");
+    assert!(
+        error.to_string().contains(&*first.library().to_string_lossy()),
+        "{error}"
+    );
+}
+
+#[test]
+fn providers_that_the_library_does_not_have_are_errors() {
+    let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
+    for provider in [Provider::OpenVino, Provider::Cuda, Provider::TensorRt] {
+        let options = GraphOptions {
+            provider,
+            ..options()
+        };
+        let message = refusal(SerialGraph::load(&folder.path("unet.onnx"), &runtime(), &options));
+        assert!(
+            message.starts_with(&format!("provider `{provider}` is not available: ")),
+            "{message}"
+        );
+        assert!(message.contains("\nhint: "), "{message}");
+    }
+}
+
+#[test]
+fn auto_finds_the_processor_where_there_is_nothing_else() {
+    let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
+    assert_eq!(folder.load("unet.onnx").unwrap().provider(), Provider::Cpu);
+}
+
+#[test]
+fn providers_are_named_as_on_the_command_line() {
+    for provider in Provider::ALL {
+        assert_eq!(provider.name().parse::<Provider>().unwrap(), provider);
+    }
+    assert!(
+        "gpu"
+            .parse::<Provider>()
+            .unwrap_err()
+            .to_string()
+            .contains("one of auto, cpu")
+    );
+}

@@ -1,0 +1,45 @@
+//! Results in memory of our own, for verbs without readers.
+
+use nunet_core::cloud::CloudPoint;
+use nunet_core::pipeline::{Outputs, Pipeline};
+
+/// Room for one frame's results.
+#[derive(Debug)]
+pub(crate) struct Buffers {
+    depth: Vec<f32>,
+    labels: Option<Vec<u8>>,
+    cloud: Vec<CloudPoint>,
+}
+
+impl Buffers {
+    /// Room for everything that `pipeline` gives.
+    pub(crate) fn new(pipeline: &Pipeline) -> Self {
+        let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
+        let size = pixels(pipeline.size());
+        Self {
+            depth: vec![0.0; size],
+            labels: pipeline.graph().has_labels().then(|| vec![0; size]),
+            cloud: vec![CloudPoint::NONE; pixels(pipeline.cloud_size())],
+        }
+    }
+
+    /// The room, to be filled.
+    pub(crate) fn outputs(&mut self) -> Outputs<'_> {
+        Outputs { depth_m: &mut self.depth, labels: self.labels.as_deref_mut(), cloud: Some(&mut self.cloud) }
+    }
+
+    /// `[H, W]`, as the last frame left it.
+    pub(crate) fn depth(&self) -> &[f32] {
+        &self.depth
+    }
+
+    /// `[H, W]`, as the last frame left it; `None` where the network does not segment.
+    pub(crate) fn labels(&self) -> Option<&[u8]> {
+        self.labels.as_deref()
+    }
+
+    /// The organised cloud, as the last frame left it.
+    pub(crate) fn cloud(&self) -> &[CloudPoint] {
+        &self.cloud
+    }
+}

@@ -1,0 +1,363 @@
+//! The command line as clap sees it. Checked values are made from it in the verbs.
+#![expect(missing_docs, reason = "a doc comment on a flattened group would become its help text")]
+
+use std::ffi::OsString;
+use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use nunet_core::camera::IntrinsicsSpec;
+use nunet_core::graph::Provider;
+
+/// The model that runs when none is named.
+pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
+
+/// One camera becomes a depth sensor.
+///
+/// Without a command, `nunetd` means `nunetd run`: see `nunetd run --help`.
+#[derive(Debug, Parser)]
+#[command(name = "nunetd", version, subcommand_required = true)]
+pub struct Cli {
+    #[command(flatten)]
+    pub logging: LogArgs,
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+impl Cli {
+    /// Parses a command line, the program's name first.
+    ///
+    /// # Errors
+    /// What clap has to say: a mistake, or the help that was asked for.
+    pub fn parse_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
+        let mut arguments: Vec<_> = arguments.into_iter().collect();
+        if let Some(place) = place_of_default_verb(&arguments) {
+            arguments.insert(place, "run".into());
+        }
+        Self::try_parse_from(arguments)
+    }
+}
+
+/// Where `run` is to be put in; `None` where a verb, help or the version is asked for.
+///
+/// clap's own way (flattening the default verb's arguments into the program's) would refuse `nunetd -q infer ...`.
+fn place_of_default_verb(arguments: &[OsString]) -> Option<usize> {
+    let mut place = 1;
+    while let Some(argument) = arguments.get(place).and_then(|argument| argument.to_str()) {
+        let letters = argument.strip_prefix('-').filter(|letters| !letters.is_empty());
+        match argument {
+            "--log-format" => place += 2,
+            "--verbose" | "--quiet" => place += 1,
+            _ if argument.starts_with("--log-format=") => place += 1,
+            _ if letters.is_some_and(|letters| letters.chars().all(|letter| "vq".contains(letter))) => place += 1,
+            "help" | "-h" | "--help" | "-V" | "--version" => return None,
+            _ if Cli::command().find_subcommand(argument).is_some() => return None,
+            _ => break,
+        }
+    }
+    Some(place.min(arguments.len()))
+}
+
+/// What `nunetd` can do.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Turn a source of frames into depth in shared memory (the default)
+    Run(Box<RunArgs>),
+    /// Depth, labels and cloud of single pictures, as files
+    Infer(InferArgs),
+    /// Publish a source's frames in shared memory, as a camera driver would
+    Feed(FeedArgs),
+    /// Show what a running daemon publishes
+    Watch(WatchArgs),
+    /// Say what a model file is
+    Inspect(InspectArgs),
+    /// Check this machine, the library and the model: every problem with its mend
+    Doctor(DoctorArgs),
+    /// Print the shared-memory contract
+    Contract(ContractArgs),
+    /// Measure predictions of one picture, as the paper's Table 2 does
+    Bench(BenchArgs),
+    /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
+    #[command(hide = true)]
+    Vet(VetArgs),
+}
+
+/// How to speak to people.
+#[derive(Debug, Args, Clone)]
+pub struct LogArgs {
+    /// More detail on stderr; twice for a span of every frame
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub verbose: u8,
+    /// Errors only
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// How log lines look
+    #[arg(long, value_enum, default_value_t = LogFormat::Text, global = true)]
+    pub log_format: LogFormat,
+}
+
+/// How log lines look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LogFormat {
+    /// For people.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+/// What runs the networks.
+#[derive(Debug, Args, Clone)]
+pub struct EngineArgs {
+    /// What computes: auto, cpu, openvino, cuda or tensorrt
+    #[arg(long, default_value_t = Provider::Auto)]
+    pub provider: Provider,
+    /// Threads of one prediction [default: one a core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// ONNX Runtime's shared library
+    #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH")]
+    pub onnxruntime: Option<PathBuf>,
+}
+
+/// The camera's geometry.
+#[derive(Debug, Args, Clone)]
+pub struct CameraArgs {
+    /// Focal lengths and principal point in pixels: fx,fy,cx,cy[@WxH]
+    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
+    pub intrinsics: Option<IntrinsicsSpec>,
+    /// Scale metric depth by this camera's focal length over the training camera's
+    #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
+    pub focal: FocalArg,
+    /// Every N-th row and column become points of the cloud
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub cloud_stride: NonZeroU32,
+}
+
+/// Whether depth follows the focal length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FocalArg {
+    /// Where the intrinsics are known.
+    Auto,
+    /// Never.
+    Off,
+}
+
+/// Where frames come from.
+#[derive(Debug, Args, Clone)]
+pub struct SourceArgs {
+    /// `max` (every frame, as fast as it goes) or frames a second (latest wins) [default: max]
+    #[arg(long, value_name = "max|HZ")]
+    pub rate: Option<crate::source::Rate>,
+    /// Begin again at the end
+    #[arg(long = "loop")]
+    pub repeat: bool,
+    /// Stop after N frames
+    #[arg(long, value_name = "N")]
+    pub frames: Option<NonZeroU64>,
+}
+
+/// `nunetd run`
+#[derive(Debug, Args, Clone)]
+pub struct RunArgs {
+    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: PathBuf,
+    /// demo, a folder, a glob of pictures, or shm:CAMERA [default: demo]
+    #[arg(long, value_name = "SOURCE")]
+    pub source: Option<String>,
+    /// Name of the camera in shared memory [default: demo for the demo scene, else camera]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    #[command(flatten)]
+    pub pace: SourceArgs,
+    #[command(flatten)]
+    pub optics: CameraArgs,
+    /// Coordinate frame of depth and cloud [default: CAMERA_optical_frame]
+    #[arg(long, value_name = "NAME")]
+    pub frame_id: Option<String>,
+    /// What may be read; labels and cloud cost nothing while nobody reads them
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
+    pub publish: Vec<Publish>,
+    /// Run a stage on each N-th frame and reuse its result in between
+    #[arg(long, value_name = "STAGE=N", value_parser = parse_every)]
+    pub every: Vec<(String, NonZeroU32)>,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Write the last frame's depth, labels and cloud into this folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write the frame ledger and the latencies into this file at the end
+    #[arg(long, value_name = "FILE")]
+    pub stats_json: Option<PathBuf>,
+}
+
+/// A published topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Publish {
+    /// The depth map; always published.
+    Depth,
+    /// Class indices.
+    Labels,
+    /// The organised point cloud.
+    Cloud,
+}
+
+/// `nunetd infer`
+#[derive(Debug, Args, Clone)]
+pub struct InferArgs {
+    /// JPEG or PNG pictures
+    #[arg(required = true, value_name = "IMAGE")]
+    pub images: Vec<PathBuf>,
+    /// Folder for the results (with several pictures: one folder below it for each)
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: PathBuf,
+    #[command(flatten)]
+    pub optics: CameraArgs,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd feed`
+#[derive(Debug, Args, Clone)]
+pub struct FeedArgs {
+    /// demo, a folder, or a glob of pictures
+    pub source: String,
+    /// Name of the camera in shared memory
+    #[arg(long, value_name = "NAME")]
+    pub camera: String,
+    #[command(flatten)]
+    pub pace: SourceArgs,
+    /// Focal lengths and principal point in pixels, sent with each frame: fx,fy,cx,cy[@WxH]
+    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
+    pub intrinsics: Option<IntrinsicsSpec>,
+}
+
+/// `nunetd watch`
+#[derive(Debug, Args, Clone)]
+pub struct WatchArgs {
+    /// Name of the camera in shared memory
+    pub camera: String,
+    /// One JSON object a frame
+    #[arg(long)]
+    pub json: bool,
+    /// Stop after N frames
+    #[arg(long, value_name = "N")]
+    pub frames: Option<NonZeroU64>,
+    /// Seconds to wait for the camera, and for each frame of it
+    #[arg(long, value_name = "SECONDS", default_value = "10")]
+    pub timeout: f64,
+}
+
+/// `nunetd inspect`
+#[derive(Debug, Args, Clone)]
+pub struct InspectArgs {
+    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    pub model: PathBuf,
+    /// The description as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd doctor`
+#[derive(Debug, Args, Clone)]
+pub struct DoctorArgs {
+    /// The model to check with
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: PathBuf,
+    /// The checks as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd contract`
+#[derive(Debug, Args, Clone)]
+pub struct ContractArgs {
+    /// As JSON (the only form there is)
+    #[arg(long, required = true)]
+    pub json: bool,
+}
+
+/// `nunetd bench`
+#[derive(Debug, Args, Clone)]
+pub struct BenchArgs {
+    /// Models to measure, interleaved
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: Vec<PathBuf>,
+    /// The picture to predict from [default: the demo scene's first]
+    #[arg(long, value_name = "IMAGE")]
+    pub image: Option<PathBuf>,
+    /// Predictions to measure
+    #[arg(long, value_name = "N", default_value = "100")]
+    pub runs: NonZeroU32,
+    /// The result as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd vet`
+#[derive(Debug, Args, Clone)]
+pub struct VetArgs {
+    /// The model file
+    pub model: PathBuf,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
+    let (stage, count) = text.split_once('=').ok_or("expected `STAGE=N`, such as `segmentation=3`")?;
+    let count = count.parse().map_err(|_| format!("expected a count of 1 or more, got `{count}`"))?;
+    Ok((stage.to_owned(), count))
+}
+
+impl Default for CameraArgs {
+    /// An unknown camera, and a cloud of every pixel.
+    fn default() -> Self {
+        Self { intrinsics: None, focal: FocalArg::Auto, cloud_stride: NonZeroU32::MIN }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Cli {
+        Cli::parse_line(line.split(' ').map(OsString::from)).unwrap()
+    }
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn without_a_verb_it_is_run_wherever_the_logging_flags_stand() {
+        for line in ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"] {
+            assert!(matches!(parse(line).verb, Verb::Run(_)), "{line}");
+        }
+    }
+
+    #[test]
+    fn logging_flags_may_stand_before_and_behind_a_verb() {
+        for line in ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"] {
+            let cli = parse(line);
+            assert!(cli.logging.quiet && matches!(cli.verb, Verb::Inspect(_)), "{line}");
+        }
+    }
+
+    #[test]
+    fn help_and_version_are_those_of_the_program() {
+        for line in ["nunetd --help", "nunetd -V", "nunetd help bench"] {
+            let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
+            assert!(!error.use_stderr(), "{line}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! From `--model`, `--provider`, `--threads`, `--onnxruntime` to a pipeline that has passed its self-test.
+
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
+use nunet_core::model::SelfTestReport;
+use nunet_core::pipeline::{Focal, Pipeline, PipelineOptions};
+use tracing::{info, warn};
+
+use crate::cli::{CameraArgs, EngineArgs, FocalArg};
+use crate::library::{self, Found};
+use crate::telemetry::MonotonicClock;
+use crate::{models, vetting};
+
+/// ONNX Runtime, loaded, and how graphs are to run in it.
+pub(crate) struct Engine {
+    pub(crate) library: Found,
+    pub(crate) runtime: Runtime,
+    arguments: EngineArgs,
+}
+
+/// A model in memory.
+pub(crate) struct Loaded {
+    pub(crate) path: PathBuf,
+    pub(crate) graph: SerialGraph,
+}
+
+impl Loaded {
+    /// The model file's name, for figures and pictures.
+    pub(crate) fn name(&self) -> String {
+        self.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// The model file's SHA-256, hexadecimal.
+    pub(crate) fn hash(&self) -> String {
+        self.graph.description().hash.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Engine {
+    /// Finds and loads the library.
+    pub(crate) fn start(arguments: &EngineArgs) -> anyhow::Result<Self> {
+        let library = library::find(arguments.onnxruntime.as_deref())?;
+        let runtime = Runtime::load(&library.path)?;
+        Ok(Self { library, runtime, arguments: arguments.clone() })
+    }
+
+    /// Finds a model, has it vetted in a child process where it is new, and loads it.
+    pub(crate) fn load(&self, model: &Path, every: &[(String, NonZeroU32)]) -> anyhow::Result<Loaded> {
+        let path = models::find(model)?;
+        vetting::vet(&path, &self.arguments, &self.library)?;
+        self.load_trusted(path, every)
+    }
+
+    /// Loads a model file without a child process.
+    pub(crate) fn load_trusted(&self, path: PathBuf, every: &[(String, NonZeroU32)]) -> anyhow::Result<Loaded> {
+        let options = GraphOptions {
+            provider: self.arguments.provider,
+            threads: self.arguments.threads,
+            every: every.iter().map(|(stage, count)| (stage.clone(), count.get())).collect(),
+        };
+        let graph = SerialGraph::load(&path, &self.runtime, &options)?;
+        Ok(Loaded { path, graph })
+    }
+}
+
+/// Builds the pipeline around a graph and tests it: no frame before the numbers are right.
+pub(crate) fn tested_pipeline(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<Pipeline> {
+    let path = loaded.path.clone();
+    let (pipeline, report) = tested(loaded, optics)?;
+    say_what_is_loaded(&path, &pipeline, &report);
+    Ok(pipeline)
+}
+
+/// The same without a word, and what the test found.
+pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pipeline, SelfTestReport)> {
+    let path = loaded.path;
+    let options = PipelineOptions {
+        camera: None,
+        focal: match optics.focal {
+            FocalArg::Auto => Focal::Auto,
+            FocalArg::Off => Focal::Off,
+        },
+        cloud_stride: optics.cloud_stride,
+    };
+    let mut pipeline = Pipeline::new(loaded.graph, options)?;
+    let report =
+        pipeline.selftest(&MonotonicClock).with_context(|| format!("`{}` is refused", path.display()))?;
+    Ok((pipeline, report))
+}
+
+fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport) {
+    let graph = pipeline.graph();
+    let (width, height) = graph.size();
+    info!("model `{}`: {}, {width}x{height}, provider {}, self-test {report}", path.display(),
+        graph.description().architecture, graph.provider());
+    if !graph.description().trained {
+        warn!("`{}` carries untrained weights: its depth means nothing", path.display());
+    }
+    if graph.description().selftest.is_none() {
+        warn!("`{}` carries no self-test: nobody knows whether its numbers are right here", path.display());
+    }
+}

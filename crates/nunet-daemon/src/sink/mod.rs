@@ -1,0 +1,8 @@
+//! Where results go.
+
+pub(crate) mod collect;
+pub mod files;
+mod points;
+pub(crate) mod shm;
+pub(crate) mod stats;
+pub(crate) mod words;

@@ -1,0 +1,236 @@
+//! Depth, labels, cloud and figures into shared memory, where the pipeline writes them itself.
+
+use anyhow::Context as _;
+use nunet_core::camera::Intrinsics;
+use nunet_core::clock::Clock as _;
+use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
+use nunet_ipc::{
+    CameraName, Encoding, FrameHeader, Limits, Loan, Point, Publisher, StatsRecord, Topic, TopicPlan, Units, Wake,
+};
+use tracing::{info, warn};
+
+use super::points::cloud_points_mut;
+use super::words;
+use crate::cli::Publish;
+use crate::source::Frame;
+use crate::stream::{Counts, Totals, stage_names};
+use crate::telemetry::{Latencies, MonotonicClock, monotonic_nanos};
+
+/// How often percentiles are computed anew; the ledger is of every frame.
+const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
+
+/// What an outlet publishes, and for whom.
+pub(crate) struct OutletOptions<'a> {
+    pub(crate) camera: &'a CameraName,
+    pub(crate) frame_id: Option<&'a str>,
+    pub(crate) publish: &'a [Publish],
+    pub(crate) limits: Limits,
+    pub(crate) model: &'a str,
+}
+
+/// The owner of a camera's results.
+pub(crate) struct Outlet {
+    publisher: Publisher,
+    topics: Vec<Topic>,
+    header: FrameHeader,
+    size: (u32, u32),
+    cloud_size: (u32, u32),
+    cloud_stride: std::num::NonZeroU32,
+    stats: StatsRecord,
+    summarised_nanos: u64,
+}
+
+/// Chunks of shared memory for one frame's results.
+pub(crate) struct Loans {
+    depth: Loan,
+    labels: Option<Loan>,
+    cloud: Option<Loan>,
+}
+
+impl Loans {
+    /// The chunks as the pipeline fills them.
+    pub(crate) fn outputs(&mut self) -> anyhow::Result<Outputs<'_>> {
+        let points = self.cloud.as_mut().map(Loan::slice_mut::<Point>).transpose()?;
+        Ok(Outputs {
+            depth_m: self.depth.slice_mut()?,
+            labels: self.labels.as_mut().map(Loan::bytes_mut),
+            cloud: points.map(cloud_points_mut),
+        })
+    }
+}
+
+impl Outlet {
+    /// Becomes the owner of the camera's results; all memory is reserved and touched here.
+    pub(crate) fn open(pipeline: &Pipeline, options: &OutletOptions<'_>) -> anyhow::Result<Self> {
+        let plans = plans(pipeline, options.publish);
+        let publisher = Publisher::create(options.camera, &plans, &options.limits)?;
+        info!("camera `{}` reserves {} of shared memory", options.camera, publisher.reservation());
+        let description = pipeline.graph().description();
+        let mut header = FrameHeader { model_hash: description.hash, ..FrameHeader::default() };
+        let default_frame = format!("{}_optical_frame", options.camera);
+        header.set_frame_id(options.frame_id.unwrap_or(&default_frame));
+        let mut stats = StatsRecord { model_hash: description.hash, ..StatsRecord::default() };
+        stats.set_model_name(options.model);
+        stats.set_provider(pipeline.graph().provider().name());
+        stats.set_stage_names(stage_names(pipeline));
+        Ok(Self {
+            publisher,
+            topics: plans.iter().map(|plan| plan.topic).collect(),
+            header,
+            size: pipeline.size(),
+            cloud_size: pipeline.cloud_size(),
+            cloud_stride: pipeline.cloud_stride(),
+            stats,
+            summarised_nanos: 0,
+        })
+    }
+
+    /// The camera's name.
+    pub(crate) fn camera(&self) -> &CameraName {
+        self.publisher.camera()
+    }
+
+    /// What is published of a frame.
+    pub(crate) fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    /// Chunks for the results that somebody reads; depth always.
+    pub(crate) fn loan(&self) -> anyhow::Result<Loans> {
+        let wanted = |topic| self.publisher.has_readers(topic).then(|| self.publisher.loan(topic)).transpose();
+        Ok(Loans {
+            depth: self.publisher.loan(Topic::Depth)?,
+            labels: wanted(Topic::Labels)?,
+            cloud: wanted(Topic::Cloud)?,
+        })
+    }
+
+    /// Sends a frame's results, depth last, and wakes the readers once.
+    pub(crate) fn publish(
+        &mut self,
+        loans: Loans,
+        frame: &Frame,
+        report: &FrameReport,
+        queue_micros: u32,
+    ) -> anyhow::Result<()> {
+        self.describe(frame, report, queue_micros);
+        let Loans { depth, labels, cloud } = loans;
+        if let Some(loan) = labels {
+            let header = self.shaped(Encoding::LabelsU8, self.size, report.intrinsics);
+            send(loan, FrameHeader { units: Units::None.into(), ..header })?;
+        }
+        if let Some(loan) = cloud {
+            let camera = report.intrinsics.map(|camera| camera.decimated(self.cloud_stride));
+            send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
+        }
+        send(depth, self.shaped(Encoding::DepthF32, self.size, report.intrinsics))?;
+        self.publisher.notify(Wake::Depth)?;
+        Ok(())
+    }
+
+    /// Sends the running figures; they are not worth a frame when that fails.
+    pub(crate) fn publish_stats(&mut self, counts: &Counts, totals: &Totals, latencies: &Latencies) {
+        let now_nanos = MonotonicClock.nanos();
+        set_counts(&mut self.stats, counts);
+        if now_nanos.saturating_sub(self.summarised_nanos) >= SUMMARY_PERIOD_NANOS {
+            self.summarised_nanos = now_nanos;
+            set_summaries(&mut self.stats, totals, latencies);
+        }
+        if let Err(error) = self.try_publish_stats() {
+            warn!("the figures are not published: {error:#}");
+        }
+    }
+
+    /// Hands the last frame to readers that came while the source stood still.
+    pub(crate) fn refresh(&self) {
+        if let Err(error) = self.publisher.refresh() {
+            warn!("late readers are not served: {error}");
+        }
+    }
+
+    fn try_publish_stats(&self) -> anyhow::Result<()> {
+        let mut loan = self.publisher.loan(Topic::Stats)?;
+        let record = loan.slice_mut::<StatsRecord>()?.first_mut().context("the chunk is too small for the figures")?;
+        *record = self.stats;
+        let mut header = self.header;
+        header.set_encoding(Encoding::StatsRecord);
+        send(loan, header)
+    }
+
+    /// What all topics of a frame say.
+    fn describe(&mut self, frame: &Frame, report: &FrameReport, queue_micros: u32) {
+        let header = &mut self.header;
+        header.sequence = frame.sequence;
+        header.capture_nanos = frame.capture.nanos;
+        header.capture_unix_nanos = frame.capture.unix_nanos;
+        header.set_capture_clock(frame.capture.clock);
+        header.set_units(words::units(report.units));
+        header.set_scale_source(words::scale_source(report.scale_source));
+        header.set_quality(words::quality(report.quality));
+        header.set_stages(std::iter::once(queue_micros).chain(report.stages.micros().iter().copied()));
+        header.bytes_copied = report.bytes_copied;
+        header.invalid_pixels = report.invalid_pixels.into();
+    }
+
+    /// What one topic of a frame says.
+    fn shaped(&self, encoding: Encoding, (width, height): (u32, u32), camera: Option<Intrinsics>) -> FrameHeader {
+        let mut header = self.header;
+        header.set_encoding(encoding);
+        (header.width, header.height) = (width, height);
+        header.row_stride_bytes = width * words::bytes_per_cell(encoding);
+        if let Some(camera) = camera {
+            words::set_intrinsics(&mut header, camera);
+        }
+        header
+    }
+}
+
+/// The topics of a pipeline's results.
+pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> {
+    let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
+    let (size, points) = (pixels(pipeline.size()), pixels(pipeline.cloud_size()));
+    let labels = publish.contains(&Publish::Labels) && pipeline.graph().has_labels();
+    let cloud = publish.contains(&Publish::Cloud);
+    let all = [
+        (true, Topic::Depth, size * size_of::<f32>()),
+        (labels, Topic::Labels, size),
+        (cloud, Topic::Cloud, points * size_of::<Point>()),
+        (true, Topic::Stats, size_of::<StatsRecord>()),
+    ];
+    let wanted = all.into_iter().filter(|(wanted, ..)| *wanted);
+    wanted.map(|(_, topic, payload_bytes)| TopicPlan { topic, payload_bytes }).collect()
+}
+
+fn send(mut loan: Loan, header: FrameHeader) -> anyhow::Result<()> {
+    *loan.header_mut() = header;
+    loan.publish(monotonic_nanos())?;
+    Ok(())
+}
+
+fn set_counts(record: &mut StatsRecord, counts: &Counts) {
+    record.captured = counts.captured;
+    record.published = counts.published;
+    record.superseded = counts.superseded;
+    record.failed = counts.failed;
+    record.in_flight = counts.in_flight;
+}
+
+fn set_summaries(record: &mut StatsRecord, totals: &Totals, latencies: &Latencies) {
+    const US_PER_MS: f64 = 1e3;
+    record.fps = totals.fps();
+    record.bytes_copied_per_frame = totals.bytes_copied_per_frame();
+    record.allocations_per_frame = totals.allocations_per_frame().unwrap_or(f64::NAN);
+    let total = latencies.total();
+    record.total_p50_us = total.p50 * US_PER_MS;
+    record.total_p90_us = total.p90 * US_PER_MS;
+    record.total_p99_us = total.p99 * US_PER_MS;
+    record.total_max_us = total.max * US_PER_MS;
+    record.total_mean_us = total.mean * US_PER_MS;
+    for (index, (_, stage)) in latencies.stages().enumerate().take(record.stage_p50_us.len()) {
+        record.stage_p50_us[index] = stage.p50 * US_PER_MS;
+        record.stage_p90_us[index] = stage.p90 * US_PER_MS;
+        record.stage_p99_us[index] = stage.p99 * US_PER_MS;
+        record.stage_max_us[index] = stage.max * US_PER_MS;
+        record.stage_mean_us[index] = stage.mean * US_PER_MS;
+    }
+}

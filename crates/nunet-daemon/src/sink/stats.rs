@@ -1,0 +1,83 @@
+//! `stats.json`: what a stream did, in figures.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde::Serialize;
+
+use crate::stream::{Counts, Totals};
+use crate::telemetry::{Latencies, Summary};
+
+/// The figures of a stream.
+#[derive(Debug, Serialize)]
+pub(crate) struct Stats {
+    pub(crate) contract: u32,
+    pub(crate) camera: String,
+    pub(crate) model: ModelName,
+    pub(crate) provider: String,
+    pub(crate) frames: Counts,
+    pub(crate) latency_ms: LatencyMs,
+    /// Published frames a second, from the first capture to the last publication.
+    pub(crate) fps: f64,
+    pub(crate) bytes_copied_per_frame: f64,
+    /// Rust heap allocations of the inference thread, after the first frames; `null` where they are not counted.
+    pub(crate) allocations_per_frame: Option<f64>,
+}
+
+impl Stats {
+    pub(crate) fn new(
+        camera: String,
+        model: ModelName,
+        provider: String,
+        frames: Counts,
+        totals: &Totals,
+        latencies: &Latencies,
+    ) -> Self {
+        Self {
+            contract: nunet_ipc::CONTRACT_VERSION,
+            camera,
+            model,
+            provider,
+            frames,
+            latency_ms: latencies.into(),
+            fps: totals.fps(),
+            bytes_copied_per_frame: totals.bytes_copied_per_frame(),
+            allocations_per_frame: totals.allocations_per_frame(),
+        }
+    }
+}
+
+/// Which model ran.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct ModelName {
+    pub(crate) name: String,
+    /// SHA-256, hexadecimal.
+    pub(crate) hash: String,
+}
+
+/// Milliseconds, from the source's hand-over to the wake-up of the readers.
+#[derive(Debug, Serialize)]
+pub(crate) struct LatencyMs {
+    pub(crate) total: Summary,
+    pub(crate) stages: BTreeMap<String, Summary>,
+}
+
+impl From<&Latencies> for LatencyMs {
+    fn from(latencies: &Latencies) -> Self {
+        let stages = latencies.stages().map(|(name, summary)| (name.to_owned(), summary)).collect();
+        Self { total: latencies.total(), stages }
+    }
+}
+
+/// Makes sure before a long run that its figures can be written at the end.
+pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
+    let opened = std::fs::OpenOptions::new().create(true).append(true).open(path);
+    opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))
+}
+
+/// Writes `value` as JSON.
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(value).context("cannot put the figures into JSON")?;
+    std::fs::write(path, text + "\n").with_context(|| format!("cannot write `{}`", path.display()))
+}

@@ -1,0 +1,35 @@
+//! Randomness that is a function of its arguments: the same on every machine, at every call.
+
+/// 32 bits that look random for each pair of numbers.
+pub(super) fn hash(a: u32, b: u32) -> u32 {
+    // The finaliser of MurmurHash3 over a mix of both: cheap enough for each pixel, and without visible patterns.
+    let mut h = a.wrapping_mul(0x9E37_79B1) ^ b.wrapping_mul(0x85EB_CA77).rotate_left(15);
+    h = (h ^ (h >> 16)).wrapping_mul(0x85EB_CA6B);
+    h = (h ^ (h >> 13)).wrapping_mul(0xC2B2_AE35);
+    h ^ (h >> 16)
+}
+
+/// 0 to 1 for each pair of numbers.
+pub(super) fn unit(a: u32, b: u32) -> f32 {
+    (hash(a, b) >> 8) as f32 * (1.0 / (1 << 24) as f32)
+}
+
+/// Smooth hills between 0 and 1, one to each unit of `u` and `v`.
+pub(super) fn hills(u: f32, v: f32, seed: u32) -> f32 {
+    let (column, row) = (u.floor(), v.floor());
+    let (fu, fv) = (smooth(u - column), smooth(v - row));
+    let (column, row) = (column as i32 as u32, row as i32 as u32);
+    let corner = |x: u32, y: u32| unit(column.wrapping_add(x) ^ seed, row.wrapping_add(y));
+    let top = mix(corner(0, 0), corner(1, 0), fu);
+    let bottom = mix(corner(0, 1), corner(1, 1), fu);
+    mix(top, bottom, fv)
+}
+
+/// From `a` at 0 to `b` at 1.
+pub(super) fn mix(a: f32, b: f32, t: f32) -> f32 {
+    a + (b - a) * t
+}
+
+fn smooth(t: f32) -> f32 {
+    t * t * (3.0 - 2.0 * t)
+}

@@ -1,0 +1,1 @@
+//! The room against its own geometry, computed another way.

@@ -1,0 +1,173 @@
+//! What surfaces look like, computed at each point: no pictures to ship, no resolution to run out of.
+
+use super::noise::{hash, hills, mix, unit};
+use super::solid::OnFace;
+use super::vector::Vec3;
+
+/// Red, green, blue as x, y, z: the part of the light that comes back, 0 to 1.
+pub(super) type Colour = Vec3;
+
+const WHITE: Colour = Colour::new(0.82, 0.81, 0.78);
+const DARK: Colour = Colour::new(0.03, 0.03, 0.04);
+
+/// The look of a surface; lengths in metres.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Material {
+    /// One colour.
+    Paint(Colour),
+    /// A wall's: one colour in soft clouds.
+    Plaster(Colour),
+    /// A floor's boards.
+    Boards(Colour),
+    /// Grained along u.
+    Wood(Colour),
+    Fabric(Colour),
+    /// Two colours by turns along u.
+    Stripes(Colour, Colour),
+    Leaves,
+    /// Spines side by side, up to `height`.
+    Books {
+        height: f32,
+        seed: u32,
+    },
+    /// A landscape in a frame.
+    Painting {
+        width: f32,
+        height: f32,
+        seed: u32,
+    },
+    /// A television that is off.
+    Screen {
+        width: f32,
+        height: f32,
+    },
+    /// The sky behind bars; shines by itself.
+    Window {
+        width: f32,
+        height: f32,
+    },
+    /// Shines by itself.
+    Glow(Colour),
+}
+
+impl Material {
+    /// Whether the colour is the light itself, whatever falls on it.
+    pub(super) fn shines(self) -> bool {
+        matches!(self, Self::Window { .. } | Self::Glow(_))
+    }
+
+    /// The colour at a point of a surface.
+    pub(super) fn colour(self, at: &OnFace) -> Colour {
+        let OnFace { u, v } = *at;
+        match self {
+            Self::Paint(colour) | Self::Glow(colour) => colour,
+            Self::Plaster(colour) => colour * mix(0.93, 1.0, hills(u * 3.0, v * 3.0, 11)),
+            Self::Boards(colour) => boards(colour, u, v),
+            Self::Wood(colour) => colour * mix(0.75, 1.1, hills(u * 2.5, v * 34.0, 12)),
+            Self::Fabric(colour) => colour * mix(0.84, 1.08, hills(u * 45.0, v * 45.0, 13)),
+            Self::Stripes(one, other) => stripes(one, other, u, v),
+            Self::Leaves => Colour::new(0.07, 0.24, 0.06) * mix(0.4, 1.6, hills(u * 24.0, v * 24.0, 14)),
+            Self::Books { height, seed } => books(height, seed, u, v),
+            Self::Painting { width, height, seed } => painting(u / width, v / height, seed),
+            Self::Screen { width, height } => screen(u / width, v / height),
+            Self::Window { width, height } => window(u, v, width, height),
+        }
+    }
+}
+
+fn boards(colour: Colour, u: f32, v: f32) -> Colour {
+    const WIDTH: f32 = 0.14;
+    const LENGTH: f32 = 1.3;
+    let row = (v / WIDTH).floor();
+    let along = u / LENGTH + unit(row as u32, 21) * 7.0;
+    let board = along.floor();
+    let (across_seam, along_seam) = (v / WIDTH - row, along - board);
+    let tone = mix(0.72, 1.08, unit(row as u32, board as u32));
+    let grain = mix(0.85, 1.1, hills(u * 3.0, v * 60.0, 22));
+    let seam = if across_seam < 0.03 || along_seam < 0.004 {
+        0.55
+    } else {
+        1.0
+    };
+    colour * (tone * grain * seam)
+}
+
+fn stripes(one: Colour, other: Colour, u: f32, v: f32) -> Colour {
+    let first = (u * 5.0) as i32 % 2 == 0;
+    let colour = if first { one } else { other };
+    colour * mix(0.85, 1.05, hills(u * 60.0, v * 60.0, 23))
+}
+
+fn books(height: f32, seed: u32, u: f32, v: f32) -> Colour {
+    const WIDTH: f32 = 0.036;
+    let book = (u / WIDTH) as u32;
+    let across = u / WIDTH - book as f32;
+    let top = height * mix(0.7, 1.0, unit(book, seed));
+    if v > top || !(0.06..0.94).contains(&across) {
+        return DARK;
+    }
+    let cover = match hash(book, seed ^ 31) % 6 {
+        0 => Colour::new(0.42, 0.05, 0.05),
+        1 => Colour::new(0.05, 0.13, 0.34),
+        2 => Colour::new(0.09, 0.26, 0.12),
+        3 => Colour::new(0.55, 0.40, 0.10),
+        4 => Colour::new(0.55, 0.50, 0.42),
+        _ => Colour::new(0.22, 0.10, 0.28),
+    };
+    let title = (0.6..0.8).contains(&(v / top));
+    if title {
+        mix_colour(cover, WHITE, 0.6)
+    } else {
+        cover
+    }
+}
+
+fn painting(u: f32, v: f32, seed: u32) -> Colour {
+    const FRAME: f32 = 0.06;
+    if u.min(v) < FRAME || u.max(v) > 1.0 - FRAME {
+        return Colour::new(0.13, 0.07, 0.03);
+    }
+    let (sun_u, sun_v) = (mix(0.6, 0.8, unit(seed, 41)), 0.72);
+    let ridge = 0.25 + 0.35 * hills(u * 4.0, 0.0, seed);
+    let shore = 0.12 + 0.2 * hills(u * 6.0, 5.0, seed);
+    if v < shore {
+        Colour::new(0.10, 0.22, 0.08)
+    } else if v < ridge {
+        Colour::new(0.20, 0.22, 0.40)
+    } else if (u - sun_u) * (u - sun_u) + (v - sun_v) * (v - sun_v) < 0.006 {
+        Colour::new(0.95, 0.75, 0.25)
+    } else {
+        mix_colour(Colour::new(0.85, 0.45, 0.22), Colour::new(0.25, 0.35, 0.62), v)
+    }
+}
+
+fn screen(u: f32, v: f32) -> Colour {
+    let bezel = u.min(v) < 0.025 || u.max(v) > 0.975;
+    // The window's reflection, a slanted band.
+    let shine = (1.0 - (u + 0.4 * v - 0.45).abs() * 5.0).max(0.0);
+    if bezel {
+        DARK
+    } else {
+        mix_colour(DARK, Colour::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine)
+    }
+}
+
+fn window(u: f32, v: f32, width: f32, height: f32) -> Colour {
+    const BAR: f32 = 0.06;
+    let from_edge = u.min(width - u).min(v).min(height - v);
+    let from_middle = (u - width / 2.0).abs().min((v - height * 0.62).abs());
+    if from_edge < BAR || from_middle < BAR / 2.0 {
+        return Colour::new(0.62, 0.62, 0.60);
+    }
+    let up = v / height;
+    let trees = 0.22 + 0.16 * hills(u * 5.0, 0.0, 51) + 0.05 * hills(u * 25.0, 0.0, 52);
+    if up < trees {
+        Colour::new(0.16, 0.30, 0.12) * mix(0.6, 1.3, hills(u * 30.0, v * 30.0, 53))
+    } else {
+        mix_colour(Colour::new(0.92, 0.95, 0.98), Colour::new(0.40, 0.64, 0.95), up)
+    }
+}
+
+fn mix_colour(a: Colour, b: Colour, t: f32) -> Colour {
+    a + (b - a) * t
+}

@@ -1,0 +1,221 @@
+//! Pictures of a folder or a glob, in the order of their names.
+
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use image::metadata::Orientation;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
+use nunet_ipc::Clock;
+
+use super::{Capture, Fill, Frame, Source};
+use crate::exit::BadArguments;
+use crate::telemetry::{monotonic_nanos, unix_nanos};
+
+/// The longest side of a picture that is decoded, pixels.
+const MAX_SIDE_PX: u32 = 16_384;
+/// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 64 megapixels.
+const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
+
+/// A list of pictures.
+#[derive(Debug)]
+pub(super) struct Files {
+    paths: Vec<PathBuf>,
+    next: usize,
+    sequence: u64,
+    repeat: bool,
+}
+
+impl Files {
+    /// Lists the pictures; they are decoded one at a time, when their turn comes.
+    pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
+        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, repeat })
+    }
+}
+
+impl Source for Files {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        if self.next == self.paths.len() && self.repeat {
+            self.next = 0;
+        }
+        let Some(path) = self.paths.get(self.next) else { return Fill::End };
+        self.next += 1;
+        frame.sequence = self.sequence;
+        self.sequence += 1;
+        if let Err(error) = decode(path, frame) {
+            return Fill::Failed(error.context(format!("cannot read the picture `{}`", path.display())));
+        }
+        let nanos = monotonic_nanos();
+        frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
+        frame.camera = None;
+        Fill::Frame
+    }
+
+    fn len(&self) -> Option<u64> {
+        (!self.repeat).then_some(self.paths.len() as u64)
+    }
+}
+
+/// Decodes one JPEG or PNG as RGB, turned as its EXIF orientation says, into the frame's own memory.
+///
+/// # Errors
+/// No such file, neither JPEG nor PNG, damaged, or larger than the limits.
+pub(crate) fn decode(path: &Path, frame: &mut Frame) -> anyhow::Result<()> {
+    let file = std::fs::File::open(path)?;
+    let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format()?;
+    reader.limits(limits());
+    let mut decoder = reader.into_decoder()?;
+    let (size, orientation) = (decoder.dimensions(), decoder.orientation()?);
+    if decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms {
+        decoder.read_image(frame.rgb_buffer(size))?;
+        return Ok(());
+    }
+    let mut picture = DynamicImage::from_decoder(decoder)?;
+    picture.apply_orientation(orientation);
+    let picture = picture.into_rgb8();
+    frame.rgb_buffer(picture.dimensions()).copy_from_slice(&picture);
+    Ok(())
+}
+
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE_PX);
+    limits.max_image_height = Some(MAX_SIDE_PX);
+    limits.max_alloc = Some(MAX_DECODE_BYTES);
+    limits
+}
+
+fn list(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
+    let path = Path::new(pattern);
+    let mut paths = if path.is_dir() {
+        pictures_in(path)?
+    } else if path.is_file() {
+        vec![path.to_owned()]
+    } else {
+        matches(pattern)?
+    };
+    if paths.is_empty() {
+        bail!(BadArguments(no_pictures(path)));
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn pictures_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let unreadable = || format!("cannot list the folder `{}`", folder.display());
+    let mut paths = Vec::new();
+    for entry in folder.read_dir().with_context(unreadable)? {
+        let path = entry.with_context(unreadable)?.path();
+        if is_picture(&path) {
+            paths.push(path);
+        }
+    }
+    Ok(paths)
+}
+
+fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    ending.is_some_and(|ending| ["jpg", "jpeg", "png"].iter().any(|known| ending == *known))
+}
+
+fn matches(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
+    let paths = glob::glob(pattern).map_err(|error| {
+        BadArguments(format!("`{pattern}` is neither a source nor a glob: {}", error.msg))
+    })?;
+    // A folder below the glob that cannot be read hides pictures: say so rather than leave them out.
+    paths.collect::<Result<_, _>>().with_context(|| format!("cannot list `{pattern}`"))
+}
+
+fn no_pictures(path: &Path) -> String {
+    if path.is_dir() {
+        format!("no JPEG or PNG picture in the folder `{}`", path.display())
+    } else {
+        format!(
+            "no source `{}`: no such file or folder, and no file matches it as a glob\nhint: demo, a folder of \
+             JPEG or PNG pictures, a glob such as 'frames/*.jpg' (quoted), or shm:CAMERA",
+            path.display()
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+
+    fn picture(colour: [u8; 3]) -> RgbImage {
+        RgbImage::from_pixel(4, 2, Rgb(colour))
+    }
+
+    fn drain(source: &mut Files) -> (Vec<[u8; 3]>, Vec<String>) {
+        let (mut colours, mut errors) = (Vec::new(), Vec::new());
+        let mut frame = Frame::default();
+        loop {
+            match source.fill(&mut frame) {
+                Fill::Frame => {
+                    let view = frame.view().unwrap();
+                    assert_eq!(view.size(), (4, 2));
+                    colours.push([view.bytes()[0], view.bytes()[1], view.bytes()[2]]);
+                }
+                Fill::Failed(error) => errors.push(format!("{error:#}")),
+                Fill::Nothing | Fill::Crowded => unreachable!("files are there at once and lend nothing"),
+                Fill::End => return (colours, errors),
+            }
+        }
+    }
+
+    #[test]
+    fn a_folder_gives_its_pictures_by_name_and_a_bad_one_does_not_end_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name| folder.path().join(name);
+        picture([30, 0, 0]).save(path("c.png")).unwrap();
+        picture([10, 0, 0]).save(path("a.png")).unwrap();
+        std::fs::write(path("b.jpg"), b"not a picture").unwrap();
+        std::fs::write(path("notes.txt"), b"ignored").unwrap();
+        let mut source = Files::open(folder.path().to_str().unwrap(), false).unwrap();
+        assert_eq!(source.len(), Some(3));
+        let (colours, errors) = drain(&mut source);
+        assert_eq!(colours, [[10, 0, 0], [30, 0, 0]]);
+        assert_eq!(errors.len(), 1);
+        assert!(errors[0].contains("b.jpg`"), "{errors:?}");
+    }
+
+    #[test]
+    fn a_glob_takes_only_what_it_matches() {
+        let folder = tempfile::tempdir().unwrap();
+        picture([1, 2, 3]).save(folder.path().join("left_1.png")).unwrap();
+        picture([9, 9, 9]).save(folder.path().join("right_1.png")).unwrap();
+        let mut source = Files::open(folder.path().join("left_*.png").to_str().unwrap(), false).unwrap();
+        assert_eq!(drain(&mut source).0, [[1, 2, 3]]);
+    }
+
+    #[test]
+    fn grey_and_transparent_pictures_become_rgb() {
+        let folder = tempfile::tempdir().unwrap();
+        let rgb = DynamicImage::ImageRgb8(picture([70, 70, 70]));
+        rgb.to_luma8().save(folder.path().join("1.png")).unwrap();
+        rgb.to_rgba8().save(folder.path().join("2.png")).unwrap();
+        rgb.to_rgb16().save(folder.path().join("3.png")).unwrap();
+        let mut source = Files::open(folder.path().to_str().unwrap(), false).unwrap();
+        assert_eq!(drain(&mut source).0, [[70, 70, 70]; 3]);
+    }
+
+    #[test]
+    fn a_picture_beyond_the_limits_is_refused_before_it_is_decoded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("wide.png");
+        image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
+        let error = decode(&path, &mut Frame::default()).unwrap_err();
+        assert!(format!("{error:#}").to_lowercase().contains("limit"), "{error:#}");
+    }
+
+    #[test]
+    fn an_empty_folder_and_a_missing_one_are_bad_arguments() {
+        let folder = tempfile::tempdir().unwrap();
+        for pattern in [folder.path().to_owned(), folder.path().join("missing")] {
+            let error = Files::open(pattern.to_str().unwrap(), false).unwrap_err();
+            assert!(error.is::<BadArguments>(), "{error:#}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Every captured frame ends in exactly one of published, superseded, failed; until then it is in flight.
+
+use std::sync::Mutex;
+
+use serde::Serialize;
+
+/// The counts of a stream at one moment.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Frames the source handed over, readable or not.
+    pub captured: u64,
+    /// Frames whose depth went out.
+    pub published: u64,
+    /// Frames that a newer one replaced before their turn, or that a stop overtook.
+    pub superseded: u64,
+    /// Frames without a result: unreadable, or refused by the pipeline.
+    pub failed: u64,
+    /// Frames on their way.
+    pub in_flight: u64,
+}
+
+impl Counts {
+    /// `captured = published + superseded + failed + in_flight`.
+    pub fn balances(&self) -> bool {
+        self.captured == self.published + self.superseded + self.failed + self.in_flight
+    }
+}
+
+/// How a frame ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// Its depth went out.
+    Published,
+    /// A newer frame or a stop came first.
+    Superseded,
+    /// There is no result; the reason has been logged.
+    Failed,
+}
+
+/// The ledger of one stream, shared by its threads.
+///
+/// A mutex rather than five atomics: a reader must never see counts that do not add up. It is held for a few
+/// additions.
+#[derive(Debug, Default)]
+pub struct Ledger(Mutex<Counts>);
+
+impl Ledger {
+    /// Opens the entry of a frame.
+    pub fn captured(&self) {
+        self.update(|counts| {
+            counts.captured += 1;
+            counts.in_flight += 1;
+        });
+    }
+
+    /// Closes the entry of a frame in flight.
+    ///
+    /// # Panics
+    /// When no frame is in flight: an entry was closed twice, which is a bug of the caller.
+    pub fn ended(&self, end: End) {
+        self.update(|counts| {
+            counts.in_flight = counts.in_flight.checked_sub(1).expect("an entry is closed once");
+            match end {
+                End::Published => counts.published += 1,
+                End::Superseded => counts.superseded += 1,
+                End::Failed => counts.failed += 1,
+            }
+        });
+    }
+
+    /// The counts now; they always balance.
+    pub fn counts(&self) -> Counts {
+        *self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    fn update(&self, change: impl FnOnce(&mut Counts)) {
+        let mut counts = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        change(&mut counts);
+        debug_assert!(counts.balances());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[derive(Debug, Clone, Copy)]
+    enum Step {
+        Capture,
+        End(End),
+    }
+
+    fn step() -> impl Strategy<Value = Step> {
+        prop_oneof![
+            2 => Just(Step::Capture),
+            1 => Just(Step::End(End::Published)),
+            1 => Just(Step::End(End::Superseded)),
+            1 => Just(Step::End(End::Failed)),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn counts_balance_after_any_history(steps in prop::collection::vec(step(), 0..200)) {
+            let ledger = Ledger::default();
+            let mut ends = [0_u64; 3];
+            for step in steps {
+                match step {
+                    Step::Capture => ledger.captured(),
+                    Step::End(end) if ledger.counts().in_flight > 0 => {
+                        ledger.ended(end);
+                        ends[end as usize] += 1;
+                    }
+                    Step::End(_) => {}
+                }
+                prop_assert!(ledger.counts().balances());
+            }
+            let counts = ledger.counts();
+            prop_assert_eq!([counts.published, counts.superseded, counts.failed], ends);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "closed once")]
+    fn closing_an_entry_twice_is_a_bug() {
+        let ledger = Ledger::default();
+        ledger.captured();
+        ledger.ended(End::Published);
+        ledger.ended(End::Published);
+    }
+
+    #[test]
+    fn counts_seen_from_another_thread_always_balance() {
+        let ledger = Ledger::default();
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    for _ in 0..10_000 {
+                        ledger.captured();
+                        ledger.ended(End::Superseded);
+                    }
+                });
+            }
+            for _ in 0..1_000 {
+                assert!(ledger.counts().balances());
+            }
+        });
+        assert_eq!(ledger.counts(), Counts { captured: 20_000, superseded: 20_000, ..Counts::default() });
+    }
+}

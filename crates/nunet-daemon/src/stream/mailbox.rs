@@ -1,0 +1,221 @@
+//! The one place where frames wait: room for a single frame between the source and the inference thread.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// A mailbox with room for one item, and a shelf of used ones to be filled again.
+///
+/// A queue would only add latency: of two waiting frames a robot wants the newer. Whether the older is replaced
+/// ([`Mailbox::put_latest`]) or the sender waits ([`Mailbox::put_waiting`]) is the sender's policy.
+/// Used items travel back, so that a steady stream allocates nothing.
+#[derive(Debug)]
+pub struct Mailbox<T> {
+    state: Mutex<State<T>>,
+    changed: Condvar,
+}
+
+/// An item whose memory is used again.
+pub trait Reuse {
+    /// Lets go of what is not its own before it lies on the shelf.
+    fn release(&mut self);
+}
+
+#[derive(Debug)]
+struct State<T> {
+    waiting: Option<T>,
+    used: Vec<T>,
+    closed: bool,
+}
+
+/// What became of an item that was put into the mailbox.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Put {
+    /// It waits for the receiver.
+    Accepted,
+    /// It waits for the receiver; an older one was replaced and lies on the shelf.
+    Replaced,
+    /// Nobody will take it: the mailbox is closed.
+    Refused,
+}
+
+/// What the receiver finds.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Taken<T> {
+    /// An item.
+    Item(T),
+    /// None came in time.
+    Nothing,
+    /// None will come any more.
+    Closed,
+}
+
+/// How many used items are kept: one being filled, one waiting, one in work.
+const SHELF: usize = 3;
+
+impl<T: Reuse> Default for Mailbox<T> {
+    fn default() -> Self {
+        let state = State { waiting: None, used: Vec::with_capacity(SHELF), closed: false };
+        Self { state: Mutex::new(state), changed: Condvar::new() }
+    }
+}
+
+impl<T: Reuse> Mailbox<T> {
+    /// Puts `item` in at once; an older one that still waits is replaced.
+    pub fn put_latest(&self, item: T) -> Put {
+        let mut state = self.lock();
+        if state.closed {
+            return Put::Refused;
+        }
+        let replaced = state.waiting.replace(item);
+        let put = if replaced.is_some() { Put::Replaced } else { Put::Accepted };
+        state.shelve(replaced);
+        self.changed.notify_all();
+        put
+    }
+
+    /// Waits until there is room, then puts `item` in.
+    pub fn put_waiting(&self, item: T) -> Put {
+        let mut state = self.lock();
+        while state.waiting.is_some() && !state.closed {
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        if state.closed {
+            return Put::Refused;
+        }
+        state.waiting = Some(item);
+        self.changed.notify_all();
+        Put::Accepted
+    }
+
+    /// Waits for an item, `patience` long at the most.
+    pub fn take(&self, patience: Duration) -> Taken<T> {
+        let empty = |state: &mut State<T>| state.waiting.is_none() && !state.closed;
+        let waited = self.changed.wait_timeout_while(self.lock(), patience, empty);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        match state.waiting.take() {
+            Some(item) => {
+                self.changed.notify_all();
+                Taken::Item(item)
+            }
+            None if state.closed => Taken::Closed,
+            None => Taken::Nothing,
+        }
+    }
+
+    /// Takes back the item that waits; says whether there was one.
+    pub fn recall(&self) -> bool {
+        let mut state = self.lock();
+        let waiting = state.waiting.take();
+        let recalled = waiting.is_some();
+        state.shelve(waiting);
+        recalled
+    }
+
+    /// Gives a used item back, to be filled again.
+    pub fn give_back(&self, item: T) {
+        self.lock().shelve(Some(item));
+    }
+
+    /// A used item, if one is on the shelf.
+    pub fn used(&self) -> Option<T> {
+        self.lock().used.pop()
+    }
+
+    /// No more items: senders are refused, the receiver still gets the one that waits.
+    pub fn close(&self) {
+        self.lock().closed = true;
+        self.changed.notify_all();
+    }
+
+    /// Closes, and drops the item that nobody took; says whether there was one.
+    pub fn close_and_empty(&self) -> bool {
+        self.close();
+        self.recall()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T: Reuse> State<T> {
+    fn shelve(&mut self, item: Option<T>) {
+        if self.used.len() < SHELF {
+            self.used.extend(item.map(|mut item| {
+                item.release();
+                item
+            }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LONG: Duration = Duration::from_secs(60);
+
+    impl Reuse for i32 {
+        fn release(&mut self) {}
+    }
+
+    #[test]
+    fn the_latest_item_wins_and_the_older_returns_to_the_shelf() {
+        let mailbox = Mailbox::default();
+        assert_eq!(mailbox.put_latest(1), Put::Accepted);
+        assert_eq!(mailbox.put_latest(2), Put::Replaced);
+        assert_eq!(mailbox.take(LONG), Taken::Item(2));
+        assert_eq!(mailbox.used(), Some(1));
+        assert_eq!(mailbox.used(), None);
+    }
+
+    #[test]
+    fn a_waiting_sender_loses_nothing() {
+        let mailbox = Mailbox::default();
+        let mut received = Vec::new();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for item in 0..100 {
+                    assert_eq!(mailbox.put_waiting(item), Put::Accepted);
+                }
+                mailbox.close();
+            });
+            while let Taken::Item(item) = mailbox.take(LONG) {
+                received.push(item);
+            }
+        });
+        assert_eq!(received, (0..100).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn closing_releases_a_waiting_sender_and_a_waiting_receiver() {
+        let mailbox = Mailbox::default();
+        mailbox.put_latest(1);
+        std::thread::scope(|scope| {
+            let sender = scope.spawn(|| mailbox.put_waiting(2));
+            assert!(mailbox.close_and_empty());
+            assert_eq!(sender.join().unwrap(), Put::Refused);
+            assert_eq!(scope.spawn(|| mailbox.take(LONG)).join().unwrap(), Taken::Closed);
+        });
+        assert_eq!(mailbox.put_latest(3), Put::Refused);
+    }
+
+    #[test]
+    fn patience_ends_and_a_recalled_item_is_gone() {
+        let mailbox = Mailbox::default();
+        assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
+        mailbox.put_latest(1);
+        assert!(mailbox.recall());
+        assert!(!mailbox.recall());
+        assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
+    }
+
+    #[test]
+    fn the_shelf_is_bounded() {
+        let mailbox = Mailbox::default();
+        for item in 0..10 {
+            mailbox.give_back(item);
+        }
+        assert_eq!(std::iter::from_fn(|| mailbox.used()).count(), SHELF);
+    }
+}

@@ -1,0 +1,184 @@
+//! The source's thread: asks for frames and puts them into the mailbox.
+
+use std::num::NonZeroU64;
+use std::time::{Duration, Instant};
+
+use nunet_core::clock::Clock as _;
+use tracing::{info, warn};
+
+use super::ledger::{End, Ledger};
+use super::mailbox::{Mailbox, Put};
+use super::stop::Stop;
+use crate::source::{Fill, Frame, Pacer, Rate, Source};
+use crate::telemetry::MonotonicClock;
+
+/// How long to wait for a lent frame to come back.
+const CROWDED_PAUSE: Duration = Duration::from_millis(1);
+
+/// How a source is asked for frames.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pace {
+    /// How fast, for a source that has all its frames.
+    pub(crate) rate: Rate,
+    /// How many frames are captured.
+    pub(crate) limit: Option<NonZeroU64>,
+}
+
+/// What both ends of the mailbox share.
+#[derive(Debug, Default)]
+pub(crate) struct Lane {
+    pub(crate) mailbox: Mailbox<Frame>,
+    pub(crate) ledger: Ledger,
+    pub(crate) stop: Stop,
+}
+
+/// Moves frames from `source` into the lane's mailbox until the source ends, the limit is reached, or a stop is
+/// requested; then closes the mailbox.
+pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) {
+    let latest_wins = source.is_live() || pace.rate != Rate::Max;
+    let mut pacer = Pacer::new(pace.rate, Instant::now()).filter(|_| !source.is_live());
+    let mut left = pace.limit.map_or(u64::MAX, NonZeroU64::get);
+    while left > 0 && !lane.stop.requested() {
+        if let Some(pacer) = &mut pacer {
+            lane.stop.sleep(pacer.wait(Instant::now()));
+        }
+        let mut frame = lane.mailbox.used().unwrap_or_default();
+        match source.fill(&mut frame) {
+            Fill::Frame => {
+                left -= 1;
+                if !hand_over(frame, latest_wins, lane) {
+                    break;
+                }
+            }
+            Fill::Failed(error) => {
+                left -= 1;
+                warn!("frame {} is lost: {error:#}", frame.sequence);
+                lane.ledger.captured();
+                lane.ledger.ended(End::Failed);
+                lane.mailbox.give_back(frame);
+            }
+            Fill::Nothing => lane.mailbox.give_back(frame),
+            Fill::Crowded => make_room(frame, lane),
+            Fill::End => break,
+        }
+    }
+    close(lane);
+}
+
+/// Returns whether the mailbox still takes frames.
+fn hand_over(mut frame: Frame, latest_wins: bool, lane: &Lane) -> bool {
+    lane.ledger.captured();
+    frame.ready_nanos = MonotonicClock.nanos();
+    let put = if latest_wins { lane.mailbox.put_latest(frame) } else { lane.mailbox.put_waiting(frame) };
+    if put != Put::Accepted {
+        lane.ledger.ended(End::Superseded);
+    }
+    put != Put::Refused
+}
+
+/// The source lends no more frames: the one that waits makes room for a newer one. Where none waits, the one in work
+/// will be back soon.
+fn make_room(frame: Frame, lane: &Lane) {
+    lane.mailbox.give_back(frame);
+    if lane.mailbox.recall() {
+        lane.ledger.ended(End::Superseded);
+    } else {
+        lane.stop.sleep(CROWDED_PAUSE);
+    }
+}
+
+fn close(lane: &Lane) {
+    if lane.stop.requested() {
+        info!("stopping");
+        if lane.mailbox.close_and_empty() {
+            lane.ledger.ended(End::Superseded);
+        }
+    } else {
+        lane.mailbox.close();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+    use crate::stream::{Counts, Taken};
+
+    /// Frames by number; some are unreadable; the end comes after `count`.
+    struct Numbers {
+        count: u64,
+        next: u64,
+        live: bool,
+        bad: fn(u64) -> bool,
+    }
+
+    impl Source for Numbers {
+        fn fill(&mut self, frame: &mut Frame) -> Fill {
+            if self.next == self.count {
+                return Fill::End;
+            }
+            frame.sequence = self.next;
+            self.next += 1;
+            if (self.bad)(frame.sequence) { Fill::Failed(anyhow!("unreadable")) } else { Fill::Frame }
+        }
+
+        fn is_live(&self) -> bool {
+            self.live
+        }
+    }
+
+    fn run(mut source: Numbers, limit: Option<u64>, per_frame: Duration) -> (Vec<u64>, Counts) {
+        let lane = Lane::default();
+        let pace = Pace { rate: Rate::Max, limit: limit.and_then(NonZeroU64::new) };
+        let mut seen = Vec::new();
+        std::thread::scope(|scope| {
+            scope.spawn(|| pump(&mut source, pace, &lane));
+            while let Taken::Item(frame) = lane.mailbox.take(Duration::from_secs(60)) {
+                seen.push(frame.sequence);
+                std::thread::sleep(per_frame);
+                lane.ledger.ended(End::Published);
+                lane.mailbox.give_back(frame);
+            }
+        });
+        (seen, lane.ledger.counts())
+    }
+
+    #[test]
+    fn every_frame_of_a_file_source_arrives_and_bad_ones_are_counted() {
+        let source = Numbers { count: 10, next: 0, live: false, bad: |number| number % 4 == 1 };
+        let (seen, counts) = run(source, None, Duration::from_millis(1));
+        assert_eq!(seen, [0, 2, 3, 4, 6, 7, 8]);
+        assert_eq!(counts, Counts { captured: 10, published: 7, failed: 3, ..Counts::default() });
+    }
+
+    #[test]
+    fn of_a_live_source_the_latest_frame_wins_and_the_others_are_superseded() {
+        let source = Numbers { count: 1000, next: 0, live: true, bad: |_| false };
+        let (seen, counts) = run(source, None, Duration::from_millis(5));
+        assert_eq!(seen.last(), Some(&999), "the newest frame is never the one that is dropped");
+        assert!(counts.superseded > 0);
+        assert_eq!(counts.published + counts.superseded, 1000);
+        assert!(counts.balances() && counts.in_flight == 0);
+    }
+
+    #[test]
+    fn the_limit_counts_captured_frames_readable_or_not() {
+        let source = Numbers { count: 100, next: 0, live: false, bad: |number| number == 0 };
+        let (seen, counts) = run(source, Some(3), Duration::ZERO);
+        assert_eq!(seen, [1, 2]);
+        assert_eq!(counts.captured, 3);
+    }
+
+    #[test]
+    fn a_stop_supersedes_the_frame_that_waits() {
+        let lane = Lane::default();
+        lane.ledger.captured();
+        lane.mailbox.put_latest(Frame::default());
+        lane.stop.request();
+        let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
+        pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane);
+        assert_eq!(lane.ledger.counts(), Counts { captured: 1, superseded: 1, ..Counts::default() });
+        assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
+    }
+}

@@ -1,0 +1,79 @@
+//! Sums over a stream, from which the per-frame figures are made.
+
+/// Frames at the start that are not counted for allocations: buffers are seen for the first time.
+const FIRST_FRAMES: u64 = 16;
+
+/// Sums over the published frames of a stream.
+#[derive(Debug, Default)]
+pub(crate) struct Totals {
+    start_nanos: u64,
+    last_nanos: u64,
+    frames: u64,
+    bytes_copied: u64,
+    steady_frames: u64,
+    steady_allocations: u64,
+}
+
+impl Totals {
+    /// The stream begins.
+    pub(crate) fn start(&mut self, now_nanos: u64) {
+        self.start_nanos = now_nanos;
+        self.last_nanos = now_nanos;
+    }
+
+    /// A frame went out.
+    pub(crate) fn add_published(&mut self, now_nanos: u64, bytes_copied: u64) {
+        self.last_nanos = now_nanos;
+        self.frames += 1;
+        self.bytes_copied += bytes_copied;
+    }
+
+    /// The inference thread made that many allocations for one frame.
+    pub(crate) fn add_allocations(&mut self, allocations: u64) {
+        if self.frames > FIRST_FRAMES {
+            self.steady_frames += 1;
+            self.steady_allocations += allocations;
+        }
+    }
+
+    /// Published frames a second.
+    pub(crate) fn fps(&self) -> f64 {
+        let seconds = self.last_nanos.saturating_sub(self.start_nanos) as f64 / 1e9;
+        if seconds > 0.0 { self.frames as f64 / seconds } else { 0.0 }
+    }
+
+    /// Mean over all published frames.
+    pub(crate) fn bytes_copied_per_frame(&self) -> f64 {
+        self.bytes_copied as f64 / self.frames.max(1) as f64
+    }
+
+    /// Mean over the frames after the first; `None` where there are none, or nobody counts (another allocator).
+    pub(crate) fn allocations_per_frame(&self) -> Option<f64> {
+        let counting = crate::telemetry::allocations_of_this_thread() > 0;
+        (counting && self.steady_frames > 0).then(|| self.steady_allocations as f64 / self.steady_frames as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_and_means_of_a_known_stream() {
+        let mut totals = Totals::default();
+        totals.start(1_000_000_000);
+        for frame in 1..=20 {
+            totals.add_published(1_000_000_000 + frame * 100_000_000, 300);
+        }
+        assert!((totals.fps() - 10.0).abs() < 1e-9);
+        assert!((totals.bytes_copied_per_frame() - 300.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_stream_without_frames_has_no_rate_and_no_nonsense() {
+        let totals = Totals::default();
+        assert_eq!(totals.fps(), 0.0);
+        assert_eq!(totals.bytes_copied_per_frame(), 0.0);
+        assert_eq!(totals.allocations_per_frame(), None);
+    }
+}

@@ -1,0 +1,125 @@
+//! The inference thread: one frame after the other through the pipeline, straight into shared memory.
+
+use std::time::Duration;
+
+use nunet_core::clock::Clock as _;
+use nunet_core::depth::ScaleSource;
+use nunet_core::pipeline::{FrameReport, Pipeline};
+use tracing::{error, trace_span, warn};
+
+use super::ledger::End;
+use super::mailbox::Taken;
+use super::optics::{Change, Optics};
+use super::pump::Lane;
+use super::totals::Totals;
+use crate::sink::shm::Outlet;
+use crate::source::Frame;
+use crate::telemetry::{Latencies, MonotonicClock, allocations_of_this_thread};
+
+/// How soon a reader that joins a source that stands still gets the last frame.
+const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
+
+/// Everything that a frame meets between the mailbox and its readers.
+pub(crate) struct Worker {
+    pipeline: Pipeline,
+    optics: Optics,
+    outlet: Outlet,
+    totals: Totals,
+    latencies: Latencies,
+}
+
+/// What is left of a stream when it has ended.
+pub(crate) struct Remains {
+    /// Still open, so that the last frame can be read.
+    pub(crate) outlet: Outlet,
+    pub(crate) totals: Totals,
+    pub(crate) latencies: Latencies,
+}
+
+/// The times of a frame that the pipeline does not see: waiting before it, publishing after it.
+const QUEUE: &str = "queue";
+const PUBLISH: &str = "publish";
+
+/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
+/// the frame itself, which is written before it.
+pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
+    let inner = pipeline.stage_names().iter().map(String::as_str);
+    std::iter::once(QUEUE).chain(inner).chain(std::iter::once(PUBLISH))
+}
+
+impl Worker {
+    pub(crate) fn new(pipeline: Pipeline, optics: Optics, outlet: Outlet) -> Self {
+        let latencies = Latencies::new(stage_names(&pipeline));
+        Self { pipeline, optics, outlet, totals: Totals::default(), latencies }
+    }
+
+    /// Works until the mailbox is closed and empty.
+    pub(crate) fn run(mut self, lane: &Lane) -> Remains {
+        self.totals.start(MonotonicClock.nanos());
+        loop {
+            match lane.mailbox.take(LATE_JOINER_PERIOD) {
+                Taken::Item(frame) => self.take_through(frame, lane),
+                Taken::Nothing => self.outlet.refresh(),
+                Taken::Closed => break,
+            }
+        }
+        Remains { outlet: self.outlet, totals: self.totals, latencies: self.latencies }
+    }
+
+    fn take_through(&mut self, frame: Frame, lane: &Lane) {
+        let before = allocations_of_this_thread();
+        let end = self.journey(&frame);
+        lane.ledger.ended(end);
+        self.outlet.publish_stats(&lane.ledger.counts(), &self.totals, &self.latencies);
+        lane.mailbox.give_back(frame);
+        self.totals.add_allocations(allocations_of_this_thread() - before);
+    }
+
+    /// One span a frame; a failure is told here and nowhere else.
+    fn journey(&mut self, frame: &Frame) -> End {
+        let _span = trace_span!("frame", sequence = frame.sequence).entered();
+        match self.try_journey(frame) {
+            Ok(()) => End::Published,
+            Err(error) => {
+                error!("frame {} is lost: {error:#}", frame.sequence);
+                End::Failed
+            }
+        }
+    }
+
+    fn try_journey(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        let taken_nanos = MonotonicClock.nanos();
+        self.follow_camera(frame)?;
+        let mut loans = self.outlet.loan()?;
+        let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        let queue_micros = micros(frame.ready_nanos, taken_nanos);
+        let processed_nanos = MonotonicClock.nanos();
+        self.outlet.publish(loans, frame, &report, queue_micros)?;
+        self.account(frame, &report, queue_micros, processed_nanos);
+        Ok(())
+    }
+
+    /// Tells the pipeline of another camera, and the user when it is a guess.
+    fn follow_camera(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        if let Change::To(camera) = self.optics.follow(frame)? {
+            self.pipeline.set_camera(camera)?;
+            if self.pipeline.scale().source == ScaleSource::AssumedCamera {
+                warn!("no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy");
+            }
+        }
+        Ok(())
+    }
+
+    fn account(&mut self, frame: &Frame, report: &FrameReport, queue_micros: u32, processed_nanos: u64) {
+        let now_nanos = MonotonicClock.nanos();
+        let inner = report.stages.micros().iter().copied();
+        let publish = std::iter::once(micros(processed_nanos, now_nanos));
+        let stages = std::iter::once(queue_micros).chain(inner).chain(publish).map(u64::from);
+        self.latencies.record(micros(frame.ready_nanos, now_nanos).into(), stages);
+        self.totals.add_published(now_nanos, report.bytes_copied);
+    }
+}
+
+fn micros(start_nanos: u64, end_nanos: u64) -> u32 {
+    u32::try_from(end_nanos.saturating_sub(start_nanos) / 1000).unwrap_or(u32::MAX)
+}

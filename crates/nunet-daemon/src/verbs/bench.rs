@@ -1,0 +1,154 @@
+//! `nunetd bench`: predictions of one picture, as the paper's Table 2 measures them.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use nunet_core::pipeline::Pipeline;
+use serde_json::{Value, json};
+
+use crate::Outcome;
+use crate::buffers::Buffers;
+use crate::cli::{BenchArgs, CameraArgs};
+use crate::engine::{Engine, tested_pipeline};
+use crate::source::{self, Fill, Frame, Kind, decode};
+use crate::telemetry::MonotonicClock;
+
+mod host;
+mod paper;
+mod series;
+
+use series::Series;
+
+/// Predictions before the measured ones, beside the self-test.
+const WARM_UP_RUNS: u32 = 3;
+
+/// Measures every model in turn, interleaved, so that a disturbed moment meets them all.
+pub(super) fn bench(arguments: &BenchArgs) -> anyhow::Result<Outcome> {
+    let frame = picture(arguments.image.as_deref())?;
+    let engine = Engine::start(&arguments.engine)?;
+    let mut subjects = Vec::new();
+    for model in &arguments.model {
+        let loaded = engine.load(model, &[])?;
+        let (name, hash) = (loaded.name(), loaded.hash());
+        subjects.push(Subject::new(name, hash, tested_pipeline(loaded, &CameraArgs::default())?));
+    }
+    for run in 0..WARM_UP_RUNS + arguments.runs.get() {
+        for subject in &mut subjects {
+            subject.predict(&frame, run >= WARM_UP_RUNS)?;
+        }
+    }
+    for subject in &subjects {
+        let text =
+            if arguments.json { subject.json(&engine, arguments).to_string() } else { subject.text(arguments) };
+        writeln!(std::io::stdout(), "{text}")?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// The picture of all predictions.
+fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
+    let mut frame = Frame::default();
+    match image {
+        Some(path) => {
+            decode(path, &mut frame).with_context(|| format!("cannot read the picture `{}`", path.display()))?;
+        }
+        None => {
+            let fill = source::open(&Kind::Demo, false)?.fill(&mut frame);
+            debug_assert!(matches!(fill, Fill::Frame), "the demo scene always has a frame");
+        }
+    }
+    Ok(frame)
+}
+
+/// A model and its times.
+struct Subject {
+    name: String,
+    hash: String,
+    pipeline: Pipeline,
+    buffers: Buffers,
+    networks: Series,
+    end_to_end: Series,
+    stages: Vec<Series>,
+}
+
+impl Subject {
+    fn new(name: String, hash: String, pipeline: Pipeline) -> Self {
+        let stages = pipeline.stage_names().iter().map(|_| Series::default()).collect();
+        Self {
+            name,
+            hash,
+            buffers: Buffers::new(&pipeline),
+            pipeline,
+            networks: Series::default(),
+            end_to_end: Series::default(),
+            stages,
+        }
+    }
+
+    fn predict(&mut self, frame: &Frame, measured: bool) -> anyhow::Result<()> {
+        let start = std::time::Instant::now();
+        let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
+        if measured {
+            self.end_to_end.add_micros(start.elapsed().as_micros() as f64);
+            for (series, &micros) in self.stages.iter_mut().zip(report.stages.micros()) {
+                series.add_micros(micros.into());
+            }
+            self.networks.add_micros(self.network_micros(report.stages.micros()));
+        }
+        Ok(())
+    }
+
+    /// The networks alone: what the paper calls a prediction.
+    fn network_micros(&self, micros: &[u32]) -> f64 {
+        let graph = self.pipeline.graph().stages();
+        let named = self.pipeline.stage_names().iter().zip(micros);
+        let networks = named.filter(|(name, _)| graph.iter().any(|stage| stage.name == **name));
+        networks.map(|(_, &micros)| f64::from(micros)).sum()
+    }
+
+    fn json(&self, engine: &Engine, arguments: &BenchArgs) -> Value {
+        let stages: serde_json::Map<_, _> = self
+            .pipeline
+            .stage_names()
+            .iter()
+            .zip(&self.stages)
+            .map(|(name, series)| (name.clone(), series.json()))
+            .collect();
+        json!({
+            "contract": nunet_ipc::CONTRACT_VERSION,
+            "host": host::json(),
+            "onnxruntime": engine.runtime.version(),
+            "model": { "name": self.name, "hash": self.hash },
+            "provider": self.pipeline.graph().provider().name(),
+            "threads": arguments.engine.threads,
+            "runs": arguments.runs,
+            "ms": self.networks.json(),
+            "stages": stages,
+            "end_to_end_ms": self.end_to_end.json(),
+            "fps": 1e3 / self.end_to_end.mean_ms(),
+            "peak_rss_mb": host::peak_rss_mb(),
+            "paper_ms": paper::row(&self.pipeline).map(|row| row.json()),
+        })
+    }
+
+    fn text(&self, arguments: &BenchArgs) -> String {
+        let mut text = format!(
+            "{} ({}), {} predictions, provider {}\n  {}\n",
+            self.name,
+            self.pipeline.graph().description().architecture,
+            arguments.runs,
+            self.pipeline.graph().provider(),
+            series::HEAD
+        );
+        let stages = self.pipeline.stage_names().iter().map(String::as_str).zip(&self.stages);
+        let sums = [("networks", &self.networks), ("end to end", &self.end_to_end)];
+        for (name, series) in stages.chain(sums) {
+            text += &format!("  {}\n", series.row(name));
+        }
+        if let Some(paper) = paper::row(&self.pipeline) {
+            text += &format!("  {}\n", paper.text());
+        }
+        text
+    }
+}

@@ -1,0 +1,45 @@
+//! `nunetd contract --json`: the shared-memory contract, printed from the code.
+
+use std::io::Write as _;
+
+use nunet_core::model::METADATA_KEYS;
+use nunet_ipc::contract::{self, Layout};
+use serde_json::{Map, Value, json};
+
+use crate::Outcome;
+
+/// Prints the contract as one JSON object.
+pub(super) fn contract() -> anyhow::Result<Outcome> {
+    writeln!(std::io::stdout(), "{:#}", contract_json())?;
+    Ok(Outcome::Done)
+}
+
+fn contract_json() -> Value {
+    let enums: Map<_, _> = contract::ENUMS
+        .iter()
+        .map(|(name, words)| {
+            let numbers: Map<_, _> = words.iter().map(|(word, number)| ((*word).to_owned(), json!(number))).collect();
+            ((*name).to_owned(), Value::Object(numbers))
+        })
+        .collect();
+    json!({
+        "contract": contract::CONTRACT_VERSION,
+        "attribute": { "key": contract::CONTRACT_ATTRIBUTE, "value": contract::CONTRACT_VERSION.to_string() },
+        "header": layout_json(&contract::HEADER),
+        "block": layout_json(&contract::BLOCK),
+        "stats": layout_json(&contract::STATS),
+        "point": layout_json(&contract::POINT),
+        "enums": enums,
+        "services": contract::SERVICES,
+        "metadata_keys": METADATA_KEYS,
+    })
+}
+
+fn layout_json(layout: &Layout) -> Value {
+    let fields: Vec<_> = layout
+        .fields
+        .iter()
+        .map(|field| json!({ "name": field.name, "offset": field.offset, "type": field.kind, "count": field.count }))
+        .collect();
+    json!({ "type": layout.type_name, "bytes": layout.bytes, "alignment": layout.alignment, "fields": fields })
+}

@@ -1,0 +1,165 @@
+//! `nunetd doctor`: every problem of this machine with its mend, not only the first.
+
+use std::io::Write as _;
+
+use nunet_core::pipeline::Pipeline;
+use nunet_ipc::{Limits, Reservation, free_shared_memory_bytes, orphans};
+use serde::Serialize;
+use serde_json::json;
+
+use crate::Outcome;
+use crate::cli::{CameraArgs, DoctorArgs, Publish};
+use crate::engine::{Engine, tested};
+use crate::library;
+use crate::sink::shm::plans;
+
+/// Runs every check; a problem is exit code 1.
+pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
+    let mut checks = Checks::default();
+    let pipeline = check_engine(&mut checks, arguments);
+    check_shared_memory(&mut checks, pipeline.as_ref());
+    check_orphans(&mut checks);
+    check_cache(&mut checks);
+    let text = if arguments.json { checks.json() } else { checks.text() };
+    writeln!(std::io::stdout(), "{}", text.trim_end())?;
+    match checks.problems() {
+        0 => Ok(Outcome::Done),
+        1 => anyhow::bail!("1 problem found"),
+        problems => anyhow::bail!("{problems} problems found"),
+    }
+}
+
+/// One thing that was looked at.
+#[derive(Debug, Serialize)]
+struct Check {
+    name: &'static str,
+    ok: bool,
+    detail: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hint: Option<String>,
+}
+
+#[derive(Debug, Default)]
+struct Checks(Vec<Check>);
+
+impl Checks {
+    fn good(&mut self, name: &'static str, detail: impl ToString) {
+        self.0.push(Check { name, ok: true, detail: detail.to_string(), hint: None });
+    }
+
+    /// A problem; the mend is the message's last line where it has one.
+    fn bad(&mut self, name: &'static str, problem: &str) {
+        let (detail, hint) = match problem.split_once("\nhint: ") {
+            Some((detail, hint)) => (detail.to_owned(), Some(hint.replace("\nhint: ", "; "))),
+            None => (problem.to_owned(), None),
+        };
+        self.0.push(Check { name, ok: false, detail, hint });
+    }
+
+    fn problems(&self) -> usize {
+        self.0.iter().filter(|check| !check.ok).count()
+    }
+
+    fn json(&self) -> String {
+        let json = json!({
+            "contract": nunet_ipc::CONTRACT_VERSION,
+            "ok": self.problems() == 0,
+            "checks": self.0,
+        });
+        format!("{json:#}")
+    }
+
+    fn text(&self) -> String {
+        let line = |check: &Check| {
+            let mark = if check.ok { "ok     " } else { "PROBLEM" };
+            let hint = check.hint.as_ref().map(|hint| format!("\n          hint: {hint}")).unwrap_or_default();
+            format!("{mark}  {}: {}{hint}\n", check.name, check.detail)
+        };
+        self.0.iter().map(line).collect()
+    }
+}
+
+/// Library, model, provider and self-test; each needs the one before.
+fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline> {
+    let engine = match Engine::start(&arguments.engine) {
+        Ok(engine) => engine,
+        Err(error) => {
+            checks.bad("library", &format!("{error:#}"));
+            return None;
+        }
+    };
+    let library = &engine.library;
+    checks.good(
+        "library",
+        format!("ONNX Runtime {} at `{}` ({})", engine.runtime.version(), library.path.display(), library.place),
+    );
+    let loaded = match engine.load(&arguments.model, &[]) {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            checks.bad("model", &format!("{error:#}"));
+            return None;
+        }
+    };
+    let trained = if loaded.graph.description().trained { "" } else { ", untrained: its depth means nothing" };
+    checks.good("model", format!("`{}`{trained}", loaded.path.display()));
+    checks.good("provider", loaded.graph.provider());
+    match tested(loaded, &CameraArgs::default()) {
+        Ok((pipeline, report)) => {
+            checks.good("self-test", report);
+            Some(pipeline)
+        }
+        Err(error) => {
+            checks.bad("self-test", &format!("{error:#}"));
+            None
+        }
+    }
+}
+
+fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {
+    let free = match free_shared_memory_bytes() {
+        Ok(free) => free,
+        Err(error) => return checks.bad("shared memory", &error.to_string()),
+    };
+    let Some(pipeline) = pipeline else {
+        return checks.good("shared memory", format!("{} MB free; the need depends on the model", free / 1_000_000));
+    };
+    let everything = [Publish::Depth, Publish::Labels, Publish::Cloud];
+    let need = Reservation::new(&plans(pipeline, &everything), &Limits::default());
+    match need.check(free) {
+        Ok(()) => checks.good("shared memory", format!("{} MB free, a camera needs {need}", free / 1_000_000)),
+        Err(error) => checks.bad("shared memory", &error.to_string()),
+    }
+}
+
+fn check_orphans(checks: &mut Checks) {
+    match orphans::list() {
+        Ok(orphans) if orphans.is_empty() => checks.good("orphans", "no resources of dead processes"),
+        Ok(orphans) => {
+            let pids: Vec<_> = orphans.iter().map(|orphan| orphan.pid.to_string()).collect();
+            checks.bad(
+                "orphans",
+                &format!(
+                    "dead processes left shared memory behind: {}\nhint: the next `nunetd` cleans it up by itself",
+                    pids.join(", ")
+                ),
+            );
+        }
+        Err(error) => checks.bad("orphans", &error.to_string()),
+    }
+}
+
+/// Without it every start tests the model in a child process anew.
+fn check_cache(checks: &mut Checks) {
+    let Some(folder) = library::cache_folder() else {
+        return checks.bad("cache", "neither HOME nor XDG_CACHE_HOME is set\nhint: set one of them");
+    };
+    let probe = folder.join(format!("doctor-{}", std::process::id()));
+    let written = std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&probe, ""));
+    match written.and_then(|()| std::fs::remove_file(&probe)) {
+        Ok(()) => checks.good("cache", format!("`{}`", folder.display())),
+        Err(error) => checks.bad(
+            "cache",
+            &format!("`{}` cannot be written: {error}\nhint: give this user the folder", folder.display()),
+        ),
+    }
+}

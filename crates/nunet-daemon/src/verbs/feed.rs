@@ -1,0 +1,138 @@
+//! `nunetd feed`: publishes a source's frames in shared memory, as a camera driver would.
+
+use std::num::NonZeroU64;
+use std::time::Instant;
+
+use anyhow::bail;
+use nunet_core::camera::{Camera, IntrinsicsSpec};
+use nunet_core::frame::PixelFormat;
+use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake};
+use tracing::{info, warn};
+
+use crate::Outcome;
+use crate::cli::FeedArgs;
+use crate::exit::{BadArguments, camera_name};
+use crate::sink::words;
+use crate::source::{self, Fill, Frame, Kind, Pacer, Rate, Source};
+use crate::stream::{Change, Optics, Stop};
+use crate::telemetry::monotonic_nanos;
+
+/// Publishes until the source ends, `--frames` are sent, or a signal comes.
+pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
+    let stop = Stop::on_signals()?;
+    let kind = Kind::parse(&arguments.source);
+    if let Kind::SharedMemory(_) = kind {
+        bail!(BadArguments("a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()));
+    }
+    let mut source = source::open(&kind, arguments.pace.repeat)?;
+    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, arguments.intrinsics);
+    let pacer = Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now());
+    feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop)?;
+    info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
+    Ok(if feeder.failed == 0 { Outcome::Done } else { Outcome::Lost })
+}
+
+/// A camera of the first picture's size.
+struct Feeder {
+    camera: CameraName,
+    optics: Optics,
+    intrinsics: Option<Camera>,
+    port: Option<Port>,
+    sent: u64,
+    failed: u64,
+}
+
+/// The owner of the `rgb` topic.
+struct Port {
+    publisher: Publisher,
+    size: (u32, u32),
+}
+
+impl Feeder {
+    fn new(camera: CameraName, intrinsics: Option<IntrinsicsSpec>) -> Self {
+        Self { camera, optics: Optics::new(intrinsics), intrinsics: None, port: None, sent: 0, failed: 0 }
+    }
+
+    fn run(
+        &mut self,
+        source: &mut dyn Source,
+        mut pacer: Option<Pacer>,
+        limit: Option<NonZeroU64>,
+        stop: &Stop,
+    ) -> anyhow::Result<()> {
+        let mut frame = Frame::default();
+        let limit = limit.map_or(u64::MAX, NonZeroU64::get);
+        while self.sent + self.failed < limit && !stop.requested() {
+            if let Some(pacer) = &mut pacer {
+                stop.sleep(pacer.wait(Instant::now()));
+            }
+            match source.fill(&mut frame) {
+                Fill::Frame => self.send(&frame)?,
+                Fill::Failed(error) => self.lose(&frame, &error),
+                Fill::Nothing | Fill::Crowded => {}
+                Fill::End => break,
+            }
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        if let Change::To(camera) = self.optics.follow(frame)? {
+            self.intrinsics = camera;
+        }
+        let port = match self.port.take() {
+            Some(port) => self.port.insert(port),
+            None => self.port.insert(Port::open(&self.camera, frame)?),
+        };
+        if port.size != frame.size {
+            let error = anyhow::anyhow!(
+                "a picture of {:?} from a camera that began with {:?}: a camera has one size",
+                frame.size,
+                port.size
+            );
+            self.lose(frame, &error);
+            return Ok(());
+        }
+        port.send(frame, self.intrinsics)?;
+        self.sent += 1;
+        Ok(())
+    }
+
+    fn lose(&mut self, frame: &Frame, error: &anyhow::Error) {
+        warn!("frame {} is lost: {error:#}", frame.sequence);
+        self.failed += 1;
+    }
+}
+
+impl Port {
+    fn open(camera: &CameraName, frame: &Frame) -> anyhow::Result<Self> {
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: frame.view()?.bytes().len() };
+        let publisher = Publisher::create(camera, &[plan], &Limits::default())?;
+        let (width, height) = frame.size;
+        info!("camera `{camera}`: {width}x{height}, {} of shared memory", publisher.reservation());
+        Ok(Self { publisher, size: frame.size })
+    }
+
+    fn send(&self, frame: &Frame, camera: Option<Camera>) -> anyhow::Result<()> {
+        let view = frame.view()?;
+        let mut loan = self.publisher.loan_bytes(Topic::Rgb, view.bytes().len())?;
+        loan.bytes_mut().copy_from_slice(view.bytes());
+        describe(loan.header_mut(), frame, view.format(), camera);
+        loan.publish(monotonic_nanos())?;
+        Ok(self.publisher.notify(Wake::Picture)?)
+    }
+}
+
+fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera: Option<Camera>) {
+    *header = FrameHeader::default();
+    header.sequence = frame.sequence;
+    header.capture_nanos = frame.capture.nanos;
+    header.capture_unix_nanos = frame.capture.unix_nanos;
+    header.set_capture_clock(frame.capture.clock);
+    header.set_encoding(words::encoding(format));
+    (header.width, header.height) = frame.size;
+    header.row_stride_bytes = frame.row_stride;
+    if let Some(camera) = camera {
+        words::set_intrinsics(header, camera.intrinsics);
+    }
+}

@@ -1,0 +1,132 @@
+//! `nunetd infer`: depth, labels and cloud of single pictures, as files.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use nunet_core::clock::Clock as _;
+use nunet_core::depth::Units;
+use nunet_core::pipeline::{FrameReport, Pipeline};
+use tracing::{error, info};
+
+use crate::Outcome;
+use crate::buffers::Buffers;
+use crate::cli::InferArgs;
+use crate::engine::{Engine, tested_pipeline};
+use crate::exit::BadArguments;
+use crate::sink::files::{self, Results};
+use crate::sink::stats::{ModelName, Stats, write_json};
+use crate::source::{Frame, decode};
+use crate::stream::{Change, Counts, Optics, Totals};
+use crate::telemetry::{Latencies, MonotonicClock};
+
+/// Infers one picture after the other; a bad one does not end it.
+pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
+    let folders = result_folders(&arguments.images, &arguments.out)?;
+    let engine = Engine::start(&arguments.engine)?;
+    let loaded = engine.load(&arguments.model, &[])?;
+    let model = ModelName { name: loaded.name(), hash: loaded.hash() };
+    let pipeline = tested_pipeline(loaded, &arguments.optics)?;
+    let mut work = Work::new(pipeline, Optics::new(arguments.optics.intrinsics), model);
+
+    let mut failures = Vec::new();
+    for (image, folder) in arguments.images.iter().zip(&folders) {
+        match work.infer(image, folder) {
+            Ok(()) => info!("`{}` -> `{}`", image.display(), folder.display()),
+            Err(error) => failures.push(error),
+        }
+    }
+    judge(failures, arguments.images.len())
+}
+
+/// One picture that fails is a failure; some of many are a loss.
+fn judge(mut failures: Vec<anyhow::Error>, pictures: usize) -> anyhow::Result<Outcome> {
+    match failures.len() {
+        0 => Ok(Outcome::Done),
+        1 if pictures == 1 => Err(failures.remove(0)),
+        failed => {
+            for failure in failures {
+                error!("{failure:#}");
+            }
+            error!("{failed} of {pictures} pictures failed");
+            Ok(Outcome::Lost)
+        }
+    }
+}
+
+/// `--out` itself for one picture, else a folder below it for each.
+fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if images.len() == 1 {
+        return Ok(vec![out.to_owned()]);
+    }
+    let mut seen = HashSet::new();
+    let mut folders = Vec::new();
+    for image in images {
+        let stem = image.file_stem().with_context(|| format!("`{}` names no file", image.display()))?;
+        if !seen.insert(stem) {
+            let folder = out.join(stem);
+            bail!(BadArguments(format!(
+                "two pictures are called `{}`: both results would go to `{}`\nhint: call nunetd for each with its \
+                 own --out",
+                stem.display(),
+                folder.display()
+            )));
+        }
+        folders.push(out.join(stem));
+    }
+    Ok(folders)
+}
+
+/// The pipeline and everything around one picture after the other.
+struct Work {
+    pipeline: Pipeline,
+    optics: Optics,
+    model: ModelName,
+    frame: Frame,
+    buffers: Buffers,
+}
+
+impl Work {
+    fn new(pipeline: Pipeline, optics: Optics, model: ModelName) -> Self {
+        Self { buffers: Buffers::new(&pipeline), pipeline, optics, model, frame: Frame::default() }
+    }
+
+    fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
+        let start_nanos = MonotonicClock.nanos();
+        decode(image, &mut self.frame).with_context(|| format!("cannot read the picture `{}`", image.display()))?;
+        let ready_nanos = MonotonicClock.nanos();
+        if let Change::To(camera) = self.optics.follow(&self.frame)? {
+            self.pipeline.set_camera(camera)?;
+        }
+        let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
+        let done_nanos = MonotonicClock.nanos();
+        files::write(folder, &self.results(&report))?;
+        let stats = self.stats(image, &report, [start_nanos, ready_nanos, done_nanos]);
+        write_json(&folder.join("stats.json"), &stats)
+    }
+
+    fn results(&self, report: &FrameReport) -> Results<'_> {
+        Results {
+            size: self.pipeline.size(),
+            depth: self.buffers.depth(),
+            metric: report.units == Units::Metre,
+            labels: self.buffers.labels(),
+            cloud: Some(self.buffers.cloud()),
+        }
+    }
+
+    fn stats(&self, image: &Path, report: &FrameReport, [start, ready, done]: [u64; 3]) -> Stats {
+        let micros = |from: u64, to: u64| (to - from) / 1000;
+        let names = std::iter::once("decode").chain(self.pipeline.stage_names().iter().map(String::as_str));
+        let mut latencies = Latencies::new(names);
+        let inner = report.stages.micros().iter().map(|&stage| stage.into());
+        latencies.record(micros(start, done), std::iter::once(micros(start, ready)).chain(inner));
+        let mut totals = Totals::default();
+        totals.start(start);
+        totals.add_published(done, report.bytes_copied);
+        let counts = Counts { captured: 1, published: 1, ..Counts::default() };
+        let camera = image.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let provider = self.pipeline.graph().provider().to_string();
+        Stats::new(camera, self.model.clone(), provider, counts, &totals, &latencies)
+    }
+}

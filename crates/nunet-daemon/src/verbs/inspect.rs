@@ -1,0 +1,146 @@
+//! `nunetd inspect`: what a model file is.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+
+use nunet_core::graph::{SerialGraph, StageInfo, TensorSpec};
+use nunet_core::model::{ModelDescription, SelfTestReport};
+use serde_json::{Value, json};
+
+use crate::Outcome;
+use crate::cli::{CameraArgs, InspectArgs};
+use crate::engine::{Engine, tested};
+
+/// Loads and tests the model, and prints what it says of itself.
+pub(super) fn inspect(arguments: &InspectArgs) -> anyhow::Result<Outcome> {
+    let engine = Engine::start(&arguments.engine)?;
+    let loaded = engine.load(&arguments.model, &[])?;
+    let (file, hash) = (loaded.path.display().to_string(), loaded.hash());
+    let (pipeline, report) = tested(loaded, &CameraArgs::default())?;
+    let about = About { file, hash, graph: pipeline.graph(), report: &report };
+    let text = if arguments.json { format!("{:#}", about.json()) } else { about.text()? };
+    writeln!(std::io::stdout(), "{}", text.trim_end())?;
+    Ok(Outcome::Done)
+}
+
+struct About<'a> {
+    file: String,
+    hash: String,
+    graph: &'a SerialGraph,
+    report: &'a SelfTestReport,
+}
+
+impl About<'_> {
+    fn description(&self) -> &ModelDescription {
+        self.graph.description()
+    }
+
+    fn parameters(&self) -> u64 {
+        self.description().components.iter().map(|component| component.parameters).sum()
+    }
+
+    fn gflop(&self) -> f64 {
+        self.description().components.iter().map(|component| component.gflop).sum()
+    }
+
+    fn json(&self) -> Value {
+        let about = self.description();
+        json!({
+            "contract": nunet_ipc::CONTRACT_VERSION,
+            "file": self.file,
+            "hash": self.hash,
+            "trained": about.trained,
+            "architecture": about.architecture,
+            "components": about.components,
+            "stages": self.graph.stages().iter().map(stage_json).collect::<Vec<_>>(),
+            "input": self.input_json(),
+            "outputs": self.outputs().map(tensor_json).collect::<Vec<_>>(),
+            "parameters": self.parameters(),
+            "gflop": self.gflop(),
+            "depth": {
+                "encoding": about.encoding.name(),
+                "min_m": about.range.min_m(),
+                "max_m": about.range.max_m(),
+            },
+            "classes": about.classes,
+            "camera": about.camera,
+            "inner_size": about.inner_size,
+            "training": about.training,
+            "accuracy": about.accuracy,
+            "license": about.license,
+            "targets": about.targets,
+            "provider": self.graph.provider().name(),
+            "selftest": self.report.checked.then(|| json!({
+                "passed": true,
+                "worst": self.report.worst_depth,
+                "tolerance": self.report.tolerance,
+                "label_cells": self.report.label_cells,
+            })),
+        })
+    }
+
+    fn input_json(&self) -> Value {
+        let image = self.graph.stages().first().and_then(|stage| stage.inputs.first());
+        let layout = self.graph.float_input().map_or("nhwc", |format| format.layout.name());
+        image.map_or(Value::Null, |tensor| {
+            let mut json = tensor_json(tensor);
+            json["layout"] = layout.into();
+            json
+        })
+    }
+
+    /// What leaves the graph.
+    fn outputs(&self) -> impl Iterator<Item = &TensorSpec> {
+        let all = self.graph.stages().iter().flat_map(|stage| &stage.outputs);
+        all.filter(|tensor| ["depth", "labels"].contains(&tensor.name.as_str()))
+    }
+
+    fn text(&self) -> anyhow::Result<String> {
+        let about = self.description();
+        let (width, height) = self.graph.size();
+        let mut text = String::new();
+        let trained = if about.trained { "trained" } else { "UNTRAINED: its depth means nothing" };
+        writeln!(text, "{}\n  sha256       {}", self.file, self.hash)?;
+        writeln!(text, "  architecture {}, {trained}", about.architecture)?;
+        writeln!(text, "  picture      {width}x{height}")?;
+        let (min_m, max_m) = (about.range.min_m(), about.range.max_m());
+        writeln!(text, "  depth        {}, {min_m} to {max_m} m", about.encoding)?;
+        writeln!(text, "  size         {:.1} M weights, {:.1} GFLOP", self.parameters() as f64 / 1e6, self.gflop())?;
+        for component in &about.components {
+            let connected = if component.connected { ", connected to the picture" } else { "" };
+            writeln!(text, "  component    {}: {} on {}{connected}", component.name, component.task, component.backbone)?;
+        }
+        for stage in self.graph.stages() {
+            writeln!(text, "  stage        {}", stage_text(stage))?;
+        }
+        if !about.classes.is_empty() {
+            writeln!(text, "  classes      {}", about.classes.join(", "))?;
+        }
+        writeln!(text, "  accuracy     {}", about.accuracy)?;
+        writeln!(text, "  licence      {}", about.license.as_deref().unwrap_or("not said"))?;
+        writeln!(text, "  self-test    {}", self.report)?;
+        Ok(text)
+    }
+}
+
+fn stage_text(stage: &StageInfo) -> String {
+    let list = |tensors: &[TensorSpec]| {
+        tensors.iter().map(|tensor| format!("{} {}", tensor.name, tensor.kind())).collect::<Vec<_>>().join(", ")
+    };
+    let every = if stage.every > 1 { format!(", each {} frames", stage.every) } else { String::new() };
+    format!("{}: {} -> {}{every}", stage.name, list(&stage.inputs), list(&stage.outputs))
+}
+
+fn stage_json(stage: &StageInfo) -> Value {
+    json!({
+        "name": stage.name,
+        "model": stage.model,
+        "every": stage.every,
+        "inputs": stage.inputs.iter().map(tensor_json).collect::<Vec<_>>(),
+        "outputs": stage.outputs.iter().map(tensor_json).collect::<Vec<_>>(),
+    })
+}
+
+fn tensor_json(tensor: &TensorSpec) -> Value {
+    json!({ "tensor": tensor.name, "dtype": tensor.element.name(), "shape": tensor.shape })
+}

@@ -1,0 +1,29 @@
+//! What `nunetd` can do, one file a verb.
+
+mod bench;
+mod contract;
+mod doctor;
+mod feed;
+mod infer;
+mod inspect;
+mod run;
+mod vet;
+mod watch;
+
+use crate::Outcome;
+use crate::cli::Verb;
+
+/// Runs a verb.
+pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
+    match verb {
+        Verb::Run(arguments) => run::run(*arguments),
+        Verb::Infer(arguments) => infer::infer(&arguments),
+        Verb::Feed(arguments) => feed::feed(&arguments),
+        Verb::Watch(arguments) => watch::watch(&arguments),
+        Verb::Inspect(arguments) => inspect::inspect(&arguments),
+        Verb::Doctor(arguments) => doctor::doctor(&arguments),
+        Verb::Contract(_) => contract::contract(),
+        Verb::Bench(arguments) => bench::bench(&arguments),
+        Verb::Vet(arguments) => vet::vet(&arguments),
+    }
+}

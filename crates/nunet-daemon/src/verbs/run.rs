@@ -1,0 +1,74 @@
+//! `nunetd run`: a source of frames becomes depth in shared memory.
+
+use nunet_ipc::Limits;
+use tracing::{info, warn};
+
+use crate::Outcome;
+use crate::cli::RunArgs;
+use crate::engine::{Engine, tested_pipeline};
+use crate::exit::camera_name;
+use crate::sink::collect::Collector;
+use crate::sink::shm::{Outlet, OutletOptions};
+use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
+use crate::source::{self, Kind, Rate};
+use crate::stream::{self, Counts, Optics, Pace, Stop, Worker};
+
+/// Runs until the source ends, `--frames` are captured, or a signal comes.
+pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
+    let stop = Stop::on_signals()?;
+    arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
+    let kind = source_kind(arguments.source.as_deref());
+    let source = source::open(&kind, arguments.pace.repeat)?;
+    let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
+
+    let engine = Engine::start(&arguments.engine)?;
+    let loaded = engine.load(&arguments.model, &arguments.every)?;
+    let model = ModelName { name: loaded.name(), hash: loaded.hash() };
+    let pipeline = tested_pipeline(loaded, &arguments.optics)?;
+    let provider = pipeline.graph().provider().to_string();
+
+    let options = OutletOptions {
+        camera: &camera,
+        frame_id: arguments.frame_id.as_deref(),
+        publish: &arguments.publish,
+        limits: Limits::default(),
+        model: &model.name,
+    };
+    let outlet = Outlet::open(&pipeline, &options)?;
+    let collector = arguments.out.map(|folder| Collector::attach(folder, &camera, &outlet)).transpose()?;
+    let worker = Worker::new(pipeline, Optics::new(arguments.optics.intrinsics), outlet);
+    let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
+    let (counts, remains) = stream::run(source, worker, pace, stop)?;
+
+    if let Some(collector) = collector {
+        collector.write(&remains.outlet)?;
+    }
+    let stats = Stats::new(camera.to_string(), model, provider, counts, &remains.totals, &remains.latencies);
+    if let Some(path) = &arguments.stats_json {
+        write_json(path, &stats)?;
+    }
+    Ok(say_how_it_ended(&counts))
+}
+
+/// Without `--source`, the demo scene; someone who forgot the flag is told.
+fn source_kind(source: Option<&str>) -> Kind {
+    source.map_or_else(
+        || {
+            warn!("no --source: frames come from the built-in demo scene");
+            Kind::Demo
+        },
+        Kind::parse,
+    )
+}
+
+/// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
+fn say_how_it_ended(counts: &Counts) -> Outcome {
+    let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
+    info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
+    if *failed == 0 {
+        Outcome::Done
+    } else {
+        warn!("{failed} frames were lost");
+        Outcome::Lost
+    }
+}

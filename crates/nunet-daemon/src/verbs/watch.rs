@@ -1,0 +1,190 @@
+//! `nunetd watch`: what a running daemon publishes, for people and for scripts.
+
+use std::io::{IsTerminal as _, Write as _};
+use std::num::NonZeroU64;
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use console::Term;
+use nunet_ipc::{CameraName, Frame, Reader, StatsRecord, Topic, Units};
+use serde_json::{Map, Value, json};
+
+use crate::Outcome;
+use crate::cli::WatchArgs;
+use crate::exit::{BadArguments, camera_name};
+use crate::stream::Stop;
+use crate::telemetry::unix_nanos;
+
+/// How long one wait may take, so that a stop is seen.
+const GLANCE: Duration = Duration::from_millis(100);
+/// How often the view is drawn anew.
+const REDRAW: Duration = Duration::from_millis(200);
+
+/// Follows the camera until `--frames` are seen, a signal comes, or no frame comes for `--timeout`.
+pub(super) fn watch(arguments: &WatchArgs) -> anyhow::Result<Outcome> {
+    let stop = Stop::on_signals()?;
+    let camera = camera_name(&arguments.camera)?;
+    let timeout = Duration::try_from_secs_f64(arguments.timeout)
+        .map_err(|_| BadArguments(format!("--timeout `{}` is no number of seconds", arguments.timeout)))?;
+    let reader = Reader::open(&camera, &[Topic::Depth, Topic::Stats], timeout)?;
+    let mut watcher = Watcher { reader, stats: StatsRecord::default(), timeout, last: Instant::now() };
+    let mut view = View::choose(arguments.json);
+    let mut left = arguments.frames.map_or(u64::MAX, NonZeroU64::get);
+    while left > 0 && !stop.requested() {
+        if let Some(frame) = watcher.next()? {
+            left -= 1;
+            view.show(&camera, &frame, &watcher.stats)?;
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+struct Watcher {
+    reader: Reader,
+    stats: StatsRecord,
+    timeout: Duration,
+    last: Instant,
+}
+
+impl Watcher {
+    /// The next frame, or `None` to look around.
+    fn next(&mut self) -> anyhow::Result<Option<Frame>> {
+        let mut frame = self.reader.next(Topic::Depth)?;
+        if frame.is_none() {
+            self.reader.wait(GLANCE)?;
+            frame = self.reader.next(Topic::Depth)?;
+        }
+        // The figures of a frame follow it; those read here are of the frame before, or newer.
+        if let Some(message) = self.reader.latest(Topic::Stats)? {
+            self.stats = *message.stats()?;
+        }
+        if frame.is_some() {
+            self.last = Instant::now();
+        } else if self.last.elapsed() >= self.timeout {
+            bail!(
+                "no frame for {} s: {}",
+                self.timeout.as_secs_f64(),
+                if self.reader.is_connected() { "the source stands still" } else { "the daemon is gone" }
+            );
+        }
+        Ok(frame)
+    }
+}
+
+/// How frames are shown.
+enum View {
+    Json,
+    Lines,
+    Screen { term: Term, drawn: Option<Instant>, lines: usize },
+}
+
+impl View {
+    fn choose(json: bool) -> Self {
+        if json {
+            Self::Json
+        } else if std::io::stdout().is_terminal() {
+            Self::Screen { term: Term::stdout(), drawn: None, lines: 0 }
+        } else {
+            Self::Lines
+        }
+    }
+
+    fn show(&mut self, camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow::Result<()> {
+        match self {
+            Self::Json => writeln!(std::io::stdout(), "{}", json_of(frame, stats)?)?,
+            Self::Lines => writeln!(std::io::stdout(), "{}", line_of(frame)?)?,
+            Self::Screen { term, drawn, lines } => {
+                if drawn.is_none_or(|last| last.elapsed() >= REDRAW) {
+                    *drawn = Some(Instant::now());
+                    let text = screen_of(camera, frame, stats)?;
+                    term.clear_last_lines(*lines)?;
+                    *lines = text.lines().count();
+                    term.write_str(&text)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Milliseconds since the picture was taken.
+fn age_ms(frame: &Frame) -> f64 {
+    (unix_nanos() - frame.header().capture_unix_nanos) as f64 / 1e6
+}
+
+/// Depth in the middle of the picture; `None` where there is no measurement.
+fn depth_center(frame: &Frame) -> anyhow::Result<Option<f32>> {
+    let (width, height) = (frame.header().width as usize, frame.header().height as usize);
+    let depth = frame.depth()?.get(height / 2 * width + width / 2).copied();
+    Ok(depth.filter(|value| value.is_finite()))
+}
+
+fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Value> {
+    let header = frame.header();
+    let metric = header.units()? == Units::Metre;
+    let stages: Map<_, _> =
+        stats.stage_names().zip(header.stages()).map(|(name, us)| (name.into_owned(), json!(us))).collect();
+    Ok(json!({
+        "contract": header.contract_version,
+        "sequence": header.sequence,
+        "capture_nanos": header.capture_nanos,
+        "age_ms": age_ms(frame),
+        "quality": header.quality()?.name(),
+        "units": header.units()?.name(),
+        "scale_source": header.scale_source()?.name(),
+        "depth_center_m": depth_center(frame)?.filter(|_| metric),
+        "invalid_pixels": header.invalid_pixels,
+        "bytes_copied": header.bytes_copied,
+        "stages": stages,
+        "frames": {
+            "captured": stats.captured,
+            "published": stats.published,
+            "superseded": stats.superseded,
+            "failed": stats.failed,
+            "in_flight": stats.in_flight,
+        },
+    }))
+}
+
+fn centre_of(frame: &Frame) -> anyhow::Result<String> {
+    let unit = if frame.header().units()? == Units::Metre { " m" } else { " (no unit)" };
+    Ok(depth_center(frame)?.map_or_else(|| "none".to_owned(), |depth| format!("{depth:.3}{unit}")))
+}
+
+fn line_of(frame: &Frame) -> anyhow::Result<String> {
+    let header = frame.header();
+    Ok(format!(
+        "frame {} age {:.1} ms centre {} quality {}",
+        header.sequence,
+        age_ms(frame),
+        centre_of(frame)?,
+        header.quality()?.name()
+    ))
+}
+
+fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow::Result<String> {
+    let header = frame.header();
+    let mut text = format!(
+        "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
+         frame {} · age {:.1} ms · centre {} · scale {} · quality {}\n\
+         captured {} = published {} + superseded {} + failed {} + in flight {}\n\
+         copied {} bytes · without depth {} pixels\n\
+         {:<14} {:>9} {:>9} {:>9} {:>9}\n",
+        stats.model_name(), stats.provider(), header.width, header.height, stats.fps,
+        header.sequence, age_ms(frame), centre_of(frame)?, header.scale_source()?.name(), header.quality()?.name(),
+        stats.captured, stats.published, stats.superseded, stats.failed, stats.in_flight,
+        header.bytes_copied, header.invalid_pixels,
+        "stage, ms", "p50", "p90", "p99", "max"
+    );
+    for (index, name) in stats.stage_names().enumerate() {
+        let quantiles = [stats.stage_p50_us, stats.stage_p90_us, stats.stage_p99_us, stats.stage_max_us];
+        text += &row_of(&name, quantiles.map(|all| all[index]));
+    }
+    text += &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
+    Ok(text)
+}
+
+fn row_of(name: &str, micros: [f64; 4]) -> String {
+    let cells: String = micros.iter().map(|us| format!(" {:>9.2}", us / 1e3)).collect();
+    format!("{name:<14}{cells}\n")
+}

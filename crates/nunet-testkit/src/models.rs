@@ -1,0 +1,203 @@
+//! Ready-made networks whose answers can be computed in one's head, exactly: every weight is a power of two.
+//!
+//! | network | answer for a pixel (r, g, b) |
+//! |---|---|
+//! | [`unet`] | depth = 0.5 + (r + 2g + 3b) / 64 |
+//! | [`wnet`], plain | labels = the brightest channel; depth as [`unet`]'s |
+//! | [`wnet`], connected | labels as above; depth = [`unet`]'s + r / 32 |
+//! | [`refine_stage`] | depth = 2 x coarse (+ g / 32 where connected) |
+
+use crate::onnx::{ElementType, ModelBuilder};
+
+/// Width and height, in pixels.
+pub type Size = (u32, u32);
+
+/// Weights of the depth head for the channels r, g, b of the image or of the logits.
+const DEPTH_WEIGHTS: [f32; 3] = [1.0 / 64.0, 2.0 / 64.0, 3.0 / 64.0];
+const DEPTH_BIAS: f32 = 0.5;
+/// What the picture adds where the second component sees it as well.
+const CONNECTED_WEIGHT: f32 = 1.0 / 32.0;
+
+/// The depth that [`unet`] and the plain [`wnet`] give for a pixel.
+#[must_use]
+pub fn plain_depth([r, g, b]: [u8; 3]) -> f32 {
+    DEPTH_BIAS + (f32::from(r) + 2.0 * f32::from(g) + 3.0 * f32::from(b)) / 64.0
+}
+
+/// The depth that the connected [`wnet`] gives for a pixel.
+#[must_use]
+pub fn connected_depth(pixel: [u8; 3]) -> f32 {
+    plain_depth(pixel) + f32::from(pixel[0]) * CONNECTED_WEIGHT
+}
+
+/// The label that every segmentation here gives for a pixel: its brightest channel, the first of equals.
+#[must_use]
+pub fn label([r, g, b]: [u8; 3]) -> u8 {
+    match () {
+        () if r >= g && r >= b => 0,
+        () if g >= b => 1,
+        () => 2,
+    }
+}
+
+/// One component, from `rgb` to `depth`, metric, described as the contract wants it.
+#[must_use]
+pub fn unet(size: Size) -> ModelBuilder {
+    describe(undescribed_unet(size), "unet", false)
+}
+
+/// [`unet`] without any metadata: a file that does not say what it is.
+#[must_use]
+pub fn undescribed_unet(size: Size) -> ModelBuilder {
+    depth_head(image_planes(size), "planes", size)
+}
+
+/// Two components in one file: `rgb` to `depth` and `labels`.
+#[must_use]
+pub fn wnet(size: Size, connected: bool) -> ModelBuilder {
+    let model = segmentation_labels(image_planes(size), "planes", size);
+    let model = if connected {
+        connected_depth_head(model, "planes", "planes", size)
+    } else {
+        depth_head(model, "planes", size)
+    };
+    describe(model, if connected { "wnet_c" } else { "wnet" }, true)
+}
+
+/// The first stage of a W-Net: `rgb` to `logits` `[1, 3, H, W]` and `labels`.
+#[must_use]
+pub fn segmentation_stage(size: Size) -> ModelBuilder {
+    let model = image_planes(size)
+        .node("Identity", &["planes"], &["logits"], &[])
+        .output("logits", ElementType::F32, &planes(3, size));
+    segmentation_labels(model, "logits", size)
+}
+
+/// The second stage of a W-Net: `features` `[1, 3, H, W]`, and `rgb` where connected, to `depth`. It carries the
+/// metadata of the whole graph.
+#[must_use]
+pub fn depth_stage(size: Size, connected: bool) -> ModelBuilder {
+    let features = |model: ModelBuilder| model.input("features", ElementType::F32, &planes(3, size));
+    let model = if connected {
+        connected_depth_head(features(image_planes(size)), "planes", "features", size)
+    } else {
+        depth_head(features(ModelBuilder::new()), "features", size)
+    };
+    describe(model, if connected { "wnet_c" } else { "wnet" }, true)
+}
+
+/// A third stage: `coarse` `[1, 1, H, W]`, and `rgb` where connected, to `depth`.
+#[must_use]
+pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
+    let model = if connected {
+        image_planes(size)
+    } else {
+        ModelBuilder::new()
+    };
+    let model = model.input("coarse", ElementType::F32, &planes(1, size)).node(
+        "Add",
+        &["coarse", "coarse"],
+        &[if connected { "doubled" } else { "depth" }],
+        &[],
+    );
+    let model = if connected {
+        model
+            .constant_f32("green", &[1, 3, 1, 1], &[0.0, CONNECTED_WEIGHT, 0.0])
+            .node("Conv", &["planes", "green"], &["from_picture"], &[])
+            .node("Add", &["doubled", "from_picture"], &["depth"], &[])
+    } else {
+        model
+    };
+    describe(
+        model.output("depth", ElementType::F32, &planes(1, size)),
+        "nunet3_c",
+        true,
+    )
+}
+
+/// Adds the metadata that the contract asks for: metric, untrained, 3 classes where it segments.
+#[must_use]
+pub fn describe(model: ModelBuilder, architecture: &str, segments: bool) -> ModelBuilder {
+    let model = model
+        .metadata("nunet.version", "1")
+        .metadata("nunet.architecture", architecture)
+        .metadata("nunet.depth.encoding", "metric")
+        .metadata("nunet.depth.min_m", "0.1")
+        .metadata("nunet.depth.max_m", "100")
+        .metadata(
+            "nunet.camera",
+            r#"{"width": 640, "height": 480, "fx": 525.0, "fy": 525.0}"#,
+        )
+        .metadata("nunet.trained", "false")
+        .metadata("nunet.license", "MIT OR Apache-2.0");
+    if segments {
+        model.metadata("nunet.classes", r#"["red", "green", "blue"]"#)
+    } else {
+        model
+    }
+}
+
+/// `rgb` as float planes `[1, 3, H, W]`, named `planes`, in 0..255.
+fn image_planes((width, height): Size) -> ModelBuilder {
+    ModelBuilder::new()
+        .input(
+            "rgb",
+            ElementType::U8,
+            &[1, i64::from(height), i64::from(width), 3],
+        )
+        .node(
+            "Cast",
+            &["rgb"],
+            &["float"],
+            &[("to", (ElementType::F32 as i64).into())],
+        )
+        .node(
+            "Transpose",
+            &["float"],
+            &["planes"],
+            &[("perm", [0, 3, 1, 2].into())],
+        )
+}
+
+fn segmentation_labels(model: ModelBuilder, logits: &str, (width, height): Size) -> ModelBuilder {
+    model
+        .node(
+            "ArgMax",
+            &[logits],
+            &["class"],
+            &[("axis", 1.into()), ("keepdims", 0.into())],
+        )
+        .node(
+            "Cast",
+            &["class"],
+            &["labels"],
+            &[("to", (ElementType::U8 as i64).into())],
+        )
+        .output(
+            "labels",
+            ElementType::U8,
+            &[1, i64::from(height), i64::from(width)],
+        )
+}
+
+fn depth_head(model: ModelBuilder, features: &str, size: Size) -> ModelBuilder {
+    model
+        .constant_f32("weights", &[1, 3, 1, 1], &DEPTH_WEIGHTS)
+        .constant_f32("bias", &[1], &[DEPTH_BIAS])
+        .node("Conv", &[features, "weights", "bias"], &["depth"], &[])
+        .output("depth", ElementType::F32, &planes(1, size))
+}
+
+fn connected_depth_head(model: ModelBuilder, picture: &str, features: &str, size: Size) -> ModelBuilder {
+    let [r, g, b] = DEPTH_WEIGHTS;
+    model
+        .constant_f32("weights", &[1, 6, 1, 1], &[CONNECTED_WEIGHT, 0.0, 0.0, r, g, b])
+        .constant_f32("bias", &[1], &[DEPTH_BIAS])
+        .node("Concat", &[picture, features], &["both"], &[("axis", 1.into())])
+        .node("Conv", &["both", "weights", "bias"], &["depth"], &[])
+        .output("depth", ElementType::F32, &planes(1, size))
+}
+
+fn planes(channels: i64, (width, height): Size) -> [i64; 4] {
+    [1, channels, i64::from(height), i64::from(width)]
+}

@@ -1,0 +1,7 @@
+"""Runs `python -m nunet_models`."""
+
+import sys
+
+from nunet_models.cli import main
+
+sys.exit(main())

@@ -1,0 +1,35 @@
+"""The command line: `python -m nunet_models VERB`."""
+
+import argparse
+import sys
+
+from nunet_models.errors import RecipeError
+from nunet_models.evaluation import command as evaluate_command
+from nunet_models.export import command as export_command
+from nunet_models.training import command as train_command
+
+EXIT_FAILURE = 1
+EXIT_INTERRUPTED = 130
+
+VERBS = (train_command, evaluate_command, export_command)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Every verb with its options."""
+    top = argparse.ArgumentParser(prog="nunet_models", description=__doc__)
+    verbs = top.add_subparsers(required=True, metavar="VERB")
+    for command in VERBS:
+        command.add_parser(verbs)
+    return top
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a verb and return the exit code: 0 done, 1 failure, 2 bad arguments, 130 interrupted."""
+    options = parser().parse_args(arguments)
+    try:
+        return options.run(options)
+    except (RecipeError, OSError) as error:
+        print(f"nunet_models: {error}", file=sys.stderr)
+        return EXIT_FAILURE
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED

@@ -1,0 +1,1 @@
+"""Pairs of pictures and truth: reading, caching, augmenting, batching."""

@@ -1,0 +1,179 @@
+"""Augmentation of a picture together with its depth and labels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image
+
+from nunet_models.classes import IGNORE
+
+_LEAST = (-0.3, -0.25, -0.3, -0.5)
+_MOST = (0.3, 0.25, 0.3, 0.4)
+"""Natural logarithms of the least and the greatest gamma, gain, contrast and saturation."""
+
+GREY = 127  # what fills a picture beyond its edge: zero after normalisation
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How much a picture is changed; every figure 0 (and `scale` 1, 1) leaves it as it is.
+
+    `scale` is the range of the zoom, drawn evenly in its logarithm with probability
+    `scale_chance`, else 1. `rotation_deg` is the largest turn. `colour` scales all colour
+    changes; `noise` is the largest standard deviation in grey levels; `blur`, `cutout` and `grey`
+    are probabilities.
+    """
+
+    scale: tuple[float, float] = (1.0, 1.0)
+    scale_chance: float = 1.0
+    rotation_deg: float = 0.0
+    flip: float = 0.0
+    colour: float = 0.0
+    noise: float = 0.0
+    blur: float = 0.0
+    grey: float = 0.0
+    cutout: float = 0.0
+
+
+NO_AUGMENTATION = Augmentation()
+STRONG = Augmentation(
+    scale=(0.85, 1.6),
+    scale_chance=0.75,
+    rotation_deg=5.0,
+    flip=0.5,
+    colour=1.0,
+    noise=8.0,
+    blur=0.25,
+    grey=0.05,
+    cutout=0.5,
+)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A picture ready to train on: uint8 `[h, w, 3]`, float32 metres `[h, w]`, uint8 `[h, w]`."""
+
+    rgb: np.ndarray
+    depth_m: np.ndarray
+    labels: np.ndarray
+
+
+def augmented(
+    sample: Sample,
+    how: Augmentation,
+    *,
+    size: tuple[int, int],
+    random: np.random.Generator,
+) -> Sample:
+    """Zoom, turn, mirror and recolour `sample`, and give it the inner `size` (h, w).
+
+    Without augmentation this is the area downsampling that the model file does.
+    """
+    zoom = 1.0
+    if random.random() < how.scale_chance:
+        zoom = float(np.exp(random.uniform(*np.log(how.scale))))
+    sample = zoomed(sample, zoom, size=size, corner=random.random(2))
+    if how.rotation_deg:
+        sample = _turned(sample, random.uniform(-how.rotation_deg, how.rotation_deg))
+    if random.random() < how.flip:
+        sample = Sample(
+            sample.rgb[:, ::-1].copy(),
+            sample.depth_m[:, ::-1].copy(),
+            sample.labels[:, ::-1].copy(),
+        )
+    return Sample(_recoloured(sample.rgb, how, random), sample.depth_m, sample.labels)
+
+
+def zoomed(sample: Sample, zoom: float, *, size: tuple[int, int], corner: np.ndarray) -> Sample:
+    """Enlarge `sample` by `zoom` about a window whose place `corner` (two numbers 0..1) gives.
+
+    A zoom multiplies the focal length in pixels. The network answers for the training camera's
+    focal length, in whose picture such an object would be `zoom` times nearer: so depth is
+    divided by `zoom`. A zoom below 1 leaves a grey margin without truth.
+    """
+    height, width = sample.depth_m.shape
+    window = round(height / zoom), round(width / zoom)
+    top, left = ((np.array([height, width]) - window) * corner).round().astype(int)
+    cut = (top, left, *window)
+    rgb = Image.fromarray(_cut(sample.rgb, cut, GREY))
+    shape = size[::-1]
+    # PIL's BOX is the area downsampling of the model file at whole factors, and nearly so between.
+    rgb = rgb.resize(shape, Image.Resampling.BOX if zoom <= 1.0 else Image.Resampling.BILINEAR)
+    depth = Image.fromarray(_cut(sample.depth_m, cut, np.nan))
+    labels = Image.fromarray(_cut(sample.labels, cut, IGNORE))
+    nearest = Image.Resampling.NEAREST
+    return Sample(
+        np.array(rgb),
+        np.array(depth.resize(shape, nearest)) / np.float32(zoom),
+        np.array(labels.resize(shape, nearest)),
+    )
+
+
+def _cut(array: np.ndarray, window: tuple[int, int, int, int], fill: float) -> np.ndarray:
+    top, left, height, width = window
+    bottom, right = top + height, left + width
+    if top >= 0 and left >= 0 and bottom <= array.shape[0] and right <= array.shape[1]:
+        return np.ascontiguousarray(array[top:bottom, left:right])
+    out = np.full((height, width, *array.shape[2:]), fill, dtype=array.dtype)
+    rows = slice(max(top, 0), min(bottom, array.shape[0]))
+    columns = slice(max(left, 0), min(right, array.shape[1]))
+    out[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left] = array[
+        rows, columns
+    ]
+    return out
+
+
+def _turned(sample: Sample, degrees: float) -> Sample:
+    def turn(array: np.ndarray, how: Image.Resampling, fill: float | tuple) -> np.ndarray:
+        return np.array(Image.fromarray(array).rotate(degrees, how, fillcolor=fill))
+
+    nearest = Image.Resampling.NEAREST
+    return Sample(
+        turn(sample.rgb, Image.Resampling.BILINEAR, (GREY, GREY, GREY)),
+        turn(sample.depth_m, nearest, float("nan")),
+        turn(sample.labels, nearest, IGNORE),
+    )
+
+
+def _recoloured(rgb: np.ndarray, how: Augmentation, random: np.random.Generator) -> np.ndarray:
+    if random.random() < how.blur:
+        height, width = rgb.shape[:2]
+        factor = random.uniform(1.2, 2.5)
+        small = Image.fromarray(rgb).resize(
+            (round(width / factor), round(height / factor)), Image.Resampling.BILINEAR
+        )
+        rgb = np.array(small.resize((width, height), Image.Resampling.BILINEAR))
+    if not (how.colour or how.noise or how.grey or how.cutout):
+        return rgb
+    x = _colour_changed(rgb, how.colour, random)
+    if random.random() < how.grey:
+        x = np.repeat(x.mean(axis=2, keepdims=True), 3, axis=2)
+    if how.noise:
+        x += random.standard_normal(x.shape, np.float32) * (random.random() * how.noise / 255.0)
+    if random.random() < how.cutout:
+        _cut_out(x, random)
+    return (x.clip(0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _colour_changed(rgb: np.ndarray, amount: float, random: np.random.Generator) -> np.ndarray:
+    """Gamma, gain a channel (white balance), contrast and saturation: bytes to float32 0..1.
+
+    All but the saturation is one table of 256 entries a channel, ten times quicker than powers.
+    """
+    gamma, gain, contrast, saturation = np.exp(random.uniform(_LEAST, _MOST) * amount)
+    gains = gain * np.exp(random.uniform(-0.12, 0.12, 3) * amount)
+    levels = np.linspace(0.0, 1.0, 256)[:, None] ** gamma * gains
+    centre = (rgb.mean() / 255.0) ** gamma * gain
+    table = ((levels - centre) * contrast + centre).astype(np.float32)
+    x = np.stack([table[:, c][rgb[..., c]] for c in range(3)], axis=2)
+    luma = x.mean(axis=2, keepdims=True)
+    return luma + (x - luma) * np.float32(saturation)
+
+
+def _cut_out(x: np.ndarray, random: np.random.Generator) -> None:
+    """Cover one to four rectangles with one colour each; what is behind must be guessed."""
+    height, width = x.shape[:2]
+    for _ in range(random.integers(1, 5)):
+        h, w = random.integers(height // 16, height // 4), random.integers(width // 16, width // 4)
+        top, left = random.integers(0, height - h), random.integers(0, width - w)
+        x[top : top + h, left : left + w] = random.random(3)

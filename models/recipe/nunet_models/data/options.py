@@ -1,0 +1,61 @@
+"""Command-line options that say where the data is and in which units."""
+
+import argparse
+from pathlib import Path
+
+from nunet_models.data.cache import Cached, build_cache
+from nunet_models.data.pairs import MILLIMETRE_M, DepthUnits, FolderPairs, read_ids
+from nunet_models.errors import ConfigError
+
+
+def add_data_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that `open_pairs` reads."""
+    group = parser.add_argument_group("data")
+    group.add_argument("--data", type=Path, required=True, help="folder of rgb/, depth/, label40/")
+    group.add_argument(
+        "--depth-scale",
+        type=float,
+        default=MILLIMETRE_M,
+        help="metres a unit of the depth pictures (default %(default)s)",
+    )
+    group.add_argument(
+        "--depth-offset",
+        type=float,
+        default=0.0,
+        help="added to each value before scaling; not 0 says that the value 0 is a measurement",
+    )
+    group.add_argument(
+        "--window",
+        metavar="TOP,LEFT,BOTTOM,RIGHT",
+        help="pixels outside have no truth, for data with a frame around each picture",
+    )
+
+
+def open_pairs(options: argparse.Namespace, ids: Path) -> FolderPairs:
+    """The pairs that the options and an id list name."""
+    units = DepthUnits(
+        options.depth_scale, options.depth_offset, zero_is_none=options.depth_offset == 0.0
+    )
+    return FolderPairs(
+        options.data, read_ids(ids), units=units, window=_parse_window(options.window)
+    )
+
+
+def add_cache_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that `open_cached` reads beside the others."""
+    parser.add_argument("--cache", type=Path, required=True, help="folder for decoded pictures")
+
+
+def open_cached(options: argparse.Namespace, ids: Path) -> Cached:
+    """The same, decoded into `--cache`."""
+    return build_cache(open_pairs(options, ids), options.cache)
+
+
+def _parse_window(text: str | None) -> tuple[int, int, int, int] | None:
+    if text is None:
+        return None
+    try:
+        top, left, bottom, right = (int(part) for part in text.split(","))
+    except ValueError as error:
+        raise ConfigError(f"`--window {text}` is not four whole numbers") from error
+    return top, left, bottom, right

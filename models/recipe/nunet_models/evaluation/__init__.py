@@ -1,0 +1,1 @@
+"""Accuracy: protocols of evaluation, and the verb that carries them out."""

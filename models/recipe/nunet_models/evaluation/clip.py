@@ -1,0 +1,40 @@
+"""A video: scale over the whole clip, and flicker from frame to frame."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from nunet_models.data.pairs import Pair
+from nunet_models.evaluation.compare import Predict
+
+STATIC = 0.02  # a pixel whose true depth changes by less than this share counts as static
+STRIDE = 4  # pixels are sampled; neighbours say the same
+
+
+def clip_figures(pairs: Iterable[Pair], predict: Predict) -> dict[str, float]:
+    """Figures of consecutive frames.
+
+    `abs_rel_median`: median of `|p - t| / t`. `aligned_abs_rel_median`: the same after one scale
+    for the whole clip, the median of `t / p`. `flicker_m`: median of `|p_k - p_(k-1)|` over pixels
+    whose truth is static, in metres.
+    """
+    guesses, truths, flickers = [], [], []
+    before: tuple[np.ndarray, np.ndarray] | None = None
+    for pair in pairs:
+        p = predict(pair.rgb).depth[::STRIDE, ::STRIDE]
+        t = pair.depth_m[::STRIDE, ::STRIDE]
+        both = np.isfinite(p) & np.isfinite(t)
+        guesses.append(p[both])
+        truths.append(t[both])
+        if before is not None:
+            static = both & (np.abs(t - before[1]) < STATIC * t)
+            flickers.append(np.abs(p - before[0])[static])
+        before = (p, t)
+    p, t, flicker = (np.concatenate(parts) for parts in (guesses, truths, flickers))
+    scale = np.median(t / p)
+    return {
+        "abs_rel_median": float(np.median(np.abs(p - t) / t)),
+        "aligned_abs_rel_median": float(np.median(np.abs(p * scale - t) / t)),
+        "scale": float(scale),
+        "flicker_m": float(np.nanmedian(flicker)),
+    }

@@ -1,0 +1,106 @@
+"""The verb `evaluate`."""
+
+import argparse
+import csv
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from nunet_models.data.options import add_data_options, open_pairs
+from nunet_models.data.pairs import Pair, Pairs
+from nunet_models.evaluation.clip import clip_figures
+from nunet_models.evaluation.compare import (
+    Comparison,
+    Predict,
+    compare,
+    mean_image,
+    mean_stretched_image,
+)
+from nunet_models.evaluation.predict import Prediction, Predictor
+from nunet_models.evaluation.protocol import PROTOCOLS
+
+
+def add_parser(verbs: argparse._SubParsersAction) -> None:
+    """Register `evaluate` and its options."""
+    parser = verbs.add_parser("evaluate", help="measure a model file against truth")
+    parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
+    add_data_options(parser)
+    parser.add_argument("--ids", type=Path, required=True, help="pictures to measure on")
+    parser.add_argument("--baseline-ids", type=Path, help="training pictures, for the mean image")
+    parser.add_argument("--protocol", choices=sorted(PROTOCOLS), default="eigen")
+    parser.add_argument("--fx", type=float, help="focal length in pixels; scales metric depth")
+    parser.add_argument("--clip", action="store_true", help="the ids are frames of one video")
+    parser.add_argument("--csv", type=Path, help="write a row a picture")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `evaluate`; prints JSON."""
+    predictor = Predictor(options.model, threads=options.threads)
+    pairs = open_pairs(options, options.ids)
+    predict = _focal_scaled(predictor, options.fx)
+    comparison = compare(
+        _progress(pairs, predictor.path.name),
+        predict,
+        protocol=PROTOCOLS[options.protocol],
+        metric=predictor.encoding == "metric",
+        classes=len(predictor.classes),
+    )
+    found = {"model": options.model.name, "protocol": options.protocol, **comparison.figures()}
+    if options.baseline_ids:
+        found["baseline"] = _baseline(options, pairs)
+    if options.clip:
+        found["clip"] = clip_figures(_progress(pairs, "as a clip"), predict)
+    if options.csv:
+        _write_csv(options.csv, comparison)
+    print(json.dumps(found, indent=1))
+    return 0
+
+
+def _progress(pairs: Pairs, what: str) -> Iterator[Pair]:
+    for index in tqdm(range(len(pairs)), desc=what, unit="picture", disable=None):
+        yield pairs[index]
+
+
+def _focal_scaled(predictor: Predictor, fx_px: float | None) -> Predict:
+    if fx_px is None:
+        return predictor
+
+    def predict(rgb: np.ndarray) -> Prediction:
+        prediction = predictor(rgb)
+        scale = predictor.focal_scale(fx_px, rgb.shape[1])
+        return replace(prediction, depth=prediction.depth * np.float32(scale))
+
+    return predict
+
+
+def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
+    """Figures of the mean image of the training pictures, in metres and stretched."""
+    training = open_pairs(options, options.baseline_ids)
+    protocol = PROTOCOLS[options.protocol]
+    figures = {}
+    for metric, image in ((True, mean_image(training)), (False, mean_stretched_image(training))):
+        prediction = Prediction(image, labels=None)
+        comparison = compare(
+            _progress(pairs, "mean image"),
+            lambda _, answer=prediction: answer,
+            protocol=protocol,
+            metric=metric,
+            classes=0,
+        ).figures()
+        figures.update({"metrics": comparison["metrics"]} if metric else {})
+        figures["minmax"] = comparison["minmax"]
+    return figures
+
+
+def _write_csv(path: Path, comparison: Comparison) -> None:
+    rows = comparison.per_picture
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)

@@ -1,0 +1,107 @@
+"""Predictions against truth over a collection of pairs, with the trivial baseline beside them."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nunet_models.data.pairs import Pair, Pairs
+from nunet_models.evaluation.predict import Prediction
+from nunet_models.evaluation.protocol import Protocol
+from nunet_models.metrics import DepthMetrics, LabelMetrics
+
+Predict = Callable[[np.ndarray], Prediction]
+
+
+@dataclass
+class Comparison:
+    """Figures gathered picture by picture.
+
+    `depth` is metres under the protocol; `minmax` compares whole pictures, each stretched from
+    its nearest to its farthest point, as the paper did; `per_picture` holds a row a picture.
+    """
+
+    protocol: Protocol
+    metric: bool
+    labels: LabelMetrics | None
+    depth: DepthMetrics = field(default_factory=DepthMetrics)
+    minmax: DepthMetrics = field(default_factory=DepthMetrics)
+    per_picture: list[dict[str, float | str]] = field(default_factory=list)
+
+    def add(self, pair: Pair, prediction: Prediction) -> None:
+        """Count one picture."""
+        row: dict[str, float | str] = {"id": pair.id}
+        if self.metric:
+            alone = DepthMetrics()
+            for metrics in (self.depth, alone):
+                metrics.add(
+                    self.protocol.depth(prediction.depth), self.protocol.depth(pair.depth_m)
+                )
+            row.update(alone.figures())
+        known = np.isfinite(pair.depth_m)
+        guess = prediction.depth
+        guess = stretched(guess, known) if self.metric else guess.clip(0.0, 1.0)
+        self.minmax.add(_positive(guess), _positive(stretched(pair.depth_m, known)))
+        if self.labels is not None and pair.labels is not None and prediction.labels is not None:
+            self.labels.add(prediction.labels, pair.labels)
+        self.per_picture.append(row)
+
+    def figures(self) -> dict[str, object]:
+        """All figures, shaped as `nunetd eval --json` shapes them."""
+        minmax = self.minmax.figures()
+        found: dict[str, object] = {
+            "pictures": len(self.per_picture),
+            "pixels_without_prediction": self.minmax.missing,
+            "metrics": self.depth.figures(),
+            "minmax": {name: minmax[name] for name in ("mse", "rmse")} if minmax else {},
+        }
+        if self.labels is not None:
+            found["labels"] = self.labels.figures()
+        return found
+
+
+def stretched(depth: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Depth `[H, W]` stretched to 0..1 over its `known` pixels, NaN elsewhere."""
+    values = depth[known]
+    if not np.isfinite(values).any():
+        return np.full_like(depth, np.nan)
+    nearest, farthest = np.nanmin(values), np.nanmax(values)
+    return np.where(known, (depth - nearest) / max(farthest - nearest, 1e-6), np.nan)
+
+
+def _positive(stretched_depth: np.ndarray) -> np.ndarray:
+    """Lift 0 off the logarithm's edge; squared errors, all that is read, do not notice."""
+    return np.clip(stretched_depth, 1e-7, None)
+
+
+def compare(
+    pairs: Iterable[Pair], predict: Predict, *, protocol: Protocol, metric: bool, classes: int
+) -> Comparison:
+    """Predict every pair and gather the figures; `classes` 0 leaves labels out."""
+    comparison = Comparison(protocol, metric, LabelMetrics(classes) if classes else None)
+    for pair in pairs:
+        comparison.add(pair, predict(pair.rgb))
+    return comparison
+
+
+def mean_image(pairs: Pairs) -> np.ndarray:
+    """Mean depth of every pixel over `pairs`, float32 metres `[H, W]`: the trivial prediction."""
+    total, count = 0.0, 0
+    for index in range(len(pairs)):
+        depth = pairs[index].depth_m
+        total = total + np.nan_to_num(depth.astype(np.float64))
+        count = count + np.isfinite(depth)
+    known = np.maximum(count, 1)
+    overall = np.sum(total) / max(1, np.sum(count))
+    return np.where(count > 0, total / known, overall).astype(np.float32)
+
+
+def mean_stretched_image(pairs: Pairs) -> np.ndarray:
+    """The same of depth stretched to 0..1 picture by picture: the paper's trivial prediction."""
+    total, count = 0.0, 0
+    for index in range(len(pairs)):
+        depth = pairs[index].depth_m
+        known = np.isfinite(depth)
+        total = total + np.nan_to_num(stretched(depth, known).astype(np.float64))
+        count = count + known
+    return np.where(count > 0, total / np.maximum(count, 1), 0.5).astype(np.float32)

@@ -1,0 +1,82 @@
+"""A model file as it answers for pictures of any size."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from nunet_models.errors import ConfigError
+from nunet_models.export.onnx_file import read_metadata, session
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Depth float32 `[H, W]` in the model's unit (NaN = none); labels uint8 `[H, W]` or None."""
+
+    depth: np.ndarray
+    labels: np.ndarray | None
+
+
+class Predictor:
+    """Runs a model file with ONNX Runtime on the CPU, one picture at a time.
+
+    A graph with a memory starts anew for each picture: pictures of a dataset are no stream.
+    """
+
+    def __init__(self, path: Path, *, threads: int = 1) -> None:
+        if not path.is_file():
+            raise ConfigError(f"no model file `{path}`")
+        self.path = path
+        self.metadata = read_metadata(path)
+        if self.metadata.get("nunet.version") != "1":
+            raise ConfigError(f"`{path}` is no nunet model file of version 1")
+        self.session = session(path, threads=threads)
+        inputs = {tensor.name: tensor.shape for tensor in self.session.get_inputs()}
+        self.size: tuple[int, int] = tuple(inputs.pop("rgb")[1:3])
+        self.state = {name: np.zeros(shape, np.float32) for name, shape in inputs.items()}
+        self.encoding = self.metadata["nunet.depth.encoding"]
+        self.range_m = tuple(float(self.metadata[f"nunet.depth.{k}_m"]) for k in ("min", "max"))
+        self.outputs = [tensor.name for tensor in self.session.get_outputs()]
+
+    @property
+    def classes(self) -> list[str]:
+        """Names of the labels; empty where the model gives none."""
+        return json.loads(self.metadata.get("nunet.classes", "[]"))
+
+    def focal_scale(self, fx_px: float, width_px: int) -> float:
+        """Factor of depth for a camera of `fx_px` at `width_px`, against the training camera.
+
+        Depth from one picture grows with the focal length in pixels, both at one size.
+        """
+        camera = json.loads(self.metadata["nunet.camera"])
+        return (fx_px / width_px) / (camera["fx"] / camera["width"])
+
+    def __call__(self, rgb: np.ndarray) -> Prediction:
+        """Answer for a picture, uint8 `[H, W, 3]`, at its own size.
+
+        Where the sizes differ the picture is resized by area or bilinearly, and depth back
+        bilinearly, labels to the nearest.
+        """
+        picture_size = rgb.shape[:2]
+        given = _resized(rgb, self.size, Image.Resampling.BILINEAR)
+        values = self.session.run(None, {"rgb": given[None], **self.state})
+        named = dict(zip(self.outputs, values, strict=True))
+        depth = _resized(named["depth"][0, 0], picture_size, Image.Resampling.BILINEAR)
+        labels = named.get("labels")
+        if labels is not None:
+            labels = _resized(labels[0], picture_size, Image.Resampling.NEAREST)
+        return Prediction(self._decoded(depth), labels)
+
+    def _decoded(self, depth: np.ndarray) -> np.ndarray:
+        valid = np.isfinite(depth)
+        if self.encoding == "metric":
+            valid &= (depth >= self.range_m[0]) & (depth <= self.range_m[1])
+        return np.where(valid, depth, np.float32(np.nan))
+
+
+def _resized(array: np.ndarray, size: tuple[int, int], how: Image.Resampling) -> np.ndarray:
+    if array.shape[:2] == size:
+        return array
+    return np.array(Image.fromarray(array).resize(size[::-1], how))

@@ -1,0 +1,46 @@
+"""What is compared with what: crops and caps of the field's protocols."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nunet_models.errors import DataError
+
+MIN_DEPTH_M = 1e-3  # predictions below would make relative errors meaningless; the field's figure
+MAX_DEPTH_M = 10.0
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A crop (top, left, bottom, right) in pixels of pictures of `size`, and a cap in metres."""
+
+    name: str
+    crop: tuple[int, int, int, int] | None = None
+    size: tuple[int, int] | None = None
+    cap_m: float = MAX_DEPTH_M
+
+    def depth(self, depth_m: np.ndarray) -> np.ndarray:
+        """Depth `[H, W]` in metres, cropped and capped; NaN stays NaN."""
+        return np.clip(self.cropped(depth_m), MIN_DEPTH_M, self.cap_m)
+
+    def cropped(self, image: np.ndarray) -> np.ndarray:
+        """`[H, W]` cropped.
+
+        # Errors
+        `DataError` when the picture has not the size that the crop is meant for.
+        """
+        if self.crop is None:
+            return image
+        if image.shape != self.size:
+            raise DataError(
+                f"protocol `{self.name}` is for pictures of {self.size}; this one is {image.shape}"
+            )
+        top, left, bottom, right = self.crop
+        return image[top:bottom, left:right]
+
+
+EIGEN = Protocol("eigen", crop=(45, 41, 471, 601), size=(480, 640))
+"""The crop of Eigen et al. 2014 on NYU Depth V2, used by nearly every paper since."""
+FULL = Protocol("full")
+
+PROTOCOLS = {protocol.name: protocol for protocol in (EIGEN, FULL)}

@@ -1,0 +1,62 @@
+"""The verb `export`."""
+
+import argparse
+from pathlib import Path
+
+from nunet_models.errors import ConfigError
+from nunet_models.export.collections import export_paper, export_tiny
+from nunet_models.export.model_file import Provenance, export_fused, export_staged
+from nunet_models.export.untrained import untrained_graph
+from nunet_models.zoo import architecture_names, graph_spec
+
+
+def add_parser(verbs: argparse._SubParsersAction) -> None:
+    """Register `export` and its options."""
+    parser = verbs.add_parser("export", help="write model files that nunetd runs")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "--untrained",
+        metavar="ARCHITECTURE",
+        help=f"export an architecture with seeded random weights: {architecture_names()}",
+    )
+    what.add_argument(
+        "--tiny", type=Path, metavar="FOLDER", help="write the small test models into FOLDER"
+    )
+    what.add_argument(
+        "--paper",
+        type=Path,
+        metavar="FOLDER",
+        help="write the paper's networks (ResNet-34, 480x640, random weights) into FOLDER",
+    )
+    parser.add_argument("--out", type=Path, help="NAME.onnx for one file, NAME.toml for stages")
+    parser.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of random weights (default %(default)s)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `export`; prints the files written."""
+    if options.tiny:
+        written = export_tiny(options.tiny)
+    elif options.paper:
+        written = export_paper(options.paper)
+    else:
+        written = [_export_one(options)]
+    for path in written:
+        print(path)
+    return 0
+
+
+def _export_one(options: argparse.Namespace) -> Path:
+    out: Path | None = options.out
+    if out is None or out.suffix not in {".onnx", ".toml"}:
+        raise ConfigError("`--out` must name a file that ends in `.onnx` or `.toml`")
+    graph = untrained_graph(
+        graph_spec(options.untrained, backbone=options.backbone), seed=options.seed
+    )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write = export_fused if out.suffix == ".onnx" else export_staged
+    write(graph, out, Provenance())
+    return out

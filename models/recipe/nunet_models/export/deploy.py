@@ -1,0 +1,173 @@
+"""The byte side of a serial graph: what is wrapped around the network in a model file."""
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from nunet_models.zoo import GraphSpec, SerialGraph
+
+PIXEL_MEAN = 127.0
+PIXEL_SCALE = 128.0
+"""One normalisation for every network, `(rgb - 127) / 128`: it is EfficientNet-Lite's own, and
+also a DequantizeLinear, so that camera bytes can be the quantised tensor."""
+
+STATE_INPUTS = ("hidden_in", "cell_in")
+STATE_OUTPUTS = ("hidden_out", "cell_out")
+"""What a graph with a memory takes and gives beside the picture's tensors, float32, zeros before
+the first frame and after every jump of the stream; each output is the next frame's input."""
+
+
+def normalise(rgb: torch.Tensor) -> torch.Tensor:
+    """Bytes 0..255 (any shape, any number type) to float32 -0.99..1."""
+    return (rgb.float() - PIXEL_MEAN) / PIXEL_SCALE
+
+
+def decode_depth(raw: torch.Tensor, spec: GraphSpec) -> torch.Tensor:
+    """Raw numbers of a depth component to the graph's depth encoding, same shape.
+
+    `metric`: the network works in log metres, where an error is relative. Nothing is clamped: a
+    depth outside `min_m..max_m` is no measurement, and whoever reads the file says so.
+    """
+    return raw.float().exp() if spec.encoding == "metric" else raw.float()
+
+
+class ToInner(nn.Module):
+    """uint8 `[1, H, W, 3]` to the normalised inner image, float32 `[1, 3, h, w]`."""
+
+    def __init__(self, spec: GraphSpec) -> None:
+        super().__init__()
+        self.factors = spec.downsampling
+
+    def forward(self, rgb: torch.Tensor) -> torch.Tensor:
+        """Area downsampling first, so that the arithmetic runs on the smaller picture."""
+        planes = rgb.permute(0, 3, 1, 2).float()
+        if self.factors != (1, 1):
+            planes = F.avg_pool2d(planes, self.factors)
+        return normalise(planes)
+
+
+class FromInner(nn.Module):
+    """Raw inner numbers back to the input's size."""
+
+    def __init__(self, spec: GraphSpec) -> None:
+        super().__init__()
+        self.spec = spec
+
+    def depth(self, raw: torch.Tensor) -> torch.Tensor:
+        """Raw `[1, 1, h, w]` to decoded depth, float32 `[1, 1, H, W]`, bilinear."""
+        depth = decode_depth(raw, self.spec)
+        if self.spec.downsampling == (1, 1):
+            return depth
+        return F.interpolate(depth, size=self.spec.input_size, mode="bilinear", align_corners=False)
+
+    def labels(self, logits: torch.Tensor) -> torch.Tensor:
+        """Logits `[1, C, h, w]` to labels, uint8 `[1, H, W]`.
+
+        ArgMax runs at the inner size and each label is then repeated: comparing interpolated
+        logits would cost the square of the factor more for edges no truer. ONNX Runtime resizes
+        bytes in half the time that Expand and Reshape take.
+        """
+        labels = logits.argmax(dim=1, keepdim=True).to(torch.uint8)
+        if self.spec.downsampling != (1, 1):
+            labels = F.interpolate(labels, size=self.spec.input_size, mode="nearest")
+        return labels[:, 0]
+
+
+class FusedModel(nn.Module):
+    """A whole serial graph as one model file: `rgb` to `depth` and, if it segments, `labels`."""
+
+    def __init__(self, graph: SerialGraph) -> None:
+        super().__init__()
+        self.network = graph  # not `graph`: torch.fx keeps that name for itself
+        self.to_inner = ToInner(graph.spec)
+        self.from_inner = FromInner(graph.spec)
+        tasks = [c.task for c in graph.spec.components]
+        self.segments = tasks.index("segmentation") if "segmentation" in tasks else None
+
+    def forward(self, rgb: torch.Tensor, *state: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Tensors in the order of `input_names` to tensors in the order of `output_names`.
+
+        Depth and labels of the picture; where the graph remembers, its state goes in and out.
+        """
+        image = self.to_inner(rgb)
+        if state:
+            outputs, state = self.network.remembering(image, state)
+        else:
+            outputs = self.network(image)
+        results = [self.from_inner.depth(outputs[-1])]
+        if self.segments is not None:
+            results.append(self.from_inner.labels(outputs[self.segments]))
+        return (*results, *state)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the graph carries a state from frame to frame."""
+        return self.network.spec.components[-1].memory > 0
+
+    @property
+    def input_names(self) -> list[str]:
+        """Names of the tensors that `forward` takes."""
+        return ["rgb", *(STATE_INPUTS if self.remembers else ())]
+
+    @property
+    def output_names(self) -> list[str]:
+        """Names of the tensors that `forward` gives."""
+        results = ["depth"] if self.segments is None else ["depth", "labels"]
+        return [*results, *(STATE_OUTPUTS if self.remembers else ())]
+
+    def example(self, rgb: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Inputs for a picture, the first of its stream."""
+        return (rgb, *(self.network.components[-1].no_state() if self.remembers else ()))
+
+
+class StageModel(nn.Module):
+    """One component of a serial graph as a model file of its own.
+
+    Reads `rgb` where it sees the image and `features` (the raw numbers before it, `[1, C, h, w]`)
+    where it is not the first. The last stage gives `depth`; an inner one gives `logits` and, if
+    it segments, `labels`.
+    """
+
+    def __init__(self, graph: SerialGraph, index: int) -> None:
+        super().__init__()
+        self.component = graph.components[index]
+        self.joint = graph.joint
+        self.index = index
+        self.spec = graph.spec
+        self.to_inner = ToInner(graph.spec)
+        self.from_inner = FromInner(graph.spec)
+
+    @property
+    def last(self) -> bool:
+        """Whether this stage gives the graph's depth."""
+        return self.index == len(self.spec.components) - 1
+
+    @property
+    def sees_image(self) -> bool:
+        """Whether this stage reads the picture."""
+        return self.index == 0 or self.spec.components[self.index].connected
+
+    @property
+    def input_names(self) -> list[str]:
+        """Names of the tensors that `forward` takes."""
+        return ["rgb"] * self.sees_image + ["features"] * (self.index > 0)
+
+    @property
+    def output_names(self) -> list[str]:
+        """Names of the tensors that `forward` gives."""
+        if self.last:
+            return ["depth"]
+        segments = self.spec.components[self.index].task == "segmentation"
+        return ["logits", "labels"] if segments else ["logits"]
+
+    def forward(self, *inputs: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Tensors in the order of `input_names` to tensors in the order of `output_names`."""
+        named = dict(zip(self.input_names, inputs, strict=True))
+        image = self.to_inner(named["rgb"]) if "rgb" in named else None
+        before = [named["features"]] * self.index if "features" in named else []
+        raw = self.component(self.joint(image, before))
+        if self.last:
+            return (self.from_inner.depth(raw),)
+        if "labels" in self.output_names:
+            return raw, self.from_inner.labels(raw)
+        return (raw,)

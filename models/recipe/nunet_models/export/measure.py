@@ -1,0 +1,104 @@
+"""Measuring a model file at export: does it compute the network, and how far do runtimes stray."""
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime as ort
+import torch
+
+from nunet_models.errors import ExportError
+from nunet_models.export.deploy import FusedModel
+from nunet_models.export.onnx_file import run
+from nunet_models.export.selftest import Answer, answer_from_outputs, selftest_picture
+from nunet_models.zoo import GraphSpec
+
+FP32_MARGIN = 10.0  # other processors and providers stray further than one machine's settings
+BF16_MARGIN = 3.0  # bf16 strays much already; three times that still catches a wrong channel
+FLOOR = 0.001  # of the depth's unit: below this no error matters to anyone
+TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, metres
+UNTRAINED_BOUND = 0.01  # random weights magnify rounding as no trained network does
+
+_LEVELS = (
+    ort.GraphOptimizationLevel.ORT_DISABLE_ALL,
+    ort.GraphOptimizationLevel.ORT_ENABLE_BASIC,
+    ort.GraphOptimizationLevel.ORT_ENABLE_EXTENDED,
+    ort.GraphOptimizationLevel.ORT_ENABLE_ALL,
+)
+
+
+def picture_of(spec: GraphSpec) -> np.ndarray:
+    """The self-test picture as the model's input, uint8 `[1, H, W, 3]`."""
+    height, width = spec.input_size
+    return selftest_picture(width, height)[None]
+
+
+def decoded(depth: np.ndarray, spec: GraphSpec) -> np.ndarray:
+    """Depth as the daemon publishes it: NaN where there is no measurement; same shape."""
+    valid = np.isfinite(depth)
+    if spec.encoding == "metric":
+        valid &= (depth >= spec.min_m) & (depth <= spec.max_m)
+    return np.where(valid, depth, np.nan)
+
+
+def answer_of(outputs: dict[str, np.ndarray], spec: GraphSpec) -> Answer:
+    """The self-test's answer from a model's outputs on the self-test picture."""
+    return answer_from_outputs(decoded(outputs["depth"], spec), outputs.get("labels"))
+
+
+def named_inputs(model: FusedModel, rgb: np.ndarray) -> dict[str, np.ndarray]:
+    """What ONNX Runtime is given for `rgb`, uint8 `[1, H, W, 3]`: a state starts at zero."""
+    example = model.example(torch.from_numpy(rgb))
+    return {n: v.numpy() for n, v in zip(model.input_names, example, strict=True)}
+
+
+def torch_outputs(model: FusedModel, rgb: np.ndarray, *, bf16: bool = False) -> dict:
+    """Outputs by name of the torch network; `bf16` runs its convolutions in bfloat16."""
+    with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
+        values = model(*model.example(torch.from_numpy(rgb)))
+    return {n: v.numpy() for n, v in zip(model.output_names, values, strict=True)}
+
+
+def check_against_torch(
+    model: FusedModel, path: Path, rgb: np.ndarray, *, bound: float = TORCH_BOUND
+) -> float:
+    """Largest depth difference between torch and ONNX Runtime on `rgb`, in the depth's unit.
+
+    # Errors
+    `ExportError` when it exceeds `bound`.
+    """
+    ours = torch_outputs(model, rgb)["depth"]
+    gap = float(np.abs(run(path, named_inputs(model, rgb))["depth"] - ours).max())
+    if not gap <= bound:
+        raise ExportError(
+            f"`{path.name}` differs from the network by {gap:.3g} at the worst pixel, "
+            f"more than {bound}"
+        )
+    return gap
+
+
+def measured_selftest(model: FusedModel, path: Path) -> dict:
+    """Run the self-test through every optimisation level and thread count; `nunet.selftest`."""
+    spec = model.network.spec
+    rgb = picture_of(spec)
+    answer = answer_of(run(path, named_inputs(model, rgb)), spec)
+    others = [
+        answer_of(run(path, named_inputs(model, rgb), threads=threads, level=level), spec)
+        for level in _LEVELS
+        for threads in (1, 2)
+    ]
+    others.append(answer_of(torch_outputs(model, rgb), spec))
+    bf16 = answer_of(torch_outputs(model, rgb, bf16=True), spec)
+    tolerance = {
+        "fp32": _tolerance(answer, others, FP32_MARGIN),
+        "bf16": _tolerance(answer, [bf16], BF16_MARGIN),
+    }
+    return answer.to_json(precision="fp32", tolerance=tolerance)
+
+
+def _tolerance(answer: Answer, others: list[Answer], margin: float) -> dict[str, float]:
+    distances = [answer.distance(other) for other in others]
+    depth = max(FLOOR, margin * max(depth for depth, _ in distances))
+    cells = int(margin * max(cells for _, cells in distances)) + answer.close_calls
+    if not np.isfinite(depth):
+        raise ExportError("a self-test cell has depth in one run and none in another")
+    return {"depth": round(depth, 6), "label_cells": cells}

@@ -1,0 +1,92 @@
+"""The model file's metadata (docs/model-file.md), built from a spec and from measurement."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import torch
+from torch.utils.flop_counter import FlopCounterMode
+
+from nunet_models.export.deploy import STATE_INPUTS, STATE_OUTPUTS
+from nunet_models.zoo import GraphSpec, SerialGraph
+
+DATA_LICENSE = (
+    "weights: MIT OR Apache-2.0 as far as the makers can license them; trained on NYU Depth V2, "
+    "whose makers allow research use"
+)
+UNTRAINED_LICENSE = "MIT OR Apache-2.0; random weights"
+
+
+def metadata(
+    graph: SerialGraph,
+    *,
+    selftest: dict[str, Any],
+    trained: bool,
+    training: dict[str, Any],
+    accuracy: dict[str, Any],
+    targets: str = "cpu,openvino",
+) -> dict[str, str]:
+    """Every key of the contract; JSON values without spaces to spare."""
+    spec = graph.spec
+    values: dict[str, Any] = {
+        "nunet.version": "1",
+        "nunet.architecture": spec.architecture,
+        "nunet.components": describe_components(graph),
+        "nunet.depth.encoding": spec.encoding,
+        "nunet.depth.min_m": str(spec.min_m),
+        "nunet.depth.max_m": str(spec.max_m),
+        "nunet.camera": asdict(spec.camera),
+        "nunet.inner_size": list(spec.inner_size),
+        "nunet.trained": "true" if trained else "false",
+        "nunet.training": training,
+        "nunet.accuracy": accuracy,
+        "nunet.license": DATA_LICENSE if trained else UNTRAINED_LICENSE,
+        "nunet.targets": targets,
+        "nunet.selftest": selftest,
+    }
+    if any(c.task == "segmentation" for c in spec.components):
+        values["nunet.classes"] = list(spec.classes)
+    if spec.components[-1].memory:
+        shapes = [list(tensor.shape) for tensor in graph.components[-1].no_state()]
+        values["nunet.state"] = [
+            {"input": given, "output": taken, "shape": shape}
+            for given, taken, shape in zip(STATE_INPUTS, STATE_OUTPUTS, shapes, strict=True)
+        ]
+    return {k: v if isinstance(v, str) else to_json(v) for k, v in values.items()}
+
+
+def inner_stage_metadata(spec: GraphSpec) -> dict[str, str]:
+    """What an inner stage of a staged graph says of itself: the depth stage says the rest."""
+    return {
+        "nunet.version": "1",
+        "nunet.classes": to_json(list(spec.classes)),
+        "nunet.inner_size": to_json(list(spec.inner_size)),
+    }
+
+
+def to_json(value: object) -> str:
+    """Compact JSON, not a number left that JSON does not know."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+
+
+def describe_components(graph: SerialGraph) -> list[dict[str, Any]]:
+    """Name, task, backbone, connection, parameters and measured GFLOP of every component."""
+    described = []
+    outputs: list[torch.Tensor] = []
+    image = torch.zeros(1, 3, *graph.spec.inner_size)
+    for index, (spec, module) in enumerate(
+        zip(graph.spec.components, graph.components, strict=True)
+    ):
+        with torch.no_grad(), FlopCounterMode(display=False) as counter:
+            outputs.append(module(graph.joint(image, outputs)))
+        described.append(
+            {
+                "name": spec.name,
+                "task": spec.task,
+                "backbone": spec.backbone,
+                "connected": spec.connected and index > 0,
+                "parameters": sum(p.numel() for p in module.parameters()),
+                "gflop": round(counter.get_total_flops() / 1e9, 4),
+            }
+        )
+    return described

@@ -1,0 +1,80 @@
+"""Writing and running ONNX files."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import torch
+from torch import nn
+
+OPSET = 18  # the exporter's own set: nothing is converted, and ONNX Runtime 1.24 to 1.31 run it
+
+
+def export_onnx(module: nn.Module, examples: tuple[torch.Tensor, ...], path: Path) -> None:
+    """Write `module` to `path`, weights inside; it names its tensors itself.
+
+    `module` has `input_names` and `output_names`; dimensions are those of `examples`, fixed.
+    """
+    module.eval()
+    with torch.no_grad(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the exporter's own deprecations, nothing of ours
+        torch.onnx.export(
+            module,
+            examples,
+            path,
+            input_names=module.input_names,
+            output_names=module.output_names,
+            opset_version=OPSET,
+            dynamo=True,
+            external_data=False,
+            optimize=True,
+            verbose=False,
+        )
+
+
+def write_metadata(path: Path, values: dict[str, str]) -> None:
+    """Set the file's `metadata_props` to `values`, and drop what the exporter left of its own.
+
+    Doc strings and stack traces of the exporter would carry the exporting machine's paths.
+    """
+    model = onnx.load(path)
+    for part in (model, model.graph, *model.graph.node):
+        part.doc_string = ""
+        del part.metadata_props[:]
+    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
+        del value.metadata_props[:]
+    for tensor in model.graph.initializer:
+        del tensor.metadata_props[:]
+    onnx.helper.set_model_props(model, values)
+    model.producer_name, model.producer_version = "nunet_models", ""
+    onnx.checker.check_model(model, full_check=True)
+    onnx.save(model, path)
+
+
+def read_metadata(path: Path) -> dict[str, str]:
+    """The file's `metadata_props`."""
+    model = onnx.load(path, load_external_data=False)
+    return {prop.key: prop.value for prop in model.metadata_props}
+
+
+def session(
+    path: Path,
+    *,
+    threads: int = 1,
+    level: ort.GraphOptimizationLevel = ort.GraphOptimizationLevel.ORT_ENABLE_ALL,
+) -> ort.InferenceSession:
+    """A session on the CPU provider that does not spin while it waits."""
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.graph_optimization_level = level
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    return ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+
+
+def run(path: Path, inputs: dict[str, np.ndarray], **how: object) -> dict[str, np.ndarray]:
+    """Run a file once: named arrays in, named arrays out."""
+    opened = session(path, **how)
+    names = [output.name for output in opened.get_outputs()]
+    return dict(zip(names, opened.run(names, inputs), strict=True))

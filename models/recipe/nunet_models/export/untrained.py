@@ -1,0 +1,61 @@
+"""Networks of seeded random weights whose answers still vary over a picture.
+
+Tests and benchmarks need them: depth that is constant could not catch a mirrored picture.
+"""
+
+import math
+
+import torch
+from torch import nn
+
+from nunet_models.export.deploy import ToInner
+from nunet_models.export.measure import picture_of
+from nunet_models.zoo import GraphSpec, SerialGraph
+
+MEAN_DEPTH_M = 2.7  # about the mean of indoor pictures
+SPREAD = 0.35  # standard deviation of log depth, as indoor pictures have it
+
+
+def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
+    """A graph with weights drawn from `seed`, settled on the self-test picture.
+
+    Batch-norm statistics are those of the picture, so that no activation dies on the way; heads
+    are shifted and scaled so that every class wins somewhere and depth spans a room.
+    """
+    torch.manual_seed(seed)
+    graph = SerialGraph(spec)
+    image = ToInner(spec)(torch.from_numpy(picture_of(spec)))
+    outputs: list[torch.Tensor] = []
+    with torch.no_grad():
+        for component in graph.components:
+            x = graph.joint(image, outputs)
+            _settle_batch_norm(component, x)
+            _settle_head(component.head, component(x), spec)
+            outputs.append(component(x))
+    return graph
+
+
+def _settle_batch_norm(module: nn.Module, x: torch.Tensor) -> None:
+    norms = [m for m in module.modules() if isinstance(m, nn.BatchNorm2d)]
+    momenta = [norm.momentum for norm in norms]
+    for norm in norms:
+        norm.momentum = 1.0  # take the picture's statistics as they are
+    module.train()
+    module(torch.cat([x, x.flip(3)]))  # two pictures: batch norm refuses one value a channel
+    module.eval()
+    for norm, momentum in zip(norms, momenta, strict=True):
+        norm.momentum = momentum
+        norm.running_var += norm.running_var.mean()  # else a quiet channel magnifies rounding
+
+
+def _settle_head(head: nn.Conv2d | nn.Linear, raw: torch.Tensor, spec: GraphSpec) -> None:
+    mean, spread = raw.mean(dim=(0, 2, 3)), raw.std(dim=(0, 2, 3))
+    if raw.shape[1] == 1 and spec.encoding == "metric":
+        wanted_mean, wanted_spread = math.log(MEAN_DEPTH_M), SPREAD
+    elif raw.shape[1] == 1:
+        wanted_mean, wanted_spread = 0.5, 0.15
+    else:
+        wanted_mean, wanted_spread = 0.0, 1.0
+    scale = wanted_spread / spread
+    head.weight *= scale.reshape(-1, *[1] * (head.weight.dim() - 1))
+    head.bias.copy_((head.bias - mean) * scale + wanted_mean)

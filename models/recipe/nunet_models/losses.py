@@ -1,0 +1,179 @@
+"""Losses: each a function of prediction and truth, with its formula and its source.
+
+Depth losses take float `[B, 1, h, w]` prediction and truth of one encoding (metres, or 0..1) and
+skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain. Where
+a loss works in logarithms, `log_depth` tensors are its arguments.
+"""
+
+from collections.abc import Callable
+
+import torch
+import torch.nn.functional as F
+
+from nunet_models.classes import IGNORE
+from nunet_models.errors import ConfigError
+
+CLIP = 1e-7
+"""Least number of which a logarithm is taken, as in the paper's code (Keras' epsilon)."""
+
+GRADIENT_SCALES = 4
+
+
+def _valid(predicted: torch.Tensor, truth: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    mask = truth.isfinite()
+    return predicted[mask].float(), truth[mask].float()
+
+
+def mse(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Mean squared error, `sum((p - t)^2) / n`: the paper's own training loss."""
+    p, t = _valid(predicted, truth)
+    return (p - t).square().mean()
+
+
+def scale_invariant(
+    predicted: torch.Tensor, truth: torch.Tensor, *, lam: float = 0.5
+) -> torch.Tensor:
+    """Scale-invariant error, `sum(d^2) / n - lam * (sum(d) / n)^2`, `d = log p - log t`.
+
+    Eigen, Puhrsch, Fergus, "Depth map prediction from a single image using a multi-scale deep
+    network", 2014, equation 4, one value an image, averaged over the batch; both sides clipped at
+    1e-7 before the logarithm as in the paper's code. `lam` lies in [0, 1): at 1 the scale of the
+    whole picture would be free.
+    """
+    if not 0.0 <= lam < 1.0:
+        raise ConfigError(f"lambda of the scale-invariant loss is {lam}; expected 0 <= lambda < 1")
+    d = predicted.float().clamp(min=CLIP).log() - truth.clamp(min=CLIP).log()
+    return _scale_invariant_of(d, lam).mean()
+
+
+def _scale_invariant_of(d: torch.Tensor, lam: float) -> torch.Tensor:
+    """`[B, ...]` differences of logarithms, NaN = none, to `[B]`."""
+    valid = d.isfinite()
+    n = valid.flatten(1).sum(1).clamp(min=1)
+    d = d.nan_to_num(0.0).flatten(1)
+    return d.square().sum(1) / n - lam * (d.sum(1) / n).square()
+
+
+def msle(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Mean squared logarithmic error, `sum((log(1 + p) - log(1 + t))^2) / n`, as Keras has it.
+
+    Both sides are clipped at 1e-7 first.
+    """
+    p, t = _valid(predicted, truth)
+    return (p.clamp(min=CLIP).log1p() - t.clamp(min=CLIP).log1p()).square().mean()
+
+
+def berhu(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Reverse Huber: `|e|` up to c, `(e^2 + c^2) / (2 c)` beyond, `c = max|e| / 5` of the batch.
+
+    Laina et al., "Deeper depth prediction with fully convolutional residual networks", 2016,
+    equation 1.
+    """
+    p, t = _valid(predicted, truth)
+    e = (p - t).abs()
+    c = (e.max() / 5.0).detach().clamp(min=CLIP)
+    return torch.where(e <= c, e, (e.square() + c.square()) / (2.0 * c)).mean()
+
+
+def l1(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Mean absolute error, `sum(|p - t|) / n`, in the encoding of its arguments."""
+    p, t = _valid(predicted, truth)
+    return (p - t).abs().mean()
+
+
+def silog(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
+    """Square root of the scale-invariant error with lambda 0.85, of log depths, an image at a time.
+
+    Lee et al., "From big to small: multi-scale local planar guidance", 2019, equation 5, without
+    its factor of 10.
+    """
+    error = _scale_invariant_of(log_predicted.float() - log_truth, 0.85)
+    return error.clamp(min=CLIP).sqrt().mean()
+
+
+def gradient_matching(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
+    """`sum over scales of (sum |dx d| + sum |dy d|) / n`, `d = log p - log t`, at 4 scales.
+
+    Li and Snavely, "MegaDepth", 2018, equation 4 (there summed over scales; here averaged over
+    them, and over the differences that are known). Scale k takes every 2^k-th pixel.
+    """
+    d = log_predicted.float() - log_truth
+    total = d.new_zeros(())
+    for k in range(GRADIENT_SCALES):
+        scaled = d[..., :: 2**k, :: 2**k]
+        steps = (scaled.diff(dim=-1), scaled.diff(dim=-2))
+        known = sum(step.isfinite().sum() for step in steps).clamp(min=1)
+        total = total + sum(step.nan_to_num(0.0).abs().sum() for step in steps) / known
+    return total / GRADIENT_SCALES
+
+
+def cross_entropy(
+    logits: torch.Tensor,
+    labels: torch.Tensor,
+    *,
+    weights: torch.Tensor | None = None,
+    smoothing: float = 0.0,
+) -> torch.Tensor:
+    """Cross-entropy of logits `[B, C, h, w]` against labels int64 `[B, h, w]`, `IGNORE` skipped.
+
+    `weights` `[C]` weighs classes; `smoothing` gives that share of the truth to all classes alike
+    (Szegedy et al., "Rethinking the Inception architecture", 2016).
+    """
+    return F.cross_entropy(
+        logits.float(), labels, weight=weights, ignore_index=IGNORE, label_smoothing=smoothing
+    )
+
+
+Loss = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+
+IN_LINEAR: dict[str, Loss] = {
+    "mse": mse,
+    "scale_invariant": scale_invariant,
+    "msle": msle,
+    "berhu": berhu,
+    "l1": l1,
+}
+"""Losses of depth in the graph's encoding."""
+
+IN_LOG: dict[str, Loss] = {
+    "l1_log": l1,
+    "berhu_log": berhu,
+    "silog": silog,
+    "gradient": gradient_matching,
+}
+"""Losses of the logarithm of depth."""
+
+
+def parse_loss(text: str) -> dict[str, float]:
+    """`"l1_log=1,silog=0.5"` to weights by name; a name alone weighs 1."""
+    weights = {}
+    for part in text.split(","):
+        name, _, weight = part.strip().partition("=")
+        if name not in IN_LINEAR and name not in IN_LOG:
+            known = ", ".join([*IN_LINEAR, *IN_LOG])
+            raise ConfigError(f"no loss `{name}`; hint: one of {known}")
+        try:
+            weights[name] = float(weight or 1.0)
+        except ValueError as error:
+            raise ConfigError(f"weight `{weight}` of loss `{name}` is not a number") from error
+    return weights
+
+
+def weighted_depth_loss(
+    raw: torch.Tensor, truth: torch.Tensor, *, weights: dict[str, float], log_network: bool
+) -> torch.Tensor:
+    """Sum of weighted depth losses of a network's raw numbers `[B, 1, h, w]`.
+
+    `truth` is in the graph's encoding, NaN = none; `log_network` says that `raw` is its logarithm.
+    """
+    raw = raw.float()
+    linear = raw.exp() if log_network else raw
+    log_raw = raw if log_network else raw.clamp(min=CLIP).log()
+    log_truth = truth.clamp(min=CLIP).log()
+    total = raw.new_zeros(())
+    for name, weight in weights.items():
+        if name in IN_LINEAR:
+            total = total + weight * IN_LINEAR[name](linear, truth)
+        else:
+            total = total + weight * IN_LOG[name](log_raw, log_truth)
+    return total

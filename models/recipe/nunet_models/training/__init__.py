@@ -1,0 +1,1 @@
+"""Training: one component at a time, resumable to the same losses."""

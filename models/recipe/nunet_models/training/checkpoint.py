@@ -1,0 +1,67 @@
+"""Checkpoints: written whole or not at all, read with a clear word when they do not fit."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from nunet_models.errors import ConfigError
+from nunet_models.zoo import GraphSpec, SerialGraph
+
+VERSION = 1
+
+
+@dataclass
+class Checkpoint:
+    """A serial graph and what is needed to go on training it.
+
+    `weights` are the averaged ones, `progress` the trainer's own state (None in a file made only
+    to be exported), `history` the figures of each epoch by component name.
+    """
+
+    spec: GraphSpec
+    weights: dict[str, torch.Tensor]
+    progress: dict[str, Any] | None = None
+    history: dict[str, list[dict[str, float]]] = field(default_factory=dict)
+    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def graph(self) -> SerialGraph:
+        """The network with the averaged weights, ready to evaluate."""
+        graph = SerialGraph(self.spec)
+        graph.load_state_dict(self.weights)
+        return graph.eval()
+
+    def save(self, path: Path) -> None:
+        """Write to `path`; a crash meanwhile leaves the file that was there."""
+        beside = path.with_suffix(".partial")
+        torch.save(
+            {
+                "version": VERSION,
+                "spec": self.spec.to_json(),
+                "weights": self.weights,
+                "progress": self.progress,
+                "history": self.history,
+                "settings": self.settings,
+            },
+            beside,
+        )
+        beside.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> "Checkpoint":
+        """Read a checkpoint.
+
+        # Errors
+        `ConfigError` for a file that is no checkpoint or of another version.
+        """
+        if not path.is_file():
+            raise ConfigError(f"no checkpoint `{path}`")
+        try:
+            values = torch.load(path, weights_only=True, map_location="cpu")
+            version = values.pop("version")
+        except Exception as error:
+            raise ConfigError(f"`{path}` is no checkpoint of this package: {error}") from error
+        if version != VERSION:
+            raise ConfigError(f"checkpoint `{path}` is of version {version}; expected {VERSION}")
+        return cls(**{**values, "spec": GraphSpec.from_json(values["spec"])})

@@ -1,0 +1,123 @@
+"""The verb `train`."""
+
+import argparse
+from dataclasses import fields, replace
+from pathlib import Path
+
+import torch
+
+from nunet_models.data.options import add_cache_option, add_data_options, open_cached
+from nunet_models.errors import ConfigError
+from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.settings import AUGMENTATIONS, Settings
+from nunet_models.training.trainer import Trainer
+from nunet_models.zoo import PAPER_DECODER, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo.spec import LITE_DECODER
+from nunet_models.zoo.weights import imagenet_encoder, like_component
+
+DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
+
+
+def add_parser(verbs: argparse._SubParsersAction) -> None:
+    """Register `train` and its options."""
+    parser = verbs.add_parser("train", help="train one component of a serial graph")
+    parser.add_argument("--run", type=Path, required=True, dest="folder", help="the run's folder")
+    parser.add_argument("--resume", action="store_true", help="go on with the run in the folder")
+    parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_data_options(parser)
+    add_cache_option(parser)
+    parser.add_argument("--train-ids", type=Path, required=True)
+    parser.add_argument("--val-ids", type=Path, required=True)
+    _add_graph_options(parser)
+    _add_settings(parser)
+    parser.set_defaults(run=run)
+
+
+def _add_graph_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("graph")
+    group.add_argument("--architecture", default="wnet_c", help=architecture_names())
+    group.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
+    group.add_argument("--decoder", choices=sorted(DECODERS), default="lite")
+    group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
+    group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")
+    group.add_argument("--dropout", type=float, default=0.0)
+    group.add_argument("--drop-path", type=float, default=0.0)
+    group.add_argument("--start", type=Path, help="checkpoint to take the whole graph from")
+    group.add_argument("--imagenet", action="store_true", help="start the encoder from ImageNet")
+    group.add_argument("--like", metavar="COMPONENT", help="start as an earlier component is")
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("settings")
+    group.add_argument("--component", required=True, help="the component to train")
+    group.add_argument("--epochs", type=int, required=True)
+    for setting in fields(Settings):
+        if setting.name in {"component", "epochs"}:
+            continue
+        option = f"--{setting.name.replace('_', '-')}"
+        shown = "default %(default)s"
+        if isinstance(setting.default, bool):
+            action = argparse.BooleanOptionalAction
+            group.add_argument(option, action=action, default=setting.default, help=shown)
+        else:
+            choices = sorted(AUGMENTATIONS) if setting.name == "augmentation" else None
+            kind = type(setting.default)
+            group.add_argument(
+                option, type=kind, default=setting.default, choices=choices, help=shown
+            )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `train`."""
+    settings = Settings(**{s.name: getattr(options, s.name) for s in fields(Settings)})
+    last = options.folder / Trainer.LAST
+    if last.exists() and not options.resume:
+        raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
+    torch.manual_seed(settings.seed)
+    graph, before = _graph(options)
+    trainer = Trainer(
+        graph,
+        settings,
+        train=open_cached(options, options.train_ids),
+        val=open_cached(options, options.val_ids),
+        folder=options.folder,
+    )
+    trainer.checkpoint = before or trainer.checkpoint
+    if options.resume and last.exists():
+        trainer.resume()
+    done = trainer.run(minutes=options.minutes, quiet=options.quiet)
+    print(f"{last}: {'finished' if done else 'stopped in time, to be resumed'}")
+    return 0
+
+
+def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint | None]:
+    """The graph to train and the checkpoint that it starts from."""
+    before = Checkpoint.load(options.start) if options.start else None
+    if before is not None:
+        spec = before.spec
+    else:
+        spec = graph_spec(
+            options.architecture,
+            backbone=options.backbone,
+            decoder=DECODERS[options.decoder],
+            inner_size=tuple(options.inner_size),
+            encoding=options.encoding,
+        )
+    components = tuple(
+        replace(c, dropout=options.dropout, drop_path=options.drop_path)
+        if c.name == options.component
+        else c
+        for c in spec.components
+    )
+    graph = SerialGraph(replace(spec, components=components))
+    if before is not None:
+        graph.load_state_dict(before.weights)
+    named = {c.spec.name: c for c in graph.components}
+    if options.component not in named or (options.like and options.like not in named):
+        raise ConfigError(f"components are {', '.join(named)}")
+    if options.imagenet:
+        imagenet_encoder(named[options.component])
+    if options.like:
+        like_component(named[options.component], named[options.like])
+    return graph, before

@@ -1,0 +1,51 @@
+"""Everything that decides a training run, as plain data kept in its checkpoints."""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Augmentation
+
+AUGMENTATIONS: dict[str, Augmentation] = {"none": NO_AUGMENTATION, "strong": STRONG}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of the training of one component of a serial graph.
+
+    `loss` is for depth components (see `losses.parse_loss`); `smoothing` and `class_power` for
+    segmentation: classes weigh as their frequency to the power `-class_power`. `joint_noise` is
+    the probability that a picture's features from the component before are withheld, and sets how
+    much they are scaled: a frozen component is surer of pictures it was trained on than it will
+    be of others, and the next one must not learn to trust that.
+    """
+
+    component: str
+    epochs: int
+    batch: int = 8
+    lr: float = 1e-3
+    encoder_lr: float = 1.0
+    weight_decay: float = 2e-2
+    warmup: float = 0.05
+    final_lr: float = 0.01
+    schedule: str = "cosine"
+    optimiser: str = "adamw"
+    loss: str = "l1_log=1,silog=0.5,gradient=0.5"
+    smoothing: float = 0.05
+    class_power: float = 0.5
+    joint_noise: float = 0.0
+    augmentation: str = "strong"
+    ema: float = 0.998
+    clip: float = 1.0
+    seed: int = 0
+    bf16: bool = True
+    compile: bool = False
+    threads: int = 2
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON types."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> Self:
+        """Rebuild settings from `to_json`'s answer."""
+        return cls(**values)

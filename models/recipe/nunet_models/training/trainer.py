@@ -1,0 +1,271 @@
+"""Training of one component of a serial graph, the earlier ones frozen."""
+
+import copy
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from tqdm import tqdm
+
+from nunet_models.classes import IGNORE
+from nunet_models.data.batches import Batch, epoch_batches
+from nunet_models.data.cache import Cached
+from nunet_models.data.encode import encoded_depth
+from nunet_models.errors import ConfigError
+from nunet_models.export.deploy import normalise
+from nunet_models.losses import cross_entropy, parse_loss, weighted_depth_loss
+from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.ema import Averaged
+from nunet_models.training.log import RunLog
+from nunet_models.training.schedule import learning_rate_factor
+from nunet_models.training.settings import AUGMENTATIONS, Settings
+from nunet_models.training.validate import validate
+from nunet_models.zoo import SerialGraph
+
+SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
+LOG_EVERY = 20
+
+
+class Trainer:
+    """Trains `graph.components[index]`; `LAST` in the run's folder holds all that goes on."""
+
+    LAST = "last.pt"
+    BEST = "best.pt"
+
+    def __init__(
+        self, graph: SerialGraph, settings: Settings, *, train: Cached, val: Cached, folder: Path
+    ) -> None:
+        self.graph, self.settings, self.data, self.val = graph, settings, train, val
+        self.folder = folder
+        names = [component.name for component in graph.spec.components]
+        if settings.component not in names:
+            raise ConfigError(f"no component `{settings.component}`; hint: one of {names}")
+        self.index = names.index(settings.component)
+        self.segments = graph.spec.components[self.index].task == "segmentation"
+        if self.segments and not train.has_labels:
+            raise ConfigError("the training data has no labels; hint: it needs a folder `label40`")
+        torch.manual_seed(settings.seed)
+        torch.set_num_threads(settings.threads)
+        graph.to(memory_format=torch.channels_last)
+        for earlier in graph.components[: self.index]:
+            earlier.freeze()
+        self.component = graph.components[self.index].train()
+        self.averaged = Averaged(self.component, settings.ema)
+        self.optimiser = _optimiser(self.component, settings)
+        self.weights = _class_weights(train, graph, settings) if self.segments else None
+        self.loss_weights = parse_loss(settings.loss)
+        self.step, self.epoch, self.batch = 0, 0, 0
+        self.history: list[dict[str, float]] = []
+        self.checkpoint = Checkpoint(graph.spec, {})
+
+    @property
+    def batches(self) -> int:
+        """Optimiser's steps of an epoch."""
+        return len(self.data) // self.settings.batch
+
+    def run(self, *, minutes: float | None, quiet: bool) -> bool:
+        """Train until the last epoch or until `minutes` have passed; True when all is done."""
+        start = time.monotonic()
+        deadline = start + minutes * 60.0 if minutes else float("inf")
+        log = RunLog(self.folder)
+        forward = self._forward_functions()
+        try:
+            while self.epoch < self.settings.epochs:
+                if not self._train_epoch(forward, log, deadline, quiet):
+                    return False
+                self._finish_epoch(log, quiet)
+        finally:
+            log.close()
+        return True
+
+    def _forward_functions(self) -> tuple[list, nn.Module]:
+        earlier = list(self.graph.components[: self.index])
+        if not self.settings.compile:
+            return earlier, self.component
+        return [torch.compile(c) for c in earlier], torch.compile(self.component)
+
+    def _train_epoch(self, forward: tuple, log: RunLog, deadline: float, quiet: bool) -> bool:
+        saved, losses = time.monotonic(), []
+        progress = tqdm(
+            self._epoch_batches(),
+            total=self.batches,
+            initial=self.batch,
+            desc=f"{self.settings.component} {self.epoch + 1}/{self.settings.epochs}",
+            disable=quiet,
+        )
+        for batch in progress:
+            losses.append(self._step(batch, forward))
+            self.batch += 1
+            if self.step % LOG_EVERY == 0:
+                rate = self.optimiser.param_groups[-1]["lr"]
+                log.step(self.step, {"loss": float(np.mean(losses)), "lr": rate})
+                progress.set_postfix(loss=f"{np.mean(losses):.4f}")
+                losses = []
+            now = time.monotonic()
+            if now > deadline or now - saved > SAVE_EVERY_S:
+                self.save()
+                saved = now
+            if now > deadline:
+                return False
+        return True
+
+    def _epoch_batches(self) -> Iterator[Batch]:
+        return epoch_batches(
+            self.data,
+            AUGMENTATIONS[self.settings.augmentation],
+            size=self.graph.spec.inner_size,
+            batch=self.settings.batch,
+            seed=self.settings.seed,
+            epoch=self.epoch,
+            first=self.batch,
+        )
+
+    def _step(self, batch: Batch, forward: tuple) -> float:
+        settings = self.settings
+        factor = learning_rate_factor(
+            self.step,
+            steps=settings.epochs * self.batches,
+            warmup=settings.warmup,
+            final=settings.final_lr,
+            schedule=settings.schedule,
+        )
+        for group in self.optimiser.param_groups:
+            group["lr"] = group["base_lr"] * factor
+        loss = self._loss(batch, *forward)
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        if settings.clip:
+            nn.utils.clip_grad_norm_(self.component.parameters(), settings.clip)
+        self.optimiser.step()
+        self.step += 1
+        self.averaged.update(self.step)
+        value = loss.item()
+        if not np.isfinite(value):
+            raise ConfigError(f"the loss is {value} at step {self.step}; hint: lower `--lr`")
+        return value
+
+    def _loss(self, batch: Batch, earlier: list, component: nn.Module) -> torch.Tensor:
+        image = normalise(batch.rgb).contiguous(memory_format=torch.channels_last)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
+            outputs: list[torch.Tensor] = []
+            with torch.no_grad():
+                for module in earlier:
+                    outputs.append(module(self.graph.joint(image, outputs)))
+                if outputs and self.settings.joint_noise:
+                    outputs[-1] = self._disturbed(outputs[-1])
+            raw = component(self.graph.joint(image, outputs))
+        if self.segments:
+            return cross_entropy(
+                raw, batch.labels, weights=self.weights, smoothing=self.settings.smoothing
+            )
+        spec = self.graph.spec
+        return weighted_depth_loss(
+            raw,
+            encoded_depth(batch.depth_m, spec.encoding),
+            weights=self.loss_weights,
+            log_network=spec.encoding == "metric",
+        )
+
+    def _disturbed(self, features: torch.Tensor) -> torch.Tensor:
+        """Features scaled by 0.5..1.1 a picture, and withheld from some: see `joint_noise`."""
+        shape = (len(features), 1, 1, 1)
+        scale = torch.empty(shape).uniform_(0.5, 1.1)
+        kept = torch.rand(shape) >= self.settings.joint_noise
+        return features * (scale * kept).to(features.dtype)
+
+    def _finish_epoch(self, log: RunLog, quiet: bool) -> None:
+        graph = self.averaged_graph()
+        figures = validate(
+            graph,
+            self.val,
+            component=self.index,
+            batch=self.settings.batch,
+            bf16=self.settings.bf16,
+        )
+        self.epoch, self.batch = self.epoch + 1, 0
+        log.epoch(self.epoch, figures)
+        if not quiet:
+            shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())
+            tqdm.write(f"epoch {self.epoch}: {shown}")
+        self.history.append(figures)
+        score = [_score(row) for row in self.history]
+        self.save()
+        if score[-1] == max(score):
+            self.save(best=True)
+
+    def averaged_graph(self) -> SerialGraph:
+        """A copy of the graph with the averaged weights of the component in training."""
+        graph = copy.deepcopy(self.graph)  # a fresh one would draw from the run's random numbers
+        graph.components[self.index].load_state_dict(self.averaged.module.state_dict())
+        return graph.eval()
+
+    def save(self, *, best: bool = False) -> None:
+        """Write `LAST`, or `BEST` (which carries no optimiser and cannot be resumed)."""
+        name = self.settings.component
+        progress = {
+            "component": self.component.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "torch_rng": torch.get_rng_state(),
+            "step": self.step,
+            "epoch": self.epoch,
+            "batch": self.batch,
+        }
+        Checkpoint(
+            self.graph.spec,
+            self.averaged_graph().state_dict(),
+            None if best else progress,
+            {**self.checkpoint.history, name: self.history},
+            {**self.checkpoint.settings, name: self.settings.to_json()},
+        ).save(self.folder / (self.BEST if best else self.LAST))
+
+    def resume(self) -> None:
+        """Go on from `LAST`: the same losses follow as if nothing had happened."""
+        checkpoint = Checkpoint.load(self.folder / self.LAST)
+        progress = checkpoint.progress
+        if progress is None:
+            raise ConfigError(f"`{self.folder / self.LAST}` holds no training to resume")
+        self.graph.load_state_dict(checkpoint.weights)
+        self.averaged.module.load_state_dict(self.component.state_dict())
+        self.component.load_state_dict(progress["component"])
+        self.optimiser.load_state_dict(progress["optimiser"])
+        torch.set_rng_state(progress["torch_rng"])
+        self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
+        self.history = checkpoint.history[self.settings.component]
+        self.checkpoint = checkpoint
+
+
+def _score(figures: dict[str, float]) -> float:
+    """More is better: mIoU of labels, or the negative RMSE of depth."""
+    return figures["miou"] if "miou" in figures else -figures["rmse"]
+
+
+def _optimiser(component: nn.Module, settings: Settings) -> torch.optim.Optimizer:
+    """Weight decay on convolutions alone; the encoder at its own rate."""
+    groups: dict[tuple[bool, bool], list[nn.Parameter]] = {}
+    for name, parameter in component.named_parameters():
+        encoder = name.startswith("unet.encoder")
+        groups.setdefault((encoder, parameter.dim() > 1), []).append(parameter)
+    listed = [
+        {
+            "params": parameters,
+            "lr": settings.lr * (settings.encoder_lr if encoder else 1.0),
+            "base_lr": settings.lr * (settings.encoder_lr if encoder else 1.0),
+            "weight_decay": settings.weight_decay if decays else 0.0,
+        }
+        for (encoder, decays), parameters in groups.items()
+    ]
+    kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
+    return kinds[settings.optimiser](listed)
+
+
+def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torch.Tensor:
+    """Frequency to the power `-class_power`, scaled to a mean of 1 over pixels; `[C]`."""
+    counts = np.zeros(256)
+    for picture in data.labels[:: max(1, len(data) // 200)]:
+        counts += np.bincount(picture[::4, ::4].ravel(), minlength=256)
+    share = counts[: len(graph.spec.classes)] / max(1.0, counts[:IGNORE].sum())
+    weights = np.maximum(share, 1e-3) ** -settings.class_power
+    return torch.tensor(weights / (weights * share).sum(), dtype=torch.float32)

@@ -1,0 +1,90 @@
+"""One component of a serial graph: a U-Net, or one of the paper's dense systems."""
+
+import torch
+from torch import nn
+
+from nunet_models.zoo.backbones import build_unet
+from nunet_models.zoo.dense import DENSE
+from nunet_models.zoo.memory import ConvLstm
+from nunet_models.zoo.spec import ComponentSpec
+
+STRIDE = 32  # of a U-Net's bottleneck, where its memory lies
+
+State = tuple[torch.Tensor, torch.Tensor]
+"""Hidden and cell of a component's memory, each `[B, units, h / 32, w / 32]`."""
+
+
+class Component(nn.Module):
+    """`[B, in, h, w]` to raw numbers `[B, out, h, w]`.
+
+    Raw numbers are logits (segmentation) or the head's linear output (depth).
+    """
+
+    def __init__(
+        self,
+        spec: ComponentSpec,
+        *,
+        in_channels: int,
+        out_channels: int,
+        size: tuple[int, int],
+    ) -> None:
+        super().__init__()
+        self.spec = spec
+        self.size = size
+        if spec.backbone in DENSE:
+            self.dense = DENSE[spec.backbone](
+                in_channels=in_channels, out_channels=out_channels, size=size, width=spec.width
+            )
+            return
+        self.unet = build_unet(
+            spec.backbone,
+            in_channels=in_channels,
+            out_channels=out_channels,
+            decoder_channels=spec.decoder_channels,
+            drop_path=spec.drop_path,
+        )
+        self.dropout = nn.Dropout2d(spec.dropout) if spec.dropout else nn.Identity()
+        if spec.memory:
+            self.memory = ConvLstm(self.unet.encoder.out_channels[-1], spec.memory)
+
+    @property
+    def head(self) -> nn.Conv2d | nn.Linear:
+        """The last layer, which gives the raw numbers."""
+        return self.dense.head if hasattr(self, "dense") else self.unet.segmentation_head[0]
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Raw numbers of one picture, or of the first of a stream."""
+        if hasattr(self, "dense"):
+            return self.dense(x)
+        if self.spec.memory:
+            return self.remembering(x, self.no_state(len(x)))[0]
+        return self._decoded(self.unet.encoder(x))
+
+    def remembering(self, x: torch.Tensor, state: State) -> tuple[torch.Tensor, State]:
+        """Raw numbers of the next picture of a stream, and the state to give with the one after."""
+        maps = list(self.unet.encoder(x))
+        maps[-1], *state = self.memory(maps[-1], *state)
+        return self._decoded(maps), tuple(state)
+
+    def no_state(self, batch: int = 1) -> State:
+        """The state before the first picture: zeros."""
+        height, width = (-(-side // STRIDE) for side in self.size)  # rounded up, as strides round
+        shape = (batch, self.spec.memory, height, width)
+        return torch.zeros(shape), torch.zeros(shape)
+
+    def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
+        return self.unet.segmentation_head(self.dropout(self.unet.decoder(maps)))
+
+    def freeze(self) -> None:
+        """Stop all learning here, batch-norm statistics included (see `train`)."""
+        self.requires_grad_(False)
+        self.eval()
+
+    @property
+    def frozen(self) -> bool:
+        """Whether no parameter of this component learns."""
+        return not any(p.requires_grad for p in self.parameters())
+
+    def train(self, mode: bool = True) -> "Component":
+        """Enter or leave training; a frozen component stays as it is evaluated."""
+        return super().train(mode and not self.frozen)

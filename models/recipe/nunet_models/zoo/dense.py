@@ -1,0 +1,121 @@
+"""The paper's CNN and RCNN: few convolutions, then dense layers that give every pixel.
+
+Layer for layer the paper's published Keras code (convolutions without padding), scaled by
+`width` only for tests. They are bound to one picture size, unlike a U-Net.
+"""
+
+import torch
+from torch import nn
+
+from nunet_models.errors import ConfigError
+
+DROPOUT = 0.5
+
+
+def _scaled(units: int, width: float) -> int:
+    return max(1, round(units * width))
+
+
+class Cnn(nn.Module):
+    """`[B, in, h, w]` to `[B, out, h, w]` through two convolutions and six dense layers."""
+
+    def __init__(
+        self, *, in_channels: int, out_channels: int, size: tuple[int, int], width: float = 1.0
+    ) -> None:
+        super().__init__()
+        self.shape = (out_channels, *size)
+        first, second = _scaled(30, width), _scaled(15, width)
+        self.features = nn.Sequential(
+            nn.Conv2d(in_channels, first, 5),
+            nn.ReLU(),
+            nn.MaxPool2d(2),
+            nn.Conv2d(first, second, 3),
+            nn.ReLU(),
+            nn.MaxPool2d(2),
+            nn.Dropout(DROPOUT),
+            nn.Flatten(),
+        )
+        units = _features_of(self.features, in_channels, size)[1]
+        layers: list[nn.Module] = []
+        for wanted in (128, 128, 128, 64, 64):
+            layers += [nn.Linear(units, _scaled(wanted, width)), nn.ReLU(), nn.Dropout(DROPOUT)]
+            units = _scaled(wanted, width)
+        self.hidden = nn.Sequential(*layers)
+        self.head = nn.Linear(units, out_channels * size[0] * size[1])
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Features, hidden layers, one number a pixel."""
+        return self.head(self.hidden(self.features(x))).unflatten(1, self.shape)
+
+
+class Rcnn(nn.Module):
+    """`[B, in, h, w]` to `[B, out, h, w]`: rows of a feature map read in turn by two LSTMs."""
+
+    def __init__(
+        self, *, in_channels: int, out_channels: int, size: tuple[int, int], width: float = 1.0
+    ) -> None:
+        super().__init__()
+        self.shape = (out_channels, *size)
+        first, second = _scaled(30, width), _scaled(15, width)
+        self.features = nn.Sequential(
+            nn.Conv2d(in_channels, first, 10),
+            nn.ReLU(),
+            nn.MaxPool2d(4),
+            nn.Conv2d(first, second, 6),
+            nn.ReLU(),
+            nn.MaxPool2d(4),
+            nn.Dropout(DROPOUT),
+        )
+        channels, _, columns = _features_of(self.features, in_channels, size)[1:]
+        units, narrow = _scaled(512, width), _scaled(128, width)
+        self.rows = RowLstm(channels * columns, units)
+        self.between = nn.Linear(units, units)
+        self.summary = RowLstm(units, units)
+        self.narrow = nn.Linear(units, narrow)
+        self.head = nn.Linear(narrow, out_channels * size[0] * size[1])
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Rows of the map as a sequence, two LSTMs, one number a pixel."""
+        rows = self.features(x).permute(0, 2, 3, 1).flatten(2)  # [B, rows, columns * channels]
+        sequence = self.between(self.rows(rows)).relu()
+        last = self.summary(sequence)[:, -1]
+        return self.head(self.narrow(last).relu()).unflatten(1, self.shape)
+
+
+class RowLstm(nn.Module):
+    """An LSTM over `[B, T, in]` to `[B, T, units]` with one bias, as Keras has it.
+
+    torch's own LSTM has two biases, so its parameter count could not match the paper's.
+    """
+
+    def __init__(self, in_features: int, units: int) -> None:
+        super().__init__()
+        self.units = units
+        self.from_input = nn.Linear(in_features, 4 * units)
+        self.from_hidden = nn.Linear(units, 4 * units, bias=False)
+
+    def forward(self, sequence: torch.Tensor) -> torch.Tensor:
+        """Gates in the order input, forget, candidate, output (Hochreiter, Schmidhuber 1997)."""
+        gates_from_input = self.from_input(sequence)
+        hidden = sequence.new_zeros(len(sequence), self.units)
+        cell = hidden
+        steps = []
+        for step in range(sequence.shape[1]):
+            gates = gates_from_input[:, step] + self.from_hidden(hidden)
+            take, keep, candidate, give = gates.chunk(4, dim=1)
+            cell = keep.sigmoid() * cell + take.sigmoid() * candidate.tanh()
+            hidden = give.sigmoid() * cell.tanh()
+            steps.append(hidden)
+        return torch.stack(steps, dim=1)
+
+
+def _features_of(features: nn.Module, in_channels: int, size: tuple[int, int]) -> torch.Size:
+    try:
+        with torch.no_grad():
+            return features.eval()(torch.zeros(1, in_channels, *size)).shape
+    except RuntimeError as error:
+        raise ConfigError(f"pictures of {size} are too small for the unpadded layers") from error
+
+
+DENSE: dict[str, type[nn.Module]] = {"cnn": Cnn, "rcnn": Rcnn}
+"""Systems that stand where a backbone's name stands in a component's spec."""

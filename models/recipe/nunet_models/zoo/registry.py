@@ -1,0 +1,86 @@
+"""Architectures by name."""
+
+import re
+from collections.abc import Callable
+
+from nunet_models.errors import ConfigError
+from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec, Task
+
+MEMORY_UNITS = 64  # of W-Net Connected's convolutional LSTM
+
+
+def _unet(name: str, task: Task, backbone: str, *, connected: bool = True) -> ComponentSpec:
+    return ComponentSpec(name, task, backbone, connected=connected)
+
+
+def _segmentation(backbone: str) -> ComponentSpec:
+    return _unet("segmentation", "segmentation", backbone)
+
+
+ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
+    # the paper's systems without a U-Net before them
+    "cnn": lambda _: (ComponentSpec("depth", "depth", "cnn"),),
+    "rcnn": lambda _: (ComponentSpec("depth", "depth", "rcnn"),),
+    "unet": lambda b: (_unet("depth", "depth", b),),
+    # a segmentation U-Net, then a depth system that sees its logits alone
+    "unet_cnn": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", "cnn", False)),
+    "unet_rcnn": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", "rcnn", False)),
+    "wnet": lambda b: (_segmentation(b), _unet("depth", "depth", b, connected=False)),
+    # W-Net Connected: the depth U-Net sees the image beside the logits
+    "wnet_c": lambda b: (_segmentation(b), _unet("depth", "depth", b)),
+    "wnet_c_lstm": lambda b: (
+        _segmentation(b),
+        ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS),
+    ),
+}
+"""Each from the name of its backbone; `nunetN` and `nunetN_c` beside these for any N."""
+
+_SERIES = re.compile(r"nunet(?P<count>[1-9]\d?)(?P<connected>_c)?")
+
+
+def architecture_names() -> str:
+    """What may stand for an architecture, for help and errors."""
+    return "one of " + ", ".join([*ARCHITECTURES, "nunetN", "nunetN_c"])
+
+
+def graph_spec(
+    architecture: str,
+    *,
+    backbone: str = "efficientnet_lite0",
+    decoder: tuple[int, ...] = LITE_DECODER,
+    **fields: object,
+) -> GraphSpec:
+    """The spec of a named architecture; `fields` overrides those of `GraphSpec`.
+
+    `backbone` may name one for each component, separated by commas. `nunetN` is a segmentation
+    U-Net and N - 1 depth U-Nets, each refining the one before (N = 1: one depth U-Net);
+    `nunetN_c` shows the image to all of them.
+    """
+    backbones = backbone.split(",")
+    series = _SERIES.fullmatch(architecture)
+    if series:
+        components = _series(int(series["count"]), series["connected"] is not None, backbones[0])
+    elif architecture in ARCHITECTURES:
+        components = ARCHITECTURES[architecture](backbones[0])
+    else:
+        raise ConfigError(f"no architecture `{architecture}`; hint: {architecture_names()}")
+    if len(backbones) not in {1, len(components)}:
+        raise ConfigError(
+            f"`{backbone}` names {len(backbones)} backbones; `{architecture}` has "
+            f"{len(components)} components"
+        )
+    if len(backbones) > 1:
+        pairs = zip(components, backbones, strict=True)
+        components = tuple(c.changed(backbone=b) for c, b in pairs)
+    components = tuple(c.changed(decoder_channels=decoder) for c in components)
+    return GraphSpec(architecture, components, **fields)
+
+
+def _series(count: int, connected: bool, backbone: str) -> tuple[ComponentSpec, ...]:
+    if count == 1:
+        return ARCHITECTURES["unet"](backbone)
+    refining = tuple(
+        _unet(f"coarse{k}", "depth", backbone, connected=connected) for k in range(1, count - 1)
+    )
+    last = _unet("depth", "depth", backbone, connected=connected)
+    return (_segmentation(backbone), *refining, last)

@@ -1,0 +1,60 @@
+"""N components in series: the network that trains, without the model file's byte tensors."""
+
+import torch
+from torch import nn
+
+from nunet_models.zoo.component import Component, State
+from nunet_models.zoo.spec import GraphSpec
+
+
+class SerialGraph(nn.Module):
+    """Components in series; each later one reads the raw numbers of the one before it.
+
+    A *connected* component reads the image as well, image channels first. Raw numbers cross the
+    joint (a sigmoid only where the spec keeps the paper's): softmax would hide how sure the
+    earlier component is, and costs time.
+    """
+
+    def __init__(self, spec: GraphSpec) -> None:
+        super().__init__()
+        self.spec = spec
+        self.components = nn.ModuleList()
+        before = 0
+        for index, component in enumerate(spec.components):
+            sees_image = component.connected or index == 0
+            out_channels = spec.outputs_of(component)
+            self.components.append(
+                Component(
+                    component,
+                    in_channels=before + (3 if sees_image else 0),
+                    out_channels=out_channels,
+                    size=spec.inner_size,
+                )
+            )
+            before = out_channels
+
+    def forward(self, image: torch.Tensor) -> list[torch.Tensor]:
+        """Image `[B, 3, h, w]`, normalised, to the raw numbers of every component in order."""
+        outputs: list[torch.Tensor] = []
+        for component in self.components:
+            outputs.append(component(self.joint(image, outputs)))
+        return outputs
+
+    def remembering(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
+        """The same for the next picture of a stream; the last component carries the state."""
+        outputs: list[torch.Tensor] = []
+        for component in self.components[:-1]:
+            outputs.append(component(self.joint(image, outputs)))
+        raw, state = self.components[-1].remembering(self.joint(image, outputs), state)
+        return [*outputs, raw], state
+
+    def joint(self, image: torch.Tensor, outputs: list[torch.Tensor]) -> torch.Tensor:
+        """What the next component reads, given the outputs so far."""
+        if not outputs:
+            return image
+        features = outputs[-1]
+        if self.spec.components[len(outputs) - 1].sigmoid_joint:
+            features = features.sigmoid()
+        if self.spec.components[len(outputs)].connected:
+            return torch.cat([image, features], dim=1)
+        return features

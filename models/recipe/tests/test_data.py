@@ -1,0 +1,149 @@
+"""Reading, caching and augmenting pairs, and what is said of bad data."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from nunet_models.classes import IGNORE, labels13_from_labels40
+from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented, zoomed
+from nunet_models.data.batches import epoch_batches
+from nunet_models.data.cache import build_cache
+from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids
+from nunet_models.errors import DataError
+
+
+def test_a_pair_is_metres_with_nan_where_there_is_none(dataset):
+    path = dataset / "depth" / "0000.png"
+    values = np.array(Image.open(path))
+    values[0, 0] = 0
+    Image.fromarray(values).save(path)
+    pair = FolderPairs(dataset, ["0000"], units=DepthUnits())[0]
+    assert np.isnan(pair.depth_m[0, 0])
+    assert pair.depth_m[5, 5] == pytest.approx(values[5, 5] / 1000)
+    assert pair.depth_m.dtype == np.float32
+
+
+def test_eight_bit_depth_with_an_offset_has_no_holes():
+    units = DepthUnits(scale_m=9.99547 / 255, offset=0.5, zero_is_none=False)
+    assert units.metres(np.array([0, 255], np.uint8)) == pytest.approx([0.0196, 10.0151], abs=1e-4)
+
+
+def test_outside_of_the_window_there_is_no_truth(dataset):
+    pair = FolderPairs(dataset, ["0000"], units=DepthUnits(), window=(2, 4, 90, 120))[0]
+    assert np.isnan(pair.depth_m[1]).all() and np.isnan(pair.depth_m[:, 3]).all()
+    assert np.isfinite(pair.depth_m[2:90, 4:120]).all()
+    assert (pair.labels[1] == IGNORE).all()
+
+
+def test_labels40_fold_to_13_and_the_rest_is_ignored():
+    assert labels13_from_labels40(np.array([0, 1, 38, 39, 255], np.uint8)).tolist() == [
+        11,
+        4,
+        5,
+        IGNORE,
+        IGNORE,
+    ]
+
+
+def test_a_missing_file_is_named(dataset):
+    (dataset / "depth" / "0002.png").unlink()
+    with pytest.raises(DataError, match=r"depth/0002\.png` is missing"):
+        FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
+
+
+def test_a_corrupt_picture_is_named(dataset):
+    (dataset / "rgb" / "0001.png").write_bytes(b"\x89PNG no more")
+    with pytest.raises(DataError, match=r"0001\.png` cannot be read"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+def test_depth_of_another_size_is_named_with_both_sizes(dataset):
+    Image.new("I;16", (64, 48)).save(dataset / "depth" / "0001.png")
+    with pytest.raises(DataError, match=r"\(48, 64\).*\(96, 128\)"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+def test_depth_with_colour_channels_is_refused(dataset):
+    Image.new("RGB", (128, 96)).save(dataset / "depth" / "0001.png")
+    with pytest.raises(DataError, match="3 channels"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+@pytest.mark.parametrize(("text", "word"), [("", "no ids"), ("a\nb\na", "twice")])
+def test_a_bad_id_list_is_refused(tmp_path, text, word):
+    path = tmp_path / "ids.txt"
+    path.write_text(text)
+    with pytest.raises(DataError, match=word):
+        read_ids(path)
+
+
+def test_a_cache_gives_the_pairs_back_to_a_tenth_of_a_millimetre(pairs, tmp_path):
+    cached = build_cache(pairs, tmp_path / "cache")
+    pair = pairs[3]
+    assert np.array_equal(cached.rgb[3], pair.rgb)
+    assert np.array_equal(cached.labels[3], pair.labels)
+    assert np.abs(cached.depth_m(3) - pair.depth_m).max() <= 1.01e-4
+
+
+def test_a_second_run_decodes_nothing(pairs, tmp_path, monkeypatch):
+    build_cache(pairs, tmp_path / "cache")
+    monkeypatch.setattr(FolderPairs, "__getitem__", lambda *_: pytest.fail("decoded again"))
+    assert len(build_cache(pairs, tmp_path / "cache")) == len(pairs)
+
+
+def a_sample(size=(96, 128)):
+    rows = np.arange(size[0], dtype=np.float32)[:, None] * np.ones(size[1], np.float32)
+    rgb = np.repeat(rows[..., None], 3, axis=2).astype(np.uint8)
+    return Sample(rgb, rows + 1.0, (rows // 40).astype(np.uint8))
+
+
+def test_without_augmentation_the_picture_is_downsampled_by_area():
+    sample = a_sample()
+    out = augmented(sample, NO_AUGMENTATION, size=(48, 64), random=np.random.default_rng(0))
+    mean = sample.rgb.reshape(48, 2, 64, 2, 3).mean(axis=(1, 3))
+    assert np.abs(out.rgb - mean).max() <= 0.5
+    assert out.depth_m.shape == (48, 64)
+
+
+def test_a_zoom_divides_depth_by_its_factor():
+    out = zoomed(a_sample(), 2.0, size=(96, 128), corner=np.array([0.0, 0.0]))
+    assert out.depth_m[0, 0] == pytest.approx(0.5)
+    assert out.depth_m.max() == pytest.approx(48 / 2)  # the lower half lies outside the window
+
+
+def test_a_zoom_below_one_leaves_a_margin_without_truth():
+    out = zoomed(a_sample(), 0.5, size=(96, 128), corner=np.array([0.5, 0.5]))
+    assert np.isnan(out.depth_m[0]).all() and (out.labels[0] == IGNORE).all()
+    assert out.depth_m[48, 64] == pytest.approx(2.0 * 49, rel=0.05)
+    assert (out.rgb[0] == 127).all()
+
+
+def test_strong_augmentation_keeps_dtypes_and_plausible_depth():
+    for seed in range(20):
+        out = augmented(a_sample(), STRONG, size=(48, 64), random=np.random.default_rng(seed))
+        assert (out.rgb.dtype, out.depth_m.dtype, out.labels.dtype) == (
+            np.uint8,
+            np.float32,
+            np.uint8,
+        )
+        known = out.depth_m[np.isfinite(out.depth_m)]
+        assert known.min() >= 1 / 1.6 - 1e-6 and known.max() <= 96 / 0.85 + 1e-3
+
+
+def test_batches_of_a_seed_and_epoch_are_the_same_from_any_start(pairs, tmp_path):
+    cached = build_cache(pairs, tmp_path / "cache")
+    how = dict(size=(48, 64), batch=2, seed=3, epoch=1, workers=0)
+    whole = list(epoch_batches(cached, STRONG, **how))
+    rest = list(epoch_batches(cached, STRONG, first=1, **how))
+    assert len(whole) == 3 and len(rest) == 2
+    assert (whole[1].rgb == rest[0].rgb).all()
+    assert whole[1].depth_m.nan_to_num(0).equal(rest[0].depth_m.nan_to_num(0))
+
+
+def test_another_epoch_draws_other_pictures(pairs, tmp_path):
+    cached = build_cache(pairs, tmp_path / "cache")
+    one, other = (
+        next(epoch_batches(cached, STRONG, size=(48, 64), batch=2, seed=3, epoch=e, workers=0))
+        for e in (0, 1)
+    )
+    assert not (one.rgb == other.rgb).all()

@@ -1,0 +1,116 @@
+"""Evaluation: protocols, baselines and the command, on numbers worked out by hand."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nunet_models.cli import main
+from nunet_models.data.pairs import Pair
+from nunet_models.errors import ConfigError, DataError
+from nunet_models.evaluation.clip import clip_figures
+from nunet_models.evaluation.compare import compare, mean_image, mean_stretched_image, stretched
+from nunet_models.evaluation.predict import Prediction, Predictor
+from nunet_models.evaluation.protocol import EIGEN, FULL
+
+TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
+
+
+def a_pair(depth, identity="0"):
+    depth = np.array(depth, np.float32)
+    return Pair(identity, np.zeros((*depth.shape, 3), np.uint8), depth, None)
+
+
+def answering(depth):
+    return lambda _: Prediction(np.array(depth, np.float32), None)
+
+
+def test_eigen_s_crop_and_cap():
+    depth = np.full((480, 640), 20.0, np.float32)
+    depth[45, 41] = np.nan
+    cropped = EIGEN.depth(depth)
+    assert cropped.shape == (426, 560)
+    assert np.isnan(cropped[0, 0]) and cropped[1, 1] == 10.0
+
+
+def test_eigen_s_crop_refuses_another_size():
+    with pytest.raises(DataError, match=r"\(480, 640\); this one is \(96, 128\)"):
+        EIGEN.depth(np.zeros((96, 128)))
+
+
+def test_a_comparison_gives_metres_and_the_paper_s_stretched_error():
+    found = compare(
+        [a_pair([[1, 2], [3, 5]])],
+        answering([[2, 2], [4, 4]]),
+        protocol=FULL,
+        metric=True,
+        classes=0,
+    ).figures()
+    assert found["metrics"]["mse"] == pytest.approx((1 + 0 + 1 + 1) / 4)
+    # truth 0 .25 .5 1, prediction 0 0 1 1
+    assert found["minmax"]["mse"] == pytest.approx((0 + 0.0625 + 0.25 + 0) / 4, rel=1e-5)
+
+
+def test_a_minmax_network_is_not_stretched_again():
+    found = compare(
+        [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
+    ).figures()
+    assert found["metrics"] == {}
+    assert found["minmax"]["mse"] == pytest.approx(0.25, rel=1e-5)
+
+
+def test_stretching_keeps_unknown_pixels_unknown():
+    depth = np.array([[1.0, 9.0, 3.0]])
+    out = stretched(depth, np.array([[True, False, True]]))
+    assert out[0, 0] == 0.0 and np.isnan(out[0, 1]) and out[0, 2] == 1.0
+
+
+def test_the_mean_image_averages_what_is_known():
+    pairs = [a_pair([[1.0, np.nan, np.nan]]), a_pair([[3.0, 4.0, np.nan]])]
+    assert mean_image(pairs)[0].tolist() == [2.0, 4.0, pytest.approx(8 / 3)]
+    assert mean_stretched_image(pairs)[0].tolist() == [0.0, 1.0, 0.5]
+
+
+def test_a_clip_s_scale_and_flicker():
+    frames = [a_pair(np.full((8, 8), 2.0)), a_pair(np.full((8, 8), 2.0))]
+    answers = iter([np.full((8, 8), 1.0), np.full((8, 8), 1.1)])
+    found = clip_figures(frames, lambda _: Prediction(next(answers), None))
+    assert found["abs_rel_median"] == pytest.approx((0.5 + 0.45) / 2)
+    assert found["scale"] == pytest.approx((2 + 2 / 1.1) / 2)
+    assert found["flicker_m"] == pytest.approx(0.1)
+
+
+def test_focal_scaling_compares_cameras_at_one_size():
+    predictor = Predictor(TINY)
+    assert predictor.focal_scale(518.858, 640) == pytest.approx(1.0)
+    assert predictor.focal_scale(518.858, 1280) == pytest.approx(0.5)
+
+
+def test_a_picture_of_another_size_is_answered_at_its_own():
+    prediction = Predictor(TINY)(np.zeros((50, 70, 3), np.uint8))
+    assert prediction.depth.shape == (50, 70) and prediction.labels.shape == (50, 70)
+
+
+def test_a_file_that_is_no_model_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="no model file"):
+        Predictor(tmp_path / "absent.onnx")
+
+
+def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
+    rows = tmp_path / "rows.csv"
+    code = main(
+        [
+            *("evaluate", "--model", str(TINY), "--data", str(dataset), "--protocol", "full"),
+            *("--ids", str(dataset / "val.txt"), "--baseline-ids", str(dataset / "train.txt")),
+            *("--csv", str(rows), "--clip"),
+        ]
+    )
+    found = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert found["pictures"] == 2 and len(rows.read_text().splitlines()) == 3
+    names = "mse rmse rmse_log log10 abs_rel sq_rel silog delta1 delta2 delta3".split()
+    assert list(found["metrics"]) == names
+    assert set(found["labels"]) == {"miou", "accuracy"}
+    assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
+    assert found["clip"]["flicker_m"] >= 0

@@ -1,0 +1,126 @@
+"""Losses against values worked out by hand."""
+
+import math
+
+import pytest
+import torch
+
+from nunet_models import losses
+from nunet_models.classes import IGNORE
+from nunet_models.errors import ConfigError
+
+NAN = float("nan")
+
+
+def picture(*values):
+    return torch.tensor(values, dtype=torch.float32).reshape(1, 1, 1, -1)
+
+
+def test_mse_skips_pixels_without_truth():
+    # ((1-2)^2 + (3-5)^2) / 2
+    assert losses.mse(picture(1, 3, 9), picture(2, 5, NAN)).item() == pytest.approx(2.5)
+
+
+def test_l1_is_the_mean_absolute_error():
+    assert losses.l1(picture(1, 3), picture(2, 5)).item() == pytest.approx(1.5)
+
+
+def test_scale_invariant_with_lambda_zero_is_the_squared_log_error():
+    # d = ln 2, 0: (ln2^2 + 0) / 2
+    value = losses.scale_invariant(picture(2, 3), picture(1, 3), lam=0.0).item()
+    assert value == pytest.approx(math.log(2) ** 2 / 2)
+
+
+def test_scale_invariant_subtracts_lambda_times_the_squared_mean():
+    # d = ln 2 everywhere: ln2^2 - 0.5 ln2^2
+    value = losses.scale_invariant(picture(2, 4), picture(1, 2), lam=0.5).item()
+    assert value == pytest.approx(0.5 * math.log(2) ** 2, rel=1e-6)
+
+
+def test_scale_invariant_clips_at_1e_7():
+    # prediction 0 counts as 1e-7: d = ln 1e-7
+    value = losses.scale_invariant(picture(0), picture(1), lam=0.0).item()
+    assert value == pytest.approx(math.log(1e-7) ** 2, rel=1e-5)
+
+
+@pytest.mark.parametrize("lam", [-0.1, 1.0])
+def test_scale_invariant_refuses_lambda_outside_its_range(lam):
+    with pytest.raises(ConfigError, match="0 <= lambda < 1"):
+        losses.scale_invariant(picture(1), picture(1), lam=lam)
+
+
+def test_msle_is_the_squared_difference_of_log1p():
+    value = losses.msle(picture(1, 0), picture(3, 0)).item()
+    assert value == pytest.approx((math.log(2) - math.log(4)) ** 2 / 2, rel=1e-5)
+
+
+def test_berhu_is_linear_below_c_and_quadratic_above():
+    # errors 1 and 10, c = 2: 1 and (100 + 4) / 4 = 26
+    assert losses.berhu(picture(1, 10), picture(0, 0)).item() == pytest.approx((1 + 26) / 2)
+
+
+def test_silog_is_the_root_with_lambda_085():
+    # d = 1 everywhere: sqrt(1 - 0.85)
+    assert losses.silog(picture(2, 3), picture(1, 2)).item() == pytest.approx(
+        math.sqrt(0.15), rel=1e-5
+    )
+
+
+def test_silog_treats_each_picture_alone():
+    one = losses.silog(picture(2, 3), picture(1, 2))
+    other = losses.silog(picture(5, 2), picture(1, NAN))
+    both = losses.silog(
+        torch.cat([picture(2, 3), picture(5, 2)]), torch.cat([picture(1, 2), picture(1, NAN)])
+    )
+    assert both.item() == pytest.approx((one.item() + other.item()) / 2, rel=1e-6)
+
+
+def test_gradient_matching_ignores_a_constant_offset():
+    truth = torch.rand(1, 1, 16, 16)
+    assert losses.gradient_matching(truth + 0.7, truth).item() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_gradient_matching_of_a_slope_grows_with_the_scale():
+    # d rises by 1 a column: steps of 1, 2, 4, 8 across, none down; each mean halves by the
+    # direction without change (equal counts in a square), so (1 + 2 + 4 + 8) / 2 / 4
+    d = torch.arange(16.0).expand(1, 1, 16, 16)
+    assert losses.gradient_matching(d, torch.zeros_like(d)).item() == pytest.approx(15 / 8)
+
+
+def test_gradient_matching_drops_steps_to_unknown_pixels():
+    d = picture(0, 5, 1).expand(1, 1, 1, 3)
+    truth = picture(0, NAN, 0)
+    # at scale 1 both steps touch the unknown pixel; at scale 2 pixels 0 and 2 remain: step 1
+    assert losses.gradient_matching(d, truth).item() == pytest.approx(1 / 4)
+
+
+def test_cross_entropy_skips_ignored_pixels():
+    logits = torch.tensor([[0.0, 0.0], [0.0, 9.0]]).reshape(1, 2, 1, 2)
+    labels = torch.tensor([[[1, IGNORE]]])
+    assert losses.cross_entropy(logits, labels).item() == pytest.approx(math.log(2), rel=1e-6)
+
+
+def test_a_loss_is_parsed_by_name_and_weight():
+    assert losses.parse_loss("l1_log, silog=0.5") == {"l1_log": 1.0, "silog": 0.5}
+
+
+@pytest.mark.parametrize("text", ["l3", "l1=much"])
+def test_an_unknown_loss_is_refused_by_name(text):
+    with pytest.raises(ConfigError, match=r"l3|much"):
+        losses.parse_loss(text)
+
+
+def test_a_log_network_is_compared_in_metres_where_the_loss_is_linear():
+    raw = picture(math.log(2.0))
+    value = losses.weighted_depth_loss(raw, picture(3.0), weights={"mse": 2.0}, log_network=True)
+    assert value.item() == pytest.approx(2.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", [*losses.IN_LINEAR, *losses.IN_LOG])
+def test_every_loss_has_a_finite_gradient_with_holes_in_the_truth(name):
+    raw = torch.zeros(2, 1, 8, 8, requires_grad=True)
+    truth = torch.rand(2, 1, 8, 8) + 0.5
+    truth[:, :, :3] = NAN
+    losses.weighted_depth_loss(raw, truth, weights={name: 1.0}, log_network=True).backward()
+    assert raw.grad.isfinite().all()
+    assert raw.grad.abs().sum() > 0

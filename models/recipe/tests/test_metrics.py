@@ -1,0 +1,61 @@
+"""Metrics against values worked out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from nunet_models.classes import IGNORE
+from nunet_models.metrics import DepthMetrics, LabelMetrics
+
+
+def figures(predicted, truth):
+    metrics = DepthMetrics()
+    metrics.add(np.array(predicted, dtype=np.float32), np.array(truth, dtype=np.float32))
+    return metrics.figures()
+
+
+def test_every_depth_figure_of_two_pixels():
+    found = figures([2.0, 2.0], [1.0, 4.0])
+    ln2 = math.log(2)
+    assert found["mse"] == pytest.approx((1 + 4) / 2)
+    assert found["rmse"] == pytest.approx(math.sqrt(2.5))
+    assert found["rmse_log"] == pytest.approx(ln2)
+    assert found["log10"] == pytest.approx(math.log10(2))
+    assert found["abs_rel"] == pytest.approx((1 + 0.5) / 2)
+    assert found["sq_rel"] == pytest.approx((1 + 1) / 2)
+    assert found["silog"] == pytest.approx(100 * ln2)  # d = ln2, -ln2: the mean is 0
+    assert found["delta1"] == 0.0
+    assert found["delta2"] == 0.0  # 1.25^2 = 1.5625
+    assert found["delta3"] == 0.0  # 1.25^3 = 1.953
+
+
+def test_deltas_count_pixels_within_their_ratio():
+    found = figures([1.2, 1.5, 1.9, 2.1], [1.0, 1.0, 1.0, 1.0])
+    assert (found["delta1"], found["delta2"], found["delta3"]) == (0.25, 0.5, 0.75)
+
+
+def test_silog_is_zero_for_a_wrong_scale():
+    assert figures([2.0, 4.0], [1.0, 2.0])["silog"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_figures_are_pooled_over_pixels_not_pictures():
+    metrics = DepthMetrics()
+    metrics.add(np.array([1.0, 1.0, 1.0]), np.array([2.0, 2.0, 2.0]))
+    metrics.add(np.array([1.0]), np.array([1.0]))
+    assert metrics.figures()["mse"] == pytest.approx(3 / 4)
+
+
+def test_pixels_without_prediction_are_counted():
+    metrics = DepthMetrics()
+    metrics.add(np.array([1.0, np.nan, np.nan]), np.array([1.0, 2.0, np.nan]))
+    assert (metrics.pixels, metrics.missing) == (1, 1)
+
+
+def test_miou_and_accuracy_of_a_small_picture():
+    metrics = LabelMetrics(3)
+    metrics.add(np.array([0, 0, 1, 1]), np.array([0, 1, 1, IGNORE]))
+    found = metrics.figures()
+    # class 0: hit 1, union 2; class 1: hit 1, union 2; class 2 unseen
+    assert found["miou"] == pytest.approx(0.5)
+    assert found["accuracy"] == pytest.approx(2 / 3)

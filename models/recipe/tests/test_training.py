@@ -1,0 +1,120 @@
+"""Training of tiny networks: it learns, stops in time, and resumes to the same losses."""
+
+import csv
+import shutil
+
+import pytest
+import torch
+
+from nunet_models.cli import main
+from nunet_models.export.collections import tiny_spec
+from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.ema import Averaged
+from nunet_models.training.schedule import learning_rate_factor
+from nunet_models.zoo import SerialGraph
+
+
+def train(dataset, run, *more, component="segmentation", epochs=2):
+    return main(
+        [
+            "train",
+            *("--run", str(run), "--data", str(dataset), "--cache", str(dataset / "cache")),
+            *("--train-ids", str(dataset / "train.txt"), "--val-ids", str(dataset / "val.txt")),
+            *("--backbone", "tiny", "--inner-size", "96", "128", "--component", component),
+            *("--epochs", str(epochs), "--batch", "2", "--threads", "1", "--quiet", *more),
+        ]
+    )
+
+
+def rows(run, name):
+    with (run / name).open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(autouse=True)
+def every_step_logged(monkeypatch):
+    monkeypatch.setattr("nunet_models.training.trainer.LOG_EVERY", 1)
+
+
+def test_a_run_leaves_logs_checkpoints_and_tensorboard(dataset, tmp_path):
+    run = tmp_path / "run"
+    assert train(dataset, run) == 0
+    assert len(rows(run, "steps.csv")) == 4
+    assert [row["epoch"] for row in rows(run, "epochs.csv")] == ["1", "2"]
+    assert (run / "best.pt").is_file() and list((run / "tensorboard").iterdir())
+    assert len(Checkpoint.load(run / "last.pt").history["segmentation"]) == 2
+
+
+def test_a_stopped_run_resumes_to_the_same_losses(dataset, tmp_path):
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    noise = ("--dropout", "0.3", "--no-bf16")
+    assert train(dataset, whole, *noise) == 0
+    assert train(dataset, halved, "--minutes", "1e-9", *noise) == 0  # one step, then the budget
+    while len(rows(halved, "steps.csv")) < 4:
+        assert train(dataset, halved, "--minutes", "1e-9", "--resume", *noise) == 0
+    losses = [[row["loss"] for row in rows(run, "steps.csv")] for run in (whole, halved)]
+    assert losses[0] == losses[1]
+    train(dataset, halved, "--resume", *noise)
+    one, other = (Checkpoint.load(run / "last.pt").weights for run in (whole, halved))
+    assert all(torch.equal(one[name], other[name]) for name in one)
+
+
+def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert train(dataset, first, epochs=1) == 0
+    start = ("--start", str(first / "best.pt"), "--like", "segmentation", "--joint-noise", "0.2")
+    assert train(dataset, second, *start, component="depth", epochs=12) == 0
+    before = Checkpoint.load(first / "best.pt").weights
+    after = Checkpoint.load(second / "last.pt").weights
+    for name in before:
+        if name.startswith("components.0"):
+            assert torch.equal(before[name], after[name]), name
+    figures = rows(second, "epochs.csv")
+    assert float(figures[-1]["rmse"]) < float(figures[0]["rmse"])
+
+
+def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
+    (tmp_path / "last.pt").touch()
+    assert train(dataset, tmp_path) == 1
+    assert "hint: `--resume`" in capsys.readouterr().err
+
+
+def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
+    shutil.rmtree(dataset / "label40")
+    assert train(dataset, tmp_path / "run") == 1
+    assert "no labels" in capsys.readouterr().err
+
+
+def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
+    (tmp_path / "last.pt").write_bytes(b"no checkpoint")
+    assert train(dataset, tmp_path, "--resume") == 1
+    assert "last.pt` is no checkpoint" in capsys.readouterr().err
+
+
+def test_an_average_follows_its_module_slowly():
+    module = torch.nn.Linear(1, 1, bias=False)
+    torch.nn.init.zeros_(module.weight)
+    averaged = Averaged(module, decay=0.9)
+    torch.nn.init.ones_(module.weight)
+    averaged.update(step=10**6)
+    assert averaged.module.weight.item() == pytest.approx(0.1)
+
+
+def test_the_schedule_rises_falls_and_ends_at_its_final_share():
+    def factor(step):
+        return learning_rate_factor(step, steps=100, warmup=0.1, final=0.01, schedule="cosine")
+
+    assert factor(0) == pytest.approx(0.1)
+    assert factor(9) == pytest.approx(1.0)
+    assert factor(55) == pytest.approx(0.505)
+    assert factor(100) == pytest.approx(0.01)
+
+
+def test_a_frozen_component_keeps_its_batch_norm_statistics():
+    graph = SerialGraph(tiny_spec("wnet_c"))
+    graph.components[0].freeze()
+    before = {k: v.clone() for k, v in graph.components[0].state_dict().items()}
+    graph.train()
+    graph(torch.rand(2, 3, 96, 128))
+    after = graph.components[0].state_dict()
+    assert all(torch.equal(before[k], after[k]) for k in before)

@@ -1,0 +1,122 @@
+"""The zoo: shapes, wiring and the paper's parameter counts."""
+
+import json
+
+import pytest
+import torch
+
+from nunet_models.errors import ConfigError
+from nunet_models.export.collections import TINY_ARCHITECTURES, tiny_spec
+from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
+from nunet_models.zoo.backbones import build_unet
+from nunet_models.zoo.weights import imagenet_encoder, like_component
+
+
+def parameters(module):
+    return sum(p.numel() for p in module.parameters())
+
+
+@pytest.mark.parametrize("architecture", TINY_ARCHITECTURES)
+def test_every_architecture_gives_raw_numbers_of_its_size(architecture):
+    spec = tiny_spec(architecture)
+    outputs = SerialGraph(spec).eval()(torch.zeros(2, 3, *spec.inner_size))
+    wanted = [(2, spec.outputs_of(c), *spec.inner_size) for c in spec.components]
+    assert [tuple(o.shape) for o in outputs] == wanted
+
+
+@pytest.mark.parametrize("architecture", TINY_ARCHITECTURES)
+def test_a_spec_survives_json(architecture):
+    spec = tiny_spec(architecture)
+    assert GraphSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
+
+
+def test_the_paper_s_networks_have_its_parameter_counts():
+    # Keras: conv 2280 + 4065, dense 35796608 + 2 * 16512 + 8256 + 4160 + 19968000
+    cnn = graph_spec("cnn", inner_size=(480, 640))
+    # Keras: conv 9030 + 16215, LSTM 2217984 + 2099200, dense 262656 + 65664 + 39628800
+    rcnn = graph_spec("rcnn", inner_size=(480, 640))
+    with torch.device("meta"):
+        assert parameters(build_unet("resnet34", in_channels=3, out_channels=1,
+                                     decoder_channels=PAPER_DECODER)) == 24_436_369  # fmt: skip
+    assert parameters(SerialGraph(cnn)) == 55_816_393
+    assert parameters(SerialGraph(rcnn)) == 44_299_549
+
+
+def test_a_connected_component_sees_the_image_and_a_plain_one_does_not():
+    for architecture, channels in (("wnet", 13), ("wnet_c", 16)):
+        graph = SerialGraph(tiny_spec(architecture))
+        assert graph.components[1].unet.encoder.stages[0][0].in_channels == channels
+
+
+def test_logits_cross_the_joint_and_a_sigmoid_only_where_it_is_kept():
+    spec = tiny_spec("wnet")
+    logits = torch.randn(1, 13, 96, 128)
+    assert SerialGraph(spec).joint(torch.zeros(1, 3, 96, 128), [logits]) is logits
+    first, second = spec.components
+    kept = GraphSpec(
+        "wnet",
+        (first.changed(sigmoid_joint=True), second),
+        input_size=(96, 128),
+        inner_size=(96, 128),
+    )
+    joint = SerialGraph(kept).joint(torch.zeros(1, 3, 96, 128), [logits])
+    assert torch.equal(joint, logits.sigmoid())
+
+
+def test_each_component_has_its_own_backbone():
+    spec = graph_spec("nunet3_c", backbone="tiny,resnet18,mobilenet_v2")
+    assert [c.backbone for c in spec.components] == ["tiny", "resnet18", "mobilenet_v2"]
+    assert [c.task for c in spec.components] == ["segmentation", "depth", "depth"]
+
+
+@pytest.mark.parametrize(
+    ("architecture", "backbone", "word"),
+    [
+        ("znet", "tiny", "no architecture `znet`"),
+        ("wnet", "tiny,tiny,tiny", "3 backbones"),
+        ("unet", "resnet9000", "no backbone `resnet9000`"),
+    ],
+)
+def test_unknown_names_are_refused_with_a_hint(architecture, backbone, word):
+    with pytest.raises(ConfigError, match=word):
+        SerialGraph(graph_spec(architecture, backbone=backbone))
+
+
+def test_an_inner_size_that_does_not_divide_is_refused():
+    with pytest.raises(ConfigError, match="whole factor"):
+        graph_spec("unet", inner_size=(224, 320))
+
+
+def test_a_memory_without_training_changes_nothing_and_is_carried_on():
+    graph = SerialGraph(tiny_spec("wnet_c_lstm")).eval()
+    image = torch.randn(1, 3, 96, 128)
+    state = graph.components[-1].no_state()
+    first, state = graph.remembering(image, state)
+    assert torch.allclose(first[-1], graph(image)[-1])
+    assert state[0].abs().sum() > 0
+    torch.nn.init.ones_(graph.components[-1].memory.widen.weight)
+    fresh, _ = graph.remembering(image, graph.components[-1].no_state())
+    again, _ = graph.remembering(image, state)
+    assert not torch.allclose(fresh[-1], again[-1])
+
+
+def test_imagenet_weights_leave_further_input_channels_at_zero():
+    graph = SerialGraph(graph_spec("wnet_c"))
+    for component in graph.components:
+        imagenet_encoder(component)
+    first, second = (c.unet.encoder.model.conv_stem.weight for c in graph.components)
+    assert torch.equal(first, second[:, :3])
+    assert second[:, 3:].abs().sum() == 0
+
+
+def test_no_imagenet_weights_is_said_by_name():
+    with pytest.raises(ConfigError, match="no ImageNet weights for backbone `tiny`"):
+        imagenet_encoder(SerialGraph(tiny_spec("unet")).components[0])
+
+
+def test_a_component_can_start_as_an_earlier_one():
+    graph = SerialGraph(tiny_spec("wnet_c"))
+    like_component(graph.components[1], graph.components[0])
+    theirs, ours = (c.unet.encoder.stages[0][0].weight for c in graph.components)
+    assert torch.equal(ours[:, :3], theirs) and ours[:, 3:].abs().sum() == 0
+    assert graph.components[1].head.weight.shape[0] == 1

@@ -1,0 +1,284 @@
+//! What a user sees when something is wrong: the message, the hint and the exit code, as snapshots.
+
+use std::path::Path;
+use std::process::Command;
+
+use nunet_testkit::models;
+use nunet_testkit::onnx::{ElementType, ModelBuilder};
+
+use crate::support::{Bench, SIZE, camera, nunetd, run, text};
+
+/// Exit code and stderr, with the places of this run replaced.
+fn outcome(bench: &Bench, command: Command) -> String {
+    let output = run(command);
+    let folder = bench.path("");
+    let folder = folder.to_str().unwrap().trim_end_matches('/');
+    let library = nunet_testkit::runtime_library();
+    let stderr = text(&output.stderr)
+        .replace(folder, "[DIR]")
+        .replace(library.to_str().unwrap(), "[LIBRARY]")
+        .replace(env!("CARGO_TARGET_TMPDIR"), "[CACHE]");
+    let code = output.status.code().map_or("none".to_owned(), |code| code.to_string());
+    assert!(output.stdout.is_empty(), "stdout is data: {}", text(&output.stdout));
+    format!("exit code {code}\n{}", stderr.trim_end())
+}
+
+/// Tries a model file.
+fn model(bench: &Bench, name: &str) -> String {
+    let (model, camera) = (bench.arg(name), camera("bad_model"));
+    outcome(bench, nunetd(&["-q", "--model", &model, "--source", "demo", "--frames", "1", "--camera", &camera]))
+}
+
+/// Tries arguments with a good model.
+fn arguments(bench: &Bench, rest: &[&str]) -> String {
+    let (model, camera) = (bench.arg("model.onnx"), camera("bad_arguments"));
+    let mut all = vec!["-q", "--model", &model, "--frames", "1", "--camera", &camera];
+    all.extend(rest);
+    outcome(bench, nunetd(&all))
+}
+
+/// Messages that differ from run to run only in a camera's name or a hash.
+macro_rules! snapshot {
+    ($outcome:expr) => {
+        insta::with_settings!({
+            filters => vec![
+                (r"bad_(model|arguments)_\d+_\d+", "[CAMERA]"),
+                (r"[0-9a-f]{64}", "[HASH]"),
+            ],
+            prepend_module_to_snapshot => false,
+            omit_expression => true,
+            snapshot_path => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/daemon/snapshots"),
+        }, { insta::assert_snapshot!($outcome) })
+    };
+}
+
+#[test]
+fn model_missing() {
+    let bench = Bench::new();
+    snapshot!(model(&bench, "no_such.onnx"));
+}
+
+#[test]
+fn model_name_unknown() {
+    let bench = Bench::new();
+    snapshot!(outcome(&bench, nunetd(&["-q", "--model", "wnet_x", "--frames", "1"])));
+}
+
+#[test]
+fn model_empty() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("empty.onnx"), b"").unwrap();
+    snapshot!(model(&bench, "empty.onnx"));
+}
+
+#[test]
+fn model_truncated() {
+    let bench = Bench::new();
+    let whole = std::fs::read(bench.path("model.onnx")).unwrap();
+    std::fs::write(bench.path("half.onnx"), &whole[..whole.len() / 2]).unwrap();
+    snapshot!(model(&bench, "half.onnx"));
+}
+
+#[test]
+fn model_is_not_onnx() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("text.onnx"), "this is a text and not a network\n").unwrap();
+    snapshot!(model(&bench, "text.onnx"));
+}
+
+#[test]
+fn model_is_a_folder() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("folder.onnx")).unwrap();
+    snapshot!(model(&bench, "folder.onnx"));
+}
+
+#[test]
+fn model_of_another_metadata_version() {
+    let bench = Bench::new();
+    bench.add_model("v2.onnx", &models::unet(SIZE).metadata("nunet.version", "2"));
+    snapshot!(model(&bench, "v2.onnx"));
+}
+
+#[test]
+fn model_without_metadata_and_sidecar() {
+    let bench = Bench::new();
+    bench.add_model("foreign.onnx", &models::undescribed_unet(SIZE));
+    snapshot!(model(&bench, "foreign.onnx"));
+}
+
+#[test]
+fn model_with_depth_of_the_wrong_type() {
+    let bench = Bench::new();
+    let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
+    let to_double = [("to", (ElementType::F64 as i64).into())];
+    let wrong = ModelBuilder::new()
+        .input("rgb", ElementType::U8, &[1, height, width, 3])
+        .constant_i64("shape", &[4], &[1, 3, height, width])
+        .node("Cast", &["rgb"], &["double"], &to_double)
+        .node("Reshape", &["double", "shape"], &["depth"], &[])
+        .output("depth", ElementType::F64, &[1, 3, height, width]);
+    bench.add_model("double.onnx", &models::describe(wrong, "unet", false));
+    snapshot!(model(&bench, "double.onnx"));
+}
+
+#[test]
+fn model_whose_numbers_are_wrong_on_this_machine() {
+    let bench = Bench::new();
+    let rows = |value: &str| format!("[{}]", vec![format!("[{}]", vec![value; 8].join(", ")); 6].join(", "));
+    let selftest = format!(
+        r#"{{"version": 1, "picture": "nunet-selftest-1", "precision": "fp32", "depth": {}, "tolerance": {{"fp32": {{"depth": 0.001, "label_cells": 0}}}}}}"#,
+        rows("3.5")
+    );
+    bench.add_model("wrong.onnx", &models::unet(SIZE).metadata("nunet.selftest", &selftest));
+    snapshot!(model(&bench, "wrong.onnx"));
+}
+
+#[test]
+fn stages_that_do_not_fit() {
+    let bench = Bench::new();
+    bench.add_model("segmentation.onnx", &models::segmentation_stage(SIZE));
+    bench.add_model("depth.onnx", &models::depth_stage((320, 240), true));
+    let manifest = r#"
+version = 1
+[[stage]]
+name = "segmentation"
+model = "segmentation.onnx"
+inputs = { rgb = "image" }
+[[stage]]
+name = "depth"
+model = "depth.onnx"
+inputs = { rgb = "image", features = "segmentation.logits" }
+[outputs]
+depth = "depth.depth"
+"#;
+    std::fs::write(bench.path("mixed.toml"), manifest).unwrap();
+    snapshot!(model(&bench, "mixed.toml"));
+}
+
+#[test]
+fn source_missing() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "no/such/folder"]));
+}
+
+#[test]
+fn source_folder_without_pictures() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("nothing")).unwrap();
+    let folder = bench.arg("nothing");
+    snapshot!(arguments(&bench, &["--source", &folder]));
+}
+
+#[test]
+fn intrinsics_that_are_no_numbers() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--intrinsics", "525,nan,320,240"]));
+}
+
+#[test]
+fn intrinsics_that_are_negative() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--intrinsics", "-525,525,320,240"]));
+}
+
+#[test]
+fn intrinsics_that_are_too_few() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--intrinsics", "525,525,320"]));
+}
+
+#[test]
+fn camera_name_that_is_none() {
+    let bench = Bench::new();
+    let model = bench.arg("model.onnx");
+    snapshot!(outcome(&bench, nunetd(&["-q", "--model", &model, "--camera", "front/left", "--source", "demo"])));
+}
+
+#[test]
+fn rate_that_is_none() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--rate", "0"]));
+}
+
+#[test]
+fn stage_of_every_that_does_not_exist() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--every", "segmentation=2"]));
+}
+
+#[test]
+fn output_folder_that_is_a_file() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("taken"), b"").unwrap();
+    let taken = bench.arg("taken");
+    snapshot!(arguments(&bench, &["--source", "demo", "--out", &taken]));
+}
+
+#[test]
+fn statistics_file_in_a_folder_that_does_not_exist() {
+    let bench = Bench::new();
+    let nowhere = bench.arg("nowhere/stats.json");
+    snapshot!(arguments(&bench, &["--source", "demo", "--stats-json", &nowhere]));
+}
+
+#[test]
+fn library_missing() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--onnxruntime", "/nonexistent/libonnxruntime.so"]));
+}
+
+#[test]
+fn library_that_is_a_text() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("library.so"), "no library\n").unwrap();
+    let library = bench.arg("library.so");
+    snapshot!(arguments(&bench, &["--source", "demo", "--onnxruntime", &library]));
+}
+
+#[test]
+fn provider_that_the_library_has_not() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--provider", "cuda"]));
+}
+
+#[test]
+fn picture_that_is_cut_off() {
+    let bench = Bench::new();
+    bench.add_picture("whole.png", 0);
+    let whole = std::fs::read(bench.path("whole.png")).unwrap();
+    std::fs::write(bench.path("cut.png"), &whole[..whole.len() / 3]).unwrap();
+    let (model, cut, out) = (bench.arg("model.onnx"), bench.arg("cut.png"), bench.arg("out"));
+    snapshot!(outcome(&bench, nunetd(&["-q", "infer", &cut, "--out", &out, "--model", &model])));
+}
+
+#[test]
+fn picture_that_claims_to_be_giant() {
+    let bench = Bench::new();
+    // A PNG's header may claim any size: 60,000 x 60,000 here, with a body of a few bytes.
+    let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xea\x60\0\0\xea\x60\x08\x02\0\0\0".to_vec();
+    png.extend(crc32(&png[12..]).to_be_bytes());
+    png.extend(b"\0\0\0\0IDAT\x35\xaf\x06\x1e");
+    std::fs::write(bench.path("giant.png"), png).unwrap();
+    let (model, giant, out) = (bench.arg("model.onnx"), bench.arg("giant.png"), bench.arg("out"));
+    snapshot!(outcome(&bench, nunetd(&["-q", "infer", &giant, "--out", &out, "--model", &model])));
+}
+
+#[test]
+fn pictures_of_one_name() {
+    let bench = Bench::new();
+    snapshot!(outcome(&bench, nunetd(&["-q", "infer", "a/1.png", "b/1.png", "--out", "out"])));
+}
+
+#[test]
+fn camera_that_nobody_publishes() {
+    let bench = Bench::new();
+    snapshot!(outcome(&bench, nunetd(&["watch", "nobody_is_here", "--timeout", "0.2"])));
+}
+
+/// The checksum of PNG chunks (PNG specification, annex D), bit by bit.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0_u32, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 })
+    })
+}

@@ -1,0 +1,123 @@
+//! Frames through the whole daemon, seen from other processes.
+
+use serde_json::Value;
+
+use crate::support::{Bench, Guarded, camera, nunetd, run, run_well, text};
+
+fn json_lines(bytes: &[u8]) -> Vec<Value> {
+    text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn stats(bench: &Bench) -> Value {
+    serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
+    let bench = Bench::new();
+    let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
+    let name = camera("demo_run");
+    run_well(nunetd(&[
+        "-q", "--model", &model, "--source", "demo", "--frames", "30", "--out", &out, "--stats-json", &stats_file,
+        "--camera", &name,
+    ]));
+    for file in ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "cloud.ply"] {
+        assert!(bench.path("out").join(file).is_file(), "{file} is missing");
+    }
+    let stats = stats(&bench);
+    let frames = &stats["frames"];
+    assert_eq!(frames["captured"], 30);
+    assert_eq!(frames["published"], 30, "files and scenes at full speed lose nothing");
+    assert_eq!(frames["in_flight"], 0);
+    assert_eq!(stats["contract"], 1);
+    assert_eq!(stats["camera"], name.as_str());
+    assert_eq!(stats["model"]["name"], "model.onnx");
+    assert!(stats["latency_ms"]["total"]["p50"].as_f64().unwrap() > 0.0);
+    assert!(stats["latency_ms"]["stages"]["decode"]["p99"].is_number());
+}
+
+#[test]
+fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
+    let bench = Bench::new();
+    let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
+    run_well(nunetd(&[
+        "-q", "--model", &model, "--source", "demo", "--frames", "60", "--out", &out, "--stats-json", &stats_file,
+        "--camera", &camera("steady"),
+    ]));
+    let stats = stats(&bench);
+    assert_eq!(stats["bytes_copied_per_frame"], 0.0);
+    assert_eq!(stats["allocations_per_frame"], 0.0);
+}
+
+#[test]
+fn watch_follows_a_running_daemon_and_its_ledger_balances() {
+    let bench = Bench::new();
+    let (model, name) = (bench.arg("model.onnx"), camera("watched"));
+    let _daemon =
+        Guarded::start(nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "20", "--camera", &name]));
+    let seen = json_lines(&run_well(nunetd(&["watch", &name, "--json", "--frames", "10"])).stdout);
+    assert_eq!(seen.len(), 10);
+    for (earlier, later) in seen.iter().zip(&seen[1..]) {
+        assert!(later["sequence"].as_u64() > earlier["sequence"].as_u64());
+    }
+    let last = &seen[9];
+    assert_eq!(last["contract"], 1);
+    assert_eq!(last["quality"], "full");
+    assert!(last["depth_center_m"].as_f64().unwrap() >= 0.5, "the network's depth starts at 0.5 m");
+    assert!(last["stages"].as_object().unwrap().contains_key("preprocess"));
+    let count = |key: &str| last["frames"][key].as_u64().unwrap();
+    assert_eq!(
+        count("captured"),
+        count("published") + count("superseded") + count("failed") + count("in_flight")
+    );
+}
+
+#[test]
+fn a_feeder_a_daemon_and_a_reader_are_three_processes_and_nothing_is_copied() {
+    let bench = Bench::new();
+    for frame in 0..3 {
+        bench.add_picture(&format!("pictures/{frame}.png"), frame);
+    }
+    let (model, pictures) = (bench.arg("model.onnx"), bench.arg("pictures"));
+    let (front, depth) = (camera("front"), camera("front_depth"));
+    let _feeder = Guarded::start(nunetd(&["-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "30"]));
+    let source = format!("shm:{front}");
+    let _daemon =
+        Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
+    let seen = json_lines(&run_well(nunetd(&["watch", &depth, "--json", "--frames", "20"])).stdout);
+    assert!(seen.iter().all(|frame| frame["bytes_copied"] == 0), "{seen:?}");
+    assert!(seen.iter().all(|frame| frame["scale_source"] == "assumed_camera"), "{seen:?}");
+}
+
+#[test]
+fn the_feeders_own_camera_name_can_carry_the_depth_as_well() {
+    let bench = Bench::new();
+    bench.add_picture("pictures/0.png", 0);
+    let (model, pictures, front) = (bench.arg("model.onnx"), bench.arg("pictures"), camera("same"));
+    let _feeder = Guarded::start(nunetd(&[
+        "-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "30", "--intrinsics", "1050,1050,319.5,239.5",
+    ]));
+    let source = format!("shm:{front}");
+    let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &front]));
+    let seen = json_lines(&run_well(nunetd(&["watch", &front, "--json", "--frames", "3"])).stdout);
+    assert_eq!(seen[2]["scale_source"], "focal_scaled", "the feeder's intrinsics travel with the frames");
+}
+
+#[test]
+fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
+    let bench = Bench::new();
+    bench.add_picture("pictures/0.png", 0);
+    let (model, pictures) = (bench.arg("model.onnx"), bench.arg("pictures"));
+    let (front, depth) = (camera("still"), camera("still_depth"));
+    let source = format!("shm:{front}");
+    let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
+    let early = nunetd(&["watch", &depth, "--json", "--frames", "1", "--timeout", "50"]);
+    let early = std::thread::spawn(move || run_well(early));
+    // 40 pictures in two seconds, then silence: the feeder has ended.
+    run_well(nunetd(&[
+        "-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "20", "--frames", "40",
+    ]));
+    assert_eq!(json_lines(&early.join().unwrap().stdout).len(), 1);
+    let late = run(nunetd(&["watch", &depth, "--json", "--frames", "1"]));
+    assert_eq!(json_lines(&late.stdout).len(), 1, "{}", text(&late.stderr));
+}

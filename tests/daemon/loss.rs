@@ -1,0 +1,51 @@
+//! What is lost is counted and told by exit code 3; the rest is done.
+
+use serde_json::Value;
+
+use crate::support::{Bench, camera, nunetd, run, text};
+
+#[test]
+fn exit_code_is_3_when_a_picture_of_a_folder_was_unreadable_and_the_rest_is_done() {
+    let bench = Bench::new();
+    for frame in [0, 1, 3] {
+        bench.add_picture(&format!("pictures/{frame}.png"), frame);
+    }
+    std::fs::write(bench.path("pictures/2.jpg"), b"\xff\xd8 not really a JPEG").unwrap();
+    let (model, pictures, stats) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("stats.json"));
+    let output = run(nunetd(&[
+        "--model", &model, "--source", &pictures, "--camera", &camera("lossy"), "--stats-json", &stats,
+    ]));
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("2.jpg`"), "{}", text(&output.stderr));
+    let stats: Value = serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["frames"]["captured"], 4);
+    assert_eq!(stats["frames"]["published"], 3);
+    assert_eq!(stats["frames"]["failed"], 1);
+}
+
+#[test]
+fn exit_code_is_3_when_one_of_several_pictures_could_not_be_inferred() {
+    let bench = Bench::new();
+    bench.add_picture("good.png", 0);
+    std::fs::write(bench.path("bad.png"), b"").unwrap();
+    let (model, good, bad, out) =
+        (bench.arg("model.onnx"), bench.arg("good.png"), bench.arg("bad.png"), bench.arg("out"));
+    let output = run(nunetd(&["-q", "infer", &bad, &good, "--out", &out, "--model", &model]));
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+    assert!(bench.path("out/good/depth.npy").is_file());
+    assert!(!bench.path("out/bad").exists());
+}
+
+#[test]
+fn frames_that_a_newer_one_replaced_are_no_loss() {
+    let bench = Bench::new();
+    let (model, stats) = (bench.arg("model.onnx"), bench.arg("stats.json"));
+    let output = run(nunetd(&[
+        "-q", "--model", &model, "--source", "demo", "--rate", "2000", "--frames", "50", "--camera", &camera("fast"),
+        "--stats-json", &stats,
+    ]));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let stats: Value = serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+    let count = |key: &str| stats["frames"][key].as_u64().unwrap();
+    assert_eq!(count("captured"), count("published") + count("superseded"));
+}

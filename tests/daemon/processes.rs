@@ -1,0 +1,139 @@
+//! Signals, sudden deaths, and what they leave behind.
+
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use nunet_ipc::{CameraName, Reader, Topic};
+
+use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, run, signal, text};
+
+fn demo_daemon(bench: &Bench, name: &str) -> Guarded {
+    let model = bench.arg("model.onnx");
+    let mut command = nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", name]);
+    command.stderr(Stdio::null());
+    Guarded::start(command)
+}
+
+/// Waits for a frame in shared memory.
+fn await_frame(name: &str) -> Reader {
+    let reader = Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        reader.wait(Duration::from_millis(50)).unwrap();
+        if reader.latest(Topic::Depth).unwrap().is_some() {
+            return reader;
+        }
+    }
+    panic!("no frame of `{name}` within {PATIENCE:?}")
+}
+
+#[test]
+fn sigterm_and_sigint_end_a_run_cleanly_with_its_figures() {
+    for name in ["TERM", "INT"] {
+        let bench = Bench::new();
+        let (model, stats, camera) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("ended"));
+        let mut daemon = Guarded::start(nunetd(&[
+            "-q", "--model", &model, "--source", "demo", "--camera", &camera, "--stats-json", &stats,
+        ]));
+        drop(await_frame(&camera));
+        signal(daemon.pid(), name);
+        assert_eq!(daemon.wait(), Some(0), "SIG{name}");
+        let stats: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+        assert_eq!(stats["frames"]["in_flight"], 0);
+        assert!(stats["frames"]["published"].as_u64().unwrap() > 0);
+    }
+}
+
+#[test]
+fn a_daemon_that_waits_for_its_camera_stops_too() {
+    let bench = Bench::new();
+    let (model, source, name) = (bench.arg("model.onnx"), format!("shm:{}", camera("nobody")), camera("waiting"));
+    let mut daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &name]));
+    let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], PATIENCE);
+    assert!(reader.is_ok(), "its own services are there while it waits");
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0));
+}
+
+#[test]
+fn a_second_signal_ends_the_process_at_once_with_exit_code_130() {
+    let bench = Bench::new();
+    let name = camera("twice_interrupted");
+    let mut daemon = demo_daemon(&bench, &name);
+    drop(await_frame(&name));
+    // Both signals are pending when the process goes on, so the second meets a stop that has just begun.
+    for name in ["STOP", "INT", "TERM", "CONT"] {
+        signal(daemon.pid(), name);
+    }
+    assert_eq!(daemon.wait(), Some(130));
+}
+
+#[test]
+fn a_killed_daemon_leaves_nothing_that_stops_the_next_one() {
+    let bench = Bench::new();
+    let name = camera("killed");
+    for _ in 0..5 {
+        let mut daemon = demo_daemon(&bench, &name);
+        drop(await_frame(&name));
+        signal(daemon.pid(), "KILL");
+        assert_eq!(daemon.wait(), None);
+    }
+    let mut daemon = demo_daemon(&bench, &name);
+    drop(await_frame(&name));
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0));
+    let output = run(nunetd(&["watch", &name, "--json", "--timeout", "0.2"]));
+    assert_eq!(output.status.code(), Some(1), "nothing is left of the camera");
+    assert!(text(&output.stderr).contains("error: "), "{}", text(&output.stderr));
+}
+
+#[test]
+fn readers_stay_when_the_daemon_dies_and_get_the_frames_of_the_next_one() {
+    let bench = Bench::new();
+    let name = camera("reborn");
+    let mut first = demo_daemon(&bench, &name);
+    let reader = await_frame(&name);
+    signal(first.pid(), "KILL");
+    first.wait();
+    while reader.latest(Topic::Depth).unwrap().is_some() {}
+    let _second = demo_daemon(&bench, &name);
+    let start = Instant::now();
+    while reader.latest(Topic::Depth).unwrap().is_none() {
+        assert!(start.elapsed() < PATIENCE, "the reader of a killed daemon never saw the next one");
+        reader.wait(Duration::from_millis(50)).unwrap();
+    }
+}
+
+#[test]
+fn a_second_daemon_of_the_same_camera_is_refused_and_the_first_goes_on() {
+    let bench = Bench::new();
+    let name = camera("twice");
+    let _first = demo_daemon(&bench, &name);
+    let reader = await_frame(&name);
+    let model = bench.arg("model.onnx");
+    let second = run(nunetd(&["-q", "--model", &model, "--source", "demo", "--camera", &name]));
+    assert_eq!(second.status.code(), Some(1));
+    assert!(text(&second.stderr).contains("already published"), "{}", text(&second.stderr));
+    reader.wait(Duration::from_secs(5)).unwrap();
+    assert!(reader.latest(Topic::Depth).unwrap().is_some());
+}
+
+#[test]
+fn a_reader_that_hoards_and_one_that_sleeps_do_not_slow_the_daemon() {
+    let bench = Bench::new();
+    let name = camera("hoarded");
+    let _daemon = demo_daemon(&bench, &name);
+    let hoarder = await_frame(&name);
+    let _sleeper = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth, Topic::Cloud], PATIENCE).unwrap();
+    let mut hoard = Vec::new();
+    let start = Instant::now();
+    while hoard.len() < 2 && start.elapsed() < PATIENCE {
+        hoarder.wait(Duration::from_millis(50)).unwrap();
+        hoard.extend(hoarder.latest(Topic::Depth).unwrap());
+    }
+    let seen = run(nunetd(&["watch", &name, "--json", "--frames", "30"]));
+    assert_eq!(seen.status.code(), Some(0), "{}", text(&seen.stderr));
+    let depths: Vec<f32> = hoard.iter().map(|frame| frame.depth().unwrap()[0]).collect();
+    assert!(depths.iter().all(|depth| depth.is_finite()), "hoarded frames stay as they are");
+}

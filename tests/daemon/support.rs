@@ -1,0 +1,134 @@
+//! The binary under test, with a world of its own around it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use nunet_daemon::source::demo::DemoScene;
+use nunet_testkit::models;
+use nunet_testkit::onnx::ModelBuilder;
+
+/// No test waits longer for anything.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Width and height of the demo scene, which is that of the test networks too.
+pub(crate) const SIZE: (u32, u32) = (640, 480);
+
+/// `nunetd` with the library and the models of this checkout, a cache of its own, and no colours.
+pub(crate) fn nunetd(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_nunetd"));
+    command.args(arguments).stdin(Stdio::null()).env("NO_COLOR", "1");
+    command.env("ORT_DYLIB_PATH", nunet_testkit::runtime_library());
+    command.env("XDG_CACHE_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"));
+    command.env("NUNET_MODELS", repository().join("models/tiny"));
+    command
+}
+
+/// Runs to the end, within [`PATIENCE`].
+pub(crate) fn run(mut command: Command) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let pid = child.id();
+    let (sender, receiver) = std::sync::mpsc::channel();
+    std::thread::spawn(move || sender.send(child.wait_with_output().unwrap()));
+    receiver.recv_timeout(PATIENCE).unwrap_or_else(|_| {
+        signal(pid, "KILL");
+        panic!("{command:?} did not end within {PATIENCE:?}")
+    })
+}
+
+/// Runs to the end and asks for exit code 0.
+pub(crate) fn run_well(command: Command) -> Output {
+    let shown = format!("{command:?}");
+    let output = run(command);
+    assert_eq!(output.status.code(), Some(0), "{shown}\n{}", text(&output.stderr));
+    output
+}
+
+pub(crate) fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The root of the checkout.
+pub(crate) fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+/// A camera's name that no other test has.
+pub(crate) fn camera(test: &str) -> String {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    format!("{test}_{}_{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
+}
+
+pub(crate) fn signal(pid: u32, name: &str) {
+    let sent = Command::new("kill").args([format!("-{name}"), pid.to_string()]).status().unwrap();
+    assert!(sent.success(), "kill -{name} {pid}");
+}
+
+/// A process that ends with the test, whatever the test does.
+pub(crate) struct Guarded(Child);
+
+impl Guarded {
+    pub(crate) fn start(mut command: Command) -> Self {
+        Self(command.spawn().unwrap())
+    }
+
+    pub(crate) fn pid(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// Waits for its end and returns the exit code; `None` after a signal.
+    pub(crate) fn wait(&mut self) -> Option<i32> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            if let Some(status) = self.0.try_wait().unwrap() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("process {} did not end within {PATIENCE:?}", self.pid())
+    }
+}
+
+impl Drop for Guarded {
+    fn drop(&mut self) {
+        // Fails when the process has ended: that is what is wanted.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A folder with a model, whose depth is 0.5 + (r + 2g + 3b) / 64 metres and whose labels are the brightest channel.
+pub(crate) struct Bench {
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    pub(crate) fn new() -> Self {
+        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        bench.add_model("model.onnx", &models::wnet(SIZE, true));
+        bench
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The same as text, for arguments.
+    pub(crate) fn arg(&self, name: &str) -> String {
+        self.path(name).to_str().unwrap().to_owned()
+    }
+
+    pub(crate) fn add_model(&self, name: &str, model: &ModelBuilder) {
+        model.write(self.path(name));
+    }
+
+    /// Saves a picture of the demo scene.
+    pub(crate) fn add_picture(&self, name: &str, frame: u64) {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let mut rgb = vec![0; 3 * (SIZE.0 * SIZE.1) as usize];
+        DemoScene::new(1, SIZE.0, SIZE.1).unwrap().render(frame, &mut rgb, None, None);
+        image::save_buffer(path, &rgb, SIZE.0, SIZE.1, image::ExtendedColorType::Rgb8).unwrap();
+    }
+}

@@ -1,0 +1,142 @@
+//! Who may name whom: one folder speaks to ONNX Runtime, one crate to iceoryx2, and nunet-ipc is a leaf.
+
+use crate::assert_none;
+use crate::repository;
+use crate::rust_source::paths;
+
+/// A crate's name in code, and the only folder whose files may say it.
+const HOMES: [(&str, &str); 2] = [
+    ("ort", "crates/nunet-core/src/graph/onnx"),
+    ("iceoryx2", "crates/nunet-ipc/"),
+];
+
+/// A crate's manifest, and what it must not depend on.
+const NO_DEPENDENCY: [(&str, &[&str]); 5] = [
+    (
+        "crates/nunet-ipc/Cargo.toml",
+        &[
+            "nunet-core",
+            "nunet-daemon",
+            "ort",
+            "serde",
+            "serde_json",
+            "anyhow",
+        ],
+    ),
+    (
+        "crates/nunet-core/Cargo.toml",
+        &[
+            "nunet-ipc",
+            "nunet-daemon",
+            "iceoryx2",
+            "clap",
+            "anyhow",
+            "tracing",
+        ],
+    ),
+    ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2"]),
+    (
+        "crates/nunet-testkit/Cargo.toml",
+        &["ort", "iceoryx2", "nunet-daemon"],
+    ),
+    (
+        "xtask/Cargo.toml",
+        &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"],
+    ),
+];
+
+fn strangers(path: &str, text: &str) -> Vec<String> {
+    let mut problems = Vec::new();
+    for (name, home) in HOMES {
+        if path.starts_with(home) {
+            continue;
+        }
+        // A lone word may be a variable; a path or a `use` that begins with it is the crate.
+        let named = paths(text)
+            .into_iter()
+            .filter(|named| named.segments.len() > 1 && named.segments[0] == name);
+        problems.extend(named.map(|named| format!("{path}:{}: only {home} names `{name}`", named.line)));
+    }
+    problems
+}
+
+/// Names of the normal, build and development dependencies of a manifest.
+fn dependencies(manifest: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut inside = false;
+    for line in manifest.lines().map(str::trim) {
+        if let Some(section) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
+            let (table, name) = section.rsplit_once("dependencies").unwrap_or((section, ""));
+            inside = section.ends_with("dependencies");
+            if !inside && section.contains("dependencies.") && !table.contains("workspace") {
+                names.push(name.trim_start_matches('.').to_owned());
+            }
+        } else if inside && !line.starts_with('#') {
+            let name = line.split(['=', '.', ' ']).next().unwrap_or_default();
+            names.extend((!name.is_empty()).then(|| name.to_owned()));
+        }
+    }
+    names
+}
+
+fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
+    let depends = dependencies(manifest)
+        .into_iter()
+        .filter(|name| unwanted.contains(&name.as_str()));
+    depends
+        .map(|name| format!("{path}: must not depend on `{name}`"))
+        .collect()
+}
+
+#[test]
+fn only_graph_onnx_names_ort_and_only_nunet_ipc_names_iceoryx2() {
+    let problems: Vec<String> = repository::rust()
+        .iter()
+        .flat_map(|(path, text)| strangers(path, text))
+        .collect();
+    assert_none(&problems);
+}
+
+#[test]
+fn a_stranger_who_names_ort_is_found() {
+    let text = "use ort::Session;\nfn f() { ort::init() }\n// ort::init\nlet s = \"ort::init\"; let ort = 1;";
+    let found = strangers("crates/nunet-core/src/pipeline.rs", text);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(strangers("crates/nunet-core/src/graph/onnx/session.rs", text).is_empty());
+}
+
+#[test]
+fn crates_depend_only_on_what_their_layer_allows() {
+    let manifests = repository::texts(|path| path.ends_with("Cargo.toml"));
+    let mut problems = Vec::new();
+    for (path, unwanted) in NO_DEPENDENCY {
+        let manifest = manifests.iter().find(|(found, _)| found == path);
+        let (_, text) = manifest.unwrap_or_else(|| panic!("{path} is gone; mend NO_DEPENDENCY"));
+        assert!(
+            !dependencies(text).is_empty(),
+            "{path}: no dependency was understood"
+        );
+        problems.extend(forbidden(path, text, unwanted));
+    }
+    assert_none(&problems);
+}
+
+#[test]
+fn a_forbidden_dependency_is_found_in_every_spelling() {
+    for manifest in [
+        "[dependencies]\nort.workspace = true",
+        "[dev-dependencies]\nort = \"2\"",
+        "[target.'cfg(unix)'.dependencies]\nort = { version = \"2\" }",
+        "[dependencies.ort]\nversion = \"2\"",
+    ] {
+        assert_eq!(forbidden("Cargo.toml", manifest, &["ort"]).len(), 1, "{manifest}");
+    }
+    assert!(
+        forbidden(
+            "Cargo.toml",
+            "[dependencies]\nsort = \"1\"\n[features]\nort = []",
+            &["ort"]
+        )
+        .is_empty()
+    );
+}

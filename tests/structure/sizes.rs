@@ -1,0 +1,89 @@
+//! Bounds: a file fits in a head, the models fit in a clone.
+
+use crate::assert_none;
+use crate::repository;
+use crate::rust_source::{is_test_file, without_tests};
+
+/// Of code that is not a test. Mostly 100 to 300; past this a file holds two things.
+const MAX_LINES: usize = 400;
+
+/// Of everything below `models/` together.
+const MAX_MODEL_BYTES: usize = 80_000_000;
+
+/// Of one file that is not a model: what belongs elsewhere (data, recordings, builds) is larger.
+const MAX_FILE_BYTES: usize = 5_000_000;
+
+fn too_long(path: &str, text: &str) -> Vec<String> {
+    let lines = without_tests(text).lines().count();
+    let message =
+        format!("{path}: {lines} lines of code, {MAX_LINES} at most; what is the second thing in it?");
+    Vec::from_iter((lines > MAX_LINES).then_some(message))
+}
+
+fn too_heavy<'a>(files: impl Iterator<Item = (&'a str, usize)>) -> Vec<String> {
+    let mut problems = Vec::new();
+    let mut models = 0;
+    for (path, bytes) in files {
+        if path.starts_with("models/") {
+            models += bytes;
+        } else if bytes > MAX_FILE_BYTES {
+            problems.push(format!("{path}: {bytes} bytes, {MAX_FILE_BYTES} at most"));
+        }
+    }
+    if models > MAX_MODEL_BYTES {
+        problems.push(format!(
+            "models/: {models} bytes in all, {MAX_MODEL_BYTES} at most"
+        ));
+    }
+    problems
+}
+
+#[test]
+fn no_source_file_is_longer_than_400_lines_without_its_tests() {
+    let mut sources = repository::texts(|path| path.ends_with(".rs") || path.ends_with(".py"));
+    sources.retain(|(path, _)| !is_test_file(path));
+    let problems: Vec<String> = sources
+        .iter()
+        .flat_map(|(path, text)| too_long(path, text))
+        .collect();
+    assert_none(&problems);
+}
+
+#[test]
+fn a_long_file_is_found_and_its_tests_do_not_count() {
+    let code = "//\n".repeat(MAX_LINES);
+    assert!(too_long("a.rs", &code).is_empty());
+    assert_eq!(too_long("a.rs", &format!("{code}//\n")).len(), 1);
+    assert!(
+        too_long(
+            "a.rs",
+            &format!("{}\n#[cfg(test)]\nmod tests {{\n{code}}}\n", &code[3..])
+        )
+        .is_empty()
+    );
+}
+
+#[test]
+fn the_models_in_git_take_80_mb_at_most_and_other_files_5_mb() {
+    let files = repository::files();
+    assert_none(&too_heavy(
+        files.iter().map(|file| (file.path.as_str(), file.bytes.len())),
+    ));
+}
+
+#[test]
+fn models_are_weighed_together_and_other_files_each() {
+    let half = MAX_MODEL_BYTES / 2;
+    let fine = [
+        ("models/a.onnx", half),
+        ("models/b.onnx", half),
+        ("a", MAX_FILE_BYTES),
+        ("b", MAX_FILE_BYTES),
+    ];
+    assert!(too_heavy(fine.into_iter()).is_empty());
+    assert_eq!(
+        too_heavy([("models/a.onnx", half), ("models/b.onnx", half + 1)].into_iter()).len(),
+        1
+    );
+    assert_eq!(too_heavy([("a.mcap", MAX_FILE_BYTES + 1)].into_iter()).len(), 1);
+}

@@ -1,0 +1,176 @@
+//! Python environments without a Python package manager: Debian's python3 has `venv` but no pip and no ensurepip, so
+//! a bare environment is made and filled by pip run from its own pinned wheel.
+
+use std::fs;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+
+use crate::run::{output, run, say};
+use crate::{paths, wheels};
+
+/// Says that an environment is complete; written last.
+const STAMP: &str = "complete";
+
+/// An environment that was not used for so long belongs to requirements that nobody has any more.
+const FORGOTTEN_AFTER: Duration = Duration::from_hours(30 * 24);
+
+/// What is asked of an environment's interpreter before it is used again.
+const IDENTITY: &str = "import sys; assert sys.version_info >= (3, 10), 'Python 3.10 or newer is needed'; \
+                        print(sys.base_prefix, sys.version)";
+
+/// Prints the recipe's dependencies, a line each: pip could install them by `--only-deps`, but a change elsewhere in
+/// that file must not cost everybody a new environment.
+const RECIPE_REQUIREMENTS: &str = "import tomllib
+with open('models/recipe/pyproject.toml', 'rb') as file:
+    project = tomllib.load(file)['project']
+print(*project['dependencies'], *project['optional-dependencies']['dev'], sep='\\n')";
+
+/// The interpreter that the machine offers.
+pub(crate) struct System {
+    pub(crate) program: PathBuf,
+    /// Installation and version: an environment is of use to this one only.
+    identity: String,
+}
+
+/// The interpreter to begin with: `$PYTHON`, else python3.
+pub(crate) fn system() -> Result<System> {
+    let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
+    let program = named.map_or_else(|| "python3".into(), PathBuf::from);
+    let identity = output(Command::new(&program).args(["-c", IDENTITY])).with_context(|| {
+        format!(
+            "`{}` is not usable\nhint: install python3, or name another by PYTHON",
+            program.display()
+        )
+    })?;
+    Ok(System { program, identity })
+}
+
+/// The environment of the tests in `tests/python`: small clients of what nunetd writes and publishes.
+pub(crate) fn test_environment() -> Result<PathBuf> {
+    let path = paths::root().join("tests/python/requirements.txt");
+    let text = fs::read_to_string(&path).with_context(|| format!("cannot read `{}`", path.display()))?;
+    let lines = text
+        .lines()
+        .map(|line| line.split('#').next().unwrap_or_default().trim());
+    environment(
+        "test",
+        &lines
+            .filter(|line| !line.is_empty())
+            .map(str::to_owned)
+            .collect::<Vec<_>>(),
+    )
+}
+
+/// The environment of `models/recipe`: torch and its libraries, several gigabytes. The recipe itself is not installed
+/// in it but found by PYTHONPATH, so that clones with different recipes share one environment.
+pub(crate) fn recipe_environment() -> Result<PathBuf> {
+    let mut reader = Command::new(system()?.program);
+    reader
+        .args(["-c", RECIPE_REQUIREMENTS])
+        .current_dir(paths::root());
+    let lines = output(&mut reader).context(
+        "cannot read what models/recipe needs\nhint: the recipe needs Python 3.11; name one by PYTHON",
+    )?;
+    environment("recipe", &lines.lines().map(str::to_owned).collect::<Vec<_>>())
+}
+
+/// A command that runs the recipe's modules.
+pub(crate) fn recipe(python: &Path) -> Command {
+    let mut command = Command::new(python);
+    command.env("PYTHONPATH", paths::root().join("models/recipe"));
+    command
+}
+
+/// The interpreter of an environment with these requirements. It lies in the cache under a hash of them and of the
+/// interpreter, and is made anew when it was left half finished.
+fn environment(name: &str, requirements: &[String]) -> Result<PathBuf> {
+    let system = system()?;
+    let cache = paths::cache()?;
+    let folder = cache.join(format!(
+        "venv-{name}-{:016x}",
+        fingerprint(&system.identity, requirements)?
+    ));
+    let (python, stamp) = (folder.join("bin/python"), folder.join(STAMP));
+    let _lock = paths::lock()?;
+    if !stamp.is_file() || output(Command::new(&python).args(["-c", IDENTITY])).is_err() {
+        say(&format!(
+            "setting up the Python environment `{name}` in {}",
+            folder.display()
+        ));
+        create(&system.program, &folder, requirements)?;
+    }
+    // The stamp's time says when the environment was last used.
+    fs::write(&stamp, "").with_context(|| format!("cannot write `{}`", stamp.display()))?;
+    remove_forgotten(&cache, name)?;
+    Ok(python)
+}
+
+fn fingerprint(identity: &str, requirements: &[String]) -> Result<u64> {
+    let mut hasher = DefaultHasher::new(); // its keys are fixed, and a new algorithm costs one new environment
+    (identity, requirements, wheels::pinned("pip")?.sha256).hash(&mut hasher);
+    Ok(hasher.finish())
+}
+
+fn create(system: &Path, folder: &Path, requirements: &[String]) -> Result<()> {
+    let pip = pip()?;
+    run(Command::new(system)
+        .args(["-m", "venv", "--clear", "--without-pip"])
+        .arg(folder))?;
+    let mut install = Command::new(folder.join("bin/python"));
+    install
+        .arg(pip.join("pip"))
+        .args(["install", "--disable-pip-version-check", "--no-input"])
+        .args(requirements);
+    if let (None, Some(index)) = (std::env::var_os("PIP_INDEX_URL"), uv_index()) {
+        install.env("PIP_INDEX_URL", index);
+    }
+    run(&mut install)
+}
+
+/// Removes environments of this name that no clone has used for long: one may hold gigabytes.
+fn remove_forgotten(cache: &Path, name: &str) -> Result<()> {
+    let entries = fs::read_dir(cache).with_context(|| format!("cannot read `{}`", cache.display()))?;
+    for entry in entries.flatten() {
+        let of_this_name = entry
+            .file_name()
+            .to_string_lossy()
+            .starts_with(&format!("venv-{name}-"));
+        let used = fs::metadata(entry.path().join(STAMP)).and_then(|stamp| stamp.modified());
+        let age = used.ok().and_then(|used| used.elapsed().ok()).unwrap_or_default();
+        if of_this_name && age > FORGOTTEN_AFTER {
+            say(&format!(
+                "removing {}, unused for {} days",
+                entry.path().display(),
+                age.as_secs() / 86_400
+            ));
+            fs::remove_dir_all(entry.path())
+                .with_context(|| format!("cannot remove `{}`", entry.path().display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// pip's own wheel, a zip file that Python runs as it is.
+fn pip() -> Result<PathBuf> {
+    let wheel = wheels::pinned("pip")?;
+    let path = paths::cache()?
+        .join(format!("pip-{}", wheel.version))
+        .join(wheel.file);
+    wheels::fetch(&wheel, None, &path)?;
+    Ok(path)
+}
+
+/// uv's index, which pip does not read, so that one setting serves both (as in `fetch_wheel.py`).
+fn uv_index() -> Option<String> {
+    let index = ["UV_DEFAULT_INDEX", "UV_INDEX_URL"]
+        .iter()
+        .find_map(|key| std::env::var(key).ok())?;
+    let named = index
+        .split_once('=')
+        .filter(|(name, _)| !name.contains(['/', ':']));
+    Some(named.map_or(index.clone(), |(_, url)| url.to_owned()))
+}

@@ -1,0 +1,162 @@
+//! Running other programs, and talking to people.
+#![expect(
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "talking to people is what xtask does"
+)]
+
+use std::ffi::OsStr;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context as _, Error, Result, bail};
+
+use crate::paths;
+
+/// A line for people.
+pub(crate) fn say(line: &str) {
+    eprintln!("{line}");
+}
+
+/// An error, its causes, and last what can be done about it: a cause's message may end in a line `hint: ...`.
+pub(crate) fn say_error(error: &Error) {
+    let mut hints = Vec::new();
+    for (depth, cause) in error.chain().enumerate() {
+        let text = cause.to_string();
+        let (body, hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));
+        say(&format!(
+            "{}{body}",
+            if depth == 0 { "error: " } else { "  because: " }
+        ));
+        hints.extend((!hint.is_empty()).then(|| format!("hint: {hint}")));
+    }
+    hints.iter().for_each(|hint| say(hint));
+}
+
+/// A result, which somebody may want to pipe.
+pub(crate) fn print(text: &str) {
+    println!("{text}");
+}
+
+/// Cargo, the one that runs this program.
+pub(crate) fn cargo(arguments: &[&str]) -> Command {
+    let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(program);
+    command.args(arguments);
+    command
+}
+
+/// Show the command, run it in the checkout without standard input, and fail unless it succeeds.
+pub(crate) fn run(command: &mut Command) -> Result<()> {
+    say(&format!("$ {}", shown(command)));
+    let status = command
+        .current_dir(paths::root())
+        .stdin(Stdio::null())
+        .status()
+        .with_context(|| format!("cannot start `{}`", command.get_program().display()))?;
+    if !status.success() {
+        bail!("`{}` ended with {status}", named(command));
+    }
+    Ok(())
+}
+
+/// What the command prints on its standard output.
+pub(crate) fn output(command: &mut Command) -> Result<String> {
+    let output = command
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .with_context(|| format!("cannot start `{}`", command.get_program().display()))?;
+    if !output.status.success() {
+        bail!("`{}` ended with {}", named(command), output.status);
+    }
+    String::from_utf8(output.stdout)
+        .with_context(|| format!("`{}` printed something that is not UTF-8", named(command)))
+}
+
+/// Run every step, though one before it failed, and name the ones that failed: one run tells everything.
+pub(crate) fn run_all(what: &str, steps: &mut [(&str, Command)]) -> Result<()> {
+    let mut failed = Vec::new();
+    for (name, command) in steps.iter_mut() {
+        if let Err(error) = run(command) {
+            say_error(&error);
+            failed.push(*name);
+        }
+    }
+    if !failed.is_empty() {
+        bail!("{what}: failed: {}", failed.join(", "));
+    }
+    let names: Vec<&str> = steps.iter().map(|(name, _)| *name).collect();
+    say(&format!("{what}: all good: {}", names.join(", ")));
+    Ok(())
+}
+
+/// Enough of the command to tell which it was.
+fn named(command: &Command) -> String {
+    let program = Path::new(command.get_program());
+    let words = program.file_name().into_iter().chain(command.get_args().take(2));
+    words.map(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// The command as one would type it in the checkout.
+fn shown(command: &Command) -> String {
+    let settings = command
+        .get_envs()
+        .filter_map(|(key, value)| Some(format!("{}={}", key.to_str()?, quoted(value?))));
+    // Which cargo is rust-toolchain.toml's business; the long path would only hide the words that matter.
+    let program = Path::new(command.get_program());
+    let program = if program.ends_with("cargo") {
+        OsStr::new("cargo")
+    } else {
+        program.as_os_str()
+    };
+    let words = std::iter::once(program).chain(command.get_args()).map(quoted);
+    settings.chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &OsStr) -> String {
+    let word = word.to_string_lossy();
+    let plain = |c: char| c.is_alphanumeric() || "_-./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.into_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shown_command_can_be_typed() {
+        let mut command = Command::new("/somewhere/bin/cargo");
+        command
+            .args(["doc", "torch>=2,<3", "it's", ""])
+            .env("RUSTDOCFLAGS", "-D warnings");
+        assert_eq!(
+            shown(&command),
+            r"RUSTDOCFLAGS='-D warnings' cargo doc 'torch>=2,<3' 'it'\''s' ''"
+        );
+    }
+
+    #[test]
+    fn every_step_runs_and_the_failed_ones_are_named() {
+        let step = |program: &str| Command::new(program);
+        let mut steps = [
+            ("one", step("false")),
+            ("two", step("true")),
+            ("three", step("/nonexistent/program")),
+        ];
+        let error = run_all("check", &mut steps).unwrap_err().to_string();
+        assert_eq!(error, "check: failed: one, three");
+        assert!(run_all("check", &mut steps[1..2]).is_ok());
+    }
+
+    #[test]
+    fn a_program_that_is_missing_is_named() {
+        let error = run(&mut Command::new("/nonexistent/program")).unwrap_err();
+        assert_eq!(error.to_string(), "cannot start `/nonexistent/program`");
+    }
+}

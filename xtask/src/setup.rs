@@ -1,0 +1,26 @@
+//! `cargo xtask setup`: the shared library that nunetd loads at run time.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::run::say;
+use crate::{paths, wheels};
+
+/// Fetch ONNX Runtime's library, if the cache does not have it.
+pub(crate) fn setup() -> Result<()> {
+    say(&format!("setup: ONNX Runtime is at {}", onnxruntime()?.display()));
+    Ok(())
+}
+
+/// The path of the library in the cache, where nunetd and the tests look for it too.
+pub(crate) fn onnxruntime() -> Result<PathBuf> {
+    let wheel = wheels::pinned("onnxruntime")?;
+    let name = format!("libonnxruntime.so.{}", wheel.version);
+    let library = paths::cache()?
+        .join(format!("onnxruntime-{}", wheel.version))
+        .join(&name);
+    let _lock = paths::lock()?;
+    wheels::fetch(&wheel, Some(&format!("onnxruntime/capi/{name}")), &library)?;
+    Ok(library)
+}
