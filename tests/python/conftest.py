@@ -1,13 +1,15 @@
-"""A running daemon for the tests. The binary's path comes in `NUNETD`, its model's in `NUNET_TEST_MODEL`."""
+"""A running daemon for the tests. The binary's path comes in `NUNETD`."""
 
 import itertools
 import json
 import os
+import pathlib
 import subprocess
 
 import pytest
 
 COUNTER = itertools.count()
+MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onnx"
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +30,7 @@ def contract(nunetd):
 def camera(nunetd):
     """The name of a camera that a daemon publishes while the test runs, from the demo scene."""
     name = f"pytest-{os.getpid()}-{next(COUNTER)}"
-    model = os.environ.get("NUNET_TEST_MODEL", "tiny_wnet_c.onnx")
+    model = str(MODEL)
     command = [nunetd, "--model", model, "--source", "demo", "--camera", name, "--rate", "30"]
     daemon = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
