@@ -4,12 +4,12 @@
 //!
 //! | topic  | payload bytes | chunks | reserved |
 //! |--------|--------------:|-------:|---------:|
-//! | rgb    |       921 600 |     10 |   9.2 MB |
-//! | depth  |     1 228 800 |     10 |  12.3 MB |
+//! | rgb    |       921 600 |     10 |   9.3 MB |
+//! | depth  |     1 228 800 |     10 |  12.4 MB |
 //! | labels |       307 200 |     10 |   3.1 MB |
 //! | cloud  |     4 915 200 |      6 |  29.5 MB |
 //! | stats  |         2 560 |     10 |   0.1 MB |
-//! | all    |               |        |  54.3 MB |
+//! | all    |               |        |  54.5 MB |
 //!
 //! which leaves room in the 64 MB (67.1 million bytes) that `/dev/shm` has in a container.
 
@@ -160,7 +160,7 @@ impl Reservation {
 }
 
 impl fmt::Display for Reservation {
-    /// `54.3 MB (rgb 9.2, depth 12.3)`
+    /// `21.7 MB (rgb 9.3, depth 12.4)`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:.1} MB (", megabytes(self.total_bytes()))?;
         for (index, topic) in self.topics.iter().enumerate() {
