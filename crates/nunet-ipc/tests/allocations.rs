@@ -1,10 +1,7 @@
 #![expect(unsafe_code, reason = "a global allocator that counts")]
 //! What frames take from the heap once they run: nothing, but for one small piece of iceoryx2's own in each loan.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test may stop at the first thing that is wrong"
-)]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 mod support;
 
@@ -53,10 +50,7 @@ fn a_loan_allocates_iceoryx2s_shared_state_and_nothing_else() {
     publish_depth(&owner, 0); // connects
     // `ChunkMutSharedState` is an `Arc` around a mutex, made anew for every loan. When a later iceoryx2 does without,
     // this number falls to 0.
-    assert_eq!(
-        allocations(|| (0..100).for_each(|sequence| publish_depth(&owner, sequence))),
-        100
-    );
+    assert_eq!(allocations(|| (0..100).for_each(|sequence| publish_depth(&owner, sequence))), 100);
 }
 
 #[test]

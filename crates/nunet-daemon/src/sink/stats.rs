@@ -21,8 +21,11 @@ pub(crate) struct Stats {
     /// Published frames a second, from the first capture to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
-    /// Rust heap allocations of the inference thread, after the first frames; `null` where they are not counted.
+    /// Rust heap allocations of our crates on the inference thread, after the first frames; `null` where they are not
+    /// counted.
     pub(crate) allocations_per_frame: Option<f64>,
+    /// The same of iceoryx2: a small one for each message.
+    pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
 }
 
 impl Stats {
@@ -44,6 +47,7 @@ impl Stats {
             fps: totals.fps(),
             bytes_copied_per_frame: totals.bytes_copied_per_frame(),
             allocations_per_frame: totals.allocations_per_frame(),
+            iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),
         }
     }
 }

@@ -78,10 +78,7 @@ impl Renderer {
 
     #[inline]
     fn meet(&mut self, window: Window, rays: &Rays, number: usize, meet: impl Fn(Vec3, Vec3) -> (f32, u8)) {
-        let Window {
-            columns: (left, right),
-            rows: (top, bottom),
-        } = window;
+        let Window { columns: (left, right), rows: (top, bottom) } = window;
         for row in top..bottom {
             let pixels = row * self.width + left..row * self.width + right;
             let depths = &mut self.depth_m[pixels.clone()];
@@ -108,11 +105,7 @@ impl Renderer {
                 let at = solid.shape.chart(face, point);
                 let material = solid.faces[face as usize].material;
                 let colour = material.colour(&at);
-                let seen = if material.shines() {
-                    colour
-                } else {
-                    lit(colour, light.at(surface, &at))
-                };
+                let seen = if material.shines() { colour } else { lit(colour, light.at(surface, &at)) };
                 if let Some(out) = pixels.next() {
                     *out = bytes(seen);
                 }
@@ -129,13 +122,7 @@ impl Renderer {
     }
 
     fn rays_in(&self, solid: &Solid, pose: &Pose) -> Rays {
-        let Intrinsics {
-            fx_px,
-            fy_px,
-            cx_px,
-            cy_px,
-            ..
-        } = self.intrinsics;
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
         let per_column = pose.right * (1.0 / fx_px) as f32;
         let per_row = pose.down * (1.0 / fy_px) as f32;
         let base = pose.forward - per_column * cx_px as f32 - per_row * cy_px as f32;
@@ -149,10 +136,7 @@ impl Renderer {
 
     /// The pixels that may show a solid: the rectangle around the corners of the cuboid around it.
     fn window(&self, solid: &Solid, pose: &Pose) -> Option<Window> {
-        let whole = Window {
-            columns: (0, self.width),
-            rows: (0, self.height),
-        };
+        let whole = Window { columns: (0, self.width), rows: (0, self.height) };
         if matches!(solid.shape, Shape::Hollow { .. }) {
             return Some(whole);
         }

@@ -19,20 +19,15 @@ fn distance_outside(solid: &Solid, point: Vec3) -> f32 {
     match solid.shape {
         Shape::Cuboid { half } => beyond(p.x.abs() - half.x, p.y.abs() - half.y, p.z.abs() - half.z),
         Shape::Hollow { half } => -beyond(p.x.abs() - half.x, p.y.abs() - half.y, p.z.abs() - half.z),
-        Shape::Cylinder { radius, half_height } => beyond(
-            (p.x * p.x + p.y * p.y).sqrt() - radius,
-            f32::MIN,
-            p.z.abs() - half_height,
-        ),
+        Shape::Cylinder { radius, half_height } => {
+            beyond((p.x * p.x + p.y * p.y).sqrt() - radius, f32::MIN, p.z.abs() - half_height)
+        }
         Shape::Ball { radius } => p.length() - radius,
     }
 }
 
 fn distance_to_nearest(solids: &[Solid], point: Vec3) -> f32 {
-    solids
-        .iter()
-        .map(|solid| distance_outside(solid, point))
-        .fold(f32::INFINITY, f32::min)
+    solids.iter().map(|solid| distance_outside(solid, point)).fold(f32::INFINITY, f32::min)
 }
 
 fn picture(seed: u64, frame_index: u64) -> (Vec<u8>, Vec<f32>, Vec<u8>) {
@@ -49,22 +44,11 @@ fn rays_meet_shapes_at_hand_computed_depths_and_faces() {
     let half = Vec3::new(1.0, 2.0, 3.0);
     assert_eq!(Shape::Cuboid { half }.meet(from, ahead), (3.0, 2));
     assert_eq!(Shape::Hollow { half }.meet(Vec3::ZERO, ahead), (2.0, 3));
-    assert_eq!(
-        Shape::Cylinder {
-            radius: 1.5,
-            half_height: 1.0
-        }
-        .meet(from, ahead),
-        (3.5, 0)
-    );
+    assert_eq!(Shape::Cylinder { radius: 1.5, half_height: 1.0 }.meet(from, ahead), (3.5, 0));
     assert_eq!(Shape::Ball { radius: 0.5 }.meet(from, ahead * 0.5), (9.0, 0));
     let above = Vec3::new(0.2, 0.0, 4.0);
     assert_eq!(
-        Shape::Cylinder {
-            radius: 1.5,
-            half_height: 1.0
-        }
-        .meet(above, Vec3::new(0.0, 0.0, -1.0)),
+        Shape::Cylinder { radius: 1.5, half_height: 1.0 }.meet(above, Vec3::new(0.0, 0.0, -1.0)),
         (3.0, 1)
     );
     for shape in [Shape::Cuboid { half }, Shape::Ball { radius: 1.0 }] {
@@ -78,15 +62,10 @@ fn a_surfaces_points_have_the_coordinates_they_were_made_from() {
     let half = Vec3::new(0.5, 1.0, 1.5);
     let shapes = [
         Shape::Cuboid { half },
-        Shape::Cylinder {
-            radius: 0.4,
-            half_height: 1.0,
-        },
+        Shape::Cylinder { radius: 0.4, half_height: 1.0 },
         Shape::Ball { radius: 0.7 },
     ];
-    for (shape, face) in shapes
-        .into_iter()
-        .flat_map(|shape| (0..FACES as u8).map(move |face| (shape, face)))
+    for (shape, face) in shapes.into_iter().flat_map(|shape| (0..FACES as u8).map(move |face| (shape, face)))
     {
         let Some((width, height)) = shape.face_size(face) else {
             continue;
@@ -95,10 +74,7 @@ fn a_surfaces_points_have_the_coordinates_they_were_made_from() {
             let (u, v) = (width * i as f32 / 8.0, height * j as f32 / 8.0);
             let (point, normal) = shape.point(face, OnFace { u, v });
             let back = shape.chart(face, point);
-            assert!(
-                (back.u - u).abs() < 1e-4 && (back.v - v).abs() < 1e-4,
-                "{shape:?} {face} {u} {v}"
-            );
+            assert!((back.u - u).abs() < 1e-4 && (back.v - v).abs() < 1e-4, "{shape:?} {face} {u} {v}");
             assert!((normal.length() - 1.0).abs() < 1e-5);
         }
     }
@@ -117,16 +93,10 @@ fn depth_ends_on_a_surface_and_nothing_stands_before_it() {
             let y = ((pixel as u32 / WIDTH) as f64 - intrinsics.cy_px) / intrinsics.fy_px;
             let ray = pose.forward + pose.right * x as f32 + pose.down * y as f32;
             let end = distance_to_nearest(&solids, pose.position + ray * *depth_m);
-            assert!(
-                end.abs() < 1e-4,
-                "pixel {pixel} of frame {frame_index} ends {end} m from a surface"
-            );
+            assert!(end.abs() < 1e-4, "pixel {pixel} of frame {frame_index} ends {end} m from a surface");
             for step in 1..100 {
                 let way = pose.position + ray * (*depth_m * step as f32 / 100.0);
-                assert!(
-                    distance_to_nearest(&solids, way) > -1e-4,
-                    "pixel {pixel} of frame {frame_index}"
-                );
+                assert!(distance_to_nearest(&solids, way) > -1e-4, "pixel {pixel} of frame {frame_index}");
             }
         }
     }
@@ -138,10 +108,7 @@ fn the_camera_keeps_clear_of_everything() {
         let solids = room::furnished(seed);
         for frame_index in (0..1000).chain(u64::MAX - 10..=u64::MAX) {
             let clearance = distance_to_nearest(&solids, pose(seed, frame_index).position);
-            assert!(
-                clearance > 0.2,
-                "{clearance} m at frame {frame_index} of seed {seed}"
-            );
+            assert!(clearance > 0.2, "{clearance} m at frame {frame_index} of seed {seed}");
         }
     }
 }
@@ -150,14 +117,8 @@ fn the_camera_keeps_clear_of_everything() {
 fn the_cameras_axes_are_square_to_each_other() {
     for frame_index in 0..1000 {
         let pose = pose(1, frame_index);
-        let (across, turned) = (
-            pose.right.dot(pose.down),
-            pose.right.cross(pose.down) - pose.forward,
-        );
-        assert!(
-            across.abs() < 1e-5 && turned.length() < 1e-5,
-            "frame {frame_index}: {pose:?}"
-        );
+        let (across, turned) = (pose.right.dot(pose.down), pose.right.cross(pose.down) - pose.forward);
+        assert!(across.abs() < 1e-5 && turned.length() < 1e-5, "frame {frame_index}: {pose:?}");
     }
 }
 
@@ -170,10 +131,7 @@ fn a_seed_and_an_index_give_the_same_bytes_again() {
     assert_ne!(again, rgb);
     let (mut again_depth_m, mut again_labels) = (vec![0.0; PIXELS], vec![0; PIXELS]);
     scene.render(77, &mut again, Some(&mut again_depth_m), Some(&mut again_labels));
-    assert_eq!(
-        (again, again_depth_m, again_labels),
-        (rgb.clone(), depth_m, labels)
-    );
+    assert_eq!((again, again_depth_m, again_labels), (rgb.clone(), depth_m, labels));
     assert_ne!(picture(6, 77).0, rgb);
 }
 
@@ -185,9 +143,7 @@ fn a_mirrored_turned_or_recoloured_picture_is_another() {
     let difference = |other: &dyn Fn(usize, usize, usize) -> i32| -> f64 {
         let mut sum = 0;
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
-            sum += (0..3)
-                .map(|channel| (pixel(x, y, channel) - other(x, y, channel)).abs())
-                .sum::<i32>();
+            sum += (0..3).map(|channel| (pixel(x, y, channel) - other(x, y, channel)).abs()).sum::<i32>();
         }
         f64::from(sum) / rgb.len() as f64
     };
@@ -195,12 +151,9 @@ fn a_mirrored_turned_or_recoloured_picture_is_another() {
     let upside_down = difference(&|x, y, channel| pixel(x, height - 1 - y, channel));
     let transposed = difference(&|x, y, channel| pixel(y * width / height, x * height / width, channel));
     let bgr = difference(&|x, y, channel| pixel(x, y, 2 - channel));
-    for (name, difference) in [
-        ("mirrored", mirrored),
-        ("upside down", upside_down),
-        ("transposed", transposed),
-        ("bgr", bgr),
-    ] {
+    for (name, difference) in
+        [("mirrored", mirrored), ("upside down", upside_down), ("transposed", transposed), ("bgr", bgr)]
+    {
         assert!(difference > 15.0, "{name}: only {difference} of 255 apart");
     }
 }
