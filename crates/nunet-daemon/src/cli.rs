@@ -50,7 +50,7 @@ fn place_of_default_verb(arguments: &[OsString]) -> Option<usize> {
             "--verbose" | "--quiet" => place += 1,
             _ if argument.starts_with("--log-format=") => place += 1,
             _ if letters.is_some_and(|letters| letters.chars().all(|letter| "vq".contains(letter))) => {
-                place += 1
+                place += 1;
             }
             "help" | "-h" | "--help" | "-V" | "--version" => return None,
             _ if Cli::command().find_subcommand(argument).is_some() => return None,
@@ -124,7 +124,7 @@ pub struct EngineArgs {
 /// The camera's geometry.
 #[derive(Debug, Args, Clone)]
 pub struct CameraArgs {
-    /// Focal lengths and principal point in pixels: fx,fy,cx,cy[@WxH]
+    /// Focal lengths and principal point in pixels: `fx,fy,cx,cy[@WxH]`
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<IntrinsicsSpec>,
     /// Scale metric depth by this camera's focal length over the training camera's
@@ -174,7 +174,7 @@ pub struct RunArgs {
     pub pace: SourceArgs,
     #[command(flatten)]
     pub optics: CameraArgs,
-    /// Coordinate frame of depth and cloud [default: CAMERA_optical_frame]
+    /// Coordinate frame of depth and cloud [default: the camera's name and `_optical_frame`]
     #[arg(long, value_name = "NAME")]
     pub frame_id: Option<String>,
     /// What may be read; labels and cloud cost nothing while nobody reads them
@@ -232,7 +232,7 @@ pub struct FeedArgs {
     pub camera: String,
     #[command(flatten)]
     pub pace: SourceArgs,
-    /// Focal lengths and principal point in pixels, sent with each frame: fx,fy,cx,cy[@WxH]
+    /// Focal lengths and principal point in pixels, sent with each frame: `fx,fy,cx,cy[@WxH]`
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<IntrinsicsSpec>,
 }

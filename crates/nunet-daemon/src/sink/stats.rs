@@ -1,10 +1,9 @@
 //! `stats.json`: what a stream did, in figures.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::stream::{Counts, Totals};
 use crate::telemetry::{Latencies, Summary};
@@ -64,7 +63,13 @@ pub(crate) struct ModelName {
 #[derive(Debug, Serialize)]
 pub(crate) struct LatencyMs {
     pub(crate) total: Summary,
-    pub(crate) stages: BTreeMap<String, Summary>,
+    /// In the order of the journey.
+    #[serde(serialize_with = "as_map")]
+    pub(crate) stages: Vec<(String, Summary)>,
+}
+
+fn as_map<S: Serializer>(stages: &[(String, Summary)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(stages.iter().map(|(name, summary)| (name, summary)))
 }
 
 impl From<&Latencies> for LatencyMs {

@@ -135,7 +135,7 @@ fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {
     let need = Reservation::new(&plans(pipeline, &everything), &Limits::default());
     match need.check(free) {
         Ok(()) => {
-            checks.good("shared memory", format!("{} MB free, a camera needs {need}", free / 1_000_000))
+            checks.good("shared memory", format!("{} MB free, a camera needs {need}", free / 1_000_000));
         }
         Err(error) => checks.bad("shared memory", &error.to_string()),
     }
