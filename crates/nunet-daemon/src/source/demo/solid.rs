@@ -145,7 +145,7 @@ impl Shape {
     /// The point at `(u, v)` of surface `face` and the direction away from the visible side: [`Shape::chart`] undone.
     pub(super) fn point(self, face: u8, at: OnFace) -> (Vec3, Vec3) {
         let OnFace { u, v } = at;
-        let side = if face % 2 == 0 { -1.0 } else { 1.0 };
+        let side = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
         match self {
             Self::Cuboid { half } | Self::Hollow { half } => {
                 let outwards = if matches!(self, Self::Hollow { .. }) {

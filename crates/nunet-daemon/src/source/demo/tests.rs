@@ -113,8 +113,8 @@ fn depth_ends_on_a_surface_and_nothing_stands_before_it() {
         let pose = pose(3, frame_index);
         renderer.look(&solids, &pose);
         for (pixel, depth_m) in renderer.depth_m().iter().enumerate().step_by(37) {
-            let x = ((pixel as u32 % WIDTH) as f64 - intrinsics.cx_px) / intrinsics.fx_px;
-            let y = ((pixel as u32 / WIDTH) as f64 - intrinsics.cy_px) / intrinsics.fy_px;
+            let x = (f64::from(pixel as u32 % WIDTH) - intrinsics.cx_px) / intrinsics.fx_px;
+            let y = (f64::from(pixel as u32 / WIDTH) - intrinsics.cy_px) / intrinsics.fy_px;
             let ray = pose.forward + pose.right * x as f32 + pose.down * y as f32;
             let end = distance_to_nearest(&solids, pose.position + ray * *depth_m);
             assert!(
