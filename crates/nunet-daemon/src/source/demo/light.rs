@@ -70,7 +70,8 @@ impl LightMap {
         }
     }
 
-    /// The light on surface `face` of solid number `solid`, between its four nearest samples.
+    /// The light at a point of a surface (number of the solid times [`FACES`] plus the face), between its four nearest
+    /// samples.
     pub(super) fn at(&self, surface: usize, at: &OnFace) -> Vec3 {
         let patch = &self.patches[surface];
         let (x, y) = ((at.u * patch.columns_per_m).max(0.0), (at.v * patch.rows_per_m).max(0.0));
@@ -138,7 +139,7 @@ fn arriving(solids: &[Solid], point: Vec3, normal: Vec3, source: Vec3, shows: im
     facing / (length * length + 0.3)
 }
 
-/// How far it is to the next solid along a direction of length 1; beyond the room's walls nothing counts.
+/// How far it is to the next surface along a direction of length 1.
 fn distance(solids: &[Solid], from: Vec3, direction: Vec3) -> f32 {
     let mut nearest = f32::INFINITY;
     for solid in solids {
