@@ -128,7 +128,7 @@ fn model_with_depth_of_the_wrong_type() {
 #[test]
 fn model_whose_numbers_are_wrong_on_this_machine() {
     let bench = Bench::new();
-    let rows = |value: &str| format!("[{}]", vec![format!("[{}]", vec![value; 8].join(", ")); 6].join(", "));
+    let rows = |value: &str| format!("[{}]", vec![format!("[{}]", [value; 8].join(", ")); 6].join(", "));
     let selftest = format!(
         r#"{{"version": 1, "picture": "nunet-selftest-1", "precision": "fp32", "depth": {}, "tolerance": {{"fp32": {{"depth": 0.001, "label_cells": 0}}}}}}"#,
         rows("3.5")
