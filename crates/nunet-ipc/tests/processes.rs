@@ -24,7 +24,7 @@ fn peer() {
         "look at a pointer" => look_at_a_pointer(&argument),
         "publish everything of vga" => publish_everything_of_vga(&argument),
         "list orphans" => {
-            say(&format!("{:?}", orphans::list().unwrap().iter().map(|o| o.pid).collect::<Vec<_>>()))
+            say(&format!("{:?}", orphans::list().unwrap().iter().map(|o| o.pid).collect::<Vec<_>>()));
         }
         "clean" => say(&format!("{:?}", orphans::clean().unwrap())),
         other => panic!("no role `{other}`"),
