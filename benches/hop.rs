@@ -3,10 +3,7 @@
 //! `hop/wake/SIZE` is two processes: from before the send to the received view, with the reader asleep (its clock
 //! is the owner's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process and nobody asleep.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a benchmark may stop at the first thing that is wrong"
-)]
+#![expect(clippy::unwrap_used, reason = "a benchmark may stop at the first thing that is wrong")]
 
 use std::hint::black_box;
 use std::io::{BufRead, BufReader, Write};
@@ -73,25 +70,14 @@ fn loan_publish_receive(criterion: &mut Criterion) {
 }
 
 fn owner(payload_bytes: usize) -> Publisher {
-    let camera = CameraName::new(&format!(
-        "bench-{}-{}",
-        std::process::id(),
-        name_of(payload_bytes)
-    ))
-    .unwrap();
-    let plan = TopicPlan {
-        topic: Topic::Depth,
-        payload_bytes,
-    };
+    let camera =
+        CameraName::new(&format!("bench-{}-{}", std::process::id(), name_of(payload_bytes))).unwrap();
+    let plan = TopicPlan { topic: Topic::Depth, payload_bytes };
     Publisher::create(&camera, &[plan], &Limits::default()).unwrap()
 }
 
 fn name_of(bytes: usize) -> String {
-    if bytes < 1 << 20 {
-        format!("{}KB", bytes >> 10)
-    } else {
-        format!("{}MB", bytes >> 20)
-    }
+    if bytes < 1 << 20 { format!("{}KB", bytes >> 10) } else { format!("{}MB", bytes >> 20) }
 }
 
 /// This program again, as a reader.
@@ -103,10 +89,7 @@ struct ReaderProcess {
 impl ReaderProcess {
     fn spawn(camera: &CameraName) -> Self {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command
-            .env(READER, camera.as_str())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped());
+        command.env(READER, camera.as_str()).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let mut answers = BufReader::new(child.stdout.take().unwrap());
         let mut ready = String::new();

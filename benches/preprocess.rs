@@ -11,9 +11,7 @@ const NETWORK: (u32, u32) = (640, 480);
 
 fn picture(format: PixelFormat, (width, height): (u32, u32)) -> Vec<u8> {
     let len = format.byte_len(width, height, format.min_stride(width));
-    (0..len as u32)
-        .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
-        .collect()
+    (0..len as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect()
 }
 
 fn prepare(criterion: &mut Criterion) {
@@ -35,10 +33,7 @@ fn prepare(criterion: &mut Criterion) {
         let bytes = picture(format, (width, height));
         let frame = ImageView::packed(&bytes, width, height, format).expect("a whole picture");
         let mut preprocessor = Preprocessor::new(NETWORK.0, NETWORK.1);
-        let id = format!(
-            "preprocess/{case}_{format}/{width}x{height}_to_{}x{}",
-            NETWORK.0, NETWORK.1
-        );
+        let id = format!("preprocess/{case}_{format}/{width}x{height}_to_{}x{}", NETWORK.0, NETWORK.1);
         criterion.bench_function(&id, |bencher| {
             bencher.iter(|| black_box(preprocessor.prepare(black_box(&frame)).bytes_copied));
         });
@@ -54,13 +49,7 @@ fn tensor(criterion: &mut Criterion) {
         ("nhwc_bgr", TensorLayout::Nhwc, ChannelOrder::Bgr),
     ] {
         let (mean, std) = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225]);
-        let format = TensorFormat {
-            layout,
-            channels,
-            scale: 1.0 / 255.0,
-            mean,
-            std,
-        };
+        let format = TensorFormat { layout, channels, scale: 1.0 / 255.0, mean, std };
         criterion.bench_function(&format!("preprocess/tensor_{case}/640x480"), |bencher| {
             bencher.iter(|| format.fill(black_box(&rgb), black_box(&mut out)));
         });

@@ -2,11 +2,7 @@
 //!
 //! Prints each frame's sequence number, its age from capture to now, and the depth at the picture's centre.
 
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "stdout is its data, stderr is for people"
-)]
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "stdout is its data, stderr is for people")]
 
 use std::time::Duration;
 
@@ -37,11 +33,7 @@ fn line(frame: &Frame) -> Result<String, Box<dyn std::error::Error>> {
     let depth = frame.depth()?; // a view of shared memory: `[height, width]`
     let centre = depth[(header.height as usize / 2) * header.width as usize + header.width as usize / 2];
     let units = header.units()?;
-    Ok(format!(
-        "frame {}: {}, centre {centre:.3} ({units})",
-        header.sequence,
-        age(frame)?
-    ))
+    Ok(format!("frame {}: {}, centre {centre:.3} ({units})", header.sequence, age(frame)?))
 }
 
 /// Time since capture. Only clocks that this machine shares with the camera can say.

@@ -26,7 +26,10 @@ fn outcome(bench: &Bench, command: Command) -> String {
 /// Tries a model file.
 fn model(bench: &Bench, name: &str) -> String {
     let (model, camera) = (bench.arg(name), camera("bad_model"));
-    outcome(bench, nunetd(&["-q", "--model", &model, "--source", "demo", "--frames", "1", "--camera", &camera]))
+    outcome(
+        bench,
+        nunetd(&["-q", "--model", &model, "--source", "demo", "--frames", "1", "--camera", &camera]),
+    )
 }
 
 /// Tries arguments with a good model.
@@ -125,7 +128,7 @@ fn model_with_depth_of_the_wrong_type() {
 #[test]
 fn model_whose_numbers_are_wrong_on_this_machine() {
     let bench = Bench::new();
-    let rows = |value: &str| format!("[{}]", vec![format!("[{}]", vec![value; 8].join(", ")); 6].join(", "));
+    let rows = |value: &str| format!("[{}]", vec![format!("[{}]", [value; 8].join(", ")); 6].join(", "));
     let selftest = format!(
         r#"{{"version": 1, "picture": "nunet-selftest-1", "precision": "fp32", "depth": {}, "tolerance": {{"fp32": {{"depth": 0.001, "label_cells": 0}}}}}}"#,
         rows("3.5")
@@ -192,7 +195,10 @@ fn intrinsics_that_are_too_few() {
 fn camera_name_that_is_none() {
     let bench = Bench::new();
     let model = bench.arg("model.onnx");
-    snapshot!(outcome(&bench, nunetd(&["-q", "--model", &model, "--camera", "front/left", "--source", "demo"])));
+    snapshot!(outcome(
+        &bench,
+        nunetd(&["-q", "--model", &model, "--camera", "front/left", "--source", "demo"])
+    ));
 }
 
 #[test]
@@ -279,6 +285,9 @@ fn camera_that_nobody_publishes() {
 /// The checksum of PNG chunks (PNG specification, annex D), bit by bit.
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0_u32, |crc, &byte| {
-        (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 })
+        (0..8).fold(
+            crc ^ u32::from(byte),
+            |crc, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 },
+        )
     })
 }

@@ -18,8 +18,19 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
     let name = camera("demo_run");
     run_well(nunetd(&[
-        "-q", "--model", &model, "--source", "demo", "--frames", "30", "--out", &out, "--stats-json", &stats_file,
-        "--camera", &name,
+        "-q",
+        "--model",
+        &model,
+        "--source",
+        "demo",
+        "--frames",
+        "30",
+        "--out",
+        &out,
+        "--stats-json",
+        &stats_file,
+        "--camera",
+        &name,
     ]));
     for file in ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "cloud.ply"] {
         assert!(bench.path("out").join(file).is_file(), "{file} is missing");
@@ -41,8 +52,19 @@ fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
     let bench = Bench::new();
     let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
     run_well(nunetd(&[
-        "-q", "--model", &model, "--source", "demo", "--frames", "60", "--out", &out, "--stats-json", &stats_file,
-        "--camera", &camera("steady"),
+        "-q",
+        "--model",
+        &model,
+        "--source",
+        "demo",
+        "--frames",
+        "60",
+        "--out",
+        &out,
+        "--stats-json",
+        &stats_file,
+        "--camera",
+        &camera("steady"),
     ]));
     let stats = stats(&bench);
     assert_eq!(stats["bytes_copied_per_frame"], 0.0);
@@ -53,8 +75,9 @@ fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
 fn watch_follows_a_running_daemon_and_its_ledger_balances() {
     let bench = Bench::new();
     let (model, name) = (bench.arg("model.onnx"), camera("watched"));
-    let _daemon =
-        Guarded::start(nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "20", "--camera", &name]));
+    let _daemon = Guarded::start(nunetd(&[
+        "-q", "--model", &model, "--source", "demo", "--rate", "20", "--camera", &name,
+    ]));
     let seen = json_lines(&run_well(nunetd(&["watch", &name, "--json", "--frames", "10"])).stdout);
     assert_eq!(seen.len(), 10);
     for (earlier, later) in seen.iter().zip(&seen[1..]) {
@@ -80,10 +103,10 @@ fn a_feeder_a_daemon_and_a_reader_are_three_processes_and_nothing_is_copied() {
     }
     let (model, pictures) = (bench.arg("model.onnx"), bench.arg("pictures"));
     let (front, depth) = (camera("front"), camera("front_depth"));
-    let _feeder = Guarded::start(nunetd(&["-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "30"]));
+    let _feeder =
+        Guarded::start(nunetd(&["-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "30"]));
     let source = format!("shm:{front}");
-    let _daemon =
-        Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
+    let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
     let seen = json_lines(&run_well(nunetd(&["watch", &depth, "--json", "--frames", "20"])).stdout);
     assert!(seen.iter().all(|frame| frame["bytes_copied"] == 0), "{seen:?}");
     assert!(seen.iter().all(|frame| frame["scale_source"] == "assumed_camera"), "{seen:?}");
@@ -95,7 +118,16 @@ fn the_feeders_own_camera_name_can_carry_the_depth_as_well() {
     bench.add_picture("pictures/0.png", 0);
     let (model, pictures, front) = (bench.arg("model.onnx"), bench.arg("pictures"), camera("same"));
     let _feeder = Guarded::start(nunetd(&[
-        "-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "30", "--intrinsics", "1050,1050,319.5,239.5",
+        "-q",
+        "feed",
+        &pictures,
+        "--camera",
+        &front,
+        "--loop",
+        "--rate",
+        "30",
+        "--intrinsics",
+        "1050,1050,319.5,239.5",
     ]));
     let source = format!("shm:{front}");
     let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &front]));

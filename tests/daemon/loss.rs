@@ -13,7 +13,14 @@ fn exit_code_is_3_when_a_picture_of_a_folder_was_unreadable_and_the_rest_is_done
     std::fs::write(bench.path("pictures/2.jpg"), b"\xff\xd8 not really a JPEG").unwrap();
     let (model, pictures, stats) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("stats.json"));
     let output = run(nunetd(&[
-        "--model", &model, "--source", &pictures, "--camera", &camera("lossy"), "--stats-json", &stats,
+        "--model",
+        &model,
+        "--source",
+        &pictures,
+        "--camera",
+        &camera("lossy"),
+        "--stats-json",
+        &stats,
     ]));
     assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
     assert!(text(&output.stderr).contains("2.jpg`"), "{}", text(&output.stderr));
@@ -41,8 +48,19 @@ fn frames_that_a_newer_one_replaced_are_no_loss() {
     let bench = Bench::new();
     let (model, stats) = (bench.arg("model.onnx"), bench.arg("stats.json"));
     let output = run(nunetd(&[
-        "-q", "--model", &model, "--source", "demo", "--rate", "2000", "--frames", "50", "--camera", &camera("fast"),
-        "--stats-json", &stats,
+        "-q",
+        "--model",
+        &model,
+        "--source",
+        "demo",
+        "--rate",
+        "2000",
+        "--frames",
+        "50",
+        "--camera",
+        &camera("fast"),
+        "--stats-json",
+        &stats,
     ]));
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let stats: Value = serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();

@@ -9,7 +9,8 @@ use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, run, signal, text
 
 fn demo_daemon(bench: &Bench, name: &str) -> Guarded {
     let model = bench.arg("model.onnx");
-    let mut command = nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", name]);
+    let mut command =
+        nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", name]);
     command.stderr(Stdio::null());
     Guarded::start(command)
 }
@@ -33,7 +34,15 @@ fn sigterm_and_sigint_end_a_run_cleanly_with_its_figures() {
         let bench = Bench::new();
         let (model, stats, camera) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("ended"));
         let mut daemon = Guarded::start(nunetd(&[
-            "-q", "--model", &model, "--source", "demo", "--camera", &camera, "--stats-json", &stats,
+            "-q",
+            "--model",
+            &model,
+            "--source",
+            "demo",
+            "--camera",
+            &camera,
+            "--stats-json",
+            &stats,
         ]));
         drop(await_frame(&camera));
         signal(daemon.pid(), name);
@@ -48,8 +57,10 @@ fn sigterm_and_sigint_end_a_run_cleanly_with_its_figures() {
 #[test]
 fn a_daemon_that_waits_for_its_camera_stops_too() {
     let bench = Bench::new();
-    let (model, source, name) = (bench.arg("model.onnx"), format!("shm:{}", camera("nobody")), camera("waiting"));
-    let mut daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &name]));
+    let (model, source, name) =
+        (bench.arg("model.onnx"), format!("shm:{}", camera("nobody")), camera("waiting"));
+    let mut daemon =
+        Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &name]));
     let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], PATIENCE);
     assert!(reader.is_ok(), "its own services are there while it waits");
     signal(daemon.pid(), "TERM");
@@ -125,7 +136,8 @@ fn a_reader_that_hoards_and_one_that_sleeps_do_not_slow_the_daemon() {
     let name = camera("hoarded");
     let _daemon = demo_daemon(&bench, &name);
     let hoarder = await_frame(&name);
-    let _sleeper = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth, Topic::Cloud], PATIENCE).unwrap();
+    let _sleeper =
+        Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth, Topic::Cloud], PATIENCE).unwrap();
     let mut hoard = Vec::new();
     let start = Instant::now();
     while hoard.len() < 2 && start.elapsed() < PATIENCE {

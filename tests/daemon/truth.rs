@@ -91,10 +91,21 @@ fn published_depth_labels_and_cloud_equal_the_truth_of_the_demo_scene() {
     bench.add_model("oracle.onnx", &truth.network());
     bench.add_picture("pictures/0.png", 0);
     let name = camera("truth");
-    let (model, pictures, intrinsics) = (bench.arg("oracle.onnx"), bench.arg("pictures"), intrinsics_flag(&truth));
+    let (model, pictures, intrinsics) =
+        (bench.arg("oracle.onnx"), bench.arg("pictures"), intrinsics_flag(&truth));
     let _daemon = Guarded::start(nunetd(&[
-        "-q", "--model", &model, "--source", &pictures, "--loop", "--rate", "20", "--camera", &name,
-        "--intrinsics", &intrinsics,
+        "-q",
+        "--model",
+        &model,
+        "--source",
+        &pictures,
+        "--loop",
+        "--rate",
+        "20",
+        "--camera",
+        &name,
+        "--intrinsics",
+        &intrinsics,
     ]));
     let topics = [Topic::Depth, Topic::Labels, Topic::Cloud];
     let mut reader = Reader::open(&CameraName::new(&name).unwrap(), &topics, PATIENCE).unwrap();
@@ -110,7 +121,10 @@ fn published_depth_labels_and_cloud_equal_the_truth_of_the_demo_scene() {
     assert_eq!((header.bytes_copied, header.invalid_pixels), (0, 0));
     assert!((header.fx - truth.scene.intrinsics().fx_px).abs() < 1e-9);
 
-    assert!(set.get(Topic::Labels).unwrap().labels().unwrap() == truth.labels, "published labels are not the truth");
+    assert!(
+        set.get(Topic::Labels).unwrap().labels().unwrap() == truth.labels,
+        "published labels are not the truth"
+    );
     check_cloud(&truth, set.get(Topic::Cloud).unwrap().points().unwrap());
 }
 
@@ -124,7 +138,10 @@ fn check_cloud(truth: &Truth, points: &[nunet_ipc::Point]) {
         let expected = [(u - camera.cx_px) * z / camera.fx_px, (v - camera.cy_px) * z / camera.fy_px, z];
         for (got, want) in [point.x, point.y, point.z].into_iter().zip(expected) {
             // 1e-6 of the depth: a few roundings of f32 (6e-8 each) at coordinates no larger than the depth.
-            assert!((f64::from(got) - want).abs() <= 1e-6 * z, "point {index}: {point:?}, expected {expected:?}");
+            assert!(
+                (f64::from(got) - want).abs() <= 1e-6 * z,
+                "point {index}: {point:?}, expected {expected:?}"
+            );
         }
         let rgb = &truth.rgb[3 * index..3 * index + 3];
         assert_eq!([point.r, point.g, point.b], rgb, "point {index}");

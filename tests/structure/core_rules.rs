@@ -8,17 +8,8 @@ use crate::rust_source::{is_test_file, paths, without_tests};
 const CORE: &str = "crates/nunet-core/src/";
 
 /// The modules in the order of the journey. One may import those before it, never one after it.
-const JOURNEY: [&str; 9] = [
-    "clock",
-    "frame",
-    "camera",
-    "preprocess",
-    "model",
-    "graph",
-    "depth",
-    "cloud",
-    "pipeline",
-];
+const JOURNEY: [&str; 9] =
+    ["clock", "frame", "camera", "preprocess", "model", "graph", "depth", "cloud", "pipeline"];
 
 /// Who may look ahead all the same: importer, imported, reason.
 const AHEAD: [(&str, &str, &str); 1] = [(
@@ -56,10 +47,7 @@ fn from_root(file: &str, segments: &[String]) -> Option<Vec<String>> {
     match segments.first()?.as_str() {
         "crate" => Some(segments[1..].to_vec()),
         "super" => {
-            let inner = file
-                .strip_prefix(CORE)?
-                .trim_end_matches(".rs")
-                .trim_end_matches("/mod");
+            let inner = file.strip_prefix(CORE)?.trim_end_matches(".rs").trim_end_matches("/mod");
             let mut place: Vec<String> = inner.split('/').map(str::to_owned).collect();
             let ups = segments.iter().take_while(|segment| *segment == "super").count();
             place.truncate(place.len().checked_sub(ups)?);
@@ -85,15 +73,10 @@ fn turning_back(path: &str, text: &str) -> Vec<String> {
         };
         match JOURNEY.iter().position(|name| *name == target) {
             Some(place) if place <= own_place => {}
-            Some(_)
-                if AHEAD
-                    .iter()
-                    .any(|(from, to, _)| (*from, *to) == (own, target.as_str())) => {}
+            Some(_) if AHEAD.iter().any(|(from, to, _)| (*from, *to) == (own, target.as_str())) => {}
             Some(_) => {
-                problems.push(format!(
-                    "{path}:{}: `{own}` comes before `{target}`, not after it",
-                    named.line
-                ));
+                problems
+                    .push(format!("{path}:{}: `{own}` comes before `{target}`, not after it", named.line));
             }
             None => {
                 let line = named.line;
@@ -117,10 +100,7 @@ fn impure(path: &str, text: &str) -> Vec<String> {
         if let [macro_name] = segments.as_slice()
             && PRINTING.contains(macro_name)
         {
-            problems.push(format!(
-                "{path}:{}: `{macro_name}`: core prints nothing",
-                named.line
-            ));
+            problems.push(format!("{path}:{}: `{macro_name}`: core prints nothing", named.line));
         }
     }
     problems
@@ -135,10 +115,8 @@ fn core_sources() -> Vec<(String, String)> {
 
 #[test]
 fn in_core_no_module_imports_a_later_one() {
-    let problems: Vec<String> = core_sources()
-        .iter()
-        .flat_map(|(path, text)| turning_back(path, text))
-        .collect();
+    let problems: Vec<String> =
+        core_sources().iter().flat_map(|(path, text)| turning_back(path, text)).collect();
     assert_none(&problems);
 }
 
@@ -153,38 +131,20 @@ fn an_import_of_a_later_stage_is_found_however_it_is_written() {
         assert_eq!(turning_back(frame, text).len(), 1, "{text}");
     }
     let nested = "crates/nunet-core/src/depth/decode.rs";
-    assert_eq!(
-        turning_back(nested, "fn f(x: super::super::cloud::CloudPoint) {}").len(),
-        1
-    );
+    assert_eq!(turning_back(nested, "fn f(x: super::super::cloud::CloudPoint) {}").len(), 1);
     assert!(turning_back(nested, "use super::scale::Units;\nuse crate::frame::ImageView;").is_empty());
-    assert!(
-        turning_back(
-            frame,
-            "fn f() {}\n#[cfg(test)]\nmod tests { use crate::graph::X; }"
-        )
-        .is_empty()
-    );
+    assert!(turning_back(frame, "fn f() {}\n#[cfg(test)]\nmod tests { use crate::graph::X; }").is_empty());
 }
 
 #[test]
 fn a_module_without_a_place_and_a_path_around_the_order_are_found() {
-    assert_eq!(
-        turning_back("crates/nunet-core/src/obstacles/mod.rs", "").len(),
-        1
-    );
-    assert_eq!(
-        turning_back("crates/nunet-core/src/frame.rs", "use crate::Pipeline;").len(),
-        1
-    );
+    assert_eq!(turning_back("crates/nunet-core/src/obstacles/mod.rs", "").len(), 1);
+    assert_eq!(turning_back("crates/nunet-core/src/frame.rs", "use crate::Pipeline;").len(), 1);
 }
 
 #[test]
 fn core_has_no_threads_sockets_command_line_printing_clock_or_environment() {
-    let problems: Vec<String> = core_sources()
-        .iter()
-        .flat_map(|(path, text)| impure(path, text))
-        .collect();
+    let problems: Vec<String> = core_sources().iter().flat_map(|(path, text)| impure(path, text)).collect();
     assert_none(&problems);
 }
 

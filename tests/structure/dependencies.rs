@@ -5,44 +5,16 @@ use crate::repository;
 use crate::rust_source::paths;
 
 /// A crate's name in code, and the only folder whose files may say it.
-const HOMES: [(&str, &str); 2] = [
-    ("ort", "crates/nunet-core/src/graph/onnx"),
-    ("iceoryx2", "crates/nunet-ipc/"),
-];
+const HOMES: [(&str, &str); 2] =
+    [("ort", "crates/nunet-core/src/graph/onnx"), ("iceoryx2", "crates/nunet-ipc/")];
 
 /// A crate's manifest, and what it must not depend on.
 const NO_DEPENDENCY: [(&str, &[&str]); 5] = [
-    (
-        "crates/nunet-ipc/Cargo.toml",
-        &[
-            "nunet-core",
-            "nunet-daemon",
-            "ort",
-            "serde",
-            "serde_json",
-            "anyhow",
-        ],
-    ),
-    (
-        "crates/nunet-core/Cargo.toml",
-        &[
-            "nunet-ipc",
-            "nunet-daemon",
-            "iceoryx2",
-            "clap",
-            "anyhow",
-            "tracing",
-        ],
-    ),
+    ("crates/nunet-ipc/Cargo.toml", &["nunet-core", "nunet-daemon", "ort", "serde", "serde_json", "anyhow"]),
+    ("crates/nunet-core/Cargo.toml", &["nunet-ipc", "nunet-daemon", "iceoryx2", "clap", "anyhow", "tracing"]),
     ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2"]),
-    (
-        "crates/nunet-testkit/Cargo.toml",
-        &["ort", "iceoryx2", "nunet-daemon"],
-    ),
-    (
-        "xtask/Cargo.toml",
-        &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"],
-    ),
+    ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
+    ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];
 
 fn strangers(path: &str, text: &str) -> Vec<String> {
@@ -52,9 +24,8 @@ fn strangers(path: &str, text: &str) -> Vec<String> {
             continue;
         }
         // A lone word may be a variable; a path or a `use` that begins with it is the crate.
-        let named = paths(text)
-            .into_iter()
-            .filter(|named| named.segments.len() > 1 && named.segments[0] == name);
+        let named =
+            paths(text).into_iter().filter(|named| named.segments.len() > 1 && named.segments[0] == name);
         problems.extend(named.map(|named| format!("{path}:{}: only {home} names `{name}`", named.line)));
     }
     problems
@@ -80,20 +51,14 @@ fn dependencies(manifest: &str) -> Vec<String> {
 }
 
 fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
-    let depends = dependencies(manifest)
-        .into_iter()
-        .filter(|name| unwanted.contains(&name.as_str()));
-    depends
-        .map(|name| format!("{path}: must not depend on `{name}`"))
-        .collect()
+    let depends = dependencies(manifest).into_iter().filter(|name| unwanted.contains(&name.as_str()));
+    depends.map(|name| format!("{path}: must not depend on `{name}`")).collect()
 }
 
 #[test]
 fn only_graph_onnx_names_ort_and_only_nunet_ipc_names_iceoryx2() {
-    let problems: Vec<String> = repository::rust()
-        .iter()
-        .flat_map(|(path, text)| strangers(path, text))
-        .collect();
+    let problems: Vec<String> =
+        repository::rust().iter().flat_map(|(path, text)| strangers(path, text)).collect();
     assert_none(&problems);
 }
 
@@ -112,10 +77,7 @@ fn crates_depend_only_on_what_their_layer_allows() {
     for (path, unwanted) in NO_DEPENDENCY {
         let manifest = manifests.iter().find(|(found, _)| found == path);
         let (_, text) = manifest.unwrap_or_else(|| panic!("{path} is gone; mend NO_DEPENDENCY"));
-        assert!(
-            !dependencies(text).is_empty(),
-            "{path}: no dependency was understood"
-        );
+        assert!(!dependencies(text).is_empty(), "{path}: no dependency was understood");
         problems.extend(forbidden(path, text, unwanted));
     }
     assert_none(&problems);
@@ -132,11 +94,6 @@ fn a_forbidden_dependency_is_found_in_every_spelling() {
         assert_eq!(forbidden("Cargo.toml", manifest, &["ort"]).len(), 1, "{manifest}");
     }
     assert!(
-        forbidden(
-            "Cargo.toml",
-            "[dependencies]\nsort = \"1\"\n[features]\nort = []",
-            &["ort"]
-        )
-        .is_empty()
+        forbidden("Cargo.toml", "[dependencies]\nsort = \"1\"\n[features]\nort = []", &["ort"]).is_empty()
     );
 }

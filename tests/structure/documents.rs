@@ -25,14 +25,9 @@ fn prose(text: &str) -> String {
 fn local_links(text: &str) -> Vec<(usize, String)> {
     let mut links = Vec::new();
     for (index, line) in prose(text).lines().enumerate() {
-        let inline = line
-            .split("](")
-            .skip(1)
-            .filter_map(|rest| rest.split([')', ' ']).next());
-        let reference = line
-            .strip_prefix('[')
-            .and_then(|line| line.split_once("]: "))
-            .map(|(_, target)| target.trim());
+        let inline = line.split("](").skip(1).filter_map(|rest| rest.split([')', ' ']).next());
+        let reference =
+            line.strip_prefix('[').and_then(|line| line.split_once("]: ")).map(|(_, target)| target.trim());
         for target in inline.chain(reference) {
             if !target.contains("://") && !target.starts_with("mailto:") {
                 links.push((index + 1, target.to_owned()));
@@ -52,9 +47,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
             continue;
         }
         let heading = line.trim_start_matches('#').trim().to_lowercase();
-        let kept = heading
-            .chars()
-            .filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+        let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
         anchors.insert(kept.map(|c| if c == ' ' { '-' } else { c }).collect());
     }
     anchors
@@ -94,9 +87,7 @@ fn dead_links(document: &str, text: &str, read: impl Fn(&str) -> Option<String>)
 }
 
 fn unreleased(changelog: &str) -> Vec<String> {
-    let section = changelog
-        .split("\n## ")
-        .find(|section| section.starts_with("[Unreleased]"));
+    let section = changelog.split("\n## ").find(|section| section.starts_with("[Unreleased]"));
     match section {
         None => vec!["CHANGELOG.md: no `## [Unreleased]` section".to_owned()],
         Some(section) if !section.contains("\n- ") => vec!["CHANGELOG.md: nothing is unreleased".to_owned()],
@@ -109,9 +100,7 @@ fn versions_after<'a>(mark: &str, text: &'a str) -> Vec<&'a str> {
     let rests = text.split(mark).skip(1);
     rests
         .map(|rest| {
-            let end = rest
-                .find(|c: char| !(c.is_ascii_digit() || c == '.'))
-                .unwrap_or(rest.len());
+            let end = rest.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(rest.len());
             rest[..end].trim_end_matches('.')
         })
         .filter(|version| version.contains('.'))
@@ -124,16 +113,11 @@ fn links_between_documents_lead_to_files_and_headings_that_exist() {
     let files = repository::files();
     let read = |path: &str| {
         let file = files.iter().find(|file| file.path == path);
-        let folder = files
-            .iter()
-            .any(|file| file.path.starts_with(&format!("{path}/")));
-        file.map(|file| file.text().unwrap_or_default().to_owned())
-            .or_else(|| folder.then(String::new))
+        let folder = files.iter().any(|file| file.path.starts_with(&format!("{path}/")));
+        file.map(|file| file.text().unwrap_or_default().to_owned()).or_else(|| folder.then(String::new))
     };
-    let problems: Vec<String> = documents
-        .iter()
-        .flat_map(|(path, text)| dead_links(path, text, read))
-        .collect();
+    let problems: Vec<String> =
+        documents.iter().flat_map(|(path, text)| dead_links(path, text, read)).collect();
     assert_none(&problems);
 }
 
@@ -155,33 +139,23 @@ fn the_changelog_has_an_unreleased_section_with_an_entry() {
 #[test]
 fn a_changelog_without_an_entry_is_found() {
     assert_eq!(unreleased("# Changelog\n\n## [0.1.0]\n- x\n").len(), 1);
-    assert_eq!(
-        unreleased("# Changelog\n\n## [Unreleased]\n\n## [0.1.0]\n- x\n").len(),
-        1
-    );
+    assert_eq!(unreleased("# Changelog\n\n## [Unreleased]\n\n## [0.1.0]\n- x\n").len(), 1);
     assert!(unreleased("# Changelog\n\n## [Unreleased]\n### Added\n- x\n").is_empty());
 }
 
 #[test]
 fn everybody_means_the_same_release_of_onnx_runtime() {
     let (_, lock) = repository::texts(|path| path == "xtask/wheels.lock").remove(0);
-    let lines = lock
-        .lines()
-        .map(|line| line.split_whitespace().collect::<Vec<_>>());
-    let pinned: BTreeSet<&str> = lines
-        .filter(|words| words.get(1) == Some(&"onnxruntime"))
-        .map(|words| words[2])
-        .collect();
+    let lines = lock.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let pinned: BTreeSet<&str> =
+        lines.filter(|words| words.get(1) == Some(&"onnxruntime")).map(|words| words[2]).collect();
     assert_eq!(pinned.len(), 1, "{pinned:?}");
     let mut problems = Vec::new();
     for (path, text) in repository::texts(|path| path.ends_with(".txt") || path.ends_with(".toml")) {
-        for version in versions_after("onnxruntime==", &text)
-            .into_iter()
-            .filter(|version| !pinned.contains(version))
+        for version in
+            versions_after("onnxruntime==", &text).into_iter().filter(|version| !pinned.contains(version))
         {
-            problems.push(format!(
-                "{path}: onnxruntime {version}, xtask/wheels.lock has {pinned:?}"
-            ));
+            problems.push(format!("{path}: onnxruntime {version}, xtask/wheels.lock has {pinned:?}"));
         }
     }
     assert_none(&problems);
@@ -189,8 +163,5 @@ fn everybody_means_the_same_release_of_onnx_runtime() {
 
 #[test]
 fn versions_are_read_after_their_mark() {
-    assert_eq!(
-        versions_after("thing==", "thing==1.2.3\nother==4\nthing==1.2.\n"),
-        ["1.2.3", "1.2"]
-    );
+    assert_eq!(versions_after("thing==", "thing==1.2.3\nother==4\nthing==1.2.\n"), ["1.2.3", "1.2"]);
 }

@@ -14,19 +14,13 @@ pub(crate) struct File {
 impl File {
     /// The text, or `None` for pictures, models and the like.
     pub(crate) fn text(&self) -> Option<&str> {
-        if self.bytes.contains(&0) {
-            None
-        } else {
-            str::from_utf8(&self.bytes).ok()
-        }
+        if self.bytes.contains(&0) { None } else { str::from_utf8(&self.bytes).ok() }
     }
 }
 
 /// The checkout.
 pub(crate) fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("xtask is a folder of the checkout")
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the checkout")
 }
 
 /// All files, by path. New files count before they are added, so that a check fails before the commit.
@@ -36,11 +30,7 @@ pub(crate) fn files() -> Vec<File> {
         .current_dir(root())
         .output()
         .expect("these tests ask git for the list of files");
-    assert!(
-        output.status.success(),
-        "git ls-files: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "git ls-files: {}", String::from_utf8_lossy(&output.stderr));
     let list = String::from_utf8(output.stdout).expect("file names are UTF-8 here");
     let mut paths: Vec<&str> = list.split_terminator('\0').collect();
     paths.sort_unstable();
@@ -52,10 +42,7 @@ pub(crate) fn files() -> Vec<File> {
             bytes: fs::read(root().join(path)).expect("a file that git lists can be read"),
         })
         .collect();
-    assert!(
-        files.iter().any(|file| file.path == "Cargo.toml"),
-        "git lists no Cargo.toml"
-    );
+    assert!(files.iter().any(|file| file.path == "Cargo.toml"), "git lists no Cargo.toml");
     files
 }
 

@@ -31,9 +31,7 @@ pub(crate) fn code_only(text: &str) -> String {
     let mut code = String::with_capacity(text.len());
     let mut rest = text;
     while !rest.is_empty() {
-        let blank = comment(rest)
-            .or_else(|| raw_string(rest))
-            .or_else(|| quoted(rest));
+        let blank = comment(rest).or_else(|| raw_string(rest)).or_else(|| quoted(rest));
         let length = match blank {
             Some(length) => {
                 code.extend(rest[..length].chars().map(|c| if c == '\n' { '\n' } else { ' ' }));
@@ -85,19 +83,12 @@ fn comment(text: &str) -> Option<usize> {
 
 /// Length of the raw string (`r"..."`, `br#"..."#`) that `text` begins with.
 fn raw_string(text: &str) -> Option<usize> {
-    let prefix = ["br", "cr", "r"]
-        .into_iter()
-        .find(|prefix| text.starts_with(prefix))?;
-    let hashes = text[prefix.len()..]
-        .bytes()
-        .take_while(|&byte| byte == b'#')
-        .count();
+    let prefix = ["br", "cr", "r"].into_iter().find(|prefix| text.starts_with(prefix))?;
+    let hashes = text[prefix.len()..].bytes().take_while(|&byte| byte == b'#').count();
     let body = prefix.len() + hashes;
     text[body..].starts_with('"').then(|| {
         let close = format!("\"{}", "#".repeat(hashes));
-        text[body + 1..]
-            .find(&close)
-            .map_or(text.len(), |end| body + 1 + end + close.len())
+        text[body + 1..].find(&close).map_or(text.len(), |end| body + 1 + end + close.len())
     })
 }
 
@@ -134,10 +125,7 @@ fn tokens(code: &str) -> Vec<Token> {
             } else {
                 first.len_utf8()
             };
-            tokens.push(Token {
-                text: rest[..length].to_owned(),
-                line: index + 1,
-            });
+            tokens.push(Token { text: rest[..length].to_owned(), line: index + 1 });
             rest = rest[length..].trim_start();
         }
     }
@@ -209,20 +197,15 @@ fn group(tokens: &[Token], mut at: usize, prefix: &[String], found: &mut Vec<Nam
 #[test]
 fn comments_and_literals_are_no_code_and_lifetimes_are() {
     let text = "a /* b /* c */ d */ 'e' \"f \\\" g\" r#\"h \" i\"# '\\'' // j\n&'k str";
-    let words: Vec<String> = tokens(&code_only(text))
-        .into_iter()
-        .map(|token| token.text)
-        .collect();
+    let words: Vec<String> = tokens(&code_only(text)).into_iter().map(|token| token.text).collect();
     assert_eq!(words, ["a", "&", "'", "k", "str"]);
 }
 
 #[test]
 fn use_trees_are_unfolded_and_keep_their_lines() {
     let text = "use std::{env, io::{self, Read as _}, time::*};\nlet x = crate::depth::decode(y);";
-    let found: Vec<String> = paths(text)
-        .iter()
-        .map(|p| format!("{} {}", p.line, p.segments.join("::")))
-        .collect();
+    let found: Vec<String> =
+        paths(text).iter().map(|p| format!("{} {}", p.line, p.segments.join("::"))).collect();
     assert_eq!(
         found,
         [
@@ -240,9 +223,6 @@ fn use_trees_are_unfolded_and_keep_their_lines() {
 
 #[test]
 fn the_test_module_at_the_end_is_cut_off() {
-    assert_eq!(
-        without_tests("fn a() {}\n\n#[cfg(test)]\nmod tests {}\n"),
-        "fn a() {}\n\n"
-    );
+    assert_eq!(without_tests("fn a() {}\n\n#[cfg(test)]\nmod tests {}\n"), "fn a() {}\n\n");
     assert_eq!(without_tests("fn a() {}\n"), "fn a() {}\n");
 }

@@ -31,9 +31,7 @@ fn too_heavy<'a>(files: impl Iterator<Item = (&'a str, usize)>) -> Vec<String> {
         }
     }
     if models > MAX_MODEL_BYTES {
-        problems.push(format!(
-            "models/: {models} bytes in all, {MAX_MODEL_BYTES} at most"
-        ));
+        problems.push(format!("models/: {models} bytes in all, {MAX_MODEL_BYTES} at most"));
     }
     problems
 }
@@ -42,10 +40,7 @@ fn too_heavy<'a>(files: impl Iterator<Item = (&'a str, usize)>) -> Vec<String> {
 fn no_source_file_is_longer_than_400_lines_without_its_tests() {
     let mut sources = repository::texts(|path| path.ends_with(".rs") || path.ends_with(".py"));
     sources.retain(|(path, _)| !is_test_file(path));
-    let problems: Vec<String> = sources
-        .iter()
-        .flat_map(|(path, text)| too_long(path, text))
-        .collect();
+    let problems: Vec<String> = sources.iter().flat_map(|(path, text)| too_long(path, text)).collect();
     assert_none(&problems);
 }
 
@@ -54,36 +49,21 @@ fn a_long_file_is_found_and_its_tests_do_not_count() {
     let code = "//\n".repeat(MAX_LINES);
     assert!(too_long("a.rs", &code).is_empty());
     assert_eq!(too_long("a.rs", &format!("{code}//\n")).len(), 1);
-    assert!(
-        too_long(
-            "a.rs",
-            &format!("{}\n#[cfg(test)]\nmod tests {{\n{code}}}\n", &code[3..])
-        )
-        .is_empty()
-    );
+    assert!(too_long("a.rs", &format!("{}\n#[cfg(test)]\nmod tests {{\n{code}}}\n", &code[3..])).is_empty());
 }
 
 #[test]
 fn the_models_in_git_take_80_mb_at_most_and_other_files_5_mb() {
     let files = repository::files();
-    assert_none(&too_heavy(
-        files.iter().map(|file| (file.path.as_str(), file.bytes.len())),
-    ));
+    assert_none(&too_heavy(files.iter().map(|file| (file.path.as_str(), file.bytes.len()))));
 }
 
 #[test]
 fn models_are_weighed_together_and_other_files_each() {
     let half = MAX_MODEL_BYTES / 2;
-    let fine = [
-        ("models/a.onnx", half),
-        ("models/b.onnx", half),
-        ("a", MAX_FILE_BYTES),
-        ("b", MAX_FILE_BYTES),
-    ];
+    let fine =
+        [("models/a.onnx", half), ("models/b.onnx", half), ("a", MAX_FILE_BYTES), ("b", MAX_FILE_BYTES)];
     assert!(too_heavy(fine.into_iter()).is_empty());
-    assert_eq!(
-        too_heavy([("models/a.onnx", half), ("models/b.onnx", half + 1)].into_iter()).len(),
-        1
-    );
+    assert_eq!(too_heavy([("models/a.onnx", half), ("models/b.onnx", half + 1)].into_iter()).len(), 1);
     assert_eq!(too_heavy([("a.mcap", MAX_FILE_BYTES + 1)].into_iter()).len(), 1);
 }

@@ -25,9 +25,8 @@ fn unexplained(path: &str, text: &str) -> Vec<String> {
     let mut problems = Vec::new();
     let mut uses = false;
     for (index, line) in code.lines().enumerate() {
-        let mut words = line
-            .split(|c: char| !(c.is_alphanumeric() || c == '_'))
-            .filter(|word| !word.is_empty());
+        let mut words =
+            line.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|word| !word.is_empty());
         if !words.any(|word| word == "unsafe") || line.contains("#[unsafe(") {
             continue;
         }
@@ -35,9 +34,7 @@ fn unexplained(path: &str, text: &str) -> Vec<String> {
         let declares =
             line.contains("unsafe fn") || line.contains("unsafe trait") || line.contains("unsafe extern");
         let near = &lines[index.saturating_sub(SAFETY_LINES)..=index];
-        let explained = near
-            .iter()
-            .any(|line| line.contains("SAFETY:") || line.contains("# Safety"));
+        let explained = near.iter().any(|line| line.contains("SAFETY:") || line.contains("# Safety"));
         if !declares && !explained {
             problems.push(format!("{path}:{}: unsafe without a `SAFETY:` line", index + 1));
         }
@@ -47,9 +44,7 @@ fn unexplained(path: &str, text: &str) -> Vec<String> {
         rest[..end].contains("unsafe_code") && rest[..end].contains("reason = \"")
     });
     if uses && !opted_in {
-        problems.push(format!(
-            "{path}: uses unsafe without `#![expect(unsafe_code, reason = \"...\")]`"
-        ));
+        problems.push(format!("{path}: uses unsafe without `#![expect(unsafe_code, reason = \"...\")]`"));
     }
     problems
 }
@@ -57,19 +52,14 @@ fn unexplained(path: &str, text: &str) -> Vec<String> {
 fn missing_lints(manifest: &str) -> Vec<String> {
     let lines: Vec<&str> = manifest.lines().map(str::trim).collect();
     let missing = LINTS.iter().filter(|lint| !lines.contains(lint));
-    missing
-        .map(|lint| format!("Cargo.toml: the lint `{lint}` is gone"))
-        .collect()
+    missing.map(|lint| format!("Cargo.toml: the lint `{lint}` is gone")).collect()
 }
 
 #[test]
 fn every_use_of_unsafe_is_opted_into_and_explained() {
     let mut sources = repository::rust();
     sources.retain(|(path, _)| !is_test_file(path));
-    let problems: Vec<String> = sources
-        .iter()
-        .flat_map(|(path, text)| unexplained(path, text))
-        .collect();
+    let problems: Vec<String> = sources.iter().flat_map(|(path, text)| unexplained(path, text)).collect();
     assert_none(&problems);
 }
 
@@ -79,16 +69,9 @@ fn unsafe_without_reason_or_without_opting_in_is_found() {
     let bare = "fn f() { unsafe { g() } }\n";
     assert_eq!(unexplained("a.rs", bare).len(), 2);
     assert_eq!(unexplained("a.rs", &format!("{opt_in}{bare}")).len(), 1);
+    assert_eq!(unexplained("a.rs", &format!("{opt_in}// SAFETY: g is fine\n{bare}")).len(), 0);
     assert_eq!(
-        unexplained("a.rs", &format!("{opt_in}// SAFETY: g is fine\n{bare}")).len(),
-        0
-    );
-    assert_eq!(
-        unexplained(
-            "a.rs",
-            "#![expect(unsafe_code)]\n// SAFETY: x\nunsafe impl Send for X {}\n"
-        )
-        .len(),
+        unexplained("a.rs", "#![expect(unsafe_code)]\n// SAFETY: x\nunsafe impl Send for X {}\n").len(),
         1
     );
     assert_eq!(unexplained("a.rs", "// unsafe\nlet s = \"unsafe\";\n").len(), 0);
@@ -109,8 +92,5 @@ fn the_lints_are_on_in_every_crate() {
 
 #[test]
 fn a_lint_that_was_switched_off_is_found() {
-    assert_eq!(
-        missing_lints("[workspace.lints.rust]\nunsafe_code = \"warn\"").len(),
-        LINTS.len()
-    );
+    assert_eq!(missing_lints("[workspace.lints.rust]\nunsafe_code = \"warn\"").len(), LINTS.len());
 }

@@ -43,9 +43,7 @@ fn places(path: &str, text: &str) -> Vec<String> {
 #[test]
 fn no_file_names_a_path_of_one_machine_or_a_registry_s_host() {
     let files = repository::files();
-    let texts = files
-        .iter()
-        .filter_map(|file| Some((file.path.as_str(), file.text()?)));
+    let texts = files.iter().filter_map(|file| Some((file.path.as_str(), file.text()?)));
     let problems: Vec<String> = texts.flat_map(|(path, text)| places(path, text)).collect();
     assert_none(&problems);
 }
@@ -53,11 +51,7 @@ fn no_file_names_a_path_of_one_machine_or_a_registry_s_host() {
 #[test]
 fn machine_paths_and_hosts_are_found() {
     for (head, tail) in MACHINE_PATHS.into_iter().chain(HOSTS) {
-        assert_eq!(
-            places("a.md", &format!("see {head}{tail}x")).len(),
-            1,
-            "{head}{tail}"
-        );
+        assert_eq!(places("a.md", &format!("see {head}{tail}x")).len(), 1, "{head}{tail}");
     }
     let (head, tail) = MACHINE_PATHS[1];
     assert!(places("a.md", &format!("docs{head}{tail}x")).is_empty());

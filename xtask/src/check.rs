@@ -12,10 +12,7 @@ pub(crate) fn check() -> Result<()> {
         "check",
         &mut [
             ("format", cargo(&["fmt", "--all", "--check"])),
-            (
-                "lints",
-                cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
-            ),
+            ("lints", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
             ("documentation", docs),
             ("structure", cargo(&["test", "--package", "xtask"])),
         ],

@@ -29,25 +29,11 @@ pub(crate) fn demo() -> Result<()> {
     }
     let stats = format!("{FOLDER}/{STATS}");
     let mut nunetd = Command::new(paths::nunetd("release")?);
-    nunetd.args([
-        "--model",
-        "models/wnet_c.onnx",
-        "--source",
-        "demo",
-        "--frames",
-        FRAMES,
-    ]);
+    nunetd.args(["--model", "models/wnet_c.onnx", "--source", "demo", "--frames", FRAMES]);
     run(nunetd.args(["--stats-json", &stats, "--out", FOLDER]))?;
 
-    let missing: Vec<&str> = RESULTS
-        .into_iter()
-        .filter(|name| !folder.join(name).is_file())
-        .collect();
-    ensure!(
-        missing.is_empty(),
-        "nunetd left no {} in `{FOLDER}`",
-        missing.join(", ")
-    );
+    let missing: Vec<&str> = RESULTS.into_iter().filter(|name| !folder.join(name).is_file()).collect();
+    ensure!(missing.is_empty(), "nunetd left no {} in `{FOLDER}`", missing.join(", "));
     let text = fs::read_to_string(folder.join(STATS)).with_context(|| format!("cannot read `{stats}`"))?;
     print(&latency_table::render(&text).with_context(|| format!("cannot understand `{stats}`"))?);
     say(&format!("demo: {} in {FOLDER}", RESULTS.join(", ")));

@@ -69,49 +69,21 @@ impl<'de> Deserialize<'de> for Stages {
 pub(crate) fn render(stats_json: &str) -> Result<String> {
     let stats: Stats = serde_json::from_str(stats_json)?;
     let stages = &stats.latency_ms.stages.0;
-    let widest = stages
-        .iter()
-        .map(|(name, _)| name.chars().count())
-        .max()
-        .unwrap_or(0)
-        .max("latency ms".len());
+    let widest =
+        stages.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max("latency ms".len());
     let mut table = String::new();
-    writeln!(
-        table,
-        "{:widest$}{:>9}{:>9}{:>9}{:>9}{:>9}",
-        "latency ms", "p50", "p90", "p99", "max", "mean"
-    )?;
+    writeln!(table, "{:widest$}{:>9}{:>9}{:>9}{:>9}{:>9}", "latency ms", "p50", "p90", "p99", "max", "mean")?;
     let total = ("total".to_owned(), &stats.latency_ms.total);
-    for (name, row) in stages
-        .iter()
-        .map(|(name, row)| (name.clone(), row))
-        .chain([total])
-    {
-        let Summary {
-            p50,
-            p90,
-            p99,
-            max,
-            mean,
-        } = row;
-        writeln!(
-            table,
-            "{name:widest$}{p50:>9.2}{p90:>9.2}{p99:>9.2}{max:>9.2}{mean:>9.2}"
-        )?;
+    for (name, row) in stages.iter().map(|(name, row)| (name.clone(), row)).chain([total]) {
+        let Summary { p50, p90, p99, max, mean } = row;
+        writeln!(table, "{name:widest$}{p50:>9.2}{p90:>9.2}{p99:>9.2}{max:>9.2}{mean:>9.2}")?;
     }
-    let Frames {
-        captured,
-        published,
-        superseded,
-        failed,
-    } = stats.frames;
+    let Frames { captured, published, superseded, failed } = stats.frames;
     writeln!(
         table,
         "{captured} frames captured, {published} published, {superseded} superseded, {failed} failed"
     )?;
-    let allocations = stats
-        .allocations_per_frame
-        .map_or("uncounted".to_owned(), |count| count.to_string());
+    let allocations = stats.allocations_per_frame.map_or("uncounted".to_owned(), |count| count.to_string());
     write!(
         table,
         "{:.1} frames per second, {} bytes copied and {allocations} allocations per frame",

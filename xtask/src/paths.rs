@@ -8,9 +8,7 @@ use anyhow::{Context as _, Result};
 
 /// The checkout.
 pub(crate) fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("xtask is a folder of the checkout")
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the checkout")
 }
 
 /// `$XDG_CACHE_HOME/nunet`, else `~/.cache/nunet`: outside the checkout, so that a fresh clone need not download again.
@@ -31,13 +29,8 @@ pub(crate) fn cache() -> Result<PathBuf> {
 /// cargo's settings may have moved it out of the checkout.
 pub(crate) fn nunetd(profile: &str) -> Result<PathBuf> {
     let this = env::current_exe().context("cannot find the path of this program")?;
-    let target = this
-        .ancestors()
-        .nth(2)
-        .context("this program lies outside a target folder")?;
-    Ok(target
-        .join(profile)
-        .join(format!("nunetd{}", env::consts::EXE_SUFFIX)))
+    let target = this.ancestors().nth(2).context("this program lies outside a target folder")?;
+    Ok(target.join(profile).join(format!("nunetd{}", env::consts::EXE_SUFFIX)))
 }
 
 /// The right to change the cache, until it is dropped: two clones may be set up at the same time.
@@ -47,7 +40,6 @@ pub(crate) fn lock() -> Result<File> {
         .with_context(|| format!("cannot create `{}`\nhint: set XDG_CACHE_HOME", cache.display()))?;
     let path = cache.join("lock");
     let file = File::create(&path).with_context(|| format!("cannot create `{}`", path.display()))?;
-    file.lock()
-        .with_context(|| format!("cannot lock `{}`", path.display()))?;
+    file.lock().with_context(|| format!("cannot lock `{}`", path.display()))?;
     Ok(file)
 }

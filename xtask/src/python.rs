@@ -41,10 +41,7 @@ pub(crate) fn system() -> Result<System> {
     let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
     let program = named.map_or_else(|| "python3".into(), PathBuf::from);
     let identity = output(Command::new(&program).args(["-c", IDENTITY])).with_context(|| {
-        format!(
-            "`{}` is not usable\nhint: install python3, or name another by PYTHON",
-            program.display()
-        )
+        format!("`{}` is not usable\nhint: install python3, or name another by PYTHON", program.display())
     })?;
     Ok(System { program, identity })
 }
@@ -53,25 +50,15 @@ pub(crate) fn system() -> Result<System> {
 pub(crate) fn test_environment() -> Result<PathBuf> {
     let path = paths::root().join("tests/python/requirements.txt");
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read `{}`", path.display()))?;
-    let lines = text
-        .lines()
-        .map(|line| line.split('#').next().unwrap_or_default().trim());
-    environment(
-        "test",
-        &lines
-            .filter(|line| !line.is_empty())
-            .map(str::to_owned)
-            .collect::<Vec<_>>(),
-    )
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    environment("test", &lines.filter(|line| !line.is_empty()).map(str::to_owned).collect::<Vec<_>>())
 }
 
 /// The environment of `models/recipe`: torch and its libraries, several gigabytes. The recipe itself is not installed
 /// in it but found by PYTHONPATH, so that clones with different recipes share one environment.
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
     let mut reader = Command::new(system()?.program);
-    reader
-        .args(["-c", RECIPE_REQUIREMENTS])
-        .current_dir(paths::root());
+    reader.args(["-c", RECIPE_REQUIREMENTS]).current_dir(paths::root());
     let lines = output(&mut reader).context(
         "cannot read what models/recipe needs\nhint: the recipe needs Python 3.11; name one by PYTHON",
     )?;
@@ -90,17 +77,11 @@ pub(crate) fn recipe(python: &Path) -> Command {
 fn environment(name: &str, requirements: &[String]) -> Result<PathBuf> {
     let system = system()?;
     let cache = paths::cache()?;
-    let folder = cache.join(format!(
-        "venv-{name}-{:016x}",
-        fingerprint(&system.identity, requirements)?
-    ));
+    let folder = cache.join(format!("venv-{name}-{:016x}", fingerprint(&system.identity, requirements)?));
     let (python, stamp) = (folder.join("bin/python"), folder.join(STAMP));
     let _lock = paths::lock()?;
     if !stamp.is_file() || output(Command::new(&python).args(["-c", IDENTITY])).is_err() {
-        say(&format!(
-            "setting up the Python environment `{name}` in {}",
-            folder.display()
-        ));
+        say(&format!("setting up the Python environment `{name}` in {}", folder.display()));
         create(&system.program, &folder, requirements)?;
     }
     // The stamp's time says when the environment was last used.
@@ -117,9 +98,7 @@ fn fingerprint(identity: &str, requirements: &[String]) -> Result<u64> {
 
 fn create(system: &Path, folder: &Path, requirements: &[String]) -> Result<()> {
     let pip = pip()?;
-    run(Command::new(system)
-        .args(["-m", "venv", "--clear", "--without-pip"])
-        .arg(folder))?;
+    run(Command::new(system).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
     let mut install = Command::new(folder.join("bin/python"));
     install
         .arg(pip.join("pip"))
@@ -135,18 +114,11 @@ fn create(system: &Path, folder: &Path, requirements: &[String]) -> Result<()> {
 fn remove_forgotten(cache: &Path, name: &str) -> Result<()> {
     let entries = fs::read_dir(cache).with_context(|| format!("cannot read `{}`", cache.display()))?;
     for entry in entries.flatten() {
-        let of_this_name = entry
-            .file_name()
-            .to_string_lossy()
-            .starts_with(&format!("venv-{name}-"));
+        let of_this_name = entry.file_name().to_string_lossy().starts_with(&format!("venv-{name}-"));
         let used = fs::metadata(entry.path().join(STAMP)).and_then(|stamp| stamp.modified());
         let age = used.ok().and_then(|used| used.elapsed().ok()).unwrap_or_default();
         if of_this_name && age > FORGOTTEN_AFTER {
-            say(&format!(
-                "removing {}, unused for {} days",
-                entry.path().display(),
-                age.as_secs() / 86_400
-            ));
+            say(&format!("removing {}, unused for {} days", entry.path().display(), age.as_secs() / 86_400));
             fs::remove_dir_all(entry.path())
                 .with_context(|| format!("cannot remove `{}`", entry.path().display()))?;
         }
@@ -157,20 +129,14 @@ fn remove_forgotten(cache: &Path, name: &str) -> Result<()> {
 /// pip's own wheel, a zip file that Python runs as it is.
 fn pip() -> Result<PathBuf> {
     let wheel = wheels::pinned("pip")?;
-    let path = paths::cache()?
-        .join(format!("pip-{}", wheel.version))
-        .join(wheel.file);
+    let path = paths::cache()?.join(format!("pip-{}", wheel.version)).join(wheel.file);
     wheels::fetch(&wheel, None, &path)?;
     Ok(path)
 }
 
 /// uv's index, which pip does not read, so that one setting serves both (as in `fetch_wheel.py`).
 fn uv_index() -> Option<String> {
-    let index = ["UV_DEFAULT_INDEX", "UV_INDEX_URL"]
-        .iter()
-        .find_map(|key| std::env::var(key).ok())?;
-    let named = index
-        .split_once('=')
-        .filter(|(name, _)| !name.contains(['/', ':']));
+    let index = ["UV_DEFAULT_INDEX", "UV_INDEX_URL"].iter().find_map(|key| std::env::var(key).ok())?;
+    let named = index.split_once('=').filter(|(name, _)| !name.contains(['/', ':']));
     Some(named.map_or(index.clone(), |(_, url)| url.to_owned()))
 }

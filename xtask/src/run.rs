@@ -1,9 +1,5 @@
 //! Running other programs, and talking to people.
-#![expect(
-    clippy::print_stderr,
-    clippy::print_stdout,
-    reason = "talking to people is what xtask does"
-)]
+#![expect(clippy::print_stderr, clippy::print_stdout, reason = "talking to people is what xtask does")]
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -24,10 +20,7 @@ pub(crate) fn say_error(error: &Error) {
     for (depth, cause) in error.chain().enumerate() {
         let text = cause.to_string();
         let (body, hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));
-        say(&format!(
-            "{}{body}",
-            if depth == 0 { "error: " } else { "  because: " }
-        ));
+        say(&format!("{}{body}", if depth == 0 { "error: " } else { "  because: " }));
         hints.extend((!hint.is_empty()).then(|| format!("hint: {hint}")));
     }
     hints.iter().for_each(|hint| say(hint));
@@ -100,16 +93,11 @@ fn named(command: &Command) -> String {
 
 /// The command as one would type it in the checkout.
 fn shown(command: &Command) -> String {
-    let settings = command
-        .get_envs()
-        .filter_map(|(key, value)| Some(format!("{}={}", key.to_str()?, quoted(value?))));
+    let settings =
+        command.get_envs().filter_map(|(key, value)| Some(format!("{}={}", key.to_str()?, quoted(value?))));
     // Which cargo is rust-toolchain.toml's business; the long path would only hide the words that matter.
     let program = Path::new(command.get_program());
-    let program = if program.ends_with("cargo") {
-        OsStr::new("cargo")
-    } else {
-        program.as_os_str()
-    };
+    let program = if program.ends_with("cargo") { OsStr::new("cargo") } else { program.as_os_str() };
     let words = std::iter::once(program).chain(command.get_args()).map(quoted);
     settings.chain(words).collect::<Vec<_>>().join(" ")
 }
@@ -132,23 +120,15 @@ mod tests {
     #[test]
     fn a_shown_command_can_be_typed() {
         let mut command = Command::new("/somewhere/bin/cargo");
-        command
-            .args(["doc", "torch>=2,<3", "it's", ""])
-            .env("RUSTDOCFLAGS", "-D warnings");
-        assert_eq!(
-            shown(&command),
-            r"RUSTDOCFLAGS='-D warnings' cargo doc 'torch>=2,<3' 'it'\''s' ''"
-        );
+        command.args(["doc", "torch>=2,<3", "it's", ""]).env("RUSTDOCFLAGS", "-D warnings");
+        assert_eq!(shown(&command), r"RUSTDOCFLAGS='-D warnings' cargo doc 'torch>=2,<3' 'it'\''s' ''");
     }
 
     #[test]
     fn every_step_runs_and_the_failed_ones_are_named() {
         let step = |program: &str| Command::new(program);
-        let mut steps = [
-            ("one", step("false")),
-            ("two", step("true")),
-            ("three", step("/nonexistent/program")),
-        ];
+        let mut steps =
+            [("one", step("false")), ("two", step("true")), ("three", step("/nonexistent/program"))];
         let error = run_all("check", &mut steps).unwrap_err().to_string();
         assert_eq!(error, "check: failed: one, three");
         assert!(run_all("check", &mut steps[1..2]).is_ok());

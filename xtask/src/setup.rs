@@ -17,9 +17,7 @@ pub(crate) fn setup() -> Result<()> {
 pub(crate) fn onnxruntime() -> Result<PathBuf> {
     let wheel = wheels::pinned("onnxruntime")?;
     let name = format!("libonnxruntime.so.{}", wheel.version);
-    let library = paths::cache()?
-        .join(format!("onnxruntime-{}", wheel.version))
-        .join(&name);
+    let library = paths::cache()?.join(format!("onnxruntime-{}", wheel.version)).join(&name);
     let _lock = paths::lock()?;
     wheels::fetch(&wheel, Some(&format!("onnxruntime/capi/{name}")), &library)?;
     Ok(library)

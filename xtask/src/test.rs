@@ -16,9 +16,7 @@ pub(crate) fn test() -> Result<()> {
     let mut lint = Command::new(&light);
     lint.args(["-m", "ruff", "check", "."]);
     let mut clients = Command::new(&light);
-    clients
-        .args(["-m", "pytest", "-q", "tests/python"])
-        .env("NUNETD", paths::nunetd("debug")?);
+    clients.args(["-m", "pytest", "-q", "tests/python"]).env("NUNETD", paths::nunetd("debug")?);
     let mut recipe = python::recipe(&heavy);
     recipe.args(["-m", "pytest", "-q", "models/recipe/tests"]);
     run_all(

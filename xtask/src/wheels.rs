@@ -26,21 +26,13 @@ pub(crate) fn pinned(name: &str) -> Result<Wheel> {
 
 fn find(lock: &'static str, name: &str, arch: &str) -> Result<Wheel> {
     let keys = [format!("{name}/{arch}"), format!("{name}/any")];
-    for line in lock
-        .lines()
-        .filter(|line| !line.starts_with('#') && !line.trim().is_empty())
-    {
+    for line in lock.lines().filter(|line| !line.starts_with('#') && !line.trim().is_empty()) {
         let words: Vec<&'static str> = line.split_whitespace().collect();
         let [key, project, version, file, sha256] = words.as_slice() else {
             bail!("xtask/wheels.lock: expected five words, got `{line}`");
         };
         if keys.iter().any(|wanted| wanted == key) {
-            return Ok(Wheel {
-                project,
-                version,
-                file,
-                sha256,
-            });
+            return Ok(Wheel { project, version, file, sha256 });
         }
     }
     bail!("xtask/wheels.lock pins no `{name}` for `{arch}`\nhint: x86_64 and aarch64 are supported")
@@ -53,14 +45,7 @@ pub(crate) fn fetch(wheel: &Wheel, member: Option<&str>, to: &Path) -> Result<()
     }
     let mut fetcher = Command::new(python::system()?.program);
     fetcher.arg("xtask/fetch_wheel.py");
-    fetcher.args([
-        "--project",
-        wheel.project,
-        "--file",
-        wheel.file,
-        "--sha256",
-        wheel.sha256,
-    ]);
+    fetcher.args(["--project", wheel.project, "--file", wheel.file, "--sha256", wheel.sha256]);
     fetcher.arg("--to").arg(to);
     if let Some(member) = member {
         fetcher.args(["--member", member]);
@@ -91,16 +76,7 @@ mod tests {
 
     #[test]
     fn a_line_with_a_missing_word_is_shown() {
-        let error = find(
-            "onnxruntime/x86_64 onnxruntime 1.0 file.whl",
-            "onnxruntime",
-            "x86_64",
-        )
-        .unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .contains("got `onnxruntime/x86_64 onnxruntime 1.0 file.whl`")
-        );
+        let error = find("onnxruntime/x86_64 onnxruntime 1.0 file.whl", "onnxruntime", "x86_64").unwrap_err();
+        assert!(error.to_string().contains("got `onnxruntime/x86_64 onnxruntime 1.0 file.whl`"));
     }
 }

@@ -61,9 +61,9 @@ impl PixelFormat {
         };
         match rows {
             0 => 0,
-            _ => (row_stride as usize)
-                .saturating_mul(rows - 1)
-                .saturating_add(self.min_stride(width) as usize),
+            _ => {
+                (row_stride as usize).saturating_mul(rows - 1).saturating_add(self.min_stride(width) as usize)
+            }
         }
     }
 }
@@ -81,9 +81,7 @@ impl FromStr for PixelFormat {
         Self::ALL
             .into_iter()
             .find(|format| format.name() == text)
-            .ok_or_else(|| FrameError::UnknownFormat {
-                text: text.to_owned(),
-            })
+            .ok_or_else(|| FrameError::UnknownFormat { text: text.to_owned() })
     }
 }
 
@@ -118,12 +116,7 @@ impl<'a> ImageView<'a> {
         }
         let least = format.min_stride(width);
         if row_stride < least {
-            return Err(FrameError::Stride {
-                format,
-                width,
-                row_stride,
-                least,
-            });
+            return Err(FrameError::Stride { format, width, row_stride, least });
         }
         let expected = format.byte_len(width, height, row_stride);
         let Some(bytes) = bytes.get(..expected) else {
@@ -136,13 +129,7 @@ impl<'a> ImageView<'a> {
                 got: bytes.len(),
             });
         };
-        Ok(Self {
-            bytes,
-            width,
-            height,
-            row_stride,
-            format,
-        })
+        Ok(Self { bytes, width, height, row_stride, format })
     }
 
     /// A view of `bytes` without padding between rows.
@@ -272,10 +259,7 @@ mod tests {
             assert_eq!(format.to_string().parse(), Ok(format));
         }
         let error = "rgb".parse::<PixelFormat>().unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "`rgb` is no pixel format\nhint: one of rgb8, bgr8, mono8, yuyv, nv12"
-        );
+        assert_eq!(error.to_string(), "`rgb` is no pixel format\nhint: one of rgb8, bgr8, mono8, yuyv, nv12");
     }
 
     #[test]
@@ -286,10 +270,7 @@ mod tests {
             "`11` bytes for a rgb8 picture of `2x2` with rows `6` bytes apart, which takes `12`"
         );
         let error = ImageView::new(&[0; 12], 2, 2, 5, PixelFormat::Rgb8).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "rows begin `5` bytes apart, but `2` pixels of rgb8 take `6`"
-        );
+        assert_eq!(error.to_string(), "rows begin `5` bytes apart, but `2` pixels of rgb8 take `6`");
         assert!(ImageView::packed(&[], 0, 2, PixelFormat::Mono8).is_err());
         assert!(ImageView::packed(&[], 1, u32::MAX, PixelFormat::Yuyv).is_err());
     }

@@ -34,11 +34,7 @@ pub struct PipelineOptions {
 
 impl Default for PipelineOptions {
     fn default() -> Self {
-        Self {
-            camera: None,
-            focal: Focal::Auto,
-            cloud_stride: NonZeroU32::MIN,
-        }
+        Self { camera: None, focal: Focal::Auto, cloud_stride: NonZeroU32::MIN }
     }
 }
 
@@ -197,11 +193,7 @@ impl Pipeline {
         outputs: Outputs<'_>,
         clock: &dyn Clock,
     ) -> Result<FrameReport, PipelineError> {
-        let Outputs {
-            depth_m,
-            mut labels,
-            cloud,
-        } = outputs;
+        let Outputs { depth_m, mut labels, cloud } = outputs;
         let mut stages = StageTimes::default();
 
         let start = clock.nanos();
@@ -209,10 +201,7 @@ impl Pipeline {
         let (input, bytes_filled) = self.input.of(picture.rgb);
         stages.push(start, clock.nanos());
 
-        let results = GraphOutputs {
-            depth: depth_m,
-            labels: labels.as_deref_mut(),
-        };
+        let results = GraphOutputs { depth: depth_m, labels: labels.as_deref_mut() };
         let run = self.graph.run(input, results, clock)?;
         stages.extend(&run.stages);
 
@@ -246,22 +235,12 @@ impl Pipeline {
     pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
         let (width, height) = self.size();
         let pixels = width as usize * height as usize;
-        let (mut depth, mut labels) = (
-            vec![0.0; pixels],
-            self.graph.has_labels().then(|| vec![0; pixels]),
-        );
+        let (mut depth, mut labels) = (vec![0.0; pixels], self.graph.has_labels().then(|| vec![0; pixels]));
         let picture = selftest::picture(width, height);
 
         self.graph.reset();
         let (input, _) = self.input.of(&picture);
-        self.graph.run(
-            input,
-            GraphOutputs {
-                depth: &mut depth,
-                labels: labels.as_deref_mut(),
-            },
-            clock,
-        )?;
+        self.graph.run(input, GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut() }, clock)?;
         self.graph.reset();
 
         decode(self.graph.description(), &mut depth, 1.0);
@@ -276,16 +255,13 @@ impl Pipeline {
 
 /// The network's numbers to depth, in place; how many pixels are no measurement.
 fn decode(description: &ModelDescription, depth: &mut [f32], focal_factor: f32) -> u32 {
-    description
-        .encoding
-        .decode(depth, description.range, focal_factor)
+    description.encoding.decode(depth, description.range, focal_factor)
 }
 
 /// The scale of all frames. Both focal lengths are compared at the network's width.
 fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: &Lens) -> Scale {
-    let training_fx_px = description
-        .camera
-        .map(|camera| camera.fx * f64::from(width) / f64::from(camera.width));
+    let training_fx_px =
+        description.camera.map(|camera| camera.fx * f64::from(width) / f64::from(camera.width));
     match focal {
         Focal::Off => Scale::unscaled(description.encoding),
         Focal::Auto => Scale::from_focal_lengths(
@@ -315,10 +291,7 @@ impl Lens {
             Some(camera) => camera,
             None => assumed_camera(description, width, height)?,
         };
-        Ok(Self {
-            known,
-            rays: RayTable::new(&camera),
-        })
+        Ok(Self { known, rays: RayTable::new(&camera) })
     }
 }
 
@@ -332,10 +305,7 @@ fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Re
         },
         |camera| {
             let scale = |focal: f64, from: u32, to: u32| focal * f64::from(to) / f64::from(from);
-            (
-                scale(camera.fx, camera.width, width),
-                scale(camera.fy, camera.height, height),
-            )
+            (scale(camera.fx, camera.width, width), scale(camera.fy, camera.height, height))
         },
     );
     Intrinsics::new(fx, fy, middle(width), middle(height), width, height).map(Camera::pinhole)
@@ -352,10 +322,7 @@ impl Input {
         let (width, height) = graph.size();
         match graph.float_input() {
             None => Self::Rgb,
-            Some(&format) => Self::Float {
-                format,
-                tensor: vec![0.0; 3 * width as usize * height as usize],
-            },
+            Some(&format) => Self::Float { format, tensor: vec![0.0; 3 * width as usize * height as usize] },
         }
     }
 

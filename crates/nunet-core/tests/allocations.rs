@@ -62,17 +62,11 @@ impl Buffers {
 
 fn pipeline(folder: &std::path::Path) -> Pipeline {
     let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
-    let options = GraphOptions {
-        threads: std::num::NonZeroUsize::new(2),
-        ..GraphOptions::default()
-    };
+    let options = GraphOptions { threads: std::num::NonZeroUsize::new(2), ..GraphOptions::default() };
     let graph = SerialGraph::load(&folder.join("graph.toml"), &runtime, &options).unwrap();
     let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
-    let options = PipelineOptions {
-        camera: Some(camera),
-        cloud_stride: NonZeroU32::MIN,
-        ..Default::default()
-    };
+    let options =
+        PipelineOptions { camera: Some(camera), cloud_stride: NonZeroU32::MIN, ..Default::default() };
     Pipeline::new(graph, options).unwrap()
 }
 

@@ -49,7 +49,9 @@ fn place_of_default_verb(arguments: &[OsString]) -> Option<usize> {
             "--log-format" => place += 2,
             "--verbose" | "--quiet" => place += 1,
             _ if argument.starts_with("--log-format=") => place += 1,
-            _ if letters.is_some_and(|letters| letters.chars().all(|letter| "vq".contains(letter))) => place += 1,
+            _ if letters.is_some_and(|letters| letters.chars().all(|letter| "vq".contains(letter))) => {
+                place += 1;
+            }
             "help" | "-h" | "--help" | "-V" | "--version" => return None,
             _ if Cli::command().find_subcommand(argument).is_some() => return None,
             _ => break,
@@ -122,7 +124,7 @@ pub struct EngineArgs {
 /// The camera's geometry.
 #[derive(Debug, Args, Clone)]
 pub struct CameraArgs {
-    /// Focal lengths and principal point in pixels: fx,fy,cx,cy[@WxH]
+    /// Focal lengths and principal point in pixels: `fx,fy,cx,cy[@WxH]`
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<IntrinsicsSpec>,
     /// Scale metric depth by this camera's focal length over the training camera's
@@ -172,7 +174,7 @@ pub struct RunArgs {
     pub pace: SourceArgs,
     #[command(flatten)]
     pub optics: CameraArgs,
-    /// Coordinate frame of depth and cloud [default: CAMERA_optical_frame]
+    /// Coordinate frame of depth and cloud [default: the camera's name and `_optical_frame`]
     #[arg(long, value_name = "NAME")]
     pub frame_id: Option<String>,
     /// What may be read; labels and cloud cost nothing while nobody reads them
@@ -230,7 +232,7 @@ pub struct FeedArgs {
     pub camera: String,
     #[command(flatten)]
     pub pace: SourceArgs,
-    /// Focal lengths and principal point in pixels, sent with each frame: fx,fy,cx,cy[@WxH]
+    /// Focal lengths and principal point in pixels, sent with each frame: `fx,fy,cx,cy[@WxH]`
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<IntrinsicsSpec>,
 }
@@ -340,14 +342,18 @@ mod tests {
 
     #[test]
     fn without_a_verb_it_is_run_wherever_the_logging_flags_stand() {
-        for line in ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"] {
+        for line in
+            ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"]
+        {
             assert!(matches!(parse(line).verb, Verb::Run(_)), "{line}");
         }
     }
 
     #[test]
     fn logging_flags_may_stand_before_and_behind_a_verb() {
-        for line in ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"] {
+        for line in
+            ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"]
+        {
             let cli = parse(line);
             assert!(cli.logging.quiet && matches!(cli.verb, Verb::Inspect(_)), "{line}");
         }

@@ -55,7 +55,11 @@ impl Engine {
     }
 
     /// Loads a model file without a child process.
-    pub(crate) fn load_trusted(&self, path: PathBuf, every: &[(String, NonZeroU32)]) -> anyhow::Result<Loaded> {
+    pub(crate) fn load_trusted(
+        &self,
+        path: PathBuf,
+        every: &[(String, NonZeroU32)],
+    ) -> anyhow::Result<Loaded> {
         let options = GraphOptions {
             provider: self.arguments.provider,
             threads: self.arguments.threads,
@@ -94,8 +98,12 @@ pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pip
 fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport) {
     let graph = pipeline.graph();
     let (width, height) = graph.size();
-    info!("model `{}`: {}, {width}x{height}, provider {}, self-test {report}", path.display(),
-        graph.description().architecture, graph.provider());
+    info!(
+        "model `{}`: {}, {width}x{height}, provider {}, self-test {report}",
+        path.display(),
+        graph.description().architecture,
+        graph.provider()
+    );
     if !graph.description().trained {
         warn!("`{}` carries untrained weights: its depth means nothing", path.display());
     }

@@ -84,13 +84,8 @@ fn places() -> Vec<Place> {
     places
 }
 
-const SYSTEM_FOLDERS: [&str; 5] = [
-    "/usr/local/lib",
-    "/usr/lib",
-    "/usr/lib64",
-    "/usr/lib/x86_64-linux-gnu",
-    "/usr/lib/aarch64-linux-gnu",
-];
+const SYSTEM_FOLDERS: [&str; 5] =
+    ["/usr/local/lib", "/usr/lib", "/usr/lib64", "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu"];
 
 fn site_packages(prefix: &Path) -> Vec<PathBuf> {
     let pattern = prefix.join("lib/python3*/site-packages");
@@ -129,7 +124,8 @@ mod tests {
     #[test]
     fn of_several_releases_the_newest_is_taken() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["libonnxruntime.so", "libonnxruntime.so.1.9.0", "libonnxruntime.so.1.31.1", "other.so.2"] {
+        for name in ["libonnxruntime.so", "libonnxruntime.so.1.9.0", "libonnxruntime.so.1.31.1", "other.so.2"]
+        {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
         let found = library_in(folder.path(), Search::Here).unwrap();

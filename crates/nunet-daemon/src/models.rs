@@ -16,7 +16,8 @@ pub(crate) fn find(name: &Path) -> anyhow::Result<PathBuf> {
         return Ok(name.to_owned());
     }
     let folders = folders();
-    let bundled = is_bare_name(name).then(|| folders.iter().find_map(|folder| model_in(folder, name))).flatten();
+    let bundled =
+        is_bare_name(name).then(|| folders.iter().find_map(|folder| model_in(folder, name))).flatten();
     match bundled {
         Some(path) => Ok(path),
         None => bail!("{}", not_found(name, &folders)),

@@ -70,7 +70,8 @@ pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow:
 /// # Errors
 /// The model cannot be read, or the system refuses.
 pub(crate) fn limit_this_process(model: &Path) -> anyhow::Result<()> {
-    let bytes: u64 = model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
+    let bytes: u64 =
+        model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
     let memory = MEMORY_BASE + bytes.saturating_mul(MEMORY_PER_MODEL_BYTE);
     for (resource, limit) in
         [(Resource::As, memory), (Resource::Cpu, 2 * TIME_LIMIT.as_secs()), (Resource::Core, 0)]
@@ -153,9 +154,11 @@ impl Record {
             hash.update((bytes.len() as u64).to_le_bytes());
             hash.update(&bytes);
         }
-        let about = library.path.metadata().with_context(|| format!("cannot read `{}`", library.path.display()))?;
+        let about =
+            library.path.metadata().with_context(|| format!("cannot read `{}`", library.path.display()))?;
         let changed = about.modified().ok();
-        let rest = (env!("CARGO_PKG_VERSION"), &library.path, about.len(), changed, engine.provider, engine.threads);
+        let rest =
+            (env!("CARGO_PKG_VERSION"), &library.path, about.len(), changed, engine.provider, engine.threads);
         hash.update(format!("{rest:?}"));
         let name: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
         let folder = library::cache_folder().unwrap_or_else(std::env::temp_dir).join("verdicts");

@@ -34,12 +34,8 @@ pub const HEADER: Layout = Layout {
 };
 
 /// The element of every payload's slice.
-pub const BLOCK: Layout = Layout {
-    type_name: BLOCK_TYPE_NAME,
-    bytes: BLOCK_BYTES,
-    alignment: BLOCK_BYTES,
-    fields: &[],
-};
+pub const BLOCK: Layout =
+    Layout { type_name: BLOCK_TYPE_NAME, bytes: BLOCK_BYTES, alignment: BLOCK_BYTES, fields: &[] };
 
 /// What lies in the payload of `stats`.
 pub const STATS: Layout = Layout {
@@ -98,23 +94,10 @@ mod tests {
 
     #[test]
     fn every_word_of_the_header_is_an_enumeration_of_its_field() {
-        let fields = [
-            "topic",
-            "encoding",
-            "units",
-            "scale_source",
-            "capture_clock",
-            "distortion_model",
-            "quality",
-        ];
+        let fields =
+            ["topic", "encoding", "units", "scale_source", "capture_clock", "distortion_model", "quality"];
         for field in fields {
-            assert!(
-                HEADER
-                    .fields
-                    .iter()
-                    .any(|found| found.name == field && found.kind == "u32"),
-                "{field}"
-            );
+            assert!(HEADER.fields.iter().any(|found| found.name == field && found.kind == "u32"), "{field}");
             assert!(ENUMS.iter().any(|(name, _)| *name == field), "{field}");
         }
     }

@@ -221,19 +221,12 @@ pub enum IpcError {
 }
 
 fn list(topics: &[Topic]) -> String {
-    topics
-        .iter()
-        .map(|topic| format!("`{topic}`"))
-        .collect::<Vec<_>>()
-        .join(", ")
+    topics.iter().map(|topic| format!("`{topic}`")).collect::<Vec<_>>().join(", ")
 }
 
 impl IpcError {
     /// Wraps an error of iceoryx2, whose types do not leave this crate.
     pub(crate) fn iceoryx(action: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
-        Self::Iceoryx {
-            action: action.into(),
-            cause: format!("{cause:?}"),
-        }
+        Self::Iceoryx { action: action.into(), cause: format!("{cause:?}") }
     }
 }

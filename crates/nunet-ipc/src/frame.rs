@@ -29,19 +29,13 @@ impl Frame {
         let room = sample.payload().len() * BLOCK_BYTES;
         let bad = |detail: String| Err(IpcError::BadMessage { topic, detail });
         if header.contract_version != CONTRACT_VERSION {
-            return bad(format!(
-                "it is of version `{}`, not `{CONTRACT_VERSION}`",
-                header.contract_version
-            ));
+            return bad(format!("it is of version `{}`, not `{CONTRACT_VERSION}`", header.contract_version));
         }
         if header.topic() != Ok(topic) {
             return bad(format!("its header says topic `{}`", header.topic));
         }
         if header.payload_bytes > room as u64 {
-            return bad(format!(
-                "its header says {} bytes, but there are {room}",
-                header.payload_bytes
-            ));
+            return bad(format!("its header says {} bytes, but there are {room}", header.payload_bytes));
         }
         Ok(Self { sample, topic })
     }
@@ -109,30 +103,19 @@ impl Frame {
             return Ok(cells);
         }
         let (bytes, each) = (self.bytes().len(), size_of::<T>());
-        Err(self.bad(format!(
-            "{width}x{height} cells of {each} bytes, but a payload of {bytes} bytes"
-        )))
+        Err(self.bad(format!("{width}x{height} cells of {each} bytes, but a payload of {bytes} bytes")))
     }
 
     fn expect(&self, expected: Encoding) -> Result<(), IpcError> {
         match self.header().encoding() {
             Ok(found) if found == expected => Ok(()),
-            Ok(found) => Err(IpcError::WrongEncoding {
-                expected,
-                found: found.to_string(),
-            }),
-            Err(unknown) => Err(IpcError::WrongEncoding {
-                expected,
-                found: unknown.value.to_string(),
-            }),
+            Ok(found) => Err(IpcError::WrongEncoding { expected, found: found.to_string() }),
+            Err(unknown) => Err(IpcError::WrongEncoding { expected, found: unknown.value.to_string() }),
         }
     }
 
     fn bad(&self, detail: String) -> IpcError {
-        IpcError::BadMessage {
-            topic: self.topic,
-            detail,
-        }
+        IpcError::BadMessage { topic: self.topic, detail }
     }
 }
 

@@ -156,12 +156,7 @@ impl FrameHeader {
     word!(units, set_units, units, Units);
     word!(scale_source, set_scale_source, scale_source, ScaleSource);
     word!(capture_clock, set_capture_clock, capture_clock, Clock);
-    word!(
-        distortion_model,
-        set_distortion_model,
-        distortion_model,
-        DistortionModel
-    );
+    word!(distortion_model, set_distortion_model, distortion_model, DistortionModel);
     word!(quality, set_quality, quality, Quality);
 
     /// The name of the camera's coordinate frame; what is not UTF-8 is replaced.

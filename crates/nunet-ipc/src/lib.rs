@@ -23,7 +23,7 @@
 //! - The last frame reaches a reader that comes late ([`Publisher::refresh`]).
 //! - Memory is computed, checked, reserved and touched before the first frame ([`plan`]).
 //! - A frame's memory stays as it is for as long as its [`Frame`] lives.
-//! - After the first frames, loan, publish and receive do not allocate on the heap.
+//! - After the first frames nothing is taken from the heap, but for one small piece of iceoryx2's own in each loan.
 
 pub mod block;
 pub mod clock;

@@ -37,11 +37,7 @@ impl Loan {
         let header = sample.user_header_mut();
         header.set_topic(topic);
         header.payload_bytes = payload_bytes as u64;
-        Self {
-            sample,
-            topic,
-            payload_bytes,
-        }
+        Self { sample, topic, payload_bytes }
     }
 
     /// The header. `topic`, `payload_bytes` and `contract_version` are filled in, and are again at publication;
@@ -82,8 +78,6 @@ impl Loan {
         header.set_topic(topic);
         header.payload_bytes = payload_bytes;
         header.publish_nanos = publish_nanos;
-        self.sample
-            .send()
-            .map_err(|cause| IpcError::iceoryx(format!("publish topic `{topic}`"), cause))
+        self.sample.send().map_err(|cause| IpcError::iceoryx(format!("publish topic `{topic}`"), cause))
     }
 }

@@ -26,8 +26,9 @@ use crate::error::IpcError;
 use crate::node::{Iceoryx, config, service_name};
 use crate::plan::SHARED_MEMORY_FOLDER;
 
-/// How long an owner may take to create its services; they are a few small files each.
-const TURN_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long the owners before this one may take to create their services: a few small files each, but many cameras may
+/// start at once on a busy machine.
+const TURN_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// How often to ask for the turn.
 const TURN_PERIOD: Duration = Duration::from_millis(2);
@@ -46,10 +47,7 @@ impl Turn {
     /// Waits for the turn. A node must exist, because the folder comes with it.
     pub(crate) fn take() -> Result<Self, IpcError> {
         let path = PathBuf::from(config().global.root_path().to_string());
-        let failed = |source| IpcError::Locked {
-            folder: path.clone(),
-            source,
-        };
+        let failed = |source| IpcError::Locked { folder: path.clone(), source };
         let folder = File::open(&path).map_err(failed)?;
         let start = Instant::now();
         loop {
@@ -73,10 +71,7 @@ impl Turn {
         let service = service_name(name)?;
         let hash = ServiceHash::new::<<Iceoryx as Service>::ServiceNameHasher>(&service, pattern);
         let global = &config().global;
-        let file = format!(
-            "{}{hash}{}",
-            global.prefix, global.service.static_config_storage_suffix
-        );
+        let file = format!("{}{hash}{}", global.prefix, global.service.static_config_storage_suffix);
         let path = PathBuf::from(global.service_dir().to_string()).join(file);
         if is_unfinished(&path) {
             return remove(&path);
@@ -124,10 +119,7 @@ pub(crate) fn sweep(dead: &[u32]) {
     if dead.is_empty() {
         return;
     }
-    let orphans: Vec<_> = shared_memory()
-        .into_iter()
-        .filter(|(_, id)| dead.contains(&pid_of(*id)))
-        .collect();
+    let orphans: Vec<_> = shared_memory().into_iter().filter(|(_, id)| dead.contains(&pid_of(*id))).collect();
     let mut in_use = Vec::new();
     let listed = Iceoryx::list(config(), |service| {
         in_use.push(service.static_details.unique_service_id().value());
@@ -144,10 +136,7 @@ pub(crate) fn sweep(dead: &[u32]) {
 /// The files of this iceoryx2 in shared memory that belong to somebody: `PREFIX..._ID.KIND`.
 fn shared_memory() -> Vec<(PathBuf, u128)> {
     let prefix = config().global.prefix.to_string();
-    let entries = std::fs::read_dir(SHARED_MEMORY_FOLDER)
-        .into_iter()
-        .flatten()
-        .flatten();
+    let entries = std::fs::read_dir(SHARED_MEMORY_FOLDER).into_iter().flatten().flatten();
     let owned = entries.filter_map(|entry| {
         let name = entry.file_name().into_string().ok()?;
         let (stem, _kind) = name.strip_prefix(&prefix)?.rsplit_once('.')?;
@@ -164,16 +153,14 @@ fn pid_of(id: u128) -> u32 {
 /// iceoryx2 writes a service's file first and makes it read-only when the service is complete.
 fn is_unfinished(path: &Path) -> bool {
     const OWNER_MAY_WRITE: u32 = 0o200;
-    path.metadata()
-        .is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_WRITE != 0)
+    path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_WRITE != 0)
 }
 
 fn remove(path: &Path) -> Result<(), IpcError> {
     match std::fs::remove_file(path) {
-        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(IpcError::Remove {
-            path: path.to_owned(),
-            source,
-        }),
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(IpcError::Remove { path: path.to_owned(), source })
+        }
         _ => Ok(()),
     }
 }

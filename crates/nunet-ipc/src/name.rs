@@ -104,11 +104,7 @@ fn suggestion(name: &str) -> String {
     let allowed = |c: char| c.is_ascii_alphanumeric() || PUNCTUATION.contains(c);
     let mended: String = name.chars().map(|c| if allowed(c) { c } else { '_' }).collect();
     let mended = mended.trim_start_matches(|c: char| !c.is_ascii_alphanumeric());
-    if mended.is_empty() {
-        "front".to_owned()
-    } else {
-        mended.to_owned()
-    }
+    if mended.is_empty() { "front".to_owned() } else { mended.to_owned() }
 }
 
 impl fmt::Display for CameraName {
@@ -152,10 +148,7 @@ mod tests {
     fn a_name_must_not_begin_like_an_option_or_a_hidden_file() {
         for name in ["-v", ".hidden", "_"] {
             assert!(
-                matches!(
-                    CameraName::new(name),
-                    Err(CameraNameError::Character { position: 1, .. })
-                ),
+                matches!(CameraName::new(name), Err(CameraNameError::Character { position: 1, .. })),
                 "{name}"
             );
         }
@@ -164,10 +157,7 @@ mod tests {
     #[test]
     fn length_is_bounded() {
         assert!(CameraName::new(&"a".repeat(64)).is_ok());
-        assert_eq!(
-            CameraName::new(&"a".repeat(65)),
-            Err(CameraNameError::TooLong { bytes: 65 })
-        );
+        assert_eq!(CameraName::new(&"a".repeat(65)), Err(CameraNameError::TooLong { bytes: 65 }));
         assert_eq!(CameraName::new(""), Err(CameraNameError::Empty));
     }
 

@@ -59,22 +59,15 @@ pub(crate) fn config() -> &'static Config {
 }
 
 pub(crate) fn service_name(name: &str) -> Result<ServiceName, IpcError> {
-    name.try_into()
-        .map_err(|cause| IpcError::iceoryx(format!("name a service `{name}`"), cause))
+    name.try_into().map_err(|cause| IpcError::iceoryx(format!("name a service `{name}`"), cause))
 }
 
 /// What a service's attributes must say, and are made to say where the service is created.
 pub(crate) fn contract_attribute() -> Result<AttributeVerifier, IpcError> {
     let failed = |cause: &dyn fmt::Debug| IpcError::iceoryx("define a service attribute", cause);
     let key = CONTRACT_ATTRIBUTE.try_into().map_err(|cause| failed(&cause))?;
-    let value = CONTRACT_VERSION
-        .to_string()
-        .as_str()
-        .try_into()
-        .map_err(|cause| failed(&cause))?;
-    AttributeVerifier::new()
-        .require(&key, &value)
-        .map_err(|cause| failed(&cause))
+    let value = CONTRACT_VERSION.to_string().as_str().try_into().map_err(|cause| failed(&cause))?;
+    AttributeVerifier::new().require(&key, &value).map_err(|cause| failed(&cause))
 }
 
 /// Refuses a service of another contract by name.
@@ -89,9 +82,5 @@ pub(crate) fn check_contract(service: &str, attributes: &AttributeSet) -> Result
     if found == CONTRACT_VERSION.to_string() {
         return Ok(());
     }
-    Err(IpcError::ContractVersion {
-        service: service.to_owned(),
-        found,
-        expected: CONTRACT_VERSION,
-    })
+    Err(IpcError::ContractVersion { service: service.to_owned(), found, expected: CONTRACT_VERSION })
 }

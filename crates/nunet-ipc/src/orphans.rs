@@ -36,18 +36,9 @@ pub fn list() -> Result<Vec<Orphan>, IpcError> {
     let mut orphans = Vec::new();
     Node::<Iceoryx>::list(config(), |state| {
         if let NodeState::Dead(dead) = state {
-            let pid = dead
-                .id()
-                .pid::<Iceoryx>()
-                .map_or(0, |pid| pid.value().cast_unsigned());
-            let executable = dead
-                .details()
-                .as_ref()
-                .map(|details| details.executable().to_string());
-            orphans.push(Orphan {
-                pid,
-                executable: executable.unwrap_or_default(),
-            });
+            let pid = dead.id().pid::<Iceoryx>().map_or(0, |pid| pid.value().cast_unsigned());
+            let executable = dead.details().as_ref().map(|details| details.executable().to_string());
+            orphans.push(Orphan { pid, executable: executable.unwrap_or_default() });
         }
         CallbackProgression::Continue
     })
@@ -63,8 +54,5 @@ pub fn clean() -> Result<Cleaning, IpcError> {
     let before = list()?.len();
     drop(node::create()?); // joining cleans up, and so does leaving
     let failed = list()?.len();
-    Ok(Cleaning {
-        removed: before.saturating_sub(failed),
-        failed,
-    })
+    Ok(Cleaning { removed: before.saturating_sub(failed), failed })
 }

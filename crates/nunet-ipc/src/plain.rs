@@ -1,7 +1,4 @@
-#![expect(
-    unsafe_code,
-    reason = "views of bytes as numbers: the one place where bytes change their type"
-)]
+#![expect(unsafe_code, reason = "views of bytes as numbers: the one place where bytes change their type")]
 //! Plain data: what a payload's bytes may be looked at as.
 
 use crate::block::Block64;
@@ -108,15 +105,7 @@ mod tests {
 
     #[test]
     fn bytes_that_are_not_aligned_are_refused() {
-        let point = Point {
-            x: 0.0,
-            y: 0.0,
-            z: 0.0,
-            b: 0,
-            g: 0,
-            r: 0,
-            label: 0,
-        };
+        let point = Point { x: 0.0, y: 0.0, z: 0.0, b: 0, g: 0, r: 0, label: 0 };
         assert_eq!(cast::<f32>(&bytes_of_slice(&[point])[1..5]), Err(Misfit));
     }
 }

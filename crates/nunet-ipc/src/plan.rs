@@ -4,12 +4,12 @@
 //!
 //! | topic  | payload bytes | chunks | reserved |
 //! |--------|--------------:|-------:|---------:|
-//! | rgb    |       921 600 |     10 |   9.2 MB |
-//! | depth  |     1 228 800 |     10 |  12.3 MB |
+//! | rgb    |       921 600 |     10 |   9.3 MB |
+//! | depth  |     1 228 800 |     10 |  12.4 MB |
 //! | labels |       307 200 |     10 |   3.1 MB |
 //! | cloud  |     4 915 200 |      6 |  29.5 MB |
 //! | stats  |         2 560 |     10 |   0.1 MB |
-//! | all    |               |        |  54.3 MB |
+//! | all    |               |        |  54.5 MB |
 //!
 //! which leaves room in the 64 MB (67.1 million bytes) that `/dev/shm` has in a container.
 
@@ -45,12 +45,7 @@ pub struct Limits {
 
 impl Limits {
     /// The defaults, for tables and help texts.
-    pub const DEFAULT: Self = Self {
-        max_readers: 4,
-        max_cloud_readers: 2,
-        max_held_frames: 2,
-        max_loans: 1,
-    };
+    pub const DEFAULT: Self = Self { max_readers: 4, max_cloud_readers: 2, max_held_frames: 2, max_loans: 1 };
 
     /// Readers that a topic is made for.
     #[must_use]
@@ -82,11 +77,7 @@ impl Limits {
         ];
         for (limit, value) in limits {
             if !(1..=MAX_LIMIT).contains(&value) {
-                return Err(IpcError::Limit {
-                    limit,
-                    value,
-                    most: MAX_LIMIT,
-                });
+                return Err(IpcError::Limit { limit, value, most: MAX_LIMIT });
             }
         }
         Ok(())
@@ -133,9 +124,7 @@ impl Reservation {
                 bytes: (chunks * chunk_bytes(plan.payload_bytes)) as u64 + records,
             }
         });
-        Self {
-            topics: topics.collect(),
-        }
+        Self { topics: topics.collect() }
     }
 
     /// Bytes of all topics together.
@@ -152,15 +141,12 @@ impl Reservation {
         if self.total_bytes() <= free_bytes {
             return Ok(());
         }
-        Err(IpcError::SharedMemoryTooSmall {
-            reservation: self.clone(),
-            free_bytes,
-        })
+        Err(IpcError::SharedMemoryTooSmall { reservation: self.clone(), free_bytes })
     }
 }
 
 impl fmt::Display for Reservation {
-    /// `54.3 MB (rgb 9.2, depth 12.3)`
+    /// `21.7 MB (rgb 9.3, depth 12.4)`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:.1} MB (", megabytes(self.total_bytes()))?;
         for (index, topic) in self.topics.iter().enumerate() {
@@ -237,15 +223,8 @@ mod tests {
             .map(|line| line[3..].replace(' ', ""))
             .collect();
         for topic in &reservation.topics {
-            let TopicPlan {
-                topic: name,
-                payload_bytes,
-            } = topic.plan;
-            let row = format!(
-                "|{name}|{payload_bytes}|{}|{:.1}MB|",
-                topic.chunks,
-                megabytes(topic.bytes)
-            );
+            let TopicPlan { topic: name, payload_bytes } = topic.plan;
+            let row = format!("|{name}|{payload_bytes}|{}|{:.1}MB|", topic.chunks, megabytes(topic.bytes));
             assert!(rows.contains(&row), "{row} is not in {rows:?}");
         }
         let sum = format!("|all|||{:.1}MB|", megabytes(reservation.total_bytes()));
@@ -256,27 +235,15 @@ mod tests {
     fn too_little_memory_is_refused_with_both_figures_and_the_ways_out() {
         let reservation = Reservation::new(&vga(), &Limits::default());
         let message = reservation.check(32 << 20).unwrap_err().to_string();
-        assert!(
-            message.contains("54.") && message.contains("33.6 MB"),
-            "{message}"
-        );
+        assert!(message.contains("54.") && message.contains("33.6 MB"), "{message}");
         assert!(message.contains("\nhint: "), "{message}");
     }
 
     #[test]
     fn a_limit_of_zero_or_of_a_million_is_refused() {
         for max_readers in [0, 1_000_000] {
-            let limits = Limits {
-                max_readers,
-                ..Limits::default()
-            };
-            assert!(matches!(
-                limits.check(),
-                Err(IpcError::Limit {
-                    limit: "max_readers",
-                    ..
-                })
-            ));
+            let limits = Limits { max_readers, ..Limits::default() };
+            assert!(matches!(limits.check(), Err(IpcError::Limit { limit: "max_readers", .. })));
         }
     }
 }

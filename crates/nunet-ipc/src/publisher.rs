@@ -93,13 +93,7 @@ impl Publisher {
             .notifier_builder()
             .create()
             .map_err(|cause| IpcError::iceoryx(format!("notify the readers of camera `{camera}`"), cause))?;
-        Ok(Self {
-            camera: camera.clone(),
-            notifier,
-            topics,
-            reservation,
-            limits: *limits,
-        })
+        Ok(Self { camera: camera.clone(), notifier, topics, reservation, limits: *limits })
     }
 
     /// The camera's name.
@@ -118,8 +112,7 @@ impl Publisher {
     /// before every frame. A reader that was killed counts until it is cleaned up after.
     #[must_use]
     pub fn has_readers(&self, topic: Topic) -> bool {
-        self.topic(topic)
-            .is_ok_and(|topic| topic.service.dynamic_config().number_of_subscribers() > 0)
+        self.topic(topic).is_ok_and(|topic| topic.service.dynamic_config().number_of_subscribers() > 0)
     }
 
     /// Borrows a chunk for a frame of the planned size. Its bytes are those of some earlier frame.
@@ -139,22 +132,14 @@ impl Publisher {
         let owned = self.topic(topic)?;
         let planned = owned.plan.payload_bytes;
         if payload_bytes > planned {
-            return Err(IpcError::PayloadTooLarge {
-                topic,
-                payload_bytes,
-                planned,
-            });
+            return Err(IpcError::PayloadTooLarge { topic, payload_bytes, planned });
         }
         match owned.port.loan_slice_uninit(blocks_for(payload_bytes)) {
             Ok(sample) => Ok(Loan::new(sample, topic, payload_bytes)),
-            Err(LoanError::OutOfMemory | LoanError::ExceedsMaxLoans) => Err(IpcError::TooManyLoans {
-                topic,
-                limit: self.limits.max_loans,
-            }),
-            Err(cause) => Err(IpcError::iceoryx(
-                format!("loan a chunk of topic `{topic}`"),
-                cause,
-            )),
+            Err(LoanError::OutOfMemory | LoanError::ExceedsMaxLoans) => {
+                Err(IpcError::TooManyLoans { topic, limit: self.limits.max_loans })
+            }
+            Err(cause) => Err(IpcError::iceoryx(format!("loan a chunk of topic `{topic}`"), cause)),
         }
     }
 
@@ -163,12 +148,9 @@ impl Publisher {
     /// # Errors
     /// [`IpcError::Iceoryx`].
     pub fn notify(&self, wake: Wake) -> Result<(), IpcError> {
-        self.notifier
-            .notify_with_custom_event_id(EventId::new(wake as usize))
-            .map(drop)
-            .map_err(|cause| {
-                IpcError::iceoryx(format!("wake the readers of camera `{}`", self.camera), cause)
-            })
+        self.notifier.notify_with_custom_event_id(EventId::new(wake as usize)).map(drop).map_err(|cause| {
+            IpcError::iceoryx(format!("wake the readers of camera `{}`", self.camera), cause)
+        })
     }
 
     /// Connects readers that came since the last frame and hands them the newest one. Publishing does the same;
@@ -214,17 +196,10 @@ impl OwnedTopic {
             Ok(port) => port,
             Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
                 let owner = owner_of(&service).unwrap_or(Process { pid: 0, alive: true });
-                return Err(IpcError::AlreadyOwned {
-                    camera: camera.clone(),
-                    topic: plan.topic,
-                    owner,
-                });
+                return Err(IpcError::AlreadyOwned { camera: camera.clone(), topic: plan.topic, owner });
             }
             Err(cause) => {
-                return Err(IpcError::iceoryx(
-                    format!("publish `{}`", camera.service(plan.topic)),
-                    cause,
-                ));
+                return Err(IpcError::iceoryx(format!("publish `{}`", camera.service(plan.topic)), cause));
             }
         };
         touch::every_chunk(&port, plan, chunks)?;
@@ -235,11 +210,7 @@ impl OwnedTopic {
 /// Refuses a topic that a living process publishes; cleans up after a dead one.
 fn refuse_living_owner(service: &TopicService, camera: &CameraName, topic: Topic) -> Result<(), IpcError> {
     match owner_of(service) {
-        Some(owner) if owner.alive => Err(IpcError::AlreadyOwned {
-            camera: camera.clone(),
-            topic,
-            owner,
-        }),
+        Some(owner) if owner.alive => Err(IpcError::AlreadyOwned { camera: camera.clone(), topic, owner }),
         Some(_) => {
             service.blocking_cleanup_dead_nodes(CLEAN_UP_TIMEOUT);
             Ok(())

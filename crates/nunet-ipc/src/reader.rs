@@ -68,20 +68,12 @@ impl Reader {
         let deadline = Instant::now() + timeout;
         let mut opened = Vec::with_capacity(topics.len());
         for topic in topics {
-            let missing = IpcError::NobodyPublishes {
-                service: camera.service(*topic),
-                timeout,
-            };
+            let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
             let service = retry(deadline, missing, || open_topic(&node, camera, *topic))?;
             opened.push(ReadTopic::subscribe(camera, *topic, service)?);
         }
         let listener = Self::listen(&node, camera, timeout, deadline)?;
-        Ok(Self {
-            camera: camera.clone(),
-            listener,
-            topics: opened,
-            joining: Default::default(),
-        })
+        Ok(Self { camera: camera.clone(), listener, topics: opened, joining: Default::default() })
     }
 
     fn listen(
@@ -90,10 +82,7 @@ impl Reader {
         timeout: Duration,
         deadline: Instant,
     ) -> Result<Listener<Iceoryx>, IpcError> {
-        let missing = IpcError::NobodyPublishes {
-            service: camera.wake_service(),
-            timeout,
-        };
+        let missing = IpcError::NobodyPublishes { service: camera.wake_service(), timeout };
         let service = retry(deadline, missing, || open_wake(node, camera))?;
         service.listener_builder().create().map_err(|cause| match cause {
             ListenerCreateError::ExceedsMaxSupportedListeners => IpcError::TooManyListeners {
@@ -164,10 +153,7 @@ impl Reader {
                 let limit = opened.service.static_config().subscriber_max_borrowed_samples();
                 Err(IpcError::TooManyFramesHeld { topic, limit })
             }
-            Err(cause) => Err(IpcError::iceoryx(
-                format!("read `{}`", self.camera.service(topic)),
-                cause,
-            )),
+            Err(cause) => Err(IpcError::iceoryx(format!("read `{}`", self.camera.service(topic)), cause)),
         }
     }
 
@@ -201,18 +187,14 @@ impl Reader {
                 drop(self.joining[topic as usize].take());
                 self.joining[topic as usize] = self.latest(topic)?;
             }
-            let found = self.joining[topic as usize]
-                .as_ref()
-                .map(|frame| frame.header().sequence);
+            let found = self.joining[topic as usize].as_ref().map(|frame| frame.header().sequence);
             complete &= found.is_some() && (sequence.is_none() || sequence == found);
             sequence = found;
         }
         if !complete || sequence.is_none() {
             return Ok(None);
         }
-        Ok(Some(FrameSet {
-            frames: std::mem::take(&mut self.joining),
-        }))
+        Ok(Some(FrameSet { frames: std::mem::take(&mut self.joining) }))
     }
 
     /// The process that publishes a topic: `None` when there is none, not alive when it was killed. Asks the file
@@ -227,9 +209,7 @@ impl Reader {
     /// Whether a living process publishes each of the topics. As costly as [`owner`](Self::owner).
     #[must_use]
     pub fn is_connected(&self) -> bool {
-        self.topics
-            .iter()
-            .all(|opened| owner_of(&opened.service).is_some_and(|owner| owner.alive))
+        self.topics.iter().all(|opened| owner_of(&opened.service).is_some_and(|owner| owner.alive))
     }
 
     fn has_more(&self, topic: Topic) -> Result<bool, IpcError> {
@@ -238,33 +218,20 @@ impl Reader {
     }
 
     fn topic(&self, topic: Topic) -> Result<&ReadTopic, IpcError> {
-        let missing = || IpcError::NoSuchTopic {
-            topic,
-            has: self.topics().collect(),
-        };
-        self.topics
-            .iter()
-            .find(|opened| opened.topic == topic)
-            .ok_or_else(missing)
+        let missing = || IpcError::NoSuchTopic { topic, has: self.topics().collect() };
+        self.topics.iter().find(|opened| opened.topic == topic).ok_or_else(missing)
     }
 }
 
 impl ReadTopic {
     fn subscribe(camera: &CameraName, topic: Topic, service: TopicService) -> Result<Self, IpcError> {
-        let port = service
-            .subscriber_builder()
-            .create()
-            .map_err(|cause| match cause {
-                SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
-                    let limit = service.static_config().max_subscribers();
-                    IpcError::TooManyReaders {
-                        camera: camera.clone(),
-                        topic,
-                        limit,
-                    }
-                }
-                cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
-            })?;
+        let port = service.subscriber_builder().create().map_err(|cause| match cause {
+            SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+                let limit = service.static_config().max_subscribers();
+                IpcError::TooManyReaders { camera: camera.clone(), topic, limit }
+            }
+            cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
+        })?;
         Ok(Self { topic, port, service })
     }
 }

@@ -62,11 +62,7 @@ pub(crate) fn create_topic(
         && existing.subscriber_max_borrowed_samples() == limits.max_held_frames
         && existing.subscriber_max_buffer_size() == QUEUE_FRAMES
         && existing.max_publishers() == 1;
-    if same {
-        Ok(service)
-    } else {
-        Err(IpcError::OtherLimits { service: name })
-    }
+    if same { Ok(service) } else { Err(IpcError::OtherLimits { service: name }) }
 }
 
 /// Opens or creates the camera's event service, as an owner.
@@ -120,11 +116,7 @@ pub(crate) fn open_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<Opt
     use EventOpenError as E;
     let name = camera.wake_service();
     refuse_other_contract(&name, MessagingPattern::Event)?;
-    match node
-        .service_builder(&service_name(&name)?)
-        .event()
-        .open_with_attributes(&contract_attribute()?)
-    {
+    match node.service_builder(&service_name(&name)?).event().open_with_attributes(&contract_attribute()?) {
         Ok(service) => Ok(Some(service)),
         Err(
             E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
@@ -152,9 +144,7 @@ pub(crate) fn owner_of(service: &TopicService) -> Option<Process> {
         CallbackProgression::Stop
     });
     let owner = owner?;
-    let pid = owner
-        .pid::<Iceoryx>()
-        .map_or(0, |pid| pid.value().cast_unsigned());
+    let pid = owner.pid::<Iceoryx>().map_or(0, |pid| pid.value().cast_unsigned());
     let mut alive = false;
     // A listing that fails part of the way leaves the owner dead: it could not be found.
     let _ = service.nodes(|node| {

@@ -150,9 +150,6 @@ mod tests {
     fn stage_names_read_back_as_they_were_set() {
         let mut record = StatsRecord::default();
         record.set_stage_names(["preprocess", "segmentation", "depth"]);
-        assert_eq!(
-            record.stage_names().collect::<Vec<_>>(),
-            ["preprocess", "segmentation", "depth"]
-        );
+        assert_eq!(record.stage_names().collect::<Vec<_>>(), ["preprocess", "segmentation", "depth"]);
     }
 }

@@ -1,7 +1,4 @@
-#![expect(
-    unsafe_code,
-    reason = "asks the kernel to back a range of our own mapping with pages"
-)]
+#![expect(unsafe_code, reason = "asks the kernel to back a range of our own mapping with pages")]
 //! Backs every chunk with memory before the first frame needs it.
 
 use std::mem::MaybeUninit;
@@ -27,15 +24,11 @@ pub(crate) fn every_chunk(
 ) -> Result<(), IpcError> {
     let mut loans = Vec::with_capacity(chunks);
     for _ in 0..chunks {
-        let mut loan = port
-            .loan_slice_uninit(blocks_for(plan.payload_bytes))
-            .map_err(|cause| {
-                IpcError::iceoryx(format!("touch the chunks of topic `{}`", plan.topic), cause)
-            })?;
-        populate(loan.payload_mut()).map_err(|errno| IpcError::MemoryNotBacked {
-            topic: plan.topic,
-            source: errno.into(),
+        let mut loan = port.loan_slice_uninit(blocks_for(plan.payload_bytes)).map_err(|cause| {
+            IpcError::iceoryx(format!("touch the chunks of topic `{}`", plan.topic), cause)
         })?;
+        populate(loan.payload_mut())
+            .map_err(|errno| IpcError::MemoryNotBacked { topic: plan.topic, source: errno.into() })?;
         loans.push(loan);
     }
     Ok(())

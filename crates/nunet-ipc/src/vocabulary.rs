@@ -237,18 +237,12 @@ mod tests {
     #[test]
     fn an_unknown_number_says_what_was_expected() {
         let message = Quality::try_from(9).unwrap_err().to_string();
-        assert_eq!(
-            message,
-            "field `quality` holds `9`, but contract 1 knows only 0 to 2"
-        );
+        assert_eq!(message, "field `quality` holds `9`, but contract 1 knows only 0 to 2");
     }
 
     #[test]
     fn an_unknown_word_lists_the_choices() {
         let message = "depht".parse::<Topic>().unwrap_err().to_string();
-        assert!(
-            message.starts_with("`depht` is no topic\nhint: one of `rgb`, `depth`,"),
-            "{message}"
-        );
+        assert!(message.starts_with("`depht` is no topic\nhint: one of `rgb`, `depth`,"), "{message}");
     }
 }

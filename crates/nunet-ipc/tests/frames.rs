@@ -1,9 +1,6 @@
 //! Owners and readers: who gets which frame, and what nobody can do to anybody else.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test may stop at the first thing that is wrong"
-)]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 mod support;
 
@@ -91,16 +88,7 @@ fn readers_that_never_give_frames_back_stop_neither_the_owner_nor_others() {
         assert_eq!(held[0].depth().unwrap()[0], 0.0, "a held frame must not change");
         assert_eq!(held[1].depth().unwrap()[0], 3.0, "a held frame must not change");
         let error = reader.latest(Topic::Depth).unwrap_err();
-        assert!(
-            matches!(
-                error,
-                IpcError::TooManyFramesHeld {
-                    topic: Topic::Depth,
-                    limit: 2
-                }
-            ),
-            "{error}"
-        );
+        assert!(matches!(error, IpcError::TooManyFramesHeld { topic: Topic::Depth, limit: 2 }), "{error}");
     }
 }
 
@@ -141,13 +129,7 @@ fn a_camera_and_a_daemon_share_a_name_with_different_topics() {
     let camera = camera();
     let _camera_driver = owner(&camera, &[Topic::Rgb]);
     let daemon = owner(&camera, &[Topic::Depth, Topic::Labels]);
-    assert!(matches!(
-        daemon.loan(Topic::Rgb),
-        Err(IpcError::NoSuchTopic {
-            topic: Topic::Rgb,
-            ..
-        })
-    ));
+    assert!(matches!(daemon.loan(Topic::Rgb), Err(IpcError::NoSuchTopic { topic: Topic::Rgb, .. })));
 }
 
 #[test]
@@ -183,14 +165,9 @@ fn a_frame_outlives_its_reader_and_its_owner() {
 fn one_reader_more_than_planned_is_refused() {
     let camera = camera();
     let _owner = owner(&camera, &[Topic::Depth]);
-    let readers: Vec<_> = (0..Limits::default().max_readers)
-        .map(|_| depth_reader(&camera))
-        .collect();
+    let readers: Vec<_> = (0..Limits::default().max_readers).map(|_| depth_reader(&camera)).collect();
     let error = Reader::open(&camera, &[Topic::Depth], SHORT).unwrap_err();
-    assert!(
-        matches!(error, IpcError::TooManyReaders { limit: 4, .. }),
-        "{error}"
-    );
+    assert!(matches!(error, IpcError::TooManyReaders { limit: 4, .. }), "{error}");
     drop(readers);
     depth_reader(&camera);
 }
@@ -251,11 +228,8 @@ fn a_set_is_complete_when_every_topic_has_the_same_sequence() {
     labels(3);
     publish_depth(&owner, 3);
     let second = reader.next_set().unwrap().unwrap(); // while the first is still held
-    let sequences = |set: &nunet_ipc::FrameSet| {
-        set.iter()
-            .map(|frame| frame.header().sequence)
-            .collect::<Vec<_>>()
-    };
+    let sequences =
+        |set: &nunet_ipc::FrameSet| set.iter().map(|frame| frame.header().sequence).collect::<Vec<_>>();
     assert_eq!((sequences(&first), sequences(&second)), (vec![1, 1], vec![3, 3]));
     assert!(second.get(Topic::Cloud).is_none());
 }
@@ -300,19 +274,13 @@ fn a_header_that_contradicts_its_payload_is_refused() {
 #[test]
 fn statistics_travel_as_a_record() {
     let camera = camera();
-    let plan = TopicPlan {
-        topic: Topic::Stats,
-        payload_bytes: size_of::<StatsRecord>(),
-    };
+    let plan = TopicPlan { topic: Topic::Stats, payload_bytes: size_of::<StatsRecord>() };
     let owner = Publisher::create(&camera, &[plan], &Limits::default()).unwrap();
     let reader = Reader::open(&camera, &[Topic::Stats], PATIENCE).unwrap();
     let mut loan = owner.loan(Topic::Stats).unwrap();
     loan.header_mut().set_encoding(nunet_ipc::Encoding::StatsRecord);
-    loan.slice_mut::<StatsRecord>().unwrap()[0] = StatsRecord {
-        captured: 3,
-        published: 2,
-        ..Default::default()
-    };
+    loan.slice_mut::<StatsRecord>().unwrap()[0] =
+        StatsRecord { captured: 3, published: 2, ..Default::default() };
     loan.publish(0).unwrap();
     let frame = reader.latest(Topic::Stats).unwrap().unwrap();
     assert_eq!(frame.stats().unwrap().captured, 3);
@@ -323,10 +291,7 @@ fn more_bytes_than_planned_are_refused_and_fewer_are_not() {
     let camera = camera();
     let owner = owner(&camera, &[Topic::Depth]);
     let planned = plan(Topic::Depth).payload_bytes;
-    assert!(matches!(
-        owner.loan_bytes(Topic::Depth, planned + 1),
-        Err(IpcError::PayloadTooLarge { .. })
-    ));
+    assert!(matches!(owner.loan_bytes(Topic::Depth, planned + 1), Err(IpcError::PayloadTooLarge { .. })));
     assert_eq!(owner.loan_bytes(Topic::Depth, 10).unwrap().bytes_mut().len(), 10);
 }
 
@@ -335,10 +300,7 @@ fn memory_that_is_not_there_is_refused_before_it_is_taken() {
     let camera = camera();
     let error =
         Publisher::create_within(&camera, &[plan(Topic::Depth)], &Limits::default(), 1000).unwrap_err();
-    assert!(
-        matches!(error, IpcError::SharedMemoryTooSmall { free_bytes: 1000, .. }),
-        "{error}"
-    );
+    assert!(matches!(error, IpcError::SharedMemoryTooSmall { free_bytes: 1000, .. }), "{error}");
     owner(&camera, &[Topic::Depth]); // and nothing is in the way of a smaller one
 }
 
@@ -348,10 +310,7 @@ fn an_owner_with_other_limits_cannot_take_over_services_that_readers_keep_open()
     let first = owner(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     drop(first);
-    let limits = Limits {
-        max_readers: 2,
-        ..Limits::default()
-    };
+    let limits = Limits { max_readers: 2, ..Limits::default() };
     let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
     assert!(matches!(error, IpcError::OtherLimits { .. }), "{error}");
     drop(reader);

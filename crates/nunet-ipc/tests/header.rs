@@ -106,19 +106,11 @@ fn bytes_of_field(header: &FrameHeader, name: &str) -> Vec<u8> {
         "fy" => header.fy.to_le_bytes().to_vec(),
         "cx" => header.cx.to_le_bytes().to_vec(),
         "cy" => header.cy.to_le_bytes().to_vec(),
-        "distortion" => header
-            .distortion
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect(),
+        "distortion" => header.distortion.iter().flat_map(|value| value.to_le_bytes()).collect(),
         "distortion_model" => header.distortion_model.to_le_bytes().to_vec(),
         "stage_count" => header.stage_count.to_le_bytes().to_vec(),
         "model_hash" => header.model_hash.to_vec(),
-        "stage_micros" => header
-            .stage_micros
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect(),
+        "stage_micros" => header.stage_micros.iter().flat_map(|value| value.to_le_bytes()).collect(),
         "bytes_copied" => header.bytes_copied.to_le_bytes().to_vec(),
         "invalid_pixels" => header.invalid_pixels.to_le_bytes().to_vec(),
         "frame_id" => header.frame_id.to_vec(),
@@ -129,35 +121,14 @@ fn bytes_of_field(header: &FrameHeader, name: &str) -> Vec<u8> {
 
 #[test]
 fn sizes_and_alignments_are_those_of_the_contract() {
-    assert_eq!(
-        (HEADER.type_name, HEADER.bytes, HEADER.alignment),
-        ("nunet.v1.FrameHeader", 1024, 8)
-    );
-    assert_eq!(
-        (BLOCK.type_name, BLOCK.bytes, BLOCK.alignment),
-        ("nunet.v1.Block64", 64, 64)
-    );
+    assert_eq!((HEADER.type_name, HEADER.bytes, HEADER.alignment), ("nunet.v1.FrameHeader", 1024, 8));
+    assert_eq!((BLOCK.type_name, BLOCK.bytes, BLOCK.alignment), ("nunet.v1.Block64", 64, 64));
     assert_eq!((POINT.bytes, POINT.alignment), (16, 4));
     assert_eq!((STATS.type_name, STATS.bytes), ("nunet.v1.StatsRecord", 2560));
 }
 
 #[test]
 fn a_point_is_a_ros_point_with_rgb_at_12_and_label_at_15() {
-    let offsets: Vec<_> = POINT
-        .fields
-        .iter()
-        .map(|field| (field.name, field.offset))
-        .collect();
-    assert_eq!(
-        offsets,
-        [
-            ("x", 0),
-            ("y", 4),
-            ("z", 8),
-            ("b", 12),
-            ("g", 13),
-            ("r", 14),
-            ("label", 15)
-        ]
-    );
+    let offsets: Vec<_> = POINT.fields.iter().map(|field| (field.name, field.offset)).collect();
+    assert_eq!(offsets, [("x", 0), ("y", 4), ("z", 8), ("b", 12), ("g", 13), ("r", 14), ("label", 15)]);
 }

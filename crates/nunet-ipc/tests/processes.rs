@@ -1,9 +1,6 @@
 //! Owners and readers in processes of their own: the same memory, and what is left when they are killed.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test may stop at the first thing that is wrong"
-)]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 mod support;
 
@@ -26,21 +23,16 @@ fn peer() {
         "show a pointer" => show_a_pointer(&argument),
         "look at a pointer" => look_at_a_pointer(&argument),
         "publish everything of vga" => publish_everything_of_vga(&argument),
-        "list orphans" => say(&format!(
-            "{:?}",
-            orphans::list().unwrap().iter().map(|o| o.pid).collect::<Vec<_>>()
-        )),
+        "list orphans" => {
+            say(&format!("{:?}", orphans::list().unwrap().iter().map(|o| o.pid).collect::<Vec<_>>()))
+        }
         "clean" => say(&format!("{:?}", orphans::clean().unwrap())),
         other => panic!("no role `{other}`"),
     }
 }
 
 fn create(camera: &str) -> Result<Publisher, IpcError> {
-    Publisher::create(
-        &CameraName::new(camera).unwrap(),
-        &[plan(Topic::Depth)],
-        &Limits::default(),
-    )
+    Publisher::create(&CameraName::new(camera).unwrap(), &[plan(Topic::Depth)], &Limits::default())
 }
 
 /// Publishes until the test ends it.
@@ -95,10 +87,7 @@ fn show_a_pointer(camera: &str) {
         let mut loan = owner.loan(Topic::Depth).unwrap();
         describe(&mut loan, sequence);
         let depth = loan.slice_mut::<f32>().unwrap();
-        depth
-            .iter_mut()
-            .enumerate()
-            .for_each(|(index, cell)| *cell = (index as u64 * sequence) as f32);
+        depth.iter_mut().enumerate().for_each(|(index, cell)| *cell = (index as u64 * sequence) as f32);
         let place = place_of(depth.as_ptr());
         loan.publish(0).unwrap();
         say(&place);
@@ -113,12 +102,7 @@ fn look_at_a_pointer(camera: &str) {
         let frame = eventually("a frame", || reader.latest(Topic::Depth).unwrap());
         assert_eq!(frame.header().sequence, sequence);
         let depth = frame.depth().unwrap();
-        assert!(
-            depth
-                .iter()
-                .enumerate()
-                .all(|(index, cell)| *cell == (index as u64 * sequence) as f32)
-        );
+        assert!(depth.iter().enumerate().all(|(index, cell)| *cell == (index as u64 * sequence) as f32));
         assert_eq!(depth.len(), WIDTH * HEIGHT);
         say(&place_of(depth.as_ptr()));
     }
@@ -126,16 +110,8 @@ fn look_at_a_pointer(camera: &str) {
 
 fn publish_everything_of_vga(camera: &str) {
     let pixels = 640 * 480;
-    let plans = [
-        (Topic::Rgb, 3),
-        (Topic::Depth, 4),
-        (Topic::Labels, 1),
-        (Topic::Cloud, 16),
-    ]
-    .map(|(topic, bytes)| TopicPlan {
-        topic,
-        payload_bytes: pixels * bytes,
-    });
+    let plans = [(Topic::Rgb, 3), (Topic::Depth, 4), (Topic::Labels, 1), (Topic::Cloud, 16)]
+        .map(|(topic, bytes)| TopicPlan { topic, payload_bytes: pixels * bytes });
     let owner = Publisher::create(&CameraName::new(camera).unwrap(), &plans, &Limits::default()).unwrap();
     say(&owner.reservation().total_bytes().to_string());
     let faults_before = minor_faults();
@@ -151,11 +127,7 @@ fn publish_everything_of_vga(camera: &str) {
         .map(|_| Reader::open(owner.camera(), &plans.map(|plan| plan.topic), PATIENCE).unwrap())
         .collect();
     owner.refresh().unwrap();
-    assert!(
-        readers
-            .iter()
-            .all(|reader| reader.latest(Topic::Cloud).unwrap().is_some())
-    );
+    assert!(readers.iter().all(|reader| reader.latest(Topic::Cloud).unwrap().is_some()));
     say("everything is in use");
     listen();
 }
@@ -170,10 +142,7 @@ fn minor_faults() -> u64 {
 fn leftovers(sandbox: &Sandbox) -> Vec<PathBuf> {
     let shared = sandbox.shared_memory().into_iter().map(|(file, _)| file);
     let kept = |file: &PathBuf| file.to_string_lossy().ends_with(".global_mgmt");
-    shared
-        .filter(|file| !kept(file))
-        .chain(sandbox.other_files())
-        .collect()
+    shared.filter(|file| !kept(file)).chain(sandbox.other_files()).collect()
 }
 
 #[test]
@@ -204,20 +173,9 @@ fn a_camera_uses_no_more_shared_memory_than_it_reserved_and_touches_it_at_start(
     println!(
         "reserved {reserved}, at start {used_at_start}, in use {used}, {faults} minor faults in 400 frames"
     );
-    assert!(
-        used <= reserved,
-        "{used} of {reserved} bytes: {:#?}",
-        sandbox.shared_memory()
-    );
-    assert!(
-        used_at_start > reserved * 98 / 100,
-        "{used_at_start} of {reserved} bytes"
-    );
-    assert!(
-        used_at_start > used * 99 / 100,
-        "frames and readers needed {} bytes more",
-        used - used_at_start
-    );
+    assert!(used <= reserved, "{used} of {reserved} bytes: {:#?}", sandbox.shared_memory());
+    assert!(used_at_start > reserved * 98 / 100, "{used_at_start} of {reserved} bytes");
+    assert!(used_at_start > used * 99 / 100, "frames and readers needed {} bytes more", used - used_at_start);
     // 400 frames of 1.8 MB on average are 180 000 pages.
     assert!(faults < 1000, "{faults} pages were first touched by a frame");
     owner.finish();
@@ -231,10 +189,7 @@ fn a_second_owner_is_told_which_process_has_the_camera() {
     first.line();
     let mut second = sandbox.spawn("peer", "own in vain", "front");
     let said = second.line();
-    assert!(
-        said.contains(&format!("belongs to process {}", first.pid())),
-        "{said}"
-    );
+    assert!(said.contains(&format!("belongs to process {}", first.pid())), "{said}");
 }
 
 #[test]
@@ -255,10 +210,7 @@ fn the_dead_are_listed_and_cleaned_up_after() {
     let mut owner = sandbox.spawn("peer", "own", "front");
     owner.line();
     owner.kill();
-    assert_eq!(
-        sandbox.spawn("peer", "list orphans", "").line(),
-        format!("[{}]", owner.pid())
-    );
+    assert_eq!(sandbox.spawn("peer", "list orphans", "").line(), format!("[{}]", owner.pid()));
     assert_ne!(leftovers(&sandbox), Vec::<PathBuf>::new());
     let mut cleaner = sandbox.spawn("peer", "clean", "");
     assert_eq!(cleaner.line(), "Cleaning { removed: 1, failed: 0 }");
@@ -271,10 +223,7 @@ fn nothing_is_left_after_owners_and_readers_were_killed_at_any_moment() {
     let sandbox = Sandbox::new();
     for round in 0..24_u64 {
         let mut owner = sandbox.spawn("peer", "own", "front");
-        let mut readers = [
-            sandbox.spawn("peer", "read", "front"),
-            sandbox.spawn("peer", "read", "front"),
-        ];
+        let mut readers = [sandbox.spawn("peer", "read", "front"), sandbox.spawn("peer", "read", "front")];
         // From before the first service to the midst of the stream; spread evenly, so that a failure comes again.
         std::thread::sleep(Duration::from_micros(round * 2700));
         if round % 3 != 0 {
@@ -294,9 +243,6 @@ fn nothing_is_left_after_owners_and_readers_were_killed_at_any_moment() {
     }
     reader.finish();
     next.finish();
-    let left: Vec<_> = leftovers(&sandbox)
-        .into_iter()
-        .filter(|file| file.starts_with("/dev/shm"))
-        .collect();
+    let left: Vec<_> = leftovers(&sandbox).into_iter().filter(|file| file.starts_with("/dev/shm")).collect();
     assert_eq!(left, Vec::<PathBuf>::new());
 }

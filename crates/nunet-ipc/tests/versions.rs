@@ -1,9 +1,6 @@
 //! Services of another version of the contract are refused by name, before anything of them is believed.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a test may stop at the first thing that is wrong"
-)]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 mod support;
 
@@ -26,10 +23,7 @@ fn a_service_of_another_version_is_refused_by_readers_and_owners() {
     let name: ServiceName = camera.service(Topic::Depth).as_str().try_into().unwrap();
     let (key, two) = (CONTRACT_ATTRIBUTE.try_into().unwrap(), "2".try_into().unwrap());
     let attributes = AttributeSpecifier::new().define(&key, &two).unwrap();
-    let builder = node
-        .service_builder(&name)
-        .publish_subscribe::<[u64]>()
-        .user_header::<LaterHeader>();
+    let builder = node.service_builder(&name).publish_subscribe::<[u64]>().user_header::<LaterHeader>();
     let _later = builder.create_with_attributes(&attributes).unwrap();
 
     let expected = format!(
@@ -47,14 +41,7 @@ fn a_service_without_a_version_is_refused() {
     let camera = camera();
     let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
     let name: ServiceName = camera.service(Topic::Depth).as_str().try_into().unwrap();
-    let _foreign = node
-        .service_builder(&name)
-        .publish_subscribe::<u64>()
-        .create()
-        .unwrap();
+    let _foreign = node.service_builder(&name).publish_subscribe::<u64>().create().unwrap();
     let error = Reader::open(&camera, &[Topic::Depth], PATIENCE).unwrap_err();
-    assert!(
-        matches!(&error, IpcError::ContractVersion { found, .. } if found == "none"),
-        "{error}"
-    );
+    assert!(matches!(&error, IpcError::ContractVersion { found, .. } if found == "none"), "{error}");
 }

@@ -67,9 +67,11 @@ pub fn wnet(size: Size, connected: bool) -> ModelBuilder {
 /// The first stage of a W-Net: `rgb` to `logits` `[1, 3, H, W]` and `labels`.
 #[must_use]
 pub fn segmentation_stage(size: Size) -> ModelBuilder {
-    let model = image_planes(size)
-        .node("Identity", &["planes"], &["logits"], &[])
-        .output("logits", ElementType::F32, &planes(3, size));
+    let model = image_planes(size).node("Identity", &["planes"], &["logits"], &[]).output(
+        "logits",
+        ElementType::F32,
+        &planes(3, size),
+    );
     segmentation_labels(model, "logits", size)
 }
 
@@ -89,11 +91,7 @@ pub fn depth_stage(size: Size, connected: bool) -> ModelBuilder {
 /// A third stage: `coarse` `[1, 1, H, W]`, and `rgb` where connected, to `depth`.
 #[must_use]
 pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
-    let model = if connected {
-        image_planes(size)
-    } else {
-        ModelBuilder::new()
-    };
+    let model = if connected { image_planes(size) } else { ModelBuilder::new() };
     let model = model.input("coarse", ElementType::F32, &planes(1, size)).node(
         "Add",
         &["coarse", "coarse"],
@@ -108,11 +106,7 @@ pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
     } else {
         model
     };
-    describe(
-        model.output("depth", ElementType::F32, &planes(1, size)),
-        "nunet3_c",
-        true,
-    )
+    describe(model.output("depth", ElementType::F32, &planes(1, size)), "nunet3_c", true)
 }
 
 /// Adds the metadata that the contract asks for: metric, untrained, 3 classes where it segments.
@@ -124,60 +118,25 @@ pub fn describe(model: ModelBuilder, architecture: &str, segments: bool) -> Mode
         .metadata("nunet.depth.encoding", "metric")
         .metadata("nunet.depth.min_m", "0.1")
         .metadata("nunet.depth.max_m", "100")
-        .metadata(
-            "nunet.camera",
-            r#"{"width": 640, "height": 480, "fx": 525.0, "fy": 525.0}"#,
-        )
+        .metadata("nunet.camera", r#"{"width": 640, "height": 480, "fx": 525.0, "fy": 525.0}"#)
         .metadata("nunet.trained", "false")
         .metadata("nunet.license", "MIT OR Apache-2.0");
-    if segments {
-        model.metadata("nunet.classes", r#"["red", "green", "blue"]"#)
-    } else {
-        model
-    }
+    if segments { model.metadata("nunet.classes", r#"["red", "green", "blue"]"#) } else { model }
 }
 
 /// `rgb` as float planes `[1, 3, H, W]`, named `planes`, in 0..255.
 fn image_planes((width, height): Size) -> ModelBuilder {
     ModelBuilder::new()
-        .input(
-            "rgb",
-            ElementType::U8,
-            &[1, i64::from(height), i64::from(width), 3],
-        )
-        .node(
-            "Cast",
-            &["rgb"],
-            &["float"],
-            &[("to", (ElementType::F32 as i64).into())],
-        )
-        .node(
-            "Transpose",
-            &["float"],
-            &["planes"],
-            &[("perm", [0, 3, 1, 2].into())],
-        )
+        .input("rgb", ElementType::U8, &[1, i64::from(height), i64::from(width), 3])
+        .node("Cast", &["rgb"], &["float"], &[("to", (ElementType::F32 as i64).into())])
+        .node("Transpose", &["float"], &["planes"], &[("perm", [0, 3, 1, 2].into())])
 }
 
 fn segmentation_labels(model: ModelBuilder, logits: &str, (width, height): Size) -> ModelBuilder {
     model
-        .node(
-            "ArgMax",
-            &[logits],
-            &["class"],
-            &[("axis", 1.into()), ("keepdims", 0.into())],
-        )
-        .node(
-            "Cast",
-            &["class"],
-            &["labels"],
-            &[("to", (ElementType::U8 as i64).into())],
-        )
-        .output(
-            "labels",
-            ElementType::U8,
-            &[1, i64::from(height), i64::from(width)],
-        )
+        .node("ArgMax", &[logits], &["class"], &[("axis", 1.into()), ("keepdims", 0.into())])
+        .node("Cast", &["class"], &["labels"], &[("to", (ElementType::U8 as i64).into())])
+        .output("labels", ElementType::U8, &[1, i64::from(height), i64::from(width)])
 }
 
 fn depth_head(model: ModelBuilder, features: &str, size: Size) -> ModelBuilder {

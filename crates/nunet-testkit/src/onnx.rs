@@ -98,28 +98,16 @@ impl ModelBuilder {
         let model = ModelProto {
             ir_version: IR_VERSION,
             producer_name: "nunet-testkit".to_owned(),
-            opset_import: vec![OperatorSetIdProto {
-                domain: String::new(),
-                version: OPSET,
-            }],
+            opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
             ..ModelProto::default()
         };
-        Self {
-            model,
-            graph: GraphProto {
-                name: "test".to_owned(),
-                ..GraphProto::default()
-            },
-        }
+        Self { model, graph: GraphProto { name: "test".to_owned(), ..GraphProto::default() } }
     }
 
     /// Another opset than 17.
     #[must_use]
     pub fn opset(mut self, version: i64) -> Self {
-        self.model.opset_import = vec![OperatorSetIdProto {
-            domain: String::new(),
-            version,
-        }];
+        self.model.opset_import = vec![OperatorSetIdProto { domain: String::new(), version }];
         self
     }
 
@@ -151,10 +139,7 @@ impl ModelBuilder {
             output: outputs.iter().map(|&name| name.to_owned()).collect(),
             name: format!("{op_type}_{}", self.graph.node.len()),
             op_type: op_type.to_owned(),
-            attribute: attributes
-                .iter()
-                .map(|(name, value)| attribute(name, value))
-                .collect(),
+            attribute: attributes.iter().map(|(name, value)| attribute(name, value)).collect(),
         });
         self
     }
@@ -162,23 +147,13 @@ impl ModelBuilder {
     /// A constant of floats.
     #[must_use]
     pub fn constant_f32(self, name: &str, shape: &[i64], values: &[f32]) -> Self {
-        self.constant(
-            name,
-            ElementType::F32,
-            shape,
-            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        )
+        self.constant(name, ElementType::F32, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
 
     /// A constant of integers, as shapes and axes are.
     #[must_use]
     pub fn constant_i64(self, name: &str, shape: &[i64], values: &[i64]) -> Self {
-        self.constant(
-            name,
-            ElementType::I64,
-            shape,
-            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        )
+        self.constant(name, ElementType::I64, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
 
     /// A constant of floats that lie in another file, as exporters do with large weights.
@@ -217,10 +192,7 @@ impl ModelBuilder {
     /// The file's bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let model = ModelProto {
-            graph: Some(self.graph.clone()),
-            ..self.model.clone()
-        };
+        let model = ModelProto { graph: Some(self.graph.clone()), ..self.model.clone() };
         model.encode_to_vec()
     }
 
@@ -236,43 +208,23 @@ impl ModelBuilder {
 }
 
 fn entry(key: &str, value: &str) -> StringStringEntryProto {
-    StringStringEntryProto {
-        key: key.to_owned(),
-        value: value.to_owned(),
-    }
+    StringStringEntryProto { key: key.to_owned(), value: value.to_owned() }
 }
 
 fn value_info(name: &str, element: ElementType, shape: &[i64]) -> ValueInfoProto {
     let dim = shape
         .iter()
         .map(|&size| match size {
-            -1 => Dimension {
-                dim_value: None,
-                dim_param: Some("any".to_owned()),
-            },
-            size => Dimension {
-                dim_value: Some(size),
-                dim_param: None,
-            },
+            -1 => Dimension { dim_value: None, dim_param: Some("any".to_owned()) },
+            size => Dimension { dim_value: Some(size), dim_param: None },
         })
         .collect();
-    let tensor_type = TensorTypeProto {
-        elem_type: element as i32,
-        shape: Some(TensorShapeProto { dim }),
-    };
-    ValueInfoProto {
-        name: name.to_owned(),
-        r#type: Some(TypeProto {
-            tensor_type: Some(tensor_type),
-        }),
-    }
+    let tensor_type = TensorTypeProto { elem_type: element as i32, shape: Some(TensorShapeProto { dim }) };
+    ValueInfoProto { name: name.to_owned(), r#type: Some(TypeProto { tensor_type: Some(tensor_type) }) }
 }
 
 fn attribute(name: &str, value: &Attribute) -> AttributeProto {
-    let mut proto = AttributeProto {
-        name: name.to_owned(),
-        ..AttributeProto::default()
-    };
+    let mut proto = AttributeProto { name: name.to_owned(), ..AttributeProto::default() };
     match value {
         Attribute::Float(float) => (proto.f, proto.r#type) = (Some(*float), 1),
         Attribute::Int(int) => (proto.i, proto.r#type) = (Some(*int), 2),

@@ -52,14 +52,7 @@ impl Intrinsics {
         check_focal("fy", fy_px, height)?;
         check_centre("cx", cx_px, width)?;
         check_centre("cy", cy_px, height)?;
-        Ok(Self {
-            fx_px,
-            fy_px,
-            cx_px,
-            cy_px,
-            width,
-            height,
-        })
+        Ok(Self { fx_px, fy_px, cx_px, cy_px, width, height })
     }
 
     /// The intrinsics after the whole picture is stretched to `width` x `height` pixels, each axis by itself.
@@ -102,20 +95,12 @@ impl Intrinsics {
 }
 
 fn check_finite(name: &'static str, value: f64) -> Result<(), CameraError> {
-    if value.is_finite() {
-        Ok(())
-    } else {
-        Err(CameraError::NotFinite { name, value })
-    }
+    if value.is_finite() { Ok(()) } else { Err(CameraError::NotFinite { name, value }) }
 }
 
 fn check_positive(name: &'static str, value: f64) -> Result<(), CameraError> {
     check_finite(name, value)?;
-    if value > 0.0 {
-        Ok(())
-    } else {
-        Err(CameraError::NotPositive { name, value })
-    }
+    if value > 0.0 { Ok(()) } else { Err(CameraError::NotPositive { name, value }) }
 }
 
 fn check_focal(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
@@ -190,19 +175,11 @@ impl FromStr for IntrinsicsSpec {
             None => (text, None),
         };
         let parts: Vec<&str> = numbers.split(',').map(str::trim).collect();
-        let parts: [&str; 4] = parts.try_into().map_err(|parts: Vec<_>| CameraError::Count {
-            got: parts.len(),
-            text: text.to_owned(),
-        })?;
-        let mut spec = Self {
-            numbers: [0.0; 4],
-            size,
-        };
-        for ((name, part), number) in ["fx", "fy", "cx", "cy"]
-            .into_iter()
-            .zip(parts)
-            .zip(&mut spec.numbers)
-        {
+        let parts: [&str; 4] = parts
+            .try_into()
+            .map_err(|parts: Vec<_>| CameraError::Count { got: parts.len(), text: text.to_owned() })?;
+        let mut spec = Self { numbers: [0.0; 4], size };
+        for ((name, part), number) in ["fx", "fy", "cx", "cy"].into_iter().zip(parts).zip(&mut spec.numbers) {
             *number = parse_number(name, part)?;
         }
         spec.check()?;
@@ -211,18 +188,13 @@ impl FromStr for IntrinsicsSpec {
 }
 
 fn parse_number(name: &'static str, text: &str) -> Result<f64, CameraError> {
-    text.parse().map_err(|_| CameraError::NotANumber {
-        name,
-        text: text.to_owned(),
-    })
+    text.parse().map_err(|_| CameraError::NotANumber { name, text: text.to_owned() })
 }
 
 fn parse_size(text: &str) -> Result<(u32, u32), CameraError> {
     text.split_once('x')
         .and_then(|(width, height)| Some((width.trim().parse().ok()?, height.trim().parse().ok()?)))
-        .ok_or_else(|| CameraError::NotASize {
-            text: text.to_owned(),
-        })
+        .ok_or_else(|| CameraError::NotASize { text: text.to_owned() })
 }
 
 /// What is wrong with a camera's numbers.
@@ -309,10 +281,7 @@ mod tests {
     fn half_the_size_moves_the_principal_point_by_the_half_pixel_rule() {
         let half = kinect().scaled_to(320, 240).unwrap();
         assert_eq!((half.fx_px, half.fy_px), (259.429, 259.735));
-        assert!(
-            (half.cx_px - 162.541).abs() < 1e-9 && (half.cy_px - 126.618).abs() < 1e-9,
-            "{half:?}"
-        );
+        assert!((half.cx_px - 162.541).abs() < 1e-9 && (half.cy_px - 126.618).abs() < 1e-9, "{half:?}");
     }
 
     #[test]
@@ -330,18 +299,9 @@ mod tests {
 
     #[test]
     fn bad_numbers_are_refused_by_name() {
-        assert_eq!(
-            message("nan,500,320,240"),
-            "intrinsic `fx` is `NaN`, not a finite number"
-        );
-        assert_eq!(
-            message("500,-500,320,240"),
-            "focal length `fy` is `-500`; it must be greater than 0"
-        );
-        assert_eq!(
-            message("500,500,inf,240"),
-            "intrinsic `cx` is `inf`, not a finite number"
-        );
+        assert_eq!(message("nan,500,320,240"), "intrinsic `fx` is `NaN`, not a finite number");
+        assert_eq!(message("500,-500,320,240"), "focal length `fy` is `-500`; it must be greater than 0");
+        assert_eq!(message("500,500,inf,240"), "intrinsic `cx` is `inf`, not a finite number");
         assert!(message("500,500,,240").starts_with("intrinsic `cx` is ``, not a number\nhint: "));
         assert!(
             message("500,500,320").starts_with("intrinsics `500,500,320` hold `3` numbers, not 4\nhint: ")
@@ -363,23 +323,13 @@ mod tests {
     #[test]
     fn a_principal_point_far_outside_the_picture_is_refused() {
         let error = Intrinsics::new(500.0, 500.0, 320.0, 2000.0, 640, 480).unwrap_err();
-        assert_eq!(
-            error,
-            CameraError::OutOfRange {
-                name: "cy",
-                value: 2000.0,
-                side: 480
-            }
-        );
+        assert_eq!(error, CameraError::OutOfRange { name: "cy", value: 2000.0, side: 480 });
     }
 
     #[test]
     fn numbers_without_a_size_are_taken_as_meant_for_the_picture() {
         let spec: IntrinsicsSpec = "500, 501, 320, 240".parse().unwrap();
-        assert_eq!(
-            spec.at_size(640, 480),
-            Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480)
-        );
+        assert_eq!(spec.at_size(640, 480), Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480));
     }
 
     proptest! {

@@ -28,10 +28,7 @@ impl Camera {
     /// A camera without distortion.
     #[must_use]
     pub fn pinhole(intrinsics: Intrinsics) -> Self {
-        Self {
-            intrinsics,
-            distortion: Distortion::None,
-        }
+        Self { intrinsics, distortion: Distortion::None }
     }
 
     /// The same camera with its picture stretched to `width` x `height` pixels; the lens does not change.
@@ -39,9 +36,6 @@ impl Camera {
     /// # Errors
     /// A side of 0 pixels.
     pub fn scaled_to(&self, width: u32, height: u32) -> Result<Self, CameraError> {
-        Ok(Self {
-            intrinsics: self.intrinsics.scaled_to(width, height)?,
-            distortion: self.distortion,
-        })
+        Ok(Self { intrinsics: self.intrinsics.scaled_to(width, height)?, distortion: self.distortion })
     }
 }

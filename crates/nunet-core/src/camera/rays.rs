@@ -29,11 +29,7 @@ impl RayTable {
             }
         };
         let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
-        Self {
-            width,
-            height,
-            rays: pixels.map(ray).collect(),
-        }
+        Self { width, height, rays: pixels.map(ray).collect() }
     }
 
     /// Pixels from left to right.
@@ -57,22 +53,14 @@ impl RayTable {
 
 /// The matrix that takes a pixel `(column, row, 1)` to where the lens threw it, on the plane at depth 1.
 fn lens_from_pixel(intrinsics: &Intrinsics) -> Matrix3<f64> {
-    let Intrinsics {
-        fx_px,
-        fy_px,
-        cx_px,
-        cy_px,
-        ..
-    } = *intrinsics;
+    let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = *intrinsics;
     #[rustfmt::skip]
     let pixel_from_lens = Matrix3::new(
         fx_px, 0.0,   cx_px,
         0.0,   fy_px, cy_px,
         0.0,   0.0,   1.0,
     );
-    pixel_from_lens
-        .try_inverse()
-        .expect("intrinsics have positive focal lengths")
+    pixel_from_lens.try_inverse().expect("intrinsics have positive focal lengths")
 }
 
 /// Where a straight ray would have met the plane at depth 1, for a point the lens threw on `seen`.
@@ -93,10 +81,7 @@ mod tests {
     fn a_hand_computed_table_of_two_by_two_pixels() {
         let intrinsics = Intrinsics::new(2.0, 4.0, 0.5, 1.0, 2, 2).unwrap();
         let table = RayTable::new(&Camera::pinhole(intrinsics));
-        assert_eq!(
-            table.rays(),
-            [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.0], [0.25, 0.0]]
-        );
+        assert_eq!(table.rays(), [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.0], [0.25, 0.0]]);
     }
 
     proptest! {

@@ -32,15 +32,7 @@ pub struct CloudPoint {
 
 impl CloudPoint {
     /// No depth, no colour, no class.
-    pub const NONE: Self = Self {
-        x: f32::NAN,
-        y: f32::NAN,
-        z: f32::NAN,
-        b: 0,
-        g: 0,
-        r: 0,
-        label: NO_LABEL,
-    };
+    pub const NONE: Self = Self { x: f32::NAN, y: f32::NAN, z: f32::NAN, b: 0, g: 0, r: 0, label: NO_LABEL };
 }
 
 /// Width and height of the cloud of every `stride`-th column and row of a depth map.
@@ -67,17 +59,7 @@ pub fn organised_cloud(
 ) -> Result<(), CloudError> {
     let (width, height) = (rays.width(), rays.height());
     let check = |buffer, got, expected| {
-        if got == expected {
-            Ok(())
-        } else {
-            Err(CloudError::Size {
-                buffer,
-                got,
-                expected,
-                width,
-                height,
-            })
-        }
+        if got == expected { Ok(()) } else { Err(CloudError::Size { buffer, got, expected, width, height }) }
     };
     let pixels = rays.rays().len();
     let (cloud_width, cloud_height) = cloud_size(width, height, stride);
@@ -86,11 +68,7 @@ pub fn organised_cloud(
     check("labels", labels.map_or(pixels, <[u8]>::len), pixels)?;
     check("points", out.len(), cloud_width as usize * cloud_height as usize)?;
 
-    let picture = Picture {
-        depth_m,
-        rays: rays.rays(),
-        rgb: rgb.as_chunks().0,
-    };
+    let picture = Picture { depth_m, rays: rays.rays(), rgb: rgb.as_chunks().0 };
     match labels {
         Some(labels) => picture.fill(width as usize, stride, out, |pixel| labels[pixel]),
         None => picture.fill(width as usize, stride, out, |_| NO_LABEL),
@@ -124,15 +102,7 @@ impl Picture<'_> {
         let [r, g, b] = self.rgb[pixel];
         // Adding nothing of the ray makes z NaN where there is no ray, without a branch.
         let z = self.depth_m[pixel] + 0.0 * ray_x;
-        CloudPoint {
-            x: ray_x * z,
-            y: ray_y * z,
-            z,
-            b,
-            g,
-            r,
-            label,
-        }
+        CloudPoint { x: ray_x * z, y: ray_y * z, z, b, g, r, label }
     }
 }
 
@@ -165,20 +135,10 @@ mod tests {
     use proptest::prelude::*;
 
     const ONE: NonZeroU32 = NonZeroU32::MIN;
-    const BLANK: CloudPoint = CloudPoint {
-        x: 0.0,
-        y: 0.0,
-        z: 0.0,
-        b: 0,
-        g: 0,
-        r: 0,
-        label: 0,
-    };
+    const BLANK: CloudPoint = CloudPoint { x: 0.0, y: 0.0, z: 0.0, b: 0, g: 0, r: 0, label: 0 };
 
     fn rays(fx: f64, fy: f64, cx: f64, cy: f64, width: u32, height: u32) -> RayTable {
-        RayTable::new(&Camera::pinhole(
-            Intrinsics::new(fx, fy, cx, cy, width, height).unwrap(),
-        ))
+        RayTable::new(&Camera::pinhole(Intrinsics::new(fx, fy, cx, cy, width, height).unwrap()))
     }
 
     #[test]
@@ -193,39 +153,9 @@ mod tests {
     fn a_hand_computed_cloud_of_two_points() {
         let rays = rays(2.0, 4.0, 0.5, 1.0, 2, 1);
         let mut out = [BLANK; 2];
-        organised_cloud(
-            &[2.0, 4.0],
-            &rays,
-            &[1, 2, 3, 4, 5, 6],
-            Some(&[7, 8]),
-            ONE,
-            &mut out,
-        )
-        .unwrap();
-        assert_eq!(
-            out[0],
-            CloudPoint {
-                x: -0.5,
-                y: -0.5,
-                z: 2.0,
-                b: 3,
-                g: 2,
-                r: 1,
-                label: 7
-            }
-        );
-        assert_eq!(
-            out[1],
-            CloudPoint {
-                x: 1.0,
-                y: -1.0,
-                z: 4.0,
-                b: 6,
-                g: 5,
-                r: 4,
-                label: 8
-            }
-        );
+        organised_cloud(&[2.0, 4.0], &rays, &[1, 2, 3, 4, 5, 6], Some(&[7, 8]), ONE, &mut out).unwrap();
+        assert_eq!(out[0], CloudPoint { x: -0.5, y: -0.5, z: 2.0, b: 3, g: 2, r: 1, label: 7 });
+        assert_eq!(out[1], CloudPoint { x: 1.0, y: -1.0, z: 4.0, b: 6, g: 5, r: 4, label: 8 });
     }
 
     #[test]
@@ -246,10 +176,7 @@ mod tests {
         let rays = rays(5.0, 3.0, 2.0, 1.0, width, height);
         organised_cloud(&depth, &rays, &[0; 45], None, stride, &mut out).unwrap();
         assert_eq!(cloud_size(width, height, stride), (3, 2));
-        assert_eq!(
-            out.iter().map(|point| point.z).collect::<Vec<_>>(),
-            [1.0, 3.0, 5.0, 11.0, 13.0, 15.0]
-        );
+        assert_eq!(out.iter().map(|point| point.z).collect::<Vec<_>>(), [1.0, 3.0, 5.0, 11.0, 13.0, 15.0]);
     }
 
     #[test]
@@ -257,10 +184,7 @@ mod tests {
         let rays = rays(2.0, 2.0, 0.5, 0.5, 2, 2);
         let mut out = [BLANK; 4];
         let error = organised_cloud(&[1.0; 4], &rays, &[0; 11], None, ONE, &mut out).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "the cloud's `rgb` holds `11` elements; a camera of `2x2` takes `12`"
-        );
+        assert_eq!(error.to_string(), "the cloud's `rgb` holds `11` elements; a camera of `2x2` takes `12`");
     }
 
     proptest! {

@@ -20,13 +20,7 @@ pub enum Encoding {
 
 impl Encoding {
     /// All encodings, in the order of the documentation.
-    pub const ALL: [Self; 5] = [
-        Self::Metric,
-        Self::Inverse,
-        Self::Log,
-        Self::Relative,
-        Self::MinMax,
-    ];
+    pub const ALL: [Self; 5] = [Self::Metric, Self::Inverse, Self::Log, Self::Relative, Self::MinMax];
 
     /// The name in a model's metadata.
     #[must_use]
@@ -74,9 +68,7 @@ impl FromStr for Encoding {
         Self::ALL
             .into_iter()
             .find(|encoding| encoding.name() == text)
-            .ok_or_else(|| DepthError::UnknownEncoding {
-                text: text.to_owned(),
-            })
+            .ok_or_else(|| DepthError::UnknownEncoding { text: text.to_owned() })
     }
 }
 
@@ -180,31 +172,22 @@ mod tests {
         assert_eq!(got.len(), expected.len());
         for (got, expected) in got.iter().zip(expected) {
             let close = (got - expected).abs() <= 1e-6 * expected.abs();
-            assert!(
-                close || (got.is_nan() && expected.is_nan()),
-                "{got} is not {expected}"
-            );
+            assert!(close || (got.is_nan() && expected.is_nan()), "{got} is not {expected}");
         }
     }
 
     #[test]
     fn metres_are_kept_and_what_lies_outside_the_range_is_nan() {
-        let (depth, invalid) = decode(
-            Encoding::Metric,
-            &[0.5, 0.499, 10.0, 10.001, -1.0, NAN, f32::INFINITY],
-            1.0,
-        );
+        let (depth, invalid) =
+            decode(Encoding::Metric, &[0.5, 0.499, 10.0, 10.001, -1.0, NAN, f32::INFINITY], 1.0);
         assert_same(&depth, &[0.5, NAN, 10.0, NAN, NAN, NAN, NAN]);
         assert_eq!(invalid, 5);
     }
 
     #[test]
     fn inverse_metres_are_inverted_and_infinity_is_no_depth() {
-        let (depth, invalid) = decode(
-            Encoding::Inverse,
-            &[0.5, 2.0, 0.25, 0.0, -0.5, f32::INFINITY, 0.01],
-            1.0,
-        );
+        let (depth, invalid) =
+            decode(Encoding::Inverse, &[0.5, 2.0, 0.25, 0.0, -0.5, f32::INFINITY, 0.01], 1.0);
         assert_same(&depth, &[2.0, 0.5, 4.0, NAN, NAN, NAN, NAN]);
         assert_eq!(invalid, 4);
     }
@@ -212,11 +195,7 @@ mod tests {
     #[test]
     fn logarithms_are_raised() {
         let e = std::f32::consts::E;
-        let (depth, invalid) = decode(
-            Encoding::Log,
-            &[0.0, 1.0, -1.0, 90.0, f32::NEG_INFINITY, NAN],
-            1.0,
-        );
+        let (depth, invalid) = decode(Encoding::Log, &[0.0, 1.0, -1.0, 90.0, f32::NEG_INFINITY, NAN], 1.0);
         assert_same(&depth, &[1.0, e, NAN, NAN, NAN, NAN]);
         assert_eq!(invalid, 4);
     }
@@ -247,13 +226,7 @@ mod tests {
 
     #[test]
     fn a_range_that_holds_no_depth_is_refused() {
-        for (min_m, max_m) in [
-            (1.0, 1.0),
-            (2.0, 1.0),
-            (-1.0, 1.0),
-            (NAN, 1.0),
-            (0.0, f32::INFINITY),
-        ] {
+        for (min_m, max_m) in [(1.0, 1.0), (2.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (0.0, f32::INFINITY)] {
             assert!(DepthRange::new(min_m, max_m).is_err(), "{min_m} {max_m}");
         }
     }

@@ -49,22 +49,14 @@ impl Scale {
         input_fx_px: Option<f64>,
     ) -> Self {
         if !encoding.is_metric() {
-            return Self {
-                units: Units::Relative,
-                source: ScaleSource::Relative,
-                focal_factor: 1.0,
-            };
+            return Self { units: Units::Relative, source: ScaleSource::Relative, focal_factor: 1.0 };
         }
         let (source, factor) = match (training_fx_px, input_fx_px) {
             (Some(training), Some(input)) => (ScaleSource::FocalScaled, input / training),
             (Some(_), None) => (ScaleSource::AssumedCamera, 1.0),
             (None, _) => (ScaleSource::Metric, 1.0),
         };
-        Self {
-            units: Units::Metre,
-            source,
-            focal_factor: factor as f32,
-        }
+        Self { units: Units::Metre, source, focal_factor: factor as f32 }
     }
 
     /// The scale of a network's depth taken as it is, whatever the camera (`--focal off`).
@@ -81,23 +73,13 @@ mod tests {
     #[test]
     fn twice_the_focal_length_is_twice_the_depth() {
         let scale = Scale::from_focal_lengths(Encoding::Inverse, Some(500.0), Some(1000.0));
-        assert_eq!(
-            scale,
-            Scale {
-                units: Units::Metre,
-                source: ScaleSource::FocalScaled,
-                focal_factor: 2.0
-            }
-        );
+        assert_eq!(scale, Scale { units: Units::Metre, source: ScaleSource::FocalScaled, focal_factor: 2.0 });
     }
 
     #[test]
     fn an_unknown_camera_is_assumed_to_be_the_training_camera() {
         let scale = Scale::from_focal_lengths(Encoding::Metric, Some(500.0), None);
-        assert_eq!(
-            (scale.source, scale.focal_factor),
-            (ScaleSource::AssumedCamera, 1.0)
-        );
+        assert_eq!((scale.source, scale.focal_factor), (ScaleSource::AssumedCamera, 1.0));
     }
 
     #[test]
@@ -106,11 +88,7 @@ mod tests {
             let scale = Scale::from_focal_lengths(encoding, Some(500.0), Some(1000.0));
             assert_eq!(
                 scale,
-                Scale {
-                    units: Units::Relative,
-                    source: ScaleSource::Relative,
-                    focal_factor: 1.0
-                }
+                Scale { units: Units::Relative, source: ScaleSource::Relative, focal_factor: 1.0 }
             );
         }
     }

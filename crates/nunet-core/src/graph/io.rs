@@ -36,10 +36,7 @@ impl StageInfo {
     /// Inputs as the file has them, outputs as the plan fetches them, without the stage's name before theirs.
     pub(super) fn new(stage: &WiredStage, plan: &Wired, model: PathBuf, signature: &Signature) -> Self {
         let prefix = stage.name.len() + 1;
-        let output = |spec: &TensorSpec| TensorSpec {
-            name: spec.name[prefix..].to_owned(),
-            ..spec.clone()
-        };
+        let output = |spec: &TensorSpec| TensorSpec { name: spec.name[prefix..].to_owned(), ..spec.clone() };
         Self {
             name: stage.name.clone(),
             model,

@@ -31,11 +31,7 @@ pub(super) struct Loaded {
 /// Loads and proves a graph.
 pub(super) fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Loaded, GraphError> {
     let loader = Loader::new(runtime, options)?;
-    if is_manifest(path) {
-        loader.staged(path, options)
-    } else {
-        loader.single(path, options)
-    }
+    if is_manifest(path) { loader.staged(path, options) } else { loader.single(path, options) }
 }
 
 /// Every file that a graph consists of: the model file, with its sidecar where it has one, or the manifest and the
@@ -60,15 +56,9 @@ fn is_manifest(path: &Path) -> bool {
 /// The manifest's bytes and what they say.
 fn read_manifest(path: &Path) -> Result<(Vec<u8>, Manifest), GraphError> {
     let bytes = read(path, MAX_TOML_BYTES)?;
-    let wrong = |source| GraphError::Manifest {
-        path: path.to_owned(),
-        source,
-    };
-    let text = std::str::from_utf8(&bytes).map_err(|error| {
-        wrong(ManifestError::Syntax {
-            reason: error.to_string(),
-        })
-    })?;
+    let wrong = |source| GraphError::Manifest { path: path.to_owned(), source };
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|error| wrong(ManifestError::Syntax { reason: error.to_string() }))?;
     let manifest = Manifest::parse(text).map_err(wrong)?;
     Ok((bytes, manifest))
 }
@@ -93,32 +83,18 @@ impl<'a> Loader<'a> {
         let provider = options
             .provider
             .resolve(runtime, threads)
-            .map_err(|error| GraphError::Provider {
-                provider: error.provider,
-                reason: error.reason,
-            })?;
-        Ok(Self {
-            runtime,
-            provider,
-            threads,
-        })
+            .map_err(|error| GraphError::Provider { provider: error.provider, reason: error.reason })?;
+        Ok(Self { runtime, provider, threads })
     }
 
     /// A fused file, or a foreign network with its sidecar: a graph of one stage.
     fn single(&self, path: &Path, options: &GraphOptions) -> Result<Loaded, GraphError> {
         let (model, hash) = self.model(path)?;
         let file = path.file_name().unwrap_or_default().to_string_lossy();
-        let described = |source| GraphError::Description {
-            path: path.to_owned(),
-            source,
-        };
+        let described = |source| GraphError::Description { path: path.to_owned(), source };
         if ModelDescription::is_in(model.metadata()) {
             let description = ModelDescription::from_metadata(model.metadata(), hash).map_err(described)?;
-            let segments = model
-                .signature()
-                .outputs
-                .iter()
-                .any(|output| output.name == "labels");
+            let segments = model.signature().outputs.iter().any(|output| output.name == "labels");
             let manifest = Manifest::fused(&file, "rgb", "depth", segments.then_some("labels"));
             let models = vec![(path.to_owned(), model)];
             return self.prove(path, manifest, models, description, Contract::Nunet, options);
@@ -126,11 +102,7 @@ impl<'a> Loader<'a> {
         let sidecar = sidecar_of(path)?;
         let manifest = Manifest::fused(&file, &sidecar.input, &sidecar.depth, None);
         let contract = Contract::Foreign {
-            element: if sidecar.format.is_some() {
-                ElementType::Float32
-            } else {
-                ElementType::Uint8
-            },
+            element: if sidecar.format.is_some() { ElementType::Float32 } else { ElementType::Uint8 },
             image: sidecar.image_shape(),
             size: sidecar.size,
         };
@@ -153,19 +125,11 @@ impl<'a> Loader<'a> {
         }
         // The stage that gives the depth carries the description of the whole graph.
         let depth_stage = manifest.outputs.depth.split('.').next().unwrap_or_default();
-        let speaker = manifest
-            .stages
-            .iter()
-            .position(|stage| stage.name == depth_stage)
-            .unwrap_or(models.len() - 1);
+        let speaker =
+            manifest.stages.iter().position(|stage| stage.name == depth_stage).unwrap_or(models.len() - 1);
         let (file, model) = &models[speaker];
-        let description =
-            ModelDescription::from_metadata(model.metadata(), hash.finalize().into()).map_err(|source| {
-                GraphError::Description {
-                    path: file.clone(),
-                    source,
-                }
-            })?;
+        let description = ModelDescription::from_metadata(model.metadata(), hash.finalize().into())
+            .map_err(|source| GraphError::Description { path: file.clone(), source })?;
         self.prove(path, manifest, models, description, Contract::Nunet, options)
     }
 
@@ -173,11 +137,7 @@ impl<'a> Loader<'a> {
         let bytes = read(path, MAX_MODEL_BYTES)?;
         let model = Model::load(&bytes, self.runtime, self.provider, self.threads).map_err(|reason| {
             let hint = hint(&reason);
-            GraphError::Model {
-                path: path.to_owned(),
-                reason,
-                hint,
-            }
+            GraphError::Model { path: path.to_owned(), reason, hint }
         })?;
         Ok((model, Sha256::digest(&bytes).into()))
     }
@@ -192,46 +152,23 @@ impl<'a> Loader<'a> {
         options: &GraphOptions,
     ) -> Result<Loaded, GraphError> {
         override_every(&mut manifest, options)?;
-        let signatures = models
-            .iter()
-            .map(|(_, model)| model.signature().clone())
-            .collect();
-        let plan = Unwired {
-            manifest: &manifest,
-            signatures,
-            contract,
-        }
-        .wire()
-        .map_err(|source| GraphError::Wiring {
-            path: path.to_owned(),
-            source: Box::new(source),
-        })?;
-        Ok(Loaded {
-            plan,
-            models,
-            description,
-            provider: self.provider,
-            float_input: None,
-        })
+        let signatures = models.iter().map(|(_, model)| model.signature().clone()).collect();
+        let plan = Unwired { manifest: &manifest, signatures, contract }
+            .wire()
+            .map_err(|source| GraphError::Wiring { path: path.to_owned(), source: Box::new(source) })?;
+        Ok(Loaded { plan, models, description, provider: self.provider, float_input: None })
     }
 }
 
 /// `--every STAGE=N` over what the manifest says.
 fn override_every(manifest: &mut Manifest, options: &GraphOptions) -> Result<(), GraphError> {
     for (name, every) in &options.every {
-        let names: Vec<String> = manifest
-            .stages
-            .iter()
-            .map(|stage| format!("`{}`", stage.name))
-            .collect();
+        let names: Vec<String> = manifest.stages.iter().map(|stage| format!("`{}`", stage.name)).collect();
         let stage = manifest
             .stages
             .iter_mut()
             .find(|stage| stage.name == *name)
-            .ok_or_else(|| GraphError::UnknownStage {
-                stage: name.clone(),
-                stages: names.join(", "),
-            })?;
+            .ok_or_else(|| GraphError::UnknownStage { stage: name.clone(), stages: names.join(", ") })?;
         stage.every = *every;
     }
     Ok(())
@@ -240,63 +177,36 @@ fn override_every(manifest: &mut Manifest, options: &GraphOptions) -> Result<(),
 /// The sidecar beside a model file without metadata.
 fn sidecar_of(model: &Path) -> Result<Sidecar, GraphError> {
     let path = model.with_extension("toml");
-    let name = path
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    let wrong = |source| GraphError::Description {
-        path: model.to_owned(),
-        source,
-    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let wrong = |source| GraphError::Description { path: model.to_owned(), source };
     if !path.exists() {
         return Err(wrong(ModelError::Undescribed { sidecar: name }));
     }
     let bytes = read(&path, MAX_TOML_BYTES)?;
-    let parsed = std::str::from_utf8(&bytes)
-        .map_err(|error| error.to_string())
-        .and_then(Sidecar::parse);
-    parsed.map_err(|reason| {
-        wrong(ModelError::Sidecar {
-            sidecar: name,
-            reason,
-        })
-    })
+    let parsed = std::str::from_utf8(&bytes).map_err(|error| error.to_string()).and_then(Sidecar::parse);
+    parsed.map_err(|reason| wrong(ModelError::Sidecar { sidecar: name, reason }))
 }
 
 /// A whole file, if it is a plain one of reasonable size.
 fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
-    let failed = |source| GraphError::Read {
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| GraphError::Read { path: path.to_owned(), source };
     // Looked at before it is opened: opening a pipe waits for a writer.
     let metadata = path.metadata().map_err(failed)?;
     if !metadata.is_file() {
-        return Err(GraphError::NotAFile {
-            path: path.to_owned(),
-        });
+        return Err(GraphError::NotAFile { path: path.to_owned() });
     }
     match metadata.len() {
         0 => {
-            return Err(GraphError::Empty {
-                path: path.to_owned(),
-            });
+            return Err(GraphError::Empty { path: path.to_owned() });
         }
         bytes if bytes > most => {
-            return Err(GraphError::TooLarge {
-                path: path.to_owned(),
-                bytes,
-                most,
-            });
+            return Err(GraphError::TooLarge { path: path.to_owned(), bytes, most });
         }
         _ => {}
     }
     let mut bytes = Vec::new();
     // A file that grows meanwhile is cut, and then refused for what it is.
-    File::open(path)
-        .and_then(|file| file.take(most).read_to_end(&mut bytes))
-        .map_err(failed)?;
+    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(failed)?;
     Ok(bytes)
 }
 

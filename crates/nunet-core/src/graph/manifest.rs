@@ -67,18 +67,13 @@ impl Manifest {
     /// Text that is not TOML, unknown or missing keys, another version, no stage or too many, a name with other
     /// characters, and a model outside the manifest's folder.
     pub fn parse(text: &str) -> Result<Self, ManifestError> {
-        let manifest: Self = toml::from_str(text).map_err(|error| ManifestError::Syntax {
-            reason: error.to_string().trim_end().to_owned(),
-        })?;
+        let manifest: Self = toml::from_str(text)
+            .map_err(|error| ManifestError::Syntax { reason: error.to_string().trim_end().to_owned() })?;
         if manifest.version != VERSION {
-            return Err(ManifestError::Version {
-                version: manifest.version,
-            });
+            return Err(ManifestError::Version { version: manifest.version });
         }
         if !(1..=MAX_STAGES).contains(&manifest.stages.len()) {
-            return Err(ManifestError::StageCount {
-                count: manifest.stages.len(),
-            });
+            return Err(ManifestError::StageCount { count: manifest.stages.len() });
         }
         for stage in &manifest.stages {
             check_name(&stage.name)?;
@@ -99,25 +94,17 @@ impl Manifest {
             depth: format!("{FUSED_STAGE}.{depth}"),
             labels: labels.map(|labels| format!("{FUSED_STAGE}.{labels}")),
         };
-        Self {
-            version: VERSION,
-            stages: vec![stage],
-            outputs,
-        }
+        Self { version: VERSION, stages: vec![stage], outputs }
     }
 }
 
 fn check_name(name: &str) -> Result<(), ManifestError> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
     if name.is_empty() || name.len() > MAX_STAGE_NAME || !name.chars().all(fits) {
-        return Err(ManifestError::StageName {
-            name: name.to_owned(),
-        });
+        return Err(ManifestError::StageName { name: name.to_owned() });
     }
     if RESERVED_NAMES.contains(&name) {
-        return Err(ManifestError::ReservedName {
-            name: name.to_owned(),
-        });
+        return Err(ManifestError::ReservedName { name: name.to_owned() });
     }
     Ok(())
 }
@@ -130,10 +117,7 @@ fn check_model(stage: &ManifestStage) -> Result<(), ManifestError> {
     if inside {
         Ok(())
     } else {
-        Err(ManifestError::ModelOutside {
-            stage: stage.name.clone(),
-            model: stage.model.clone(),
-        })
+        Err(ManifestError::ModelOutside { stage: stage.name.clone(), model: stage.model.clone() })
     }
 }
 
@@ -230,52 +214,29 @@ mod tests {
     #[test]
     fn a_graph_has_at_least_one_stage_and_not_too_many() {
         let outputs = "version = 1\n[outputs]\ndepth = \"a.depth\"\n";
-        assert_eq!(
-            Manifest::parse(outputs).unwrap_err(),
-            ManifestError::StageCount { count: 0 }
-        );
+        assert_eq!(Manifest::parse(outputs).unwrap_err(), ManifestError::StageCount { count: 0 });
         let stage = "[[stage]]\nname = \"a\"\nmodel = \"a.onnx\"\ninputs = {}\n";
         let crowd = format!("{outputs}{}", stage.repeat(MAX_STAGES + 1));
-        assert_eq!(
-            Manifest::parse(&crowd).unwrap_err(),
-            ManifestError::StageCount {
-                count: MAX_STAGES + 1
-            }
-        );
+        assert_eq!(Manifest::parse(&crowd).unwrap_err(), ManifestError::StageCount { count: MAX_STAGES + 1 });
     }
 
     #[test]
     fn a_model_outside_the_manifests_folder_is_refused() {
         for model in ["../secret.onnx", "/etc/passwd", "parts/../../x.onnx", ""] {
             let error = Manifest::parse(&TWO_STAGES.replace("wnet_c.segmentation.onnx", model)).unwrap_err();
-            assert!(
-                matches!(error, ManifestError::ModelOutside { .. }),
-                "{model}: {error}"
-            );
+            assert!(matches!(error, ManifestError::ModelOutside { .. }), "{model}: {error}");
         }
     }
 
     #[test]
     fn stage_names_are_short_plain_and_not_reserved() {
-        for name in [
-            "",
-            "two words",
-            "dotted.name",
-            "Upper",
-            &"x".repeat(MAX_STAGE_NAME + 1),
-        ] {
+        for name in ["", "two words", "dotted.name", "Upper", &"x".repeat(MAX_STAGE_NAME + 1)] {
             let text = TWO_STAGES.replace("name = \"segmentation\"", &format!("name = \"{name}\""));
-            assert!(
-                matches!(Manifest::parse(&text), Err(ManifestError::StageName { .. })),
-                "{name}"
-            );
+            assert!(matches!(Manifest::parse(&text), Err(ManifestError::StageName { .. })), "{name}");
         }
         for name in RESERVED_NAMES {
             let text = TWO_STAGES.replace("name = \"segmentation\"", &format!("name = \"{name}\""));
-            assert!(
-                matches!(Manifest::parse(&text), Err(ManifestError::ReservedName { .. })),
-                "{name}"
-            );
+            assert!(matches!(Manifest::parse(&text), Err(ManifestError::ReservedName { .. })), "{name}");
         }
     }
 }

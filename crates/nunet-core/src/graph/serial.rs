@@ -36,23 +36,14 @@ impl SerialGraph {
     /// Files that cannot be read or that ONNX Runtime does not take, stages that do not fit, and a description that
     /// is missing or wrong.
     pub fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Self, GraphError> {
-        let Loaded {
-            plan,
-            models,
-            description,
-            provider,
-            float_input,
-        } = load(path, runtime, options)?;
+        let Loaded { plan, models, description, provider, float_input } = load(path, runtime, options)?;
         let mut stages = Vec::with_capacity(models.len());
         let mut sessions = Vec::with_capacity(models.len());
         for (stage, (file, model)) in plan.stages.iter().zip(models) {
             let info = StageInfo::new(stage, &plan, file, model.signature());
             let session = model
                 .into_session(&info.inputs, &info.outputs)
-                .map_err(|reason| GraphError::Run {
-                    stage: stage.name.clone(),
-                    reason,
-                })?;
+                .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })?;
             sessions.push(session);
             stages.push(info);
         }
@@ -140,11 +131,7 @@ impl SerialGraph {
         clock: &dyn Clock,
     ) -> Result<GraphReport, GraphError> {
         let GraphOutputs { depth, labels } = outputs;
-        let (labels, kept_labels) = if self.keeps_labels() {
-            (None, labels)
-        } else {
-            (labels, None)
-        };
+        let (labels, kept_labels) = if self.keeps_labels() { (None, labels) } else { (labels, None) };
         self.labels_left = labels.is_some();
         let homes = Homes {
             plan: &self.plan,
@@ -179,13 +166,9 @@ impl SerialGraph {
     /// Whether the labels have to outlive a run, because their stage will be skipped.
     fn keeps_labels(&self) -> bool {
         let gives = |index| move |stage: &&WiredStage| stage.outputs.contains(&index);
-        self.plan.labels.is_some_and(|index| {
-            self.plan
-                .stages
-                .iter()
-                .find(gives(index))
-                .is_some_and(|s| s.every > 1)
-        })
+        self.plan
+            .labels
+            .is_some_and(|index| self.plan.stages.iter().find(gives(index)).is_some_and(|s| s.every > 1))
     }
 
     /// Forgets earlier frames: the next run runs every stage.
@@ -212,10 +195,7 @@ impl SerialGraph {
         if left || self.runs == 0 {
             return None;
         }
-        Some(TensorView {
-            spec: &self.plan.tensors[index],
-            bytes: self.own.bytes(index),
-        })
+        Some(TensorView { spec: &self.plan.tensors[index], bytes: self.own.bytes(index) })
     }
 }
 
@@ -236,10 +216,7 @@ impl Homes<'_> {
         });
         session
             .run(inputs, stage.outputs.clone().map(|index| self.of(index)))
-            .map_err(|reason| GraphError::Run {
-                stage: stage.name.clone(),
-                reason,
-            })
+            .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })
     }
 
     fn of(&self, index: usize) -> Lent<'_> {
@@ -253,11 +230,7 @@ impl Homes<'_> {
 
 fn copy_out(kept: &[u8], memory: &mut [u8]) -> Result<u64, GraphError> {
     if kept.len() != memory.len() {
-        return Err(GraphError::Buffer {
-            tensor: "labels",
-            got: memory.len(),
-            expected: kept.len(),
-        });
+        return Err(GraphError::Buffer { tensor: "labels", got: memory.len(), expected: kept.len() });
     }
     memory.copy_from_slice(kept);
     Ok(kept.len() as u64)

@@ -76,9 +76,9 @@ impl TensorSpec {
     /// overflows.
     #[must_use]
     pub fn bytes(&self) -> Option<usize> {
-        self.shape.iter().try_fold(self.element.bytes()?, |bytes, &dim| {
-            bytes.checked_mul(usize::try_from(dim).ok()?)
-        })
+        self.shape
+            .iter()
+            .try_fold(self.element.bytes()?, |bytes, &dim| bytes.checked_mul(usize::try_from(dim).ok()?))
     }
 
     /// Type and shape without the name: `float32 [1, 3, 480, 640]`.
@@ -90,10 +90,8 @@ impl TensorSpec {
 
 /// Type and shape as messages show them.
 pub(crate) fn kind(element: ElementType, shape: &[i64]) -> String {
-    let dims: Vec<String> = shape
-        .iter()
-        .map(|&dim| if dim < 0 { "?".to_owned() } else { dim.to_string() })
-        .collect();
+    let dims: Vec<String> =
+        shape.iter().map(|&dim| if dim < 0 { "?".to_owned() } else { dim.to_string() }).collect();
     format!("{element} [{}]", dims.join(", "))
 }
 

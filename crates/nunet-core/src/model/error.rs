@@ -68,10 +68,6 @@ impl ModelError {
         if shown.len() < value.len() {
             shown.push('…');
         }
-        Self::Invalid {
-            key,
-            value: shown,
-            reason: reason.to_string(),
-        }
+        Self::Invalid { key, value: shown, reason: reason.to_string() }
     }
 }

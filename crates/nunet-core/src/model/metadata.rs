@@ -44,18 +44,13 @@ impl ModelDescription {
         let entries = Entries(metadata);
         let version = entries.required("nunet.version")?;
         if version != VERSION {
-            return Err(ModelError::Version {
-                version: version.to_owned(),
-                expected: VERSION,
-            });
+            return Err(ModelError::Version { version: version.to_owned(), expected: VERSION });
         }
         entries.refuse_state()?;
         let encoding = entries.encoding()?;
         Ok(Self {
             architecture: entries.required("nunet.architecture")?.to_owned(),
-            components: entries
-                .json::<Vec<Component>>("nunet.components")?
-                .unwrap_or_default(),
+            components: entries.json::<Vec<Component>>("nunet.components")?.unwrap_or_default(),
             encoding,
             range: entries.range(encoding)?,
             classes: entries.json("nunet.classes")?.unwrap_or_default(),
@@ -92,34 +87,26 @@ impl Entries<'_> {
     fn refuse_state(&self) -> Result<(), ModelError> {
         let meaning = "the network's memory goes from frame to frame";
         match self.optional("nunet.state") {
-            Some(_) => Err(ModelError::Unsupported {
-                key: "nunet.state",
-                meaning,
-            }),
+            Some(_) => Err(ModelError::Unsupported { key: "nunet.state", meaning }),
             None => Ok(()),
         }
     }
 
     fn number(&self, key: &'static str) -> Result<f32, ModelError> {
         let text = self.required(key)?;
-        text.parse()
-            .map_err(|error| ModelError::invalid(key, text, error))
+        text.parse().map_err(|error| ModelError::invalid(key, text, error))
     }
 
     fn encoding(&self) -> Result<Encoding, ModelError> {
         let text = self.required("nunet.depth.encoding")?;
-        text.parse()
-            .map_err(|error| ModelError::invalid("nunet.depth.encoding", text, error))
+        text.parse().map_err(|error| ModelError::invalid("nunet.depth.encoding", text, error))
     }
 
     fn range(&self, encoding: Encoding) -> Result<DepthRange, ModelError> {
         if !encoding.is_metric() {
             return Ok(super::unlimited());
         }
-        let (min_m, max_m) = (
-            self.number("nunet.depth.min_m")?,
-            self.number("nunet.depth.max_m")?,
-        );
+        let (min_m, max_m) = (self.number("nunet.depth.min_m")?, self.number("nunet.depth.max_m")?);
         DepthRange::new(min_m, max_m)
             .map_err(|error| ModelError::invalid("nunet.depth.max_m", &max_m.to_string(), error))
     }
@@ -128,18 +115,11 @@ impl Entries<'_> {
         let camera: Option<TrainingCamera> = self.json("nunet.camera")?;
         let sound = |length: f64| length.is_finite() && length > 0.0;
         match camera {
-            Some(TrainingCamera {
-                width,
-                height,
-                fx,
-                fy,
-            }) if width == 0 || height == 0 || !sound(fx) || !sound(fy) => {
+            Some(TrainingCamera { width, height, fx, fy })
+                if width == 0 || height == 0 || !sound(fx) || !sound(fy) =>
+            {
                 let text = self.optional("nunet.camera").unwrap_or_default();
-                Err(ModelError::invalid(
-                    "nunet.camera",
-                    text,
-                    "sizes and focal lengths must be positive",
-                ))
+                Err(ModelError::invalid("nunet.camera", text, "sizes and focal lengths must be positive"))
             }
             camera => Ok(camera),
         }
@@ -155,11 +135,7 @@ impl Entries<'_> {
 
     fn targets(&self) -> Vec<String> {
         let list = self.optional("nunet.targets").unwrap_or_default();
-        list.split(',')
-            .map(str::trim)
-            .filter(|name| !name.is_empty())
-            .map(str::to_owned)
-            .collect()
+        list.split(',').map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect()
     }
 
     fn selftest(&self) -> Result<Option<SelfTest>, ModelError> {
@@ -208,26 +184,11 @@ mod tests {
     fn every_documented_value_is_read() {
         let component = r#"[{"name": "segmentation", "task": "segmentation", "backbone": "resnet34",
             "connected": false, "parameters": 24436369, "gflop": 73.3}]"#;
-        assert_eq!(
-            with("nunet.components", component).unwrap().components[0].parameters,
-            24_436_369
-        );
-        assert_eq!(
-            with("nunet.classes", r#"["wall", "floor"]"#).unwrap().classes,
-            ["wall", "floor"]
-        );
-        assert_eq!(
-            with("nunet.inner_size", "[240, 320]").unwrap().inner_size,
-            Some([240, 320])
-        );
-        assert_eq!(
-            with("nunet.targets", "cpu, openvino").unwrap().targets,
-            ["cpu", "openvino"]
-        );
-        assert_eq!(
-            with("nunet.training", r#"{"epochs": 20}"#).unwrap().training["epochs"],
-            20
-        );
+        assert_eq!(with("nunet.components", component).unwrap().components[0].parameters, 24_436_369);
+        assert_eq!(with("nunet.classes", r#"["wall", "floor"]"#).unwrap().classes, ["wall", "floor"]);
+        assert_eq!(with("nunet.inner_size", "[240, 320]").unwrap().inner_size, Some([240, 320]));
+        assert_eq!(with("nunet.targets", "cpu, openvino").unwrap().targets, ["cpu", "openvino"]);
+        assert_eq!(with("nunet.training", r#"{"epochs": 20}"#).unwrap().training["epochs"], 20);
         assert!(with("nunet.trained", "true").unwrap().trained);
         let camera = r#"{"width": 640, "height": 480, "fx": 518.9, "fy": 519.5}"#;
         assert_eq!(with("nunet.camera", camera).unwrap().camera.unwrap().fx, 518.9);
@@ -236,20 +197,12 @@ mod tests {
     #[test]
     fn another_version_is_refused_by_name() {
         let message = message("nunet.version", "2");
-        assert!(
-            message.contains("`nunet.version` `2`, but this program reads version `1`"),
-            "{message}"
-        );
+        assert!(message.contains("`nunet.version` `2`, but this program reads version `1`"), "{message}");
     }
 
     #[test]
     fn a_missing_key_is_named() {
-        for key in [
-            "nunet.version",
-            "nunet.architecture",
-            "nunet.depth.encoding",
-            "nunet.depth.max_m",
-        ] {
+        for key in ["nunet.version", "nunet.architecture", "nunet.depth.encoding", "nunet.depth.max_m"] {
             let mut metadata = minimal();
             metadata.remove(key);
             let error = ModelDescription::from_metadata(&metadata, [0; 32]).unwrap_err();
@@ -263,10 +216,7 @@ mod tests {
             ("nunet.components", "[{"),
             ("nunet.classes", "wall, floor"),
             ("nunet.camera", r#"{"width": 640}"#),
-            (
-                "nunet.camera",
-                r#"{"width": 640, "height": 480, "fx": -1, "fy": 1}"#,
-            ),
+            ("nunet.camera", r#"{"width": 640, "height": 480, "fx": -1, "fy": 1}"#),
             ("nunet.inner_size", "[240]"),
             ("nunet.trained", "yes"),
             ("nunet.depth.encoding", "disparity"),
@@ -275,20 +225,14 @@ mod tests {
             ("nunet.selftest", "{}"),
         ] {
             let message = message(key, value);
-            assert!(
-                message.starts_with(&format!("its metadata has `{key}` `{value}`")),
-                "{message}"
-            );
+            assert!(message.starts_with(&format!("its metadata has `{key}` `{value}`")), "{message}");
         }
     }
 
     #[test]
     fn a_network_with_a_memory_is_refused_for_what_it_is() {
         let message = message("nunet.state", "[]");
-        assert!(
-            message.starts_with("its metadata has `nunet.state`: the network's memory"),
-            "{message}"
-        );
+        assert!(message.starts_with("its metadata has `nunet.state`: the network's memory"), "{message}");
     }
 
     #[test]

@@ -32,13 +32,8 @@ impl Sidecar {
     pub fn parse(text: &str) -> Result<Self, String> {
         let file: File = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
         let [height, width] = file.input.size;
-        if ![height, width]
-            .iter()
-            .all(|side| (1..=MAX_SIDE_PX).contains(side))
-        {
-            return Err(format!(
-                "`size = [{height}, {width}]`; sides are 1 to {MAX_SIDE_PX}"
-            ));
+        if ![height, width].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
+            return Err(format!("`size = [{height}, {width}]`; sides are 1 to {MAX_SIDE_PX}"));
         }
         Ok(Self {
             format: file.input.format()?,
@@ -148,16 +143,8 @@ impl Input {
         let as_it_lies = self.scale == 1.0 && self.mean == [0.0; 3] && self.std == ones();
         match self.dtype {
             Dtype::Float32 => Ok(Some(TensorFormat {
-                layout: if self.layout == Layout::Nchw {
-                    TensorLayout::Nchw
-                } else {
-                    TensorLayout::Nhwc
-                },
-                channels: if self.color == Color::Rgb {
-                    ChannelOrder::Rgb
-                } else {
-                    ChannelOrder::Bgr
-                },
+                layout: if self.layout == Layout::Nchw { TensorLayout::Nchw } else { TensorLayout::Nhwc },
+                channels: if self.color == Color::Rgb { ChannelOrder::Rgb } else { ChannelOrder::Bgr },
                 scale: self.scale,
                 mean: self.mean,
                 std: self.std,
@@ -212,10 +199,7 @@ mod tests {
         assert_eq!(sidecar.size, (256, 192));
         assert_eq!(sidecar.image_shape(), [1, 3, 192, 256]);
         let format = sidecar.format.unwrap();
-        assert_eq!(
-            (format.layout, format.channels),
-            (TensorLayout::Nchw, ChannelOrder::Bgr)
-        );
+        assert_eq!((format.layout, format.channels), (TensorLayout::Nchw, ChannelOrder::Bgr));
         assert_eq!(format.std, [0.229, 0.224, 0.225]);
         assert_eq!(sidecar.encoding, Encoding::Relative);
     }

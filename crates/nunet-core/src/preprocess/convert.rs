@@ -37,12 +37,7 @@ fn rows_to_rgb(format: PixelFormat, rows: &[u8], width: u32, height: u32, rgb: &
         PixelFormat::Bgr8 => yuv::bgr_to_rgb(rows, 3 * width, rgb, 3 * width, width, height).expect(FITS),
         PixelFormat::Mono8 => spread_grey(rows, rgb),
         PixelFormat::Yuyv => {
-            let yuyv = YuvPackedImage {
-                yuy: rows,
-                yuy_stride: format.min_stride(width),
-                width,
-                height,
-            };
+            let yuyv = YuvPackedImage { yuy: rows, yuy_stride: format.min_stride(width), width, height };
             yuv::yuyv422_to_rgb(&yuyv, rgb, 3 * width, RANGE, MATRIX).expect(FITS);
         }
         PixelFormat::Nv12 => unreachable!("two planes are no rows"),
@@ -61,14 +56,7 @@ fn nv12_to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
     for ((y_plane, uv_plane), rgb) in luma.zip(chroma).zip(rgb.chunks_mut(bytes(3 * width, band))) {
         let height = (y_plane.len() / stride as usize) as u32;
         let uv_plane = &uv_plane[..bytes(uv_stride, height.div_ceil(2))];
-        let nv12 = YuvBiPlanarImage {
-            y_plane,
-            y_stride: stride,
-            uv_plane,
-            uv_stride,
-            width,
-            height,
-        };
+        let nv12 = YuvBiPlanarImage { y_plane, y_stride: stride, uv_plane, uv_stride, width, height };
         yuv::yuv_nv12_to_rgb(&nv12, rgb, 3 * width, RANGE, MATRIX, YuvConversionMode::Balanced).expect(FITS);
     }
 }

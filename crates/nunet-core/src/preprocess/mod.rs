@@ -55,10 +55,7 @@ impl Preprocessor {
     pub fn prepare<'a>(&'a mut self, frame: &ImageView<'a>) -> Prepared<'a> {
         let fits = frame.size() == (self.width, self.height);
         if fits && frame.format() == PixelFormat::Rgb8 && frame.is_packed() {
-            return Prepared {
-                rgb: frame.bytes(),
-                bytes_copied: 0,
-            };
+            return Prepared { rgb: frame.bytes(), bytes_copied: 0 };
         }
         let bytes_between = if fits {
             convert::to_rgb(frame, &mut self.rgb);
@@ -66,10 +63,7 @@ impl Preprocessor {
         } else {
             self.resize(frame)
         };
-        Prepared {
-            rgb: &self.rgb,
-            bytes_copied: (bytes_between + self.rgb.len()) as u64,
-        }
+        Prepared { rgb: &self.rgb, bytes_copied: (bytes_between + self.rgb.len()) as u64 }
     }
 
     /// Fills `rgb` from a frame of another size; returns the bytes written on the way.

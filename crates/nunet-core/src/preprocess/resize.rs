@@ -29,9 +29,7 @@ pub(super) struct Resizer<const N: usize> {
 
 impl<const N: usize> fmt::Debug for Resizer<N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Resizer")
-            .field("target", &self.target)
-            .finish_non_exhaustive()
+        f.debug_struct("Resizer").field("target", &self.target).finish_non_exhaustive()
     }
 }
 
@@ -40,11 +38,7 @@ where
     Scaler: Plan<N>,
 {
     pub(super) fn to_size(width: u32, height: u32) -> Self {
-        Self {
-            target: image_size(width, height),
-            plan: None,
-            scratch: Vec::new(),
-        }
+        Self { target: image_size(width, height), plan: None, scratch: Vec::new() }
     }
 
     /// Fills `out`, packed and of the target's size, with the stretched `frame`, whose format has `N` bytes a pixel.
@@ -68,8 +62,7 @@ where
             stride: self.target.width * N,
             bit_depth: u8::BITS as usize,
         };
-        plan.resample_with_scratch(&picture, &mut out, &mut self.scratch)
-            .expect(FITS);
+        plan.resample_with_scratch(&picture, &mut out, &mut self.scratch).expect(FITS);
         self.plan = Some(plan);
     }
 

@@ -90,12 +90,7 @@ impl TensorFormat {
 
     /// `(byte * scale - mean) / std` of each channel as gain and offset.
     fn lines(&self) -> [(f32, f32); 3] {
-        [0, 1, 2].map(|channel| {
-            (
-                self.scale / self.std[channel],
-                -self.mean[channel] / self.std[channel],
-            )
-        })
+        [0, 1, 2].map(|channel| (self.scale / self.std[channel], -self.mean[channel] / self.std[channel]))
     }
 }
 
@@ -104,13 +99,8 @@ mod tests {
     use super::*;
 
     fn filled(layout: TensorLayout, channels: ChannelOrder, rgb: &[u8]) -> Vec<f32> {
-        let format = TensorFormat {
-            layout,
-            channels,
-            scale: 0.5,
-            mean: [1.0, 2.0, 3.0],
-            std: [1.0, 2.0, 4.0],
-        };
+        let format =
+            TensorFormat { layout, channels, scale: 0.5, mean: [1.0, 2.0, 3.0], std: [1.0, 2.0, 4.0] };
         let mut out = vec![f32::NAN; rgb.len()];
         format.fill(rgb, &mut out);
         out
@@ -119,27 +109,15 @@ mod tests {
     #[test]
     fn planes_hold_hand_computed_values() {
         let rgb = [2, 4, 6, 20, 40, 60];
-        assert_eq!(
-            filled(TensorLayout::Nchw, ChannelOrder::Rgb, &rgb),
-            [0.0, 9.0, 0.0, 9.0, 0.0, 6.75]
-        );
-        assert_eq!(
-            filled(TensorLayout::Nchw, ChannelOrder::Bgr, &rgb),
-            [2.0, 29.0, 0.0, 9.0, -0.5, 1.75]
-        );
+        assert_eq!(filled(TensorLayout::Nchw, ChannelOrder::Rgb, &rgb), [0.0, 9.0, 0.0, 9.0, 0.0, 6.75]);
+        assert_eq!(filled(TensorLayout::Nchw, ChannelOrder::Bgr, &rgb), [2.0, 29.0, 0.0, 9.0, -0.5, 1.75]);
     }
 
     #[test]
     fn pixels_hold_hand_computed_values() {
         let rgb = [2, 4, 6, 20, 40, 60];
-        assert_eq!(
-            filled(TensorLayout::Nhwc, ChannelOrder::Rgb, &rgb),
-            [0.0, 0.0, 0.0, 9.0, 9.0, 6.75]
-        );
-        assert_eq!(
-            filled(TensorLayout::Nhwc, ChannelOrder::Bgr, &rgb),
-            [2.0, 0.0, -0.5, 29.0, 9.0, 1.75]
-        );
+        assert_eq!(filled(TensorLayout::Nhwc, ChannelOrder::Rgb, &rgb), [0.0, 0.0, 0.0, 9.0, 9.0, 6.75]);
+        assert_eq!(filled(TensorLayout::Nhwc, ChannelOrder::Bgr, &rgb), [2.0, 0.0, -0.5, 29.0, 9.0, 1.75]);
     }
 
     #[test]
@@ -157,10 +135,7 @@ mod tests {
         for (i, value) in out.iter().enumerate() {
             let expected =
                 (f64::from(rgb[i]) / 255.0 - f64::from(format.mean[i % 3])) / f64::from(format.std[i % 3]);
-            assert!(
-                (f64::from(*value) - expected).abs() < 1e-6,
-                "{i}: {value} {expected}"
-            );
+            assert!((f64::from(*value) - expected).abs() < 1e-6, "{i}: {value} {expected}");
         }
     }
 }

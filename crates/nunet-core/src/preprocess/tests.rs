@@ -5,9 +5,7 @@ use proptest::prelude::*;
 
 /// Bytes without symmetry or period, in the range that limited-range YUV uses.
 fn noise(len: usize) -> Vec<u8> {
-    (0..len as u32)
-        .map(|i| 16 + ((i.wrapping_mul(2_654_435_761).rotate_left(9) >> 11) % 220) as u8)
-        .collect()
+    (0..len as u32).map(|i| 16 + ((i.wrapping_mul(2_654_435_761).rotate_left(9) >> 11) % 220) as u8).collect()
 }
 
 fn prepared(bytes: &[u8], size: (u32, u32), stride: u32, format: PixelFormat, to: (u32, u32)) -> Vec<u8> {
@@ -19,12 +17,7 @@ fn prepared(bytes: &[u8], size: (u32, u32), stride: u32, format: PixelFormat, to
 fn rgb_from_yuv(y: u8, u: u8, v: u8) -> [f64; 3] {
     let (y, u, v) = (f64::from(y) - 16.0, f64::from(u) - 128.0, f64::from(v) - 128.0);
     let y = y * 255.0 / 219.0;
-    [
-        y + 1.596_027 * v,
-        y - 0.391_762 * u - 0.812_968 * v,
-        y + 2.017_232 * u,
-    ]
-    .map(|c| c.clamp(0.0, 255.0))
+    [y + 1.596_027 * v, y - 0.391_762 * u - 0.812_968 * v, y + 2.017_232 * u].map(|c| c.clamp(0.0, 255.0))
 }
 
 /// The RGB of one pixel, read by the definition of its format.
@@ -81,17 +74,10 @@ fn bytes_written_are_counted() {
 fn the_made_picture_stays_at_one_address() {
     let bytes = noise(64 * 48 * 3);
     let mut preprocessor = Preprocessor::new(16, 12);
-    let addresses = [
-        (64, 48, PixelFormat::Rgb8),
-        (33, 21, PixelFormat::Nv12),
-        (16, 12, PixelFormat::Bgr8),
-    ]
-    .map(|(w, h, format)| {
-        preprocessor
-            .prepare(&ImageView::packed(&bytes, w, h, format).unwrap())
-            .rgb
-            .as_ptr()
-    });
+    let addresses = [(64, 48, PixelFormat::Rgb8), (33, 21, PixelFormat::Nv12), (16, 12, PixelFormat::Bgr8)]
+        .map(|(w, h, format)| {
+            preprocessor.prepare(&ImageView::packed(&bytes, w, h, format).unwrap()).rgb.as_ptr()
+        });
     assert!(addresses.iter().all(|address| *address == addresses[0]));
 }
 
@@ -105,30 +91,15 @@ fn half_the_size_weighs_four_pixels_by_hand_computed_weights() {
 #[test]
 fn a_shrunk_bgr_picture_has_its_channels_in_order() {
     let bgr = [[30, 20, 10]; 16].concat();
-    assert_eq!(
-        prepared(&bgr, (4, 4), 12, PixelFormat::Bgr8, (2, 2)),
-        [[10, 20, 30]; 4].concat()
-    );
+    assert_eq!(prepared(&bgr, (4, 4), 12, PixelFormat::Bgr8, (2, 2)), [[10, 20, 30]; 4].concat());
 }
 
 #[test]
 fn one_pixel_fills_the_picture_and_a_picture_shrinks_to_one() {
-    assert_eq!(
-        prepared(&[7, 8, 9], (1, 1), 3, PixelFormat::Rgb8, (40, 30)),
-        [[7, 8, 9]; 1200].concat()
-    );
-    assert_eq!(
-        prepared(&[7, 8, 9].repeat(1200), (40, 30), 120, PixelFormat::Rgb8, (1, 1)),
-        [7, 8, 9]
-    );
-    assert_eq!(
-        prepared(&[128; 4], (1, 1), 4, PixelFormat::Yuyv, (2, 2)),
-        [131; 12]
-    );
-    assert_eq!(
-        prepared(&[128; 4], (1, 1), 2, PixelFormat::Nv12, (2, 2)),
-        [130; 12]
-    );
+    assert_eq!(prepared(&[7, 8, 9], (1, 1), 3, PixelFormat::Rgb8, (40, 30)), [[7, 8, 9]; 1200].concat());
+    assert_eq!(prepared(&[7, 8, 9].repeat(1200), (40, 30), 120, PixelFormat::Rgb8, (1, 1)), [7, 8, 9]);
+    assert_eq!(prepared(&[128; 4], (1, 1), 4, PixelFormat::Yuyv, (2, 2)), [131; 12]);
+    assert_eq!(prepared(&[128; 4], (1, 1), 2, PixelFormat::Nv12, (2, 2)), [130; 12]);
 }
 
 #[test]
@@ -202,11 +173,7 @@ fn weights(from: u32, to: u32, target: u32) -> Vec<f64> {
     let centre = (f64::from(target) + 0.5) * scale;
     let weight = |pixel: u32| {
         let t = ((f64::from(pixel) + 0.5 - centre) / scale.max(1.0)).abs();
-        if t < 1.0 {
-            2.0 * t.powi(3) - 3.0 * t.powi(2) + 1.0
-        } else {
-            0.0
-        }
+        if t < 1.0 { 2.0 * t.powi(3) - 3.0 * t.powi(2) + 1.0 } else { 0.0 }
     };
     let weights: Vec<f64> = (0..from).map(weight).collect();
     let sum: f64 = weights.iter().sum();

@@ -46,11 +46,7 @@ fn connected(manifest: &str) -> String {
 }
 
 fn two_stages(is_connected: bool) -> Folder {
-    let manifest = if is_connected {
-        connected(TWO_STAGES)
-    } else {
-        TWO_STAGES.to_owned()
-    };
+    let manifest = if is_connected { connected(TWO_STAGES) } else { TWO_STAGES.to_owned() };
     Folder::new()
         .model("segmentation.onnx", &models::segmentation_stage(SIZE))
         .model("depth.onnx", &models::depth_stage(SIZE, is_connected))
@@ -59,59 +55,39 @@ fn two_stages(is_connected: bool) -> Folder {
 
 fn expected(depth: impl Fn([u8; 3]) -> f32) -> (Vec<f32>, Vec<u8>) {
     let rgb = picture(SIZE);
-    (
-        pixels(&rgb).map(depth).collect(),
-        pixels(&rgb).map(models::label).collect(),
-    )
+    (pixels(&rgb).map(depth).collect(), pixels(&rgb).map(models::label).collect())
 }
 
 #[test]
 fn one_component_gives_depth_and_no_labels() {
     let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
     let mut graph = folder.load("unet.onnx").unwrap();
-    assert_eq!(
-        (graph.size(), graph.has_labels(), graph.stages().len()),
-        (SIZE, false, 1)
-    );
-    assert_eq!(
-        run(&mut graph, &picture(SIZE)).depth,
-        expected(models::plain_depth).0
-    );
+    assert_eq!((graph.size(), graph.has_labels(), graph.stages().len()), (SIZE, false, 1));
+    assert_eq!(run(&mut graph, &picture(SIZE)).depth, expected(models::plain_depth).0);
 }
 
 #[test]
 fn one_component_runs_as_a_staged_graph_too() {
     let manifest = "version = 1\n[[stage]]\nname = \"depth\"\nmodel = \"unet.onnx\"\n\
                     inputs = { rgb = \"image\" }\n[outputs]\ndepth = \"depth.depth\"\n";
-    let folder = Folder::new()
-        .model("unet.onnx", &models::unet(SIZE))
-        .text("graph.toml", manifest);
+    let folder = Folder::new().model("unet.onnx", &models::unet(SIZE)).text("graph.toml", manifest);
     let mut graph = folder.load("graph.toml").unwrap();
-    assert_eq!(
-        run(&mut graph, &picture(SIZE)).depth,
-        expected(models::plain_depth).0
-    );
+    assert_eq!(run(&mut graph, &picture(SIZE)).depth, expected(models::plain_depth).0);
 }
 
 #[test]
 fn two_components_agree_fused_and_staged() {
-    for (is_connected, depth) in [
-        (false, models::plain_depth as fn([u8; 3]) -> f32),
-        (true, models::connected_depth),
-    ] {
+    for (is_connected, depth) in
+        [(false, models::plain_depth as fn([u8; 3]) -> f32), (true, models::connected_depth)]
+    {
         let fused = Folder::new().model("wnet.onnx", &models::wnet(SIZE, is_connected));
-        let mut graphs = [
-            fused.load("wnet.onnx").unwrap(),
-            two_stages(is_connected).load("graph.toml").unwrap(),
-        ];
+        let mut graphs =
+            [fused.load("wnet.onnx").unwrap(), two_stages(is_connected).load("graph.toml").unwrap()];
         assert_eq!(graphs.each_ref().map(|graph| graph.stages().len()), [1, 2]);
         for graph in &mut graphs {
             let answer = run(graph, &picture(SIZE));
             assert_eq!((answer.depth, answer.labels), expected(depth));
-            assert_eq!(
-                (answer.report.quality, answer.report.bytes_copied),
-                (Quality::Full, 0)
-            );
+            assert_eq!((answer.report.quality, answer.report.bytes_copied), (Quality::Full, 0));
         }
     }
 }
@@ -119,11 +95,7 @@ fn two_components_agree_fused_and_staged() {
 #[test]
 fn three_components_run_in_series_plain_and_connected() {
     for is_connected in [false, true] {
-        let manifest = if is_connected {
-            connected(THREE_STAGES)
-        } else {
-            THREE_STAGES.to_owned()
-        };
+        let manifest = if is_connected { connected(THREE_STAGES) } else { THREE_STAGES.to_owned() };
         let folder = two_stages(is_connected)
             .model("refine.onnx", &models::refine_stage(SIZE, is_connected))
             .text("graph.toml", &manifest);
@@ -141,32 +113,15 @@ fn three_components_run_in_series_plain_and_connected() {
 #[test]
 fn inner_outputs_are_results_too() {
     let mut graph = two_stages(true).load("graph.toml").unwrap();
-    assert!(
-        graph.tensor("segmentation.logits").is_none(),
-        "nothing has run yet"
-    );
+    assert!(graph.tensor("segmentation.logits").is_none(), "nothing has run yet");
     let rgb = picture(SIZE);
     run(&mut graph, &rgb);
     let logits = graph.tensor("segmentation.logits").unwrap();
     assert_eq!(logits.spec.shape, [1, 3, 3, 6]);
-    assert!(
-        logits
-            .bytes
-            .as_ptr()
-            .cast::<[u8; 64]>()
-            .cast::<u64>()
-            .is_aligned()
-    );
-    let values: Vec<f32> = logits
-        .bytes
-        .as_chunks()
-        .0
-        .iter()
-        .map(|&bytes| f32::from_ne_bytes(bytes))
-        .collect();
-    let planes: Vec<f32> = (0..3)
-        .flat_map(|c| pixels(&rgb).map(move |pixel| f32::from(pixel[c])))
-        .collect();
+    assert!(logits.bytes.as_ptr().cast::<[u8; 64]>().cast::<u64>().is_aligned());
+    let values: Vec<f32> =
+        logits.bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect();
+    let planes: Vec<f32> = (0..3).flat_map(|c| pixels(&rgb).map(move |pixel| f32::from(pixel[c]))).collect();
     assert_eq!(values, planes);
     assert!(graph.tensor("depth.depth").is_none(), "the caller has it");
     assert!(graph.tensor("depth.nothing").is_none());
@@ -178,10 +133,7 @@ fn labels_that_nobody_asked_for_stay_inside() {
     let mut graph = folder.load("wnet.onnx").unwrap();
     let rgb = picture(SIZE);
     let mut depth = vec![0.0; rgb.len() / 3];
-    let outputs = GraphOutputs {
-        depth: &mut depth,
-        labels: None,
-    };
+    let outputs = GraphOutputs { depth: &mut depth, labels: None };
     graph.run(GraphInput::Rgb(&rgb), outputs, &ticking()).unwrap();
     let (depth_expected, labels_expected) = expected(models::connected_depth);
     assert_eq!(graph.labels(), Some(&labels_expected[..]));
@@ -193,10 +145,8 @@ fn labels_that_nobody_asked_for_stay_inside() {
 #[test]
 fn a_skipped_stage_is_reused_stamped_and_its_copy_counted() {
     let folder = two_stages(true);
-    let manifest = connected(TWO_STAGES).replace(
-        "inputs = { rgb = \"image\" }",
-        "inputs = { rgb = \"image\" }\nevery = 2",
-    );
+    let manifest = connected(TWO_STAGES)
+        .replace("inputs = { rgb = \"image\" }", "inputs = { rgb = \"image\" }\nevery = 2");
     let folder = folder.text("graph.toml", &manifest);
     let mut graph = folder.load("graph.toml").unwrap();
     let first = picture(SIZE);
@@ -205,16 +155,10 @@ fn a_skipped_stage_is_reused_stamped_and_its_copy_counted() {
     let pixel_count = first.len() as u64 / 3;
 
     let answer = run(&mut graph, &first);
-    assert_eq!(
-        (answer.labels, answer.report.quality),
-        (labels_of(&first), Quality::Full)
-    );
+    assert_eq!((answer.labels, answer.report.quality), (labels_of(&first), Quality::Full));
 
     let answer = run(&mut graph, &second);
-    assert_eq!(
-        (&answer.labels, answer.report.quality),
-        (&labels_of(&first), Quality::ReusedLabels)
-    );
+    assert_eq!((&answer.labels, answer.report.quality), (&labels_of(&first), Quality::ReusedLabels));
     assert_eq!(answer.report.bytes_copied, pixel_count);
     // Features of the first picture, the picture itself of the second.
     let mixed: Vec<f32> = pixels(&first)
@@ -224,45 +168,26 @@ fn a_skipped_stage_is_reused_stamped_and_its_copy_counted() {
     assert_eq!(answer.depth, mixed);
 
     let answer = run(&mut graph, &second);
-    assert_eq!(
-        (answer.labels, answer.report.quality),
-        (labels_of(&second), Quality::Full)
-    );
+    assert_eq!((answer.labels, answer.report.quality), (labels_of(&second), Quality::Full));
 
     run(&mut graph, &first);
     graph.reset();
-    assert_eq!(
-        run(&mut graph, &first).report.quality,
-        Quality::Full,
-        "a reset makes every stage due"
-    );
+    assert_eq!(run(&mut graph, &first).report.quality, Quality::Full, "a reset makes every stage due");
 }
 
 #[test]
 fn every_can_be_set_from_outside_for_stages_that_exist() {
     let folder = two_stages(true);
     let load = |every: &[(String, u32)]| {
-        let options = GraphOptions {
-            every: every.to_vec(),
-            ..options()
-        };
+        let options = GraphOptions { every: every.to_vec(), ..options() };
         SerialGraph::load(&folder.path("graph.toml"), &runtime(), &options)
     };
     let graph = load(&[("segmentation".to_owned(), 3)]).unwrap();
-    assert_eq!(
-        graph.stages().iter().map(|stage| stage.every).collect::<Vec<_>>(),
-        [3, 1]
-    );
+    assert_eq!(graph.stages().iter().map(|stage| stage.every).collect::<Vec<_>>(), [3, 1]);
     let message = refusal(load(&[("segmantation".to_owned(), 3)]));
-    assert_eq!(
-        message,
-        "no stage is named `segmantation`; the stages are `segmentation`, `depth`"
-    );
+    assert_eq!(message, "no stage is named `segmantation`; the stages are `segmentation`, `depth`");
     let message = refusal(load(&[("depth".to_owned(), 2)]));
-    assert!(
-        message.contains("stage `depth` has `every = 2`, but it gives the depth"),
-        "{message}"
-    );
+    assert!(message.contains("stage `depth` has `every = 2`, but it gives the depth"), "{message}");
 }
 
 #[test]
@@ -292,10 +217,8 @@ fn the_hash_of_a_staged_graph_covers_manifest_and_files() {
     let hash = |folder: &Folder| folder.load("graph.toml").unwrap().description().hash;
     let first = hash(&two_stages(true));
     assert_eq!(first, hash(&two_stages(true)));
-    let other_file = two_stages(true).model(
-        "segmentation.onnx",
-        &models::segmentation_stage(SIZE).metadata("note", "retrained"),
-    );
+    let other_file = two_stages(true)
+        .model("segmentation.onnx", &models::segmentation_stage(SIZE).metadata("note", "retrained"));
     assert_ne!(first, hash(&other_file));
     let other_text = two_stages(true).text("graph.toml", &format!("{}\n# comment", connected(TWO_STAGES)));
     assert_ne!(first, hash(&other_text));

@@ -15,12 +15,7 @@ fn constant(input: (ElementType, &[i64]), output: (ElementType, &[i64])) -> Mode
         .constant_f32("one", &ones, &[1.0])
         .constant_i64("shape", &[output.1.len() as i64], output.1)
         .node("Expand", &["one", "shape"], &["float"], &[])
-        .node(
-            "Cast",
-            &["float"],
-            &["depth"],
-            &[("to", (output.0 as i64).into())],
-        )
+        .node("Cast", &["float"], &["depth"], &[("to", (output.0 as i64).into())])
         .output("depth", output.0, output.1);
     models::describe(model, "constant", false)
 }
@@ -48,16 +43,9 @@ fn an_empty_file_is_called_empty() {
 
 #[test]
 fn a_text_is_not_a_model() {
-    let message = refusal(
-        Folder::new()
-            .text("m.onnx", "not a model at all, just words\n")
-            .load("m.onnx"),
-    );
+    let message = refusal(Folder::new().text("m.onnx", "not a model at all, just words\n").load("m.onnx"));
     assert!(message.starts_with("cannot load the model `"), "{message}");
-    assert!(
-        message.contains("\nhint: the file is damaged or is not an ONNX model"),
-        "{message}"
-    );
+    assert!(message.contains("\nhint: the file is damaged or is not an ONNX model"), "{message}");
     assert_eq!(message.lines().count(), 2, "{message}");
 }
 
@@ -83,10 +71,7 @@ fn weights_outside_the_file_are_refused_even_where_they_can_be_found() {
         .node("MatMul", &["float", "weights"], &["depth"], &[])
         .output("depth", F32, &[1, 3, 6, 1]);
     let message = message(&models::describe(model, "unet", false));
-    assert!(
-        message.contains("\nhint: keep the weights inside the file"),
-        "{message}"
-    );
+    assert!(message.contains("\nhint: keep the weights inside the file"), "{message}");
 }
 
 #[test]
@@ -101,19 +86,13 @@ fn a_model_that_does_not_describe_itself_is_told_how() {
 #[test]
 fn another_version_of_the_contract_is_refused_by_name() {
     let message = message(&models::unet(SIZE).metadata("nunet.version", "7"));
-    assert!(
-        message.contains("`nunet.version` `7`, but this program reads version `1`"),
-        "{message}"
-    );
+    assert!(message.contains("`nunet.version` `7`, but this program reads version `1`"), "{message}");
 }
 
 #[test]
 fn malformed_metadata_is_named_with_its_key() {
     let message = message(&models::unet(SIZE).metadata("nunet.classes", "[\"wall\""));
-    assert!(
-        message.contains("`nunet.classes` `[\"wall\"`: EOF while parsing"),
-        "{message}"
-    );
+    assert!(message.contains("`nunet.classes` `[\"wall\"`: EOF while parsing"), "{message}");
 }
 
 #[test]
@@ -160,10 +139,7 @@ fn an_input_of_another_name_is_refused_naming_it() {
         false,
     );
     let message = message(&model);
-    assert!(
-        message.contains("stage `network` has no input `rgb`; its inputs are `image`"),
-        "{message}"
-    );
+    assert!(message.contains("stage `network` has no input `rgb`; its inputs are `image`"), "{message}");
 }
 
 #[test]
@@ -179,10 +155,7 @@ fn staged_graphs_with_broken_files_are_refused() {
         ("", "missing field `version`"),
         ("version = 1\n[[stage]\n", "TOML parse error"),
         ("version = 3\n[outputs]\ndepth = \"a.depth\"\n", "`version = 3`"),
-        (
-            "version = 1\n[outputs]\ndepth = \"a.depth\"\n",
-            "a graph has 1 to",
-        ),
+        ("version = 1\n[outputs]\ndepth = \"a.depth\"\n", "a graph has 1 to"),
         (
             "version = 1\n[[stage]]\nname = \"a\"\nmodel = \"../a.onnx\"\ninputs = {}\n[outputs]\ndepth = \"a.depth\"\n",
             "stage `a` names the model `../a.onnx`, which is not beside the manifest",

@@ -32,11 +32,7 @@ fn depth_of(folder: &Folder) -> (Vec<f32>, u64) {
     let rgb = picture(SIZE);
     let mut depth_m = vec![0.0; rgb.len() / 3];
     let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
-    let outputs = Outputs {
-        depth_m: &mut depth_m,
-        labels: None,
-        cloud: None,
-    };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report.bytes_copied)
 }
@@ -60,13 +56,7 @@ fn planes_and_values_in_either_channel_order_are_fed_as_the_sidecar_says() {
         let folder = Folder::new().model("m.onnx", &model).text("m.toml", &text);
         let expected: Vec<f32> = pixels(&picture(SIZE))
             .map(|pixel| pixel.map(f32::from))
-            .map(|[r, g, b]| {
-                if color == "rgb" {
-                    4.0 * r + 2.0 * g + b
-                } else {
-                    4.0 * b + 2.0 * g + r
-                }
-            })
+            .map(|[r, g, b]| if color == "rgb" { 4.0 * r + 2.0 * g + b } else { 4.0 * b + 2.0 * g + r })
             .collect();
         let (depth, bytes_copied) = depth_of(&folder);
         assert_eq!(depth, expected, "{layout} {color}");
@@ -101,11 +91,7 @@ fn dimensions_that_the_file_leaves_open_are_the_sidecars() {
     let text = sidecar("layout = \"nchw\"");
     let model = weighted_planes(&[-1, 3, -1, -1], &[-1, 1, -1, -1]);
     let folder = Folder::new().model("m.onnx", &model).text("m.toml", &text);
-    let first = picture(SIZE)[..3]
-        .iter()
-        .zip([4.0, 2.0, 1.0])
-        .map(|(&v, w)| f32::from(v) * w)
-        .sum::<f32>();
+    let first = picture(SIZE)[..3].iter().zip([4.0, 2.0, 1.0]).map(|(&v, w)| f32::from(v) * w).sum::<f32>();
     assert_eq!(depth_of(&folder).0[0], first);
 }
 
@@ -114,34 +100,17 @@ fn sidecars_that_do_not_fit_are_refused() {
     let model = weighted_planes(&[1, 3, 3, 6], &[1, 1, 3, 6]);
     let good = sidecar("layout = \"nchw\"");
     for (text, says) in [
-        (
-            good.replace("\"x\"", "\"input\""),
-            "stage `network` has no input `input`; its inputs are `x`",
-        ),
-        (
-            good.replace("\"y\"", "\"z\""),
-            "output `depth` takes `z` of stage `network`, which gives `y`",
-        ),
+        (good.replace("\"x\"", "\"input\""), "stage `network` has no input `input`; its inputs are `x`"),
+        (good.replace("\"y\"", "\"z\""), "output `depth` takes `z` of stage `network`, which gives `y`"),
         (
             good.replace("[3, 6]", "[6, 12]"),
             "`x` of float32 [1, 3, 3, 6], but a picture is float32 [1, 3, 6, 12]",
         ),
-        (
-            good.replace("nchw", "nhwc"),
-            "but a picture is float32 [1, 3, 6, 3]",
-        ),
-        (
-            good.replace("relative", "feet"),
-            "its sidecar `m.toml` is wrong: `feet` is no depth encoding",
-        ),
+        (good.replace("nchw", "nhwc"), "but a picture is float32 [1, 3, 6, 3]"),
+        (good.replace("relative", "feet"), "its sidecar `m.toml` is wrong: `feet` is no depth encoding"),
         ("version = 1\n".to_owned(), "its sidecar `m.toml` is wrong: "),
     ] {
-        let message = refusal(
-            Folder::new()
-                .model("m.onnx", &model)
-                .text("m.toml", &text)
-                .load("m.onnx"),
-        );
+        let message = refusal(Folder::new().model("m.onnx", &model).text("m.toml", &text).load("m.onnx"));
         assert!(message.contains(says), "{message}");
     }
 }
@@ -149,8 +118,6 @@ fn sidecars_that_do_not_fit_are_refused() {
 #[test]
 fn a_file_that_describes_itself_needs_no_sidecar_and_ignores_what_lies_beside_it() {
     // `wnet_c.toml`, the staged graph, may well lie beside `wnet_c.onnx`, the fused one.
-    let folder = Folder::new()
-        .model("m.onnx", &models::unet(SIZE))
-        .text("m.toml", "version = 1\n");
+    let folder = Folder::new().model("m.onnx", &models::unet(SIZE)).text("m.toml", "version = 1\n");
     assert_eq!(folder.load("m.onnx").unwrap().description().architecture, "unet");
 }

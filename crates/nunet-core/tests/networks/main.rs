@@ -27,10 +27,7 @@ fn runtime() -> Runtime {
 
 /// One thread: the tests run beside each other.
 fn options() -> GraphOptions {
-    GraphOptions {
-        threads: std::num::NonZeroUsize::new(1),
-        ..GraphOptions::default()
-    }
+    GraphOptions { threads: std::num::NonZeroUsize::new(1), ..GraphOptions::default() }
 }
 
 fn load(path: &Path) -> Result<SerialGraph, GraphError> {
@@ -68,13 +65,7 @@ impl Folder {
 fn picture((width, height): Size) -> Vec<u8> {
     let pixels = u32::from(u8::MAX) - 5;
     (0..width * height)
-        .flat_map(|i| {
-            [
-                (i * 37 + 11) % pixels,
-                (i * 59 + 83) % pixels,
-                (i * 23 + 149) % pixels,
-            ]
-        })
+        .flat_map(|i| [(i * 37 + 11) % pixels, (i * 59 + 83) % pixels, (i * 23 + 149) % pixels])
         .map(|v| v as u8)
         .collect()
 }
@@ -97,16 +88,9 @@ fn run(graph: &mut SerialGraph, rgb: &[u8]) -> Answer {
     // Values that no network here gives, so that memory which was never written to shows.
     let (mut depth, mut labels) = (vec![-1.0; pixels], vec![99; pixels]);
     let wanted = graph.has_labels().then_some(&mut labels[..]);
-    let outputs = GraphOutputs {
-        depth: &mut depth,
-        labels: wanted,
-    };
+    let outputs = GraphOutputs { depth: &mut depth, labels: wanted };
     let report = graph.run(GraphInput::Rgb(rgb), outputs, &clock).unwrap();
-    Answer {
-        depth,
-        labels,
-        report,
-    }
+    Answer { depth, labels, report }
 }
 
 fn ticking() -> impl Fn() -> u64 {

@@ -7,10 +7,7 @@ use nunet_testkit::onnx::{ElementType, ModelBuilder};
 use crate::{Folder, SIZE, picture, pixels, refusal, ticking};
 
 fn wnet() -> SerialGraph {
-    Folder::new()
-        .model("wnet.onnx", &models::wnet(SIZE, true))
-        .load("wnet.onnx")
-        .unwrap()
+    Folder::new().model("wnet.onnx", &models::wnet(SIZE, true)).load("wnet.onnx").unwrap()
 }
 
 #[test]
@@ -28,10 +25,7 @@ fn many_buffers_in_turn_each_get_their_own_answer() {
         for (rgb, depth, labels) in &mut buffers {
             depth.fill(-1.0);
             labels.fill(99);
-            let outputs = GraphOutputs {
-                depth,
-                labels: Some(labels),
-            };
+            let outputs = GraphOutputs { depth, labels: Some(labels) };
             graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap();
         }
         for (rgb, depth, labels) in &buffers {
@@ -46,26 +40,12 @@ fn an_address_that_was_freed_and_given_out_again_is_sound() {
     let mut graph = wnet();
     for i in 0..200_u8 {
         // Fresh allocations each time: the allocator hands the same addresses out again and again.
-        let rgb: Vec<u8> = picture(SIZE)
-            .iter()
-            .map(|value| value.wrapping_mul(i | 1))
-            .collect();
+        let rgb: Vec<u8> = picture(SIZE).iter().map(|value| value.wrapping_mul(i | 1)).collect();
         let mut depth = vec![-1.0; rgb.len() / 3];
         graph
-            .run(
-                GraphInput::Rgb(&rgb),
-                GraphOutputs {
-                    depth: &mut depth,
-                    labels: None,
-                },
-                &ticking(),
-            )
+            .run(GraphInput::Rgb(&rgb), GraphOutputs { depth: &mut depth, labels: None }, &ticking())
             .unwrap();
-        assert!(
-            pixels(&rgb)
-                .map(models::connected_depth)
-                .eq(depth.iter().copied())
-        );
+        assert!(pixels(&rgb).map(models::connected_depth).eq(depth.iter().copied()));
     }
 }
 
@@ -85,27 +65,15 @@ fn memory_may_lie_at_any_address() {
             depth: &mut floats[offset..offset + pixel_count],
             labels: Some(&mut classes[offset..offset + pixel_count]),
         };
-        graph
-            .run(
-                GraphInput::Rgb(&bytes[offset..offset + rgb.len()]),
-                outputs,
-                &ticking(),
-            )
-            .unwrap();
+        graph.run(GraphInput::Rgb(&bytes[offset..offset + rgb.len()]), outputs, &ticking()).unwrap();
         assert!(
             pixels(&rgb)
                 .map(models::connected_depth)
                 .eq(floats[offset..offset + pixel_count].iter().copied())
         );
         let outside = |i: &usize| *i < offset || *i >= offset + pixel_count;
-        assert!(
-            (0..floats.len()).filter(outside).all(|i| floats[i] == -1.0),
-            "nothing beside it is touched"
-        );
-        assert!(
-            (0..classes.len()).filter(outside).all(|i| classes[i] == 99),
-            "nothing beside it is touched"
-        );
+        assert!((0..floats.len()).filter(outside).all(|i| floats[i] == -1.0), "nothing beside it is touched");
+        assert!((0..classes.len()).filter(outside).all(|i| classes[i] == 99), "nothing beside it is touched");
     }
 }
 
@@ -115,19 +83,11 @@ fn buffers_of_another_length_or_type_are_refused() {
     let rgb = picture(SIZE);
     let mut run = |rgb: GraphInput<'_>, depth_len: usize, labels_len: usize| {
         let (mut depth, mut labels) = (vec![0.0; depth_len], vec![0; labels_len]);
-        let outputs = GraphOutputs {
-            depth: &mut depth,
-            labels: Some(&mut labels),
-        };
-        graph
-            .run(rgb, outputs, &ticking())
-            .map(drop)
-            .map_err(|error| error.to_string())
+        let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
+        graph.run(rgb, outputs, &ticking()).map(drop).map_err(|error| error.to_string())
     };
     let error = |buffer: &str, got: usize, expected: usize| {
-        Err(format!(
-            "the buffer for `{buffer}` holds `{got}` elements, but the graph has `{expected}`"
-        ))
+        Err(format!("the buffer for `{buffer}` holds `{got}` elements, but the graph has `{expected}`"))
     };
     assert_eq!(run(GraphInput::Rgb(&rgb[..51]), 18, 18), error("image", 51, 54));
     assert_eq!(run(GraphInput::Rgb(&rgb), 17, 18), error("depth", 17, 18));
@@ -136,27 +96,15 @@ fn buffers_of_another_length_or_type_are_refused() {
         run(GraphInput::Float(&[0.0; 54]), 18, 18),
         Err("the buffer for `image` holds float32, but the graph has uint8".to_owned())
     );
-    assert_eq!(
-        run(GraphInput::Rgb(&rgb), 18, 18),
-        Ok(()),
-        "an error leaves the graph usable"
-    );
+    assert_eq!(run(GraphInput::Rgb(&rgb), 18, 18), Ok(()), "an error leaves the graph usable");
 }
 
 #[test]
 fn labels_cannot_be_asked_of_a_graph_without() {
-    let mut graph = Folder::new()
-        .model("unet.onnx", &models::unet(SIZE))
-        .load("unet.onnx")
-        .unwrap();
+    let mut graph = Folder::new().model("unet.onnx", &models::unet(SIZE)).load("unet.onnx").unwrap();
     let (mut depth, mut labels) = ([0.0; 18], [0; 18]);
-    let outputs = GraphOutputs {
-        depth: &mut depth,
-        labels: Some(&mut labels),
-    };
-    let error = graph
-        .run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking())
-        .unwrap_err();
+    let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
+    let error = graph.run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking()).unwrap_err();
     assert_eq!(error.to_string(), "the graph gives no labels");
 }
 
@@ -195,15 +143,7 @@ fn a_model_that_lies_about_its_output_is_refused_before_or_in_the_run() {
         Ok(graph) => graph,
     };
     let mut depth = [0.0; 18];
-    let outputs = GraphOutputs {
-        depth: &mut depth,
-        labels: None,
-    };
-    let error = graph
-        .run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking())
-        .unwrap_err();
-    assert!(
-        error.to_string().starts_with("stage `network` failed: "),
-        "{error}"
-    );
+    let outputs = GraphOutputs { depth: &mut depth, labels: None };
+    let error = graph.run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking()).unwrap_err();
+    assert!(error.to_string().starts_with("stage `network` failed: "), "{error}");
 }

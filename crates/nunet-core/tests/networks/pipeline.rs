@@ -22,20 +22,13 @@ fn camera(fx_px: f64) -> Camera {
 }
 
 fn with_camera(fx_px: f64) -> PipelineOptions {
-    PipelineOptions {
-        camera: Some(camera(fx_px)),
-        ..PipelineOptions::default()
-    }
+    PipelineOptions { camera: Some(camera(fx_px)), ..PipelineOptions::default() }
 }
 
 fn depth_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<f32>, FrameReport) {
     let mut depth_m = vec![-1.0; rgb.len() / 3];
     let frame = ImageView::packed(rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
-    let outputs = Outputs {
-        depth_m: &mut depth_m,
-        labels: None,
-        cloud: None,
-    };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report)
 }
@@ -55,13 +48,8 @@ fn every_encoding_is_undone_and_what_is_no_measurement_counted() {
             .metadata("nunet.depth.encoding", encoding)
             .metadata("nunet.depth.min_m", "0.0625")
             .metadata("nunet.depth.max_m", "16");
-        let mut pipeline = pipeline(
-            &model,
-            PipelineOptions {
-                focal: Focal::Off,
-                ..PipelineOptions::default()
-            },
-        );
+        let mut pipeline =
+            pipeline(&model, PipelineOptions { focal: Focal::Off, ..PipelineOptions::default() });
         let (depth, report) = depth_of(&mut pipeline, &rgb);
         let mut invalid = 0;
         for (&got, &number) in depth.iter().zip(&numbers) {
@@ -73,11 +61,7 @@ fn every_encoding_is_undone_and_what_is_no_measurement_counted() {
                 assert!((got - z).abs() <= z * 1e-5, "{encoding}: {got} for {z}");
             }
         }
-        assert_eq!(
-            (report.units, report.invalid_pixels),
-            (units, invalid),
-            "{encoding}"
-        );
+        assert_eq!((report.units, report.invalid_pixels), (units, invalid), "{encoding}");
     }
 }
 
@@ -87,27 +71,16 @@ fn metres_follow_the_focal_length_at_the_networks_size() {
     let training_fx_px = 525.0 * f64::from(SIZE.0) / 640.0;
     let rgb = picture(SIZE);
     let own: Vec<f32> = pixels(&rgb).map(models::plain_depth).collect();
-    let (scaled, report) = depth_of(
-        &mut pipeline(&models::unet(SIZE), with_camera(2.0 * training_fx_px)),
-        &rgb,
-    );
+    let (scaled, report) =
+        depth_of(&mut pipeline(&models::unet(SIZE), with_camera(2.0 * training_fx_px)), &rgb);
     assert_eq!(report.scale_source, ScaleSource::FocalScaled);
     assert_eq!(scaled, own.iter().map(|z| 2.0 * z).collect::<Vec<_>>());
     assert_eq!(report.intrinsics, Some(camera(2.0 * training_fx_px).intrinsics));
 
-    let (assumed, report) = depth_of(
-        &mut pipeline(&models::unet(SIZE), PipelineOptions::default()),
-        &rgb,
-    );
-    assert_eq!(
-        (assumed, report.scale_source),
-        (own.clone(), ScaleSource::AssumedCamera)
-    );
+    let (assumed, report) = depth_of(&mut pipeline(&models::unet(SIZE), PipelineOptions::default()), &rgb);
+    assert_eq!((assumed, report.scale_source), (own.clone(), ScaleSource::AssumedCamera));
 
-    let off = PipelineOptions {
-        focal: Focal::Off,
-        ..with_camera(1000.0)
-    };
+    let off = PipelineOptions { focal: Focal::Off, ..with_camera(1000.0) };
     let (kept, report) = depth_of(&mut pipeline(&models::unet(SIZE), off), &rgb);
     assert_eq!((kept, report.scale_source), (own, ScaleSource::Metric));
 }
@@ -115,16 +88,10 @@ fn metres_follow_the_focal_length_at_the_networks_size() {
 #[test]
 fn the_cloud_carries_colours_and_labels_whoever_asked_for_them() {
     let rgb = picture(SIZE);
-    let focal_off = PipelineOptions {
-        focal: Focal::Off,
-        ..with_camera(4.0)
-    };
+    let focal_off = PipelineOptions { focal: Focal::Off, ..with_camera(4.0) };
     let mut pipeline = pipeline(&models::wnet(SIZE, true), focal_off);
     assert_eq!(pipeline.cloud_size(), SIZE);
-    assert_eq!(
-        pipeline.stage_names(),
-        ["preprocess", "network", "decode", "cloud"]
-    );
+    assert_eq!(pipeline.stage_names(), ["preprocess", "network", "decode", "cloud"]);
     let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
     for labels_wanted in [true, false] {
         let (mut depth_m, mut labels) = (vec![0.0; 18], vec![0; 18]);
@@ -143,10 +110,7 @@ fn the_cloud_carries_colours_and_labels_whoever_asked_for_them() {
                 [point.r, point.g, point.b, point.label],
                 [pixel[0], pixel[1], pixel[2], models::label(pixel)]
             );
-            assert_eq!(
-                [point.x, point.y, point.z],
-                [(x - 2.5) / 4.0 * z, (y - 1.0) / 4.0 * z, z]
-            );
+            assert_eq!([point.x, point.y, point.z], [(x - 2.5) / 4.0 * z, (y - 1.0) / 4.0 * z, z]);
         }
     }
 }
@@ -155,11 +119,7 @@ fn the_cloud_carries_colours_and_labels_whoever_asked_for_them() {
 fn cloud_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<CloudPoint>, FrameReport) {
     let (mut depth_m, mut cloud) = (vec![0.0; 18], vec![CloudPoint::NONE; 18]);
     let frame = ImageView::packed(rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
-    let outputs = Outputs {
-        depth_m: &mut depth_m,
-        labels: None,
-        cloud: Some(&mut cloud),
-    };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: Some(&mut cloud) };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (cloud, report)
 }
@@ -168,10 +128,7 @@ fn cloud_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<CloudPoint>, FrameRepor
 fn without_a_camera_points_are_the_training_cameras_and_marked_so() {
     let mut pipeline = pipeline(&models::unet(SIZE), PipelineOptions::default());
     let (cloud, report) = cloud_of(&mut pipeline, &picture(SIZE));
-    assert_eq!(
-        (report.scale_source, report.intrinsics),
-        (ScaleSource::AssumedCamera, None)
-    );
+    assert_eq!((report.scale_source, report.intrinsics), (ScaleSource::AssumedCamera, None));
     // The training camera stretched to this size, looking through the middle.
     let fx_px = (525.0 * 6.0 / 640.0) as f32;
     assert!((cloud[0].x - (0.0 - 2.5) / fx_px * cloud[0].z).abs() < 1e-5);
@@ -198,11 +155,7 @@ fn a_larger_picture_is_made_to_fit_and_its_bytes_counted() {
     let grey = vec![64; 12 * 6 * 3];
     let frame = ImageView::packed(&grey, 12, 6, PixelFormat::Bgr8).unwrap();
     let mut depth_m = vec![0.0; 18];
-    let outputs = Outputs {
-        depth_m: &mut depth_m,
-        labels: None,
-        cloud: None,
-    };
+    let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     assert_eq!(depth_m, [models::plain_depth([64; 3]); 18]);
     assert!(report.bytes_copied >= 54);
@@ -243,30 +196,21 @@ fn with_answer(off: f32) -> ModelBuilder {
 fn a_model_that_answers_as_it_did_at_export_passes_its_self_test() {
     let mut pipeline = pipeline(&with_answer(0.0), PipelineOptions::default());
     let report = pipeline.selftest(&ticking()).unwrap();
-    assert_eq!(
-        (report.checked, report.worst_depth, report.label_cells),
-        (true, 0.0, 0)
-    );
+    assert_eq!((report.checked, report.worst_depth, report.label_cells), (true, 0.0, 0));
 }
 
 #[test]
 fn a_model_that_answers_otherwise_is_refused_naming_the_cell() {
     let mut pipeline = pipeline(&with_answer(0.25), PipelineOptions::default());
     let message = chain(&pipeline.selftest(&ticking()).unwrap_err());
-    assert!(
-        message.contains("depth of cell (row 2, column 3) is `"),
-        "{message}"
-    );
+    assert!(message.contains("depth of cell (row 2, column 3) is `"), "{message}");
     assert!(message.contains("within `0.001`\nhint: "), "{message}");
 }
 
 #[test]
 fn the_self_test_does_not_know_of_focal_lengths() {
     let camera = Camera::pinhole(Intrinsics::new(500.0, 500.0, 32.0, 24.0, 64, 48).unwrap());
-    let options = PipelineOptions {
-        camera: Some(camera),
-        ..PipelineOptions::default()
-    };
+    let options = PipelineOptions { camera: Some(camera), ..PipelineOptions::default() };
     assert!(pipeline(&with_answer(0.0), options).selftest(&ticking()).is_ok());
 }
 

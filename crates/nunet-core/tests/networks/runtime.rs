@@ -10,17 +10,9 @@ use crate::{Folder, SIZE, options, refusal, runtime};
 
 /// A shared library of one C file, made by the C compiler that the project assumes.
 fn shared_library(folder: &Folder, name: &str, source: &str) -> PathBuf {
-    let (code, library) = (
-        folder.path(&format!("{name}.c")),
-        folder.path(&format!("{name}.so")),
-    );
+    let (code, library) = (folder.path(&format!("{name}.c")), folder.path(&format!("{name}.so")));
     std::fs::write(&code, source).unwrap();
-    let made = Command::new("cc")
-        .args(["-shared", "-fPIC", "-o"])
-        .arg(&library)
-        .arg(&code)
-        .status()
-        .unwrap();
+    let made = Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&code).status().unwrap();
     assert!(made.success());
     library
 }
@@ -42,10 +34,7 @@ fn the_library_says_its_version_and_where_it_lies() {
 #[test]
 fn a_missing_library_is_an_error() {
     let error = load_error(Path::new("/nowhere/libonnxruntime.so"));
-    assert_eq!(
-        error.to_string(),
-        "no ONNX Runtime at `/nowhere/libonnxruntime.so`"
-    );
+    assert_eq!(error.to_string(), "no ONNX Runtime at `/nowhere/libonnxruntime.so`");
 }
 
 #[test]
@@ -53,12 +42,7 @@ fn a_text_file_is_an_error() {
     let folder = Folder::new().text("libonnxruntime.so", "this is not a library\n");
     let error = load_error(&folder.path("libonnxruntime.so"));
     assert!(matches!(error, RuntimeError::NotALibrary { .. }), "{error}");
-    assert!(
-        error
-            .to_string()
-            .contains("is not a shared library for this machine: "),
-        "{error}"
-    );
+    assert!(error.to_string().contains("is not a shared library for this machine: "), "{error}");
 }
 
 #[test]
@@ -76,12 +60,7 @@ fn another_shared_library_is_an_error() {
     let folder = Folder::new();
     let library = shared_library(&folder, "other", "int answer(void) { return 42; }");
     let error = load_error(&library);
-    assert!(
-        error
-            .to_string()
-            .ends_with("is not ONNX Runtime: it has no `OrtGetApiBase`"),
-        "{error}"
-    );
+    assert!(error.to_string().ends_with("is not ONNX Runtime: it has no `OrtGetApiBase`"), "{error}");
 }
 
 #[test]
@@ -103,9 +82,7 @@ fn a_library_that_is_too_old_is_an_error_with_both_versions() {
     "#;
     let error = load_error(&shared_library(&folder, "old", source));
     assert!(
-        error
-            .to_string()
-            .ends_with("is ONNX Runtime `1.17.3`, but `1.24` or newer is needed"),
+        error.to_string().ends_with("is ONNX Runtime `1.17.3`, but `1.24` or newer is needed"),
         "{error}"
     );
 }
@@ -118,25 +95,16 @@ fn a_second_library_is_refused_naming_the_first() {
     std::fs::copy(first.library(), &copy).unwrap();
     let error = load_error(&copy);
     assert!(matches!(error, RuntimeError::AnotherLoaded { .. }), "{error}");
-    assert!(
-        error.to_string().contains(&*first.library().to_string_lossy()),
-        "{error}"
-    );
+    assert!(error.to_string().contains(&*first.library().to_string_lossy()), "{error}");
 }
 
 #[test]
 fn providers_that_the_library_does_not_have_are_errors() {
     let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
     for provider in [Provider::OpenVino, Provider::Cuda, Provider::TensorRt] {
-        let options = GraphOptions {
-            provider,
-            ..options()
-        };
+        let options = GraphOptions { provider, ..options() };
         let message = refusal(SerialGraph::load(&folder.path("unet.onnx"), &runtime(), &options));
-        assert!(
-            message.starts_with(&format!("provider `{provider}` is not available: ")),
-            "{message}"
-        );
+        assert!(message.starts_with(&format!("provider `{provider}` is not available: ")), "{message}");
         assert!(message.contains("\nhint: "), "{message}");
     }
 }
@@ -152,11 +120,5 @@ fn providers_are_named_as_on_the_command_line() {
     for provider in Provider::ALL {
         assert_eq!(provider.name().parse::<Provider>().unwrap(), provider);
     }
-    assert!(
-        "gpu"
-            .parse::<Provider>()
-            .unwrap_err()
-            .to_string()
-            .contains("one of auto, cpu")
-    );
+    assert!("gpu".parse::<Provider>().unwrap_err().to_string().contains("one of auto, cpu"));
 }

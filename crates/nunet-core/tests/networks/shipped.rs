@@ -46,23 +46,15 @@ fn every_tiny_model_passes_its_own_self_test() {
 #[test]
 fn a_recurrent_model_is_refused_for_its_memory() {
     let message = refusal(load(&tiny().join(format!("{RECURRENT}.onnx"))));
-    assert!(
-        message.contains("`nunet.state`: the network's memory goes from frame to frame"),
-        "{message}"
-    );
+    assert!(message.contains("`nunet.state`: the network's memory goes from frame to frame"), "{message}");
 }
 
 #[test]
 fn fused_and_staged_w_net_connected_give_equal_depth_and_labels() {
     let load = |name: &str| load(&tiny().join(name)).unwrap();
     let (mut fused, mut staged) = (load("tiny_wnet_c.onnx"), load("tiny_wnet_c.toml"));
-    let parts = |graph: &SerialGraph| {
-        (
-            graph.size(),
-            graph.has_labels(),
-            graph.description().architecture.clone(),
-        )
-    };
+    let parts =
+        |graph: &SerialGraph| (graph.size(), graph.has_labels(), graph.description().architecture.clone());
     assert_eq!(parts(&fused), parts(&staged));
     let rgb = selftest::picture(fused.size().0, fused.size().1);
     let (one, two) = (run(&mut fused, &rgb), run(&mut staged, &rgb));

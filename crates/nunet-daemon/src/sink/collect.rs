@@ -22,7 +22,8 @@ pub(crate) struct Collector {
 impl Collector {
     /// Attaches to everything that `outlet` publishes of a frame.
     pub(crate) fn attach(folder: PathBuf, camera: &CameraName, outlet: &Outlet) -> anyhow::Result<Self> {
-        std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
+        std::fs::create_dir_all(&folder)
+            .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
         let topics: Vec<_> = outlet.topics().iter().copied().filter(|&topic| topic != Topic::Stats).collect();
         Ok(Self { folder, reader: Reader::open(camera, &topics, NO_WAIT)? })
     }
@@ -31,7 +32,11 @@ impl Collector {
     pub(crate) fn write(mut self, outlet: &Outlet) -> anyhow::Result<()> {
         outlet.refresh();
         let set = self.reader.next_set()?.with_context(|| {
-            format!("no frame of camera `{}` was published, so nothing is in `{}`", outlet.camera(), self.folder.display())
+            format!(
+                "no frame of camera `{}` was published, so nothing is in `{}`",
+                outlet.camera(),
+                self.folder.display()
+            )
         })?;
         write_set(&self.folder, &set)
     }

@@ -5,7 +5,8 @@ use nunet_core::camera::Intrinsics;
 use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
 use nunet_ipc::{
-    CameraName, Encoding, FrameHeader, Limits, Loan, Point, Publisher, StatsRecord, Topic, TopicPlan, Units, Wake,
+    CameraName, Encoding, FrameHeader, IpcError, Limits, Loan, Point, Publisher, StatsRecord, Topic,
+    TopicPlan, Units, Wake,
 };
 use tracing::{info, warn};
 
@@ -14,7 +15,7 @@ use super::words;
 use crate::cli::Publish;
 use crate::source::Frame;
 use crate::stream::{Counts, Totals, stage_names};
-use crate::telemetry::{Latencies, MonotonicClock, monotonic_nanos};
+use crate::telemetry::{Latencies, MonotonicClock, foreign_allocations, monotonic_nanos};
 
 /// How often percentiles are computed anew; the ledger is of every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
@@ -97,9 +98,9 @@ impl Outlet {
 
     /// Chunks for the results that somebody reads; depth always.
     pub(crate) fn loan(&self) -> anyhow::Result<Loans> {
-        let wanted = |topic| self.publisher.has_readers(topic).then(|| self.publisher.loan(topic)).transpose();
+        let wanted = |topic| self.publisher.has_readers(topic).then(|| self.chunk(topic)).transpose();
         Ok(Loans {
-            depth: self.publisher.loan(Topic::Depth)?,
+            depth: self.chunk(Topic::Depth)?,
             labels: wanted(Topic::Labels)?,
             cloud: wanted(Topic::Cloud)?,
         })
@@ -148,9 +149,15 @@ impl Outlet {
         }
     }
 
+    /// iceoryx2 takes a few bytes of heap for each loan; there is no way around it in 0.10.
+    fn chunk(&self, topic: Topic) -> Result<Loan, IpcError> {
+        foreign_allocations(|| self.publisher.loan(topic))
+    }
+
     fn try_publish_stats(&self) -> anyhow::Result<()> {
-        let mut loan = self.publisher.loan(Topic::Stats)?;
-        let record = loan.slice_mut::<StatsRecord>()?.first_mut().context("the chunk is too small for the figures")?;
+        let mut loan = self.chunk(Topic::Stats)?;
+        let record =
+            loan.slice_mut::<StatsRecord>()?.first_mut().context("the chunk is too small for the figures")?;
         *record = self.stats;
         let mut header = self.header;
         header.set_encoding(Encoding::StatsRecord);
@@ -173,7 +180,12 @@ impl Outlet {
     }
 
     /// What one topic of a frame says.
-    fn shaped(&self, encoding: Encoding, (width, height): (u32, u32), camera: Option<Intrinsics>) -> FrameHeader {
+    fn shaped(
+        &self,
+        encoding: Encoding,
+        (width, height): (u32, u32),
+        camera: Option<Intrinsics>,
+    ) -> FrameHeader {
         let mut header = self.header;
         header.set_encoding(encoding);
         (header.width, header.height) = (width, height);

@@ -1,10 +1,9 @@
 //! `stats.json`: what a stream did, in figures.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::stream::{Counts, Totals};
 use crate::telemetry::{Latencies, Summary};
@@ -21,8 +20,11 @@ pub(crate) struct Stats {
     /// Published frames a second, from the first capture to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
-    /// Rust heap allocations of the inference thread, after the first frames; `null` where they are not counted.
+    /// Rust heap allocations of our crates on the inference thread, after the first frames; `null` where they are not
+    /// counted.
     pub(crate) allocations_per_frame: Option<f64>,
+    /// The same of iceoryx2: a small one for each message.
+    pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
 }
 
 impl Stats {
@@ -44,6 +46,7 @@ impl Stats {
             fps: totals.fps(),
             bytes_copied_per_frame: totals.bytes_copied_per_frame(),
             allocations_per_frame: totals.allocations_per_frame(),
+            iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),
         }
     }
 }
@@ -60,7 +63,13 @@ pub(crate) struct ModelName {
 #[derive(Debug, Serialize)]
 pub(crate) struct LatencyMs {
     pub(crate) total: Summary,
-    pub(crate) stages: BTreeMap<String, Summary>,
+    /// In the order of the journey.
+    #[serde(serialize_with = "as_map")]
+    pub(crate) stages: Vec<(String, Summary)>,
+}
+
+fn as_map<S: Serializer>(stages: &[(String, Summary)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(stages.iter().map(|(name, summary)| (name, summary)))
 }
 
 impl From<&Latencies> for LatencyMs {

@@ -50,10 +50,6 @@ impl Source for Files {
         frame.camera = None;
         Fill::Frame
     }
-
-    fn len(&self) -> Option<u64> {
-        (!self.repeat).then_some(self.paths.len() as u64)
-    }
 }
 
 /// Decodes one JPEG or PNG as RGB, turned as its EXIF orientation says, into the frame's own memory.
@@ -174,7 +170,6 @@ mod tests {
         std::fs::write(path("b.jpg"), b"not a picture").unwrap();
         std::fs::write(path("notes.txt"), b"ignored").unwrap();
         let mut source = Files::open(folder.path().to_str().unwrap(), false).unwrap();
-        assert_eq!(source.len(), Some(3));
         let (colours, errors) = drain(&mut source);
         assert_eq!(colours, [[10, 0, 0], [30, 0, 0]]);
         assert_eq!(errors.len(), 1);

@@ -41,11 +41,6 @@ pub trait Source: Send {
     fn is_live(&self) -> bool {
         false
     }
-
-    /// How many frames there will be, if that is known.
-    fn len(&self) -> Option<u64> {
-        None
-    }
 }
 
 /// What `--source` names.

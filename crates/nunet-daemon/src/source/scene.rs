@@ -19,7 +19,10 @@ pub(crate) struct Scene {
 
 impl Default for Scene {
     fn default() -> Self {
-        Self { scene: DemoScene::new(SEED, SIZE.0, SIZE.1).expect("VGA is a size that the scene takes"), next: 0 }
+        Self {
+            scene: DemoScene::new(SEED, SIZE.0, SIZE.1).expect("VGA is a size that the scene takes"),
+            next: 0,
+        }
     }
 }
 

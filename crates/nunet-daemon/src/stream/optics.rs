@@ -45,6 +45,6 @@ impl Optics {
         let (width, height) = frame.size;
         let named = self.named.as_ref().map(|spec| spec.at_size(width, height)).transpose()?;
         self.last = Some(Key { size: frame.size, camera: frame.camera });
-        Ok(Change::To(named.map(Camera::pinhole).or_else(|| frame.camera)))
+        Ok(Change::To(named.map(Camera::pinhole).or(frame.camera)))
     }
 }

@@ -1,5 +1,7 @@
 //! Sums over a stream, from which the per-frame figures are made.
 
+use crate::telemetry::{Allocations, allocations_of_this_thread};
+
 /// Frames at the start that are not counted for allocations: buffers are seen for the first time.
 const FIRST_FRAMES: u64 = 16;
 
@@ -11,7 +13,7 @@ pub(crate) struct Totals {
     frames: u64,
     bytes_copied: u64,
     steady_frames: u64,
-    steady_allocations: u64,
+    steady_allocations: Allocations,
 }
 
 impl Totals {
@@ -28,11 +30,12 @@ impl Totals {
         self.bytes_copied += bytes_copied;
     }
 
-    /// The inference thread made that many allocations for one frame.
-    pub(crate) fn add_allocations(&mut self, allocations: u64) {
+    /// The inference thread's allocations before and after one frame.
+    pub(crate) fn add_allocations(&mut self, before: Allocations, after: Allocations) {
         if self.frames > FIRST_FRAMES {
             self.steady_frames += 1;
-            self.steady_allocations += allocations;
+            self.steady_allocations.own += after.own - before.own;
+            self.steady_allocations.foreign += after.foreign - before.foreign;
         }
     }
 
@@ -47,10 +50,20 @@ impl Totals {
         self.bytes_copied as f64 / self.frames.max(1) as f64
     }
 
-    /// Mean over the frames after the first; `None` where there are none, or nobody counts (another allocator).
+    /// Mean of our crates over the frames after the first; `None` where there are none, or nobody counts (another
+    /// allocator).
     pub(crate) fn allocations_per_frame(&self) -> Option<f64> {
-        let counting = crate::telemetry::allocations_of_this_thread() > 0;
-        (counting && self.steady_frames > 0).then(|| self.steady_allocations as f64 / self.steady_frames as f64)
+        self.per_steady_frame(self.steady_allocations.own)
+    }
+
+    /// The same of iceoryx2, which takes a few bytes for each message.
+    pub(crate) fn foreign_allocations_per_frame(&self) -> Option<f64> {
+        self.per_steady_frame(self.steady_allocations.foreign)
+    }
+
+    fn per_steady_frame(&self, sum: u64) -> Option<f64> {
+        let counting = allocations_of_this_thread() != Allocations::default();
+        (counting && self.steady_frames > 0).then(|| sum as f64 / self.steady_frames as f64)
     }
 }
 

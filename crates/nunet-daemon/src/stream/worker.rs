@@ -72,7 +72,7 @@ impl Worker {
         lane.ledger.ended(end);
         self.outlet.publish_stats(&lane.ledger.counts(), &self.totals, &self.latencies);
         lane.mailbox.give_back(frame);
-        self.totals.add_allocations(allocations_of_this_thread() - before);
+        self.totals.add_allocations(before, allocations_of_this_thread());
     }
 
     /// One span a frame; a failure is told here and nowhere else.
@@ -104,7 +104,9 @@ impl Worker {
         if let Change::To(camera) = self.optics.follow(frame)? {
             self.pipeline.set_camera(camera)?;
             if self.pipeline.scale().source == ScaleSource::AssumedCamera {
-                warn!("no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy");
+                warn!(
+                    "no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy"
+                );
             }
         }
         Ok(())

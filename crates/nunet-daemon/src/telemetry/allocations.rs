@@ -7,6 +7,7 @@ use std::cell::Cell;
 thread_local! {
     // `const` and without a destructor: reading it never allocates, even while a thread ends.
     static COUNT: Cell<u64> = const { Cell::new(0) };
+    static FOREIGN: Cell<u64> = const { Cell::new(0) };
 }
 
 /// The system's allocator, counting. A binary installs it with `#[global_allocator]`; memory that ONNX Runtime
@@ -14,10 +15,27 @@ thread_local! {
 #[derive(Debug)]
 pub struct CountingAllocator;
 
-/// Allocations and growths made by the calling thread so far; 0 for ever where [`CountingAllocator`] is not
-/// installed.
-pub fn allocations_of_this_thread() -> u64 {
-    COUNT.with(Cell::get)
+/// Heap allocations and growths of one thread so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Allocations {
+    /// Made by our crates.
+    pub own: u64,
+    /// Made by a library within [`foreign_allocations`].
+    pub foreign: u64,
+}
+
+/// The calling thread's allocations; zeros for ever where [`CountingAllocator`] is not installed.
+pub fn allocations_of_this_thread() -> Allocations {
+    Allocations { own: COUNT.with(Cell::get), foreign: FOREIGN.with(Cell::get) }
+}
+
+/// Does `work` of a library's whose allocations are not ours to avoid, and counts them apart.
+pub fn foreign_allocations<T>(work: impl FnOnce() -> T) -> T {
+    let before = COUNT.with(Cell::get);
+    let result = work();
+    let made = COUNT.with(|count| count.replace(before)) - before;
+    FOREIGN.with(|foreign| foreign.set(foreign.get() + made));
+    result
 }
 
 fn count() {

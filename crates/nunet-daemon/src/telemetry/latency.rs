@@ -33,7 +33,10 @@ pub struct Latencies {
 impl Latencies {
     /// Empty histograms for these stages.
     pub fn new<'a>(stages: impl IntoIterator<Item = &'a str>) -> Self {
-        Self { total: histogram(), stages: stages.into_iter().map(|name| (name.to_owned(), histogram())).collect() }
+        Self {
+            total: histogram(),
+            stages: stages.into_iter().map(|name| (name.to_owned(), histogram())).collect(),
+        }
     }
 
     /// Adds one frame: its total, and the time of each stage in the order given to [`Latencies::new`].

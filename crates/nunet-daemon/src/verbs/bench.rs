@@ -39,8 +39,11 @@ pub(super) fn bench(arguments: &BenchArgs) -> anyhow::Result<Outcome> {
         }
     }
     for subject in &subjects {
-        let text =
-            if arguments.json { subject.json(&engine, arguments).to_string() } else { subject.text(arguments) };
+        let text = if arguments.json {
+            subject.json(&engine, arguments).to_string()
+        } else {
+            subject.text(arguments)
+        };
         writeln!(std::io::stdout(), "{text}")?;
     }
     Ok(Outcome::Done)
@@ -51,7 +54,8 @@ fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
     let mut frame = Frame::default();
     match image {
         Some(path) => {
-            decode(path, &mut frame).with_context(|| format!("cannot read the picture `{}`", path.display()))?;
+            decode(path, &mut frame)
+                .with_context(|| format!("cannot read the picture `{}`", path.display()))?;
         }
         None => {
             let fill = source::open(&Kind::Demo, false)?.fill(&mut frame);

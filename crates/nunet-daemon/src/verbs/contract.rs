@@ -18,7 +18,8 @@ fn contract_json() -> Value {
     let enums: Map<_, _> = contract::ENUMS
         .iter()
         .map(|(name, words)| {
-            let numbers: Map<_, _> = words.iter().map(|(word, number)| ((*word).to_owned(), json!(number))).collect();
+            let numbers: Map<_, _> =
+                words.iter().map(|(word, number)| ((*word).to_owned(), json!(number))).collect();
             ((*name).to_owned(), Value::Object(numbers))
         })
         .collect();

@@ -72,7 +72,8 @@ impl Checks {
     fn text(&self) -> String {
         let line = |check: &Check| {
             let mark = if check.ok { "ok     " } else { "PROBLEM" };
-            let hint = check.hint.as_ref().map(|hint| format!("\n          hint: {hint}")).unwrap_or_default();
+            let hint =
+                check.hint.as_ref().map(|hint| format!("\n          hint: {hint}")).unwrap_or_default();
             format!("{mark}  {}: {}{hint}\n", check.name, check.detail)
         };
         self.0.iter().map(line).collect()
@@ -91,7 +92,12 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
     let library = &engine.library;
     checks.good(
         "library",
-        format!("ONNX Runtime {} at `{}` ({})", engine.runtime.version(), library.path.display(), library.place),
+        format!(
+            "ONNX Runtime {} at `{}` ({})",
+            engine.runtime.version(),
+            library.path.display(),
+            library.place
+        ),
     );
     let loaded = match engine.load(&arguments.model, &[]) {
         Ok(loaded) => loaded,
@@ -100,7 +106,8 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
             return None;
         }
     };
-    let trained = if loaded.graph.description().trained { "" } else { ", untrained: its depth means nothing" };
+    let trained =
+        if loaded.graph.description().trained { "" } else { ", untrained: its depth means nothing" };
     checks.good("model", format!("`{}`{trained}", loaded.path.display()));
     checks.good("provider", loaded.graph.provider());
     match tested(loaded, &CameraArgs::default()) {
@@ -121,12 +128,15 @@ fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {
         Err(error) => return checks.bad("shared memory", &error.to_string()),
     };
     let Some(pipeline) = pipeline else {
-        return checks.good("shared memory", format!("{} MB free; the need depends on the model", free / 1_000_000));
+        return checks
+            .good("shared memory", format!("{} MB free; the need depends on the model", free / 1_000_000));
     };
     let everything = [Publish::Depth, Publish::Labels, Publish::Cloud];
     let need = Reservation::new(&plans(pipeline, &everything), &Limits::default());
     match need.check(free) {
-        Ok(()) => checks.good("shared memory", format!("{} MB free, a camera needs {need}", free / 1_000_000)),
+        Ok(()) => {
+            checks.good("shared memory", format!("{} MB free, a camera needs {need}", free / 1_000_000));
+        }
         Err(error) => checks.bad("shared memory", &error.to_string()),
     }
 }

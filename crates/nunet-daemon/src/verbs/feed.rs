@@ -22,7 +22,9 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     let kind = Kind::parse(&arguments.source);
     if let Kind::SharedMemory(_) = kind {
-        bail!(BadArguments("a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()));
+        bail!(BadArguments(
+            "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
+        ));
     }
     let mut source = source::open(&kind, arguments.pace.repeat)?;
     let mut feeder = Feeder::new(camera_name(&arguments.camera)?, arguments.intrinsics);

@@ -93,7 +93,8 @@ impl Work {
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
-        decode(image, &mut self.frame).with_context(|| format!("cannot read the picture `{}`", image.display()))?;
+        decode(image, &mut self.frame)
+            .with_context(|| format!("cannot read the picture `{}`", image.display()))?;
         let ready_nanos = MonotonicClock.nanos();
         if let Change::To(camera) = self.optics.follow(&self.frame)? {
             self.pipeline.set_camera(camera)?;

@@ -105,10 +105,19 @@ impl About<'_> {
         writeln!(text, "  picture      {width}x{height}")?;
         let (min_m, max_m) = (about.range.min_m(), about.range.max_m());
         writeln!(text, "  depth        {}, {min_m} to {max_m} m", about.encoding)?;
-        writeln!(text, "  size         {:.1} M weights, {:.1} GFLOP", self.parameters() as f64 / 1e6, self.gflop())?;
+        writeln!(
+            text,
+            "  size         {:.1} M weights, {:.1} GFLOP",
+            self.parameters() as f64 / 1e6,
+            self.gflop()
+        )?;
         for component in &about.components {
             let connected = if component.connected { ", connected to the picture" } else { "" };
-            writeln!(text, "  component    {}: {} on {}{connected}", component.name, component.task, component.backbone)?;
+            writeln!(
+                text,
+                "  component    {}: {} on {}{connected}",
+                component.name, component.task, component.backbone
+            )?;
         }
         for stage in self.graph.stages() {
             writeln!(text, "  stage        {}", stage_text(stage))?;
@@ -125,7 +134,11 @@ impl About<'_> {
 
 fn stage_text(stage: &StageInfo) -> String {
     let list = |tensors: &[TensorSpec]| {
-        tensors.iter().map(|tensor| format!("{} {}", tensor.name, tensor.kind())).collect::<Vec<_>>().join(", ")
+        tensors
+            .iter()
+            .map(|tensor| format!("{} {}", tensor.name, tensor.kind()))
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     let every = if stage.every > 1 { format!(", each {} frames", stage.every) } else { String::new() };
     format!("{}: {} -> {}{every}", stage.name, list(&stage.inputs), list(&stage.outputs))

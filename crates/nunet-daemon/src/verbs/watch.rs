@@ -170,17 +170,35 @@ fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow:
          captured {} = published {} + superseded {} + failed {} + in flight {}\n\
          copied {} bytes · without depth {} pixels\n\
          {:<14} {:>9} {:>9} {:>9} {:>9}\n",
-        stats.model_name(), stats.provider(), header.width, header.height, stats.fps,
-        header.sequence, age_ms(frame), centre_of(frame)?, header.scale_source()?.name(), header.quality()?.name(),
-        stats.captured, stats.published, stats.superseded, stats.failed, stats.in_flight,
-        header.bytes_copied, header.invalid_pixels,
-        "stage, ms", "p50", "p90", "p99", "max"
+        stats.model_name(),
+        stats.provider(),
+        header.width,
+        header.height,
+        stats.fps,
+        header.sequence,
+        age_ms(frame),
+        centre_of(frame)?,
+        header.scale_source()?.name(),
+        header.quality()?.name(),
+        stats.captured,
+        stats.published,
+        stats.superseded,
+        stats.failed,
+        stats.in_flight,
+        header.bytes_copied,
+        header.invalid_pixels,
+        "stage, ms",
+        "p50",
+        "p90",
+        "p99",
+        "max"
     );
     for (index, name) in stats.stage_names().enumerate() {
         let quantiles = [stats.stage_p50_us, stats.stage_p90_us, stats.stage_p99_us, stats.stage_max_us];
         text += &row_of(&name, quantiles.map(|all| all[index]));
     }
-    text += &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
+    text +=
+        &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
     Ok(text)
 }
 

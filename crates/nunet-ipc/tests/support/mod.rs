@@ -36,10 +36,7 @@ pub(crate) fn plan(topic: Topic) -> TopicPlan {
         Topic::Cloud => 16,
         _ => 1,
     };
-    TopicPlan {
-        topic,
-        payload_bytes: WIDTH * HEIGHT * pixel_bytes,
-    }
+    TopicPlan { topic, payload_bytes: WIDTH * HEIGHT * pixel_bytes }
 }
 
 /// An owner of small frames with the default limits.
@@ -89,19 +86,12 @@ pub(crate) struct Sandbox {
 impl Sandbox {
     pub(crate) fn new() -> Self {
         static COUNTER: AtomicU32 = AtomicU32::new(0);
-        let prefix = format!(
-            "nunet_{}_{}_",
-            std::process::id(),
-            COUNTER.fetch_add(1, Ordering::Relaxed)
-        );
+        let prefix = format!("nunet_{}_{}_", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed));
         let folder = tempfile::tempdir().unwrap();
         let config = folder.path().join("config");
         std::fs::create_dir(&config).unwrap();
         let root = folder.path().join("iceoryx2");
-        let text = format!(
-            "[global]\nprefix = \"{prefix}\"\nroot-path = \"{}\"\n",
-            root.display()
-        );
+        let text = format!("[global]\nprefix = \"{prefix}\"\nroot-path = \"{}\"\n", root.display());
         std::fs::write(config.join("iceoryx2.toml"), text).unwrap();
         Self { folder, prefix }
     }
@@ -125,8 +115,7 @@ impl Sandbox {
         use std::os::unix::fs::MetadataExt;
         let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
         let ours = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(&self.prefix));
-        ours.filter_map(|entry| Some((entry.path(), entry.metadata().ok()?.blocks() * 512)))
-            .collect()
+        ours.filter_map(|entry| Some((entry.path(), entry.metadata().ok()?.blocks() * 512))).collect()
     }
 
     /// Files of iceoryx2's own, outside of shared memory.
@@ -158,10 +147,7 @@ const ARGUMENT: &str = "NUNET_IPC_TEST_ARGUMENT";
 
 /// The role that this process was started for, with its argument; `None` in the test itself.
 pub(crate) fn role() -> Option<(String, String)> {
-    Some((
-        std::env::var(ROLE).ok()?,
-        std::env::var(ARGUMENT).unwrap_or_default(),
-    ))
+    Some((std::env::var(ROLE).ok()?, std::env::var(ARGUMENT).unwrap_or_default()))
 }
 
 /// Prints a line for the test to read with [`Peer::line`].
@@ -195,11 +181,7 @@ impl Peer {
         use std::io::BufRead;
         loop {
             let mut line = String::new();
-            assert_ne!(
-                self.output.read_line(&mut line).unwrap(),
-                0,
-                "the other process ended"
-            );
+            assert_ne!(self.output.read_line(&mut line).unwrap(), 0, "the other process ended");
             if let Some((_, said)) = line.trim_end().split_once(SAID) {
                 return said.to_owned();
             }

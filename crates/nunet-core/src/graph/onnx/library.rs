@@ -22,9 +22,7 @@ pub(super) fn version(path: &Path) -> Result<String, RuntimeError> {
         library: path.to_owned(),
         reason: reason(&error, path),
     })?;
-    let not_onnx_runtime = || RuntimeError::NotOnnxRuntime {
-        library: path.to_owned(),
-    };
+    let not_onnx_runtime = || RuntimeError::NotOnnxRuntime { library: path.to_owned() };
     // SAFETY: the symbol has had this type in each ONNX Runtime since 1.0; no other library is known to export it.
     let get_base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase") }.map_err(|_| not_onnx_runtime())?;
     // SAFETY: it takes nothing and returns a pointer to a static table, or null.
@@ -41,11 +39,7 @@ pub(super) fn version(path: &Path) -> Result<String, RuntimeError> {
     // SAFETY: a function of the table; it returns null for an interface newer than the library.
     let api = unsafe { (base.GetApi)(ort::MINOR_VERSION) };
     if api.is_null() || minor(&version) < ort::MINOR_VERSION {
-        return Err(RuntimeError::TooOld {
-            library: path.to_owned(),
-            version,
-            minimum: ort::MINOR_VERSION,
-        });
+        return Err(RuntimeError::TooOld { library: path.to_owned(), version, minimum: ort::MINOR_VERSION });
     }
     Ok(version)
 }
@@ -53,17 +47,10 @@ pub(super) fn version(path: &Path) -> Result<String, RuntimeError> {
 /// The linker's words without the path, which the error names already.
 fn reason(error: &libloading::Error, path: &Path) -> String {
     let words = std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string);
-    words
-        .trim_start_matches(&*path.to_string_lossy())
-        .trim_start_matches(": ")
-        .to_owned()
+    words.trim_start_matches(&*path.to_string_lossy()).trim_start_matches(": ").to_owned()
 }
 
 /// The second number of `1.31.1`, as ort itself reads it.
 fn minor(version: &str) -> u32 {
-    version
-        .split('.')
-        .nth(1)
-        .and_then(|text| text.parse().ok())
-        .unwrap_or(0)
+    version.split('.').nth(1).and_then(|text| text.parse().ok()).unwrap_or(0)
 }

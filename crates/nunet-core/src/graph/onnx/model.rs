@@ -32,16 +32,9 @@ impl Model {
         let session = builder(runtime, provider, threads)
             .and_then(|mut builder| builder.commit_from_memory(bytes))
             .map_err(|error| first_line(error.message()))?;
-        let signature = Signature {
-            inputs: specs(session.inputs()),
-            outputs: specs(session.outputs()),
-        };
+        let signature = Signature { inputs: specs(session.inputs()), outputs: specs(session.outputs()) };
         let metadata = metadata(&session).map_err(|error| first_line(error.message()))?;
-        Ok(Self {
-            session,
-            signature,
-            metadata,
-        })
+        Ok(Self { session, signature, metadata })
     }
 
     /// What the model takes and gives.
@@ -69,10 +62,7 @@ impl Model {
 
 /// Where ONNX Runtime shall look for weights outside the model's file: nowhere. By default it would look in the
 /// working directory, and a frame's model hash would not say what computed it.
-const NO_FOLDER: (&str, &str) = (
-    "session.model_external_initializers_file_folder_path",
-    "/dev/null",
-);
+const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folder_path", "/dev/null");
 
 /// Threads wait without spinning: they would burn the cores that the rest of the robot needs between two frames. A
 /// number of threads is always set, because ONNX Runtime pins the threads of its own default to cores.
@@ -90,20 +80,14 @@ fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort:
 fn metadata(session: &ort::session::Session) -> ort::Result<BTreeMap<String, String>> {
     let metadata = session.metadata()?;
     let keys = metadata.custom_keys()?;
-    Ok(keys
-        .into_iter()
-        .filter_map(|key| metadata.custom(&key).map(|value| (key, value)))
-        .collect())
+    Ok(keys.into_iter().filter_map(|key| metadata.custom(&key).map(|value| (key, value))).collect())
 }
 
 fn specs(outlets: &[Outlet]) -> Vec<TensorSpec> {
     let spec = |outlet: &Outlet| TensorSpec {
         name: outlet.name().to_owned(),
         element: outlet.dtype().tensor_type().map_or(ElementType::Other, element),
-        shape: outlet
-            .dtype()
-            .tensor_shape()
-            .map_or_else(Vec::new, |shape| shape.to_vec()),
+        shape: outlet.dtype().tensor_shape().map_or_else(Vec::new, |shape| shape.to_vec()),
     };
     outlets.iter().map(spec).collect()
 }

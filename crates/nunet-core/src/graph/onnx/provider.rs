@@ -66,15 +66,10 @@ impl Provider {
     }
 
     fn try_register(self, runtime: &Runtime, threads: NonZeroUsize) -> Result<(), ProviderError> {
-        let failed = |reason: String| ProviderError {
-            provider: self,
-            reason,
-        };
+        let failed = |reason: String| ProviderError { provider: self, reason };
         let builder =
             SessionBuilder::new(runtime.environment()).map_err(|error| failed(error.to_string()))?;
-        self.register(builder, threads)
-            .map(drop)
-            .map_err(|error| failed(error.to_string()))
+        self.register(builder, threads).map(drop).map_err(|error| failed(error.to_string()))
     }
 
     /// Adds the provider to a session in the making. ONNX Runtime's own needs no adding.
@@ -95,12 +90,9 @@ impl Provider {
     fn dispatch(self, threads: NonZeroUsize) -> Option<ExecutionProviderDispatch> {
         match self {
             Self::Auto | Self::Cpu => None,
-            Self::OpenVino => Some(
-                ep::OpenVINO::default()
-                    .with_device_type("CPU")
-                    .with_num_threads(threads.get())
-                    .build(),
-            ),
+            Self::OpenVino => {
+                Some(ep::OpenVINO::default().with_device_type("CPU").with_num_threads(threads.get()).build())
+            }
             Self::Cuda => Some(ep::CUDA::default().build()),
             Self::TensorRt => Some(ep::TensorRT::default().build()),
         }
@@ -136,9 +128,7 @@ impl FromStr for Provider {
         Self::ALL
             .into_iter()
             .find(|provider| provider.name() == text)
-            .ok_or_else(|| UnknownProvider {
-                text: text.to_owned(),
-            })
+            .ok_or_else(|| UnknownProvider { text: text.to_owned() })
     }
 }
 

@@ -37,19 +37,13 @@ impl Runtime {
         // Before what is loaded already is mentioned: what is wrong with this one is the better answer.
         let version = library::version(&library)?;
         match &*loaded {
-            Some(runtime) => Err(RuntimeError::AnotherLoaded {
-                library,
-                loaded: runtime.library.clone(),
-            }),
+            Some(runtime) => Err(RuntimeError::AnotherLoaded { library, loaded: runtime.library.clone() }),
             None => Ok(loaded.insert(Self::start(library, version)?).clone()),
         }
     }
 
     fn start(library: PathBuf, version: String) -> Result<Self, RuntimeError> {
-        let failed = |reason: String| RuntimeError::Start {
-            library: library.clone(),
-            reason,
-        };
+        let failed = |reason: String| RuntimeError::Start { library: library.clone(), reason };
         // ONNX Runtime writes to stderr by default; what matters of it comes back as an error as well.
         let environment = ort::init_from(&library)
             .map_err(|error| failed(error.to_string()))?
@@ -59,11 +53,7 @@ impl Runtime {
             .build()
             .map_err(|error| failed(error.to_string()))?;
         environment.set_log_level(LogLevel::Error);
-        Ok(Self {
-            library,
-            version,
-            environment,
-        })
+        Ok(Self { library, version, environment })
     }
 
     pub(super) fn environment(&self) -> &Environment {
@@ -85,17 +75,10 @@ impl Runtime {
 
 /// `path` with links resolved, so that ort neither looks for it beside the executable nor waits for a pipe to open.
 fn plain_file(path: &Path) -> Result<PathBuf, RuntimeError> {
-    let missing = |source| RuntimeError::Missing {
-        library: path.to_owned(),
-        source,
-    };
+    let missing = |source| RuntimeError::Missing { library: path.to_owned(), source };
     let library = path.canonicalize().map_err(missing)?;
     let is_file = library.metadata().map_err(missing)?.is_file();
-    if is_file {
-        Ok(library)
-    } else {
-        Err(RuntimeError::NotAFile { library })
-    }
+    if is_file { Ok(library) } else { Err(RuntimeError::NotAFile { library }) }
 }
 
 /// Why ONNX Runtime could not be loaded.

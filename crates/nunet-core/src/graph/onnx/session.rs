@@ -49,8 +49,7 @@ impl Session {
         outputs: impl Iterator<Item = Lent<'run>>,
     ) -> Result<(), String> {
         self.inputs.clear();
-        self.inputs
-            .extend(inputs.map(|lent| lent.value.as_ptr().cast_const()));
+        self.inputs.extend(inputs.map(|lent| lent.value.as_ptr().cast_const()));
         self.outputs.clear();
         for lent in outputs {
             let value = lent.value.as_ptr();
@@ -96,10 +95,7 @@ impl Names {
             .collect::<Result<_, _>>()
             .map_err(|error| error.to_string())?;
         let pointers = texts.iter().map(|text| text.as_ptr()).collect();
-        Ok(Self {
-            _texts: texts,
-            pointers,
-        })
+        Ok(Self { _texts: texts, pointers })
     }
 
     fn as_ptr(&self) -> *const *const c_char {

@@ -34,13 +34,8 @@ unsafe impl Send for Value {}
 impl Value {
     /// A value that stands for `spec.bytes()` bytes at `address`, which are not touched here.
     fn new(address: NonNull<c_void>, bytes: usize, spec: &TensorSpec) -> Result<Self, String> {
-        let memory = MemoryInfo::new(
-            AllocationDevice::CPU,
-            0,
-            AllocatorType::Device,
-            MemoryType::Default,
-        )
-        .map_err(|error| error.to_string())?;
+        let memory = MemoryInfo::new(AllocationDevice::CPU, 0, AllocatorType::Device, MemoryType::Default)
+            .map_err(|error| error.to_string())?;
         let element = ort_element(spec.element).ok_or("the element type has no size")?;
         let mut value = std::ptr::null_mut();
         // SAFETY: all pointers are valid for the call; the value keeps `address` without touching what it points to.
@@ -56,9 +51,7 @@ impl Value {
             )
         };
         check(status)?;
-        NonNull::new(value)
-            .map(Self)
-            .ok_or_else(|| "no value was made".to_owned())
+        NonNull::new(value).map(Self).ok_or_else(|| "no value was made".to_owned())
     }
 }
 
@@ -103,13 +96,7 @@ impl CallerTensor {
     /// For a tensor of `spec`, whose bytes must be countable; `role` is its name in errors.
     pub(in crate::graph) fn new(role: &'static str, spec: TensorSpec) -> Self {
         let bytes = spec.bytes().unwrap_or(0);
-        Self {
-            role,
-            spec,
-            bytes,
-            known: Vec::with_capacity(MAX_ADDRESSES),
-            oldest: 0,
-        }
+        Self { role, spec, bytes, known: Vec::with_capacity(MAX_ADDRESSES), oldest: 0 }
     }
 
     /// Lends memory that a run may read.
@@ -146,21 +133,12 @@ impl CallerTensor {
         }
         if len * size_of::<T>() != self.bytes {
             let expected = self.bytes / size_of::<T>();
-            return Err(GraphError::Buffer {
-                tensor: self.role,
-                got: len,
-                expected,
-            });
+            return Err(GraphError::Buffer { tensor: self.role, got: len, expected });
         }
-        let value = self.value_at(address).map_err(|reason| GraphError::Tensor {
-            tensor: self.role.to_owned(),
-            reason,
-        })?;
-        Ok(Lent {
-            value,
-            writable,
-            memory: PhantomData,
-        })
+        let value = self
+            .value_at(address)
+            .map_err(|reason| GraphError::Tensor { tensor: self.role.to_owned(), reason })?;
+        Ok(Lent { value, writable, memory: PhantomData })
     }
 
     /// The value for an address: kept from an earlier run, or made now in place of the one made longest ago.
@@ -232,10 +210,7 @@ impl OwnTensors {
     /// Zeroed memory for each tensor of `specs`, in their order; that also touches it before the first frame.
     pub(in crate::graph) fn new(specs: &[TensorSpec]) -> Result<Self, GraphError> {
         let make = |spec: &TensorSpec| {
-            OwnTensor::new(spec).map_err(|reason| GraphError::Tensor {
-                tensor: spec.name.clone(),
-                reason,
-            })
+            OwnTensor::new(spec).map_err(|reason| GraphError::Tensor { tensor: spec.name.clone(), reason })
         };
         specs.iter().map(make).collect::<Result<_, _>>().map(Self)
     }
@@ -261,11 +236,7 @@ pub(in crate::graph) struct LentTensors<'run>(&'run [OwnTensor]);
 impl<'run> LentTensors<'run> {
     /// The token of one tensor.
     pub(in crate::graph) fn get(self, index: usize) -> Lent<'run> {
-        Lent {
-            value: self.0[index].value.0,
-            writable: true,
-            memory: PhantomData,
-        }
+        Lent { value: self.0[index].value.0, writable: true, memory: PhantomData }
     }
 }
 

@@ -10,23 +10,13 @@ pub enum WiringError {
     NoImage,
     /// A stage wants a picture that the graph cannot give.
     #[error("stage `{stage}` takes the picture as `{tensor}` of {kind}, but a picture is {expected}")]
-    Image {
-        stage: Box<str>,
-        tensor: Box<str>,
-        kind: Box<str>,
-        expected: Box<str>,
-    },
+    Image { stage: Box<str>, tensor: Box<str>, kind: Box<str>, expected: Box<str> },
     /// Two stages want pictures that differ.
     #[error(
         "stage `{stage}` takes a picture of {kind}, but stage `{first}` takes one of {first_kind}\nhint: export all \
          stages for one size of input"
     )]
-    ImagesDiffer {
-        first: Box<str>,
-        first_kind: Box<str>,
-        stage: Box<str>,
-        kind: Box<str>,
-    },
+    ImagesDiffer { first: Box<str>, first_kind: Box<str>, stage: Box<str>, kind: Box<str> },
     /// The picture has sides beyond any camera's.
     #[error("a picture of {kind} is larger than any camera's")]
     TooLarge { kind: Box<str> },
@@ -44,29 +34,17 @@ pub enum WiringError {
     DuplicateStage { stage: Box<str> },
     /// The manifest binds an input that the file does not have.
     #[error("stage `{stage}` has no input `{tensor}`; its inputs are {inputs}")]
-    UnknownInput {
-        stage: Box<str>,
-        tensor: Box<str>,
-        inputs: Box<str>,
-    },
+    UnknownInput { stage: Box<str>, tensor: Box<str>, inputs: Box<str> },
     /// The file has an input that the manifest does not bind.
     #[error(
         "stage `{stage}` is given nothing for its input `{tensor}` of {kind}\nhint: inputs = {{ {tensor} = \"image\" }} or a tensor of an earlier stage, \"stage.tensor\""
     )]
-    Unbound {
-        stage: Box<str>,
-        tensor: Box<str>,
-        kind: Box<str>,
-    },
+    Unbound { stage: Box<str>, tensor: Box<str>, kind: Box<str> },
     /// A reference to a stage that is not there.
     #[error(
         "{user} takes `{reference}`, but no stage has that name; the stages are {stages}\nhint: `image`, or `stage.tensor`"
     )]
-    UnknownStage {
-        user: Box<str>,
-        reference: Box<str>,
-        stages: Box<str>,
-    },
+    UnknownStage { user: Box<str>, reference: Box<str>, stages: Box<str> },
     /// A reference to the stage itself or a later one.
     #[error(
         "{user} takes a tensor of stage `{stage}`, which has not run by then\nhint: stages run in the order of the file"
@@ -74,21 +52,12 @@ pub enum WiringError {
     NotEarlier { user: Box<str>, stage: Box<str> },
     /// A reference to a tensor that the stage does not give.
     #[error("{user} takes `{tensor}` of stage `{stage}`, which gives {outputs}")]
-    UnknownTensor {
-        user: Box<str>,
-        stage: Box<str>,
-        tensor: Box<str>,
-        outputs: Box<str>,
-    },
+    UnknownTensor { user: Box<str>, stage: Box<str>, tensor: Box<str>, outputs: Box<str> },
     /// A tensor that is used, but whose size is not fixed or not reasonable.
     #[error(
         "stage `{stage}` gives `{tensor}` of {kind}, whose size is not fixed\nhint: export the model with fixed dimensions"
     )]
-    OpenOutput {
-        stage: Box<str>,
-        tensor: Box<str>,
-        kind: Box<str>,
-    },
+    OpenOutput { stage: Box<str>, tensor: Box<str>, kind: Box<str> },
     /// Both sides are there and differ.
     #[error(
         "stage `{stage}` expects `{input}` of {expected}, but stage `{from}` gives `{tensor}` of {given}\nhint: export both stages for one size, with one element type where they meet"

@@ -100,20 +100,12 @@ impl Unwired<'_> {
         };
         plan.size = self.size(&plan.image)?;
         for (stage, signature) in self.manifest.stages.iter().zip(&self.signatures) {
-            let inputs = signature
-                .inputs
-                .iter()
-                .map(|input| self.wire_input(stage, input, &plan));
+            let inputs = signature.inputs.iter().map(|input| self.wire_input(stage, input, &plan));
             let inputs = inputs.collect::<Result<_, _>>()?;
             let first = plan.tensors.len();
             plan.tensors.extend(self.outputs_to_fetch(stage, signature));
             let outputs = first..plan.tensors.len();
-            plan.stages.push(WiredStage {
-                name: stage.name.clone(),
-                every: stage.every,
-                inputs,
-                outputs,
-            });
+            plan.stages.push(WiredStage { name: stage.name.clone(), every: stage.every, inputs, outputs });
         }
         let outputs = &self.manifest.outputs;
         plan.depth = self.result("depth", &outputs.depth, ElementType::Float32, &plan)?;
@@ -129,20 +121,12 @@ impl Unwired<'_> {
         let stages = &self.manifest.stages;
         for (index, (stage, signature)) in stages.iter().zip(&self.signatures).enumerate() {
             if stage.every == 0 {
-                return Err(WiringError::EveryZero {
-                    stage: stage.name.clone().into(),
-                });
+                return Err(WiringError::EveryZero { stage: stage.name.clone().into() });
             }
             if stages[..index].iter().any(|earlier| earlier.name == stage.name) {
-                return Err(WiringError::DuplicateStage {
-                    stage: stage.name.clone().into(),
-                });
+                return Err(WiringError::DuplicateStage { stage: stage.name.clone().into() });
             }
-            if let Some(unknown) = stage
-                .inputs
-                .keys()
-                .find(|name| named(&signature.inputs, name).is_none())
-            {
+            if let Some(unknown) = stage.inputs.keys().find(|name| named(&signature.inputs, name).is_none()) {
                 return Err(WiringError::UnknownInput {
                     stage: stage.name.clone().into(),
                     tensor: unknown.clone().into(),
@@ -191,12 +175,7 @@ impl Unwired<'_> {
             return Ok(index);
         }
         let (stage, tensor) = split(reference);
-        let Some(position) = self
-            .manifest
-            .stages
-            .iter()
-            .position(|candidate| candidate.name == stage)
-        else {
+        let Some(position) = self.manifest.stages.iter().position(|candidate| candidate.name == stage) else {
             let stages = self.manifest.stages.iter().map(|stage| stage.name.as_str());
             return Err(WiringError::UnknownStage {
                 user: user.into(),
@@ -205,10 +184,7 @@ impl Unwired<'_> {
             });
         };
         if position >= plan.stages.len() {
-            return Err(WiringError::NotEarlier {
-                user: user.into(),
-                stage: stage.into(),
-            });
+            return Err(WiringError::NotEarlier { user: user.into(), stage: stage.into() });
         }
         let outputs = &self.signatures[position].outputs;
         match named(outputs, tensor) {
@@ -241,14 +217,8 @@ impl Unwired<'_> {
                 }
                 _ => output.shape.clone(),
             };
-            let spec = TensorSpec {
-                name,
-                element: output.element,
-                shape,
-            };
-            spec.bytes()
-                .is_some_and(|bytes| (1..=MAX_TENSOR_BYTES).contains(&bytes))
-                .then_some(spec)
+            let spec = TensorSpec { name, element: output.element, shape };
+            spec.bytes().is_some_and(|bytes| (1..=MAX_TENSOR_BYTES).contains(&bytes)).then_some(spec)
         })
     }
 
@@ -263,18 +233,12 @@ impl Unwired<'_> {
         let index = self.find(&format!("output `{role}`"), reference, plan)?;
         let given = &plan.tensors[index];
         let (width, height) = (i64::from(plan.size.0), i64::from(plan.size.1));
-        let expected = if role == "depth" {
-            vec![1, 1, height, width]
-        } else {
-            vec![1, height, width]
-        };
+        let expected = if role == "depth" { vec![1, 1, height, width] } else { vec![1, height, width] };
         let shape_fits = match self.contract {
             Contract::Nunet => given.shape == expected,
-            Contract::Foreign { .. } => given
-                .shape
-                .iter()
-                .filter(|&&dim| dim != 1)
-                .eq(expected.iter().filter(|&&dim| dim != 1)),
+            Contract::Foreign { .. } => {
+                given.shape.iter().filter(|&&dim| dim != 1).eq(expected.iter().filter(|&&dim| dim != 1))
+            }
         };
         if given.element == element && shape_fits {
             return Ok(index);
@@ -292,37 +256,24 @@ impl Unwired<'_> {
 
 /// A depth map under a new capture time is of that time: the stage that gives it runs for each frame.
 fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
-    match plan
-        .stages
-        .iter()
-        .find(|stage| stage.outputs.contains(&plan.depth))
-    {
-        Some(stage) if stage.every != 1 => Err(WiringError::DepthSkipped {
-            stage: stage.name.clone().into(),
-            every: stage.every,
-        }),
+    match plan.stages.iter().find(|stage| stage.outputs.contains(&plan.depth)) {
+        Some(stage) if stage.every != 1 => {
+            Err(WiringError::DepthSkipped { stage: stage.name.clone().into(), every: stage.every })
+        }
         _ => Ok(()),
     }
 }
 
 /// Whether shapes are equal where neither is open.
 fn agree(shape: &[i64], expected: &[i64]) -> bool {
-    shape.len() == expected.len()
-        && shape
-            .iter()
-            .zip(expected)
-            .all(|(&dim, &want)| dim < 0 || dim == want)
+    shape.len() == expected.len() && shape.iter().zip(expected).all(|(&dim, &want)| dim < 0 || dim == want)
 }
 
 /// A foreign depth map's shape with open dimensions filled in from the back: width, height, then ones.
 fn close(shape: &[i64], (width, height): (u32, u32)) -> Vec<i64> {
     let mut expected = vec![1; shape.len().saturating_sub(2)];
     expected.extend([i64::from(height), i64::from(width)]);
-    shape
-        .iter()
-        .zip(expected)
-        .map(|(&dim, want)| if dim < 0 { want } else { dim })
-        .collect()
+    shape.iter().zip(expected).map(|(&dim, want)| if dim < 0 { want } else { dim }).collect()
 }
 
 /// `stage.tensor` at its first dot: stages have none in their names, tensors may.
@@ -339,8 +290,5 @@ fn list(specs: &[TensorSpec]) -> String {
 }
 
 fn quoted<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names
-        .map(|name| format!("`{name}`"))
-        .collect::<Vec<_>>()
-        .join(", ")
+    names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }

@@ -37,17 +37,12 @@ impl Unwired<'_> {
                 let fits = matches!(input.shape[..], [1, height, width, 3] if height > 0 && width > 0);
                 (fits && input.element == ElementType::Uint8, input.shape.clone())
             }
-            Contract::Foreign { element, image, .. } => (
-                input.element == element && agree(&input.shape, &image),
-                image.to_vec(),
-            ),
+            Contract::Foreign { element, image, .. } => {
+                (input.element == element && agree(&input.shape, &image), image.to_vec())
+            }
         };
         if fits {
-            Ok(TensorSpec {
-                name: IMAGE.to_owned(),
-                element: input.element,
-                shape,
-            })
+            Ok(TensorSpec { name: IMAGE.to_owned(), element: input.element, shape })
         } else {
             Err(WiringError::Image {
                 stage: stage.to_owned().into(),
@@ -66,9 +61,7 @@ impl Unwired<'_> {
                 let side = |pixels: i64| u32::try_from(pixels).ok().filter(|&side| side <= MAX_SIDE_PX);
                 match (side(width), side(height)) {
                     (Some(width), Some(height)) => Ok((width, height)),
-                    _ => Err(WiringError::TooLarge {
-                        kind: image.kind().into(),
-                    }),
+                    _ => Err(WiringError::TooLarge { kind: image.kind().into() }),
                 }
             }
             (Contract::Nunet, _) => Err(WiringError::NoImage),
@@ -85,8 +78,5 @@ impl Contract {
     }
 }
 fn takes_image(stage: &ManifestStage, input: &TensorSpec) -> bool {
-    stage
-        .inputs
-        .get(&input.name)
-        .is_some_and(|source| source == IMAGE)
+    stage.inputs.get(&input.name).is_some_and(|source| source == IMAGE)
 }

@@ -8,10 +8,7 @@ fn manifest(stages: &[(&str, u32, Inputs<'_>)], depth: &str, labels: Option<&str
     let stage = |&(name, every, inputs): &(&str, u32, Inputs<'_>)| ManifestStage {
         name: name.to_owned(),
         model: format!("{name}.onnx"),
-        inputs: inputs
-            .iter()
-            .map(|&(input, source)| (input.to_owned(), source.to_owned()))
-            .collect(),
+        inputs: inputs.iter().map(|&(input, source)| (input.to_owned(), source.to_owned())).collect(),
         every,
     };
     Manifest {
@@ -25,11 +22,7 @@ fn manifest(stages: &[(&str, u32, Inputs<'_>)], depth: &str, labels: Option<&str
 }
 
 fn tensor(name: &str, element: ElementType, shape: &[i64]) -> TensorSpec {
-    TensorSpec {
-        name: name.to_owned(),
-        element,
-        shape: shape.to_vec(),
-    }
+    TensorSpec { name: name.to_owned(), element, shape: shape.to_vec() }
 }
 
 fn rgb() -> TensorSpec {
@@ -49,10 +42,7 @@ fn labels() -> TensorSpec {
 }
 
 fn signature(inputs: &[TensorSpec], outputs: &[TensorSpec]) -> Signature {
-    Signature {
-        inputs: inputs.to_vec(),
-        outputs: outputs.to_vec(),
-    }
+    Signature { inputs: inputs.to_vec(), outputs: outputs.to_vec() }
 }
 
 fn segmentation() -> Signature {
@@ -61,20 +51,12 @@ fn segmentation() -> Signature {
 
 /// The connected depth stage; its second input is named `features`.
 fn depth_stage() -> Signature {
-    let features = TensorSpec {
-        name: "features".to_owned(),
-        ..logits(480, 640)
-    };
+    let features = TensorSpec { name: "features".to_owned(), ..logits(480, 640) };
     signature(&[rgb(), features], &[depth()])
 }
 
 fn wire(manifest: &Manifest, signatures: &[Signature]) -> Result<Wired, WiringError> {
-    Unwired {
-        manifest,
-        signatures: signatures.to_vec(),
-        contract: Contract::Nunet,
-    }
-    .wire()
+    Unwired { manifest, signatures: signatures.to_vec(), contract: Contract::Nunet }.wire()
 }
 
 const SEES_IMAGE: Inputs<'static> = &[("rgb", "image")];
@@ -83,10 +65,7 @@ const CONNECTED: Inputs<'static> = &[("rgb", "image"), ("features", "segmentatio
 /// The W-Net of the documentation with other inputs for its second stage.
 fn wnet(inputs: Inputs<'_>, signatures: &[Signature]) -> Result<Wired, WiringError> {
     let stages = [("segmentation", 1, SEES_IMAGE), ("depth", 1, inputs)];
-    wire(
-        &manifest(&stages, "depth.depth", Some("segmentation.labels")),
-        signatures,
-    )
+    wire(&manifest(&stages, "depth.depth", Some("segmentation.labels")), signatures)
 }
 
 #[test]
@@ -94,10 +73,7 @@ fn stages_that_fit_become_a_plan() {
     let plan = wnet(CONNECTED, &[segmentation(), depth_stage()]).unwrap();
     assert_eq!(plan.size, (640, 480));
     let names: Vec<&str> = plan.tensors.iter().map(|tensor| tensor.name.as_str()).collect();
-    assert_eq!(
-        names,
-        ["segmentation.logits", "segmentation.labels", "depth.depth"]
-    );
+    assert_eq!(names, ["segmentation.logits", "segmentation.labels", "depth.depth"]);
     assert_eq!((plan.depth, plan.labels), (2, Some(1)));
     assert_eq!(plan.stages[0].outputs, 0..2);
     assert_eq!(plan.stages[1].inputs, [Source::Image, Source::Tensor(0)]);
@@ -105,18 +81,13 @@ fn stages_that_fit_become_a_plan() {
 
 #[test]
 fn a_single_stage_is_a_graph() {
-    let plan = wire(
-        &manifest(&[("a", 1, SEES_IMAGE)], "a.depth", None),
-        &[signature(&[rgb()], &[depth()])],
-    );
+    let plan = wire(&manifest(&[("a", 1, SEES_IMAGE)], "a.depth", None), &[signature(&[rgb()], &[depth()])]);
     assert_eq!(plan.unwrap().labels, None);
 }
 
 #[test]
 fn an_input_bound_to_nothing_is_named() {
-    let error = wnet(SEES_IMAGE, &[segmentation(), depth_stage()])
-        .unwrap_err()
-        .to_string();
+    let error = wnet(SEES_IMAGE, &[segmentation(), depth_stage()]).unwrap_err().to_string();
     assert!(
         error.starts_with(
             "stage `depth` is given nothing for its input `features` of float32 [1, 13, 480, 640]\nhint: "
@@ -128,13 +99,8 @@ fn an_input_bound_to_nothing_is_named() {
 #[test]
 fn an_input_that_the_file_does_not_have_is_named_beside_those_it_has() {
     let inputs = &[("rgb", "image"), ("feature", "segmentation.logits")];
-    let error = wnet(inputs, &[segmentation(), depth_stage()])
-        .unwrap_err()
-        .to_string();
-    assert_eq!(
-        error,
-        "stage `depth` has no input `feature`; its inputs are `rgb`, `features`"
-    );
+    let error = wnet(inputs, &[segmentation(), depth_stage()]).unwrap_err().to_string();
+    assert_eq!(error, "stage `depth` has no input `feature`; its inputs are `rgb`, `features`");
 }
 
 #[test]
@@ -144,27 +110,16 @@ fn references_to_nothing_say_what_there_is() {
             "segment.logits",
             "stage `depth` takes `segment.logits`, but no stage has that name; the stages are `segmentation`, `depth`",
         ),
-        (
-            "logits",
-            "stage `depth` takes `logits`, but no stage has that name",
-        ),
+        ("logits", "stage `depth` takes `logits`, but no stage has that name"),
         (
             "segmentation.logit",
             "stage `depth` takes `logit` of stage `segmentation`, which gives `logits`, `labels`",
         ),
-        (
-            "segmentation",
-            "stage `depth` takes `` of stage `segmentation`, which gives `logits`, `labels`",
-        ),
-        (
-            "depth.depth",
-            "stage `depth` takes a tensor of stage `depth`, which has not run by then",
-        ),
+        ("segmentation", "stage `depth` takes `` of stage `segmentation`, which gives `logits`, `labels`"),
+        ("depth.depth", "stage `depth` takes a tensor of stage `depth`, which has not run by then"),
     ] {
         let inputs = &[("rgb", "image"), ("features", source)];
-        let error = wnet(inputs, &[segmentation(), depth_stage()])
-            .unwrap_err()
-            .to_string();
+        let error = wnet(inputs, &[segmentation(), depth_stage()]).unwrap_err().to_string();
         assert!(error.starts_with(message), "{error}");
     }
 }
@@ -172,18 +127,8 @@ fn references_to_nothing_say_what_there_is() {
 #[test]
 fn a_later_stage_cannot_be_referenced() {
     let stages = [("depth", 1, CONNECTED), ("segmentation", 1, SEES_IMAGE)];
-    let error = wire(
-        &manifest(&stages, "depth.depth", None),
-        &[depth_stage(), segmentation()],
-    )
-    .unwrap_err();
-    assert_eq!(
-        error,
-        WiringError::NotEarlier {
-            user: "stage `depth`".into(),
-            stage: "segmentation".into()
-        }
-    );
+    let error = wire(&manifest(&stages, "depth.depth", None), &[depth_stage(), segmentation()]).unwrap_err();
+    assert_eq!(error, WiringError::NotEarlier { user: "stage `depth`".into(), stage: "segmentation".into() });
 }
 
 #[test]
@@ -201,39 +146,19 @@ fn shapes_that_differ_are_refused_naming_both_sides() {
 
 #[test]
 fn element_types_that_differ_are_refused_naming_both_sides() {
-    let half = TensorSpec {
-        element: ElementType::Float16,
-        ..logits(480, 640)
-    };
-    let error = wnet(
-        CONNECTED,
-        &[signature(&[rgb()], &[half, labels()]), depth_stage()],
-    )
-    .unwrap_err()
-    .to_string();
-    assert!(
-        error.contains("expects `features` of float32 [1, 13, 480, 640]"),
-        "{error}"
-    );
-    assert!(
-        error.contains("gives `logits` of float16 [1, 13, 480, 640]"),
-        "{error}"
-    );
+    let half = TensorSpec { element: ElementType::Float16, ..logits(480, 640) };
+    let error =
+        wnet(CONNECTED, &[signature(&[rgb()], &[half, labels()]), depth_stage()]).unwrap_err().to_string();
+    assert!(error.contains("expects `features` of float32 [1, 13, 480, 640]"), "{error}");
+    assert!(error.contains("gives `logits` of float16 [1, 13, 480, 640]"), "{error}");
 }
 
 #[test]
 fn an_open_dimension_that_is_used_is_refused_and_one_that_is_not_is_left_alone() {
     let open = tensor("logits", ElementType::Float32, &[-1, 13, 480, 640]);
-    let error = wnet(
-        CONNECTED,
-        &[signature(&[rgb()], &[open, labels()]), depth_stage()],
-    )
-    .unwrap_err()
-    .to_string();
-    assert!(
-        error.starts_with("stage `segmentation` gives `logits` of float32 [?, 13, 480, 640]"),
-        "{error}"
-    );
+    let error =
+        wnet(CONNECTED, &[signature(&[rgb()], &[open, labels()]), depth_stage()]).unwrap_err().to_string();
+    assert!(error.starts_with("stage `segmentation` gives `logits` of float32 [?, 13, 480, 640]"), "{error}");
 
     let unused = tensor("debug", ElementType::Float32, &[-1]);
     let one = signature(&[rgb()], &[unused, depth()]);
@@ -247,50 +172,24 @@ fn stage_names_are_unique_and_every_is_not_zero() {
     let twice = [("a", 1, SEES_IMAGE), ("a", 1, SEES_IMAGE)];
     let error = wire(&manifest(&twice, "a.depth", None), &signatures).unwrap_err();
     assert_eq!(error, WiringError::DuplicateStage { stage: "a".into() });
-    let error = wire(
-        &manifest(&[("a", 0, SEES_IMAGE)], "a.depth", None),
-        &signatures[..1],
-    )
-    .unwrap_err();
+    let error = wire(&manifest(&[("a", 0, SEES_IMAGE)], "a.depth", None), &signatures[..1]).unwrap_err();
     assert_eq!(error, WiringError::EveryZero { stage: "a".into() });
 }
 
 #[test]
 fn the_stage_of_the_depth_runs_for_each_frame() {
     let stages = [("segmentation", 4, SEES_IMAGE), ("depth", 2, CONNECTED)];
-    let error = wire(
-        &manifest(&stages, "depth.depth", None),
-        &[segmentation(), depth_stage()],
-    )
-    .unwrap_err();
-    assert_eq!(
-        error,
-        WiringError::DepthSkipped {
-            stage: "depth".into(),
-            every: 2
-        }
-    );
+    let error = wire(&manifest(&stages, "depth.depth", None), &[segmentation(), depth_stage()]).unwrap_err();
+    assert_eq!(error, WiringError::DepthSkipped { stage: "depth".into(), every: 2 });
 }
 
 #[test]
 fn results_have_the_contracts_type_and_the_pictures_size() {
     for (given, says) in [
-        (
-            tensor("depth", ElementType::Float64, &[1, 1, 480, 640]),
-            "float64 [1, 1, 480, 640]",
-        ),
-        (
-            tensor("depth", ElementType::Float32, &[1, 1, 240, 320]),
-            "float32 [1, 1, 240, 320]",
-        ),
-        (
-            tensor("depth", ElementType::Float32, &[1, 480, 640]),
-            "float32 [1, 480, 640]",
-        ),
-        (
-            tensor("depth", ElementType::Float32, &[1, 1, 640, 480]),
-            "float32 [1, 1, 640, 480]",
-        ),
+        (tensor("depth", ElementType::Float64, &[1, 1, 480, 640]), "float64 [1, 1, 480, 640]"),
+        (tensor("depth", ElementType::Float32, &[1, 1, 240, 320]), "float32 [1, 1, 240, 320]"),
+        (tensor("depth", ElementType::Float32, &[1, 480, 640]), "float32 [1, 480, 640]"),
+        (tensor("depth", ElementType::Float32, &[1, 1, 640, 480]), "float32 [1, 1, 640, 480]"),
     ] {
         let one = signature(&[rgb()], &[given]);
         let error = wire(&manifest(&[("a", 1, SEES_IMAGE)], "a.depth", None), &[one]).unwrap_err();
@@ -305,18 +204,13 @@ fn results_have_the_contracts_type_and_the_pictures_size() {
     let stages = [("a", 1, SEES_IMAGE)];
     let wide = tensor("labels", ElementType::Int64, &[1, 480, 640]);
     let one = signature(&[rgb()], &[depth(), wide]);
-    let error = wire(&manifest(&stages, "a.depth", Some("a.labels")), &[one])
-        .unwrap_err()
-        .to_string();
+    let error = wire(&manifest(&stages, "a.depth", Some("a.labels")), &[one]).unwrap_err().to_string();
     assert!(error.ends_with("it must be uint8 [1, 480, 640]"), "{error}");
 }
 
 #[test]
 fn a_missing_result_says_what_the_stage_gives() {
-    let error = wire(
-        &manifest(&[("a", 1, SEES_IMAGE)], "a.depht", None),
-        &[signature(&[rgb()], &[depth()])],
-    );
+    let error = wire(&manifest(&[("a", 1, SEES_IMAGE)], "a.depht", None), &[signature(&[rgb()], &[depth()])]);
     assert_eq!(
         error.unwrap_err().to_string(),
         "output `depth` takes `depht` of stage `a`, which gives `depth`"
@@ -343,81 +237,41 @@ fn pictures_are_bytes_in_rows_of_rgb() {
 
 #[test]
 fn some_stage_takes_the_picture() {
-    let error = wire(
-        &manifest(&[("a", 1, &[])], "a.depth", None),
-        &[signature(&[], &[depth()])],
-    );
+    let error = wire(&manifest(&[("a", 1, &[])], "a.depth", None), &[signature(&[], &[depth()])]);
     assert_eq!(error.unwrap_err(), WiringError::NoImage);
 }
 
 #[test]
 fn a_tensors_name_may_have_dots() {
-    let dotted = TensorSpec {
-        name: "decoder.out.1".to_owned(),
-        ..depth()
-    };
+    let dotted = TensorSpec { name: "decoder.out.1".to_owned(), ..depth() };
     let stages = [("a", 1, SEES_IMAGE)];
-    let plan = wire(
-        &manifest(&stages, "a.decoder.out.1", None),
-        &[signature(&[rgb()], &[dotted])],
-    )
-    .unwrap();
+    let plan = wire(&manifest(&stages, "a.decoder.out.1", None), &[signature(&[rgb()], &[dotted])]).unwrap();
     assert_eq!(plan.tensors[plan.depth].name, "a.decoder.out.1");
 }
 
 #[test]
 fn a_tensor_too_large_to_be_had_is_refused_where_it_is_used() {
     let huge = tensor("logits", ElementType::Float32, &[1, i64::MAX, 480, 640]);
-    let error = wnet(
-        CONNECTED,
-        &[signature(&[rgb()], &[huge, labels()]), depth_stage()],
-    )
-    .unwrap_err();
+    let error = wnet(CONNECTED, &[signature(&[rgb()], &[huge, labels()]), depth_stage()]).unwrap_err();
     assert!(matches!(error, WiringError::OpenOutput { .. }), "{error}");
 }
 
 #[test]
 fn a_foreign_network_may_leave_dimensions_open_that_its_sidecar_fixes() {
-    let contract = Contract::Foreign {
-        element: ElementType::Float32,
-        image: [1, 3, 480, 640],
-        size: (640, 480),
-    };
+    let contract =
+        Contract::Foreign { element: ElementType::Float32, image: [1, 3, 480, 640], size: (640, 480) };
     let input = tensor("x", ElementType::Float32, &[-1, 3, -1, -1]);
-    for shape in [
-        &[-1, 1, -1, -1][..],
-        &[-1, -1, -1],
-        &[480, 640],
-        &[1, 480, 640, 1],
-    ] {
-        let one = signature(
-            std::slice::from_ref(&input),
-            &[tensor("y", ElementType::Float32, shape)],
-        );
+    for shape in [&[-1, 1, -1, -1][..], &[-1, -1, -1], &[480, 640], &[1, 480, 640, 1]] {
+        let one = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, shape)]);
         let manifest = manifest(&[("network", 1, &[("x", "image")])], "network.y", None);
-        let plan = Unwired {
-            manifest: &manifest,
-            signatures: vec![one],
-            contract,
-        }
-        .wire()
-        .unwrap();
+        let plan = Unwired { manifest: &manifest, signatures: vec![one], contract }.wire().unwrap();
         assert_eq!(plan.image.shape, [1, 3, 480, 640]);
         assert_eq!(plan.tensors[0].bytes(), Some(480 * 640 * 4), "{shape:?}");
     }
     let other = tensor("x", ElementType::Float32, &[1, 3, 240, 320]);
     let one = signature(&[other], &[depth()]);
     let manifest = manifest(&[("network", 1, &[("x", "image")])], "network.depth", None);
-    let error = Unwired {
-        manifest: &manifest,
-        signatures: vec![one],
-        contract,
-    }
-    .wire()
-    .unwrap_err()
-    .to_string();
-    assert!(
-        error.ends_with("but a picture is float32 [1, 3, 480, 640]"),
-        "{error}"
-    );
+    let error =
+        Unwired { manifest: &manifest, signatures: vec![one], contract }.wire().unwrap_err().to_string();
+    assert!(error.ends_with("but a picture is float32 [1, 3, 480, 640]"), "{error}");
 }

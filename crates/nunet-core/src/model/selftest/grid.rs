@@ -76,9 +76,7 @@ mod tests {
             depth[y * 16 + x] = f32::NAN;
         }
         let grid = SelfTestGrid::of(&depth, None, 16, 12);
-        let holes: Vec<_> = cells()
-            .filter(|&(row, column)| grid.depth[row][column].is_none())
-            .collect();
+        let holes: Vec<_> = cells().filter(|&(row, column)| grid.depth[row][column].is_none()).collect();
         assert_eq!(holes, [(2, 3)]);
     }
 }

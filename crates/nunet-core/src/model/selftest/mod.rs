@@ -55,12 +55,8 @@ pub struct SelfTestReport {
 
 impl SelfTestReport {
     /// The report of a model that carries no answer.
-    pub(crate) const UNCHECKED: Self = Self {
-        checked: false,
-        worst_depth: 0.0,
-        tolerance: 0.0,
-        label_cells: 0,
-    };
+    pub(crate) const UNCHECKED: Self =
+        Self { checked: false, worst_depth: 0.0, tolerance: 0.0, label_cells: 0 };
 }
 
 impl fmt::Display for SelfTestReport {
@@ -69,11 +65,7 @@ impl fmt::Display for SelfTestReport {
         if !self.checked {
             return f.write_str("none in the file");
         }
-        write!(
-            f,
-            "passed, off by {:.2e} of {:.2e} allowed",
-            self.worst_depth, self.tolerance
-        )
+        write!(f, "passed, off by {:.2e} of {:.2e} allowed", self.worst_depth, self.tolerance)
     }
 }
 
@@ -85,15 +77,10 @@ impl SelfTest {
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if file.version != VERSION || file.picture != PICTURE {
-            return Err(format!(
-                "version {VERSION} of picture `{PICTURE}` is all that this program knows"
-            ));
+            return Err(format!("version {VERSION} of picture `{PICTURE}` is all that this program knows"));
         }
         if !file.tolerance.contains_key(&file.precision) {
-            return Err(format!(
-                "no tolerance for the file's own precision `{}`",
-                file.precision
-            ));
+            return Err(format!("no tolerance for the file's own precision `{}`", file.precision));
         }
         let sound = |tolerance: &Tolerance| tolerance.depth.is_finite() && tolerance.depth >= 0.0;
         if !file.tolerance.values().all(sound)
@@ -101,15 +88,8 @@ impl SelfTest {
         {
             return Err("depths and tolerances must be finite".to_owned());
         }
-        let answer = SelfTestGrid {
-            depth: file.depth,
-            labels: file.labels,
-        };
-        Ok(Self {
-            precision: file.precision,
-            answer,
-            tolerance: file.tolerance,
-        })
+        let answer = SelfTestGrid { depth: file.depth, labels: file.labels };
+        Ok(Self { precision: file.precision, answer, tolerance: file.tolerance })
     }
 
     /// Compares an answer of this machine with the one of the export, computing in the file's own precision.
@@ -120,20 +100,11 @@ impl SelfTest {
         let tolerance = self.tolerance[&self.precision];
         let worst_depth = self.compare_depth(got, tolerance.depth)?;
         let label_cells = self.compare_labels(got, tolerance.label_cells)?;
-        Ok(SelfTestReport {
-            checked: true,
-            worst_depth,
-            tolerance: tolerance.depth,
-            label_cells,
-        })
+        Ok(SelfTestReport { checked: true, worst_depth, tolerance: tolerance.depth, label_cells })
     }
 
     fn compare_depth(&self, got: &SelfTestGrid, tolerance: f32) -> Result<f32, SelfTestMismatch> {
-        let mut worst = Worst {
-            off: 0.0,
-            row: 0,
-            column: 0,
-        };
+        let mut worst = Worst { off: 0.0, row: 0, column: 0 };
         for (row, column) in cells() {
             let off = match (got.depth[row][column], self.answer.depth[row][column]) {
                 (Some(got), Some(expected)) => (got - expected).abs(),
@@ -223,27 +194,14 @@ pub enum SelfTestMismatch {
         "self-test: depth of cell (row {row}, column {column}) is `{got}`, expected `{expected}` within \
          `{tolerance}`\nhint: try another `--provider`; `cpu` is the one that models are exported with"
     )]
-    Depth {
-        row: usize,
-        column: usize,
-        got: Cell,
-        expected: Cell,
-        tolerance: f32,
-    },
+    Depth { row: usize, column: usize, got: Cell, expected: Cell, tolerance: f32 },
     /// More cells than allowed have another label; the first of them.
     #[error(
         "self-test: `{cells}` cells have another label, `{allowed}` may; the first is (row {row}, column {column}) \
          with `{got}`, expected `{expected}`\nhint: try another `--provider`; `cpu` is the one that models are \
          exported with"
     )]
-    Label {
-        row: usize,
-        column: usize,
-        got: u8,
-        expected: u8,
-        cells: u32,
-        allowed: u32,
-    },
+    Label { row: usize, column: usize, got: u8, expected: u8, cells: u32, allowed: u32 },
     /// Either the graph or the answer has labels, not both.
     #[error("self-test: the graph and the answer in its metadata do not both have labels")]
     LabelsMissing,
@@ -261,13 +219,7 @@ mod tests {
                 depth: [[Some(2.0); GRID_WIDTH]; GRID_HEIGHT],
                 labels: Some([[3; GRID_WIDTH]; GRID_HEIGHT]),
             },
-            tolerance: BTreeMap::from([(
-                "fp32".to_owned(),
-                Tolerance {
-                    depth: 0.01,
-                    label_cells: 1,
-                },
-            )]),
+            tolerance: BTreeMap::from([("fp32".to_owned(), Tolerance { depth: 0.01, label_cells: 1 })]),
         }
     }
 
@@ -287,10 +239,7 @@ mod tests {
         got.depth[1][2] = Some(2.5);
         got.depth[4][5] = Some(1.0);
         let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(
-            error.contains("cell (row 4, column 5) is `1`, expected `2` within `0.01`"),
-            "{error}"
-        );
+        assert!(error.contains("cell (row 4, column 5) is `1`, expected `2` within `0.01`"), "{error}");
     }
 
     #[test]
@@ -298,10 +247,7 @@ mod tests {
         let mut got = answer().answer;
         got.depth[0][7] = None;
         let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(
-            error.contains("cell (row 0, column 7) is `none`, expected `2`"),
-            "{error}"
-        );
+        assert!(error.contains("cell (row 0, column 7) is `none`, expected `2`"), "{error}");
     }
 
     #[test]
@@ -335,10 +281,7 @@ mod tests {
             ("picture", serde_json::json!("noise")),
             ("precision", serde_json::json!("int8")),
             ("depth", serde_json::json!(vec![vec![2.0; 7]; 6])),
-            (
-                "tolerance",
-                serde_json::json!({"fp32": {"depth": -1.0, "label_cells": 0}}),
-            ),
+            ("tolerance", serde_json::json!({"fp32": {"depth": -1.0, "label_cells": 0}})),
         ] {
             let mut bad = good.clone();
             bad[key] = value;

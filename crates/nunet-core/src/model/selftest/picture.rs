@@ -29,11 +29,7 @@ fn pixel(u: i32, v: i32) -> [i32; 3] {
         [170 - v / 4 + fine, 40 + u / 4, 40 + fine]
     } else if v >= 168 {
         let check = ((u + v) / 24 + (v - 168) / 12) % 2;
-        [
-            90 + 40 * check + fine,
-            70 + 30 * check + fine,
-            50 + 10 * check + v / 8,
-        ]
+        [90 + 40 * check + fine, 70 + 30 * check + fine, 50 + 10 * check + v / 8]
     } else {
         [150 - u / 4 + fine, 130 - v / 4 + fine, 100 + u / 8 + fine]
     }
@@ -48,19 +44,10 @@ mod tests {
     #[test]
     fn the_picture_is_the_documented_one_to_the_byte() {
         let rgb = picture(640, 480);
-        let first = [
-            150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164,
-        ];
+        let first = [150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164];
         assert_eq!(rgb[..16], first);
-        let digest: String = {
-            sha2::Sha256::digest(&rgb)
-                .iter()
-                .map(|byte| format!("{byte:02x}"))
-                .collect()
-        };
-        assert_eq!(
-            digest,
-            "f13ba5a29ec76e875ed3a4cebc8c294e8be9e184d3485a166b7446ac8cd72536"
-        );
+        let digest: String =
+            { sha2::Sha256::digest(&rgb).iter().map(|byte| format!("{byte:02x}")).collect() };
+        assert_eq!(digest, "f13ba5a29ec76e875ed3a4cebc8c294e8be9e184d3485a166b7446ac8cd72536");
     }
 }

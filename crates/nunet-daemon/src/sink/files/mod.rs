@@ -34,7 +34,8 @@ pub struct Results<'a> {
 /// # Errors
 /// The folder or a file cannot be written; the path is named.
 pub fn write(folder: &Path, results: &Results<'_>) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
     let write_file = |name: &str, write: &dyn Fn(&Path) -> anyhow::Result<()>| {
         let path = folder.join(name);
         write(&path).with_context(|| format!("cannot write `{}`", path.display()))

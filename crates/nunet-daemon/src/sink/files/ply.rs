@@ -44,7 +44,8 @@ mod tests {
         let text = String::from_utf8_lossy(&file);
         assert!(text.contains("element vertex 1\n"), "{text}");
         let body = &file[file.len() - 16..];
-        let mut expected: Vec<u8> = [1.0_f32, -2.0, 3.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+        let mut expected: Vec<u8> =
+            [1.0_f32, -2.0, 3.0].iter().flat_map(|value| value.to_le_bytes()).collect();
         expected.extend([30, 20, 10, 4]);
         assert_eq!(body, expected);
         assert!(file[..file.len() - 16].ends_with(b"end_header\n"));

@@ -6,7 +6,11 @@ use anyhow::Context as _;
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 
 /// 16-bit millimetres, 0 = no measurement. Depth beyond 65.535 m does not fit and is no measurement either.
-pub(super) fn write_depth_mm(path: &Path, depth_m: &[f32], (width, height): (u32, u32)) -> anyhow::Result<()> {
+pub(super) fn write_depth_mm(
+    path: &Path,
+    depth_m: &[f32],
+    (width, height): (u32, u32),
+) -> anyhow::Result<()> {
     let millimetres = depth_m.iter().map(|&z| millimetres(z)).collect();
     let picture: ImageBuffer<Luma<u16>, Vec<u16>> =
         ImageBuffer::from_raw(width, height, millimetres).context("depth does not fill the picture")?;
@@ -20,7 +24,8 @@ fn millimetres(depth_m: f32) -> u16 {
 
 /// 8-bit class indices.
 pub(super) fn write_gray(path: &Path, values: &[u8], (width, height): (u32, u32)) -> anyhow::Result<()> {
-    let picture = GrayImage::from_raw(width, height, values.to_vec()).context("labels do not fill the picture")?;
+    let picture =
+        GrayImage::from_raw(width, height, values.to_vec()).context("labels do not fill the picture")?;
     Ok(picture.save(path)?)
 }
 

@@ -5,7 +5,7 @@ use super::solid::{FACES, OnFace, Shape, Solid};
 use super::vector::Vec3;
 
 /// Distance between two samples on a surface, metres; light changes slowly.
-const SAMPLE_M: f32 = 0.08;
+const SAMPLE_M: f32 = 0.1;
 /// Samples lie this far inside a surface's border and in front of it, out of what it touches.
 const INSET_M: f32 = 0.004;
 /// Corners within this distance darken each other.
@@ -14,8 +14,8 @@ const CORNER_M: f32 = 0.9;
 /// Red, green, blue.
 const DAYLIGHT: Vec3 = Vec3::new(3.3, 3.7, 4.3);
 const LAMPLIGHT: Vec3 = Vec3::new(1.25, 1.05, 0.78);
-const FROM_CEILING: Vec3 = Vec3::new(0.34, 0.34, 0.35);
-const FROM_FLOOR: Vec3 = Vec3::new(0.24, 0.20, 0.17);
+const FROM_CEILING: Vec3 = Vec3::new(0.42, 0.42, 0.43);
+const FROM_FLOOR: Vec3 = Vec3::new(0.29, 0.25, 0.21);
 
 /// Light on all surfaces of all solids, sampled on a grid on each.
 pub(super) struct LightMap {
@@ -35,10 +35,7 @@ struct Patch {
 
 impl LightMap {
     pub(super) fn new(solids: &[Solid]) -> Self {
-        let mut map = Self {
-            patches: Vec::with_capacity(solids.len() * FACES),
-            samples: Vec::new(),
-        };
+        let mut map = Self { patches: Vec::with_capacity(solids.len() * FACES), samples: Vec::new() };
         for solid in solids {
             for face in 0..FACES as u8 {
                 let size = solid.shape.face_size(face).unwrap_or((0.0, 0.0));
@@ -58,15 +55,12 @@ impl LightMap {
         };
         self.patches.push(patch);
         if width == 0.0 || solid.faces[face as usize].material.shines() {
-            self.samples
-                .resize(patch.first + patch.columns * patch.rows, Vec3::ZERO);
+            self.samples.resize(patch.first + patch.columns * patch.rows, Vec3::ZERO);
             return;
         }
         for row in 0..patch.rows {
             for column in 0..patch.columns {
-                let u = (column as f32 / patch.columns_per_m)
-                    .min(width - INSET_M)
-                    .max(INSET_M);
+                let u = (column as f32 / patch.columns_per_m).min(width - INSET_M).max(INSET_M);
                 let v = (row as f32 / patch.rows_per_m).min(height - INSET_M).max(INSET_M);
                 let (point, normal) = solid.shape.point(face, OnFace { u, v });
                 let normal = solid.room_direction(normal);
@@ -76,13 +70,11 @@ impl LightMap {
         }
     }
 
-    /// The light on surface `face` of solid number `solid`, between its four nearest samples.
+    /// The light at a point of a surface (number of the solid times [`FACES`] plus the face), between its four nearest
+    /// samples.
     pub(super) fn at(&self, surface: usize, at: &OnFace) -> Vec3 {
         let patch = &self.patches[surface];
-        let (x, y) = (
-            (at.u * patch.columns_per_m).max(0.0),
-            (at.v * patch.rows_per_m).max(0.0),
-        );
+        let (x, y) = ((at.u * patch.columns_per_m).max(0.0), (at.v * patch.rows_per_m).max(0.0));
         let column = (x as usize).min(patch.columns - 2);
         let row = (y as usize).min(patch.rows - 2);
         let (fx, fy) = ((x - column as f32).min(1.0), (y - row as f32).min(1.0));
@@ -104,19 +96,9 @@ fn light_at(solids: &[Solid], point: Vec3, normal: Vec3) -> Vec3 {
 
 /// The share of directions above the surface that nothing nearby blocks.
 fn openness(solids: &[Solid], point: Vec3, normal: Vec3) -> f32 {
-    const RING: [(f32, f32); 6] = [
-        (1.0, 0.0),
-        (0.5, 0.866),
-        (-0.5, 0.866),
-        (-1.0, 0.0),
-        (-0.5, -0.866),
-        (0.5, -0.866),
-    ];
-    let aside = if normal.z.abs() < 0.7 {
-        Vec3::new(0.0, 0.0, 1.0)
-    } else {
-        Vec3::new(1.0, 0.0, 0.0)
-    };
+    const RING: [(f32, f32); 6] =
+        [(1.0, 0.0), (0.5, 0.866), (-0.5, 0.866), (-1.0, 0.0), (-0.5, -0.866), (0.5, -0.866)];
+    let aside = if normal.z.abs() < 0.7 { Vec3::new(0.0, 0.0, 1.0) } else { Vec3::new(1.0, 0.0, 0.0) };
     let a = normal.cross(aside).normalised();
     let b = normal.cross(a);
     let directions = RING.into_iter().flat_map(|(x, y)| {
@@ -128,30 +110,20 @@ fn openness(solids: &[Solid], point: Vec3, normal: Vec3) -> f32 {
 }
 
 fn daylight(solids: &[Solid], point: Vec3, normal: Vec3) -> Vec3 {
-    const PLACES: [(f32, f32); 6] = [
-        (-0.3, -0.3),
-        (0.0, -0.3),
-        (0.3, -0.3),
-        (-0.3, 0.3),
-        (0.0, 0.3),
-        (0.3, 0.3),
-    ];
+    const PLACES: [(f32, f32); 6] =
+        [(-0.3, -0.3), (0.0, -0.3), (0.3, -0.3), (-0.3, 0.3), (0.0, 0.3), (0.3, 0.3)];
     let (width, height) = WINDOW_SIZE;
     let pane = |(across, up): (f32, f32)| WINDOW + Vec3::new(0.06, across * width, up * height);
-    let sum: f32 = PLACES
-        .into_iter()
-        .map(|place| arriving(solids, point, normal, pane(place), |d| -d.x))
-        .sum();
+    let sum: f32 =
+        PLACES.into_iter().map(|place| arriving(solids, point, normal, pane(place), |d| -d.x)).sum();
     DAYLIGHT * (sum / PLACES.len() as f32)
 }
 
 fn lamplight(solids: &[Solid], point: Vec3, normal: Vec3) -> Vec3 {
     const PLACES: [(f32, f32); 4] = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
     let bulb = |(x, y): (f32, f32)| LAMP + Vec3::new(x, y, -0.4) * (LAMP_RADIUS + 0.02);
-    let sum: f32 = PLACES
-        .into_iter()
-        .map(|place| arriving(solids, point, normal, bulb(place), |_| 1.0))
-        .sum();
+    let sum: f32 =
+        PLACES.into_iter().map(|place| arriving(solids, point, normal, bulb(place), |_| 1.0)).sum();
     LAMPLIGHT * (sum / PLACES.len() as f32)
 }
 
@@ -167,16 +139,14 @@ fn arriving(solids: &[Solid], point: Vec3, normal: Vec3, source: Vec3, shows: im
     facing / (length * length + 0.3)
 }
 
-/// How far it is to the next solid along a direction of length 1; beyond the room's walls nothing counts.
+/// How far it is to the next surface along a direction of length 1.
 fn distance(solids: &[Solid], from: Vec3, direction: Vec3) -> f32 {
     let mut nearest = f32::INFINITY;
     for solid in solids {
         if !may_meet(solid, from, direction) {
             continue;
         }
-        let (t, _) = solid
-            .shape
-            .meet(solid.own_point(from), solid.own_direction(direction));
+        let (t, _) = solid.shape.meet(solid.own_point(from), solid.own_direction(direction));
         nearest = nearest.min(t);
     }
     nearest

@@ -76,13 +76,7 @@ impl DemoScene {
         let solids = room::furnished(seed);
         let light = LightMap::new(&solids);
         let renderer = Renderer::new(intrinsics, solids.len());
-        Ok(Self {
-            seed,
-            intrinsics,
-            solids,
-            light,
-            renderer,
-        })
+        Ok(Self { seed, intrinsics, solids, light, renderer })
     }
 
     /// The camera's intrinsics, at the size of its pictures; it has no distortion.
@@ -107,8 +101,7 @@ impl DemoScene {
     ) {
         let pixels = self.renderer.depth_m().len();
         assert_eq!(rgb.len(), 3 * pixels, "three bytes for each pixel");
-        self.renderer
-            .look(&self.solids, &path::pose(self.seed, frame_index));
+        self.renderer.look(&self.solids, &path::pose(self.seed, frame_index));
         self.renderer.paint(&self.solids, &self.light, rgb);
         if let Some(depth_m) = depth_m {
             depth_m.copy_from_slice(self.renderer.depth_m());

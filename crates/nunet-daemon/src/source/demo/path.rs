@@ -19,11 +19,8 @@ pub(super) struct Pose {
 pub(super) fn pose(seed: u64, frame_index: u64) -> Pose {
     let start = |what: u32| u64::from(hash(seed as u32, what));
     let swing = |period: u64, what: u32| swing(frame_index % period + start(what) % period, period);
-    let position = Vec3::new(
-        2.45 + 0.55 * swing(600, 1),
-        0.95 + 0.40 * swing(840, 2),
-        1.40 + 0.05 * swing(150, 3),
-    );
+    let position =
+        Vec3::new(2.45 + 0.55 * swing(600, 1), 0.95 + 0.40 * swing(840, 2), 1.40 + 0.05 * swing(150, 3));
     let (cos_yaw, sin_yaw) = cos_sin(0.17 * swing(720, 4));
     let (cos_pitch, sin_pitch) = cos_sin(-0.075 + 0.02 * swing(330, 5));
     let (cos_roll, sin_roll) = cos_sin(0.012 * swing(270, 6));
@@ -48,8 +45,5 @@ fn swing(time: u64, period: u64) -> f32 {
 /// Cosine and sine of twice the angle with this tangent.
 fn cos_sin(half_angle_tangent: f32) -> (f32, f32) {
     let square = half_angle_tangent * half_angle_tangent;
-    (
-        (1.0 - square) / (1.0 + square),
-        2.0 * half_angle_tangent / (1.0 + square),
-    )
+    ((1.0 - square) / (1.0 + square), 2.0 * half_angle_tangent / (1.0 + square))
 }

@@ -4,7 +4,7 @@ use nunet_core::camera::Intrinsics;
 
 use super::light::LightMap;
 use super::path::Pose;
-use super::solid::{FACES, Shape, Solid};
+use super::solid::{FACES, Shape, Solid, meet_cuboid, meet_hollow};
 use super::vector::Vec3;
 
 /// Nothing nearer to the camera is looked for, metres.
@@ -22,6 +22,7 @@ struct Rays {
 }
 
 impl Rays {
+    #[inline]
     fn direction(&self, column: usize, row: usize) -> Vec3 {
         self.base + self.per_column * column as f32 + self.per_row * row as f32
     }
@@ -68,25 +69,24 @@ impl Renderer {
             };
             // A loop for each shape, so that no pixel asks which it is.
             match solid.shape {
-                Shape::Cuboid { half } => {
-                    self.meet(window, rays, number, |o, d| Shape::Cuboid { half }.meet(o, d))
-                }
-                Shape::Hollow { half } => {
-                    self.meet(window, rays, number, |o, d| Shape::Hollow { half }.meet(o, d))
-                }
-                shape => self.meet(window, rays, number, |o, d| shape.meet(o, d)),
+                Shape::Cuboid { half } => self.meet(window, &rays, number, |o, d| meet_cuboid(half, o, d)),
+                Shape::Hollow { half } => self.meet(window, &rays, number, |o, d| meet_hollow(half, o, d)),
+                shape => self.meet(window, &rays, number, |o, d| shape.meet(o, d)),
             }
         }
     }
 
-    fn meet(&mut self, window: Window, rays: Rays, number: usize, meet: impl Fn(Vec3, Vec3) -> (f32, u8)) {
-        for row in window.rows.0..window.rows.1 {
-            for column in window.columns.0..window.columns.1 {
+    #[inline]
+    fn meet(&mut self, window: Window, rays: &Rays, number: usize, meet: impl Fn(Vec3, Vec3) -> (f32, u8)) {
+        let Window { columns: (left, right), rows: (top, bottom) } = window;
+        for row in top..bottom {
+            let pixels = row * self.width + left..row * self.width + right;
+            let depths = &mut self.depth_m[pixels.clone()];
+            for ((column, depth), surface) in (left..right).zip(depths).zip(&mut self.surfaces[pixels]) {
                 let (t, face) = meet(rays.origin, rays.direction(column, row));
-                let pixel = row * self.width + column;
-                if t < self.depth_m[pixel] {
-                    self.depth_m[pixel] = t;
-                    self.surfaces[pixel] = (number * FACES) as u16 + u16::from(face);
+                if t < *depth {
+                    *depth = t;
+                    *surface = (number * FACES) as u16 + u16::from(face);
                 }
             }
         }
@@ -105,11 +105,7 @@ impl Renderer {
                 let at = solid.shape.chart(face, point);
                 let material = solid.faces[face as usize].material;
                 let colour = material.colour(&at);
-                let seen = if material.shines() {
-                    colour
-                } else {
-                    lit(colour, light.at(surface, &at))
-                };
+                let seen = if material.shines() { colour } else { lit(colour, light.at(surface, &at)) };
                 if let Some(out) = pixels.next() {
                     *out = bytes(seen);
                 }
@@ -126,13 +122,7 @@ impl Renderer {
     }
 
     fn rays_in(&self, solid: &Solid, pose: &Pose) -> Rays {
-        let Intrinsics {
-            fx_px,
-            fy_px,
-            cx_px,
-            cy_px,
-            ..
-        } = self.intrinsics;
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
         let per_column = pose.right * (1.0 / fx_px) as f32;
         let per_row = pose.down * (1.0 / fy_px) as f32;
         let base = pose.forward - per_column * cx_px as f32 - per_row * cy_px as f32;
@@ -146,10 +136,7 @@ impl Renderer {
 
     /// The pixels that may show a solid: the rectangle around the corners of the cuboid around it.
     fn window(&self, solid: &Solid, pose: &Pose) -> Option<Window> {
-        let whole = Window {
-            columns: (0, self.width),
-            rows: (0, self.height),
-        };
+        let whole = Window { columns: (0, self.width), rows: (0, self.height) };
         if matches!(solid.shape, Shape::Hollow { .. }) {
             return Some(whole);
         }
@@ -187,10 +174,8 @@ struct Window {
 
 /// Conversion from float saturates, so that what lies outside the picture ends at its border.
 fn pixels_between(low: f32, high: f32, side: usize) -> (usize, usize) {
-    (
-        low.floor() as usize,
-        (high.ceil() as usize).saturating_add(1).min(side),
-    )
+    let end = (high.ceil() as usize).saturating_add(1).min(side);
+    ((low.floor() as usize).min(end), end)
 }
 
 fn lit(colour: Vec3, light: Vec3) -> Vec3 {

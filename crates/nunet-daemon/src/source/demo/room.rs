@@ -28,10 +28,7 @@ const BLACK_PAINT: Material = Material::Paint(Colour::new(0.04, 0.04, 0.045));
 
 /// All solids of the room; the room itself is the first.
 pub(super) fn furnished(seed: u64) -> Vec<Solid> {
-    let mut room = Room {
-        solids: vec![walls()],
-        seed: (seed ^ (seed >> 32)) as u32,
-    };
+    let mut room = Room { solids: vec![walls()], seed: (seed ^ (seed >> 32)) as u32 };
     room.window();
     room.ceiling_lamp();
     room.bed();
@@ -47,18 +44,10 @@ pub(super) fn furnished(seed: u64) -> Vec<Solid> {
 }
 
 fn walls() -> Solid {
-    let wall = |r, g, b| Finish {
-        label: class::WALL,
-        material: Material::Plaster(Colour::new(r, g, b)),
-    };
-    let floor = Finish {
-        label: class::FLOOR,
-        material: Material::Boards(Colour::new(0.36, 0.21, 0.11)),
-    };
-    let ceiling = Finish {
-        label: class::CEILING,
-        material: Material::Plaster(Colour::new(0.80, 0.80, 0.77)),
-    };
+    let wall = |r, g, b| Finish { label: class::WALL, material: Material::Plaster(Colour::new(r, g, b)) };
+    let floor = Finish { label: class::FLOOR, material: Material::Boards(Colour::new(0.36, 0.21, 0.11)) };
+    let ceiling =
+        Finish { label: class::CEILING, material: Material::Plaster(Colour::new(0.80, 0.80, 0.77)) };
     let half = SIZE * 0.5;
     Solid {
         shape: Shape::Hollow { half },
@@ -84,23 +73,14 @@ struct Place {
 
 /// A place on the floor.
 fn at(x: f32, y: f32) -> Place {
-    Place {
-        at: Vec3::new(x, y, 0.0),
-        turn: (1.0, 0.0),
-    }
+    Place { at: Vec3::new(x, y, 0.0), turn: (1.0, 0.0) }
 }
 
 impl Place {
     /// Turned to the left by twice the angle of this tangent: sine and cosine without either function.
     fn turned(self, half_angle_tangent: f32) -> Self {
         let square = half_angle_tangent * half_angle_tangent;
-        Self {
-            turn: (
-                (1.0 - square) / (1.0 + square),
-                2.0 * half_angle_tangent / (1.0 + square),
-            ),
-            ..self
-        }
+        Self { turn: ((1.0 - square) / (1.0 + square), 2.0 * half_angle_tangent / (1.0 + square)), ..self }
     }
 }
 
@@ -126,12 +106,7 @@ impl Room {
     }
 
     fn put(&mut self, place: Place, shape: Shape, x: f32, y: f32, z: f32, faces: [Finish; FACES]) {
-        let mut solid = Solid {
-            shape,
-            centre: place.at,
-            turn: place.turn,
-            faces,
-        };
+        let mut solid = Solid { shape, centre: place.at, turn: place.turn, faces };
         solid.centre = solid.room_point(Vec3::new(x, y, z));
         self.solids.push(solid);
     }
@@ -147,21 +122,11 @@ impl Room {
     ) {
         let half = Vec3::new(max.0 - min.0, max.1 - min.1, height.1 - height.0) * 0.5;
         let (x, y) = ((min.0 + max.0) * 0.5, (min.1 + max.1) * 0.5);
-        self.put(
-            place,
-            Shape::Cuboid { half },
-            x,
-            y,
-            (height.0 + height.1) * 0.5,
-            faces,
-        );
+        self.put(place, Shape::Cuboid { half }, x, y, (height.0 + height.1) * 0.5, faces);
     }
 
     fn post(&mut self, place: Place, at: (f32, f32), height: (f32, f32), radius: f32, of: Finish) {
-        let shape = Shape::Cylinder {
-            radius,
-            half_height: (height.1 - height.0) * 0.5,
-        };
+        let shape = Shape::Cylinder { radius, half_height: (height.1 - height.0) * 0.5 };
         self.put(place, shape, at.0, at.1, (height.0 + height.1) * 0.5, [of; FACES]);
     }
 
@@ -175,21 +140,9 @@ impl Room {
         let mut faces = [finish(class::WINDOW, WHITE_PAINT); FACES];
         faces[1] = pane;
         let (bottom, top) = (WINDOW.z - height / 2.0, WINDOW.z + height / 2.0);
-        self.block(
-            at(0.0, WINDOW.y),
-            (0.0, -width / 2.0),
-            (0.03, width / 2.0),
-            (bottom, top),
-            faces,
-        );
+        self.block(at(0.0, WINDOW.y), (0.0, -width / 2.0), (0.03, width / 2.0), (bottom, top), faces);
         let sill = [finish(class::WINDOW, WHITE_PAINT); FACES];
-        self.block(
-            at(0.0, WINDOW.y),
-            (0.0, -1.05),
-            (0.16, 1.05),
-            (bottom - 0.05, bottom),
-            sill,
-        );
+        self.block(at(0.0, WINDOW.y), (0.0, -1.05), (0.16, 1.05), (bottom - 0.05, bottom), sill);
     }
 
     fn ceiling_lamp(&mut self) {
@@ -197,13 +150,7 @@ impl Room {
         let cord = finish(class::OBJECTS, BLACK_PAINT);
         let lamp = at(LAMP.x, LAMP.y);
         self.post(lamp, (0.0, 0.0), (LAMP.z + 0.08, SIZE.z), 0.012, cord);
-        self.post(
-            lamp,
-            (0.0, 0.0),
-            (LAMP.z - 0.08, LAMP.z + 0.08),
-            LAMP_RADIUS,
-            glass,
-        );
+        self.post(lamp, (0.0, 0.0), (LAMP.z - 0.08, LAMP.z + 0.08), LAMP_RADIUS, glass);
     }
 
     fn bed(&mut self) {
@@ -228,13 +175,7 @@ impl Room {
         faces[2] = finish(class::TV, Material::Screen { width, height });
         self.block(place, (-0.85, -0.48), (0.85, -0.02), (0.08, 0.50), cabinet);
         self.block(place, (-0.80, -0.44), (0.80, -0.06), (0.0, 0.08), cabinet);
-        self.block(
-            place,
-            (-0.2, -0.36),
-            (0.2, -0.14),
-            (0.50, 0.53),
-            [finish(class::TV, BLACK_PAINT); FACES],
-        );
+        self.block(place, (-0.2, -0.36), (0.2, -0.14), (0.50, 0.53), [finish(class::TV, BLACK_PAINT); FACES]);
         self.block(
             place,
             (-0.04, -0.25),
@@ -242,13 +183,7 @@ impl Room {
             (0.53, 0.62),
             [finish(class::TV, BLACK_PAINT); FACES],
         );
-        self.block(
-            place,
-            (-width / 2.0, -0.25),
-            (width / 2.0, -0.19),
-            (0.60, 0.60 + height),
-            faces,
-        );
+        self.block(place, (-width / 2.0, -0.25), (width / 2.0, -0.19), (0.60, 0.60 + height), faces);
         let speaker = [finish(class::OBJECTS, BLACK_PAINT); FACES];
         self.block(place, (0.68, -0.34), (0.80, -0.18), (0.50, 0.72), speaker);
     }
@@ -301,13 +236,7 @@ impl Room {
     fn table(&mut self) {
         let place = at(2.35 + 0.1 * self.chance(6), 3.55 + 0.1 * self.chance(7)).turned(0.06);
         let rug = Material::Stripes(self.dyed(6, 0.46, 0.40, 0.30), Colour::new(0.16, 0.20, 0.24));
-        self.block(
-            place,
-            (-1.1, -0.85),
-            (1.1, 0.85),
-            (0.0, 0.012),
-            [finish(class::FLOOR, rug); FACES],
-        );
+        self.block(place, (-1.1, -0.85), (1.1, 0.85), (0.0, 0.012), [finish(class::FLOOR, rug); FACES]);
         let oak = finish(class::TABLE, OAK);
         self.block(place, (-0.65, -0.42), (0.65, 0.42), (0.70, 0.74), [oak; FACES]);
         for (x, y) in [(-0.58, -0.35), (0.58, -0.35), (-0.58, 0.35), (0.58, 0.35)] {
@@ -317,12 +246,7 @@ impl Room {
         let orange = finish(class::OBJECTS, Material::Paint(Colour::new(0.80, 0.34, 0.04)));
         let mug = finish(class::OBJECTS, Material::Paint(Colour::new(0.58, 0.06, 0.07)));
         self.post(place, (0.30, 0.10), (0.74, 0.98), 0.055, china);
-        self.ball(
-            place,
-            (0.30, 0.10, 1.02),
-            0.085,
-            finish(class::OBJECTS, Material::Leaves),
-        );
+        self.ball(place, (0.30, 0.10, 1.02), 0.085, finish(class::OBJECTS, Material::Leaves));
         self.ball(place, (-0.15, 0.05, 0.785), 0.045, orange);
         self.ball(place, (-0.06, 0.09, 0.785), 0.045, orange);
         self.post(place, (-0.38, -0.15), (0.74, 0.83), 0.04, mug);
@@ -332,17 +256,9 @@ impl Room {
 
     fn chairs(&mut self) {
         let black = self.dyed(9, 0.06, 0.06, 0.07);
-        self.chair(
-            at(1.35 + 0.05 * self.chance(8), 3.35).turned(-0.45),
-            OAK,
-            Material::Fabric(black),
-        );
+        self.chair(at(1.35 + 0.05 * self.chance(8), 3.35).turned(-0.45), OAK, Material::Fabric(black));
         let green = self.dyed(10, 0.10, 0.24, 0.16);
-        self.chair(
-            at(2.75, 2.75 + 0.05 * self.chance(9)).turned(0.12),
-            WALNUT,
-            Material::Fabric(green),
-        );
+        self.chair(at(2.75, 2.75 + 0.05 * self.chance(9)).turned(0.12), WALNUT, Material::Fabric(green));
     }
 
     /// A chair whose back is towards its place's -y.
@@ -350,12 +266,9 @@ impl Room {
         let (wood, cloth) = (finish(class::CHAIR, wood), finish(class::CHAIR, cloth));
         self.block(place, (-0.22, -0.22), (0.22, 0.22), (0.42, 0.47), [cloth; FACES]);
         self.block(place, (-0.22, -0.24), (0.22, -0.20), (0.62, 0.92), [wood; FACES]);
-        for (x, y, top) in [
-            (-0.19, -0.22, 0.90),
-            (0.19, -0.22, 0.90),
-            (-0.19, 0.19, 0.42),
-            (0.19, 0.19, 0.42),
-        ] {
+        for (x, y, top) in
+            [(-0.19, -0.22, 0.90), (0.19, -0.22, 0.90), (-0.19, 0.19, 0.42), (0.19, 0.19, 0.42)]
+        {
             self.post(place, (x, y), (0.0, top), 0.02, wood);
         }
     }
@@ -365,18 +278,9 @@ impl Room {
         let pot = finish(class::OBJECTS, Material::Paint(Colour::new(0.48, 0.20, 0.10)));
         let leaves = finish(class::OBJECTS, Material::Leaves);
         self.post(place, (0.0, 0.0), (0.0, 0.34), 0.17, pot);
-        self.post(
-            place,
-            (0.0, 0.0),
-            (0.34, 0.70),
-            0.02,
-            finish(class::OBJECTS, WALNUT),
-        );
-        for (x, y, z, radius) in [
-            (0.0, 0.0, 0.86, 0.22),
-            (0.13, 0.08, 0.68, 0.14),
-            (-0.10, 0.10, 1.05, 0.15),
-        ] {
+        self.post(place, (0.0, 0.0), (0.34, 0.70), 0.02, finish(class::OBJECTS, WALNUT));
+        for (x, y, z, radius) in [(0.0, 0.0, 0.86, 0.22), (0.13, 0.08, 0.68, 0.14), (-0.10, 0.10, 1.05, 0.15)]
+        {
             self.ball(place, (x, y, z), radius, leaves);
         }
     }

@@ -99,31 +99,17 @@ impl Shape {
     pub(super) fn chart(self, face: u8, p: Vec3) -> OnFace {
         match self {
             Self::Cuboid { half } | Self::Hollow { half } => match face / 2 {
-                0 => OnFace {
-                    u: p.y + half.y,
-                    v: p.z + half.z,
-                },
-                1 => OnFace {
-                    u: p.x + half.x,
-                    v: p.z + half.z,
-                },
-                _ => OnFace {
-                    u: p.x + half.x,
-                    v: p.y + half.y,
-                },
+                0 => OnFace { u: p.y + half.y, v: p.z + half.z },
+                1 => OnFace { u: p.x + half.x, v: p.z + half.z },
+                _ => OnFace { u: p.x + half.x, v: p.y + half.y },
             },
-            Self::Cylinder { radius, half_height } if face == 0 => OnFace {
-                u: turns_from_direction(p.x, p.y) * circumference(radius),
-                v: p.z + half_height,
-            },
-            Self::Cylinder { radius, .. } => OnFace {
-                u: p.x + radius,
-                v: p.y + radius,
-            },
-            Self::Ball { radius } => OnFace {
-                u: turns_from_direction(p.x, p.y) * circumference(radius),
-                v: p.z + radius,
-            },
+            Self::Cylinder { radius, half_height } if face == 0 => {
+                OnFace { u: turns_from_direction(p.x, p.y) * circumference(radius), v: p.z + half_height }
+            }
+            Self::Cylinder { radius, .. } => OnFace { u: p.x + radius, v: p.y + radius },
+            Self::Ball { radius } => {
+                OnFace { u: turns_from_direction(p.x, p.y) * circumference(radius), v: p.z + radius }
+            }
         }
     }
 
@@ -145,40 +131,23 @@ impl Shape {
     /// The point at `(u, v)` of surface `face` and the direction away from the visible side: [`Shape::chart`] undone.
     pub(super) fn point(self, face: u8, at: OnFace) -> (Vec3, Vec3) {
         let OnFace { u, v } = at;
-        let side = if face % 2 == 0 { -1.0 } else { 1.0 };
+        let side = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
         match self {
             Self::Cuboid { half } | Self::Hollow { half } => {
-                let outwards = if matches!(self, Self::Hollow { .. }) {
-                    -side
-                } else {
-                    side
-                };
+                let outwards = if matches!(self, Self::Hollow { .. }) { -side } else { side };
                 match face / 2 {
-                    0 => (
-                        Vec3::new(side * half.x, u - half.y, v - half.z),
-                        Vec3::new(outwards, 0.0, 0.0),
-                    ),
-                    1 => (
-                        Vec3::new(u - half.x, side * half.y, v - half.z),
-                        Vec3::new(0.0, outwards, 0.0),
-                    ),
-                    _ => (
-                        Vec3::new(u - half.x, v - half.y, side * half.z),
-                        Vec3::new(0.0, 0.0, outwards),
-                    ),
+                    0 => (Vec3::new(side * half.x, u - half.y, v - half.z), Vec3::new(outwards, 0.0, 0.0)),
+                    1 => (Vec3::new(u - half.x, side * half.y, v - half.z), Vec3::new(0.0, outwards, 0.0)),
+                    _ => (Vec3::new(u - half.x, v - half.y, side * half.z), Vec3::new(0.0, 0.0, outwards)),
                 }
             }
             Self::Cylinder { radius, half_height } if face == 0 => {
                 let (x, y) = direction_from_turns(u / circumference(radius));
-                (
-                    Vec3::new(x * radius, y * radius, v - half_height),
-                    Vec3::new(x, y, 0.0),
-                )
+                (Vec3::new(x * radius, y * radius, v - half_height), Vec3::new(x, y, 0.0))
             }
-            Self::Cylinder { radius, half_height } => (
-                Vec3::new(u - radius, v - radius, side * half_height),
-                Vec3::new(0.0, 0.0, side),
-            ),
+            Self::Cylinder { radius, half_height } => {
+                (Vec3::new(u - radius, v - radius, side * half_height), Vec3::new(0.0, 0.0, side))
+            }
             Self::Ball { radius } => {
                 let (x, y) = direction_from_turns(u / circumference(radius));
                 let z = v - radius;
@@ -190,7 +159,8 @@ impl Shape {
     }
 }
 
-fn meet_cuboid(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
+#[inline]
+pub(super) fn meet_cuboid(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
     let (x_in, x_out) = slab(half.x, o.x, d.x);
     let (y_in, y_out) = slab(half.y, o.y, d.y);
     let (z_in, z_out) = slab(half.z, o.z, d.z);
@@ -210,19 +180,17 @@ fn meet_cuboid(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
 }
 
 /// Where a ray enters and leaves the space between two parallel planes.
+#[inline]
 fn slab(half: f32, o: f32, d: f32) -> (f32, f32) {
     let inverse = 1.0 / d;
     let (a, b) = ((-half - o) * inverse, (half - o) * inverse);
     (a.min(b), a.max(b))
 }
 
-fn meet_hollow(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
+#[inline]
+pub(super) fn meet_hollow(half: Vec3, o: Vec3, d: Vec3) -> (f32, u8) {
     let leave = |half: f32, o: f32, d: f32| (half.copysign(d) - o) / d;
-    let (x, y, z) = (
-        leave(half.x, o.x, d.x),
-        leave(half.y, o.y, d.y),
-        leave(half.z, o.z, d.z),
-    );
+    let (x, y, z) = (leave(half.x, o.x, d.x), leave(half.y, o.y, d.y), leave(half.z, o.z, d.z));
     let (t, axis, along) = if x < y { (x, 0, d.x) } else { (y, 2, d.y) };
     let (t, axis, along) = if t < z { (t, axis, along) } else { (z, 4, d.z) };
     (t, axis + u8::from(along > 0.0))
@@ -235,16 +203,8 @@ fn meet_cylinder(radius: f32, half_height: f32, o: Vec3, d: Vec3) -> (f32, u8) {
     if t > 0.0 && x * x + y * y <= radius * radius {
         return (t, 1 + u8::from(cap < 0.0));
     }
-    let t = meet_round(
-        d.x * d.x + d.y * d.y,
-        o.x * d.x + o.y * d.y,
-        o.x * o.x + o.y * o.y - radius * radius,
-    );
-    if (o.z + t * d.z).abs() <= half_height {
-        (t, 0)
-    } else {
-        (f32::INFINITY, 0)
-    }
+    let t = meet_round(d.x * d.x + d.y * d.y, o.x * d.x + o.y * d.y, o.x * o.x + o.y * o.y - radius * radius);
+    if (o.z + t * d.z).abs() <= half_height { (t, 0) } else { (f32::INFINITY, 0) }
 }
 
 /// The smaller root of `a t^2 + 2 b t + c`, if there is one in front; infinity else.

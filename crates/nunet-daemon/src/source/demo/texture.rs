@@ -78,17 +78,13 @@ impl Material {
 fn boards(colour: Colour, u: f32, v: f32) -> Colour {
     const WIDTH: f32 = 0.14;
     const LENGTH: f32 = 1.3;
-    let row = (v / WIDTH).floor();
+    let row = (v / WIDTH) as i32;
     let along = u / LENGTH + unit(row as u32, 21) * 7.0;
-    let board = along.floor();
-    let (across_seam, along_seam) = (v / WIDTH - row, along - board);
+    let board = along as i32;
+    let (across_seam, along_seam) = (v / WIDTH - row as f32, along - board as f32);
     let tone = mix(0.72, 1.08, unit(row as u32, board as u32));
     let grain = mix(0.85, 1.1, hills(u * 3.0, v * 60.0, 22));
-    let seam = if across_seam < 0.03 || along_seam < 0.004 {
-        0.55
-    } else {
-        1.0
-    };
+    let seam = if across_seam < 0.03 || along_seam < 0.004 { 0.55 } else { 1.0 };
     colour * (tone * grain * seam)
 }
 
@@ -100,13 +96,13 @@ fn stripes(one: Colour, other: Colour, u: f32, v: f32) -> Colour {
 
 fn books(height: f32, seed: u32, u: f32, v: f32) -> Colour {
     const WIDTH: f32 = 0.036;
-    let book = (u / WIDTH) as u32;
+    let book = (u / WIDTH) as i32;
     let across = u / WIDTH - book as f32;
-    let top = height * mix(0.7, 1.0, unit(book, seed));
+    let top = height * mix(0.7, 1.0, unit(book as u32, seed));
     if v > top || !(0.06..0.94).contains(&across) {
         return DARK;
     }
-    let cover = match hash(book, seed ^ 31) % 6 {
+    let cover = match hash(book as u32, seed ^ 31) % 6 {
         0 => Colour::new(0.42, 0.05, 0.05),
         1 => Colour::new(0.05, 0.13, 0.34),
         2 => Colour::new(0.09, 0.26, 0.12),
@@ -115,11 +111,7 @@ fn books(height: f32, seed: u32, u: f32, v: f32) -> Colour {
         _ => Colour::new(0.22, 0.10, 0.28),
     };
     let title = (0.6..0.8).contains(&(v / top));
-    if title {
-        mix_colour(cover, WHITE, 0.6)
-    } else {
-        cover
-    }
+    if title { mix_colour(cover, WHITE, 0.6) } else { cover }
 }
 
 fn painting(u: f32, v: f32, seed: u32) -> Colour {
@@ -145,11 +137,7 @@ fn screen(u: f32, v: f32) -> Colour {
     let bezel = u.min(v) < 0.025 || u.max(v) > 0.975;
     // The window's reflection, a slanted band.
     let shine = (1.0 - (u + 0.4 * v - 0.45).abs() * 5.0).max(0.0);
-    if bezel {
-        DARK
-    } else {
-        mix_colour(DARK, Colour::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine)
-    }
+    if bezel { DARK } else { mix_colour(DARK, Colour::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine) }
 }
 
 fn window(u: f32, v: f32, width: f32, height: f32) -> Colour {

@@ -3,7 +3,8 @@
 use serde_json::{Value, json};
 
 /// The columns of [`Series::row`].
-pub(super) const HEAD: &str = "ms                  mean       min       p50       p90       p99      p999       max";
+pub(super) const HEAD: &str =
+    "ms                  mean       min       p50       p90       p99      p999       max";
 
 /// Times in milliseconds, all of them kept: a benchmark has few.
 #[derive(Debug, Default)]

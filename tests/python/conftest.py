@@ -1,0 +1,40 @@
+"""A running daemon for the tests. The binary's path comes in `NUNETD`."""
+
+import itertools
+import json
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+COUNTER = itertools.count()
+MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onnx"
+
+
+@pytest.fixture(scope="session")
+def nunetd():
+    """The path of the daemon's binary. A missing one fails: these tests are never skipped."""
+    path = os.environ.get("NUNETD")
+    assert path and os.path.exists(path), "set NUNETD to the daemon's binary (`cargo xtask test` does)"
+    return path
+
+
+@pytest.fixture(scope="session")
+def contract(nunetd):
+    """What `nunetd contract --json` prints."""
+    return json.loads(subprocess.run([nunetd, "contract", "--json"], check=True, capture_output=True).stdout)
+
+
+@pytest.fixture
+def camera(nunetd):
+    """The name of a camera that a daemon publishes while the test runs, from the demo scene."""
+    name = f"pytest-{os.getpid()}-{next(COUNTER)}"
+    model = str(MODEL)
+    command = [nunetd, "--model", model, "--source", "demo", "--camera", name, "--rate", "30"]
+    daemon = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    try:
+        yield name
+    finally:
+        daemon.terminate()
+        daemon.wait(timeout=30)

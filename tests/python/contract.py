@@ -1,0 +1,99 @@
+"""A reader of nunet's shared memory, made from `nunetd contract --json` alone.
+
+It knows nothing of the Rust code: names, offsets, types and numbers all come from the JSON, frames through the
+`iceoryx2` package of PyPI.
+"""
+
+import ctypes
+import time
+
+import iceoryx2 as iox2
+
+NUMBERS = {
+    "u8": ctypes.c_uint8,
+    "u32": ctypes.c_uint32,
+    "u64": ctypes.c_uint64,
+    "i64": ctypes.c_int64,
+    "f32": ctypes.c_float,
+    "f64": ctypes.c_double,
+}
+
+
+def structure(layout):
+    """A ctypes structure with the fields, offsets and type name that the contract gives."""
+    fields = []
+    for field in layout["fields"]:
+        number = NUMBERS[field["type"]]
+        fields.append((field["name"], number * field["count"] if field["count"] > 1 else number))
+    name = layout["type"]
+    made = type(name.split(".")[-1], (ctypes.Structure,), {
+        "_fields_": fields,
+        "type_name": staticmethod(lambda: name),
+    })
+    for field in layout["fields"]:
+        assert getattr(made, field["name"]).offset == field["offset"], field
+    assert ctypes.sizeof(made) == layout["bytes"]
+    return made
+
+
+def block(layout):
+    """The payload's element: bytes, and nothing but bytes."""
+    name = layout["type"]
+    return type("Block", (ctypes.Structure,), {
+        "_fields_": [("data", ctypes.c_uint8 * layout["bytes"])],
+        "type_name": staticmethod(lambda: name),
+    })
+
+
+class Reader:
+    """Reads one topic of a camera."""
+
+    def __init__(self, contract, camera, topic, timeout=10.0):
+        iox2.set_log_level(iox2.LogLevel.Fatal)
+        self.contract = contract
+        self.header_type = structure(contract["header"])
+        self.block_type = block(contract["block"])
+        self.node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+        name = f"nunet/{camera}/{topic}"
+        assert name.replace(f"/{camera}/", "/CAMERA/") in contract["services"]
+        self.service = retry(lambda: self._open(name), timeout)
+        self.subscriber = self.service.subscriber_builder().create()
+
+    def _open(self, name):
+        return (
+            self.node.service_builder(iox2.ServiceName.new(name))
+            .publish_subscribe(iox2.Slice[self.block_type])
+            .user_header(self.header_type)
+            .open()
+        )
+
+    def next(self, timeout=10.0):
+        """The next message: a copy of its header, and of its payload's bytes."""
+        sample = retry(self._receive, timeout)
+        header = self.header_type.from_buffer_copy(sample.user_header().contents)
+        payload = ctypes.string_at(sample.payload().as_ptr(), header.payload_bytes)
+        sample.delete()
+        return header, payload
+
+    def _receive(self):
+        sample = self.subscriber.receive()
+        if sample is None:
+            raise TimeoutError("no frame")
+        return sample
+
+    def word(self, enumeration, number):
+        """The word for a number of the header."""
+        words = {value: word for word, value in self.contract["enums"][enumeration].items()}
+        return words[number]
+
+
+def retry(attempt, timeout):
+    """Tries until it works; the last failure counts."""
+    deadline = time.monotonic() + timeout
+    while True:
+        try:
+            return attempt()
+        except Exception:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.01)
