@@ -156,12 +156,27 @@ impl ModelBuilder {
         self.constant(name, ElementType::I64, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
 
+    /// A constant of floats that lie in another file, as exporters do with large weights.
+    #[must_use]
+    pub fn constant_in_file(mut self, name: &str, shape: &[i64], location: &str) -> Self {
+        self.graph.initializer.push(TensorProto {
+            dims: shape.to_vec(),
+            data_type: ElementType::F32 as i32,
+            name: name.to_owned(),
+            external_data: vec![entry("location", location)],
+            data_location: 1,
+            ..TensorProto::default()
+        });
+        self
+    }
+
     fn constant(mut self, name: &str, element: ElementType, shape: &[i64], raw_data: Vec<u8>) -> Self {
         self.graph.initializer.push(TensorProto {
             dims: shape.to_vec(),
             data_type: element as i32,
             name: name.to_owned(),
             raw_data,
+            ..TensorProto::default()
         });
         self
     }
@@ -170,9 +185,7 @@ impl ModelBuilder {
     #[must_use]
     pub fn metadata(mut self, key: &str, value: &str) -> Self {
         self.model.metadata_props.retain(|entry| entry.key != key);
-        self.model
-            .metadata_props
-            .push(StringStringEntryProto { key: key.to_owned(), value: value.to_owned() });
+        self.model.metadata_props.push(entry(key, value));
         self
     }
 
@@ -192,6 +205,10 @@ impl ModelBuilder {
         std::fs::write(path, self.to_bytes())
             .unwrap_or_else(|error| panic!("cannot write `{}`: {error}", path.display()));
     }
+}
+
+fn entry(key: &str, value: &str) -> StringStringEntryProto {
+    StringStringEntryProto { key: key.to_owned(), value: value.to_owned() }
 }
 
 fn value_info(name: &str, element: ElementType, shape: &[i64]) -> ValueInfoProto {

@@ -214,8 +214,8 @@ fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
 fn hint(reason: &str) -> &'static str {
     if reason.contains("rotobuf") || reason.contains("ModelProto") {
         "\nhint: the file is damaged or is not an ONNX model; download or export it again"
-    } else if reason.contains("external") {
-        "\nhint: keep the weights inside the file (onnx.save with save_as_external_data=False)"
+    } else if reason.contains("xternal data") {
+        "\nhint: keep the weights inside the file (torch.onnx.export with external_data=False)"
     } else {
         ""
     }

@@ -46,6 +46,7 @@ impl ModelDescription {
         if version != VERSION {
             return Err(ModelError::Version { version: version.to_owned(), expected: VERSION });
         }
+        entries.refuse_state()?;
         let encoding = entries.encoding()?;
         Ok(Self {
             architecture: entries.required("nunet.architecture")?.to_owned(),
@@ -80,6 +81,15 @@ impl Entries<'_> {
     fn json<T: DeserializeOwned>(&self, key: &'static str) -> Result<Option<T>, ModelError> {
         let parse = |text| serde_json::from_str(text).map_err(|error| ModelError::invalid(key, text, error));
         self.optional(key).map(parse).transpose()
+    }
+
+    /// A network with a memory has inputs of its own making: ignoring the key would end in an error about wiring.
+    fn refuse_state(&self) -> Result<(), ModelError> {
+        let meaning = "the network's memory goes from frame to frame";
+        match self.optional("nunet.state") {
+            Some(_) => Err(ModelError::Unsupported { key: "nunet.state", meaning }),
+            None => Ok(()),
+        }
     }
 
     fn number(&self, key: &'static str) -> Result<f32, ModelError> {
@@ -217,6 +227,12 @@ mod tests {
             let message = message(key, value);
             assert!(message.starts_with(&format!("its metadata has `{key}` `{value}`")), "{message}");
         }
+    }
+
+    #[test]
+    fn a_network_with_a_memory_is_refused_for_what_it_is() {
+        let message = message("nunet.state", "[]");
+        assert!(message.starts_with("its metadata has `nunet.state`: the network's memory"), "{message}");
     }
 
     #[test]

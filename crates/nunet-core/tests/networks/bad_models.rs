@@ -59,6 +59,21 @@ fn a_model_cut_at_any_length_is_refused() {
     }
 }
 
+/// The hash in each frame's header says which numbers computed it: there are no others than the file's.
+#[test]
+fn weights_outside_the_file_are_refused_even_where_they_can_be_found() {
+    // The tests' working directory has this file, which is longer than the weights.
+    assert!(std::fs::metadata("Cargo.toml").unwrap().len() > 12);
+    let model = ModelBuilder::new()
+        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .constant_in_file("weights", &[3, 1], "Cargo.toml")
+        .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
+        .node("MatMul", &["float", "weights"], &["depth"], &[])
+        .output("depth", F32, &[1, 3, 6, 1]);
+    let message = message(&models::describe(model, "unet", false));
+    assert!(message.contains("\nhint: keep the weights inside the file"), "{message}");
+}
+
 #[test]
 fn a_model_that_does_not_describe_itself_is_told_how() {
     let message = message(&models::undescribed_unet(SIZE));

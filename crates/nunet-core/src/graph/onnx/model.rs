@@ -17,8 +17,7 @@ pub(in crate::graph) struct Model {
 }
 
 impl Model {
-    /// Loads a model from the bytes of its file. From bytes and not by path, so that what was hashed is what runs, and
-    /// so that a model cannot name other files for its weights.
+    /// Loads a model from the bytes of its file. From bytes and not by path, so that what was hashed is what runs.
     ///
     /// `provider` is resolved, not `auto`.
     ///
@@ -61,6 +60,10 @@ impl Model {
     }
 }
 
+/// Where ONNX Runtime shall look for weights outside the model's file: nowhere. By default it would look in the
+/// working directory, and a frame's model hash would not say what computed it.
+const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folder_path", "/dev/null");
+
 /// Threads wait without spinning: they would burn the cores that the rest of the robot needs between two frames. A
 /// number of threads is always set, because ONNX Runtime pins the threads of its own default to cores.
 fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort::Result<SessionBuilder> {
@@ -69,7 +72,8 @@ fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort:
         .with_intra_threads(threads.get())?
         .with_inter_threads(1)?
         .with_intra_op_spinning(false)?
-        .with_inter_op_spinning(false)?;
+        .with_inter_op_spinning(false)?
+        .with_config_entry(NO_FOLDER.0, NO_FOLDER.1)?;
     provider.register(builder, threads)
 }
 
