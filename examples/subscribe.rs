@@ -1,12 +1,12 @@
 //! Reads depth from a running `nunetd`: `subscribe CAMERA [FRAMES]`.
 //!
-//! Prints each frame's sequence number, its age from capture to now, and the depth at the picture's centre.
+//! Prints each frame's sequence number, how long ago it was sent, and the depth at the picture's centre.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "stdout is its data, stderr is for people")]
 
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, Clock, Frame, Reader, Topic};
+use nunet_ipc::{CameraName, Frame, Reader, Topic, monotonic_nanos};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -30,19 +30,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn line(frame: &Frame) -> Result<String, Box<dyn std::error::Error>> {
     let header = frame.header();
+    let age_ms = (monotonic_nanos() - header.publish_nanos) as f64 / 1e6;
     let depth = frame.depth()?; // a view of shared memory: `[height, width]`
-    let centre = depth[(header.height as usize / 2) * header.width as usize + header.width as usize / 2];
-    let units = header.units()?;
-    Ok(format!("frame {}: {}, centre {centre:.3} ({units})", header.sequence, age(frame)?))
-}
-
-/// Time since capture. Only clocks that this machine shares with the camera can say.
-fn age(frame: &Frame) -> Result<String, Box<dyn std::error::Error>> {
-    let header = frame.header();
-    let now = match header.capture_clock()? {
-        Clock::Unix => i64::try_from(std::time::UNIX_EPOCH.elapsed()?.as_nanos())?,
-        Clock::Monotonic => nunet_ipc::monotonic_nanos(),
-        Clock::Media => return Ok("from a recording".to_owned()),
-    };
-    Ok(format!("{:.1} ms old", (now - header.capture_nanos) as f64 / 1e6))
+    let (width, height) = (header.width as usize, header.height as usize);
+    let centre = depth[height / 2 * width + width / 2];
+    Ok(format!(
+        "frame {}: sent {age_ms:.2} ms ago, centre {centre:.3} ({})",
+        header.sequence,
+        header.units()?
+    ))
 }
