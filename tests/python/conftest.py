@@ -1,5 +1,6 @@
 """A running daemon for the tests. The binary's path comes in `NUNETD`."""
 
+import contextlib
 import itertools
 import json
 import os
@@ -26,15 +27,20 @@ def contract(nunetd):
     return json.loads(subprocess.run([nunetd, "contract", "--json"], check=True, capture_output=True).stdout)
 
 
+@contextlib.contextmanager
+def running(command):
+    """A process that ends with the block."""
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(timeout=30)
+
+
 @pytest.fixture
 def camera(nunetd):
     """The name of a camera that a daemon publishes while the test runs, from the demo scene."""
     name = f"pytest-{os.getpid()}-{next(COUNTER)}"
-    model = str(MODEL)
-    command = [nunetd, "--model", model, "--source", "demo", "--camera", name, "--rate", "30"]
-    daemon = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    try:
+    with running([nunetd, "--model", str(MODEL), "--source", "demo", "--camera", name, "--rate", "30"]):
         yield name
-    finally:
-        daemon.terminate()
-        daemon.wait(timeout=30)
