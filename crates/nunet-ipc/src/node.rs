@@ -41,6 +41,7 @@ impl fmt::Display for Process {
 pub(crate) fn create() -> Result<Node<Iceoryx>, IpcError> {
     hush();
     let dead = mend::dead_processes();
+    mend::remove_unfilled(&dead);
     let node = NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled) // signals belong to the program, not to a library
         .create::<Iceoryx>()
