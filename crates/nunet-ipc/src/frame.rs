@@ -1,5 +1,8 @@
 //! A frame as its reader sees it.
 
+use std::sync::Arc;
+
+use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::sample::Sample;
 
 use crate::block::{BLOCK_BYTES, Block64};
@@ -12,17 +15,25 @@ use crate::vocabulary::{Encoding, Topic};
 
 /// One message, in shared memory, read-only.
 ///
-/// It stays as it is for as long as this value lives, also after the reader and the owner are gone; the owner needs
-/// its memory back when it is dropped. `Send`: it may be handed to another thread.
+/// It stays as it is for as long as this value lives, also after the reader and the owner are gone, and keeps its
+/// reader's place in the service until then. `Send`: it may be handed to another thread.
 #[derive(Debug)]
 pub struct Frame {
+    // Given back before the port may end: the order of the fields.
     sample: Sample<Iceoryx, [Block64], FrameHeader>,
+    // When a port ends, the owner takes back every chunk that went through it, whether or not a sample still points
+    // there. So each frame keeps its port.
+    _port: Arc<Port>,
     topic: Topic,
 }
+
+/// Where frames of a topic come in.
+pub(crate) type Port = Subscriber<Iceoryx, [Block64], FrameHeader>;
 
 impl Frame {
     pub(crate) fn new(
         sample: Sample<Iceoryx, [Block64], FrameHeader>,
+        port: Arc<Port>,
         topic: Topic,
     ) -> Result<Self, IpcError> {
         let header = sample.user_header();
@@ -37,7 +48,11 @@ impl Frame {
         if header.payload_bytes > room as u64 {
             return bad(format!("its header says {} bytes, but there are {room}", header.payload_bytes));
         }
-        Ok(Self { sample, topic })
+        Ok(Self {
+            sample,
+            _port: port,
+            topic,
+        })
     }
 
     /// The topic it came on.

@@ -113,6 +113,23 @@ pub(crate) fn dead_processes() -> Vec<u32> {
     dead
 }
 
+/// Removes memory that dead processes created and did not live to fill. To be called before iceoryx2 cleans up: it
+/// waits without end for such a record to be completed by its creator.
+pub(crate) fn remove_unfilled(dead: &[u32]) {
+    const OWNER_MAY_READ: u32 = 0o400; // granted when the memory is filled
+    if dead.is_empty() {
+        return;
+    }
+    for (path, id) in shared_memory() {
+        let unfilled = path
+            .metadata()
+            .is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_READ == 0);
+        if unfilled && dead.contains(&pid_of(id)) {
+            let _ = std::fs::remove_file(path); // another process may have been faster
+        }
+    }
+}
+
 /// Removes the shared memory of dead processes that iceoryx2's own cleaning missed: it goes by lists that a process
 /// which dies in the midst of creating something has not written yet.
 pub(crate) fn sweep(dead: &[u32]) {

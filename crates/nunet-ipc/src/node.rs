@@ -1,6 +1,7 @@
 //! The way into iceoryx2: a node of this process, quiet, and who the others are.
 
 use std::fmt;
+use std::sync::Once;
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
@@ -40,6 +41,7 @@ impl fmt::Display for Process {
 pub(crate) fn create() -> Result<Node<Iceoryx>, IpcError> {
     hush();
     let dead = mend::dead_processes();
+    mend::remove_unfilled(&dead);
     let node = NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled) // signals belong to the program, not to a library
         .create::<Iceoryx>()
@@ -48,9 +50,11 @@ pub(crate) fn create() -> Result<Node<Iceoryx>, IpcError> {
     Ok(node)
 }
 
-/// iceoryx2 logs to stdout and stderr on its own. Our errors say it all; `IOX2_LOG_LEVEL` brings the rest back.
-pub(crate) fn hush() {
-    iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
+/// iceoryx2 logs to stdout and stderr on its own. Our errors say it all; `IOX2_LOG_LEVEL` brings the rest back. Once
+/// only, so that a program may set its own level afterwards.
+fn hush() {
+    static HUSHED: Once = Once::new();
+    HUSHED.call_once(|| iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal));
 }
 
 pub(crate) fn config() -> &'static Config {

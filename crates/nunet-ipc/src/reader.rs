@@ -1,18 +1,17 @@
 //! The reader's side: opens what an owner created and looks at its frames.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::listener::{Listener, ListenerCreateError};
-use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::EventActivation;
 use iceoryx2::service::port_factory::PortFactory;
 
-use crate::block::Block64;
 use crate::error::IpcError;
-use crate::frame::{Frame, FrameSet};
-use crate::header::FrameHeader;
+use crate::frame::{Frame, FrameSet, Port};
 use crate::name::CameraName;
 use crate::node::{self, Iceoryx, Process};
 use crate::service::{TopicService, open_topic, open_wake, owner_of};
@@ -54,7 +53,7 @@ pub struct Reader {
 #[derive(Debug)]
 struct ReadTopic {
     topic: Topic,
-    port: Subscriber<Iceoryx, [Block64], FrameHeader>,
+    port: Arc<Port>,
     service: TopicService,
 }
 
@@ -147,7 +146,7 @@ impl Reader {
     pub fn next(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
         let opened = self.topic(topic)?;
         match opened.port.receive() {
-            Ok(Some(sample)) => Frame::new(sample, topic).map(Some),
+            Ok(Some(sample)) => Frame::new(sample, Arc::clone(&opened.port), topic).map(Some),
             Ok(None) => Ok(None),
             Err(ReceiveError::ExceedsMaxBorrows) => {
                 let limit = opened.service.static_config().subscriber_max_borrowed_samples();
@@ -225,14 +224,25 @@ impl Reader {
 
 impl ReadTopic {
     fn subscribe(camera: &CameraName, topic: Topic, service: TopicService) -> Result<Self, IpcError> {
-        let port = service.subscriber_builder().create().map_err(|cause| match cause {
-            SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
-                let limit = service.static_config().max_subscribers();
-                IpcError::TooManyReaders { camera: camera.clone(), topic, limit }
-            }
-            cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
-        })?;
-        Ok(Self { topic, port, service })
+        let port = service
+            .subscriber_builder()
+            .create()
+            .map_err(|cause| match cause {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+                    let limit = service.static_config().max_subscribers();
+                    IpcError::TooManyReaders {
+                        camera: camera.clone(),
+                        topic,
+                        limit,
+                    }
+                }
+                cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
+            })?;
+        Ok(Self {
+            topic,
+            port: Arc::new(port),
+            service,
+        })
     }
 }
 

@@ -92,6 +92,33 @@ fn readers_that_never_give_frames_back_stop_neither_the_owner_nor_others() {
     }
 }
 
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig { cases: 8, failure_persistence: None, ..Default::default() })]
+
+    /// The bound of `Limits::chunks_of` is lower than iceoryx2's own: here readers come, hold, let go and leave in
+    /// any order, and the owner must still find a free chunk for every frame.
+    #[test]
+    fn a_loan_succeeds_whatever_the_readers_do(actions in proptest::collection::vec((0_usize..4, 0_u8..6), 200)) {
+        let camera = camera();
+        let owner = owner(&camera, &[Topic::Depth]);
+        let mut readers: [Option<Reader>; 4] = std::array::from_fn(|_| None);
+        let mut held: [Vec<Frame>; 4] = Default::default();
+        for (sequence, (who, action)) in actions.into_iter().enumerate() {
+            match (action, &readers[who]) {
+                (0, None) => readers[who] = Some(depth_reader(&camera)),
+                (1, Some(_)) => {
+                    held[who].clear(); // a frame keeps its reader's place in the service
+                    readers[who] = None;
+                }
+                (2 | 3, Some(reader)) => held[who].extend(reader.latest(Topic::Depth).ok().flatten()),
+                (4, Some(_)) if !held[who].is_empty() => drop(held[who].remove(0)),
+                _ => {}
+            }
+            publish_depth(&owner, sequence as u64); // panics when there is no free chunk
+        }
+    }
+}
+
 #[test]
 fn a_hoarder_goes_on_with_the_newest_frame_once_it_lets_go() {
     let camera = camera();
@@ -157,6 +184,8 @@ fn a_frame_outlives_its_reader_and_its_owner() {
     publish_depth(&owner, 5);
     let frame = latest(&reader);
     drop(reader);
+    (6..40).for_each(|sequence| publish_depth(&owner, sequence)); // every chunk comes round
+    assert_eq!(frame.depth().unwrap(), [5.0; WIDTH * HEIGHT]);
     drop(owner);
     assert_eq!(frame.depth().unwrap(), [5.0; WIDTH * HEIGHT]);
 }
