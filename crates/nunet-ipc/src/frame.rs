@@ -48,11 +48,7 @@ impl Frame {
         if header.payload_bytes > room as u64 {
             return bad(format!("its header says {} bytes, but there are {room}", header.payload_bytes));
         }
-        Ok(Self {
-            sample,
-            _port: port,
-            topic,
-        })
+        Ok(Self { sample, _port: port, topic })
     }
 
     /// The topic it came on.

@@ -121,9 +121,8 @@ pub(crate) fn remove_unfilled(dead: &[u32]) {
         return;
     }
     for (path, id) in shared_memory() {
-        let unfilled = path
-            .metadata()
-            .is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_READ == 0);
+        let unfilled =
+            path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_READ == 0);
         if unfilled && dead.contains(&pid_of(id)) {
             let _ = std::fs::remove_file(path); // another process may have been faster
         }

@@ -224,25 +224,14 @@ impl Reader {
 
 impl ReadTopic {
     fn subscribe(camera: &CameraName, topic: Topic, service: TopicService) -> Result<Self, IpcError> {
-        let port = service
-            .subscriber_builder()
-            .create()
-            .map_err(|cause| match cause {
-                SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
-                    let limit = service.static_config().max_subscribers();
-                    IpcError::TooManyReaders {
-                        camera: camera.clone(),
-                        topic,
-                        limit,
-                    }
-                }
-                cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
-            })?;
-        Ok(Self {
-            topic,
-            port: Arc::new(port),
-            service,
-        })
+        let port = service.subscriber_builder().create().map_err(|cause| match cause {
+            SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+                let limit = service.static_config().max_subscribers();
+                IpcError::TooManyReaders { camera: camera.clone(), topic, limit }
+            }
+            cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
+        })?;
+        Ok(Self { topic, port: Arc::new(port), service })
     }
 }
 
