@@ -6,12 +6,14 @@ import sys
 from nunet_models.errors import RecipeError
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import command as export_command
+from nunet_models.quantisation import command as quantize_command
+from nunet_models.reporting import command as report_command
 from nunet_models.training import command as train_command
 
 EXIT_FAILURE = 1
 EXIT_INTERRUPTED = 130
 
-VERBS = (train_command, evaluate_command, export_command)
+VERBS = (train_command, evaluate_command, quantize_command, export_command, report_command)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -27,7 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a verb and return the exit code: 0 done, 1 failure, 2 bad arguments, 130 interrupted."""
     options = parser().parse_args(arguments)
     try:
-        return options.run(options)
+        return options.carry_out(options)
     except (RecipeError, OSError) as error:
         print(f"nunet_models: {error}", file=sys.stderr)
         return EXIT_FAILURE

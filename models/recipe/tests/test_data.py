@@ -1,5 +1,6 @@
 """Reading, caching and augmenting pairs, and what is said of bad data."""
 
+import h5py
 import numpy as np
 import pytest
 from PIL import Image
@@ -8,6 +9,7 @@ from nunet_models.classes import IGNORE, labels13_from_labels40
 from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented, zoomed
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
+from nunet_models.data.nyu_mat import NyuMatPairs
 from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids
 from nunet_models.errors import DataError
 
@@ -147,3 +149,22 @@ def test_another_epoch_draws_other_pictures(pairs, tmp_path):
         for e in (0, 1)
     )
     assert not (one.rgb == other.rgb).all()
+
+
+def test_nyu_s_own_file_is_read_with_its_axes_turned(tmp_path):
+    path = tmp_path / "nyu.mat"
+    with h5py.File(path, "w") as file:
+        file["images"] = np.arange(2 * 3 * 8 * 6, dtype=np.uint8).reshape(2, 3, 8, 6)
+        file["depths"] = np.full((2, 8, 6), 2.5, np.float32)
+    pair = NyuMatPairs(path, ["1"])[0]
+    assert pair.rgb.shape == (6, 8, 3) and pair.depth_m.shape == (6, 8)
+    # column 2, row 5, green of picture 1
+    assert pair.rgb[5, 2, 1] == np.uint8((1 * 3 + 1) * 48 + 2 * 6 + 5)
+    assert pair.labels is None
+
+
+def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path):
+    path = tmp_path / "other.mat"
+    path.write_bytes(b"MATLAB 5.0")
+    with pytest.raises(DataError, match=r"other\.mat` is not NYU"):
+        NyuMatPairs(path, ["0"])

@@ -4,14 +4,20 @@ import argparse
 from pathlib import Path
 
 from nunet_models.data.cache import Cached, build_cache
-from nunet_models.data.pairs import MILLIMETRE_M, DepthUnits, FolderPairs, read_ids
+from nunet_models.data.nyu_mat import NyuMatPairs
+from nunet_models.data.pairs import MILLIMETRE_M, DepthUnits, FolderPairs, Pairs, read_ids
 from nunet_models.errors import ConfigError
 
 
-def add_data_options(parser: argparse.ArgumentParser) -> None:
+def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """Add the options that `open_pairs` reads."""
     group = parser.add_argument_group("data")
-    group.add_argument("--data", type=Path, required=True, help="folder of rgb/, depth/, label40/")
+    group.add_argument(
+        "--data",
+        type=Path,
+        required=required,
+        help="folder of rgb/, depth/, label40/, or NYU's .mat",
+    )
     group.add_argument(
         "--depth-scale",
         type=float,
@@ -31,14 +37,15 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def open_pairs(options: argparse.Namespace, ids: Path) -> FolderPairs:
+def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     """The pairs that the options and an id list name."""
+    window = _parse_window(options.window)
+    if options.data.suffix == ".mat":
+        return NyuMatPairs(options.data, read_ids(ids), window=window)
     units = DepthUnits(
         options.depth_scale, options.depth_offset, zero_is_none=options.depth_offset == 0.0
     )
-    return FolderPairs(
-        options.data, read_ids(ids), units=units, window=_parse_window(options.window)
-    )
+    return FolderPairs(options.data, read_ids(ids), units=units, window=window)
 
 
 def add_cache_option(parser: argparse.ArgumentParser) -> None:

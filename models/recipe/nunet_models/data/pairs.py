@@ -107,7 +107,7 @@ class FolderPairs:
         labels = None
         if label_path:
             labels = labels13_from_labels40(_single_channel(label_path[0], rgb.shape[:2]))
-        return Pair(identity, rgb, *_windowed(depth_m, labels, self.window))
+        return Pair(identity, rgb, *blank_outside(depth_m, labels, self.window))
 
     def _paths(self, identity: str) -> list[Path]:
         candidates = [self.root / "rgb" / f"{identity}{suffix}" for suffix in RGB_SUFFIXES]
@@ -126,11 +126,12 @@ def read_ids(path: Path) -> list[str]:
     return ids
 
 
-def _windowed(
+def blank_outside(
     depth_m: np.ndarray,
     labels: np.ndarray | None,
     window: tuple[int, int, int, int] | None,
 ) -> tuple[np.ndarray, np.ndarray | None]:
+    """Depth and labels `[H, W]` with no truth outside of `window` (top, left, bottom, right)."""
     if window is None:
         return depth_m, labels
     top, left, bottom, right = window

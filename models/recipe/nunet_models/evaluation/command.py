@@ -36,7 +36,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--clip", action="store_true", help="the ids are frames of one video")
     parser.add_argument("--csv", type=Path, help="write a row a picture")
     parser.add_argument("--threads", type=int, default=1)
-    parser.set_defaults(run=run)
+    parser.set_defaults(carry_out=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -51,7 +51,12 @@ def run(options: argparse.Namespace) -> int:
         metric=predictor.encoding == "metric",
         classes=len(predictor.classes),
     )
-    found = {"model": options.model.name, "protocol": options.protocol, **comparison.figures()}
+    found = {
+        "model": options.model.name,
+        "architecture": predictor.metadata["nunet.architecture"],
+        "protocol": options.protocol,
+        **comparison.figures(),
+    }
     if options.baseline_ids:
         found["baseline"] = _baseline(options, pairs)
     if options.clip:

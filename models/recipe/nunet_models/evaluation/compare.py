@@ -23,28 +23,28 @@ class Comparison:
 
     protocol: Protocol
     metric: bool
-    labels: LabelMetrics | None
+    labels: LabelMetrics | None = None
     depth: DepthMetrics = field(default_factory=DepthMetrics)
     minmax: DepthMetrics = field(default_factory=DepthMetrics)
     per_picture: list[dict[str, float | str]] = field(default_factory=list)
 
     def add(self, pair: Pair, prediction: Prediction) -> None:
         """Count one picture."""
-        row: dict[str, float | str] = {"id": pair.id}
-        if self.metric:
-            alone = DepthMetrics()
-            for metrics in (self.depth, alone):
-                metrics.add(
-                    self.protocol.depth(prediction.depth), self.protocol.depth(pair.depth_m)
-                )
-            row.update(alone.figures())
-        known = np.isfinite(pair.depth_m)
-        guess = prediction.depth
-        guess = stretched(guess, known) if self.metric else guess.clip(0.0, 1.0)
-        self.minmax.add(_positive(guess), _positive(stretched(pair.depth_m, known)))
+        figures = self.add_depth(prediction.depth, pair.depth_m)
         if self.labels is not None and pair.labels is not None and prediction.labels is not None:
             self.labels.add(prediction.labels, pair.labels)
-        self.per_picture.append(row)
+        self.per_picture.append({"id": pair.id, **figures})
+
+    def add_depth(self, predicted: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
+        """Count the depth of one picture, both `[H, W]`; gives this picture's own figures."""
+        alone = DepthMetrics()
+        if self.metric:
+            for metrics in (self.depth, alone):
+                metrics.add(self.protocol.depth(predicted), self.protocol.depth(truth_m))
+        known = np.isfinite(truth_m)
+        guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
+        self.minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
+        return alone.figures()
 
     def figures(self) -> dict[str, object]:
         """All figures, shaped as `nunetd eval --json` shapes them."""

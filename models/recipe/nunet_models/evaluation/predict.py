@@ -8,6 +8,7 @@ import numpy as np
 from PIL import Image
 
 from nunet_models.errors import ConfigError
+from nunet_models.export.measure import decoded
 from nunet_models.export.onnx_file import read_metadata, session
 
 
@@ -37,7 +38,8 @@ class Predictor:
         self.size: tuple[int, int] = tuple(inputs.pop("rgb")[1:3])
         self.state = {name: np.zeros(shape, np.float32) for name, shape in inputs.items()}
         self.encoding = self.metadata["nunet.depth.encoding"]
-        self.range_m = tuple(float(self.metadata[f"nunet.depth.{k}_m"]) for k in ("min", "max"))
+        self.min_m = float(self.metadata["nunet.depth.min_m"])
+        self.max_m = float(self.metadata["nunet.depth.max_m"])
         self.outputs = [tensor.name for tensor in self.session.get_outputs()]
 
     @property
@@ -53,6 +55,11 @@ class Predictor:
         camera = json.loads(self.metadata["nunet.camera"])
         return (fx_px / width_px) / (camera["fx"] / camera["width"])
 
+    def inputs(self, rgb: np.ndarray) -> dict[str, np.ndarray]:
+        """The session's inputs for a picture, uint8 `[H, W, 3]`, of any size."""
+        given = _resized(rgb, self.size, Image.Resampling.BILINEAR)
+        return {"rgb": given[None], **self.state}
+
     def __call__(self, rgb: np.ndarray) -> Prediction:
         """Answer for a picture, uint8 `[H, W, 3]`, at its own size.
 
@@ -60,20 +67,13 @@ class Predictor:
         bilinearly, labels to the nearest.
         """
         picture_size = rgb.shape[:2]
-        given = _resized(rgb, self.size, Image.Resampling.BILINEAR)
-        values = self.session.run(None, {"rgb": given[None], **self.state})
+        values = self.session.run(None, self.inputs(rgb))
         named = dict(zip(self.outputs, values, strict=True))
         depth = _resized(named["depth"][0, 0], picture_size, Image.Resampling.BILINEAR)
         labels = named.get("labels")
         if labels is not None:
             labels = _resized(labels[0], picture_size, Image.Resampling.NEAREST)
-        return Prediction(self._decoded(depth), labels)
-
-    def _decoded(self, depth: np.ndarray) -> np.ndarray:
-        valid = np.isfinite(depth)
-        if self.encoding == "metric":
-            valid &= (depth >= self.range_m[0]) & (depth <= self.range_m[1])
-        return np.where(valid, depth, np.float32(np.nan))
+        return Prediction(decoded(depth, self), labels)
 
 
 def _resized(array: np.ndarray, size: tuple[int, int], how: Image.Resampling) -> np.ndarray:

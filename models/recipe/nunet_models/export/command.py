@@ -1,13 +1,15 @@
 """The verb `export`."""
 
 import argparse
+import json
 from pathlib import Path
 
 from nunet_models.errors import ConfigError
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.untrained import untrained_graph
-from nunet_models.zoo import architecture_names, graph_spec
+from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.zoo import SerialGraph, architecture_names, graph_spec
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -19,6 +21,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         metavar="ARCHITECTURE",
         help=f"export an architecture with seeded random weights: {architecture_names()}",
     )
+    what.add_argument("--checkpoint", type=Path, help="export a trained run's `best.pt`")
     what.add_argument(
         "--tiny", type=Path, metavar="FOLDER", help="write the small test models into FOLDER"
     )
@@ -33,7 +36,10 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, help="of random weights (default %(default)s)"
     )
-    parser.set_defaults(run=run)
+    parser.add_argument(
+        "--accuracy", type=Path, help="answer of `evaluate`, to be kept in the file's metadata"
+    )
+    parser.set_defaults(carry_out=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,10 +59,23 @@ def _export_one(options: argparse.Namespace) -> Path:
     out: Path | None = options.out
     if out is None or out.suffix not in {".onnx", ".toml"}:
         raise ConfigError("`--out` must name a file that ends in `.onnx` or `.toml`")
-    graph = untrained_graph(
-        graph_spec(options.untrained, backbone=options.backbone), seed=options.seed
-    )
+    graph, provenance = _trained(options) if options.checkpoint else _untrained(options)
     out.parent.mkdir(parents=True, exist_ok=True)
     write = export_fused if out.suffix == ".onnx" else export_staged
-    write(graph, out, Provenance())
+    write(graph, out, provenance)
     return out
+
+
+def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
+    spec = graph_spec(options.untrained, backbone=options.backbone)
+    return untrained_graph(spec, seed=options.seed), Provenance()
+
+
+def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
+    checkpoint = Checkpoint.load(options.checkpoint)
+    accuracy = json.loads(options.accuracy.read_text()) if options.accuracy else {}
+    training = {
+        component: {**settings, "epochs_done": len(checkpoint.history[component])}
+        for component, settings in checkpoint.settings.items()
+    }
+    return checkpoint.graph(), Provenance(trained=True, training=training, accuracy=accuracy)

@@ -1,6 +1,7 @@
 """Measuring a model file at export: does it compute the network, and how far do runtimes stray."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import onnxruntime as ort
@@ -13,6 +14,7 @@ from nunet_models.export.selftest import Answer, answer_from_outputs, selftest_p
 from nunet_models.zoo import GraphSpec
 
 FP32_MARGIN = 10.0  # other processors and providers stray further than one machine's settings
+INT8_MARGIN = 3.0  # integer sums are exact, but providers fuse and round in other places
 BF16_MARGIN = 3.0  # bf16 strays much already; three times that still catches a wrong channel
 FLOOR = 0.001  # of the depth's unit: below this no error matters to anyone
 TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, metres
@@ -32,15 +34,23 @@ def picture_of(spec: GraphSpec) -> np.ndarray:
     return selftest_picture(width, height)[None]
 
 
-def decoded(depth: np.ndarray, spec: GraphSpec) -> np.ndarray:
+class DepthLimits(Protocol):
+    """What decoding needs to know: a `GraphSpec`, or a model file's reader."""
+
+    encoding: str
+    min_m: float
+    max_m: float
+
+
+def decoded(depth: np.ndarray, spec: DepthLimits) -> np.ndarray:
     """Depth as the daemon publishes it: NaN where there is no measurement; same shape."""
     valid = np.isfinite(depth)
     if spec.encoding == "metric":
         valid &= (depth >= spec.min_m) & (depth <= spec.max_m)
-    return np.where(valid, depth, np.nan)
+    return np.where(valid, depth, np.float32(np.nan))
 
 
-def answer_of(outputs: dict[str, np.ndarray], spec: GraphSpec) -> Answer:
+def answer_of(outputs: dict[str, np.ndarray], spec: DepthLimits) -> Answer:
     """The self-test's answer from a model's outputs on the self-test picture."""
     return answer_from_outputs(decoded(outputs["depth"], spec), outputs.get("labels"))
 
@@ -80,19 +90,29 @@ def measured_selftest(model: FusedModel, path: Path) -> dict:
     """Run the self-test through every optimisation level and thread count; `nunet.selftest`."""
     spec = model.network.spec
     rgb = picture_of(spec)
-    answer = answer_of(run(path, named_inputs(model, rgb)), spec)
-    others = [
-        answer_of(run(path, named_inputs(model, rgb), threads=threads, level=level), spec)
-        for level in _LEVELS
-        for threads in (1, 2)
-    ]
-    others.append(answer_of(torch_outputs(model, rgb), spec))
+    answers = _answers_over_settings(path, named_inputs(model, rgb), spec)
+    others = [*answers[1:], answer_of(torch_outputs(model, rgb), spec)]
     bf16 = answer_of(torch_outputs(model, rgb, bf16=True), spec)
     tolerance = {
-        "fp32": _tolerance(answer, others, FP32_MARGIN),
-        "bf16": _tolerance(answer, [bf16], BF16_MARGIN),
+        "fp32": _tolerance(answers[0], others, FP32_MARGIN),
+        "bf16": _tolerance(answers[0], [bf16], BF16_MARGIN),
     }
-    return answer.to_json(precision="fp32", tolerance=tolerance)
+    return answers[0].to_json(precision="fp32", tolerance=tolerance)
+
+
+def quantised_selftest(path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits) -> dict:
+    """The same for a quantised file, which torch cannot check; `inputs` hold the picture."""
+    answers = _answers_over_settings(path, inputs, limits)
+    tolerance = {"int8": _tolerance(answers[0], answers[1:], INT8_MARGIN)}
+    return answers[0].to_json(precision="int8", tolerance=tolerance)
+
+
+def _answers_over_settings(
+    path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits
+) -> list[Answer]:
+    """Answers at every optimisation level with one and two threads, the default first."""
+    settings = [(level, threads) for level in reversed(_LEVELS) for threads in (1, 2)]
+    return [answer_of(run(path, inputs, threads=t, level=level), limits) for level, t in settings]
 
 
 def _tolerance(answer: Answer, others: list[Answer], margin: float) -> dict[str, float]:

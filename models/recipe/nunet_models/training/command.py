@@ -31,7 +31,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--val-ids", type=Path, required=True)
     _add_graph_options(parser)
     _add_settings(parser)
-    parser.set_defaults(run=run)
+    parser.set_defaults(carry_out=run)
 
 
 def _add_graph_options(parser: argparse.ArgumentParser) -> None:

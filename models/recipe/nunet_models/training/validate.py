@@ -1,15 +1,17 @@
 """Figures of a graph on a validation set while it trains."""
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 
 from nunet_models.data.augment import NO_AUGMENTATION
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import Cached
+from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.export.deploy import decode_depth, normalise
-from nunet_models.metrics import DepthMetrics, LabelMetrics
-from nunet_models.zoo import SerialGraph
+from nunet_models.metrics import LabelMetrics
+from nunet_models.zoo import GraphSpec, SerialGraph
 
 
 @torch.no_grad()
@@ -22,10 +24,10 @@ def validate(
     over the whole picture.
     """
     spec = graph.spec
-    depth, labels = DepthMetrics(), LabelMetrics(len(spec.classes))
     size = data.depth.shape[1:]
-    protocol = EIGEN if tuple(size) == EIGEN.size else FULL
     segments = spec.components[component].task == "segmentation"
+    labels = LabelMetrics(len(spec.classes))
+    depth = Comparison(EIGEN if tuple(size) == EIGEN.size else FULL, spec.encoding == "metric")
     start = 0
     for samples in epoch_batches(
         data, NO_AUGMENTATION, size=spec.inner_size, batch=batch, seed=0, epoch=0, shuffle=False
@@ -35,17 +37,23 @@ def validate(
             outputs: list[torch.Tensor] = []
             for module in graph.components[: component + 1]:
                 outputs.append(module(graph.joint(image, outputs)))
-        raw = outputs[-1].float()
-        if segments:
-            found = raw.argmax(1, keepdim=True).to(torch.uint8)
-            found = F.interpolate(found, size=size, mode="nearest")[:, 0].numpy()
-        else:
-            found = F.interpolate(decode_depth(raw, spec), size=size, mode="bilinear")[:, 0].numpy()
+        found = _at_size(outputs[-1].float(), spec, size, segments=segments)
         for offset, picture in enumerate(found):
             if segments:
                 labels.add(picture, data.labels[start + offset])
             else:
-                truth = data.depth_m(start + offset)
-                depth.add(protocol.depth(picture), protocol.depth(truth))
+                depth.add_depth(picture, data.depth_m(start + offset))
         start += len(found)
-    return labels.figures() if segments else depth.figures()
+    if segments:
+        return labels.figures()
+    return depth.depth.figures() if depth.metric else depth.minmax.figures()
+
+
+def _at_size(
+    raw: torch.Tensor, spec: GraphSpec, size: tuple[int, int], *, segments: bool
+) -> np.ndarray:
+    """Raw inner numbers as the model file gives them at the pictures' size, `[B, H, W]`."""
+    if segments:
+        found = raw.argmax(1, keepdim=True).to(torch.uint8)
+        return F.interpolate(found, size=size, mode="nearest")[:, 0].numpy()
+    return F.interpolate(decode_depth(raw, spec), size=size, mode="bilinear")[:, 0].numpy()

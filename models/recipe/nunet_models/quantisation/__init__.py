@@ -1,0 +1,1 @@
+"""Integer arithmetic: static quantisation of a model file with onnxruntime."""

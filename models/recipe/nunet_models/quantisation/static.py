@@ -1,0 +1,122 @@
+"""Static quantisation (QDQ, per channel) of a fused model file."""
+
+import json
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnxruntime.quantization import (
+    CalibrationDataReader,
+    CalibrationMethod,
+    QuantFormat,
+    QuantType,
+    quantize_static,
+)
+
+from nunet_models.errors import ConfigError
+from nunet_models.evaluation.predict import Predictor
+from nunet_models.export.measure import INT8_MARGIN, quantised_selftest
+from nunet_models.export.metadata import to_json
+from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.selftest import selftest_picture
+
+QUANTISED = ("Conv", "Gemm", "MatMul", "Add", "Concat", "Resize", "Clip", "Relu", "AveragePool")
+"""Operators worth their integers. ArgMax and Exp stay in float: neither is arithmetic-bound, and a
+logarithm of depth in 256 steps over four octaves would cost a hundredth of every depth."""
+
+METHODS = {
+    "minmax": CalibrationMethod.MinMax,
+    "percentile": CalibrationMethod.Percentile,
+    "entropy": CalibrationMethod.Entropy,
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to quantise: calibration method, which nodes stay in float, and the weights' range.
+
+    `float_heads` keeps the convolution before each result in float: its output is read as a
+    number, not as a feature. `float_nodes` names further ones. `reduce_range` uses 7 bits of
+    weights, for processors without VNNI whose 16-bit sums saturate.
+    """
+
+    method: str = "minmax"
+    float_heads: bool = True
+    float_nodes: tuple[str, ...] = ()
+    reduce_range: bool = False
+
+
+class _Pictures(CalibrationDataReader):
+    """Feeds pictures, uint8 `[H, W, 3]` each, to the calibrator."""
+
+    def __init__(self, pictures: Iterator[np.ndarray], predictor: Predictor) -> None:
+        self.pictures, self.predictor = pictures, predictor
+
+    def get_next(self) -> dict[str, np.ndarray] | None:
+        rgb = next(self.pictures, None)
+        return None if rgb is None else self.predictor.inputs(rgb)
+
+
+def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) -> dict[str, str]:
+    """Write the quantised file of `path` to `out`, self-test measured anew; gives its metadata.
+
+    # Errors
+    `ConfigError` for a file that is quantised already.
+    """
+    values = read_metadata(path)
+    if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
+        raise ConfigError(f"`{path}` is no fp32 model file")
+    model = onnx.load(path)
+    keep = [*plan.float_nodes, *(heads(model) if plan.float_heads else ())]
+    known = {node.name for node in model.graph.node}
+    unknown = [name for name in keep if name not in known]
+    if unknown:
+        raise ConfigError(f"`{path.name}` has no node `{unknown[0]}` to keep in float")
+    with tempfile.TemporaryDirectory() as scratch:
+        raw = Path(scratch) / "quantised.onnx"
+        quantize_static(
+            str(path),
+            str(raw),
+            _Pictures(pictures, Predictor(path)),
+            quant_format=QuantFormat.QDQ,
+            op_types_to_quantize=list(QUANTISED),
+            nodes_to_exclude=keep,
+            per_channel=True,
+            reduce_range=plan.reduce_range,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            calibrate_method=METHODS[plan.method],
+            calibration_cache_path=None,
+        )
+        out.write_bytes(raw.read_bytes())
+    write_metadata(out, values)
+    predictor = Predictor(out)
+    picture = selftest_picture(*predictor.size[::-1])
+    selftest = quantised_selftest(out, predictor.inputs(picture), predictor)
+    values["nunet.selftest"] = to_json(selftest)
+    training = json.loads(values["nunet.training"])
+    training["quantisation"] = {"method": plan.method, "float_nodes": keep, "margin": INT8_MARGIN}
+    values["nunet.training"] = to_json(training)
+    write_metadata(out, values)
+    return values
+
+
+def heads(model: onnx.ModelProto) -> list[str]:
+    """Names of the nodes whose numbers reach a result through no further convolution."""
+    by_output = {output: node for node in model.graph.node for output in node.output}
+    found: list[str] = []
+    waiting = [output.name for output in model.graph.output]
+    seen = set()
+    while waiting:
+        node = by_output.get(waiting.pop())
+        if node is None or node.name in seen:
+            continue
+        seen.add(node.name)
+        if node.op_type in {"Conv", "Gemm", "MatMul"}:
+            found.append(node.name)
+        else:
+            waiting += node.input
+    return sorted(found)

@@ -1,0 +1,64 @@
+"""The verb `report`."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from nunet_models.data.options import add_data_options, open_pairs
+from nunet_models.errors import ConfigError
+from nunet_models.evaluation.predict import Predictor
+from nunet_models.reporting.figures import Panel, loss_curves, side_by_side
+from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
+
+
+def add_parser(verbs: argparse._SubParsersAction) -> None:
+    """Register `report` and its options."""
+    parser = verbs.add_parser("report", help="tables and figures from runs and evaluations")
+    parser.add_argument("--out", type=Path, required=True, help="folder for report.md and figures")
+    parser.add_argument("--run", type=Path, action="append", default=[], help="a run's folder")
+    parser.add_argument(
+        "--evaluation", type=Path, action="append", default=[], help="an answer of `evaluate`"
+    )
+    parser.add_argument("--model", type=Path, action="append", default=[], help="to show pictures")
+    add_data_options(parser, required=False)
+    parser.add_argument("--ids", type=Path, help="pictures to show with `--model`")
+    parser.set_defaults(carry_out=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `report`; prints the files written."""
+    if not (options.run or options.evaluation or options.model):
+        raise ConfigError("nothing to report; hint: `--run`, `--evaluation` or `--model`")
+    options.out.mkdir(parents=True, exist_ok=True)
+    parts = ["# Report\n"]
+    if options.evaluation:
+        evaluations = [read_evaluation(path) for path in options.evaluation]
+        parts += ["## Metres\n", metric_table(evaluations)]
+        parts += ["## Stretched picture by picture\n", paper_table(evaluations)]
+    if options.run:
+        loss_curves(options.run, options.out / "losses.png")
+        parts.append("![loss curves](losses.png)\n")
+    if options.model:
+        side_by_side(_panels(options), options.out / "pictures.png")
+        parts.append("![input, truth and networks](pictures.png)\n")
+    report = options.out / "report.md"
+    report.write_text("\n".join(parts), encoding="utf-8")
+    print(report)
+    return 0
+
+
+def _panels(options: argparse.Namespace) -> list[list[Panel]]:
+    """A row a picture: input, truth, then every model's depth."""
+    if not (options.data and options.ids):
+        raise ConfigError("`--model` needs `--data` and `--ids`: which pictures to show")
+    predictors = [Predictor(path) for path in options.model]
+    pairs = open_pairs(options, options.ids)
+    rows = []
+    for index in range(len(pairs)):
+        pair = pairs[index]
+        row: list[Panel] = [(pair.id, pair.rgb), ("truth", pair.depth_m)]
+        for predictor in predictors:
+            row.append((predictor.path.stem, predictor(pair.rgb).depth.astype(np.float32)))
+        rows.append(row)
+    return rows

@@ -1,0 +1,77 @@
+"""Markdown tables of evaluations, the paper's figures and the trivial baseline among them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from nunet_models.errors import DataError
+
+PAPER_MSE = {
+    "unet": 0.0436,
+    "wnet": 0.0421,
+    "wnet_c": 0.0412,
+}
+"""Table 1 of "Practical Depth Estimation with Image Segmentation and Serial U-Nets": mean squared
+error of depth stretched to 0..1 picture by picture."""
+
+METRIC_COLUMNS = ("rmse", "abs_rel", "delta1", "delta2", "delta3", "rmse_log", "silog")
+
+
+def read_evaluation(path: Path) -> dict[str, Any]:
+    """An answer of `evaluate`.
+
+    # Errors
+    `DataError` naming a file that is none.
+    """
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        values["model"], values["minmax"], values["pictures"]
+    except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError) as error:
+        raise DataError(f"`{path}` is no answer of `evaluate`: {error}") from error
+    return values
+
+
+def metric_table(evaluations: list[dict[str, Any]]) -> str:
+    """A row a model in metres, then the mean image where an evaluation has it."""
+    rows = [("model", "pictures", *METRIC_COLUMNS, "mIoU")]
+    for found in evaluations:
+        if found["metrics"]:
+            miou = found.get("labels", {}).get("miou")
+            rows.append(
+                (found["model"], str(found["pictures"]), *_cells(found["metrics"]), _n(miou))
+            )
+    for found in evaluations:
+        baseline = found.get("baseline", {}).get("metrics")
+        if baseline:
+            rows.append(("mean image", str(found["pictures"]), *_cells(baseline), _n(None)))
+            break
+    return markdown(rows)
+
+
+def paper_table(evaluations: list[dict[str, Any]]) -> str:
+    """A row a model on depth stretched picture by picture, beside the paper's figure."""
+    rows = [("model", "MSE", "RMSE", "paper's MSE")]
+    for found in evaluations:
+        minmax = found["minmax"]
+        paper = PAPER_MSE.get(found.get("architecture", ""))
+        rows.append((found["model"], _n(minmax["mse"]), _n(minmax["rmse"]), _n(paper)))
+    for found in evaluations:
+        baseline = found.get("baseline", {}).get("minmax")
+        if baseline:
+            rows.append(("mean image", _n(baseline["mse"]), _n(baseline["rmse"]), _n(None)))
+            break
+    return markdown(rows)
+
+
+def markdown(rows: list[tuple[str, ...]]) -> str:
+    """Rows of text as a Markdown table, the first one its head."""
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]]) + "\n"
+
+
+def _cells(figures: dict[str, float]) -> list[str]:
+    return [_n(figures.get(name)) for name in METRIC_COLUMNS]
+
+
+def _n(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"

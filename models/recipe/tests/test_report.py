@@ -1,0 +1,67 @@
+"""Reports: tables from evaluations, figures from logs and pictures."""
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from nunet_models.cli import main
+from nunet_models.reporting.table import metric_table, paper_table
+
+TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
+EVALUATION = {
+    "model": "wnet_c.onnx",
+    "architecture": "wnet_c",
+    "pictures": 323,
+    "metrics": {"rmse": 0.611, "abs_rel": 0.19, "delta1": 0.719},
+    "minmax": {"mse": 0.03, "rmse": 0.1732},
+    "baseline": {"metrics": {"rmse": 1.203}, "minmax": {"mse": 0.0527, "rmse": 0.23}},
+}
+
+
+def test_the_metric_table_ends_with_the_mean_image():
+    lines = metric_table([EVALUATION]).splitlines()
+    assert lines[2].startswith("| wnet_c.onnx | 323 | 0.6110 | 0.1900 | 0.7190 |")
+    assert lines[3].startswith("| mean image | 323 | 1.2030 |")
+
+
+def test_the_paper_s_figure_stands_beside_ours():
+    lines = paper_table([EVALUATION]).splitlines()
+    assert lines[2] == "| wnet_c.onnx | 0.0300 | 0.1732 | 0.0412 |"
+    assert lines[3] == "| mean image | 0.0527 | 0.2300 | - |"
+
+
+def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):
+    run, out = tmp_path / "run", tmp_path / "out"
+    run.mkdir()
+    (run / "steps.csv").write_text("step,loss\n1,2.0\n2,1.0\n2,0.9\n")
+    (run / "epochs.csv").write_text("epoch,rmse\n1,0.9\n2,0.8\n")
+    (tmp_path / "e.json").write_text(json.dumps(EVALUATION))
+    code = main(
+        [
+            *("report", "--out", str(out), "--run", str(run)),
+            *("--evaluation", str(tmp_path / "e.json"), "--model", str(TINY)),
+            *("--data", str(dataset), "--ids", str(dataset / "val.txt")),
+        ]
+    )
+    assert code == 0
+    assert capsys.readouterr().out.strip() == str(out / "report.md")
+    assert "| mean image |" in (out / "report.md").read_text()
+    for name in ("losses.png", "pictures.png"):
+        assert min(Image.open(out / name).size) > 300
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ([], "nothing to report"),
+        (["--run", "absent"], "no log `absent/steps.csv`"),
+        (["--evaluation", "README.md"], "is no answer of `evaluate`"),
+        (["--model", str(TINY)], "which pictures"),
+    ],
+)
+def test_what_cannot_be_reported_is_said(options, word, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[1])
+    assert main(["report", "--out", str(tmp_path), *options]) == 1
+    assert word in capsys.readouterr().err
