@@ -3,7 +3,7 @@
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use nunet_ipc::{CameraName, Reader, Topic};
+use nunet_ipc::{CameraName, Limits, Publisher, Reader, Topic, TopicPlan};
 
 use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, run, signal, text};
 
@@ -65,6 +65,33 @@ fn a_daemon_that_waits_for_its_camera_stops_too() {
     assert!(reader.is_ok(), "its own services are there while it waits");
     signal(daemon.pid(), "TERM");
     assert_eq!(daemon.wait(), Some(0));
+}
+
+#[test]
+fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
+    let bench = Bench::new();
+    let (model, silent, name) = (bench.arg("model.onnx"), camera("silent"), camera("interrupted"));
+    let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 640 * 480 * 3 };
+    let _owner = Publisher::create(&CameraName::new(&silent).unwrap(), &[plan], &Limits::default()).unwrap();
+    let (source, stats) = (format!("shm:{silent}"), bench.arg("stats.json"));
+    let mut daemon = Guarded::start(nunetd(&[
+        "-q",
+        "--model",
+        &model,
+        "--source",
+        &source,
+        "--camera",
+        &name,
+        "--stats-json",
+        &stats,
+    ]));
+    Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    std::thread::sleep(Duration::from_millis(300)); // it waits for a frame now, or will soon: both must end well
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0));
+    let stats: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["frames"]["captured"], 0);
 }
 
 #[test]

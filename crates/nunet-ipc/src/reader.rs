@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
 use iceoryx2::port::ReceiveError;
-use iceoryx2::port::listener::{Listener, ListenerCreateError};
+use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError};
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::EventActivation;
 use iceoryx2::service::port_factory::PortFactory;
@@ -103,8 +103,8 @@ impl Reader {
         self.topics.iter().map(|opened| opened.topic)
     }
 
-    /// Sleeps until an owner has something new on one of the topics, or comes or goes, or the time is over; says
-    /// whether it was woken. Only a hint: look for frames whatever it says, and keep the timeout short enough for
+    /// Sleeps until an owner has something new on one of the topics, or comes or goes, a signal interrupts it, or the
+    /// time is over; says whether an owner woke it. Only a hint: look for frames whatever it says, and keep the timeout short enough for
     /// the frame that a late joiner gets without a wake-up.
     ///
     /// # Errors
@@ -117,11 +117,13 @@ impl Reader {
             let left = deadline.saturating_duration_since(Instant::now());
             let over = left < SHORTEST_SLEEP;
             let note = |event: EventActivation| woken |= self.cares_for(event.id.as_value());
-            if over {
-                self.listener.try_wait(note).map_err(failed)?;
-            } else {
-                self.listener.timed_wait(note, left).map_err(failed)?;
-            }
+            let waited =
+                if over { self.listener.try_wait(note) } else { self.listener.timed_wait(note, left) };
+            match waited {
+                // A signal: whoever handles it may want to stop waiting.
+                Err(ListenerWaitError::InterruptSignal) => return Ok(woken),
+                waited => waited.map_err(failed)?,
+            };
             if woken || over {
                 return Ok(woken);
             }
