@@ -137,6 +137,24 @@ fn model_whose_numbers_are_wrong_on_this_machine() {
     snapshot!(model(&bench, "wrong.onnx"));
 }
 
+/// A file that asks for more memory than the child may have is refused by name, whatever it would do to this process.
+#[test]
+fn model_that_asks_for_all_the_memory() {
+    let bench = Bench::new();
+    let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
+    let huge = ModelBuilder::new()
+        .input("rgb", ElementType::U8, &[1, height, width, 3])
+        .constant_i64("giant", &[4], &[1, 40_000, height, width])
+        .node("Expand", &["zero", "giant"], &["all"], &[])
+        .node("ReduceSum", &["all", "channels"], &["depth"], &[])
+        .constant_f32("zero", &[1, 1, 1, 1], &[1.0])
+        .constant_i64("channels", &[1], &[1])
+        .output("depth", ElementType::F32, &[1, 1, height, width]);
+    bench.add_model("huge.onnx", &models::describe(huge, "unet", false));
+    let outcome = model(&bench, "huge.onnx");
+    assert!(outcome.starts_with("exit code 1\nerror: "), "{outcome}");
+}
+
 #[test]
 fn stages_that_do_not_fit() {
     let bench = Bench::new();

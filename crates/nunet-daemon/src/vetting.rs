@@ -9,7 +9,7 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use nunet_core::graph::model_files;
+use nunet_core::graph::{Provider, model_files};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -67,12 +67,19 @@ pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow:
 
 /// Sets the child's limits (in the child).
 ///
+/// Drivers of graphics cards map address space by the terabyte, so there the memory limit is left out.
+///
 /// # Errors
 /// The model cannot be read, or the system refuses.
-pub(crate) fn limit_this_process(model: &Path) -> anyhow::Result<()> {
+pub(crate) fn limit_this_process(model: &Path, provider: Provider) -> anyhow::Result<()> {
     let bytes: u64 =
         model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
-    let memory = MEMORY_BASE + bytes.saturating_mul(MEMORY_PER_MODEL_BYTE);
+    let memory = match provider {
+        Provider::Cuda | Provider::TensorRt => u64::MAX,
+        Provider::Auto | Provider::Cpu | Provider::OpenVino => {
+            MEMORY_BASE + bytes.saturating_mul(MEMORY_PER_MODEL_BYTE)
+        }
+    };
     for (resource, limit) in
         [(Resource::As, memory), (Resource::Cpu, 2 * TIME_LIMIT.as_secs()), (Resource::Core, 0)]
     {
@@ -184,5 +191,60 @@ impl Record {
         let aside = self.path.with_extension(format!("{}.tmp", std::process::id()));
         std::fs::write(&aside, serde_json::to_vec(verdict)?)?;
         std::fs::rename(&aside, &self.path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::process::ExitStatusExt as _;
+
+    use super::*;
+
+    const SEGMENTATION_FAULT: i32 = 11;
+
+    fn engine() -> EngineArgs {
+        EngineArgs { provider: Provider::Cpu, threads: None, onnxruntime: None }
+    }
+
+    fn record(folder: &Path, model: &[u8], library: &[u8]) -> PathBuf {
+        let (model_path, library_path) = (folder.join("m.onnx"), folder.join("l.so"));
+        std::fs::write(&model_path, model).unwrap();
+        std::fs::write(&library_path, library).unwrap();
+        Record::of(&model_path, &engine(), &Found { path: library_path, place: "test" }).unwrap().path
+    }
+
+    #[test]
+    fn a_child_that_crashes_convicts_the_file_and_one_that_refuses_does_not() {
+        let crashed = judge(ExitStatus::from_raw(SEGMENTATION_FAULT), "").unwrap();
+        assert_eq!(crashed, Verdict::Crashed("ended with signal 11".into()));
+        let refused = ExitStatus::from_raw(1 << 8);
+        let error = judge(refused, "INFO something\nerror: `m.onnx` is empty\nhint: fill it\n").unwrap_err();
+        assert_eq!(error.to_string(), "`m.onnx` is empty\nhint: fill it");
+        assert_eq!(judge(ExitStatus::from_raw(0), "").unwrap(), Verdict::Passed);
+    }
+
+    #[test]
+    fn a_verdict_is_kept_and_recalled_and_half_of_one_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = Record { path: folder.path().join("deeper/verdict.json") };
+        assert_eq!(record.recall(), None);
+        record.keep(&Verdict::Crashed("badly".into()));
+        assert_eq!(record.recall(), Some(Verdict::Crashed("badly".into())));
+        std::fs::write(&record.path, b"{\"crash").unwrap();
+        assert_eq!(record.recall(), None);
+    }
+
+    #[test]
+    fn another_model_or_another_library_needs_another_verdict() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = record(folder.path(), b"model", b"library");
+        assert_ne!(record(folder.path(), b"other", b"library"), first);
+        assert_ne!(record(folder.path(), b"model", b"another library"), first);
+    }
+
+    #[test]
+    fn the_childs_messages_are_read_up_to_a_bound() {
+        let flood = std::io::repeat(b'x');
+        assert_eq!(read_messages(flood).len() as u64, MAX_MESSAGE_BYTES);
     }
 }

@@ -8,8 +8,6 @@ mod rate;
 mod scene;
 mod shm;
 
-use std::path::PathBuf;
-
 pub(crate) use files::decode;
 pub use frame::{Capture, Frame, Pixels};
 pub use rate::{Pacer, Rate};
@@ -59,7 +57,7 @@ impl Kind {
     pub fn parse(text: &str) -> Self {
         match text.split_once(':') {
             Some(("shm", camera)) => Self::SharedMemory(camera.to_owned()),
-            _ if text == "demo" && !PathBuf::from(text).is_dir() => Self::Demo,
+            None if text == "demo" => Self::Demo,
             _ => Self::Files(text.to_owned()),
         }
     }
@@ -80,4 +78,23 @@ pub fn open(kind: &Kind, repeat: bool) -> anyhow::Result<Box<dyn Source>> {
         Kind::Files(pattern) => Box::new(files::Files::open(pattern, repeat)?),
         Kind::SharedMemory(camera) => Box::new(shm::SharedMemory::open(camera)?),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_source_is_told_by_its_spelling() {
+        assert_eq!(Kind::parse("demo"), Kind::Demo);
+        assert_eq!(Kind::parse("./demo"), Kind::Files("./demo".into()));
+        assert_eq!(Kind::parse("shm:front"), Kind::SharedMemory("front".into()));
+        assert_eq!(Kind::parse("drive/*.jpg"), Kind::Files("drive/*.jpg".into()));
+    }
+
+    #[test]
+    fn the_demo_scene_has_a_camera_name_of_its_own() {
+        assert_eq!(Kind::Demo.default_camera(), "demo");
+        assert_eq!(Kind::parse("drive/").default_camera(), "camera");
+    }
 }

@@ -6,7 +6,7 @@ use crate::{Outcome, vetting};
 
 /// Loads the model within limits and runs its self-test.
 pub(super) fn vet(arguments: &VetArgs) -> anyhow::Result<Outcome> {
-    vetting::limit_this_process(&arguments.model)?;
+    vetting::limit_this_process(&arguments.model, arguments.engine.provider)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load_trusted(arguments.model.clone(), &[])?;
     tested_pipeline(loaded, &CameraArgs::default())?;
