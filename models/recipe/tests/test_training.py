@@ -1,6 +1,7 @@
 """Training of tiny networks: it learns, stops in time, and resumes to the same losses."""
 
 import csv
+import json
 import shutil
 
 import pytest
@@ -8,6 +9,7 @@ import torch
 
 from nunet_models.cli import main
 from nunet_models.export.collections import tiny_spec
+from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
@@ -118,3 +120,23 @@ def test_a_frozen_component_keeps_its_batch_norm_statistics():
     graph(torch.rand(2, 3, 96, 128))
     after = graph.components[0].state_dict()
     assert all(torch.equal(before[k], after[k]) for k in before)
+
+
+def test_a_trained_run_becomes_a_model_file_that_says_how_it_was_trained(dataset, tmp_path):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    accuracy = tmp_path / "accuracy.json"
+    accuracy.write_text('{"metrics": {"rmse": 0.6}}')
+    assert train(dataset, run, "--architecture", "unet", component="depth", epochs=1) == 0
+    export = ["export", "--checkpoint", str(run / "best.pt"), "--accuracy", str(accuracy)]
+    assert main([*export, "--out", str(model)]) == 0
+    values = read_metadata(model)
+    assert values["nunet.trained"] == "true"
+    assert json.loads(values["nunet.training"])["depth"]["epochs_done"] == 1
+    assert json.loads(values["nunet.accuracy"]) == {"metrics": {"rmse": 0.6}}
+
+
+def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(dataset, tmp_path):
+    paper = ("--encoding", "minmax", "--loss", "mse", "--ema", "0", "--schedule", "constant")
+    options = ("--architecture", "unet", "--optimiser", "adam", *paper)
+    assert train(dataset, tmp_path, *options, component="depth", epochs=1) == 0
+    assert 0.0 < float(rows(tmp_path, "epochs.csv")[0]["rmse"]) < 1.0

@@ -82,8 +82,8 @@ def run(options: argparse.Namespace) -> int:
         train=open_cached(options, options.train_ids),
         val=open_cached(options, options.val_ids),
         folder=options.folder,
+        before=before,
     )
-    trainer.checkpoint = before or trainer.checkpoint
     if options.resume and last.exists():
         trainer.resume()
     done = trainer.run(minutes=options.minutes, quiet=options.quiet)

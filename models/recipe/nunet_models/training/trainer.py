@@ -30,13 +30,24 @@ LOG_EVERY = 20
 
 
 class Trainer:
-    """Trains `graph.components[index]`; `LAST` in the run's folder holds all that goes on."""
+    """Trains the component of `graph` that `settings` name.
+
+    `LAST` in the run's folder holds what `resume` needs, `BEST` the averaged weights of the best
+    epoch. `before` is the checkpoint that the graph came from: its history is carried on.
+    """
 
     LAST = "last.pt"
     BEST = "best.pt"
 
     def __init__(
-        self, graph: SerialGraph, settings: Settings, *, train: Cached, val: Cached, folder: Path
+        self,
+        graph: SerialGraph,
+        settings: Settings,
+        *,
+        train: Cached,
+        val: Cached,
+        folder: Path,
+        before: Checkpoint | None = None,
     ) -> None:
         self.graph, self.settings, self.data, self.val = graph, settings, train, val
         self.folder = folder
@@ -59,7 +70,7 @@ class Trainer:
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
         self.history: list[dict[str, float]] = []
-        self.checkpoint = Checkpoint(graph.spec, {})
+        self.before = before or Checkpoint(graph.spec, {})
 
     @property
     def batches(self) -> int:
@@ -217,8 +228,8 @@ class Trainer:
             self.graph.spec,
             self.averaged_graph().state_dict(),
             None if best else progress,
-            {**self.checkpoint.history, name: self.history},
-            {**self.checkpoint.settings, name: self.settings.to_json()},
+            {**self.before.history, name: self.history},
+            {**self.before.settings, name: self.settings.to_json()},
         ).save(self.folder / (self.BEST if best else self.LAST))
 
     def resume(self) -> None:
@@ -234,7 +245,7 @@ class Trainer:
         torch.set_rng_state(progress["torch_rng"])
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
         self.history = checkpoint.history[self.settings.component]
-        self.checkpoint = checkpoint
+        self.before = checkpoint
 
 
 def _score(figures: dict[str, float]) -> float:
