@@ -3,7 +3,8 @@
 use std::io::Write as _;
 
 use nunet_core::pipeline::Pipeline;
-use nunet_ipc::{Limits, Reservation, free_shared_memory_bytes, orphans};
+use nunet_ipc::orphans::{self, Cleaning};
+use nunet_ipc::{Limits, Reservation, free_shared_memory_bytes};
 use serde::Serialize;
 use serde_json::json;
 
@@ -141,19 +142,20 @@ fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {
     }
 }
 
+/// Cleans up after dead processes, as every start of an owner or a reader does, and tells what could not be removed.
 fn check_orphans(checks: &mut Checks) {
-    match orphans::list() {
-        Ok(orphans) if orphans.is_empty() => checks.good("orphans", "no resources of dead processes"),
-        Ok(orphans) => {
-            let pids: Vec<_> = orphans.iter().map(|orphan| orphan.pid.to_string()).collect();
-            checks.bad(
-                "orphans",
-                &format!(
-                    "dead processes left shared memory behind: {}\nhint: the next `nunetd` cleans it up by itself",
-                    pids.join(", ")
-                ),
-            );
+    match orphans::clean() {
+        Ok(Cleaning { removed: 0, failed: 0 }) => checks.good("orphans", "no resources of dead processes"),
+        Ok(Cleaning { removed, failed: 0 }) => {
+            checks.good("orphans", format!("cleaned up after {removed} dead processes"));
         }
+        Ok(Cleaning { failed, .. }) => checks.bad(
+            "orphans",
+            &format!(
+                "{failed} dead processes left resources that cannot be removed\nhint: they are another user's, or \
+                 damaged: stop every program that uses iceoryx2 and remove `/tmp/iceoryx2`"
+            ),
+        ),
         Err(error) => checks.bad("orphans", &error.to_string()),
     }
 }
