@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, camera, nunetd, run, run_well, text};
+use crate::support::{Bench, Guarded, camera, nunetd, repository, run, run_well, text};
 
 fn json_lines(bytes: &[u8]) -> Vec<Value> {
     text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
@@ -45,6 +45,8 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     assert_eq!(stats["model"]["name"], "model.onnx");
     assert!(stats["latency_ms"]["total"]["p50"].as_f64().unwrap() > 0.0);
     assert!(stats["latency_ms"]["stages"]["decode"]["p99"].is_number());
+    let cloud_ms = stats["latency_ms"]["stages"]["cloud"]["p50"].as_f64().unwrap();
+    assert!(cloud_ms > 0.0, "`--out` reads the cloud, so it is computed");
 }
 
 #[test]
@@ -88,11 +90,36 @@ fn watch_follows_a_running_daemon_and_its_ledger_balances() {
     assert_eq!(last["quality"], "full");
     assert!(last["depth_center_m"].as_f64().unwrap() >= 0.5, "the network's depth starts at 0.5 m");
     assert!(last["stages"].as_object().unwrap().contains_key("preprocess"));
+    assert_eq!(last["stages"]["cloud"], 0, "nobody reads the cloud, so it is not computed");
     let count = |key: &str| last["frames"][key].as_u64().unwrap();
     assert_eq!(
         count("captured"),
         count("published") + count("superseded") + count("failed") + count("in_flight")
     );
+}
+
+#[test]
+fn a_stage_that_runs_each_third_frame_is_stamped_on_the_frames_that_reuse_it() {
+    let model = repository().join("models/tiny/tiny_wnet_c.toml");
+    let name = camera("every");
+    let _daemon = Guarded::start(nunetd(&[
+        "-q",
+        "--model",
+        model.to_str().unwrap(),
+        "--source",
+        "demo",
+        "--rate",
+        "30",
+        "--camera",
+        &name,
+        "--every",
+        "segmentation=3",
+    ]));
+    let seen = json_lines(&run_well(nunetd(&["watch", &name, "--json", "--frames", "12"])).stdout);
+    let reused = seen.iter().filter(|frame| frame["quality"] == "reused_labels");
+    assert!(reused.clone().all(|frame| frame["stages"]["segmentation"] == 0));
+    assert!((4..=10).contains(&reused.count()), "about two of three frames: {seen:?}");
+    assert!(seen.iter().any(|frame| frame["quality"] == "full"));
 }
 
 #[test]

@@ -17,7 +17,7 @@ MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onn
 def nunetd():
     """The path of the daemon's binary. A missing one fails: these tests are never skipped."""
     path = os.environ.get("NUNETD")
-    assert path and os.path.exists(path), "set NUNETD to the daemon's binary (`cargo xtask test` does)"
+    assert path and pathlib.Path(path).exists(), "set NUNETD to the daemon's binary (`cargo xtask test` does)"
     return path
 
 

@@ -2,7 +2,6 @@
 
 import iceoryx2 as iox2
 import numpy as np
-
 from contract import Reader
 
 KEY = iox2.AttributeKey.new("nunet.contract")

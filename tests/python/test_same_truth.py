@@ -7,10 +7,9 @@ import subprocess
 import numpy as np
 import onnxruntime
 import pytest
-from PIL import Image
-
 from conftest import MODEL, running
 from contract import Reader
+from PIL import Image
 
 MIN_M, MAX_M = "nunet.depth.min_m", "nunet.depth.max_m"
 
