@@ -65,7 +65,7 @@ def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     assert train(dataset, first, epochs=1) == 0
     start = ("--start", str(first / "best.pt"), "--like", "segmentation", "--joint-noise", "0.2")
-    assert train(dataset, second, *start, component="depth", epochs=12) == 0
+    assert train(dataset, second, *start, component="depth", epochs=8) == 0
     before = Checkpoint.load(first / "best.pt").weights
     after = Checkpoint.load(second / "last.pt").weights
     for name in before:
@@ -140,3 +140,17 @@ def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(da
     options = ("--architecture", "unet", "--optimiser", "adam", *paper)
     assert train(dataset, tmp_path, *options, component="depth", epochs=1) == 0
     assert 0.0 < float(rows(tmp_path, "epochs.csv")[0]["rmse"]) < 1.0
+
+
+def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, capsys):
+    seg, depth = tmp_path / "seg", tmp_path / "depth"
+    assert train(dataset, seg, "--architecture", "wnet", epochs=1) == 0
+    plug = ("--architecture", "wnet_c", "--plug", f"segmentation={seg / 'best.pt'}")
+    assert train(dataset, depth, *plug, component="depth", epochs=1) == 0
+    theirs, ours = (Checkpoint.load(run / "best.pt") for run in (seg, depth))
+    one, other = (c.component_weights("segmentation") for c in (theirs, ours))
+    assert all(torch.equal(one[name], other[name]) for name in one)
+    assert ours.history["segmentation"] == theirs.history["segmentation"]
+    wrong = ("--architecture", "wnet_c", "--plug", f"depth={seg / 'best.pt'}")
+    assert train(dataset, tmp_path / "wrong", *wrong, component="depth", epochs=1) == 1
+    assert "do not fit component `depth`" in capsys.readouterr().err

@@ -32,6 +32,14 @@ class Checkpoint:
         graph.load_state_dict(self.weights)
         return graph.eval()
 
+    def component_weights(self, name: str) -> dict[str, torch.Tensor]:
+        """The averaged weights of the component called `name`, by its own keys."""
+        names = [component.name for component in self.spec.components]
+        if name not in names:
+            raise ConfigError(f"the checkpoint has no component `{name}`; hint: {', '.join(names)}")
+        prefix = f"components.{names.index(name)}."
+        return {k.removeprefix(prefix): v for k, v in self.weights.items() if k.startswith(prefix)}
+
     def save(self, path: Path) -> None:
         """Write to `path`; a crash meanwhile leaves the file that was there."""
         beside = path.with_suffix(".partial")

@@ -11,7 +11,7 @@ from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import Trainer
-from nunet_models.zoo import PAPER_DECODER, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.spec import LITE_DECODER
 from nunet_models.zoo.weights import imagenet_encoder, like_component
 
@@ -44,6 +44,13 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--dropout", type=float, default=0.0)
     group.add_argument("--drop-path", type=float, default=0.0)
     group.add_argument("--start", type=Path, help="checkpoint to take the whole graph from")
+    group.add_argument(
+        "--plug",
+        action="append",
+        default=[],
+        metavar="COMPONENT=CHECKPOINT",
+        help="take a component, trained in whatever graph, from a checkpoint",
+    )
     group.add_argument("--imagenet", action="store_true", help="start the encoder from ImageNet")
     group.add_argument("--like", metavar="COMPONENT", help="start as an earlier component is")
 
@@ -91,21 +98,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint | None]:
-    """The graph to train and the checkpoint that it starts from."""
+def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
+    """The graph to train, and the checkpoint whose history goes on."""
     before = Checkpoint.load(options.start) if options.start else None
-    if before is not None:
-        spec = before.spec
-    else:
-        spec = graph_spec(
-            options.architecture,
-            backbone=options.backbone,
-            decoder=DECODERS[options.decoder],
-            inner_size=tuple(options.inner_size),
-            encoding=options.encoding,
-        )
+    spec = before.spec if before is not None else _spec(options)
+    if options.component not in [c.name for c in spec.components]:
+        raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
     components = tuple(
-        replace(c, dropout=options.dropout, drop_path=options.drop_path)
+        c.changed(dropout=options.dropout, drop_path=options.drop_path)
         if c.name == options.component
         else c
         for c in spec.components
@@ -113,11 +113,26 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint | None]
     graph = SerialGraph(replace(spec, components=components))
     if before is not None:
         graph.load_state_dict(before.weights)
-    named = {c.spec.name: c for c in graph.components}
-    if options.component not in named or (options.like and options.like not in named):
-        raise ConfigError(f"components are {', '.join(named)}")
+    before = before or Checkpoint(graph.spec, {})
+    for plug in options.plug:
+        name, _, path = plug.partition("=")
+        other = Checkpoint.load(Path(path))
+        graph.component(name).load_weights(other.component_weights(name))
+        before.history[name] = other.history.get(name, [])
+        before.settings[name] = other.settings.get(name, {})
+    component = graph.component(options.component)
     if options.imagenet:
-        imagenet_encoder(named[options.component])
+        imagenet_encoder(component)
     if options.like:
-        like_component(named[options.component], named[options.like])
+        like_component(component, graph.component(options.like))
     return graph, before
+
+
+def _spec(options: argparse.Namespace) -> GraphSpec:
+    return graph_spec(
+        options.architecture,
+        backbone=options.backbone,
+        decoder=DECODERS[options.decoder],
+        inner_size=tuple(options.inner_size),
+        encoding=options.encoding,
+    )

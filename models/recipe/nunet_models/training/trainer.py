@@ -51,10 +51,8 @@ class Trainer:
     ) -> None:
         self.graph, self.settings, self.data, self.val = graph, settings, train, val
         self.folder = folder
-        names = [component.name for component in graph.spec.components]
-        if settings.component not in names:
-            raise ConfigError(f"no component `{settings.component}`; hint: one of {names}")
-        self.index = names.index(settings.component)
+        self.component = graph.component(settings.component)
+        self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
         if self.segments and not train.has_labels:
             raise ConfigError("the training data has no labels; hint: it needs a folder `label40`")
@@ -63,7 +61,7 @@ class Trainer:
         graph.to(memory_format=torch.channels_last)
         for earlier in graph.components[: self.index]:
             earlier.freeze()
-        self.component = graph.components[self.index].train()
+        self.component.train()
         self.averaged = Averaged(self.component, settings.ema)
         self.optimiser = _optimiser(self.component, settings)
         self.weights = _class_weights(train, graph, settings) if self.segments else None

@@ -3,6 +3,7 @@
 import torch
 from torch import nn
 
+from nunet_models.errors import ConfigError
 from nunet_models.zoo.backbones import build_unet
 from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.memory import ConvLstm
@@ -74,6 +75,20 @@ class Component(nn.Module):
 
     def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
         return self.unet.segmentation_head(self.dropout(self.unet.decoder(maps)))
+
+    def load_weights(self, weights: dict[str, torch.Tensor]) -> None:
+        """Take weights trained elsewhere.
+
+        # Errors
+        `ConfigError` when they are of another backbone, decoder or number of channels.
+        """
+        try:
+            self.load_state_dict(weights)
+        except RuntimeError as error:
+            raise ConfigError(
+                f"the weights do not fit component `{self.spec.name}` "
+                f"({self.spec.backbone}, decoder {self.spec.decoder_channels}): {error}"
+            ) from error
 
     def freeze(self) -> None:
         """Stop all learning here, batch-norm statistics included (see `train`)."""

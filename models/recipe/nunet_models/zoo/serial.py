@@ -3,6 +3,7 @@
 import torch
 from torch import nn
 
+from nunet_models.errors import ConfigError
 from nunet_models.zoo.component import Component, State
 from nunet_models.zoo.spec import GraphSpec
 
@@ -32,6 +33,14 @@ class SerialGraph(nn.Module):
                 )
             )
             before = out_channels
+
+    def component(self, name: str) -> Component:
+        """The component called `name`."""
+        for component in self.components:
+            if component.spec.name == name:
+                return component
+        names = ", ".join(component.name for component in self.spec.components)
+        raise ConfigError(f"no component `{name}` in `{self.spec.architecture}`; hint: {names}")
 
     def forward(self, image: torch.Tensor) -> list[torch.Tensor]:
         """Image `[B, 3, h, w]`, normalised, to the raw numbers of every component in order."""
