@@ -1,10 +1,7 @@
-#![expect(unsafe_code, reason = "a counting allocator is an allocator")]
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 //! A steady frame makes no heap allocation in our code, whichever of a few buffers it is given.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::num::NonZeroU32;
 
 use nunet_core::camera::{Camera, Intrinsics};
@@ -12,31 +9,12 @@ use nunet_core::cloud::CloudPoint;
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
+use nunet_core::preprocess::Preprocessor;
+use nunet_testkit::allocations::{CountingAllocator, allocations_during};
 use nunet_testkit::models;
 
-/// The system's allocator, counting what this thread asks of it. ONNX Runtime's own allocations do not pass here.
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to `System` as it is; the counter neither allocates nor unwinds.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the contract of `alloc`, which is `System`'s too.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: `memory` came from `System` with this layout.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static COUNTING: CountingAllocator = CountingAllocator;
 
 const SIZE: (u32, u32) = (64, 48);
 const PIXELS: usize = 64 * 48;
@@ -91,9 +69,7 @@ fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFo
         }
     };
     frames(16);
-    let before = ALLOCATIONS.get();
-    frames(100);
-    ALLOCATIONS.get() - before
+    allocations_during(|| frames(100))
 }
 
 #[test]
@@ -125,8 +101,22 @@ fn a_steady_frame_allocates_nothing() {
 }
 
 #[test]
+fn later_pictures_of_a_size_are_preprocessed_without_allocation() {
+    for format in PixelFormat::ALL {
+        for (width, height) in [SIZE, (131, 97), (40, 20)] {
+            let bytes = vec![100; format.byte_len(width, height, format.min_stride(width))];
+            let frame = ImageView::packed(&bytes, width, height, format).unwrap();
+            let mut preprocessor = Preprocessor::new(SIZE.0, SIZE.1);
+            preprocessor.prepare(&frame);
+            let allocations = allocations_during(|| {
+                preprocessor.prepare(&frame);
+            });
+            assert_eq!(allocations, 0, "{format} {width}x{height}");
+        }
+    }
+}
+
+#[test]
 fn the_counter_counts() {
-    let before = ALLOCATIONS.get();
-    drop(std::hint::black_box(vec![1_u8]));
-    assert_eq!(ALLOCATIONS.get() - before, 1);
+    assert_eq!(allocations_during(|| drop(std::hint::black_box(vec![1_u8]))), 1);
 }
