@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 
+use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::graph::Provider;
@@ -32,9 +33,24 @@ impl Cli {
     pub fn parse_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut arguments: Vec<_> = arguments.into_iter().collect();
         if let Some(place) = place_of_default_verb(&arguments) {
+            refuse_unknown_verb(arguments.get(place))?;
             arguments.insert(place, "run".into());
         }
         Self::try_parse_from(arguments)
+    }
+}
+
+/// `run` takes flags only, so a bare word in its place is a verb that does not exist.
+fn refuse_unknown_verb(argument: Option<&OsString>) -> Result<(), clap::Error> {
+    match argument.map(|word| word.to_string_lossy()) {
+        Some(word) if !word.starts_with('-') => {
+            let mut command = Cli::command();
+            let verbs: Vec<_> = command.get_subcommands().filter(|verb| !verb.is_hide_set()).collect();
+            let names: Vec<_> = verbs.iter().map(|verb| verb.get_name().to_owned()).collect();
+            let message = format!("`{word}` is no command of nunetd\nhint: one of {}", names.join(", "));
+            Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -117,7 +133,7 @@ pub struct EngineArgs {
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
     /// ONNX Runtime's shared library
-    #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH")]
+    #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub onnxruntime: Option<PathBuf>,
 }
 
@@ -180,6 +196,9 @@ pub struct RunArgs {
     /// What may be read; labels and cloud cost nothing while nobody reads them
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
     pub publish: Vec<Publish>,
+    /// Processes that may read at the same time; half as many the cloud [default: 4]. Memory is reserved for all
+    #[arg(long, value_name = "N")]
+    pub readers: Option<NonZeroU32>,
     /// Run a stage on each N-th frame and reuse its result in between
     #[arg(long, value_name = "STAGE=N", value_parser = parse_every)]
     pub every: Vec<(String, NonZeroU32)>,
@@ -357,6 +376,17 @@ mod tests {
             let cli = parse(line);
             assert!(cli.logging.quiet && matches!(cli.verb, Verb::Inspect(_)), "{line}");
         }
+    }
+
+    #[test]
+    fn a_word_that_is_no_verb_is_answered_with_the_verbs() {
+        let error =
+            Cli::parse_line(["nunetd", "inferr", "x.jpg"].map(OsString::from)).unwrap_err().to_string();
+        assert!(
+            error.contains("`inferr` is no command of nunetd\nhint: one of run, infer, feed,"),
+            "{error}"
+        );
+        assert!(!error.contains("vet"), "{error}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Exit codes, and the one place where an error chain is printed.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use nunet_ipc::CameraName;
@@ -56,20 +57,47 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
         .any(|cause| cause.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-#[expect(clippy::print_stderr, reason = "the one place where a failure is told to people")]
+/// The one place where a failure is told to people. A stderr that is gone has nobody behind it.
 fn print_chain(error: &anyhow::Error) {
-    // A message may end in a line `hint: ...`; hints belong after the last cause.
-    let mut hints = Vec::new();
+    let mut stderr = std::io::stderr().lock();
+    let _ = stderr.write_all(chain_text(error).as_bytes());
+}
+
+/// One line a cause, hints behind the last.
+fn chain_text(error: &anyhow::Error) -> String {
+    let (mut text, mut hints, mut before) = (String::new(), String::new(), String::new());
     for (depth, cause) in error.chain().enumerate() {
-        let text = cause.to_string();
-        let (body, hint) = match text.split_once("\nhint: ") {
-            Some((body, hint)) => (body.to_owned(), Some(hint.to_owned())),
-            None => (text, None),
-        };
-        eprintln!("{}{body}", if depth == 0 { "error: " } else { "  because: " });
-        hints.extend(hint);
+        let cause = cause.to_string();
+        let (body, hint) = cause.split_once("\nhint: ").unwrap_or((&cause, ""));
+        // Some libraries repeat their cause within their own message.
+        if depth == 0 || !before.contains(body.trim()) {
+            let start = if depth == 0 { "error: " } else { "  because: " };
+            text += &format!("{start}{}\n", lines_without_gaps(body));
+        }
+        if !hint.is_empty() {
+            hints += &format!("hint: {hint}\n");
+        }
+        before = body.to_owned();
     }
-    for hint in hints {
-        eprintln!("hint: {hint}");
+    text + &hints
+}
+
+fn lines_without_gaps(text: &str) -> String {
+    text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hints_follow_the_last_cause_and_repeated_causes_are_told_once() {
+        let error = anyhow::anyhow!("bits are missing")
+            .context("cannot decode:\n\nbits are missing\nhint: get it again")
+            .context("cannot read `a.jpg`");
+        assert_eq!(
+            chain_text(&error),
+            "error: cannot read `a.jpg`\n  because: cannot decode:\nbits are missing\nhint: get it again\n"
+        );
     }
 }

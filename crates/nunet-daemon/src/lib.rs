@@ -1,7 +1,8 @@
 //! `nunetd` as a library: everything the binary does, so that the Python package can offer the same command.
 //!
 //! The way in is [`main`]: arguments -> [`cli`] -> one of the [`verbs`]. A stream of frames runs through
-//! [`source`] -> [`stream`] -> [`sink`].
+//! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`telemetry`], [`source`],
+//! [`sink`], [`stream`], verbs, never the other way.
 
 mod buffers;
 pub mod cli;
@@ -15,6 +16,7 @@ pub mod stream;
 pub mod telemetry;
 mod verbs;
 mod vetting;
+mod words;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

@@ -20,7 +20,7 @@ pub(crate) struct Found {
 /// # Errors
 /// The named file does not exist, or no place holds a library: every place is listed.
 pub(crate) fn find(named: Option<&Path>) -> anyhow::Result<Found> {
-    if let Some(path) = named {
+    if let Some(path) = named.filter(|path| !path.as_os_str().is_empty()) {
         if path.is_file() {
             return Ok(Found { path: path.to_owned(), place: "named" });
         }

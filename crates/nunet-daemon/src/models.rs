@@ -38,7 +38,7 @@ fn model_in(folder: &Path, name: &Path) -> Option<PathBuf> {
 
 /// Beside an installed executable, or in the checkout it was built in.
 fn folders() -> Vec<PathBuf> {
-    if let Some(folder) = std::env::var_os(FOLDER_VARIABLE) {
+    if let Some(folder) = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty()) {
         return vec![PathBuf::from(folder)];
     }
     let exe = std::env::current_exe().unwrap_or_default();
@@ -53,8 +53,14 @@ fn not_found(name: &Path, folders: &[PathBuf]) -> String {
     let mut text = format!("no model `{}`: no such file", name.display());
     if is_bare_name(name) {
         let names = bundled_names(folders);
-        let list = if names.is_empty() { "none found".to_owned() } else { names.join(", ") };
-        text += &format!(", and no bundled model of that name\nhint: bundled models: {list}");
+        text += ", and no bundled model of that name";
+        text += &if names.is_empty() {
+            format!(
+                "\nhint: bundled models are looked up in the folder that {FOLDER_VARIABLE} names; give a path otherwise"
+            )
+        } else {
+            format!("\nhint: bundled models: {}", names.join(", "))
+        };
     } else {
         text += "\nhint: a path is taken as it stands; a bundled model is called by its bare name, such as `wnet_c.onnx`";
     }

@@ -4,13 +4,14 @@
 //! The verdict is kept by the hash of everything it depends on, so a known file starts without a child.
 
 use std::io::Read as _;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use nunet_core::graph::{Provider, model_files};
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use rustix::process::{Resource, Rlimit, Signal, getrlimit, set_parent_process_death_signal, setrlimit};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use tracing::{debug, info};
@@ -58,9 +59,9 @@ pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow:
         Verdict::Passed => Ok(()),
         Verdict::Crashed(how) => bail!(
             "`{}` is refused: loading it in a child process {how}\nhint: the file is damaged or hostile; get it \
-             again from a source you trust (the verdict is kept in `{}`)",
+             again from a source you trust, or remove `{}` to have it tested again",
             model.display(),
-            record.path.display()
+            record.path.as_deref().unwrap_or(Path::new("its verdict")).display()
         ),
     }
 }
@@ -72,6 +73,7 @@ pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow:
 /// # Errors
 /// The model cannot be read, or the system refuses.
 pub(crate) fn limit_this_process(model: &Path, provider: Provider) -> anyhow::Result<()> {
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot tie this process to its parent")?;
     let bytes: u64 =
         model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
     let memory = match provider {
@@ -99,11 +101,17 @@ fn try_in_child(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::R
     if let Some(threads) = engine.threads {
         command.arg("--threads").arg(threads.to_string());
     }
-    let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    // A group of its own: the terminal's Ctrl-C is for this process to handle.
+    let child =
+        command.process_group(0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
     let mut child = child.context("cannot start a child process to test the model in")?;
     let messages = child.stderr.take().map(|stderr| std::thread::spawn(move || read_messages(stderr)));
     let Some(status) = wait(&mut child)? else {
-        return Ok(Verdict::Crashed(format!("took longer than {} s", TIME_LIMIT.as_secs())));
+        bail!(
+            "testing `{}` in a child process took longer than {} s\nhint: try again when the machine is less busy",
+            model.display(),
+            TIME_LIMIT.as_secs()
+        );
     };
     let messages = messages.and_then(|thread| thread.join().ok()).unwrap_or_default();
     judge(status, &messages)
@@ -130,14 +138,23 @@ fn wait(child: &mut std::process::Child) -> anyhow::Result<Option<ExitStatus>> {
     Ok(None)
 }
 
-/// An orderly refusal is an error and is not kept: it may be this machine's (memory, library) and not the file's.
+/// Signals that say something of the file: the child did what no program should.
+const FAULTS: [Signal; 5] = [Signal::SEGV, Signal::BUS, Signal::ABORT, Signal::ILL, Signal::FPE];
+
+/// Only a fault convicts the file. An orderly refusal may be this machine's (memory, library), and another signal came
+/// from outside (somebody stopped it, or the system ran out of memory): neither is kept.
 fn judge(status: ExitStatus, messages: &str) -> anyhow::Result<Verdict> {
-    use std::os::unix::process::ExitStatusExt as _;
     match (status.code(), status.signal()) {
         (Some(0), _) => Ok(Verdict::Passed),
         (Some(1 | 2), _) => bail!("{}", refusal(messages)),
-        (Some(code), _) => Ok(Verdict::Crashed(format!("ended with exit code {code}"))),
-        (None, signal) => Ok(Verdict::Crashed(format!("ended with signal {}", signal.unwrap_or_default()))),
+        (_, Some(signal)) if FAULTS.iter().any(|fault| fault.as_raw() == signal) => {
+            Ok(Verdict::Crashed(format!("ended with signal {signal}")))
+        }
+        (code, signal) => bail!(
+            "the child process that tests the model was ended from outside ({})\nhint: start again; if it happens \
+             again, look for the system's out-of-memory messages",
+            code.or(signal).unwrap_or_default()
+        ),
     }
 }
 
@@ -150,7 +167,8 @@ fn refusal(messages: &str) -> &str {
 /// What a verdict depends on, and where it is kept.
 #[derive(Debug)]
 struct Record {
-    path: PathBuf,
+    /// `None` where there is no folder of this user's own: in a common one anybody could plant a verdict.
+    path: Option<PathBuf>,
 }
 
 impl Record {
@@ -168,36 +186,35 @@ impl Record {
             (env!("CARGO_PKG_VERSION"), &library.path, about.len(), changed, engine.provider, engine.threads);
         hash.update(format!("{rest:?}"));
         let name: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-        let folder = library::cache_folder().unwrap_or_else(std::env::temp_dir).join("verdicts");
-        Ok(Self { path: folder.join(name + ".json") })
+        let path = library::cache_folder().map(|folder| folder.join("verdicts").join(name + ".json"));
+        Ok(Self { path })
     }
 
     fn recall(&self) -> Option<Verdict> {
-        serde_json::from_slice(&std::fs::read(&self.path).ok()?).ok()
+        serde_json::from_slice(&std::fs::read(self.path.as_ref()?).ok()?).ok()
     }
 
     /// A verdict that cannot be kept costs a child at the next start, nothing more.
     fn keep(&self, verdict: &Verdict) {
-        if let Err(error) = self.try_keep(verdict) {
-            debug!("the verdict is not kept in `{}`: {error}", self.path.display());
+        let Some(path) = &self.path else { return };
+        if let Err(error) = try_keep(path, verdict) {
+            debug!("the verdict is not kept in `{}`: {error}", path.display());
         }
     }
+}
 
-    fn try_keep(&self, verdict: &Verdict) -> std::io::Result<()> {
-        if let Some(folder) = self.path.parent() {
-            std::fs::create_dir_all(folder)?;
-        }
-        // Written aside and moved: a reader never sees half a verdict.
-        let aside = self.path.with_extension(format!("{}.tmp", std::process::id()));
-        std::fs::write(&aside, serde_json::to_vec(verdict)?)?;
-        std::fs::rename(&aside, &self.path)
+fn try_keep(path: &Path, verdict: &Verdict) -> std::io::Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)?;
     }
+    // Written aside and moved: a reader never sees half a verdict.
+    let aside = path.with_extension(format!("{}.tmp", std::process::id()));
+    std::fs::write(&aside, serde_json::to_vec(verdict)?)?;
+    std::fs::rename(&aside, path)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::process::ExitStatusExt as _;
-
     use super::*;
 
     const SEGMENTATION_FAULT: i32 = 11;
@@ -206,7 +223,7 @@ mod tests {
         EngineArgs { provider: Provider::Cpu, threads: None, onnxruntime: None }
     }
 
-    fn record(folder: &Path, model: &[u8], library: &[u8]) -> PathBuf {
+    fn record(folder: &Path, model: &[u8], library: &[u8]) -> Option<PathBuf> {
         let (model_path, library_path) = (folder.join("m.onnx"), folder.join("l.so"));
         std::fs::write(&model_path, model).unwrap();
         std::fs::write(&library_path, library).unwrap();
@@ -224,13 +241,22 @@ mod tests {
     }
 
     #[test]
+    fn a_child_that_was_stopped_from_outside_convicts_nobody() {
+        for signal in [2, 15, 9, 1] {
+            let error = judge(ExitStatus::from_raw(signal), "").unwrap_err().to_string();
+            assert!(error.contains("ended from outside"), "signal {signal}: {error}");
+        }
+    }
+
+    #[test]
     fn a_verdict_is_kept_and_recalled_and_half_of_one_is_none() {
         let folder = tempfile::tempdir().unwrap();
-        let record = Record { path: folder.path().join("deeper/verdict.json") };
+        let path = folder.path().join("deeper/verdict.json");
+        let record = Record { path: Some(path.clone()) };
         assert_eq!(record.recall(), None);
         record.keep(&Verdict::Crashed("badly".into()));
         assert_eq!(record.recall(), Some(Verdict::Crashed("badly".into())));
-        std::fs::write(&record.path, b"{\"crash").unwrap();
+        std::fs::write(&path, b"{\"crash").unwrap();
         assert_eq!(record.recall(), None);
     }
 

@@ -95,7 +95,7 @@ pub enum IpcError {
     },
     /// Nobody published in time.
     #[error(
-        "no `{service}` after {} s\nhint: is the owner of the camera running? `nunetd doctor` lists who publishes",
+        "no `{service}` after {} s\nhint: is the owner of the camera running, under this name and as a user who shares memory with this one?",
         timeout.as_secs_f64()
     )]
     NobodyPublishes {

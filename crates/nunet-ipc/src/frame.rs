@@ -25,6 +25,8 @@ pub struct Frame {
     // there. So each frame keeps its port.
     _port: Arc<Port>,
     topic: Topic,
+    // As it was when it was checked: the header's own is the sender's to change.
+    payload_bytes: usize,
 }
 
 /// Where frames of a topic come in.
@@ -45,10 +47,12 @@ impl Frame {
         if header.topic() != Ok(topic) {
             return bad(format!("its header says topic `{}`", header.topic));
         }
-        if header.payload_bytes > room as u64 {
-            return bad(format!("its header says {} bytes, but there are {room}", header.payload_bytes));
+        let claimed = header.payload_bytes;
+        let payload_bytes = usize::try_from(claimed).unwrap_or(usize::MAX);
+        if payload_bytes > room {
+            return bad(format!("its header says {claimed} bytes, but there are {room}"));
         }
-        Ok(Self { sample, _port: port, topic })
+        Ok(Self { sample, _port: port, topic, payload_bytes })
     }
 
     /// The topic it came on.
@@ -66,7 +70,7 @@ impl Frame {
     /// The payload, aligned to 64 bytes, in shared memory.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
-        &plain::bytes_of_slice(self.sample.payload())[..self.header().payload_bytes as usize]
+        &plain::bytes_of_slice(self.sample.payload())[..self.payload_bytes]
     }
 
     /// The depth map: `[height, width]`, rows from the top, in the header's units; NaN where there is none.

@@ -64,7 +64,7 @@ impl Reader {
     /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`], [`IpcError::ContractVersion`].
     pub fn open(camera: &CameraName, topics: &[Topic], timeout: Duration) -> Result<Self, IpcError> {
         let node = node::create()?;
-        let deadline = Instant::now() + timeout;
+        let deadline = deadline_after(timeout);
         let mut opened = Vec::with_capacity(topics.len());
         for topic in topics {
             let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
@@ -111,7 +111,7 @@ impl Reader {
     /// [`IpcError::Iceoryx`].
     pub fn wait(&self, timeout: Duration) -> Result<bool, IpcError> {
         let failed = |cause| IpcError::iceoryx(format!("wait for camera `{}`", self.camera), cause);
-        let deadline = Instant::now() + timeout;
+        let deadline = deadline_after(timeout);
         loop {
             let mut woken = false;
             let left = deadline.saturating_duration_since(Instant::now());
@@ -235,6 +235,13 @@ impl ReadTopic {
         })?;
         Ok(Self { topic, port: Arc::new(port), service })
     }
+}
+
+/// A timeout beyond what a clock can count is one that nobody will live to see.
+fn deadline_after(timeout: Duration) -> Instant {
+    const FOR_EVER: Duration = Duration::from_secs(100 * 365 * 24 * 60 * 60);
+    let now = Instant::now();
+    now.checked_add(timeout).unwrap_or(now + FOR_EVER)
 }
 
 /// Tries until there is something or the time is over; tries at least once.

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use nunet_ipc::{CameraName, FrameSet, Reader, Topic, Units};
+use tracing::warn;
 
 use super::files::{self, Results};
 use super::points::cloud_points;
@@ -31,14 +32,13 @@ impl Collector {
     /// Writes the newest frame, while the outlet is still open.
     pub(crate) fn write(mut self, outlet: &Outlet) -> anyhow::Result<()> {
         outlet.refresh();
-        let set = self.reader.next_set()?.with_context(|| {
-            format!(
-                "no frame of camera `{}` was published, so nothing is in `{}`",
-                outlet.camera(),
-                self.folder.display()
-            )
-        })?;
-        write_set(&self.folder, &set)
+        match self.reader.next_set()? {
+            Some(set) => write_set(&self.folder, &set),
+            None => {
+                warn!("no frame was published, so nothing is in `{}`", self.folder.display());
+                Ok(())
+            }
+        }
     }
 }
 

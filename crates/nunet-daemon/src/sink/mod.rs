@@ -5,4 +5,3 @@ pub mod files;
 mod points;
 pub(crate) mod shm;
 pub(crate) mod stats;
-pub(crate) mod words;

@@ -11,14 +11,24 @@ use nunet_ipc::{
 use tracing::{info, warn};
 
 use super::points::cloud_points_mut;
-use super::words;
 use crate::cli::Publish;
 use crate::source::Frame;
-use crate::stream::{Counts, Totals, stage_names};
-use crate::telemetry::{Latencies, MonotonicClock, foreign_allocations, monotonic_nanos};
+use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations, monotonic_nanos};
+use crate::words;
 
 /// How often percentiles are computed anew; the ledger is of every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
+
+/// The times of a frame that the pipeline does not see: waiting before it, publishing after it.
+const QUEUE: &str = "queue";
+const PUBLISH: &str = "publish";
+
+/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
+/// the frame itself, which is written before it.
+pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
+    let inner = pipeline.stage_names().iter().map(String::as_str);
+    std::iter::once(QUEUE).chain(inner).chain(std::iter::once(PUBLISH))
+}
 
 /// What an outlet publishes, and for whom.
 pub(crate) struct OutletOptions<'a> {
@@ -86,11 +96,6 @@ impl Outlet {
         })
     }
 
-    /// The camera's name.
-    pub(crate) fn camera(&self) -> &CameraName {
-        self.publisher.camera()
-    }
-
     /// What is published of a frame.
     pub(crate) fn topics(&self) -> &[Topic] {
         &self.topics
@@ -125,7 +130,7 @@ impl Outlet {
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
         }
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.intrinsics))?;
-        self.publisher.notify(Wake::Depth)?;
+        foreign_allocations(|| self.publisher.notify(Wake::Depth))?;
         Ok(())
     }
 
@@ -149,7 +154,8 @@ impl Outlet {
         }
     }
 
-    /// iceoryx2 takes a few bytes of heap for each loan; there is no way around it in 0.10.
+    /// iceoryx2 takes a few bytes of heap for each loan, and more when a reader comes; there is no way around it in
+    /// 0.10.
     fn chunk(&self, topic: Topic) -> Result<Loan, IpcError> {
         foreign_allocations(|| self.publisher.loan(topic))
     }
@@ -215,7 +221,7 @@ pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> 
 
 fn send(mut loan: Loan, header: FrameHeader) -> anyhow::Result<()> {
     *loan.header_mut() = header;
-    loan.publish(monotonic_nanos())?;
+    foreign_allocations(|| loan.publish(monotonic_nanos()))?;
     Ok(())
 }
 

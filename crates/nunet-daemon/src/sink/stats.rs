@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use nunet_core::depth::Scale;
 use serde::{Serialize, Serializer};
 
-use crate::stream::{Counts, Totals};
-use crate::telemetry::{Latencies, Summary};
+use crate::telemetry::{Counts, Latencies, Summary, Totals};
+use crate::words;
 
 /// The figures of a stream.
 #[derive(Debug, Serialize)]
@@ -15,6 +16,10 @@ pub(crate) struct Stats {
     pub(crate) camera: String,
     pub(crate) model: ModelName,
     pub(crate) provider: String,
+    /// Unit of the depth maps.
+    pub(crate) units: &'static str,
+    /// Where their scale comes from.
+    pub(crate) scale_source: &'static str,
     pub(crate) frames: Counts,
     pub(crate) latency_ms: LatencyMs,
     /// Published frames a second, from the first capture to the last publication.
@@ -32,6 +37,7 @@ impl Stats {
         camera: String,
         model: ModelName,
         provider: String,
+        scale: Scale,
         frames: Counts,
         totals: &Totals,
         latencies: &Latencies,
@@ -41,6 +47,8 @@ impl Stats {
             camera,
             model,
             provider,
+            units: words::units(scale.units).name(),
+            scale_source: words::scale_source(scale.source).name(),
             frames,
             latency_ms: latencies.into(),
             fps: totals.fps(),
@@ -81,8 +89,13 @@ impl From<&Latencies> for LatencyMs {
 
 /// Makes sure before a long run that its figures can be written at the end.
 pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
+    let existed = path.exists();
     let opened = std::fs::OpenOptions::new().create(true).append(true).open(path);
-    opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))
+    opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))?;
+    if !existed {
+        std::fs::remove_file(path).with_context(|| format!("cannot write `{}`", path.display()))?;
+    }
+    Ok(())
 }
 
 /// Writes `value` as JSON.

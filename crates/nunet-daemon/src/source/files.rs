@@ -1,11 +1,12 @@
 //! Pictures of a folder or a glob, in the order of their names.
 
-use std::io::BufReader;
+use std::fs::File;
+use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use nunet_ipc::Clock;
 
 use super::{Capture, Fill, Frame, Source};
@@ -14,7 +15,9 @@ use crate::telemetry::{monotonic_nanos, unix_nanos};
 
 /// The longest side of a picture that is decoded, pixels.
 const MAX_SIDE_PX: u32 = 16_384;
-/// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 64 megapixels.
+/// The most bytes of a picture's file.
+const MAX_FILE_BYTES: u64 = 256 << 20;
+/// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 48 megapixels and its RGB.
 const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
 
 /// A list of pictures.
@@ -55,14 +58,19 @@ impl Source for Files {
 /// Decodes one JPEG or PNG as RGB, turned as its EXIF orientation says, into the frame's own memory.
 ///
 /// # Errors
-/// No such file, neither JPEG nor PNG, damaged, or larger than the limits.
+/// No such file, neither JPEG nor PNG, damaged, cut off, or larger than the limits.
 pub(crate) fn decode(path: &Path, frame: &mut Frame) -> anyhow::Result<()> {
-    let file = std::fs::File::open(path)?;
-    let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format()?;
+    let file = read(path)?;
+    let mut reader = ImageReader::new(Cursor::new(file.as_slice())).with_guessed_format()?;
+    if reader.format() == Some(ImageFormat::Jpeg) {
+        refuse_cut_off_jpeg(&file)?;
+    }
     reader.limits(limits());
     let mut decoder = reader.into_decoder()?;
     let (size, orientation) = (decoder.dimensions(), decoder.orientation()?);
-    if decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms {
+    let as_it_is = decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms;
+    check_memory(&decoder, as_it_is)?;
+    if as_it_is {
         decoder.read_image(frame.rgb_buffer(size))?;
         return Ok(());
     }
@@ -70,6 +78,43 @@ pub(crate) fn decode(path: &Path, frame: &mut Frame) -> anyhow::Result<()> {
     picture.apply_orientation(orientation);
     let picture = picture.into_rgb8();
     frame.rgb_buffer(picture.dimensions()).copy_from_slice(&picture);
+    Ok(())
+}
+
+fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        bail!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
+    }
+    Ok(bytes)
+}
+
+/// The decoder fills what is missing of a JPEG with grey; grey is not what the camera saw.
+///
+/// Behind the last start of a scan (`FF DA`) there must be an end of the picture (`FF D9`): within a scan's own data
+/// neither can occur (ITU T.81, B.1.1.5), and a thumbnail's end comes before the picture's scans.
+fn refuse_cut_off_jpeg(file: &[u8]) -> anyhow::Result<()> {
+    let last = |marker: [u8; 2]| file.windows(2).rposition(|pair| pair == marker);
+    match (last([0xff, 0xda]), last([0xff, 0xd9])) {
+        (Some(scan), Some(end)) if scan < end => Ok(()),
+        _ => bail!("the JPEG is cut off: it has no end-of-image marker\nhint: copy or record it again"),
+    }
+}
+
+/// Before anything of the picture's size is allocated.
+fn check_memory(decoder: &impl ImageDecoder, as_it_is: bool) -> anyhow::Result<()> {
+    let (width, height) = decoder.dimensions();
+    let rgb = 3 * u64::from(width) * u64::from(height);
+    let needed = if as_it_is { rgb } else { decoder.total_bytes().saturating_add(rgb) };
+    if needed > MAX_DECODE_BYTES {
+        bail!(
+            "a picture of {width}x{height} takes {} MB to decode, over the limit of {} MB",
+            needed >> 20,
+            MAX_DECODE_BYTES >> 20
+        );
+    }
     Ok(())
 }
 
@@ -155,7 +200,9 @@ mod tests {
                     colours.push([view.bytes()[0], view.bytes()[1], view.bytes()[2]]);
                 }
                 Fill::Failed(error) => errors.push(format!("{error:#}")),
-                Fill::Nothing | Fill::Crowded => unreachable!("files are there at once and lend nothing"),
+                Fill::Nothing | Fill::Crowded | Fill::Broken(_) => {
+                    unreachable!("files are there at once and lend nothing")
+                }
                 Fill::End => return (colours, errors),
             }
         }
@@ -203,6 +250,46 @@ mod tests {
         image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
         let error = decode(&path, &mut Frame::default()).unwrap_err();
         assert!(format!("{error:#}").to_lowercase().contains("limit"), "{error:#}");
+    }
+
+    #[test]
+    fn a_picture_that_takes_too_much_memory_is_refused_before_it_is_decoded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("large.png");
+        image::GrayImage::new(12_000, 12_000).save(&path).unwrap();
+        let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
+        assert!(error.contains("takes 549 MB to decode, over the limit of 512 MB"), "{error}");
+    }
+
+    #[test]
+    fn a_jpeg_that_is_cut_off_anywhere_is_refused_and_a_whole_one_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.jpg");
+        RgbImage::from_fn(64, 48, |x, y| Rgb([x as u8 * 3, y as u8 * 5, 90])).save(&path).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        decode(&path, &mut Frame::default()).unwrap();
+        for keep in (0..whole.len() - 1).step_by(7) {
+            std::fs::write(&path, &whole[..keep]).unwrap();
+            assert!(decode(&path, &mut Frame::default()).is_err(), "{keep} of {} bytes pass", whole.len());
+        }
+    }
+
+    /// An EXIF block that says nothing but the orientation 6: the camera was turned a quarter to the right.
+    const EXIF_TURNED: [u8; 36] =
+        *b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+
+    #[test]
+    fn a_turned_photograph_is_set_upright() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("turned.jpg");
+        RgbImage::from_fn(32, 16, |x, _| Rgb([if x < 16 { 0 } else { 255 }; 3])).save(&path).unwrap();
+        let plain = std::fs::read(&path).unwrap();
+        std::fs::write(&path, [&plain[..2], &EXIF_TURNED, &plain[2..]].concat()).unwrap();
+        let mut frame = Frame::default();
+        decode(&path, &mut frame).unwrap();
+        assert_eq!(frame.size, (16, 32), "what lay is standing");
+        let bytes = frame.view().unwrap().bytes();
+        assert!(bytes[0] < 20 && bytes[bytes.len() - 1] > 235, "the left edge is the upper one now");
     }
 
     #[test]

@@ -4,8 +4,6 @@ use nunet_core::camera::Camera;
 use nunet_core::frame::{FrameError, ImageView, PixelFormat};
 use nunet_ipc::Clock;
 
-use crate::stream::Reuse;
-
 /// When a frame was taken.
 #[derive(Debug, Clone, Copy)]
 pub struct Capture {
@@ -37,6 +35,12 @@ impl Default for Pixels {
     fn default() -> Self {
         Self::Owned(Vec::new())
     }
+}
+
+/// An item whose memory is used again.
+pub trait Reuse {
+    /// Lets go of what is not its own before it lies on the shelf.
+    fn release(&mut self);
 }
 
 impl Reuse for Frame {

@@ -9,7 +9,7 @@ mod scene;
 mod shm;
 
 pub(crate) use files::decode;
-pub use frame::{Capture, Frame, Pixels};
+pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use rate::{Pacer, Rate};
 
 /// What happened when a source was asked for a frame.
@@ -25,6 +25,8 @@ pub enum Fill {
     Crowded,
     /// There will be no more frames.
     End,
+    /// There will be no more frames, and that is a failure.
+    Broken(anyhow::Error),
 }
 
 /// A source of frames. It runs on a thread of its own and is asked for one frame after the other.

@@ -8,7 +8,7 @@ use tracing::{info, warn};
 
 use super::{Capture, Fill, Frame, Pixels, Source};
 use crate::exit::camera_name;
-use crate::sink::words;
+use crate::words;
 
 /// How long one call may wait, so that a stop is seen.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -37,10 +37,11 @@ impl SharedMemory {
             self.last_sign = Some(Instant::now());
             return Ok(self.describe(sample, frame));
         }
-        self.remind("sends no frames");
+        self.remind("it sends no frames");
         Ok(Fill::Nothing)
     }
 
+    /// A camera that speaks another version will not learn ours; everything else may change while we wait.
     fn connect(&mut self) -> Result<Option<&Reader>, IpcError> {
         if self.reader.is_none() {
             match Reader::open(&self.camera, &[Topic::Rgb], PATIENCE) {
@@ -48,8 +49,12 @@ impl SharedMemory {
                     info!("connected to camera `{}`", self.camera);
                     self.reader = Some(reader);
                 }
-                Err(IpcError::NobodyPublishes { .. }) => self.remind("is not there yet"),
-                Err(error) => return Err(error),
+                Err(IpcError::NobodyPublishes { .. }) => self.remind("it is not there yet"),
+                Err(error @ IpcError::ContractVersion { .. }) => return Err(error),
+                Err(error) => {
+                    self.remind(&error.to_string());
+                    std::thread::sleep(PATIENCE);
+                }
             }
         }
         Ok(self.reader.as_ref())
@@ -58,7 +63,7 @@ impl SharedMemory {
     fn remind(&mut self, what: &str) {
         if self.last_sign.is_none_or(|last| last.elapsed() >= REMINDER) {
             self.last_sign = Some(Instant::now());
-            warn!("waiting: camera `{}` {what}", self.camera);
+            warn!("waiting for camera `{}`: {what}", self.camera);
         }
     }
 
@@ -106,6 +111,7 @@ impl Source for SharedMemory {
         match self.try_fill(frame) {
             Ok(fill) => fill,
             Err(IpcError::TooManyFramesHeld { .. }) => Fill::Crowded,
+            Err(error @ IpcError::ContractVersion { .. }) => Fill::Broken(error.into()),
             Err(error) => Fill::Failed(error.into()),
         }
     }

@@ -3,6 +3,8 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crate::source::Reuse;
+
 /// A mailbox with room for one item, and a shelf of used ones to be filled again.
 ///
 /// A queue would only add latency: of two waiting frames a robot wants the newer. Whether the older is replaced
@@ -12,12 +14,6 @@ use std::time::Duration;
 pub struct Mailbox<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
-}
-
-/// An item whose memory is used again.
-pub trait Reuse {
-    /// Lets go of what is not its own before it lies on the shelf.
-    fn release(&mut self);
 }
 
 #[derive(Debug)]
@@ -109,6 +105,13 @@ impl<T: Reuse> Mailbox<T> {
         let recalled = waiting.is_some();
         state.shelve(waiting);
         recalled
+    }
+
+    /// Waits until the mailbox is closed, `patience` long at the most; says whether it is.
+    pub fn wait_closed(&self, patience: Duration) -> bool {
+        let open = |state: &mut State<T>| !state.closed;
+        let waited = self.changed.wait_timeout_while(self.lock(), patience, open);
+        waited.unwrap_or_else(PoisonError::into_inner).0.closed
     }
 
     /// Gives a used item back, to be filled again.

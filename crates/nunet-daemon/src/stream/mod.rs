@@ -3,25 +3,26 @@
 //! [`pump`](pump::pump) captures on a thread of its own; [`Worker`] turns frames into depth on the caller's thread and
 //! publishes them; readers are other processes. Nothing waits for a reader.
 
-mod ledger;
 mod mailbox;
 mod optics;
 mod pump;
 mod stop;
-mod totals;
 mod worker;
 
-pub use ledger::{Counts, End, Ledger};
-pub use mailbox::{Mailbox, Put, Reuse, Taken};
-pub(crate) use optics::{Change, Optics};
-pub(crate) use pump::{Lane, Pace, pump};
+pub use mailbox::{Mailbox, Put, Taken};
+pub(crate) use optics::Optics;
+pub(crate) use pump::{CloseOnDrop, Lane, Pace, pump};
 pub(crate) use stop::Stop;
-pub(crate) use totals::Totals;
-pub(crate) use worker::{Remains, Worker, stage_names};
+pub(crate) use worker::{Remains, Worker};
+
+use std::time::Duration;
 
 use anyhow::Context as _;
+use nunet_ipc::orphans;
+use tracing::debug;
 
 use crate::source::Source;
+use crate::telemetry::Counts;
 
 /// Runs `source` through `worker` until the source ends, the pace's limit is reached, or `stop` is requested.
 pub(crate) fn run(
@@ -32,12 +33,36 @@ pub(crate) fn run(
 ) -> anyhow::Result<(Counts, Remains)> {
     let lane = Lane { stop, ..Lane::default() };
     let remains = std::thread::scope(|scope| {
-        let capture = std::thread::Builder::new().name("capture".into());
-        let capture = capture.spawn_scoped(scope, || pump(source.as_mut(), pace, &lane));
+        let capture = named("capture").spawn_scoped(scope, || pump(source.as_mut(), pace, &lane));
         let capture = capture.context("cannot start the source's thread")?;
-        let remains = worker.run(&lane);
-        capture.join().map_err(|_| anyhow::anyhow!("the source's thread has failed"))?;
+        named("janitor")
+            .spawn_scoped(scope, || clean_up(&lane))
+            .context("cannot start the janitor's thread")?;
+        let remains = {
+            let _closed = CloseOnDrop(&lane);
+            worker.run(&lane)
+        };
+        capture
+            .join()
+            .map_err(|_| anyhow::anyhow!("the source's thread has failed: see the lines above"))??;
         Ok::<_, anyhow::Error>(remains)
     })?;
     Ok((lane.ledger.counts(), remains))
+}
+
+fn named(name: &str) -> std::thread::Builder {
+    std::thread::Builder::new().name(name.into())
+}
+
+/// How soon the place of a killed reader is free again, and work for it ends.
+const CLEAN_UP_PERIOD: Duration = Duration::from_secs(1);
+
+/// Removes what killed readers left, off the frame's path, until the mailbox is closed.
+fn clean_up(lane: &Lane) {
+    while !lane.mailbox.wait_closed(CLEAN_UP_PERIOD) {
+        let dead = orphans::list().is_ok_and(|orphans| !orphans.is_empty());
+        if let Some(error) = dead.then(orphans::clean).and_then(Result::err) {
+            debug!("dead readers are not cleaned up after: {error}");
+        }
+    }
 }

@@ -6,11 +6,10 @@ use std::time::{Duration, Instant};
 use nunet_core::clock::Clock as _;
 use tracing::{info, warn};
 
-use super::ledger::{End, Ledger};
 use super::mailbox::{Mailbox, Put};
 use super::stop::Stop;
 use crate::source::{Fill, Frame, Pacer, Rate, Source};
-use crate::telemetry::MonotonicClock;
+use crate::telemetry::{End, Ledger, MonotonicClock};
 
 /// How long to wait for a lent frame to come back.
 const CROWDED_PAUSE: Duration = Duration::from_millis(1);
@@ -32,13 +31,26 @@ pub(crate) struct Lane {
     pub(crate) stop: Stop,
 }
 
+/// Closes the mailbox when one of its ends goes away, also by a panic: the other end must not wait for ever.
+pub(crate) struct CloseOnDrop<'a>(pub(crate) &'a Lane);
+
+impl Drop for CloseOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.mailbox.close();
+    }
+}
+
 /// Moves frames from `source` into the lane's mailbox until the source ends, the limit is reached, or a stop is
 /// requested; then closes the mailbox.
-pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) {
+///
+/// # Errors
+/// The source broke.
+pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::Result<()> {
+    let _closed = CloseOnDrop(lane);
     let latest_wins = source.is_live() || pace.rate != Rate::Max;
     let mut pacer = Pacer::new(pace.rate, Instant::now()).filter(|_| !source.is_live());
     let mut left = pace.limit.map_or(u64::MAX, NonZeroU64::get);
-    while left > 0 && !lane.stop.requested() {
+    while left > 0 && !lane.stop.requested() && !lane.mailbox.wait_closed(Duration::ZERO) {
         if let Some(pacer) = &mut pacer {
             lane.stop.sleep(pacer.wait(Instant::now()));
         }
@@ -60,9 +72,11 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) {
             Fill::Nothing => lane.mailbox.give_back(frame),
             Fill::Crowded => make_room(frame, lane),
             Fill::End => break,
+            Fill::Broken(error) => return Err(error),
         }
     }
-    close(lane);
+    supersede_when_stopped(lane);
+    Ok(())
 }
 
 /// Returns whether the mailbox still takes frames.
@@ -87,14 +101,13 @@ fn make_room(frame: Frame, lane: &Lane) {
     }
 }
 
-fn close(lane: &Lane) {
+/// A stop finishes the frame in work, not the one that waits.
+fn supersede_when_stopped(lane: &Lane) {
     if lane.stop.requested() {
         info!("stopping");
         if lane.mailbox.close_and_empty() {
             lane.ledger.ended(End::Superseded);
         }
-    } else {
-        lane.mailbox.close();
     }
 }
 
@@ -103,7 +116,8 @@ mod tests {
     use anyhow::anyhow;
 
     use super::*;
-    use crate::stream::{Counts, Taken};
+    use crate::stream::Taken;
+    use crate::telemetry::Counts;
 
     /// Frames by number; some are unreadable; the end comes after `count`.
     struct Numbers {
@@ -133,7 +147,7 @@ mod tests {
         let pace = Pace { rate: Rate::Max, limit: limit.and_then(NonZeroU64::new) };
         let mut seen = Vec::new();
         std::thread::scope(|scope| {
-            scope.spawn(|| pump(&mut source, pace, &lane));
+            scope.spawn(|| pump(&mut source, pace, &lane).unwrap());
             while let Taken::Item(frame) = lane.mailbox.take(Duration::from_secs(60)) {
                 seen.push(frame.sequence);
                 std::thread::sleep(per_frame);
@@ -177,8 +191,48 @@ mod tests {
         lane.mailbox.put_latest(Frame::default());
         lane.stop.request();
         let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
-        pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane);
+        pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane).unwrap();
         assert_eq!(lane.ledger.counts(), Counts { captured: 1, superseded: 1, ..Counts::default() });
         assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
+    }
+
+    /// Fails in one way or the other at the first frame.
+    struct Failing(fn() -> Fill);
+
+    impl Source for Failing {
+        fn fill(&mut self, _frame: &mut Frame) -> Fill {
+            (self.0)()
+        }
+    }
+
+    #[test]
+    fn a_source_that_panics_or_breaks_closes_the_mailbox() {
+        for (fail, panics) in [
+            ((|| panic!("a decoder's bug")) as fn() -> Fill, true),
+            (|| Fill::Broken(anyhow!("another contract")), false),
+        ] {
+            let lane = Lane::default();
+            let pace = Pace { rate: Rate::Max, limit: None };
+            let ended = std::thread::scope(|scope| {
+                let capture = scope.spawn(|| pump(&mut Failing(fail), pace, &lane));
+                assert!(matches!(lane.mailbox.take(Duration::from_secs(60)), Taken::Closed));
+                capture.join()
+            });
+            assert_eq!(ended.is_err(), panics);
+            assert!(ended.map_or(true, |result| result.is_err()));
+        }
+    }
+
+    #[test]
+    fn a_worker_that_goes_away_ends_the_capture_of_an_endless_source() {
+        let lane = Lane::default();
+        let mut source = Numbers { count: u64::MAX, next: 0, live: false, bad: |_| false };
+        std::thread::scope(|scope| {
+            let capture = scope.spawn(|| pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane));
+            drop(CloseOnDrop(&lane));
+            capture.join().unwrap().unwrap();
+        });
+        let counts = lane.ledger.counts();
+        assert!(counts.balances());
     }
 }

@@ -3,18 +3,16 @@
 use std::time::Duration;
 
 use nunet_core::clock::Clock as _;
-use nunet_core::depth::ScaleSource;
+use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use tracing::{error, trace_span, warn};
+use tracing::{error, trace_span};
 
-use super::ledger::End;
 use super::mailbox::Taken;
-use super::optics::{Change, Optics};
+use super::optics::Optics;
 use super::pump::Lane;
-use super::totals::Totals;
-use crate::sink::shm::Outlet;
+use crate::sink::shm::{Outlet, stage_names};
 use crate::source::Frame;
-use crate::telemetry::{Latencies, MonotonicClock, allocations_of_this_thread};
+use crate::telemetry::{End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
 
 /// How soon a reader that joins a source that stands still gets the last frame.
 const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
@@ -32,19 +30,10 @@ pub(crate) struct Worker {
 pub(crate) struct Remains {
     /// Still open, so that the last frame can be read.
     pub(crate) outlet: Outlet,
+    /// The scale of the last frame.
+    pub(crate) scale: Scale,
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
-}
-
-/// The times of a frame that the pipeline does not see: waiting before it, publishing after it.
-const QUEUE: &str = "queue";
-const PUBLISH: &str = "publish";
-
-/// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
-/// the frame itself, which is written before it.
-pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
-    let inner = pipeline.stage_names().iter().map(String::as_str);
-    std::iter::once(QUEUE).chain(inner).chain(std::iter::once(PUBLISH))
 }
 
 impl Worker {
@@ -63,7 +52,8 @@ impl Worker {
                 Taken::Closed => break,
             }
         }
-        Remains { outlet: self.outlet, totals: self.totals, latencies: self.latencies }
+        let scale = self.pipeline.scale();
+        Remains { outlet: self.outlet, scale, totals: self.totals, latencies: self.latencies }
     }
 
     fn take_through(&mut self, frame: Frame, lane: &Lane) {
@@ -89,26 +79,13 @@ impl Worker {
 
     fn try_journey(&mut self, frame: &Frame) -> anyhow::Result<()> {
         let taken_nanos = MonotonicClock.nanos();
-        self.follow_camera(frame)?;
+        self.optics.follow(frame, &mut self.pipeline)?;
         let mut loans = self.outlet.loan()?;
         let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
         let queue_micros = micros(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.outlet.publish(loans, frame, &report, queue_micros)?;
         self.account(frame, &report, queue_micros, processed_nanos);
-        Ok(())
-    }
-
-    /// Tells the pipeline of another camera, and the user when it is a guess.
-    fn follow_camera(&mut self, frame: &Frame) -> anyhow::Result<()> {
-        if let Change::To(camera) = self.optics.follow(frame)? {
-            self.pipeline.set_camera(camera)?;
-            if self.pipeline.scale().source == ScaleSource::AssumedCamera {
-                warn!(
-                    "no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy"
-                );
-            }
-        }
         Ok(())
     }
 

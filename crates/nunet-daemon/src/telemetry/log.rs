@@ -3,6 +3,7 @@
 use std::io::IsTerminal as _;
 
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::fmt::format::FmtSpan;
 
 use crate::cli::{LogArgs, LogFormat};
 
@@ -14,14 +15,16 @@ pub(crate) fn start_logging(arguments: &LogArgs) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
-    let lines = tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr);
+    // Without `log_internal_errors(false)` a log collector that goes away would end the daemon with a panic.
+    let lines = tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_span_events(FmtSpan::CLOSE)
+        .log_internal_errors(false);
     let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     let started = match arguments.log_format {
         LogFormat::Text => lines.with_ansi(colour).with_target(false).try_init(),
-        LogFormat::Json => {
-            let closes = tracing_subscriber::fmt::format::FmtSpan::CLOSE;
-            lines.json().flatten_event(true).with_span_events(closes).try_init()
-        }
+        LogFormat::Json => lines.json().flatten_event(true).try_init(),
     };
     drop(started);
 }

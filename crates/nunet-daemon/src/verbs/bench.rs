@@ -65,6 +65,12 @@ fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
     Ok(frame)
 }
 
+/// What `--threads` says, else what the graph takes by itself: one a core.
+fn threads(arguments: &BenchArgs) -> usize {
+    let cores = std::thread::available_parallelism().ok();
+    arguments.engine.threads.or(cores).map_or(1, std::num::NonZero::get)
+}
+
 /// A model and its times.
 struct Subject {
     name: String,
@@ -125,7 +131,7 @@ impl Subject {
             "onnxruntime": engine.runtime.version(),
             "model": { "name": self.name, "hash": self.hash },
             "provider": self.pipeline.graph().provider().name(),
-            "threads": arguments.engine.threads,
+            "threads": threads(arguments),
             "runs": arguments.runs,
             "ms": self.networks.json(),
             "stages": stages,

@@ -36,7 +36,6 @@ struct Check {
     name: &'static str,
     ok: bool,
     detail: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
     hint: Option<String>,
 }
 

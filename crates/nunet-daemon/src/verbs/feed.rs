@@ -12,10 +12,10 @@ use tracing::{info, warn};
 use crate::Outcome;
 use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
-use crate::sink::words;
 use crate::source::{self, Fill, Frame, Kind, Pacer, Rate, Source};
-use crate::stream::{Change, Optics, Stop};
+use crate::stream::{Optics, Stop};
 use crate::telemetry::monotonic_nanos;
+use crate::words;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
 pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
@@ -38,7 +38,6 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
 struct Feeder {
     camera: CameraName,
     optics: Optics,
-    intrinsics: Option<Camera>,
     port: Option<Port>,
     sent: u64,
     failed: u64,
@@ -52,7 +51,7 @@ struct Port {
 
 impl Feeder {
     fn new(camera: CameraName, intrinsics: Option<IntrinsicsSpec>) -> Self {
-        Self { camera, optics: Optics::new(intrinsics), intrinsics: None, port: None, sent: 0, failed: 0 }
+        Self { camera, optics: Optics::new(intrinsics), port: None, sent: 0, failed: 0 }
     }
 
     fn run(
@@ -73,15 +72,13 @@ impl Feeder {
                 Fill::Failed(error) => self.lose(&frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
                 Fill::End => break,
+                Fill::Broken(error) => return Err(error),
             }
         }
         Ok(())
     }
 
     fn send(&mut self, frame: &Frame) -> anyhow::Result<()> {
-        if let Change::To(camera) = self.optics.follow(frame)? {
-            self.intrinsics = camera;
-        }
         let port = match self.port.take() {
             Some(port) => self.port.insert(port),
             None => self.port.insert(Port::open(&self.camera, frame)?),
@@ -95,8 +92,13 @@ impl Feeder {
             self.lose(frame, &error);
             return Ok(());
         }
-        port.send(frame, self.intrinsics)?;
-        self.sent += 1;
+        match self.optics.camera_of(frame) {
+            Ok(camera) => {
+                port.send(frame, camera)?;
+                self.sent += 1;
+            }
+            Err(error) => self.lose(frame, &error.into()),
+        }
         Ok(())
     }
 

@@ -14,15 +14,16 @@ use crate::buffers::Buffers;
 use crate::cli::InferArgs;
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::BadArguments;
-use crate::sink::files::{self, Results};
+use crate::sink::files::{self, Results, make_folder};
 use crate::sink::stats::{ModelName, Stats, write_json};
 use crate::source::{Frame, decode};
-use crate::stream::{Change, Counts, Optics, Totals};
-use crate::telemetry::{Latencies, MonotonicClock};
+use crate::stream::Optics;
+use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 
 /// Infers one picture after the other; a bad one does not end it.
 pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     let folders = result_folders(&arguments.images, &arguments.out)?;
+    make_folder(&arguments.out)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
@@ -39,15 +40,19 @@ pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     judge(failures, arguments.images.len())
 }
 
-/// One picture that fails is a failure; some of many are a loss.
+/// Nothing done is a failure; some of many undone are a loss.
 fn judge(mut failures: Vec<anyhow::Error>, pictures: usize) -> anyhow::Result<Outcome> {
-    match failures.len() {
-        0 => Ok(Outcome::Done),
-        1 if pictures == 1 => Err(failures.remove(0)),
-        failed => {
-            for failure in failures {
-                error!("{failure:#}");
-            }
+    if failures.is_empty() {
+        return Ok(Outcome::Done);
+    }
+    let (failed, last) = (failures.len(), failures.pop());
+    for failure in failures {
+        error!("{failure:#}");
+    }
+    match last {
+        Some(last) if failed == pictures => Err(last),
+        last => {
+            last.into_iter().for_each(|last| error!("{last:#}"));
             error!("{failed} of {pictures} pictures failed");
             Ok(Outcome::Lost)
         }
@@ -96,9 +101,7 @@ impl Work {
         decode(image, &mut self.frame)
             .with_context(|| format!("cannot read the picture `{}`", image.display()))?;
         let ready_nanos = MonotonicClock.nanos();
-        if let Change::To(camera) = self.optics.follow(&self.frame)? {
-            self.pipeline.set_camera(camera)?;
-        }
+        self.optics.follow(&self.frame, &mut self.pipeline)?;
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();
         files::write(folder, &self.results(&report))?;
@@ -118,16 +121,16 @@ impl Work {
 
     fn stats(&self, image: &Path, report: &FrameReport, [start, ready, done]: [u64; 3]) -> Stats {
         let micros = |from: u64, to: u64| (to - from) / 1000;
-        let names = std::iter::once("decode").chain(self.pipeline.stage_names().iter().map(String::as_str));
+        let names = std::iter::once("read").chain(self.pipeline.stage_names().iter().map(String::as_str));
         let mut latencies = Latencies::new(names);
         let inner = report.stages.micros().iter().map(|&stage| stage.into());
-        latencies.record(micros(start, done), std::iter::once(micros(start, ready)).chain(inner));
+        latencies.record(micros(ready, done), std::iter::once(micros(start, ready)).chain(inner));
         let mut totals = Totals::default();
         totals.start(start);
         totals.add_published(done, report.bytes_copied);
         let counts = Counts { captured: 1, published: 1, ..Counts::default() };
         let camera = image.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let provider = self.pipeline.graph().provider().to_string();
-        Stats::new(camera, self.model.clone(), provider, counts, &totals, &latencies)
+        Stats::new(camera, self.model.clone(), provider, self.pipeline.scale(), counts, &totals, &latencies)
     }
 }

@@ -59,8 +59,8 @@ impl About<'_> {
             "gflop": self.gflop(),
             "depth": {
                 "encoding": about.encoding.name(),
-                "min_m": about.range.min_m(),
-                "max_m": about.range.max_m(),
+                "min_m": shortest(about.range.min_m()),
+                "max_m": shortest(about.range.max_m()),
             },
             "classes": about.classes,
             "camera": about.camera,
@@ -130,6 +130,11 @@ impl About<'_> {
         writeln!(text, "  self-test    {}", self.report)?;
         Ok(text)
     }
+}
+
+/// The number as it was written: 0.3 and not 0.30000001192092896.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(value.into())
 }
 
 fn stage_text(stage: &StageInfo) -> String {

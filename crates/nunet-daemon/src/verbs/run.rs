@@ -1,17 +1,21 @@
 //! `nunetd run`: a source of frames becomes depth in shared memory.
 
+use std::num::NonZeroU32;
+
+use anyhow::bail;
 use nunet_ipc::Limits;
 use tracing::{info, warn};
 
 use crate::Outcome;
-use crate::cli::RunArgs;
+use crate::cli::{RunArgs, SourceArgs};
 use crate::engine::{Engine, tested_pipeline};
-use crate::exit::camera_name;
+use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
 use crate::source::{self, Kind, Rate};
-use crate::stream::{self, Counts, Optics, Pace, Stop, Worker};
+use crate::stream::{self, Optics, Pace, Stop, Worker};
+use crate::telemetry::Counts;
 
 /// Runs until the source ends, `--frames` are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
@@ -19,6 +23,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
     let kind = source_kind(arguments.source.as_deref());
     let source = source::open(&kind, arguments.pace.repeat)?;
+    refuse_pace_of_live_source(&kind, &arguments.pace)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
 
     let engine = Engine::start(&arguments.engine)?;
@@ -31,7 +36,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
         camera: &camera,
         frame_id: arguments.frame_id.as_deref(),
         publish: &arguments.publish,
-        limits: Limits::default(),
+        limits: limits(arguments.readers),
         model: &model.name,
     };
     let outlet = Outlet::open(&pipeline, &options)?;
@@ -40,14 +45,31 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
     let (counts, remains) = stream::run(source, worker, pace, stop)?;
 
-    if let Some(collector) = collector {
-        collector.write(&remains.outlet)?;
-    }
-    let stats = Stats::new(camera.to_string(), model, provider, counts, &remains.totals, &remains.latencies);
+    let stats = Stats::new(
+        camera.to_string(),
+        model,
+        provider,
+        remains.scale,
+        counts,
+        &remains.totals,
+        &remains.latencies,
+    );
     if let Some(path) = &arguments.stats_json {
         write_json(path, &stats)?;
     }
-    Ok(say_how_it_ended(&counts))
+    let outcome = say_how_it_ended(&counts);
+    if let Some(collector) = collector {
+        collector.write(&remains.outlet)?;
+    }
+    Ok(outcome)
+}
+
+/// Clouds are by far the largest messages: half as many may read them.
+fn limits(readers: Option<NonZeroU32>) -> Limits {
+    readers.map_or(Limits::default(), |readers| {
+        let readers = readers.get() as usize;
+        Limits { max_readers: readers, max_cloud_readers: readers.div_ceil(2), ..Limits::default() }
+    })
 }
 
 /// Without `--source`, the demo scene; someone who forgot the flag is told.
@@ -71,4 +93,16 @@ fn say_how_it_ended(counts: &Counts) -> Outcome {
         warn!("{failed} frames were lost");
         Outcome::Lost
     }
+}
+
+/// A camera has a pace of its own and no end to begin again at.
+fn refuse_pace_of_live_source(kind: &Kind, pace: &SourceArgs) -> anyhow::Result<()> {
+    if matches!(kind, Kind::SharedMemory(_)) && (pace.rate.is_some() || pace.repeat) {
+        bail!(BadArguments(
+            "--rate and --loop are for files: a camera in shared memory has its own pace\nhint: give them to whoever \
+             publishes the camera, such as `nunetd feed`"
+                .into()
+        ));
+    }
+    Ok(())
 }

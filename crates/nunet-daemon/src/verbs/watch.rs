@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use console::Term;
-use nunet_ipc::{CameraName, Frame, Reader, StatsRecord, Topic, Units};
+use nunet_ipc::{CameraName, Frame, IpcError, Reader, StatsRecord, Topic, Units};
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
@@ -17,6 +17,10 @@ use crate::telemetry::unix_nanos;
 
 /// How long one wait may take, so that a stop is seen.
 const GLANCE: Duration = Duration::from_millis(100);
+/// How long the first frame waits for the figures: they come with the next frame, or when a late joiner is served.
+const FIRST_STATS: Duration = Duration::from_millis(500);
+/// How often it looks for them.
+const FIRST_STATS_PERIOD: Duration = Duration::from_millis(5);
 /// How often the view is drawn anew.
 const REDRAW: Duration = Duration::from_millis(200);
 
@@ -26,22 +30,39 @@ pub(super) fn watch(arguments: &WatchArgs) -> anyhow::Result<Outcome> {
     let camera = camera_name(&arguments.camera)?;
     let timeout = Duration::try_from_secs_f64(arguments.timeout)
         .map_err(|_| BadArguments(format!("--timeout `{}` is no number of seconds", arguments.timeout)))?;
-    let reader = Reader::open(&camera, &[Topic::Depth, Topic::Stats], timeout)?;
-    let mut watcher = Watcher { reader, stats: StatsRecord::default(), timeout, last: Instant::now() };
+    let Some(reader) = open(&camera, timeout, &stop)? else { return Ok(Outcome::Done) };
+    let mut watcher = Watcher { reader, stats: None, timeout, last: Instant::now() };
     let mut view = View::choose(arguments.json);
     let mut left = arguments.frames.map_or(u64::MAX, NonZeroU64::get);
     while left > 0 && !stop.requested() {
         if let Some(frame) = watcher.next()? {
             left -= 1;
-            view.show(&camera, &frame, &watcher.stats)?;
+            view.show(&camera, &frame, &watcher.stats.unwrap_or_default())?;
         }
     }
     Ok(Outcome::Done)
 }
 
+/// Waits for the camera in short turns; `None` when a stop was requested.
+fn open(camera: &CameraName, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
+    let start = Instant::now();
+    while !stop.requested() {
+        let turn = GLANCE.min(timeout.saturating_sub(start.elapsed()));
+        match Reader::open(camera, &[Topic::Depth, Topic::Stats], turn) {
+            Ok(reader) => return Ok(Some(reader)),
+            Err(IpcError::NobodyPublishes { .. }) if start.elapsed() < timeout => {}
+            Err(IpcError::NobodyPublishes { service, .. }) => {
+                return Err(IpcError::NobodyPublishes { service, timeout }.into());
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(None)
+}
+
 struct Watcher {
     reader: Reader,
-    stats: StatsRecord,
+    stats: Option<StatsRecord>,
     timeout: Duration,
     last: Instant,
 }
@@ -54,12 +75,9 @@ impl Watcher {
             self.reader.wait(GLANCE)?;
             frame = self.reader.next(Topic::Depth)?;
         }
-        // The figures of a frame follow it; those read here are of the frame before, or newer.
-        if let Some(message) = self.reader.latest(Topic::Stats)? {
-            self.stats = *message.stats()?;
-        }
         if frame.is_some() {
             self.last = Instant::now();
+            self.follow_stats()?;
         } else if self.last.elapsed() >= self.timeout {
             bail!(
                 "no frame for {} s: {}",
@@ -68,6 +86,21 @@ impl Watcher {
             );
         }
         Ok(frame)
+    }
+
+    /// The figures of a frame follow it: those known at a frame are of the one before, or newer. Before the first
+    /// frame is shown they are waited for, since stages have no names without them.
+    fn follow_stats(&mut self) -> anyhow::Result<()> {
+        let start = Instant::now();
+        loop {
+            if let Some(message) = self.reader.latest(Topic::Stats)? {
+                self.stats = Some(*message.stats()?);
+            }
+            if self.stats.is_some() || start.elapsed() >= FIRST_STATS {
+                return Ok(());
+            }
+            std::thread::sleep(FIRST_STATS_PERIOD);
+        }
     }
 }
 

@@ -13,19 +13,19 @@ use image::{Rgb, RgbImage};
 use super::Results;
 
 /// Width of the scale's column beside the picture, pixels.
-const SCALE_WIDTH: u32 = 72;
+const SCALE_WIDTH: u32 = 84;
 /// Width of the colour bar within it.
 const BAR_WIDTH: u32 = 16;
 const MARGIN: u32 = 8;
 /// Marks along the bar.
 const MARKS: u32 = 5;
-/// No measurement.
-const NONE: Rgb<u8> = Rgb([40, 40, 40]);
+/// No measurement: a grey that the colour map has not.
+const NONE: Rgb<u8> = Rgb([150, 150, 150]);
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 /// Share of points beyond each end of the scale, so that a few outliers do not take all colours.
 const OUTLIERS: f64 = 0.01;
 
-/// Depth in colours (near is bright) with a scale, `SCALE_WIDTH` wider than the depth map.
+/// Depth in colours (near is red, far is blue, no measurement is grey) with a scale, `SCALE_WIDTH` wider than the depth map.
 pub fn depth_picture(results: &Results<'_>) -> RgbImage {
     let (width, height) = results.size;
     let (near, far) = range(results.depth);

@@ -27,6 +27,15 @@ pub struct Results<'a> {
     pub cloud: Option<&'a [CloudPoint]>,
 }
 
+/// Makes `folder` where it is missing, and makes sure that files can be made in it.
+pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
+    let probe = folder.join(format!(".nunetd-{}", std::process::id()));
+    let written = std::fs::write(&probe, "").and_then(|()| std::fs::remove_file(&probe));
+    written.with_context(|| format!("cannot write into the folder `{}`", folder.display()))
+}
+
 /// Writes every result into `folder`, which is made where it is missing.
 ///
 /// `depth_mm.png` is left out where depth has no unit: its numbers would be taken for millimetres.
@@ -34,8 +43,7 @@ pub struct Results<'a> {
 /// # Errors
 /// The folder or a file cannot be written; the path is named.
 pub fn write(folder: &Path, results: &Results<'_>) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
+    make_folder(folder)?;
     let write_file = |name: &str, write: &dyn Fn(&Path) -> anyhow::Result<()>| {
         let path = folder.join(name);
         write(&path).with_context(|| format!("cannot write `{}`", path.display()))
