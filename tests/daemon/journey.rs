@@ -85,6 +85,8 @@ fn watch_follows_a_running_daemon_and_its_ledger_balances() {
     for (earlier, later) in seen.iter().zip(&seen[1..]) {
         assert!(later["sequence"].as_u64() > earlier["sequence"].as_u64());
     }
+    assert!(!seen[0]["stages"].as_object().unwrap().is_empty(), "{}", seen[0]);
+    assert!(seen[0]["frames"]["captured"].as_u64().unwrap() > 0, "{}", seen[0]);
     let last = &seen[9];
     assert_eq!(last["contract"], 1);
     assert_eq!(last["quality"], "full");

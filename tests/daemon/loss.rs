@@ -10,7 +10,9 @@ fn exit_code_is_3_when_a_picture_of_a_folder_was_unreadable_and_the_rest_is_done
     for frame in [0, 1, 3] {
         bench.add_picture(&format!("pictures/{frame}.png"), frame);
     }
-    std::fs::write(bench.path("pictures/2.jpg"), b"\xff\xd8 not really a JPEG").unwrap();
+    bench.add_picture("pictures/2.jpg", 2);
+    let whole = std::fs::read(bench.path("pictures/2.jpg")).unwrap();
+    std::fs::write(bench.path("pictures/2.jpg"), &whole[..whole.len() / 2]).unwrap();
     let (model, pictures, stats) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("stats.json"));
     let output = run(nunetd(&[
         "--model",

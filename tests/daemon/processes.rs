@@ -1,6 +1,6 @@
 //! Signals, sudden deaths, and what they leave behind.
 
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, Limits, Publisher, Reader, Topic, TopicPlan};
@@ -155,6 +155,49 @@ fn a_second_daemon_of_the_same_camera_is_refused_and_the_first_goes_on() {
     assert!(text(&second.stderr).contains("already published"), "{}", text(&second.stderr));
     reader.wait(Duration::from_secs(5)).unwrap();
     assert!(reader.latest(Topic::Depth).unwrap().is_some());
+}
+
+const CLOUD_OF: &str = "NUNET_TEST_READS_THE_CLOUD_OF";
+
+/// Not a test: another process that reads a cloud until it is killed.
+#[test]
+fn peer_that_reads_the_cloud() {
+    let Ok(name) = std::env::var(CLOUD_OF) else { return };
+    let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Cloud], PATIENCE).unwrap();
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        reader.wait(Duration::from_millis(50)).unwrap();
+        drop(reader.latest(Topic::Cloud).unwrap());
+    }
+}
+
+#[test]
+fn the_cloud_is_computed_while_it_is_read_and_no_longer_when_its_reader_was_killed() {
+    let bench = Bench::new();
+    let name = camera("cloudy");
+    let _daemon = demo_daemon(&bench, &name);
+    let reader = await_frame(&name);
+    let mut peer = Command::new(std::env::current_exe().unwrap());
+    peer.args(["--exact", "processes::peer_that_reads_the_cloud"]).env(CLOUD_OF, &name).stdout(Stdio::null());
+    let mut peer = Guarded::start(peer);
+    await_cloud(&reader, true);
+    signal(peer.pid(), "KILL");
+    peer.wait();
+    await_cloud(&reader, false);
+}
+
+/// Waits for a frame that was made with or without a cloud: its time is the last of the header's stages.
+fn await_cloud(reader: &Reader, computed: bool) {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        reader.wait(Duration::from_millis(50)).unwrap();
+        let frame = reader.latest(Topic::Depth).unwrap();
+        let cloud_micros = frame.as_ref().and_then(|frame| frame.header().stages().last().copied());
+        if cloud_micros.is_some_and(|micros| (micros > 0) == computed) {
+            return;
+        }
+    }
+    panic!("no frame with computed = {computed} within {PATIENCE:?}")
 }
 
 #[test]
