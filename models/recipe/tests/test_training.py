@@ -43,6 +43,7 @@ def test_a_run_leaves_logs_checkpoints_and_tensorboard(dataset, tmp_path):
     assert train(dataset, run) == 0
     assert len(rows(run, "steps.csv")) == 4
     assert [row["epoch"] for row in rows(run, "epochs.csv")] == ["1", "2"]
+    assert len(list((run / "evolution").iterdir())) == 2
     assert (run / "best.pt").is_file() and list((run / "tensorboard").iterdir())
     assert len(Checkpoint.load(run / "last.pt").history["segmentation"]) == 2
 

@@ -22,7 +22,7 @@ from nunet_models.training.ema import Averaged
 from nunet_models.training.log import RunLog
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import AUGMENTATIONS, Settings
-from nunet_models.training.validate import validate
+from nunet_models.training.validate import predictions, validate
 from nunet_models.zoo import SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
@@ -187,14 +187,10 @@ class Trainer:
 
     def _finish_epoch(self, log: RunLog, quiet: bool) -> None:
         graph = self.averaged_graph()
-        figures = validate(
-            graph,
-            self.val,
-            component=self.index,
-            batch=self.settings.batch,
-            bf16=self.settings.bf16,
-        )
+        how = {"component": self.index, "bf16": self.settings.bf16}
+        figures = validate(graph, self.val, batch=self.settings.batch, **how)
         self.epoch, self.batch = self.epoch + 1, 0
+        log.prediction(self.epoch, next(predictions(graph, self.val, batch=1, **how)))
         log.epoch(self.epoch, figures)
         if not quiet:
             shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())
