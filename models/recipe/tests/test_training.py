@@ -155,3 +155,17 @@ def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, ca
     wrong = ("--architecture", "wnet_c", "--plug", f"depth={seg / 'best.pt'}")
     assert train(dataset, tmp_path / "wrong", *wrong, component="depth", epochs=1) == 1
     assert "do not fit component `depth`" in capsys.readouterr().err
+
+
+def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset, tmp_path):
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    options = ("--unfrozen", "--no-bf16")
+    assert train(dataset, whole, *options, component="depth", epochs=1) == 0
+    assert train(dataset, halved, "--minutes", "1e-9", *options, component="depth", epochs=1) == 0
+    assert train(dataset, halved, "--resume", *options, component="depth", epochs=1) == 0
+    one, other = (Checkpoint.load(run / "last.pt") for run in (whole, halved))
+    assert all(torch.equal(one.weights[name], other.weights[name]) for name in one.weights)
+    torch.manual_seed(0)
+    start = SerialGraph(one.spec).state_dict()
+    name = "components.0.unet.segmentation_head.0.weight"
+    assert not torch.equal(start[name], one.weights[name])
