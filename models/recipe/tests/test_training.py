@@ -94,6 +94,12 @@ def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
     assert "last.pt` is no checkpoint" in capsys.readouterr().err
 
 
+def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, epochs=1) == 0
+    assert train(dataset, tmp_path, "--resume", "--architecture", "wnet", epochs=2) == 1
+    assert "trains another graph" in capsys.readouterr().err
+
+
 def test_an_average_follows_its_module_slowly():
     module = torch.nn.Linear(1, 1, bias=False)
     torch.nn.init.zeros_(module.weight)

@@ -28,6 +28,7 @@ from nunet_models.zoo import Component, SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
 LOG_EVERY = 20
+OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
 
 class Trainer:
@@ -238,20 +239,29 @@ class Trainer:
         ).save(self.folder / (self.BEST if best else self.LAST))
 
     def resume(self) -> None:
-        """Go on from `LAST`: the same losses follow as if nothing had happened."""
+        """Go on from `LAST`: the same losses follow as if nothing had happened.
+
+        # Errors
+        `ConfigError` when the run in the folder is of another graph or another component.
+        """
         checkpoint = Checkpoint.load(self.folder / self.LAST)
-        progress = checkpoint.progress
+        progress, name = checkpoint.progress, self.settings.component
         if progress is None:
             raise ConfigError(f"`{self.folder / self.LAST}` holds no training to resume")
+        if checkpoint.spec != self.graph.spec or name not in checkpoint.settings:
+            raise ConfigError(
+                f"the run in `{self.folder}` trains another graph or component than `{name}` of "
+                f"`{self.graph.spec.architecture}`; hint: the options it was started with"
+            )
         self.graph.load_state_dict(checkpoint.weights)
         live = [*progress.get("unfrozen", []), progress["component"]]
         for component, averaged, weights in zip(self.trained, self.averages, live, strict=True):
             averaged.module.load_state_dict(component.state_dict())
-            component.load_state_dict(weights)
+            component.load_weights(weights)
         self.optimiser.load_state_dict(progress["optimiser"])
         torch.set_rng_state(progress["torch_rng"])
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
-        self.history = checkpoint.history[self.settings.component]
+        self.history = checkpoint.history[name]
         self.before = checkpoint
 
 
@@ -275,8 +285,7 @@ def _optimiser(components: list[Component], settings: Settings) -> torch.optim.O
         }
         for (encoder, decays), parameters in groups.items()
     ]
-    kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
-    return kinds[settings.optimiser](listed)
+    return OPTIMISERS[settings.optimiser](listed)
 
 
 def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torch.Tensor:
