@@ -93,6 +93,14 @@ def test_a_second_run_decodes_nothing(pairs, tmp_path, monkeypatch):
     assert len(build_cache(pairs, tmp_path / "cache")) == len(pairs)
 
 
+def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):
+    one, other = (
+        build_cache(FolderPairs(dataset, ["0000"], units=DepthUnits(scale)), tmp_path / "cache")
+        for scale in (0.001, 0.002)
+    )
+    assert other.depth_m(0)[9, 9] == pytest.approx(2 * one.depth_m(0)[9, 9], rel=1e-3)
+
+
 def a_sample(size=(96, 128)):
     rows = np.arange(size[0], dtype=np.float32)[:, None] * np.ones(size[1], np.float32)
     rgb = np.repeat(rows[..., None], 3, axis=2).astype(np.uint8)

@@ -168,3 +168,13 @@ def test_a_graph_with_a_memory_has_no_stages(tmp_path):
     graph = untrained_graph(tiny_spec("wnet_c_lstm"), seed=1)
     with pytest.raises(ExportError, match="no stages"):
         export_staged(graph, tmp_path / "staged.toml", Provenance())
+
+
+def test_a_failed_export_leaves_the_file_that_was_there(tmp_path, monkeypatch):
+    path = tmp_path / "model.onnx"
+    path.write_text("the old one")
+    monkeypatch.setattr("nunet_models.export.model_file.UNTRAINED_BOUND", -1.0)
+    with pytest.raises(ExportError, match="more than -1"):
+        export_fused(untrained_graph(tiny_spec("unet"), seed=1), path, Provenance())
+    assert [p.name for p in tmp_path.iterdir()] == ["model.onnx"]
+    assert path.read_text() == "the old one"

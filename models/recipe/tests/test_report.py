@@ -3,11 +3,14 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from nunet_models.cli import main
+from nunet_models.reporting.figures import evolution
 from nunet_models.reporting.table import metric_table, paper_table
+from nunet_models.training.log import RunLog
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 EVALUATION = {
@@ -37,6 +40,10 @@ def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):
     run.mkdir()
     (run / "steps.csv").write_text("step,loss\n1,2.0\n2,1.0\n2,0.9\n")
     (run / "epochs.csv").write_text("epoch,rmse\n1,0.9\n2,0.8\n")
+    log = RunLog(run)
+    for epoch in range(1, 9):
+        log.prediction(epoch, np.full((48, 64), epoch, np.float32))
+    log.close()
     (tmp_path / "e.json").write_text(json.dumps(EVALUATION))
     code = main(
         [
@@ -46,10 +53,11 @@ def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):
         ]
     )
     assert code == 0
+    assert [caption for caption, _ in evolution(run)] == [f"run {k}" for k in (1, 2, 4, 5, 7, 8)]
     assert capsys.readouterr().out.strip() == str(out / "report.md")
     assert "| mean image |" in (out / "report.md").read_text()
-    for name in ("losses.png", "pictures.png"):
-        assert min(Image.open(out / name).size) > 300
+    for name in ("losses.png", "evolution.png", "pictures.png"):
+        assert min(Image.open(out / name).size) > 200
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ def test_a_run_leaves_logs_checkpoints_and_tensorboard(dataset, tmp_path):
     assert train(dataset, run) == 0
     assert len(rows(run, "steps.csv")) == 4
     assert [row["epoch"] for row in rows(run, "epochs.csv")] == ["1", "2"]
+    assert len(list((run / "evolution").iterdir())) == 2
     assert (run / "best.pt").is_file() and list((run / "tensorboard").iterdir())
     assert len(Checkpoint.load(run / "last.pt").history["segmentation"]) == 2
 
@@ -91,6 +92,12 @@ def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
     (tmp_path / "last.pt").write_bytes(b"no checkpoint")
     assert train(dataset, tmp_path, "--resume") == 1
     assert "last.pt` is no checkpoint" in capsys.readouterr().err
+
+
+def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, epochs=1) == 0
+    assert train(dataset, tmp_path, "--resume", "--architecture", "wnet", epochs=2) == 1
+    assert "trains another graph" in capsys.readouterr().err
 
 
 def test_an_average_follows_its_module_slowly():
@@ -154,3 +161,17 @@ def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, ca
     wrong = ("--architecture", "wnet_c", "--plug", f"depth={seg / 'best.pt'}")
     assert train(dataset, tmp_path / "wrong", *wrong, component="depth", epochs=1) == 1
     assert "do not fit component `depth`" in capsys.readouterr().err
+
+
+def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset, tmp_path):
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    options = ("--unfrozen", "--no-bf16")
+    assert train(dataset, whole, *options, component="depth", epochs=1) == 0
+    assert train(dataset, halved, "--minutes", "1e-9", *options, component="depth", epochs=1) == 0
+    assert train(dataset, halved, "--resume", *options, component="depth", epochs=1) == 0
+    one, other = (Checkpoint.load(run / "last.pt") for run in (whole, halved))
+    assert all(torch.equal(one.weights[name], other.weights[name]) for name in one.weights)
+    torch.manual_seed(0)
+    start = SerialGraph(one.spec).state_dict()
+    name = "components.0.unet.segmentation_head.0.weight"
+    assert not torch.equal(start[name], one.weights[name])

@@ -54,7 +54,7 @@ def build_cache(pairs: Pairs, folder: Path) -> Cached:
 
     All pictures must have one size: batches and evaluation crops depend on it.
     """
-    key = json.dumps([VERSION, pairs.description, list(pairs.ids)])
+    key = json.dumps([VERSION, pairs.identity, list(pairs.ids)])
     place = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
     if not (place / "done").exists():
         _decode(pairs, place)

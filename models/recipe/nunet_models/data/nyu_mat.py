@@ -27,6 +27,7 @@ class NyuMatPairs:
     ) -> None:
         self.ids, self.window = ids, window
         self.description = f"{path.name}, {len(ids)} pictures"
+        self.identity = f"{path.resolve()} {window}"
         try:
             self.file = h5py.File(path, "r")
             count = min(len(self.file["images"]), len(self.file["depths"]))

@@ -34,6 +34,8 @@ class Pairs(Protocol):
 
     ids: Sequence[str]
     description: str
+    identity: str
+    """Everything that decides what `__getitem__` gives: another identity, other pairs."""
 
     def __len__(self) -> int:
         """How many pairs."""
@@ -89,6 +91,8 @@ class FolderPairs:
             raise DataError(
                 f"`{missing[0]}` is missing, and {len(missing) - 1} more of {len(ids)} pairs' files"
             )
+        newest = max(p.stat().st_mtime_ns for i in ids for p in self._paths(i))
+        self.identity = f"{root.resolve()} {units} {window} {self.has_labels} {newest}"
 
     def __len__(self) -> int:
         """How many pairs."""

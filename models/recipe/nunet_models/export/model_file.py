@@ -35,11 +35,17 @@ def export_fused(graph: SerialGraph, path: Path, provenance: Provenance) -> None
     """Write the whole graph as one model file, checked against torch, self-test inside.
 
     # Errors
-    `ExportError` when the file computes something else than the network.
+    `ExportError` when the file computes something else than the network; a file that was at
+    `path` is then still there.
     """
     model = FusedModel(graph.eval())
-    export_onnx(model, model.example(torch.from_numpy(picture_of(graph.spec))), path)
-    write_metadata(path, _metadata(model, path, provenance))
+    beside = path.with_suffix(".partial.onnx")
+    try:
+        export_onnx(model, model.example(torch.from_numpy(picture_of(graph.spec))), beside)
+        write_metadata(beside, _metadata(model, beside, provenance))
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> None:

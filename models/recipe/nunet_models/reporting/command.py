@@ -8,7 +8,7 @@ import numpy as np
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.reporting.figures import Panel, loss_curves, side_by_side
+from nunet_models.reporting.figures import Panel, evolution, loss_curves, side_by_side
 from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
 
 
@@ -39,6 +39,10 @@ def run(options: argparse.Namespace) -> int:
     if options.run:
         loss_curves(options.run, options.out / "losses.png")
         parts.append("![loss curves](losses.png)\n")
+        evolving = [panels for panels in map(evolution, options.run) if panels]
+        if evolving:
+            side_by_side(evolving, options.out / "evolution.png")
+            parts.append("![a prediction over the epochs](evolution.png)\n")
     if options.model:
         side_by_side(_panels(options), options.out / "pictures.png")
         parts.append("![input, truth and networks](pictures.png)\n")

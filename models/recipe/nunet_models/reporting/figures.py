@@ -7,8 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from nunet_models.errors import DataError
+from nunet_models.training.log import EVOLUTION
 
 DPI = 120
+EPOCHS_SHOWN = 6  # as many as fit side by side on a page
 
 Panel = tuple[str, np.ndarray]
 """A caption, and a picture: colour uint8 `[H, W, 3]`, or depth float `[H, W]` with NaN = none."""
@@ -39,8 +41,8 @@ def loss_curves(runs: list[Path], out: Path) -> None:
 def side_by_side(rows: list[list[Panel]], out: Path) -> None:
     """Rows of panels as one picture; the depth panels of a row share one colour scale.
 
-    The scale is the first depth panel's (the truth's): another for each network would hide an
-    error of scale.
+    The scale is that of the row's first depth panel, the truth where there is one: another for
+    each network would hide an error of scale.
     """
     columns = max(len(row) for row in rows)
     figure = Figure(figsize=(2.6 * columns, 2.1 * len(rows)), layout="constrained")
@@ -57,6 +59,17 @@ def side_by_side(rows: list[list[Panel]], out: Path) -> None:
         for place in line:
             place.axis("off")
     figure.savefig(out, dpi=DPI)
+
+
+def evolution(run: Path) -> list[Panel]:
+    """The kept predictions of a run, at most `EPOCHS_SHOWN` of them, first and last included.
+
+    Labels are shown as numbers, as depth is.
+    """
+    kept = sorted((run / EVOLUTION).glob("*.npy"))
+    chosen = np.unique(np.linspace(0, len(kept) - 1, min(len(kept), EPOCHS_SHOWN)).round())
+    paths = [kept[int(index)] for index in chosen]
+    return [(f"{run.name} {int(p.stem)}", np.load(p).astype(np.float32)) for p in paths]
 
 
 def _rows(path: Path) -> list[dict[str, float]]:

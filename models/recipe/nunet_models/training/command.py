@@ -9,13 +9,19 @@ import torch
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
-from nunet_models.training.trainer import Trainer
+from nunet_models.training.trainer import OPTIMISERS, Trainer
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.spec import LITE_DECODER
 from nunet_models.zoo.weights import imagenet_encoder, like_component
 
 DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
+CHOICES = {
+    "augmentation": sorted(AUGMENTATIONS),
+    "optimiser": sorted(OPTIMISERS),
+    "schedule": SCHEDULES,
+}
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -68,10 +74,12 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
             action = argparse.BooleanOptionalAction
             group.add_argument(option, action=action, default=setting.default, help=shown)
         else:
-            choices = sorted(AUGMENTATIONS) if setting.name == "augmentation" else None
-            kind = type(setting.default)
             group.add_argument(
-                option, type=kind, default=setting.default, choices=choices, help=shown
+                option,
+                type=type(setting.default),
+                default=setting.default,
+                choices=CHOICES.get(setting.name),
+                help=shown,
             )
 
 

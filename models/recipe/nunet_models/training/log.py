@@ -3,7 +3,11 @@
 import csv
 from pathlib import Path
 
+import numpy as np
 from torch.utils.tensorboard import SummaryWriter
+
+EVOLUTION = "evolution"
+"""Folder of a run that holds one prediction an epoch."""
 
 
 class RunLog:
@@ -27,6 +31,16 @@ class RunLog:
         """Log figures of a finished epoch."""
         self._row("epochs.csv", {"epoch": epoch, **values})
         self._scalars("epoch", epoch, values)
+
+    def prediction(self, epoch: int, picture: np.ndarray) -> None:
+        """Keep the answer for the first validation picture, `[H, W]`; a report shows them all.
+
+        Every second pixel and half precision do for a figure.
+        """
+        folder = self.folder / EVOLUTION
+        folder.mkdir(exist_ok=True)
+        kind = np.float16 if picture.dtype.kind == "f" else picture.dtype
+        np.save(folder / f"{epoch:04d}.npy", picture[::2, ::2].astype(kind))
 
     def close(self) -> None:
         """Flush TensorBoard's file."""

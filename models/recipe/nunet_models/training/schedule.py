@@ -2,6 +2,8 @@
 
 import math
 
+SCHEDULES = ("constant", "cosine")
+
 
 def learning_rate_factor(
     step: int, *, steps: int, warmup: float, final: float, schedule: str

@@ -16,7 +16,8 @@ class Settings:
     segmentation: classes weigh as their frequency to the power `-class_power`. `joint_noise` is
     the probability that a picture's features from the component before are withheld, and sets how
     much they are scaled: a frozen component is surer of pictures it was trained on than it will
-    be of others, and the next one must not learn to trust that.
+    be of others, and the next one must not learn to trust that. `unfrozen` lets the earlier
+    components learn along, from this component's loss alone.
     """
 
     component: str
@@ -33,6 +34,7 @@ class Settings:
     smoothing: float = 0.05
     class_power: float = 0.5
     joint_noise: float = 0.0
+    unfrozen: bool = False
     augmentation: str = "strong"
     ema: float = 0.998
     clip: float = 1.0

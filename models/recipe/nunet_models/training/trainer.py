@@ -1,8 +1,9 @@
-"""Training of one component of a serial graph, the earlier ones frozen."""
+"""Training of one component of a serial graph, the earlier ones frozen or along with it."""
 
 import copy
 import time
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +23,12 @@ from nunet_models.training.ema import Averaged
 from nunet_models.training.log import RunLog
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import AUGMENTATIONS, Settings
-from nunet_models.training.validate import validate
-from nunet_models.zoo import SerialGraph
+from nunet_models.training.validate import predictions, validate
+from nunet_models.zoo import Component, SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
 LOG_EVERY = 20
+OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
 
 class Trainer:
@@ -59,11 +61,15 @@ class Trainer:
         torch.manual_seed(settings.seed)
         torch.set_num_threads(settings.threads)
         graph.to(memory_format=torch.channels_last)
-        for earlier in graph.components[: self.index]:
-            earlier.freeze()
-        self.component.train()
-        self.averaged = Averaged(self.component, settings.ema)
-        self.optimiser = _optimiser(self.component, settings)
+        first = 0 if settings.unfrozen else self.index
+        self.frozen: list[Component] = list(graph.components[:first])
+        self.trained: list[Component] = list(graph.components[first : self.index + 1])
+        for component in self.frozen:
+            component.freeze()
+        for component in self.trained:
+            component.train()
+        self.averages = [Averaged(component, settings.ema) for component in self.trained]
+        self.optimiser = _optimiser(self.trained, settings)
         self.weights = _class_weights(train, graph, settings) if self.segments else None
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
@@ -90,11 +96,10 @@ class Trainer:
             log.close()
         return True
 
-    def _forward_functions(self) -> tuple[list, nn.Module]:
-        earlier = list(self.graph.components[: self.index])
+    def _forward_functions(self) -> tuple[list, list]:
         if not self.settings.compile:
-            return earlier, self.component
-        return [torch.compile(c) for c in earlier], torch.compile(self.component)
+            return self.frozen, self.trained
+        return [torch.compile(c) for c in self.frozen], [torch.compile(c) for c in self.trained]
 
     def _train_epoch(self, forward: tuple, log: RunLog, deadline: float, quiet: bool) -> bool:
         saved, losses = time.monotonic(), []
@@ -147,25 +152,29 @@ class Trainer:
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         if settings.clip:
-            nn.utils.clip_grad_norm_(self.component.parameters(), settings.clip)
+            parameters = [p for component in self.trained for p in component.parameters()]
+            nn.utils.clip_grad_norm_(parameters, settings.clip)
         self.optimiser.step()
         self.step += 1
-        self.averaged.update(self.step)
+        for averaged in self.averages:
+            averaged.update(self.step)
         value = loss.item()
         if not np.isfinite(value):
             raise ConfigError(f"the loss is {value} at step {self.step}; hint: lower `--lr`")
         return value
 
-    def _loss(self, batch: Batch, earlier: list, component: nn.Module) -> torch.Tensor:
+    def _loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
         image = normalise(batch.rgb).contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
             outputs: list[torch.Tensor] = []
             with torch.no_grad():
-                for module in earlier:
+                for module in frozen:
                     outputs.append(module(self.graph.joint(image, outputs)))
                 if outputs and self.settings.joint_noise:
                     outputs[-1] = self._disturbed(outputs[-1])
-            raw = component(self.graph.joint(image, outputs))
+            for module in trained:
+                outputs.append(module(self.graph.joint(image, outputs)))
+            raw = outputs[-1]
         if self.segments:
             return cross_entropy(
                 raw, batch.labels, weights=self.weights, smoothing=self.settings.smoothing
@@ -187,14 +196,10 @@ class Trainer:
 
     def _finish_epoch(self, log: RunLog, quiet: bool) -> None:
         graph = self.averaged_graph()
-        figures = validate(
-            graph,
-            self.val,
-            component=self.index,
-            batch=self.settings.batch,
-            bf16=self.settings.bf16,
-        )
+        how = {"component": self.index, "bf16": self.settings.bf16}
+        figures = validate(graph, self.val, batch=self.settings.batch, **how)
         self.epoch, self.batch = self.epoch + 1, 0
+        log.prediction(self.epoch, next(predictions(graph, self.val, batch=1, **how)))
         log.epoch(self.epoch, figures)
         if not quiet:
             shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())
@@ -206,9 +211,11 @@ class Trainer:
             self.save(best=True)
 
     def averaged_graph(self) -> SerialGraph:
-        """A copy of the graph with the averaged weights of the component in training."""
+        """A copy of the graph with the averaged weights of the components in training."""
         graph = copy.deepcopy(self.graph)  # a fresh one would draw from the run's random numbers
-        graph.components[self.index].load_state_dict(self.averaged.module.state_dict())
+        first = len(self.frozen)
+        for component, averaged in zip(graph.components[first:], self.averages, strict=False):
+            component.load_state_dict(averaged.module.state_dict())
         return graph.eval()
 
     def save(self, *, best: bool = False) -> None:
@@ -216,6 +223,7 @@ class Trainer:
         name = self.settings.component
         progress = {
             "component": self.component.state_dict(),
+            "unfrozen": [component.state_dict() for component in self.trained[:-1]],
             "optimiser": self.optimiser.state_dict(),
             "torch_rng": torch.get_rng_state(),
             "step": self.step,
@@ -231,18 +239,29 @@ class Trainer:
         ).save(self.folder / (self.BEST if best else self.LAST))
 
     def resume(self) -> None:
-        """Go on from `LAST`: the same losses follow as if nothing had happened."""
+        """Go on from `LAST`: the same losses follow as if nothing had happened.
+
+        # Errors
+        `ConfigError` when the run in the folder is of another graph or another component.
+        """
         checkpoint = Checkpoint.load(self.folder / self.LAST)
-        progress = checkpoint.progress
+        progress, name = checkpoint.progress, self.settings.component
         if progress is None:
             raise ConfigError(f"`{self.folder / self.LAST}` holds no training to resume")
+        if checkpoint.spec != self.graph.spec or name not in checkpoint.settings:
+            raise ConfigError(
+                f"the run in `{self.folder}` trains another graph or component than `{name}` of "
+                f"`{self.graph.spec.architecture}`; hint: the options it was started with"
+            )
         self.graph.load_state_dict(checkpoint.weights)
-        self.averaged.module.load_state_dict(self.component.state_dict())
-        self.component.load_state_dict(progress["component"])
+        live = [*progress.get("unfrozen", []), progress["component"]]
+        for component, averaged, weights in zip(self.trained, self.averages, live, strict=True):
+            averaged.module.load_state_dict(component.state_dict())
+            component.load_weights(weights)
         self.optimiser.load_state_dict(progress["optimiser"])
         torch.set_rng_state(progress["torch_rng"])
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
-        self.history = checkpoint.history[self.settings.component]
+        self.history = checkpoint.history[name]
         self.before = checkpoint
 
 
@@ -251,10 +270,10 @@ def _score(figures: dict[str, float]) -> float:
     return figures["miou"] if "miou" in figures else -figures["rmse"]
 
 
-def _optimiser(component: nn.Module, settings: Settings) -> torch.optim.Optimizer:
-    """Weight decay on convolutions alone; the encoder at its own rate."""
+def _optimiser(components: list[Component], settings: Settings) -> torch.optim.Optimizer:
+    """Weight decay on convolutions alone; encoders at their own rate."""
     groups: dict[tuple[bool, bool], list[nn.Parameter]] = {}
-    for name, parameter in component.named_parameters():
+    for name, parameter in chain.from_iterable(c.named_parameters() for c in components):
         encoder = name.startswith("unet.encoder")
         groups.setdefault((encoder, parameter.dim() > 1), []).append(parameter)
     listed = [
@@ -266,8 +285,7 @@ def _optimiser(component: nn.Module, settings: Settings) -> torch.optim.Optimize
         }
         for (encoder, decays), parameters in groups.items()
     ]
-    kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
-    return kinds[settings.optimiser](listed)
+    return OPTIMISERS[settings.optimiser](listed)
 
 
 def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torch.Tensor:

@@ -1,5 +1,7 @@
 """Figures of a graph on a validation set while it trains."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -14,39 +16,50 @@ from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import GraphSpec, SerialGraph
 
 
-@torch.no_grad()
 def validate(
     graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool
 ) -> dict[str, float]:
     """Depth or label figures of component `component` over `data`, at the pictures' own size.
 
-    Depth is resized bilinearly and cropped as `EIGEN` where the size fits; labels are compared
-    over the whole picture.
+    Metric depth is cropped as `EIGEN` where the size fits; labels, and depth of a network that
+    gives it stretched, are compared over the whole picture.
     """
     spec = graph.spec
-    size = data.depth.shape[1:]
     segments = spec.components[component].task == "segmentation"
     labels = LabelMetrics(len(spec.classes))
-    depth = Comparison(EIGEN if tuple(size) == EIGEN.size else FULL, spec.encoding == "metric")
-    start = 0
-    for samples in epoch_batches(
-        data, NO_AUGMENTATION, size=spec.inner_size, batch=batch, seed=0, epoch=0, shuffle=False
-    ):
-        image = normalise(samples.rgb).contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16, enabled=bf16):
-            outputs: list[torch.Tensor] = []
-            for module in graph.components[: component + 1]:
-                outputs.append(module(graph.joint(image, outputs)))
-        found = _at_size(outputs[-1].float(), spec, size, segments=segments)
-        for offset, picture in enumerate(found):
-            if segments:
-                labels.add(picture, data.labels[start + offset])
-            else:
-                depth.add_depth(picture, data.depth_m(start + offset))
-        start += len(found)
+    size = tuple(data.depth.shape[1:])
+    depth = Comparison(EIGEN if size == EIGEN.size else FULL, spec.encoding == "metric")
+    found = predictions(graph, data, component=component, batch=batch, bf16=bf16)
+    for index, picture in enumerate(found):
+        if segments:
+            labels.add(picture, data.labels[index])
+        else:
+            depth.add_depth(picture, data.depth_m(index))
     if segments:
         return labels.figures()
     return depth.depth.figures() if depth.metric else depth.minmax.figures()
+
+
+def predictions(
+    graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool
+) -> Iterator[np.ndarray]:
+    """What component `component` gives for every picture in order, `[H, W]` at its own size.
+
+    Labels uint8, or depth float32 in the graph's encoding, as the model file gives them.
+    """
+    spec = graph.spec
+    size = tuple(data.depth.shape[1:])
+    segments = spec.components[component].task == "segmentation"
+    batches = epoch_batches(
+        data, NO_AUGMENTATION, size=spec.inner_size, batch=batch, seed=0, epoch=0, shuffle=False
+    )
+    for samples in batches:
+        image = normalise(samples.rgb).contiguous(memory_format=torch.channels_last)
+        outputs: list[torch.Tensor] = []
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
+            for module in graph.components[: component + 1]:
+                outputs.append(module(graph.joint(image, outputs)))
+        yield from _at_size(outputs[-1].float(), spec, size, segments=segments)
 
 
 def _at_size(
