@@ -22,7 +22,7 @@ const TABLE: [Row; 3] = [
 pub(super) fn row(pipeline: &Pipeline) -> Option<Row> {
     let description = pipeline.graph().description();
     let same = pipeline.size() == (640, 480)
-        && description.inner_size.is_none()
+        && description.inner_size.is_none_or(|inner| inner == [480, 640])
         && description.components.iter().all(|component| component.backbone == "resnet34");
     TABLE.into_iter().find(|row| same && row.architecture == description.architecture)
 }
