@@ -8,14 +8,14 @@ fn json_lines(bytes: &[u8]) -> Vec<Value> {
     text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-fn stats(bench: &Bench) -> Value {
-    serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap()
+fn stats(bench: &Bench, name: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(bench.path(name)).unwrap()).unwrap()
 }
 
 #[test]
 fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     let bench = Bench::new();
-    let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
+    let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("out/stats.json"));
     let name = camera("demo_run");
     run_well(nunetd(&[
         "-q",
@@ -35,7 +35,7 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     for file in ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "cloud.ply"] {
         assert!(bench.path("out").join(file).is_file(), "{file} is missing");
     }
-    let stats = stats(&bench);
+    let stats = stats(&bench, "out/stats.json");
     let frames = &stats["frames"];
     assert_eq!(frames["captured"], 30);
     assert_eq!(frames["published"], 30, "files and scenes at full speed lose nothing");
@@ -68,7 +68,7 @@ fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
         "--camera",
         &camera("steady"),
     ]));
-    let stats = stats(&bench);
+    let stats = stats(&bench, "stats.json");
     assert_eq!(stats["bytes_copied_per_frame"], 0.0);
     assert_eq!(stats["allocations_per_frame"], 0.0);
 }

@@ -11,6 +11,7 @@ use crate::cli::{RunArgs, SourceArgs};
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
+use crate::sink::files::make_folder;
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
 use crate::source::{self, Kind, Rate};
@@ -20,6 +21,8 @@ use crate::telemetry::Counts;
 /// Runs until the source ends, `--frames` are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    // In this order: the figures often go into the folder of the results.
+    arguments.out.as_deref().map_or(Ok(()), make_folder)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
     let kind = source_kind(arguments.source.as_deref());
     let source = source::open(&kind, arguments.pace.repeat)?;
