@@ -23,8 +23,6 @@ pub(crate) struct Collector {
 impl Collector {
     /// Attaches to everything that `outlet` publishes of a frame; `folder` exists.
     pub(crate) fn attach(folder: PathBuf, camera: &CameraName, outlet: &Outlet) -> anyhow::Result<Self> {
-        std::fs::create_dir_all(&folder)
-            .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
         let topics: Vec<_> = outlet.topics().iter().copied().filter(|&topic| topic != Topic::Stats).collect();
         Ok(Self { folder, reader: Reader::open(camera, &topics, NO_WAIT)? })
     }
