@@ -220,6 +220,24 @@ fn camera_name_that_is_none() {
 }
 
 #[test]
+fn frame_id_that_would_be_cut() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--frame-id", &"x".repeat(65)]));
+}
+
+#[test]
+fn word_that_is_no_verb() {
+    let bench = Bench::new();
+    snapshot!(outcome(&bench, nunetd(&["inferr", "photo.jpg"])));
+}
+
+#[test]
+fn pace_of_a_camera_that_has_its_own() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "shm:front", "--rate", "5"]));
+}
+
+#[test]
 fn rate_that_is_none() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--source", "demo", "--rate", "0"]));

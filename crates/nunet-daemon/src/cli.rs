@@ -191,7 +191,7 @@ pub struct RunArgs {
     #[command(flatten)]
     pub optics: CameraArgs,
     /// Coordinate frame of depth and cloud [default: the camera's name and `_optical_frame`]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = parse_frame_id)]
     pub frame_id: Option<String>,
     /// What may be read; labels and cloud cost nothing while nobody reads them
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
@@ -331,6 +331,17 @@ pub struct VetArgs {
     pub model: PathBuf,
     #[command(flatten)]
     pub engine: EngineArgs,
+}
+
+/// The bytes of a coordinate frame's name that fit into a message's header.
+const MAX_FRAME_ID: usize = 64;
+
+/// A name that is cut would be another coordinate frame.
+fn parse_frame_id(text: &str) -> Result<String, String> {
+    if text.is_empty() || text.len() > MAX_FRAME_ID {
+        return Err(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len()));
+    }
+    Ok(text.to_owned())
 }
 
 fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {

@@ -210,6 +210,16 @@ pub enum IpcError {
         /// What the system said.
         source: io::Error,
     },
+    /// This process cannot take part in shared memory at all.
+    #[error(
+        "cannot join iceoryx2: it says `{cause}`\n\
+         hint: its files belong to whoever made them: run as the same user, see that `/dev/shm` and `/tmp/iceoryx2` \
+         are writable, and remove `/tmp/iceoryx2` if nobody uses it"
+    )]
+    CannotJoin {
+        /// iceoryx2's word for the reason.
+        cause: String,
+    },
     /// iceoryx2 could not do it.
     #[error("cannot {action}: iceoryx2 says `{cause}`")]
     Iceoryx {

@@ -45,7 +45,7 @@ pub(crate) fn create() -> Result<Node<Iceoryx>, IpcError> {
     let node = NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled) // signals belong to the program, not to a library
         .create::<Iceoryx>()
-        .map_err(|cause| IpcError::iceoryx("join iceoryx2", cause))?;
+        .map_err(|cause| IpcError::CannotJoin { cause: format!("{cause:?}") })?;
     mend::sweep(&dead);
     Ok(node)
 }

@@ -49,7 +49,7 @@ pub fn list() -> Result<Vec<Orphan>, IpcError> {
 /// Removes what the dead left behind.
 ///
 /// # Errors
-/// [`IpcError::Iceoryx`] when this process cannot join iceoryx2.
+/// [`IpcError::CannotJoin`].
 pub fn clean() -> Result<Cleaning, IpcError> {
     let before = list()?.len();
     drop(node::create()?); // joining cleans up, and so does leaving
