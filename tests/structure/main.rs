@@ -7,6 +7,7 @@
 mod core_rules;
 mod dependencies;
 mod documents;
+mod order;
 mod repository;
 mod rust_source;
 mod sizes;

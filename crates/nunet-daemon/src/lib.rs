@@ -9,6 +9,7 @@ pub mod cli;
 mod engine;
 mod exit;
 mod library;
+mod logging;
 mod models;
 pub mod sink;
 pub mod source;
@@ -32,6 +33,6 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return exit::from_usage_error(&error),
     };
-    telemetry::start_logging(&cli.logging);
+    logging::start(&cli.logging);
     exit::from_result(verbs::dispatch(cli.verb))
 }

@@ -1,15 +1,13 @@
-//! What the daemon knows of itself: the frame ledger, latencies, allocations, the clock, log lines.
+//! What the daemon knows of itself: the frame ledger, latencies, allocations, the clock.
 
 mod allocations;
 mod clock;
 mod latency;
 mod ledger;
-mod log;
 mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
 pub use clock::{MonotonicClock, monotonic_nanos, unix_nanos};
 pub use latency::{Latencies, Summary};
 pub use ledger::{Counts, End, Ledger};
-pub(crate) use log::start_logging;
 pub(crate) use totals::Totals;

@@ -8,7 +8,7 @@ use tracing_subscriber::fmt::format::FmtSpan;
 use crate::cli::{LogArgs, LogFormat};
 
 /// Starts logging; a second call in one process (the Python package) changes nothing.
-pub(crate) fn start_logging(arguments: &LogArgs) {
+pub(crate) fn start(arguments: &LogArgs) {
     let level = match (arguments.quiet, arguments.verbose) {
         (true, _) => LevelFilter::ERROR,
         (false, 0) => LevelFilter::INFO,
