@@ -8,8 +8,8 @@ use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphInput, GraphOptions, GraphOutputs, Runtime, SerialGraph};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_daemon::source::demo::DemoScene;
-use nunet_daemon::telemetry::{MonotonicClock, monotonic_nanos};
-use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Wake};
+use nunet_daemon::telemetry::MonotonicClock;
+use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Wake, monotonic_nanos};
 
 const MODELS: [(&str, &str); 2] = [("tiny_wnet_c", "tiny/tiny_wnet_c.onnx"), ("wnet_c", "wnet_c.onnx")];
 

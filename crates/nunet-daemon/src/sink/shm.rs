@@ -6,14 +6,14 @@ use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
 use nunet_ipc::{
     CameraName, Encoding, FrameHeader, IpcError, Limits, Loan, Point, Publisher, StatsRecord, Topic,
-    TopicPlan, Units, Wake,
+    TopicPlan, Units, Wake, monotonic_nanos,
 };
 use tracing::{info, warn};
 
 use super::points::cloud_points_mut;
 use crate::cli::Publish;
 use crate::source::Frame;
-use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations, monotonic_nanos};
+use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations};
 use crate::words;
 
 /// How often percentiles are computed anew; the ledger is of every frame.

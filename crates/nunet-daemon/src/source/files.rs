@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
-use nunet_ipc::Clock;
+use nunet_ipc::{Clock, monotonic_nanos};
 
 use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
-use crate::telemetry::{monotonic_nanos, unix_nanos};
+use crate::telemetry::unix_nanos;
 
 /// The longest side of a picture that is decoded, pixels.
 const MAX_SIDE_PX: u32 = 16_384;

@@ -3,7 +3,7 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use nunet_core::clock::Clock;
-use rustix::time::{ClockId, clock_gettime};
+use nunet_ipc::monotonic_nanos;
 
 /// `CLOCK_MONOTONIC`, whose values processes of one machine can compare.
 #[derive(Debug, Clone, Copy, Default)]
@@ -11,9 +11,8 @@ pub struct MonotonicClock;
 
 impl Clock for MonotonicClock {
     fn nanos(&self) -> u64 {
-        let now = clock_gettime(ClockId::Monotonic);
-        // The kernel counts from boot, so both parts are positive.
-        now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs()
+        // The kernel counts from boot, so the number is positive.
+        monotonic_nanos().unsigned_abs()
     }
 }
 
@@ -21,9 +20,4 @@ impl Clock for MonotonicClock {
 pub fn unix_nanos() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
-}
-
-/// `CLOCK_MONOTONIC` as the shared-memory contract counts it.
-pub fn monotonic_nanos() -> i64 {
-    i64::try_from(MonotonicClock.nanos()).unwrap_or(i64::MAX)
 }

@@ -7,7 +7,7 @@ mod ledger;
 mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
-pub use clock::{MonotonicClock, monotonic_nanos, unix_nanos};
+pub use clock::{MonotonicClock, unix_nanos};
 pub use latency::{Latencies, Summary};
 pub use ledger::{Counts, End, Ledger};
 pub(crate) use totals::Totals;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::bail;
 use nunet_core::camera::{Camera, IntrinsicsSpec};
 use nunet_core::frame::PixelFormat;
-use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake};
+use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos};
 use tracing::{info, warn};
 
 use crate::Outcome;
@@ -14,7 +14,6 @@ use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
 use crate::source::{self, Fill, Frame, Kind, Pacer, Rate, Source};
 use crate::stream::{Optics, Stop};
-use crate::telemetry::monotonic_nanos;
 use crate::words;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
