@@ -75,7 +75,7 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = Checkpoint.load(options.checkpoint)
     accuracy = json.loads(options.accuracy.read_text()) if options.accuracy else {}
     training = {
-        component: {**settings, "epochs_done": len(checkpoint.history[component])}
+        component: {**settings, "epochs_done": checkpoint.history[component][-1]["epoch"]}
         for component, settings in checkpoint.settings.items()
     }
     return checkpoint.graph(), Provenance(trained=True, training=training, accuracy=accuracy)

@@ -17,7 +17,8 @@ class Settings:
     the probability that a picture's features from the component before are withheld, and sets how
     much they are scaled: a frozen component is surer of pictures it was trained on than it will
     be of others, and the next one must not learn to trust that. `unfrozen` lets the earlier
-    components learn along, from this component's loss alone.
+    components learn along, from this component's loss alone. `validate_every` is how many epochs
+    lie between two validations; the last epoch is always validated.
     """
 
     component: str
@@ -42,6 +43,7 @@ class Settings:
     bf16: bool = True
     compile: bool = False
     threads: int = 2
+    validate_every: int = 1
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types."""

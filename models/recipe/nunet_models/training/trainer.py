@@ -19,6 +19,7 @@ from nunet_models.errors import ConfigError
 from nunet_models.export.deploy import normalise
 from nunet_models.losses import cross_entropy, parse_loss, weighted_depth_loss
 from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.depthwise import quicken
 from nunet_models.training.ema import Averaged
 from nunet_models.training.log import RunLog
 from nunet_models.training.schedule import learning_rate_factor
@@ -68,6 +69,8 @@ class Trainer:
             component.freeze()
         for component in self.trained:
             component.train()
+            if settings.compile and settings.bf16:
+                quicken(component)
         self.averages = [Averaged(component, settings.ema) for component in self.trained]
         self.optimiser = _optimiser(self.trained, settings)
         self.weights = _class_weights(train, graph, settings) if self.segments else None
@@ -195,16 +198,19 @@ class Trainer:
         return features * (scale * kept).to(features.dtype)
 
     def _finish_epoch(self, log: RunLog, quiet: bool) -> None:
+        self.epoch, self.batch = self.epoch + 1, 0
+        if self.epoch % self.settings.validate_every and self.epoch < self.settings.epochs:
+            self.save()
+            return
         graph = self.averaged_graph()
         how = {"component": self.index, "bf16": self.settings.bf16}
         figures = validate(graph, self.val, batch=self.settings.batch, **how)
-        self.epoch, self.batch = self.epoch + 1, 0
         log.prediction(self.epoch, next(predictions(graph, self.val, batch=1, **how)))
         log.epoch(self.epoch, figures)
         if not quiet:
             shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())
             tqdm.write(f"epoch {self.epoch}: {shown}")
-        self.history.append(figures)
+        self.history.append({"epoch": self.epoch, **figures})
         score = [_score(row) for row in self.history]
         self.save()
         if score[-1] == max(score):
