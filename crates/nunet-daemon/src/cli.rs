@@ -10,6 +10,10 @@ use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::graph::Provider;
 
+mod eval;
+
+pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
+
 /// The model that runs when none is named.
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
 
@@ -95,6 +99,8 @@ pub enum Verb {
     Contract(ContractArgs),
     /// Measure predictions of one picture, as the paper's Table 2 does
     Bench(BenchArgs),
+    /// Measure a model against pictures with true depth
+    Eval(Box<EvalArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
     #[command(hide = true)]
     Vet(VetArgs),
@@ -137,15 +143,22 @@ pub struct EngineArgs {
     pub onnxruntime: Option<PathBuf>,
 }
 
-/// The camera's geometry.
+/// What the camera's lens does to depth.
 #[derive(Debug, Args, Clone)]
-pub struct CameraArgs {
+pub struct LensArgs {
     /// Focal lengths and principal point in pixels: `fx,fy,cx,cy[@WxH]`
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
     pub intrinsics: Option<IntrinsicsSpec>,
     /// Scale metric depth by this camera's focal length over the training camera's
     #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
     pub focal: FocalArg,
+}
+
+/// The camera's geometry.
+#[derive(Debug, Args, Clone)]
+pub struct CameraArgs {
+    #[command(flatten)]
+    pub lens: LensArgs,
     /// Every N-th row and column become points of the cloud
     #[arg(long, value_name = "N", default_value = "1")]
     pub cloud_stride: NonZeroU32,
@@ -353,7 +366,7 @@ fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
 impl Default for CameraArgs {
     /// An unknown camera, and a cloud of every pixel.
     fn default() -> Self {
-        Self { intrinsics: None, focal: FocalArg::Auto, cloud_stride: NonZeroU32::MIN }
+        Self { lens: LensArgs { intrinsics: None, focal: FocalArg::Auto }, cloud_stride: NonZeroU32::MIN }
     }
 }
 

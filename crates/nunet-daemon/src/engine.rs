@@ -83,7 +83,7 @@ pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pip
     let path = loaded.path;
     let options = PipelineOptions {
         camera: None,
-        focal: match optics.focal {
+        focal: match optics.lens.focal {
             FocalArg::Auto => Focal::Auto,
             FocalArg::Off => Focal::Off,
         },

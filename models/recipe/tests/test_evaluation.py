@@ -10,8 +10,14 @@ from nunet_models.cli import main
 from nunet_models.data.pairs import Pair
 from nunet_models.errors import ConfigError, DataError
 from nunet_models.evaluation.clip import clip_figures
-from nunet_models.evaluation.compare import compare, mean_image, mean_stretched_image, stretched
-from nunet_models.evaluation.predict import Prediction, Predictor
+from nunet_models.evaluation.compare import (
+    Prediction,
+    compare,
+    mean_image,
+    mean_stretched_image,
+    stretched,
+)
+from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import EIGEN, FULL
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"

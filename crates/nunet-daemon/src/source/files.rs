@@ -81,6 +81,37 @@ pub(crate) fn decode(path: &Path, frame: &mut Frame) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// A picture of one channel as its numbers stand: true depth, or labels.
+#[derive(Debug)]
+pub(crate) struct Numbers {
+    /// Width and height, pixels.
+    pub(crate) size: (u32, u32),
+    /// Rows from the top.
+    pub(crate) values: Vec<u16>,
+    /// 8 or 16 bits a number in the file.
+    pub(crate) bits: u8,
+}
+
+/// Decodes a PNG of one channel.
+///
+/// # Errors
+/// As [`decode`], and a picture of several channels.
+pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
+    let file = read(path)?;
+    let mut reader = ImageReader::new(Cursor::new(file.as_slice())).with_guessed_format()?;
+    reader.limits(limits());
+    let decoder = reader.into_decoder()?;
+    check_memory(&decoder, false)?;
+    let size = decoder.dimensions();
+    match DynamicImage::from_decoder(decoder)? {
+        DynamicImage::ImageLuma8(picture) => {
+            Ok(Numbers { size, values: picture.iter().map(|&value| value.into()).collect(), bits: 8 })
+        }
+        DynamicImage::ImageLuma16(picture) => Ok(Numbers { size, values: picture.into_raw(), bits: 16 }),
+        other => bail!("the picture has {} channels; expected one", other.color().channel_count()),
+    }
+}
+
 fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
     let file = File::open(path)?;
     let mut bytes = Vec::new();

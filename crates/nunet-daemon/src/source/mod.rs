@@ -8,7 +8,7 @@ mod rate;
 mod scene;
 mod shm;
 
-pub(crate) use files::decode;
+pub(crate) use files::{Numbers, decode, decode_numbers};
 pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use rate::{Pacer, Rate};
 

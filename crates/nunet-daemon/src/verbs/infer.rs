@@ -28,7 +28,7 @@ pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipeline = tested_pipeline(loaded, &arguments.optics)?;
-    let mut work = Work::new(pipeline, Optics::new(arguments.optics.intrinsics), model);
+    let mut work = Work::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), model);
 
     let mut failures = Vec::new();
     for (image, folder) in arguments.images.iter().zip(&folders) {

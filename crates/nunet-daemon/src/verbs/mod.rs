@@ -3,6 +3,7 @@
 mod bench;
 mod contract;
 mod doctor;
+mod eval;
 mod feed;
 mod infer;
 mod inspect;
@@ -24,6 +25,7 @@ pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
         Verb::Doctor(arguments) => doctor::doctor(&arguments),
         Verb::Contract(_) => contract::contract(),
         Verb::Bench(arguments) => bench::bench(&arguments),
+        Verb::Eval(arguments) => eval::eval(&arguments),
         Verb::Vet(arguments) => vet::vet(&arguments),
     }
 }

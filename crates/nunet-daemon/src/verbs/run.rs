@@ -44,7 +44,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     };
     let outlet = Outlet::open(&pipeline, &options)?;
     let collector = arguments.out.map(|folder| Collector::attach(folder, &camera, &outlet)).transpose()?;
-    let worker = Worker::new(pipeline, Optics::new(arguments.optics.intrinsics), outlet);
+    let worker = Worker::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), outlet);
     let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
     let (counts, remains) = stream::run(source, worker, pace, stop)?;
 

@@ -16,11 +16,12 @@ from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
     Comparison,
     Predict,
+    Prediction,
     compare,
     mean_image,
     mean_stretched_image,
 )
-from nunet_models.evaluation.predict import Prediction, Predictor
+from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import PROTOCOLS
 
 

@@ -6,9 +6,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nunet_models.data.pairs import Pair, Pairs
-from nunet_models.evaluation.predict import Prediction
 from nunet_models.evaluation.protocol import Protocol
 from nunet_models.metrics import DepthMetrics, LabelMetrics
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Depth float32 `[H, W]` in the model's unit (NaN = none); labels uint8 `[H, W]` or None."""
+
+    depth: np.ndarray
+    labels: np.ndarray | None
+
 
 Predict = Callable[[np.ndarray], Prediction]
 

@@ -1,23 +1,15 @@
 """A model file as it answers for pictures of any size."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from nunet_models.errors import ConfigError
+from nunet_models.evaluation.compare import Prediction
 from nunet_models.export.measure import decoded
 from nunet_models.export.onnx_file import read_metadata, session
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Depth float32 `[H, W]` in the model's unit (NaN = none); labels uint8 `[H, W]` or None."""
-
-    depth: np.ndarray
-    labels: np.ndarray | None
 
 
 class Predictor:

@@ -28,14 +28,20 @@ const OUTLIERS: f64 = 0.01;
 /// Depth in colours (near is red, far is blue, no measurement is grey) with a scale, `SCALE_WIDTH` wider than the depth map.
 pub fn depth_picture(results: &Results<'_>) -> RgbImage {
     let (width, height) = results.size;
-    let (near, far) = range(results.depth);
-    let gradient = colorgrad::preset::turbo();
+    let range = range(results.depth);
     let mut picture = RgbImage::from_pixel(width + SCALE_WIDTH, height, PAPER);
-    for (index, &depth) in (0_u32..).zip(results.depth) {
-        let colour = if depth.is_finite() { colour_of(&gradient, depth, near, far) } else { NONE };
-        picture.put_pixel(index % width, index / width, colour);
+    image::imageops::replace(&mut picture, &paint(results.depth, results.size, range), 0, 0);
+    draw_scale(&mut picture, &colorgrad::preset::turbo(), width, range, results.metric);
+    picture
+}
+
+/// Numbers in colours, from red for `near` to blue for `far`; no measurement is grey.
+pub(crate) fn paint(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> RgbImage {
+    let gradient = colorgrad::preset::turbo();
+    let mut picture = RgbImage::from_pixel(width, height, NONE);
+    for (pixel, &depth) in picture.pixels_mut().zip(depth).filter(|(_, depth)| depth.is_finite()) {
+        *pixel = colour_of(&gradient, depth, near, far);
     }
-    draw_scale(&mut picture, &gradient, width, (near, far), results.metric);
     picture
 }
 
@@ -46,7 +52,7 @@ fn colour_of(gradient: &impl Gradient, depth: f32, near: f32, far: f32) -> Rgb<u
 }
 
 /// The depths between which colours are spread.
-fn range(depth: &[f32]) -> (f32, f32) {
+pub(crate) fn range(depth: &[f32]) -> (f32, f32) {
     let mut valid: Vec<f32> = depth.iter().copied().filter(|value| value.is_finite()).collect();
     if valid.is_empty() {
         return (0.0, 1.0);
@@ -88,7 +94,8 @@ fn put(picture: &mut RgbImage, x: u32, y: u32, colour: Rgb<u8>) {
     }
 }
 
-fn draw_text(picture: &mut RgbImage, text: &str, x: u32, y: u32) {
+/// Black letters, 13 pixels high, from `x` and `y` to the right and below.
+pub(crate) fn draw_text(picture: &mut RgbImage, text: &str, x: u32, y: u32) {
     let style = MonoTextStyle::new(&FONT_7X13, Rgb888::BLACK);
     let at = Point::new(i32::try_from(x).unwrap_or(i32::MAX), i32::try_from(y).unwrap_or(i32::MAX));
     let drawn = Text::with_baseline(text, at, style, Baseline::Top).draw(&mut Canvas(picture));

@@ -11,6 +11,7 @@ use anyhow::Context as _;
 use nunet_core::cloud::CloudPoint;
 
 pub use colour::depth_picture;
+pub(crate) use colour::{draw_text, paint, range};
 
 /// One frame's results, at the network's size.
 #[derive(Debug, Clone, Copy)]

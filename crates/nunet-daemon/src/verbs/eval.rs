@@ -1,0 +1,236 @@
+//! `nunetd eval`: the production pipeline against pictures with true depth, and the mean image beside it.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use image::imageops::{FilterType, resize};
+use image::{ImageBuffer, Luma};
+use indicatif::{ProgressBar, ProgressStyle};
+use nunet_core::depth::Encoding;
+use nunet_core::pipeline::{Outputs, Pipeline};
+use tracing::{error, warn};
+
+use crate::Outcome;
+use crate::cli::{CameraArgs, EvalArgs};
+use crate::engine::{Engine, tested_pipeline};
+use crate::sink::files::make_folder;
+use crate::sink::stats::{ModelName, write_json};
+use crate::source::Frame;
+use crate::stream::Optics;
+use crate::telemetry::MonotonicClock;
+
+mod comparison;
+mod dataset;
+mod metrics;
+mod report;
+mod sheet;
+
+use comparison::{Baseline, Comparison, Kind, MeanImage};
+use dataset::{Dataset, Truth, read_ids, same_size};
+use metrics::LabelMetrics;
+use report::{PictureRow, Report};
+use sheet::{Row, Sheet, chosen};
+
+/// Measures every picture; one that cannot be read is named and counted.
+pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
+    if let Some(out) = &arguments.out {
+        make_folder(out)?;
+    }
+    let engine = Engine::start(&arguments.engine)?;
+    let loaded = engine.load(&arguments.model, &[])?;
+    let model = ModelName { name: loaded.name(), hash: loaded.hash() };
+    let optics = CameraArgs { lens: arguments.lens.clone(), ..CameraArgs::default() };
+    let pipeline = tested_pipeline(loaded, &optics)?;
+    let dataset = Dataset::open(arguments, &pipeline.graph().description().classes)?;
+    if pipeline.graph().has_labels() && !dataset.has_labels() {
+        warn!("no true labels of this network's classes: only depth is measured");
+    }
+    let baseline = baseline(arguments, &dataset)?;
+    let mut work = Work::new(arguments, pipeline, baseline);
+    let skipped = work.measure_all(&dataset)?;
+    let report = work.report(arguments, &dataset, model, skipped);
+    let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
+    writeln!(std::io::stdout(), "{text}")?;
+    if let Some(out) = &arguments.out {
+        write_json(&out.join("eval.json"), &report)?;
+        report::write_csv(&out.join("pictures.csv"), &work.rows)?;
+        work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
+    }
+    Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
+}
+
+/// The mean image: of the pictures that the user named, who must all be readable, else of those that are measured.
+fn baseline(arguments: &EvalArgs, dataset: &Dataset) -> anyhow::Result<Option<Baseline>> {
+    let named = arguments.baseline_ids.as_deref().map(read_ids).transpose()?;
+    let mut mean = MeanImage::default();
+    let progress = progress("mean image", named.as_ref().unwrap_or(&dataset.ids).len());
+    for id in named.as_ref().unwrap_or(&dataset.ids) {
+        progress.inc(1);
+        let truth = match dataset.truth(id) {
+            Ok(truth) => truth,
+            Err(_) if named.is_none() => continue, // told when its turn to be measured comes
+            Err(error) => return Err(error),
+        };
+        if let Err(error) = mean.add(&truth.depth_m, truth.size) {
+            warn!("no baseline: {error}");
+            return Ok(None);
+        }
+    }
+    progress.finish_and_clear();
+    Ok(mean.baseline(arguments.protocol))
+}
+
+/// Seen on a terminal only.
+fn progress(what: &'static str, count: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {per_sec} {eta} left");
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(count as u64).with_style(style).with_prefix(what)
+}
+
+/// The pipeline, and what was found so far.
+struct Work {
+    pipeline: Pipeline,
+    optics: Optics,
+    frame: Frame,
+    depth: Vec<f32>,
+    labels: Vec<u8>,
+    comparison: Comparison,
+    confusion: LabelMetrics,
+    baseline: Option<Baseline>,
+    rows: Vec<PictureRow>,
+}
+
+/// What the network says of a picture, at the picture's size.
+struct Prediction {
+    depth: Vec<f32>,
+    labels: Vec<u8>,
+}
+
+impl Work {
+    fn new(arguments: &EvalArgs, pipeline: Pipeline, baseline: Option<Baseline>) -> Self {
+        let (width, height) = pipeline.size();
+        let pixels = width as usize * height as usize;
+        let description = pipeline.graph().description();
+        let kind = match description.encoding {
+            Encoding::MinMax => Kind::MinMax,
+            Encoding::Relative => Kind::Relative,
+            Encoding::Metric | Encoding::Inverse | Encoding::Log => Kind::Metric,
+        };
+        Self {
+            optics: Optics::new(arguments.lens.intrinsics),
+            frame: Frame::default(),
+            depth: vec![0.0; pixels],
+            labels: if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() },
+            comparison: Comparison::new(arguments.protocol, kind),
+            confusion: LabelMetrics::new(description.classes.len()),
+            baseline,
+            rows: Vec::new(),
+            pipeline,
+        }
+    }
+
+    /// Measures every picture and returns how many could not be; an error when none could.
+    fn measure_all(&mut self, dataset: &Dataset) -> anyhow::Result<u64> {
+        let mut last = None;
+        let mut skipped = 0;
+        let progress = progress("pictures", dataset.ids.len());
+        for id in &dataset.ids {
+            if let Err(failure) = self.measure(dataset, id) {
+                progress.suspend(|| error!("skipped `{id}`: {failure:#}"));
+                skipped += 1;
+                last = Some(failure);
+            }
+            progress.inc(1);
+        }
+        progress.finish_and_clear();
+        match last {
+            Some(last) if self.rows.is_empty() => Err(last.context("no picture could be measured")),
+            _ => Ok(skipped),
+        }
+    }
+
+    fn measure(&mut self, dataset: &Dataset, id: &str) -> anyhow::Result<()> {
+        let truth = dataset.truth(id)?;
+        let prediction = self.predict(dataset, id, &truth)?;
+        let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
+        if let Some(labels) = &truth.labels {
+            self.confusion.add(&prediction.labels, labels);
+        }
+        if let Some(baseline) = &mut self.baseline {
+            baseline.add(&truth.depth_m, truth.size)?;
+        }
+        self.rows.push(PictureRow::new(id, &alone));
+        Ok(())
+    }
+
+    fn predict(&mut self, dataset: &Dataset, id: &str, truth: &Truth) -> anyhow::Result<Prediction> {
+        dataset.picture(id, &mut self.frame)?;
+        same_size(Path::new(id), self.frame.size, truth.size)?;
+        self.optics.follow(&self.frame, &mut self.pipeline)?;
+        let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
+        let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
+        self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;
+        let from = self.pipeline.size();
+        Ok(Prediction {
+            depth: resized(&self.depth, from, truth.size, FilterType::Triangle)?,
+            labels: resized(&self.labels, from, truth.size, FilterType::Nearest)?,
+        })
+    }
+
+    fn report(&self, arguments: &EvalArgs, dataset: &Dataset, model: ModelName, skipped: u64) -> Report {
+        Report::new(
+            &report::What {
+                model,
+                dataset: dataset.name(),
+                protocol: arguments.protocol,
+                baseline_of: if arguments.baseline_ids.is_some() {
+                    "baseline-ids"
+                } else {
+                    "measured pictures"
+                },
+                pictures: self.rows.len() as u64,
+                skipped,
+            },
+            &self.pipeline,
+            &self.comparison,
+            &self.confusion,
+            self.baseline.as_ref(),
+        )
+    }
+
+    /// Predicts the chosen pictures once more: nine, where all would not fit into memory.
+    fn write_sheet(&mut self, dataset: &Dataset, path: &Path) -> anyhow::Result<()> {
+        let errors: Vec<f64> = self.rows.iter().map(PictureRow::error).collect();
+        let mut sheet = Sheet::new();
+        for (group, place) in chosen(&errors) {
+            let Some(row) = self.rows.get(place) else { continue };
+            let (id, caption) = (row.id.clone(), format!("{group}: {}", row.caption()));
+            let truth = dataset.truth(&id)?;
+            let prediction = self.predict(dataset, &id, &truth)?;
+            sheet.add(&Row {
+                caption,
+                size: truth.size,
+                rgb: self.frame.view()?.bytes(),
+                truth: &truth.depth_m,
+                predicted: &prediction.depth,
+                metric: self.comparison.kind() == Kind::Metric,
+            });
+        }
+        sheet.picture().save(path).with_context(|| format!("cannot write `{}`", path.display()))
+    }
+}
+
+/// `[H, W]` numbers of a picture of size `from` at size `to`; where these differ the network saw the picture resized.
+fn resized<T>(values: &[T], from: (u32, u32), to: (u32, u32), filter: FilterType) -> anyhow::Result<Vec<T>>
+where
+    T: image::Primitive + 'static,
+    Luma<T>: image::Pixel<Subpixel = T>,
+{
+    if from == to || values.is_empty() {
+        return Ok(values.to_vec());
+    }
+    let picture: ImageBuffer<Luma<T>, _> = ImageBuffer::from_raw(from.0, from.1, values.to_vec())
+        .context("a result does not fill its picture")?;
+    Ok(resize(&picture, to.0, to.1, filter).into_raw())
+}

@@ -1,0 +1,265 @@
+//! Depth against truth: protocols, metres and stretched depth, and the mean image that needs no network.
+
+use anyhow::bail;
+
+use super::metrics::DepthMetrics;
+use crate::cli::ProtocolArg;
+
+/// Predictions below would make relative errors meaningless; the field's figure.
+const MIN_DEPTH_M: f32 = 1e-3;
+/// The cap of all protocols here.
+const MAX_DEPTH_M: f32 = 10.0;
+/// What is left of 0 where a logarithm is taken; squared errors, all that is read of stretched depth, do not notice.
+const CLIP: f32 = 1e-7;
+/// The least range that is stretched to 0..1.
+const LEAST_RANGE: f32 = 1e-6;
+
+impl ProtocolArg {
+    /// The pixels that are compared: rows, columns.
+    fn crop(self, (width, height): (u32, u32)) -> anyhow::Result<[std::ops::Range<usize>; 2]> {
+        match self {
+            Self::Full => Ok([0..height as usize, 0..width as usize]),
+            Self::Eigen if (width, height) == (640, 480) => Ok([45..471, 41..601]),
+            Self::Eigen => {
+                bail!(
+                    "protocol `eigen` is for pictures of 640x480, this one is {width}x{height}\nhint: --protocol full"
+                )
+            }
+        }
+    }
+}
+
+/// Figures of depth gathered picture by picture.
+#[derive(Debug, Clone)]
+pub(super) struct Comparison {
+    protocol: ProtocolArg,
+    kind: Kind,
+    /// Metres under the protocol; empty where the network has none.
+    pub(super) depth: DepthMetrics,
+    /// Whole pictures, each stretched from its nearest to its farthest point, as the paper did.
+    pub(super) minmax: DepthMetrics,
+}
+
+/// What predictions are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Metres.
+    Metric,
+    /// Stretched to 0..1 already.
+    MinMax,
+    /// Without a unit.
+    Relative,
+}
+
+impl Comparison {
+    pub(super) fn new(protocol: ProtocolArg, kind: Kind) -> Self {
+        Self { protocol, kind, depth: DepthMetrics::default(), minmax: DepthMetrics::default() }
+    }
+
+    /// What predictions are.
+    pub(super) fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// Counts one picture and gives its own figures.
+    pub(super) fn add(
+        &mut self,
+        predicted: &[f32],
+        truth_m: &[f32],
+        size: (u32, u32),
+    ) -> anyhow::Result<Self> {
+        let mut alone = Self::new(self.protocol, self.kind);
+        let [rows, columns] = self.protocol.crop(size)?;
+        if self.kind == Kind::Metric {
+            let capped = |depth_m: f32| depth_m.clamp(MIN_DEPTH_M, MAX_DEPTH_M);
+            let width = size.0 as usize;
+            let lines = predicted.chunks_exact(width).zip(truth_m.chunks_exact(width));
+            for (predicted, truth) in lines.take(rows.end).skip(rows.start) {
+                for (&p, &t) in predicted.iter().zip(truth).take(columns.end).skip(columns.start) {
+                    alone.depth.add(capped(p), capped(t));
+                }
+            }
+        }
+        let guess = match self.kind {
+            Kind::MinMax => predicted.iter().map(|p| p.clamp(0.0, 1.0)).collect(),
+            Kind::Metric | Kind::Relative => stretched(predicted, truth_m),
+        };
+        for (&p, &t) in guess.iter().zip(&stretched(truth_m, truth_m)) {
+            alone.minmax.add(positive(p), positive(t));
+        }
+        self.depth.merge(&alone.depth);
+        self.minmax.merge(&alone.minmax);
+        Ok(alone)
+    }
+}
+
+/// 0 lifted off the logarithm's edge; NaN stays NaN.
+fn positive(stretched: f32) -> f32 {
+    if stretched < CLIP { CLIP } else { stretched }
+}
+
+/// Depth stretched to 0..1 over the pixels whose truth is known, NaN elsewhere.
+pub(super) fn stretched(depth: &[f32], truth: &[f32]) -> Vec<f32> {
+    let known = depth.iter().zip(truth).filter(|(depth, truth)| depth.is_finite() && truth.is_finite());
+    let (near, far) = known.fold((f32::INFINITY, f32::NEG_INFINITY), |(near, far), (&depth, _)| {
+        (near.min(depth), far.max(depth))
+    });
+    let range = (far - near).max(LEAST_RANGE);
+    let stretch =
+        |(&depth, truth): (&f32, &f32)| if truth.is_finite() { (depth - near) / range } else { f32::NAN };
+    depth.iter().zip(truth).map(stretch).collect()
+}
+
+/// The trivial prediction: for each pixel its mean over all pictures, whatever the picture shows.
+#[derive(Debug, Default)]
+pub(super) struct MeanImage {
+    size: Option<(u32, u32)>,
+    metres: Means,
+    stretched: Means,
+}
+
+#[derive(Debug, Default)]
+struct Means(Vec<(f64, u32)>);
+
+impl Means {
+    fn add(&mut self, values: &[f32]) {
+        self.0.resize(values.len(), (0.0, 0));
+        for ((sum, count), &value) in self.0.iter_mut().zip(values) {
+            if value.is_finite() {
+                *sum += f64::from(value);
+                *count += 1;
+            }
+        }
+    }
+
+    /// The mean of each pixel, `otherwise` where it was never known.
+    fn image(&self, otherwise: f64) -> Vec<f32> {
+        let mean = |&(sum, count): &(f64, u32)| if count == 0 { otherwise } else { sum / f64::from(count) };
+        self.0.iter().map(|pixel| mean(pixel) as f32).collect()
+    }
+
+    fn overall(&self) -> f64 {
+        let (sum, count) = self
+            .0
+            .iter()
+            .fold((0.0, 0_u64), |(sum, count), pixel| (sum + pixel.0, count + u64::from(pixel.1)));
+        sum / count.max(1) as f64
+    }
+}
+
+impl MeanImage {
+    /// Counts one picture.
+    ///
+    /// # Errors
+    /// It is of another size than the first: there is no mean image then.
+    pub(super) fn add(&mut self, truth_m: &[f32], size: (u32, u32)) -> anyhow::Result<()> {
+        let first = *self.size.get_or_insert(size);
+        if first != size {
+            bail!("pictures of {}x{} and of {}x{} have no mean image", first.0, first.1, size.0, size.1);
+        }
+        self.metres.add(truth_m);
+        self.stretched.add(&stretched(truth_m, truth_m));
+        Ok(())
+    }
+
+    /// Both mean images as comparisons to come; `None` before the first picture.
+    pub(super) fn baseline(&self, protocol: ProtocolArg) -> Option<Baseline> {
+        self.size.map(|size| Baseline {
+            size,
+            metres: self.metres.image(self.metres.overall()),
+            stretched: self.stretched.image(0.5),
+            metric: Comparison::new(protocol, Kind::Metric),
+            minmax: Comparison::new(protocol, Kind::MinMax),
+        })
+    }
+}
+
+/// The mean image compared with every picture.
+#[derive(Debug)]
+pub(super) struct Baseline {
+    size: (u32, u32),
+    metres: Vec<f32>,
+    stretched: Vec<f32>,
+    /// In metres.
+    pub(super) metric: Comparison,
+    /// Stretched.
+    pub(super) minmax: Comparison,
+}
+
+impl Baseline {
+    /// Counts one picture.
+    pub(super) fn add(&mut self, truth_m: &[f32], size: (u32, u32)) -> anyhow::Result<()> {
+        if size != self.size {
+            bail!("the mean image is {}x{}, this picture {}x{}", self.size.0, self.size.1, size.0, size.1);
+        }
+        self.metric.add(&self.metres, truth_m, size)?;
+        self.minmax.add(&self.stretched, truth_m, size)?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: (u32, u32) = (3, 1);
+
+    #[test]
+    fn stretching_knows_only_pixels_with_truth() {
+        let truth = [1.0, f32::NAN, 3.0];
+        let found = stretched(&[2.0, 100.0, 6.0], &truth);
+        assert_eq!((found[0], found[2]), (0.0, 1.0));
+        assert!(found[1].is_nan());
+    }
+
+    #[test]
+    fn a_prediction_of_another_scale_has_no_stretched_error_but_one_in_metres() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
+        let alone = comparison.add(&[2.0, 4.0, 6.0], &[1.0, 2.0, 3.0], SIZE).unwrap();
+        assert!(alone.minmax.figures().unwrap().mse < 1e-12);
+        let figures = comparison.depth.figures().unwrap();
+        assert!((figures.abs_rel - 1.0).abs() < 1e-6, "{figures:?}");
+    }
+
+    #[test]
+    fn depth_is_compared_up_to_ten_metres() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
+        comparison.add(&[50.0, 0.0, f32::NAN], &[12.0, 1e-3, 1.0], SIZE).unwrap();
+        let figures = comparison.depth.figures().unwrap();
+        assert!(figures.rmse < 1e-6, "{figures:?}");
+        assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
+    }
+
+    #[test]
+    fn eigens_crop_is_for_pictures_of_vga_alone() {
+        let error =
+            Comparison::new(ProtocolArg::Eigen, Kind::Metric).add(&[1.0; 3], &[1.0; 3], SIZE).unwrap_err();
+        assert!(error.to_string().contains("640x480, this one is 3x1"), "{error}");
+    }
+
+    #[test]
+    fn eigens_crop_has_426_rows_of_560_columns() {
+        let depth = vec![1.0; 640 * 480];
+        let mut comparison = Comparison::new(ProtocolArg::Eigen, Kind::Metric);
+        comparison.add(&depth, &depth, (640, 480)).unwrap();
+        assert_eq!(comparison.depth.pixels, 426 * 560);
+        assert_eq!(comparison.minmax.pixels, 640 * 480);
+    }
+
+    #[test]
+    fn the_mean_image_is_the_mean_of_each_pixel_and_of_all_where_none_is_known() {
+        let mut mean = MeanImage::default();
+        mean.add(&[1.0, f32::NAN, 3.0], SIZE).unwrap();
+        mean.add(&[3.0, f32::NAN, f32::NAN], SIZE).unwrap();
+        let baseline = mean.baseline(ProtocolArg::Full).unwrap();
+        assert_eq!(baseline.metres, [2.0, 7.0 / 3.0, 3.0]);
+        assert_eq!(baseline.stretched[1], 0.5);
+    }
+
+    #[test]
+    fn pictures_of_two_sizes_have_no_mean_image() {
+        let mut mean = MeanImage::default();
+        mean.add(&[1.0; 3], SIZE).unwrap();
+        assert!(mean.add(&[1.0; 4], (2, 2)).unwrap_err().to_string().contains("3x1 and of 2x2"));
+    }
+}

@@ -1,0 +1,217 @@
+//! Pictures with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
+
+use std::collections::{BTreeSet, HashSet};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+
+use super::metrics::IGNORE;
+use crate::cli::{DepthUnitArgs, EvalArgs, Window};
+use crate::exit::BadArguments;
+use crate::source::{Frame, Numbers, decode, decode_numbers};
+
+const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
+const MILLIMETRE_M: f64 = 0.001;
+
+/// A folder of pairs, read one at a time.
+#[derive(Debug)]
+pub(super) struct Dataset {
+    root: PathBuf,
+    pub(super) ids: Vec<String>,
+    units: DepthUnitArgs,
+    window: Option<Window>,
+    labels: Option<LabelFolder>,
+}
+
+/// What is known of a picture.
+#[derive(Debug)]
+pub(super) struct Truth {
+    /// Width and height, pixels.
+    pub(super) size: (u32, u32),
+    /// Metres, NaN = none.
+    pub(super) depth_m: Vec<f32>,
+    /// The network's classes, [`IGNORE`] = none.
+    pub(super) labels: Option<Vec<u8>>,
+}
+
+impl Dataset {
+    /// Lists the pairs; with `with_labels` true labels are read too, where there are some.
+    pub(super) fn open(arguments: &EvalArgs, classes: &[String]) -> anyhow::Result<Self> {
+        let root = arguments.dataset.clone();
+        for folder in ["rgb", "depth"] {
+            if !root.join(folder).is_dir() {
+                bail!(BadArguments(format!(
+                    "`{}` is no dataset: it has no folder `{folder}`\nhint: rgb/ID.jpg or .png, depth/ID.png",
+                    root.display()
+                )));
+            }
+        }
+        let ids = match &arguments.ids {
+            Some(list) => read_ids(list)?,
+            None => all_ids(&root)?,
+        };
+        let labels = LabelFolder::find(&root, classes);
+        Ok(Self { root, ids, units: arguments.units, window: arguments.window, labels })
+    }
+
+    /// The folder's name.
+    pub(super) fn name(&self) -> String {
+        let path = self.root.canonicalize().unwrap_or_else(|_| self.root.clone());
+        path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// Whether there are true labels of the network's classes.
+    pub(super) fn has_labels(&self) -> bool {
+        self.labels.is_some()
+    }
+
+    /// Reads a picture.
+    pub(super) fn picture(&self, id: &str, frame: &mut Frame) -> anyhow::Result<()> {
+        let candidates = RGB_ENDINGS.map(|ending| self.root.join("rgb").join(format!("{id}.{ending}")));
+        let path = candidates.iter().find(|path| path.is_file()).unwrap_or(&candidates[0]);
+        decode(path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
+    }
+
+    /// Reads what is known of a picture.
+    pub(super) fn truth(&self, id: &str) -> anyhow::Result<Truth> {
+        let (path, depth) = self.numbers("depth", id)?;
+        let mut depth_m = metres(&depth, self.units).with_context(|| format!("`{}`", path.display()))?;
+        let labels = self.labels.as_ref().map(|folder| {
+            let (path, labels) = self.numbers(folder.name, id)?;
+            same_size(&path, labels.size, depth.size)?;
+            folder.classes(&labels).with_context(|| format!("`{}`", path.display()))
+        });
+        let mut labels = labels.transpose()?;
+        self.blank_outside(depth.size.0, &mut depth_m, f32::NAN);
+        self.blank_outside(depth.size.0, labels.as_deref_mut().unwrap_or_default(), IGNORE);
+        Ok(Truth { size: depth.size, depth_m, labels })
+    }
+
+    fn numbers(&self, folder: &str, id: &str) -> anyhow::Result<(PathBuf, Numbers)> {
+        let path = self.root.join(folder).join(format!("{id}.png"));
+        let numbers =
+            decode_numbers(&path).with_context(|| format!("cannot read the picture `{}`", path.display()))?;
+        Ok((path, numbers))
+    }
+
+    fn blank_outside<T: Copy>(&self, width: u32, values: &mut [T], none: T) {
+        let Some(window) = self.window else { return };
+        for (index, value) in (0_u32..).zip(values) {
+            if !window.contains(index % width, index / width) {
+                *value = none;
+            }
+        }
+    }
+}
+
+/// Two pictures that belong together have one size.
+pub(super) fn same_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> anyhow::Result<()> {
+    if got != expected {
+        let ((width, height), (expected_width, expected_height)) = (got, expected);
+        bail!("`{}` is {width}x{height}, its depth {expected_width}x{expected_height}", path.display());
+    }
+    Ok(())
+}
+
+/// `(value + offset) * scale`, NaN = none.
+fn metres(depth: &Numbers, units: DepthUnitArgs) -> anyhow::Result<Vec<f32>> {
+    let scale = match units.depth_scale {
+        Some(scale) => scale,
+        None if depth.bits == 16 => MILLIMETRE_M,
+        None => {
+            bail!("depth of 8 bits cannot be millimetres\nhint: --depth-scale METRES says what a unit is")
+        }
+    };
+    let zero_is_none = units.depth_offset == 0.0;
+    let metres = |value: u16| ((f64::from(value) + units.depth_offset) * scale) as f32;
+    let depth_m = depth.values.iter();
+    Ok(depth_m.map(|&value| if value == 0 && zero_is_none { f32::NAN } else { metres(value) }).collect())
+}
+
+/// Where true labels lie and what their numbers mean.
+#[derive(Debug)]
+struct LabelFolder {
+    name: &'static str,
+    table: Vec<u8>,
+}
+
+/// The network's class of each NYU40 class, counted from 0, for the 13 classes of Couprie et al., "Indoor semantic
+/// segmentation using depth information", 2013. 39 is "otherprop" or unlabelled and names no one thing.
+const NYU13_OF_NYU40: [u8; 39] = [
+    11, 4, 5, 0, 3, 8, 9, 11, 12, 5, 7, 5, 12, 9, 5, 12, 5, 6, 6, 4, 6, 2, 1, 5, 10, 6, 6, 6, 6, 6, 6, 5, 6,
+    6, 6, 6, 6, 6, 5,
+];
+/// The classes that the table above leads to.
+const NYU13: [&str; 13] = [
+    "bed",
+    "books",
+    "ceiling",
+    "chair",
+    "floor",
+    "furniture",
+    "objects",
+    "picture",
+    "sofa",
+    "table",
+    "tv",
+    "wall",
+    "window",
+];
+
+impl LabelFolder {
+    /// `labels/` holds the network's own classes, 255 = none; `label40/` NYU's 40 classes from 0.
+    fn find(root: &Path, classes: &[String]) -> Option<Self> {
+        let own =
+            || (0..=IGNORE).map(|label| if usize::from(label) < classes.len() { label } else { IGNORE });
+        let nyu =
+            || (0..=usize::from(IGNORE)).map(|label| NYU13_OF_NYU40.get(label).copied().unwrap_or(IGNORE));
+        if classes.is_empty() {
+            None
+        } else if root.join("labels").is_dir() {
+            Some(Self { name: "labels", table: own().collect() })
+        } else if root.join("label40").is_dir() && classes == NYU13 {
+            Some(Self { name: "label40", table: nyu().collect() })
+        } else {
+            None
+        }
+    }
+
+    fn classes(&self, labels: &Numbers) -> anyhow::Result<Vec<u8>> {
+        let class = |label: u16| self.table.get(usize::from(label)).copied();
+        let classes: Option<Vec<u8>> = labels.values.iter().map(|&label| class(label)).collect();
+        classes.context("a label above 255\nhint: labels are 8-bit class indices")
+    }
+}
+
+/// Ids of a list, one a line.
+pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
+    let text = std::fs::read_to_string(list).with_context(|| format!("cannot read `{}`", list.display()))?;
+    let ids: Vec<String> = text.split_whitespace().map(str::to_owned).collect();
+    let mut seen = HashSet::new();
+    if let Some(twice) = ids.iter().find(|id| !seen.insert(id.as_str())) {
+        bail!(BadArguments(format!("`{}` names the picture `{twice}` twice", list.display())));
+    }
+    if ids.is_empty() {
+        bail!(BadArguments(format!("`{}` names no picture", list.display())));
+    }
+    Ok(ids)
+}
+
+/// Ids of all pictures and of all depth, sorted: whose partner is missing is found when its turn comes.
+fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
+    let mut ids = BTreeSet::new();
+    for (folder, endings) in [("rgb", &RGB_ENDINGS[..]), ("depth", &["png"])] {
+        let folder = root.join(folder);
+        let unreadable = || format!("cannot list the folder `{}`", folder.display());
+        for entry in folder.read_dir().with_context(unreadable)? {
+            let path = entry.with_context(unreadable)?.path();
+            let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned());
+            let known = ending.is_some_and(|ending| endings.contains(&ending.as_str()));
+            ids.extend(path.file_stem().filter(|_| known).map(|stem| stem.to_string_lossy().into_owned()));
+        }
+    }
+    if ids.is_empty() {
+        bail!(BadArguments(format!("`{}` holds no pictures", root.display())));
+    }
+    Ok(ids.into_iter().collect())
+}

@@ -1,0 +1,211 @@
+//! What `nunetd eval` says: JSON, a table for people, and a row a picture.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use nunet_core::pipeline::Pipeline;
+use serde::Serialize;
+
+use super::comparison::{Baseline, Comparison, Kind};
+use super::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
+use crate::cli::ProtocolArg;
+use crate::sink::stats::ModelName;
+use crate::words;
+
+/// Everything that was found.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    contract: u32,
+    model: ModelName,
+    architecture: String,
+    dataset: String,
+    protocol: &'static str,
+    units: &'static str,
+    scale_source: &'static str,
+    pictures: u64,
+    skipped: u64,
+    pixels: u64,
+    pixels_without_prediction: u64,
+    metrics: Figures<DepthFigures>,
+    minmax: Figures<Stretched>,
+    labels: Figures<LabelFigures>,
+    baseline: Option<BaselineReport>,
+}
+
+/// Figures, `{}` where nothing could be measured.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(untagged)]
+enum Figures<T> {
+    Measured(T),
+    Nothing {},
+}
+
+impl<T> From<Option<T>> for Figures<T> {
+    fn from(figures: Option<T>) -> Self {
+        figures.map_or(Self::Nothing {}, Self::Measured)
+    }
+}
+
+/// Errors of depth stretched to 0..1 picture by picture, as the paper measured.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Stretched {
+    mse: f64,
+    rmse: f64,
+}
+
+impl Stretched {
+    fn of(metrics: &DepthMetrics) -> Option<Self> {
+        metrics.figures().map(|figures| Self { mse: figures.mse, rmse: figures.rmse })
+    }
+}
+
+/// The same of the mean image.
+#[derive(Debug, Serialize)]
+struct BaselineReport {
+    /// Whose mean it is.
+    of: &'static str,
+    metrics: Figures<DepthFigures>,
+    minmax: Figures<Stretched>,
+}
+
+/// What was measured.
+pub(super) struct What {
+    pub(super) model: ModelName,
+    pub(super) dataset: String,
+    pub(super) protocol: ProtocolArg,
+    pub(super) baseline_of: &'static str,
+    pub(super) pictures: u64,
+    pub(super) skipped: u64,
+}
+
+impl Report {
+    pub(super) fn new(
+        what: &What,
+        pipeline: &Pipeline,
+        comparison: &Comparison,
+        labels: &LabelMetrics,
+        baseline: Option<&Baseline>,
+    ) -> Self {
+        let scale = pipeline.scale();
+        Self {
+            contract: nunet_ipc::CONTRACT_VERSION,
+            model: what.model.clone(),
+            architecture: pipeline.graph().description().architecture.clone(),
+            dataset: what.dataset.clone(),
+            protocol: match what.protocol {
+                ProtocolArg::Full => "full",
+                ProtocolArg::Eigen => "eigen",
+            },
+            units: words::units(scale.units).name(),
+            scale_source: words::scale_source(scale.source).name(),
+            pictures: what.pictures,
+            skipped: what.skipped,
+            pixels: comparison.minmax.pixels,
+            pixels_without_prediction: comparison.minmax.missing,
+            metrics: comparison.depth.figures().into(),
+            minmax: Stretched::of(&comparison.minmax).into(),
+            labels: labels.figures().into(),
+            baseline: baseline.map(|baseline| BaselineReport {
+                of: what.baseline_of,
+                metrics: baseline.metric.depth.figures().into(),
+                minmax: Stretched::of(&baseline.minmax.minmax).into(),
+            }),
+        }
+    }
+
+    /// For people: the network and the mean image side by side.
+    pub(super) fn text(&self) -> String {
+        let mut text = format!(
+            "{} ({}) on {}: {} pictures, {} skipped, protocol {}, scale {}\n{:<14}{:>10}{:>12}\n",
+            self.model.name,
+            self.architecture,
+            self.dataset,
+            self.pictures,
+            self.skipped,
+            self.protocol,
+            self.scale_source,
+            "",
+            "network",
+            "mean image"
+        );
+        let trivial = self.baseline.as_ref();
+        if let Figures::Measured(figures) = &self.metrics {
+            let beside = trivial.and_then(|baseline| match &baseline.metrics {
+                Figures::Measured(figures) => Some(figures.named()),
+                Figures::Nothing {} => None,
+            });
+            for (index, (name, value)) in figures.named().into_iter().enumerate() {
+                let beside = beside.and_then(|named| named.get(index).map(|&(_, value)| value));
+                text += &line(name, value, beside);
+            }
+        }
+        if let Figures::Measured(figures) = self.minmax {
+            let beside = trivial.and_then(|baseline| match baseline.minmax {
+                Figures::Measured(figures) => Some(figures),
+                Figures::Nothing {} => None,
+            });
+            text += &line("minmax mse", figures.mse, beside.map(|figures| figures.mse));
+            text += &line("minmax rmse", figures.rmse, beside.map(|figures| figures.rmse));
+        }
+        if let Figures::Measured(labels) = self.labels {
+            text += &line("labels miou", labels.miou, None);
+            text += &line("labels acc.", labels.accuracy, None);
+        }
+        text.truncate(text.trim_end().len());
+        text
+    }
+}
+
+fn line(name: &str, value: f64, beside: Option<f64>) -> String {
+    let beside = beside.map(|value| format!("{value:>12.4}")).unwrap_or_default();
+    format!("{name:<14}{value:>10.4}{beside}\n")
+}
+
+/// One picture's own figures.
+#[derive(Debug)]
+pub(super) struct PictureRow {
+    pub(super) id: String,
+    metric: bool,
+    depth: Option<DepthFigures>,
+    minmax: Option<Stretched>,
+}
+
+impl PictureRow {
+    pub(super) fn new(id: &str, alone: &Comparison) -> Self {
+        Self {
+            id: id.to_owned(),
+            metric: alone.kind() == Kind::Metric,
+            depth: alone.depth.figures(),
+            minmax: Stretched::of(&alone.minmax),
+        }
+    }
+
+    /// What pictures are ranked by: the root of the mean squared error, in metres where there are metres.
+    pub(super) fn error(&self) -> f64 {
+        let stretched = self.minmax.map(|figures| figures.rmse);
+        let metric = self.depth.map(|figures| figures.rmse);
+        (if self.metric { metric } else { stretched }).unwrap_or(f64::INFINITY)
+    }
+
+    pub(super) fn caption(&self) -> String {
+        let unit = if self.metric { " m" } else { " of the picture's range" };
+        format!("{}, rmse {:.3}{unit}", self.id, self.error())
+    }
+}
+
+/// Writes a row a picture; a figure that could not be measured is left empty.
+pub(super) fn write_csv(path: &Path, rows: &[PictureRow]) -> anyhow::Result<()> {
+    let write = || -> anyhow::Result<()> {
+        let mut file = csv::Writer::from_path(path)?;
+        let names = DepthFigures::NAMES.iter().copied();
+        file.write_record(["id"].into_iter().chain(names).chain(["minmax_mse", "minmax_rmse"]))?;
+        for row in rows {
+            let depth = row.depth.map(|figures| figures.named().map(|(_, value)| value.to_string()));
+            let minmax = row.minmax.map(|figures| [figures.mse.to_string(), figures.rmse.to_string()]);
+            let values = depth.unwrap_or_default().into_iter().chain(minmax.unwrap_or_default());
+            file.write_record([row.id.clone()].into_iter().chain(values))?;
+        }
+        Ok(file.flush()?)
+    };
+    write().with_context(|| format!("cannot write `{}`", path.display()))
+}

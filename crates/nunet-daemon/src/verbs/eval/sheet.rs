@@ -1,0 +1,158 @@
+//! The contact sheet: best, median and worst pictures beside their truth.
+
+use image::imageops::{FilterType, replace, resize};
+use image::{Rgb, RgbImage};
+
+use super::comparison::stretched;
+use crate::sink::files::{draw_text, paint, range};
+
+/// Width of one picture on the sheet.
+const CELL_WIDTH: u32 = 320;
+const GAP: u32 = 6;
+const CAPTION_HEIGHT: u32 = 18;
+const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
+/// The relative error that is painted in the darkest red.
+const FULL_ERROR: f32 = 0.5;
+/// How many of each kind.
+const EACH: usize = 3;
+const COLUMNS: [&str; 4] = ["picture", "truth", "prediction", "error, red = 50 % or more"];
+
+/// The places of the pictures to show: best first, then those around the median, then the worst.
+pub(super) fn chosen(errors: &[f64]) -> Vec<(&'static str, usize)> {
+    let mut order: Vec<usize> = (0..errors.len()).collect();
+    order.sort_by(|&a, &b| errors[a].total_cmp(&errors[b]));
+    let each = EACH.min(order.len().div_ceil(3));
+    let middle = (order.len() - each) / 2;
+    let groups = [("best", 0), ("median", middle), ("worst", order.len() - each)];
+    let mut shown = Vec::new();
+    for (name, first) in groups {
+        for &place in order.iter().skip(first).take(each) {
+            if shown.iter().all(|&(_, other)| other != place) {
+                shown.push((name, place));
+            }
+        }
+    }
+    shown
+}
+
+/// One row: everything `[H, W]` of one size.
+#[derive(Debug)]
+pub(super) struct Row<'a> {
+    pub(super) caption: String,
+    pub(super) size: (u32, u32),
+    pub(super) rgb: &'a [u8],
+    pub(super) truth: &'a [f32],
+    pub(super) predicted: &'a [f32],
+    pub(super) metric: bool,
+}
+
+impl Row<'_> {
+    fn cells(&self) -> Option<[RgbImage; 4]> {
+        let (width, height) = self.size;
+        let rgb = RgbImage::from_raw(width, height, self.rgb.to_vec())?;
+        let (truth, predicted) = if self.metric {
+            (self.truth.to_vec(), self.predicted.to_vec())
+        } else {
+            (stretched(self.truth, self.truth), stretched(self.predicted, self.truth))
+        };
+        let both = range(&truth);
+        let error = |(&p, &t): (&f32, &f32)| -((p - t).abs() / if self.metric { t } else { 1.0 });
+        let errors: Vec<f32> = predicted.iter().zip(&truth).map(error).collect();
+        Some([
+            rgb,
+            paint(&truth, self.size, both),
+            paint(&predicted, self.size, both),
+            paint(&errors, self.size, (-FULL_ERROR, 0.0)),
+        ])
+    }
+
+    fn height(&self) -> u32 {
+        CELL_WIDTH * self.size.1 / self.size.0 + CAPTION_HEIGHT + GAP
+    }
+}
+
+/// Rows below each other as they are added.
+#[derive(Debug)]
+pub(super) struct Sheet(RgbImage);
+
+impl Sheet {
+    /// An empty sheet with the names of its columns.
+    pub(super) fn new() -> Self {
+        let width = (CELL_WIDTH + GAP) * 4 + GAP;
+        let mut picture = RgbImage::from_pixel(width, CAPTION_HEIGHT + GAP, PAPER);
+        for (column, name) in (0..).zip(COLUMNS) {
+            draw_text(&mut picture, name, GAP + column * (CELL_WIDTH + GAP), GAP);
+        }
+        Self(picture)
+    }
+
+    /// Adds a row.
+    pub(super) fn add(&mut self, row: &Row<'_>) {
+        let Some(cells) = row.cells() else { return };
+        let top = self.0.height();
+        let mut grown = RgbImage::from_pixel(self.0.width(), top + row.height(), PAPER);
+        replace(&mut grown, &self.0, 0, 0);
+        draw_text(&mut grown, &row.caption, GAP, top + 2);
+        for (column, cell) in (0_i64..).zip(cells) {
+            let height = row.height() - CAPTION_HEIGHT - GAP;
+            let cell = resize(&cell, CELL_WIDTH, height, FilterType::Triangle);
+            let left = i64::from(GAP) + column * i64::from(CELL_WIDTH + GAP);
+            replace(&mut grown, &cell, left, i64::from(top + CAPTION_HEIGHT));
+        }
+        self.0 = grown;
+    }
+
+    /// The sheet.
+    pub(super) fn picture(&self) -> &RgbImage {
+        &self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn best_median_and_worst_are_chosen_by_error() {
+        let errors: Vec<f64> = [5.0, 1.0, 9.0, 3.0, 7.0, 2.0, 8.0, 4.0, 6.0, 0.0, 10.0].to_vec();
+        let shown: Vec<_> = chosen(&errors).into_iter().map(|(name, place)| (name, errors[place])).collect();
+        let expected = [
+            ("best", 0.0),
+            ("best", 1.0),
+            ("best", 2.0),
+            ("median", 4.0),
+            ("median", 5.0),
+            ("median", 6.0),
+            ("worst", 8.0),
+            ("worst", 9.0),
+            ("worst", 10.0),
+        ];
+        assert_eq!(shown, expected);
+    }
+
+    #[test]
+    fn of_few_pictures_each_is_shown_once() {
+        assert_eq!(chosen(&[1.0]), [("best", 0)]);
+        assert_eq!(chosen(&[2.0, 1.0]), [("best", 1), ("worst", 0)]);
+        assert_eq!(chosen(&[]), []);
+    }
+
+    #[test]
+    fn a_row_shows_four_pictures() {
+        let mut sheet = Sheet::new();
+        let (truth, predicted) = ([1.0, 2.0], [1.0, f32::NAN]);
+        sheet.add(&Row {
+            caption: "a".to_owned(),
+            size: (2, 1),
+            rgb: &[10, 20, 30, 40, 50, 60],
+            truth: &truth,
+            predicted: &predicted,
+            metric: true,
+        });
+        let picture = sheet.picture();
+        assert_eq!(picture.dimensions(), (4 * 326 + 6, 24 + 160 + 18 + 6));
+        assert_eq!(picture.get_pixel(8, 50), &Rgb([10, 20, 30]));
+        let right_of_prediction = 6 + 2 * 326 + 318;
+        assert_eq!(picture.get_pixel(right_of_prediction, 50), &Rgb([150; 3]), "none is grey");
+    }
+}

@@ -1,0 +1,146 @@
+//! `nunetd eval`: figures against true depth, and what is wrong with a dataset.
+
+use std::path::Path;
+
+use image::{ImageBuffer, Luma};
+use nunet_testkit::models;
+use serde_json::Value;
+
+use crate::support::{Bench, SIZE, nunetd, run, run_well, text};
+
+/// The test network's own answers for two pictures of the demo scene as truth, off by `error_mm`.
+fn dataset(error_mm: u16) -> Bench {
+    let bench = Bench::new();
+    for folder in ["data/depth", "data/labels"] {
+        std::fs::create_dir_all(bench.path(folder)).unwrap();
+    }
+    for (name, frame) in [("a", 1), ("b", 40)] {
+        bench.add_picture(&format!("data/rgb/{name}.png"), frame);
+        // Dark, since the test network says up to 24 m of a bright one, and 10 m is the cap of all protocols.
+        let mut rgb = image::open(bench.path(&format!("data/rgb/{name}.png"))).unwrap().into_rgb8();
+        rgb.iter_mut().for_each(|value| *value /= 4);
+        rgb.save(bench.path(&format!("data/rgb/{name}.png"))).unwrap();
+        let millimetres =
+            |pixel: &image::Rgb<u8>| (models::connected_depth(pixel.0) * 1000.0).round() as u16 + error_mm;
+        let depth = rgb.pixels().map(millimetres).collect();
+        let depth: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::from_raw(SIZE.0, SIZE.1, depth).unwrap();
+        depth.save(bench.path(&format!("data/depth/{name}.png"))).unwrap();
+        let labels = rgb.pixels().map(|pixel| models::label(pixel.0)).collect();
+        let labels = image::GrayImage::from_raw(SIZE.0, SIZE.1, labels).unwrap();
+        labels.save(bench.path(&format!("data/labels/{name}.png"))).unwrap();
+    }
+    bench
+}
+
+fn eval<'a>(data: &'a str, model: &'a str, rest: &[&'a str]) -> Vec<&'a str> {
+    [&["-q", "eval", data, "--model", model, "--focal", "off"], rest].concat()
+}
+
+fn figures(bench: &Bench, rest: &[&str]) -> Value {
+    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    let output = run_well(nunetd(&eval(&data, &model, &[rest, &["--json"]].concat())));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Exit code and stderr of a dataset with something wrong.
+fn outcome(bench: &Bench, rest: &[&str]) -> (Option<i32>, String) {
+    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    let output = run(nunetd(&eval(&data, &model, rest)));
+    let folder = bench.path("");
+    let folder = folder.to_str().unwrap().trim_end_matches('/');
+    (output.status.code(), text(&output.stderr).replace(folder, "[DIR]"))
+}
+
+#[track_caller]
+fn assert_near(value: &Value, expected: f64, tolerance: f64) {
+    let value = value.as_f64().unwrap();
+    assert!((value - expected).abs() <= tolerance, "{value} instead of {expected}");
+}
+
+#[test]
+fn a_network_that_is_right_has_no_error_but_the_millimetres() {
+    let found = figures(&dataset(0), &[]);
+    assert_near(&found["metrics"]["rmse"], 0.0, 0.0005);
+    assert_near(&found["metrics"]["delta1"], 1.0, 0.0);
+    assert_near(&found["labels"]["miou"], 1.0, 0.0);
+    assert_eq!((&found["pictures"], &found["skipped"]), (&2.into(), &0.into()));
+    assert_eq!((&found["contract"], &found["units"]), (&1.into(), &"metre".into()));
+    assert!(
+        found["baseline"]["metrics"]["rmse"].as_f64().unwrap() > 0.01,
+        "the mean image is wrong: {found}"
+    );
+}
+
+#[test]
+fn a_constant_error_is_the_root_mean_square_and_none_of_stretched_depth() {
+    let found = figures(&dataset(100), &[]);
+    assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
+    assert_near(&found["minmax"]["rmse"], 0.0, 0.001);
+}
+
+#[test]
+fn figures_table_and_sheet_are_written() {
+    let bench = dataset(100);
+    let (data, model, out) = (bench.arg("data"), bench.arg("model.onnx"), bench.arg("out"));
+    let output = run_well(nunetd(&eval(&data, &model, &["--out", &out])));
+    let table = text(&output.stdout);
+    assert!(
+        table.starts_with("model.onnx (wnet_c) on data: 2 pictures, 0 skipped, protocol full"),
+        "{table}"
+    );
+    assert!(table.contains("\nrmse              0.1000"), "{table}");
+    assert_eq!(std::fs::read_to_string(bench.path("out/pictures.csv")).unwrap().lines().count(), 3);
+    let sheet = image::open(bench.path("out/contact_sheet.png")).unwrap();
+    assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two pictures, once each");
+}
+
+#[test]
+fn what_cannot_be_measured_is_named_and_counted() {
+    let bench = dataset(0);
+    std::fs::remove_file(bench.path("data/depth/b.png")).unwrap();
+    std::fs::write(bench.path("data/depth/only_depth.png"), "no picture").unwrap();
+    let (code, stderr) = outcome(&bench, &[]);
+    assert_eq!(code, Some(3), "{stderr}");
+    for part in ["skipped `b`: cannot read the picture `[DIR]/data/depth/b.png`", "skipped `only_depth`"] {
+        assert!(stderr.contains(part), "{part} is not in\n{stderr}");
+    }
+    std::fs::remove_file(bench.path("data/rgb/a.png")).unwrap();
+    let (code, stderr) = outcome(&bench, &[]);
+    assert_eq!(code, Some(1), "nothing was measured: {stderr}");
+}
+
+#[test]
+fn sizes_and_units_that_do_not_fit_are_refused() {
+    let bench = dataset(0);
+    image::GrayImage::new(SIZE.0, SIZE.1).save(bench.path("data/depth/a.png")).unwrap();
+    image::GrayImage::new(8, 4).save(bench.path("data/labels/b.png")).unwrap();
+    let (code, stderr) = outcome(&bench, &[]);
+    assert_eq!(code, Some(1), "{stderr}");
+    let parts = [
+        "skipped `a`: `[DIR]/data/depth/a.png`: depth of 8 bits cannot be millimetres\nhint: --depth-scale",
+        "skipped `b`: `[DIR]/data/labels/b.png` is 8x4, its depth 640x480",
+    ];
+    for part in parts {
+        assert!(stderr.contains(part), "{part} is not in\n{stderr}");
+    }
+}
+
+#[test]
+fn bad_arguments_are_told_before_the_work() {
+    let bench = dataset(0);
+    std::fs::write(bench.path("twice.txt"), "a\na\n").unwrap();
+    let twice = bench.arg("twice.txt");
+    for (rest, part) in [
+        (["--ids", twice.as_str()], "names the picture `a` twice"),
+        (["--window", "8,8,4"], "expected four whole numbers"),
+    ] {
+        let (code, stderr) = outcome(&bench, &rest);
+        assert_eq!(code, Some(2), "{stderr}");
+        assert!(stderr.contains(part), "{stderr}");
+    }
+    std::fs::remove_dir_all(bench.path("data/depth")).unwrap();
+    let (code, stderr) = outcome(&bench, &[]);
+    assert_eq!(code, Some(2));
+    assert!(stderr.contains("`[DIR]/data` is no dataset: it has no folder `depth`\nhint:"), "{stderr}");
+    assert!(!Path::new(&bench.path("out")).exists());
+}
