@@ -7,5 +7,6 @@ mod infer;
 mod journey;
 mod loss;
 mod processes;
+mod recurrent;
 mod support;
 mod truth;
