@@ -1,18 +1,27 @@
-//! Who may name whom: one folder speaks to ONNX Runtime, one crate to iceoryx2, and nunet-ipc is a leaf.
+//! Who may name whom: one folder speaks to ONNX Runtime, one crate to iceoryx2, one to recordings, and nunet-ipc is a
+//! leaf.
 
 use crate::assert_none;
 use crate::repository;
 use crate::rust_source::paths;
 
 /// A crate's name in code, and the only folder whose files may say it.
-const HOMES: [(&str, &str); 2] =
-    [("ort", "crates/nunet-core/src/graph/onnx"), ("iceoryx2", "crates/nunet-ipc/")];
+const HOMES: [(&str, &str); 4] = [
+    ("ort", "crates/nunet-core/src/graph/onnx"),
+    ("iceoryx2", "crates/nunet-ipc/"),
+    ("mcap", "crates/nunet-mcap/"),
+    ("foxglove", "crates/nunet-mcap/"),
+];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 5] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 6] = [
     ("crates/nunet-ipc/Cargo.toml", &["nunet-core", "nunet-daemon", "ort", "serde", "serde_json", "anyhow"]),
     ("crates/nunet-core/Cargo.toml", &["nunet-ipc", "nunet-daemon", "iceoryx2", "clap", "anyhow", "tracing"]),
-    ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2"]),
+    ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove"]),
+    (
+        "crates/nunet-mcap/Cargo.toml",
+        &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon", "anyhow"],
+    ),
     ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];
@@ -56,7 +65,7 @@ fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn only_graph_onnx_names_ort_and_only_nunet_ipc_names_iceoryx2() {
+fn each_of_these_crates_is_named_in_one_place() {
     let problems: Vec<String> =
         repository::rust().iter().flat_map(|(path, text)| strangers(path, text)).collect();
     assert_none(&problems);

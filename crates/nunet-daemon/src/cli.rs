@@ -10,9 +10,13 @@ use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::graph::Provider;
 
+use crate::source::Opening;
+
 mod eval;
+mod record;
 
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
+pub use record::{MountArg, RecordArgs, ReplayArgs};
 
 /// The model that runs when none is named.
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
@@ -99,6 +103,8 @@ pub enum Verb {
     Contract(ContractArgs),
     /// Measure predictions of one picture, as the paper's Table 2 does
     Bench(BenchArgs),
+    /// Take a recording through the network into another recording, every frame, the same bytes each time
+    Replay(Box<ReplayArgs>),
     /// Measure a model against pictures with true depth
     Eval(Box<EvalArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
@@ -182,9 +188,20 @@ pub struct SourceArgs {
     /// Begin again at the end
     #[arg(long = "loop")]
     pub repeat: bool,
+    /// The recording's topic with pictures, where it has several
+    #[arg(long, value_name = "TOPIC")]
+    pub topic: Option<String>,
     /// Stop after N frames
     #[arg(long, value_name = "N")]
     pub frames: Option<NonZeroU64>,
+}
+
+impl SourceArgs {
+    /// What the source's opening depends on.
+    #[must_use]
+    pub fn opening(&self) -> Opening<'_> {
+        Opening { repeat: self.repeat, topic: self.topic.as_deref() }
+    }
 }
 
 /// `nunetd run`
@@ -193,7 +210,7 @@ pub struct RunArgs {
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
-    /// demo, a folder, a glob of pictures, or shm:CAMERA [default: demo]
+    /// demo, a folder, a glob of pictures, a recording FILE.mcap, or shm:CAMERA [default: demo]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
     /// Name of the camera in shared memory [default: demo for the demo scene, else camera]
@@ -217,6 +234,8 @@ pub struct RunArgs {
     pub every: Vec<(String, NonZeroU32)>,
     #[command(flatten)]
     pub engine: EngineArgs,
+    #[command(flatten)]
+    pub recording: RecordArgs,
     /// Write the last frame's depth, labels and cloud into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -257,7 +276,7 @@ pub struct InferArgs {
 /// `nunetd feed`
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
-    /// demo, a folder, or a glob of pictures
+    /// demo, a folder, a glob of pictures, or a recording FILE.mcap
     pub source: String,
     /// Name of the camera in shared memory
     #[arg(long, value_name = "NAME")]

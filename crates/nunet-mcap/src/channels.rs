@@ -79,6 +79,8 @@ impl Channel {
 pub(crate) struct Channels {
     schemas: HashMap<u16, String>,
     by_id: BTreeMap<u16, Channel>,
+    /// Messages of each channel, where the file's index says so.
+    counts: BTreeMap<u16, u64>,
 }
 
 impl Channels {
@@ -91,6 +93,7 @@ impl Channels {
                 let encoding = channel.message_encoding.clone();
                 channels.by_id.insert(id, Channel { topic: channel.topic.clone(), schema, encoding });
             }
+            channels.counts = summary.stats.map(|stats| stats.channel_message_counts).unwrap_or_default();
             return Ok(channels);
         }
         let mut records = Records::open(path)?;
@@ -120,6 +123,13 @@ impl Channels {
         }
     }
 
+    /// How many messages a topic has, where the file's index says so.
+    pub(crate) fn count(&self, topic: &str) -> Option<u64> {
+        let of_topic = self.by_id.iter().filter(|(_, channel)| channel.topic == topic);
+        let counts: Vec<u64> = of_topic.filter_map(|(id, _)| self.counts.get(id).copied()).collect();
+        (!counts.is_empty()).then(|| counts.iter().sum())
+    }
+
     pub(crate) fn get(&self, id: u16) -> Option<&Channel> {
         self.by_id.get(&id)
     }
@@ -147,8 +157,9 @@ impl Channels {
         let mut topics: Vec<&str> = pictures.map(|channel| channel.topic.as_str()).collect();
         topics.sort_unstable();
         topics.dedup();
-        // A depth picture is a picture to ROS; nobody means it.
-        let colour: Vec<&str> = topics.iter().copied().filter(|topic| !topic.contains("depth")).collect();
+        // Depth and labels are pictures to ROS; nobody means them.
+        let means_colour = |topic: &&str| !topic.split('/').any(|part| part == "depth" || part == "labels");
+        let colour: Vec<&str> = topics.iter().copied().filter(means_colour).collect();
         match if colour.is_empty() { &topics } else { &colour }.as_slice() {
             [] => Err(RecordingError::NoPictures { path, topics: self.topics() }),
             [topic] => Ok((*topic).to_owned()),
@@ -207,7 +218,7 @@ mod tests {
             schema: schema.to_owned(),
             encoding: encoding.to_owned(),
         };
-        Channels { schemas: HashMap::new(), by_id: (1..).zip(all.iter().map(channel)).collect() }
+        Channels { by_id: (1..).zip(all.iter().map(channel)).collect(), ..Channels::default() }
     }
 
     const IMAGE: &str = "sensor_msgs/msg/Image";

@@ -16,6 +16,12 @@ pub enum RecordingError {
         /// Why.
         source: std::io::Error,
     },
+    /// There is a file where the recording is to be made.
+    #[error("`{}` is there already, and a recording is never overwritten\nhint: --force, or another name", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file does not begin as MCAP files do.
     #[error("`{}` is no MCAP file: {reason}", path.display())]
     NotMcap {

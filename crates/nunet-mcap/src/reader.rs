@@ -22,6 +22,7 @@ pub struct Recording {
     channels: Channels,
     camera: Option<CameraDescription>,
     pictures: u64,
+    count: Option<u64>,
 }
 
 /// What came next.
@@ -48,6 +49,7 @@ impl Recording {
         let mut recording = Self {
             path: path.to_owned(),
             camera_topic: channels.camera_topic(&topic),
+            count: channels.count(&topic),
             topic,
             records: Records::open(path)?,
             channels: Channels::default(),
@@ -62,6 +64,12 @@ impl Recording {
     #[must_use]
     pub fn topic(&self) -> &str {
         &self.topic
+    }
+
+    /// How many pictures there are, where the file's index says so.
+    #[must_use]
+    pub fn picture_count(&self) -> Option<u64> {
+        self.count
     }
 
     /// The camera as last described; at first as it will be described first.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Seek as _, SeekFrom, Write as _};
+use std::io::{BufWriter, ErrorKind, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata};
@@ -134,7 +134,10 @@ impl RecordingWriter {
         } else {
             how.create_new(true)
         };
-        let file = how.open(path).map_err(|source| io("create", path, source))?;
+        let file = how.open(path).map_err(|source| match source.kind() {
+            ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_owned() },
+            _ => io("create", path, source),
+        })?;
         let write = WriteOptions::new()
             .profile("ros2")
             .library("nunet")

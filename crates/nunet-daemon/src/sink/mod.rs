@@ -3,5 +3,6 @@
 pub(crate) mod collect;
 pub mod files;
 mod points;
+pub(crate) mod recording;
 pub(crate) mod shm;
 pub(crate) mod stats;

@@ -58,15 +58,37 @@ impl Source for Files {
     }
 }
 
-/// Decodes one JPEG or PNG as RGB, turned as its EXIF orientation says, into the frame's own memory.
+/// Decodes one JPEG or PNG as RGB, turned as its EXIF orientation says, into the frame's own memory; the file stays in
+/// the frame too.
 ///
 /// # Errors
 /// No such file, neither JPEG nor PNG, damaged, cut off, or larger than the limits.
 pub(crate) fn decode(path: &Path, frame: &mut Frame) -> anyhow::Result<()> {
-    let file = read(path)?;
-    let mut reader = ImageReader::new(Cursor::new(file.as_slice())).with_guessed_format()?;
+    let mut file = std::mem::take(&mut frame.file);
+    file.clear();
+    read(path, &mut file)?;
+    frame.file = file;
+    decode_file(frame)
+}
+
+/// Decodes the file that lies in the frame.
+///
+/// # Errors
+/// As [`decode`].
+pub(crate) fn decode_file(frame: &mut Frame) -> anyhow::Result<()> {
+    let file = std::mem::take(&mut frame.file);
+    let decoded = decode_bytes(&file, frame);
+    frame.file = file;
+    if decoded.is_err() {
+        frame.file.clear();
+    }
+    decoded
+}
+
+fn decode_bytes(file: &[u8], frame: &mut Frame) -> anyhow::Result<()> {
+    let mut reader = ImageReader::new(Cursor::new(file)).with_guessed_format()?;
     if reader.format() == Some(ImageFormat::Jpeg) {
-        refuse_cut_off_jpeg(&file)?;
+        refuse_cut_off_jpeg(file)?;
     }
     reader.limits(limits());
     let mut decoder = reader.into_decoder()?;
@@ -100,7 +122,8 @@ pub(crate) struct Numbers {
 /// # Errors
 /// As [`decode`], and a picture of several channels.
 pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
-    let file = read(path)?;
+    let mut file = Vec::new();
+    read(path, &mut file)?;
     let mut reader = ImageReader::new(Cursor::new(file.as_slice())).with_guessed_format()?;
     reader.limits(limits());
     let decoder = reader.into_decoder()?;
@@ -115,14 +138,13 @@ pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
     }
 }
 
-fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+fn read(path: &Path, bytes: &mut Vec<u8>) -> anyhow::Result<()> {
     let file = File::open(path)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+    file.take(MAX_FILE_BYTES + 1).read_to_end(bytes)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         bail!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
     }
-    Ok(bytes)
+    Ok(())
 }
 
 /// The decoder fills what is missing of a JPEG with grey; grey is not what the camera saw.

@@ -57,6 +57,8 @@ impl Reuse for Frame {
 pub struct Frame {
     /// The picture.
     pub pixels: Pixels,
+    /// The JPEG or PNG file that the picture came in, for recordings; empty where it came as it is.
+    pub file: Vec<u8>,
     /// Width and height, pixels.
     pub size: (u32, u32),
     /// Bytes from row to row.

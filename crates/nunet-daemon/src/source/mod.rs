@@ -5,12 +5,20 @@ pub mod demo;
 mod files;
 mod frame;
 mod rate;
+mod recording;
 mod scene;
 mod shm;
 
-pub(crate) use files::{Numbers, decode, decode_numbers};
+pub(crate) use files::{Numbers, decode, decode_file, decode_numbers};
 pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use rate::{Pacer, Rate};
+pub(crate) use recording::RecordingSource;
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+
+use crate::exit::BadArguments;
 
 /// What happened when a source was asked for a frame.
 #[derive(Debug)]
@@ -25,6 +33,8 @@ pub enum Fill {
     Crowded,
     /// There will be no more frames.
     End,
+    /// There will be no more frames, because the rest of the source is lost; those before were good.
+    Cut(anyhow::Error),
     /// There will be no more frames, and that is a failure.
     Broken(anyhow::Error),
 }
@@ -50,6 +60,8 @@ pub enum Kind {
     Demo,
     /// Pictures of a folder, or those that a glob matches.
     Files(String),
+    /// A recording's pictures.
+    Recording(PathBuf),
     /// Another process publishes frames in shared memory under this camera's name.
     SharedMemory(String),
 }
@@ -60,6 +72,7 @@ impl Kind {
         match text.split_once(':') {
             Some(("shm", camera)) => Self::SharedMemory(camera.to_owned()),
             None if text == "demo" => Self::Demo,
+            _ if text.ends_with(".mcap") => Self::Recording(text.into()),
             _ => Self::Files(text.to_owned()),
         }
     }
@@ -70,14 +83,27 @@ impl Kind {
     }
 }
 
-/// Opens a source. Frames of files and of the demo scene repeat where `repeat` says so.
+/// How a source is opened.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Opening<'a> {
+    /// Frames of files and recordings begin again at the end.
+    pub repeat: bool,
+    /// The recording's topic, where several carry pictures.
+    pub topic: Option<&'a str>,
+}
+
+/// Opens a source.
 ///
 /// # Errors
-/// Nothing of that name, no pictures in a folder, a glob that is none.
-pub fn open(kind: &Kind, repeat: bool) -> anyhow::Result<Box<dyn Source>> {
+/// Nothing of that name, no pictures in a folder or a recording, a glob that is none, a topic for what has none.
+pub fn open(kind: &Kind, how: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
+    if let (Some(topic), false) = (how.topic, matches!(kind, Kind::Recording(_))) {
+        bail!(BadArguments(format!("--topic {topic} is for recordings: no other source has topics")));
+    }
     Ok(match kind {
         Kind::Demo => Box::new(scene::Scene::default()),
-        Kind::Files(pattern) => Box::new(files::Files::open(pattern, repeat)?),
+        Kind::Files(pattern) => Box::new(files::Files::open(pattern, how.repeat)?),
+        Kind::Recording(path) => Box::new(recording::RecordingSource::open(path, how)?),
         Kind::SharedMemory(camera) => Box::new(shm::SharedMemory::open(camera)?),
     })
 }
@@ -91,6 +117,7 @@ mod tests {
         assert_eq!(Kind::parse("demo"), Kind::Demo);
         assert_eq!(Kind::parse("./demo"), Kind::Files("./demo".into()));
         assert_eq!(Kind::parse("shm:front"), Kind::SharedMemory("front".into()));
+        assert_eq!(Kind::parse("drive.mcap"), Kind::Recording("drive.mcap".into()));
         assert_eq!(Kind::parse("drive/*.jpg"), Kind::Files("drive/*.jpg".into()));
     }
 

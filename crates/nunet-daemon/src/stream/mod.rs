@@ -11,9 +11,10 @@ mod pump;
 mod stop;
 mod worker;
 
+pub(crate) use continuity::Continuity;
 pub use mailbox::{Mailbox, Put, Taken};
 pub(crate) use optics::Optics;
-pub(crate) use pump::{CloseOnDrop, Lane, Pace, pump};
+pub(crate) use pump::{CloseOnDrop, Lane, Pace, SourceEnd, pump};
 pub(crate) use stop::Stop;
 pub(crate) use worker::{Remains, Worker};
 
@@ -32,9 +33,9 @@ pub(crate) fn run(
     worker: Worker,
     pace: Pace,
     stop: Stop,
-) -> anyhow::Result<(Counts, Remains)> {
+) -> anyhow::Result<Ended> {
     let lane = Lane { stop, ..Lane::default() };
-    let remains = std::thread::scope(|scope| {
+    let (remains, source) = std::thread::scope(|scope| {
         let capture = named("capture").spawn_scoped(scope, || pump(source.as_mut(), pace, &lane));
         let capture = capture.context("cannot start the source's thread")?;
         named("janitor")
@@ -44,12 +45,19 @@ pub(crate) fn run(
             let _closed = CloseOnDrop(&lane);
             worker.run(&lane)
         };
-        capture
+        let source = capture
             .join()
             .map_err(|_| anyhow::anyhow!("the source's thread has failed: see the lines above"))??;
-        Ok::<_, anyhow::Error>(remains)
+        Ok::<_, anyhow::Error>((remains, source))
     })?;
-    Ok((lane.ledger.counts(), remains))
+    Ok(Ended { counts: lane.ledger.counts(), remains, source })
+}
+
+/// A stream that is over.
+pub(crate) struct Ended {
+    pub(crate) counts: Counts,
+    pub(crate) remains: Remains,
+    pub(crate) source: SourceEnd,
 }
 
 fn named(name: &str) -> std::thread::Builder {

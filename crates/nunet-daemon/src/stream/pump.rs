@@ -31,6 +31,15 @@ pub(crate) struct Lane {
     pub(crate) stop: Stop,
 }
 
+/// How a source ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SourceEnd {
+    /// Every frame of it was asked for, or no more were wanted.
+    Whole,
+    /// The rest of it is lost; the reason has been logged.
+    Cut,
+}
+
 /// Closes the mailbox when one of its ends goes away, also by a panic: the other end must not wait for ever.
 pub(crate) struct CloseOnDrop<'a>(pub(crate) &'a Lane);
 
@@ -45,7 +54,8 @@ impl Drop for CloseOnDrop<'_> {
 ///
 /// # Errors
 /// The source broke.
-pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::Result<()> {
+pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::Result<SourceEnd> {
+    let mut end = SourceEnd::Whole;
     let _closed = CloseOnDrop(lane);
     let latest_wins = source.is_live() || pace.rate != Rate::Max;
     let mut pacer = Pacer::new(pace.rate, Instant::now()).filter(|_| !source.is_live());
@@ -72,11 +82,16 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
             Fill::Nothing => lane.mailbox.give_back(frame),
             Fill::Crowded => make_room(frame, lane),
             Fill::End => break,
+            Fill::Cut(error) => {
+                warn!("the source ends early: {error:#}");
+                end = SourceEnd::Cut;
+                break;
+            }
             Fill::Broken(error) => return Err(error),
         }
     }
     supersede_when_stopped(lane);
-    Ok(())
+    Ok(end)
 }
 
 /// Returns whether the mailbox still takes frames.

@@ -11,6 +11,7 @@ use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
+use crate::sink::recording::{Recorder, Tally};
 use crate::sink::shm::{Outlet, stage_names};
 use crate::source::Frame;
 use crate::telemetry::{End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
@@ -24,6 +25,7 @@ pub(crate) struct Worker {
     optics: Optics,
     continuity: Continuity,
     outlet: Outlet,
+    recorder: Option<Recorder>,
     totals: Totals,
     latencies: Latencies,
 }
@@ -36,13 +38,20 @@ pub(crate) struct Remains {
     pub(crate) scale: Scale,
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
+    /// What became of the recording, where there is one.
+    pub(crate) recording: Option<Tally>,
 }
 
 impl Worker {
-    pub(crate) fn new(pipeline: Pipeline, optics: Optics, outlet: Outlet) -> Self {
+    pub(crate) fn new(
+        pipeline: Pipeline,
+        optics: Optics,
+        outlet: Outlet,
+        recorder: Option<Recorder>,
+    ) -> Self {
         let latencies = Latencies::new(stage_names(&pipeline));
         let (continuity, totals) = (Continuity::default(), Totals::default());
-        Self { pipeline, optics, continuity, outlet, totals, latencies }
+        Self { pipeline, optics, continuity, outlet, recorder, totals, latencies }
     }
 
     /// Works until the mailbox is closed and empty.
@@ -56,7 +65,8 @@ impl Worker {
             }
         }
         let scale = self.pipeline.scale();
-        Remains { outlet: self.outlet, scale, totals: self.totals, latencies: self.latencies }
+        let recording = self.recorder.map(Recorder::finish);
+        Remains { outlet: self.outlet, scale, totals: self.totals, latencies: self.latencies, recording }
     }
 
     fn take_through(&mut self, frame: Frame, lane: &Lane) {
@@ -64,8 +74,21 @@ impl Worker {
         let end = self.journey(&frame);
         lane.ledger.ended(end);
         self.outlet.publish_stats(&lane.ledger.counts(), &self.totals, &self.latencies);
-        lane.mailbox.give_back(frame);
+        if let Some(frame) = self.record(frame, end) {
+            lane.mailbox.give_back(frame);
+        }
         self.totals.add_allocations(before, allocations_of_this_thread());
+    }
+
+    /// Hands a published frame to the recording, where there is one; gives it back where it was not taken.
+    fn record(&mut self, frame: Frame, end: End) -> Option<Frame> {
+        match &mut self.recorder {
+            Some(recorder) if end == End::Published => {
+                let camera = self.optics.camera_of(&frame).ok().flatten();
+                recorder.offer(frame, camera)
+            }
+            _ => Some(frame),
+        }
     }
 
     /// One span a frame; a failure is told here and nowhere else.

@@ -11,7 +11,7 @@ use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::cli::{BenchArgs, CameraArgs};
 use crate::engine::{Engine, tested_pipeline};
-use crate::source::{self, Fill, Frame, Kind, decode};
+use crate::source::{self, Fill, Frame, Kind, Opening, decode};
 use crate::telemetry::MonotonicClock;
 
 mod host;
@@ -58,7 +58,7 @@ fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
                 .with_context(|| format!("cannot read the picture `{}`", path.display()))?;
         }
         None => {
-            let fill = source::open(&Kind::Demo, false)?.fill(&mut frame);
+            let fill = source::open(&Kind::Demo, Opening::default())?.fill(&mut frame);
             debug_assert!(matches!(fill, Fill::Frame), "the demo scene always has a frame");
         }
     }

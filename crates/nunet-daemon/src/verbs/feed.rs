@@ -25,12 +25,12 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
             "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
         ));
     }
-    let mut source = source::open(&kind, arguments.pace.repeat)?;
+    let mut source = source::open(&kind, arguments.pace.opening())?;
     let mut feeder = Feeder::new(camera_name(&arguments.camera)?, arguments.intrinsics);
     let pacer = Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now());
     feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop)?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
-    Ok(if feeder.failed == 0 { Outcome::Done } else { Outcome::Lost })
+    Ok(if feeder.failed == 0 && !feeder.cut { Outcome::Done } else { Outcome::Lost })
 }
 
 /// A camera of the first picture's size.
@@ -40,6 +40,7 @@ struct Feeder {
     port: Option<Port>,
     sent: u64,
     failed: u64,
+    cut: bool,
 }
 
 /// The owner of the `rgb` topic.
@@ -50,7 +51,7 @@ struct Port {
 
 impl Feeder {
     fn new(camera: CameraName, intrinsics: Option<IntrinsicsSpec>) -> Self {
-        Self { camera, optics: Optics::new(intrinsics), port: None, sent: 0, failed: 0 }
+        Self { camera, optics: Optics::new(intrinsics), port: None, sent: 0, failed: 0, cut: false }
     }
 
     fn run(
@@ -71,6 +72,11 @@ impl Feeder {
                 Fill::Failed(error) => self.lose(&frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
                 Fill::End => break,
+                Fill::Cut(error) => {
+                    warn!("the source ends early: {error:#}");
+                    self.cut = true;
+                    break;
+                }
                 Fill::Broken(error) => return Err(error),
             }
         }

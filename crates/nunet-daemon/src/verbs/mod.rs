@@ -7,6 +7,7 @@ mod eval;
 mod feed;
 mod infer;
 mod inspect;
+mod replay;
 mod run;
 mod vet;
 mod watch;
@@ -25,6 +26,7 @@ pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
         Verb::Doctor(arguments) => doctor::doctor(&arguments),
         Verb::Contract(_) => contract::contract(),
         Verb::Bench(arguments) => bench::bench(&arguments),
+        Verb::Replay(arguments) => replay::replay(&arguments),
         Verb::Eval(arguments) => eval::eval(&arguments),
         Verb::Vet(arguments) => vet::vet(&arguments),
     }

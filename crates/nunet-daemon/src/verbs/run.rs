@@ -12,10 +12,11 @@ use crate::engine::{Engine, tested_pipeline};
 use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
+use crate::sink::recording::{About, FrameWriter, Recorder};
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
 use crate::source::{self, Kind, Rate};
-use crate::stream::{self, Optics, Pace, Stop, Worker};
+use crate::stream::{self, Ended, Optics, Pace, SourceEnd, Stop, Worker};
 use crate::telemetry::Counts;
 
 /// Runs until the source ends, `--frames` are captured, or a signal comes.
@@ -25,7 +26,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     arguments.out.as_deref().map_or(Ok(()), make_folder)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
     let kind = source_kind(arguments.source.as_deref());
-    let source = source::open(&kind, arguments.pace.repeat)?;
+    let source = source::open(&kind, arguments.pace.opening())?;
     refuse_pace_of_live_source(&kind, &arguments.pace)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
 
@@ -44,9 +45,23 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     };
     let outlet = Outlet::open(&pipeline, &options)?;
     let collector = arguments.out.map(|folder| Collector::attach(folder, &camera, &outlet)).transpose()?;
-    let worker = Worker::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), outlet);
+    let about = About {
+        camera: camera.as_str(),
+        frame_id: arguments.frame_id.as_deref(),
+        mount: arguments.recording.mount.mount,
+        model: &model,
+        provider: &provider,
+        force: arguments.recording.force,
+    };
+    let recorder = arguments
+        .recording
+        .record
+        .as_deref()
+        .map(|path| Recorder::start(FrameWriter::create(path, &about)?, &camera, &outlet));
+    let recorder = recorder.transpose()?;
+    let worker = Worker::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), outlet, recorder);
     let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
-    let (counts, remains) = stream::run(source, worker, pace, stop)?;
+    let Ended { counts, remains, source: source_end } = stream::run(source, worker, pace, stop)?;
 
     let stats = Stats::new(
         camera.to_string(),
@@ -60,7 +75,10 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     if let Some(path) = &arguments.stats_json {
         write_json(path, &stats)?;
     }
-    let outcome = say_how_it_ended(&counts);
+    let mut outcome = say_how_it_ended(&counts, source_end);
+    if remains.recording.is_some_and(|tally| !tally.say()) {
+        outcome = Outcome::Lost;
+    }
     if let Some(collector) = collector {
         collector.write(&remains.outlet)?;
     }
@@ -87,15 +105,13 @@ fn source_kind(source: Option<&str>) -> Kind {
 }
 
 /// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
-fn say_how_it_ended(counts: &Counts) -> Outcome {
+fn say_how_it_ended(counts: &Counts, source: SourceEnd) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
     info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
-    if *failed == 0 {
-        Outcome::Done
-    } else {
+    if *failed > 0 {
         warn!("{failed} frames were lost");
-        Outcome::Lost
     }
+    if *failed == 0 && source == SourceEnd::Whole { Outcome::Done } else { Outcome::Lost }
 }
 
 /// A camera has a pace of its own and no end to begin again at.

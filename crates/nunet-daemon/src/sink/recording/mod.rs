@@ -1,0 +1,9 @@
+//! `--record FILE.mcap` and `nunetd replay`: frames and their results as a recording.
+
+mod record;
+mod recorder;
+mod writer;
+
+pub(crate) use record::{Record, Results};
+pub(crate) use recorder::{Recorder, Tally};
+pub(crate) use writer::{About, FrameWriter};

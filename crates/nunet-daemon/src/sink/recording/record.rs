@@ -1,0 +1,121 @@
+//! One frame with its results, in memory of its own that is used again.
+
+use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::cloud::CloudPoint;
+use nunet_ipc::{FrameSet, Topic};
+use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
+
+use crate::source::{Frame, Pixels};
+
+/// A frame as it is recorded.
+#[derive(Debug, Default)]
+pub(crate) struct Record {
+    /// The picture and its times.
+    pub(crate) frame: Frame,
+    /// The camera at the picture's size.
+    pub(crate) camera: Option<CameraDescription>,
+    /// The camera at the size of depth.
+    pub(crate) depth_camera: Option<CameraDescription>,
+    size: (u32, u32),
+    depth: Vec<u8>,
+    labels: Vec<u8>,
+    cloud_size: (u32, u32),
+    cloud: Vec<u8>,
+}
+
+/// Results as a pipeline leaves them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Results<'a> {
+    pub(crate) size: (u32, u32),
+    pub(crate) depth: &'a [f32],
+    pub(crate) labels: Option<&'a [u8]>,
+    pub(crate) cloud_size: (u32, u32),
+    pub(crate) cloud: &'a [CloudPoint],
+    /// The camera at the size of depth, where it is known.
+    pub(crate) camera: Option<Intrinsics>,
+}
+
+impl Record {
+    /// Takes a frame, and its camera at the picture's size. Memory that another process lends is given back at once.
+    pub(crate) fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
+        if let Pixels::Shared(sample) = &frame.pixels {
+            frame.pixels = Pixels::Owned(sample.bytes().to_vec());
+        }
+        self.frame = frame;
+        self.camera = camera.map(|camera| describe(&camera));
+    }
+
+    /// Copies results out of shared memory.
+    pub(crate) fn copy_set(&mut self, set: &FrameSet) {
+        self.clear();
+        for topic in [Topic::Depth, Topic::Labels, Topic::Cloud] {
+            let Some(sample) = set.get(topic) else { continue };
+            let size = (sample.header().width, sample.header().height);
+            match topic {
+                Topic::Labels => sample.bytes().clone_into(&mut self.labels),
+                Topic::Cloud => {
+                    self.cloud_size = size;
+                    sample.bytes().clone_into(&mut self.cloud);
+                }
+                _ => {
+                    self.size = size;
+                    sample.bytes().clone_into(&mut self.depth);
+                    let header = sample.header();
+                    self.depth_camera = header.has_intrinsics().then(|| CameraDescription {
+                        width: size.0,
+                        height: size.1,
+                        intrinsics: [header.fx, header.fy, header.cx, header.cy],
+                        ..CameraDescription::default()
+                    });
+                }
+            }
+        }
+    }
+
+    /// Copies results of a pipeline.
+    pub(crate) fn copy_results(&mut self, results: &Results<'_>) {
+        self.clear();
+        self.size = results.size;
+        self.depth.extend(results.depth.iter().flat_map(|metres| metres.to_le_bytes()));
+        self.labels.extend_from_slice(results.labels.unwrap_or_default());
+        self.cloud_size = results.cloud_size;
+        for point in results.cloud {
+            for coordinate in [point.x, point.y, point.z] {
+                self.cloud.extend(coordinate.to_le_bytes());
+            }
+            self.cloud.extend([point.b, point.g, point.r, point.label]);
+        }
+        self.depth_camera = results.camera.map(|camera| describe(&Camera::pinhole(camera)));
+    }
+
+    fn clear(&mut self) {
+        self.depth.clear();
+        self.labels.clear();
+        self.cloud.clear();
+        self.depth_camera = None;
+    }
+
+    pub(crate) fn depth(&self) -> DepthRecord<'_> {
+        DepthRecord { width: self.size.0, height: self.size.1, bytes: &self.depth }
+    }
+
+    pub(crate) fn labels(&self) -> Option<&[u8]> {
+        (!self.labels.is_empty()).then_some(&self.labels)
+    }
+
+    pub(crate) fn cloud(&self) -> Option<CloudRecord<'_>> {
+        let (width, height) = self.cloud_size;
+        (!self.cloud.is_empty()).then_some(CloudRecord { width, height, bytes: &self.cloud })
+    }
+}
+
+/// A camera in ROS' words.
+fn describe(camera: &Camera) -> CameraDescription {
+    let intrinsics = camera.intrinsics;
+    CameraDescription {
+        width: intrinsics.width,
+        height: intrinsics.height,
+        intrinsics: [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px],
+        ..CameraDescription::default()
+    }
+}

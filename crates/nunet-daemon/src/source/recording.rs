@@ -1,0 +1,149 @@
+//! Pictures of a recording, in the order in which they were recorded.
+
+use std::path::Path;
+
+use nunet_core::camera::{Camera, CameraError, Intrinsics};
+use nunet_core::frame::PixelFormat;
+use nunet_ipc::Clock;
+use nunet_mcap::{CameraDescription, Encoding, Next, Picture, Recording, RecordingError};
+use tracing::warn;
+
+use super::{Capture, Fill, Frame, Opening, Source, decode_file};
+use crate::exit::BadArguments;
+
+/// An MCAP file. Its log time is the clock, its messages' stamps are unix time.
+pub(crate) struct RecordingSource {
+    recording: Recording,
+    picture: Picture,
+    sequence: u64,
+    stretch: u64,
+    repeat: bool,
+    described: Option<CameraDescription>,
+    camera: Option<Camera>,
+}
+
+impl RecordingSource {
+    pub(crate) fn open(path: &Path, how: Opening<'_>) -> anyhow::Result<Self> {
+        let recording = Recording::open(path, how.topic).map_err(sorted)?;
+        let picture = Picture::default();
+        let (described, camera, repeat) = (None, None, how.repeat);
+        Ok(Self { recording, picture, sequence: 0, stretch: 0, repeat, described, camera })
+    }
+
+    /// The coordinate frame of the last picture.
+    pub(crate) fn frame_id(&self) -> &str {
+        &self.picture.frame_id
+    }
+
+    /// How many pictures the recording has, where its index says so.
+    pub(crate) fn pictures(&self) -> Option<u64> {
+        self.recording.picture_count()
+    }
+
+    fn begin_again(&mut self, frame: &mut Frame) -> Fill {
+        if !self.repeat || self.sequence == 0 {
+            return Fill::End;
+        }
+        self.stretch += 1;
+        match self.recording.rewind() {
+            Ok(()) => self.take(frame),
+            Err(error) => Fill::Broken(error.into()),
+        }
+    }
+
+    fn take(&mut self, frame: &mut Frame) -> Fill {
+        let next = self.recording.next(&mut self.picture);
+        frame.sequence = self.sequence;
+        match next {
+            Next::Picture => {
+                self.sequence += 1;
+                match self.fill_frame(frame) {
+                    Ok(()) => Fill::Frame,
+                    Err(error) => Fill::Failed(error),
+                }
+            }
+            Next::Bad(error) => {
+                self.sequence += 1;
+                Fill::Failed(error.into())
+            }
+            Next::End => Fill::End,
+            Next::Cut(error) => Fill::Cut(error.into()),
+        }
+    }
+
+    fn fill_frame(&mut self, frame: &mut Frame) -> anyhow::Result<()> {
+        let picture = &mut self.picture;
+        let log_nanos = i64::try_from(picture.log_nanos).unwrap_or(i64::MAX);
+        let unix_nanos = if picture.stamp_nanos == 0 { log_nanos } else { picture.stamp_nanos };
+        frame.capture = Capture { nanos: log_nanos, clock: Clock::Unix, unix_nanos };
+        frame.stretch = self.stretch;
+        match pixel_format(picture.encoding) {
+            Some(format) => {
+                frame.file.clear();
+                frame.buffer(picture.data.len()).copy_from_slice(&picture.data);
+                frame.format = Some(format);
+                frame.size = (picture.width, picture.height);
+                frame.row_stride = picture.row_stride;
+            }
+            None => {
+                std::mem::swap(&mut frame.file, &mut picture.data);
+                decode_file(frame)?;
+            }
+        }
+        frame.camera = self.camera_of(frame.size);
+        Ok(())
+    }
+
+    /// The camera of the recording, at the picture's size. One that makes no sense is told once and not used.
+    fn camera_of(&mut self, size: (u32, u32)) -> Option<Camera> {
+        let described = self.recording.camera();
+        if described != self.described.as_ref() {
+            self.described = described.cloned();
+            self.camera = self.described.as_ref().and_then(|described| {
+                camera(described, size)
+                    .inspect_err(|error| {
+                        warn!("the recording's camera on `{}` is not used: {error}", self.recording.topic());
+                    })
+                    .ok()
+            });
+        }
+        self.camera
+    }
+}
+
+impl Source for RecordingSource {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        match self.take(frame) {
+            Fill::End => self.begin_again(frame),
+            fill => fill,
+        }
+    }
+}
+
+/// What the user can mend by other arguments is told apart from what is wrong with the file.
+fn sorted(error: RecordingError) -> anyhow::Error {
+    match error {
+        RecordingError::SeveralTopics { .. }
+        | RecordingError::NoSuchTopic { .. }
+        | RecordingError::NotAPicture { .. } => BadArguments(error.to_string()).into(),
+        error => error.into(),
+    }
+}
+
+/// `None` of a file that is to be decoded.
+fn pixel_format(encoding: Option<Encoding>) -> Option<PixelFormat> {
+    match encoding? {
+        Encoding::File => None,
+        Encoding::Rgb8 => Some(PixelFormat::Rgb8),
+        Encoding::Bgr8 => Some(PixelFormat::Bgr8),
+        Encoding::Mono8 => Some(PixelFormat::Mono8),
+        Encoding::Yuyv => Some(PixelFormat::Yuyv),
+        Encoding::Nv12 => Some(PixelFormat::Nv12),
+    }
+}
+
+fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<Camera, CameraError> {
+    let [fx, fy, cx, cy] = described.intrinsics;
+    let intrinsics = Intrinsics::new(fx, fy, cx, cy, described.width, described.height)?;
+    Camera::pinhole(intrinsics).scaled_to(width, height)
+}

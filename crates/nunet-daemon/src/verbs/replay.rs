@@ -1,0 +1,210 @@
+//! `nunetd replay`: a recording through the network into another recording; every frame, the same bytes each time.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::bail;
+use indicatif::{ProgressBar, ProgressStyle};
+use nunet_core::camera::Intrinsics;
+use nunet_core::pipeline::Pipeline;
+use serde_json::json;
+use sha2::{Digest as _, Sha256};
+use tracing::{info, warn};
+
+use crate::Outcome;
+use crate::buffers::Buffers;
+use crate::cli::{Publish, ReplayArgs};
+use crate::engine::{Engine, tested_pipeline};
+use crate::exit::{BadArguments, camera_name};
+use crate::sink::recording::{About, FrameWriter, Record, Results};
+use crate::sink::stats::ModelName;
+use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _};
+use crate::stream::{Continuity, Optics, Stop};
+use crate::telemetry::MonotonicClock;
+
+/// How often the output is brought onto the disk: a full disk costs so many frames at the most.
+const SYNC_FRAMES: u64 = 50;
+
+/// Replays until the recording ends, is cut off, or a signal comes.
+pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
+    let stop = Stop::on_signals()?;
+    refuse_same_file(&arguments.input, &arguments.output)?;
+    let camera = camera_name(&arguments.camera)?;
+    let how = Opening { repeat: false, topic: arguments.topic.as_deref() };
+    let mut source = RecordingSource::open(&arguments.input, how)?;
+    let engine = Engine::start(&arguments.engine)?;
+    let loaded = engine.load(&arguments.model, &[])?;
+    let model = ModelName { name: loaded.name(), hash: loaded.hash() };
+    let pipeline = tested_pipeline(loaded, &arguments.optics)?;
+
+    let mut frame = Frame::default();
+    let first = source.fill(&mut frame);
+    let frame_id = arguments.frame_id.clone().or_else(|| Some(source.frame_id().to_owned()));
+    let about = About {
+        camera: camera.as_str(),
+        frame_id: frame_id.as_deref().filter(|name| !name.is_empty()),
+        mount: arguments.mount.mount,
+        model: &model,
+        provider: pipeline.graph().provider().name(),
+        force: arguments.force,
+    };
+    let writer = FrameWriter::create(&arguments.output, &about)?;
+    let mut replay =
+        Replay::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), writer, &arguments.publish);
+    replay.run(&mut source, frame, first, &stop)?;
+    replay.finish(arguments)
+}
+
+/// The output would be overwritten while it is read.
+fn refuse_same_file(input: &Path, output: &Path) -> anyhow::Result<()> {
+    let same = matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if same {
+        bail!(BadArguments(format!("`{}` cannot be read and written at once", input.display())));
+    }
+    Ok(())
+}
+
+/// The pipeline and both recordings.
+struct Replay {
+    pipeline: Pipeline,
+    optics: Optics,
+    continuity: Continuity,
+    buffers: Buffers,
+    record: Record,
+    writer: FrameWriter,
+    labels: bool,
+    cloud: bool,
+    hash: Sha256,
+    frames: u64,
+    failed: u64,
+    cut: bool,
+}
+
+impl Replay {
+    fn new(pipeline: Pipeline, optics: Optics, writer: FrameWriter, publish: &[Publish]) -> Self {
+        Self {
+            buffers: Buffers::new(&pipeline),
+            pipeline,
+            optics,
+            continuity: Continuity::default(),
+            record: Record::default(),
+            writer,
+            labels: publish.contains(&Publish::Labels),
+            cloud: publish.contains(&Publish::Cloud),
+            hash: Sha256::new(),
+            frames: 0,
+            failed: 0,
+            cut: false,
+        }
+    }
+
+    fn run(
+        &mut self,
+        source: &mut RecordingSource,
+        mut frame: Frame,
+        first: Fill,
+        stop: &Stop,
+    ) -> anyhow::Result<()> {
+        let progress = progress(source.pictures());
+        let mut fill = first;
+        while !stop.requested() {
+            match fill {
+                Fill::Frame => match self.take_through(&mut frame) {
+                    Ok(()) => self.frames += 1,
+                    Err(Trouble::Frame(error)) => self.lose(&progress, &frame, &error),
+                    Err(Trouble::Output(error)) => return Err(error),
+                },
+                Fill::Failed(error) => self.lose(&progress, &frame, &error),
+                Fill::Nothing | Fill::Crowded => {}
+                Fill::End => break,
+                Fill::Cut(error) => {
+                    progress.suspend(|| warn!("the source ends early: {error:#}"));
+                    self.cut = true;
+                    break;
+                }
+                Fill::Broken(error) => return Err(error),
+            }
+            progress.inc(1);
+            fill = source.fill(&mut frame);
+        }
+        progress.finish_and_clear();
+        Ok(())
+    }
+
+    fn lose(&mut self, progress: &ProgressBar, frame: &Frame, error: &anyhow::Error) {
+        progress.suspend(|| warn!("frame {} is lost: {error:#}", frame.sequence));
+        self.failed += 1;
+    }
+
+    /// The frame's memory travels into the record and back.
+    fn take_through(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
+        let intrinsics = self.infer(frame).map_err(Trouble::Frame)?;
+        let camera = self.optics.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
+        self.record.take(std::mem::take(frame), camera);
+        self.record.copy_results(&Results {
+            size: self.pipeline.size(),
+            depth: self.buffers.depth(),
+            labels: self.buffers.labels().filter(|_| self.labels),
+            cloud_size: self.pipeline.cloud_size(),
+            cloud: if self.cloud { self.buffers.cloud() } else { &[] },
+            camera: intrinsics,
+        });
+        let written = self.writer.write(&self.record);
+        self.hash.update(self.record.depth().bytes);
+        self.hash.update(self.record.labels().unwrap_or_default());
+        *frame = std::mem::take(&mut self.record.frame);
+        written.map_err(Trouble::Output)?;
+        // By frames, not by time: the file is the same each time.
+        if (self.frames + 1).is_multiple_of(SYNC_FRAMES) {
+            self.writer.sync().map_err(Trouble::Output)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn infer(&mut self, frame: &Frame) -> anyhow::Result<Option<Intrinsics>> {
+        self.optics.follow(frame, &mut self.pipeline)?;
+        if self.continuity.jump_to(frame).is_some() {
+            self.pipeline.reset();
+        }
+        let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
+        self.continuity.took(frame);
+        Ok(report.intrinsics)
+    }
+
+    fn finish(self, arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
+        let Self { frames, failed, cut, .. } = self;
+        self.writer.finish()?;
+        let hash: String = self.hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let text = if arguments.json {
+            json!({
+                "contract": nunet_ipc::CONTRACT_VERSION,
+                "frames": frames,
+                "failed": failed,
+                "cut": cut,
+                "results_sha256": hash,
+            })
+            .to_string()
+        } else {
+            format!("{frames} frames, {failed} lost, results sha256 {hash}")
+        };
+        writeln!(std::io::stdout(), "{text}")?;
+        info!("`{}` -> `{}`", arguments.input.display(), arguments.output.display());
+        Ok(if failed == 0 && !cut { Outcome::Done } else { Outcome::Lost })
+    }
+}
+
+/// A frame that cannot be processed is a loss; a file that cannot be written is the end.
+enum Trouble {
+    Frame(anyhow::Error),
+    Output(anyhow::Error),
+}
+
+/// Seen on a terminal only; without an end where the recording has no index.
+fn progress(pictures: Option<u64>) -> ProgressBar {
+    let (bar, template) = match pictures {
+        Some(count) => (ProgressBar::new(count), "replay {wide_bar} {pos}/{len} {per_sec} {eta} left"),
+        None => (ProgressBar::new_spinner(), "replay {pos} frames {per_sec}"),
+    };
+    bar.with_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

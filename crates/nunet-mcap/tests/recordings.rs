@@ -1,0 +1,298 @@
+//! Files as robots leave them: whole, cut anywhere, damaged, and none at all.
+#![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use mcap::records::MessageHeader;
+use mcap::{Compression, WriteOptions};
+use nunet_mcap::{
+    CameraDescription, DepthRecord, EncodedPicture, FrameRecord, Next, Picture, Recording, RecordingError,
+    RecordingWriter, WriterOptions,
+};
+
+const PICTURES: u8 = 6;
+
+/// A `sensor_msgs/msg/Image` in CDR of 4x2 grey pixels, laid out by hand.
+fn grey_image(value: u8) -> Vec<u8> {
+    let mut cdr = vec![0, 1, 0, 0];
+    cdr.extend([value, 0, 0, 0, 0, 0, 0, 0]); // stamp
+    cdr.extend([4, 0, 0, 0, b'e', b'y', b'e', 0]);
+    cdr.extend([2, 0, 0, 0, 4, 0, 0, 0]);
+    cdr.extend([6, 0, 0, 0, b'm', b'o', b'n', b'o', b'8', 0, 0, 0]);
+    cdr.extend([4, 0, 0, 0, 8, 0, 0, 0]);
+    cdr.extend([value; 8]);
+    cdr
+}
+
+fn recording(options: WriteOptions, messages: &[(u64, Vec<u8>)]) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    let mut writer = options.create(&mut file).unwrap();
+    let schema = writer.add_schema("sensor_msgs/msg/Image", "ros2msg", b"").unwrap();
+    let channel_id = writer.add_channel(schema, "/eye/image_raw", "cdr", &BTreeMap::new()).unwrap();
+    for (sequence, (log_time, data)) in (0..).zip(messages) {
+        let header = MessageHeader { channel_id, sequence, log_time: *log_time, publish_time: *log_time };
+        writer.write_to_known_channel(&header, data).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    file.into_inner()
+}
+
+fn pictures() -> Vec<(u64, Vec<u8>)> {
+    (1..=PICTURES).map(|value| (u64::from(value) * 10, grey_image(value))).collect()
+}
+
+fn all_options() -> [(&'static str, WriteOptions); 4] {
+    let chunks = |compression| {
+        WriteOptions::new().compression(compression).compression_threads(0).chunk_size(Some(150))
+    };
+    [
+        ("without chunks", WriteOptions::new().use_chunks(false)),
+        ("plain chunks", chunks(None)),
+        ("zstd", chunks(Some(Compression::Zstd))),
+        ("lz4", chunks(Some(Compression::Lz4))),
+    ]
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn file(&self, bytes: &[u8]) -> PathBuf {
+        let path = self.0.path().join("a.mcap");
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+}
+
+/// The pictures' values and how the file ended; an error of opening has none.
+fn read(path: &Path) -> Result<(Vec<u8>, Next), RecordingError> {
+    let mut recording = Recording::open(path, None)?;
+    let (mut picture, mut values) = (Picture::default(), Vec::new());
+    loop {
+        match recording.next(&mut picture) {
+            Next::Picture => {
+                let value = picture.data[0];
+                assert_eq!(picture.data, [value; 8], "no picture is mixed with another");
+                assert_eq!(picture.log_nanos, u64::from(value) * 10);
+                assert_eq!(picture.stamp_nanos, i64::from(value) * 1_000_000_000);
+                values.push(value);
+            }
+            Next::Bad(_) => {}
+            end => return Ok((values, end)),
+        }
+    }
+}
+
+#[test]
+fn every_picture_of_a_whole_file_is_read_however_it_is_compressed() {
+    let folder = Folder::new();
+    for (name, options) in all_options() {
+        let (values, end) = read(&folder.file(&recording(options, &pictures()))).unwrap();
+        assert_eq!(values, (1..=PICTURES).collect::<Vec<_>>(), "{name}");
+        assert!(matches!(end, Next::End), "{name}");
+    }
+}
+
+#[test]
+fn a_file_cut_at_any_byte_gives_every_complete_picture_before_the_cut() {
+    let folder = Folder::new();
+    for (name, options) in all_options() {
+        let plain = !matches!(name, "zstd" | "lz4");
+        let whole = recording(options, &pictures());
+        let end_of = |value: u8| {
+            let pixels = [value; 8];
+            whole.windows(8).position(|window| window == pixels).map(|at| at + 8)
+        };
+        let mut before = 0;
+        for length in 0..whole.len() {
+            let read = read(&folder.file(&whole[..length]));
+            let values = read.as_ref().map_or(Vec::new(), |(values, _)| values.clone());
+            assert_eq!(values, (1..).take(values.len()).collect::<Vec<u8>>(), "{name} cut at {length}");
+            assert!(values.len() >= before, "{name} cut at {length} gives fewer than a shorter file");
+            before = values.len();
+            if plain {
+                let complete = (1..=PICTURES).filter(|&value| end_of(value).unwrap() <= length).count();
+                assert_eq!(values.len(), complete, "{name} cut at {length}");
+            }
+        }
+        assert_eq!(before, usize::from(PICTURES), "{name}: only the end is missing");
+    }
+}
+
+#[test]
+fn a_cut_in_the_data_is_told_and_a_missing_index_is_not() {
+    let folder = Folder::new();
+    let whole = recording(WriteOptions::new().compression(None).chunk_size(Some(150)), &pictures());
+    let (values, end) = read(&folder.file(&whole[..whole.len() / 3])).unwrap();
+    assert!(!values.is_empty() && values.len() < usize::from(PICTURES));
+    assert!(matches!(end, Next::Cut(RecordingError::Damaged { .. })), "{end:?}");
+    let unindexed = WriteOptions::new().emit_summary_records(false).emit_summary_offsets(false);
+    let (values, end) = read(&folder.file(&recording(unindexed, &pictures()))).unwrap();
+    assert_eq!((values.len(), matches!(end, Next::End)), (usize::from(PICTURES), true));
+}
+
+#[test]
+fn flipped_bytes_never_panic_and_never_mix_pictures() {
+    let folder = Folder::new();
+    for (_, options) in all_options() {
+        let whole = recording(options, &pictures());
+        for place in (8..whole.len()).step_by(7) {
+            let mut flipped = whole.clone();
+            flipped[place] ^= 0x55;
+            let path = folder.file(&flipped);
+            let Ok(mut recording) = Recording::open(&path, None) else { continue };
+            let mut picture = Picture::default();
+            for _ in 0..100 {
+                if matches!(recording.next(&mut picture), Next::End | Next::Cut(_)) {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wrong_checksum_ends_the_reading() {
+    let folder = Folder::new();
+    let mut whole = recording(WriteOptions::new().compression(None), &pictures());
+    let at = whole.windows(8).position(|window| window == [3; 8]).unwrap();
+    whole[at..at + 8].fill(4); // another valid picture
+    let mut recording = Recording::open(&folder.file(&whole), None).unwrap();
+    let mut picture = Picture::default();
+    let end = loop {
+        match recording.next(&mut picture) {
+            Next::Picture | Next::Bad(_) => {}
+            end => break end,
+        }
+    };
+    let Next::Cut(error) = end else { panic!("{end:?}") };
+    let source = std::error::Error::source(&error).unwrap().to_string();
+    assert!(source.contains("CRC"), "{source}");
+}
+
+#[test]
+fn a_declared_size_beyond_the_limit_is_refused_without_memory_for_it() {
+    let folder = Folder::new();
+    let mut file = mcap::MAGIC.to_vec();
+    file.push(0x05); // a message
+    file.extend(u64::MAX.to_le_bytes());
+    let error = Recording::open(&folder.file(&file), None).map(drop).unwrap_err();
+    assert!(matches!(error, RecordingError::NoPictures { .. }), "{error}");
+}
+
+#[test]
+fn a_bad_picture_is_told_with_its_number_and_the_next_is_read() {
+    let folder = Folder::new();
+    let mut messages = pictures();
+    messages[1].1.truncate(30);
+    let mut recording =
+        Recording::open(&folder.file(&recording(WriteOptions::new(), &messages)), None).unwrap();
+    let mut picture = Picture::default();
+    assert!(matches!(recording.next(&mut picture), Next::Picture));
+    let Next::Bad(error) = recording.next(&mut picture) else { panic!("it is cut off") };
+    assert!(error.to_string().starts_with("message 2 on topic `/eye/image_raw`: it is cut off"), "{error}");
+    assert!(matches!(recording.next(&mut picture), Next::Picture));
+    assert_eq!(picture.data[0], 3);
+}
+
+fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
+    let options = WriterOptions {
+        camera: "front".to_owned(),
+        frame_id: "eye".to_owned(),
+        mount: None,
+        about: BTreeMap::new(),
+        force: true,
+    };
+    let mut writer = RecordingWriter::create(path, options).unwrap();
+    let camera =
+        CameraDescription { width: 2, height: 1, intrinsics: [3.0, 4.0, 0.5, 0.0], ..Default::default() };
+    for frame in 0..frames {
+        let depth: Vec<u8> =
+            [f32::from(frame), f32::NAN].iter().flat_map(|metres| metres.to_le_bytes()).collect();
+        writer
+            .write(&FrameRecord {
+                log_nanos: frame.into(),
+                stamp_nanos: frame.into(),
+                picture: Some(EncodedPicture { format: "png", data: b"\x89PNG\r\n\x1a\n..." }),
+                camera: Some(&camera),
+                depth: DepthRecord { width: 2, height: 1, bytes: &depth },
+                depth_camera: None,
+                labels: None,
+                cloud: None,
+            })
+            .unwrap();
+    }
+    writer
+}
+
+fn count(path: &Path) -> (usize, bool) {
+    let mut recording = Recording::open(path, None).unwrap();
+    assert_eq!(recording.camera().unwrap().intrinsics, [3.0, 4.0, 0.5, 0.0]);
+    let mut picture = Picture::default();
+    let mut pictures = 0;
+    loop {
+        match recording.next(&mut picture) {
+            Next::Picture => pictures += 1,
+            Next::Bad(error) => panic!("{error}"),
+            end => return (pictures, matches!(end, Next::End)),
+        }
+    }
+}
+
+#[test]
+fn what_was_synced_is_read_while_the_file_still_grows() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("grows.mcap");
+    let mut writer = write_frames(&path, 3);
+    writer.sync().unwrap();
+    assert_eq!(count(&path), (3, false));
+    writer.finish().unwrap();
+    assert_eq!(count(&path), (3, true));
+}
+
+#[test]
+fn a_file_that_is_there_is_not_overwritten() {
+    let folder = Folder::new();
+    let path = folder.file(b"precious");
+    let options = WriterOptions {
+        camera: "front".to_owned(),
+        frame_id: String::new(),
+        mount: None,
+        about: BTreeMap::new(),
+        force: false,
+    };
+    let error = RecordingWriter::create(&path, options).map(drop).unwrap_err();
+    assert!(matches!(error, RecordingError::Exists { .. }), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+}
+
+/// `/dev/full` takes no byte. A disk that fills up later is tried with the daemon.
+#[test]
+fn a_disk_that_takes_nothing_is_told() {
+    let options = WriterOptions {
+        camera: "front".to_owned(),
+        frame_id: String::new(),
+        mount: None,
+        about: BTreeMap::new(),
+        force: true,
+    };
+    let writer = RecordingWriter::create(Path::new("/dev/full"), options);
+    let failed = writer.and_then(|mut writer| writer.sync());
+    assert!(failed.is_err());
+}
+
+#[test]
+fn writers_and_mcaps_own_reader_agree() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("whole.mcap");
+    write_frames(&path, 4).finish().unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let messages: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().collect::<Result<_, _>>().unwrap();
+    assert_eq!(messages.len(), 4 * 3);
+}

@@ -1,0 +1,376 @@
+"""Recordings made by `rosbags` are replayed, and what nunetd writes is read by `mcap`, `mcap-ros2-support` and
+`rosbags`: none of it our own code."""
+
+import contextlib
+import io
+import json
+import os
+import pathlib
+import random
+import resource
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+from conftest import MODEL
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.writer import Writer as McapWriter
+from mcap_ros2.decoder import DecoderFactory
+from PIL import Image
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+ONCE = ["--model", str(MODEL), "--provider", "cpu", "--threads", "1"]
+FIRST_NANOS = 1_700_000_000_123_456_789
+PERIOD_NANOS = 33_333_333
+K = [525.0, 0.0, 320.0, 0.0, 526.0, 240.0, 0.0, 0.0, 1.0]
+SIZE = (640, 480)
+FRAMES = 5
+
+
+def ros(name, **fields):
+    return STORE.types[name](**fields)
+
+
+def header(nanos):
+    stamp = ros("builtin_interfaces/msg/Time", sec=nanos // 10**9, nanosec=nanos % 10**9)
+    return ros("std_msgs/msg/Header", stamp=stamp, frame_id="eye_optical")
+
+
+def camera_info(nanos):
+    region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
+    return ros(
+        "sensor_msgs/msg/CameraInfo",
+        header=header(nanos),
+        width=SIZE[0],
+        height=SIZE[1],
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=np.array(K),
+        r=np.eye(3).reshape(-1),
+        p=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+        roi=ros("sensor_msgs/msg/RegionOfInterest", **region, do_rectify=False),
+    )
+
+
+def picture(index):
+    """Noise in large cells, another one each frame, so that the network has something to say."""
+    cells = np.random.default_rng(index).integers(0, 256, (SIZE[1] // 32, SIZE[0] // 32, 3), np.uint8)
+    return cells.repeat(32, 0).repeat(32, 1)
+
+
+def compressed(rgb, form):
+    file = io.BytesIO()
+    Image.fromarray(rgb).save(file, form)
+    return np.frombuffer(file.getvalue(), np.uint8)
+
+
+def image_message(rgb, encoding, nanos):
+    data = {"rgb8": rgb, "bgr8": rgb[..., ::-1], "bgra8": np.insert(rgb[..., ::-1], 3, 255, axis=2)}[encoding]
+    return ros(
+        "sensor_msgs/msg/Image",
+        header=header(nanos),
+        width=SIZE[0],
+        height=SIZE[1],
+        encoding=encoding,
+        is_bigendian=0,
+        step=data.shape[1] * data.shape[2],
+        data=np.ascontiguousarray(data).reshape(-1),
+    )
+
+
+def make_bag(folder, form, *, pictures=None, info=True):
+    """A ROS 2 recording of `FRAMES` pictures; returns the path of its file."""
+    raw = form not in {"png", "jpeg"}
+    name = "sensor_msgs/msg/Image" if raw else "sensor_msgs/msg/CompressedImage"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        topic = "/eye/image_raw" if raw else "/eye/image_raw/compressed"
+        images = bag.add_connection(topic, name, typestore=STORE)
+        infos = bag.add_connection("/eye/camera_info", "sensor_msgs/msg/CameraInfo", typestore=STORE)
+        for index, rgb in enumerate(pictures or map(picture, range(FRAMES))):
+            nanos = FIRST_NANOS + index * PERIOD_NANOS
+            if raw:
+                message = image_message(rgb, form, nanos)
+            else:
+                data = compressed(rgb, form)
+                message = ros("sensor_msgs/msg/CompressedImage", header=header(nanos), format=form, data=data)
+            bag.write(images, nanos + 1000, STORE.serialize_cdr(message, name))
+            if info:
+                cdr = STORE.serialize_cdr(camera_info(nanos), "sensor_msgs/msg/CameraInfo")
+                bag.write(infos, nanos + 1000, cdr)
+    return next(folder.glob("*.mcap"))
+
+
+def replay(nunetd, given, out, *more, code=0):
+    """Replays and returns what is said on stdout and on stderr."""
+    command = [nunetd, "replay", str(given), str(out), *ONCE, *more]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    assert done.returncode == code, done.stderr
+    return done.stdout, done.stderr
+
+
+def messages(path):
+    """All messages of a recording by topic, as `mcap-ros2-support` decodes them: (log time, message)."""
+    found = {}
+    with path.open("rb") as file:
+        for item in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found.setdefault(item.channel.topic, []).append((item.message.log_time, item.decoded_message))
+    return found
+
+
+def metres(message):
+    assert (message.encoding, message.is_bigendian, message.step) == ("32FC1", 0, 4 * message.width)
+    return np.frombuffer(message.data, np.float32).reshape(message.height, message.width)
+
+
+@pytest.fixture(scope="module")
+def replayed(nunetd, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("replayed")
+    bag = make_bag(folder / "bag", "png")
+    replay(nunetd, bag, folder / "out.mcap", "--mount", "0.1,0.2,1.5,0,0,0")
+    return folder / "out.mcap", messages(folder / "out.mcap")
+
+
+def test_every_topic_of_the_profile_is_there_with_every_frame(replayed):
+    found = replayed[1]
+    names = ["image_raw/compressed", "camera_info", "depth/image_raw", "depth/camera_info", "labels/image_raw"]
+    for name in [*names, "depth/points"]:
+        assert len(found[f"/camera/{name}"]) == FRAMES, name
+    stamps = [FIRST_NANOS + index * PERIOD_NANOS for index in range(FRAMES)]
+    for topic in (topic for topic in found if topic != "/tf_static"):
+        assert [log for log, _ in found[topic]] == [stamp + 1000 for stamp in stamps], topic
+        times = [message.header.stamp for _, message in found[topic]]
+        assert [time.sec * 10**9 + time.nanosec for time in times] == stamps, topic
+        assert {message.header.frame_id for _, message in found[topic]} == {"eye_optical"}
+
+
+def test_pictures_travel_as_they_came_and_the_camera_is_theirs(replayed):
+    found = replayed[1]
+    for index, (_, message) in enumerate(found["/camera/image_raw/compressed"]):
+        assert message.format == "png"
+        assert message.data == compressed(picture(index), "png").tobytes()
+    _, info = found["/camera/camera_info"][0]
+    assert (list(info.k), info.width, info.height) == (K, *SIZE)
+
+
+def test_depth_and_labels_are_those_of_infer(nunetd, replayed, tmp_path):
+    for index in (0, FRAMES - 1):
+        Image.fromarray(picture(index)).save(tmp_path / "picture.png")
+        optics = ["--intrinsics", f"{K[0]},{K[4]},{K[2]},{K[5]}@640x480"]
+        command = [nunetd, "-q", "infer", str(tmp_path / "picture.png"), "--out", str(tmp_path), *ONCE, *optics]
+        subprocess.run(command, check=True)
+        expected = np.load(tmp_path / "depth.npy")
+        depth = metres(replayed[1]["/camera/depth/image_raw"][index][1])
+        assert depth.tobytes() == expected.tobytes()
+        assert np.isfinite(depth).any()
+        _, labels = replayed[1]["/camera/labels/image_raw"][index]
+        assert (labels.encoding, labels.step) == ("mono8", labels.width)
+        assert labels.data == np.asarray(Image.open(tmp_path / "labels.png")).tobytes()
+
+
+def test_the_cloud_is_depth_back_projected_by_its_own_camera_info(replayed):
+    found = replayed[1]
+    _, cloud = found["/camera/depth/points"][0]
+    _, info = found["/camera/depth/camera_info"][0]
+    fields = [(field.name, field.offset, field.datatype) for field in cloud.fields]
+    assert fields == [("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("rgb", 12, 7), ("label", 15, 2)]
+    layout = np.dtype([("xyz", "<f4", 3), ("bgr", "u1", 3), ("label", "u1")])
+    points = np.frombuffer(cloud.data, layout).reshape(cloud.height, cloud.width)
+    depth = metres(found["/camera/depth/image_raw"][0][1])
+    assert points["xyz"][..., 2].tobytes() == depth.tobytes()
+    rows, columns = np.indices(depth.shape)
+    fx, _, cx, _, fy, cy = list(info.k)[:6]
+    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy], axis=-1)
+    valid = np.isfinite(depth)
+    np.testing.assert_allclose(points["xyz"][valid][:, :2], (rays * depth[..., None])[valid], rtol=1e-4, atol=1e-5)
+
+
+def test_the_mount_is_a_latched_transform_to_the_optical_frame(replayed):
+    ((_, message),) = replayed[1]["/tf_static"]
+    (transform,) = message.transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ("base_link", "eye_optical")
+    move, turn = transform.transform.translation, transform.transform.rotation
+    assert (move.x, move.y, move.z) == (0.1, 0.2, 1.5)
+    assert (turn.x, turn.y, turn.z, turn.w) == (-0.5, 0.5, -0.5, 0.5)
+
+
+def test_rosbags_reads_the_same_numbers(replayed):
+    path, found = replayed
+    with AnyReader([path]) as reader:
+        connections = [c for c in reader.connections if c.topic == "/camera/depth/image_raw"]
+        read = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages(connections=connections)]
+    assert len(read) == FRAMES
+    for message, (_, expected) in zip(read, found["/camera/depth/image_raw"], strict=True):
+        assert message.data.tobytes() == expected.data
+
+
+def test_the_same_recording_gives_the_same_bytes(nunetd, tmp_path):
+    bag = make_bag(tmp_path / "bag", "jpeg")
+    said = [replay(nunetd, bag, tmp_path / f"{index}.mcap")[0] for index in range(2)]
+    assert said[0] == said[1] and f"{FRAMES} frames, 0 lost, results sha256" in said[0]
+    assert (tmp_path / "0.mcap").read_bytes() == (tmp_path / "1.mcap").read_bytes()
+
+
+def test_all_encodings_of_a_picture_give_the_same_depth(nunetd, tmp_path):
+    hashes = set()
+    for form in ("png", "rgb8", "bgr8", "bgra8"):
+        bag = make_bag(tmp_path / form, form)
+        said, _ = replay(nunetd, bag, tmp_path / f"{form}.mcap", "--json")
+        hashes.add(json.loads(said)["results_sha256"])
+    assert len(hashes) == 1
+
+
+def test_our_own_recording_is_replayed_without_naming_its_topic(nunetd, replayed, tmp_path):
+    said, _ = replay(nunetd, replayed[0], tmp_path / "again.mcap")
+    assert said.startswith(f"{FRAMES} frames, 0 lost")
+
+
+def json_recording(path, *, schema_text=b"{}"):
+    """Foxglove's messages in JSON, as its SDK writes them."""
+    data = {"timestamp": {"sec": 5, "nsec": 6}, "frame_id": "eye", "width": 640, "height": 480, "step": 1920}
+    import base64
+
+    data |= {"encoding": "rgb8", "data": base64.b64encode(picture(0).tobytes()).decode()}
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schema = writer.register_schema("foxglove.RawImage", "jsonschema", schema_text)
+        channel = writer.register_channel("/image", "json", schema)
+        writer.add_message(channel, log_time=7, publish_time=7, data=json.dumps(data).encode())
+        writer.finish()
+
+
+def test_foxglove_pictures_in_json_are_read_also_without_a_schema_text(nunetd, tmp_path):
+    for index, text in enumerate([b"{}", b""]):
+        given, out = tmp_path / f"{index}.mcap", tmp_path / f"out{index}.mcap"
+        json_recording(given, schema_text=text)
+        assert replay(nunetd, given, out)[0].startswith("1 frames, 0 lost")
+        ((log, message),) = messages(out)["/camera/depth/image_raw"]
+        assert (log, message.header.stamp.sec, message.header.stamp.nanosec) == (7, 5, 6)
+        assert message.header.frame_id == "eye"
+
+
+def test_a_recording_cut_anywhere_gives_every_picture_before_the_cut(nunetd, tmp_path):
+    whole = make_bag(tmp_path / "bag", "png").read_bytes()
+    places = sorted(random.Random(1).sample(range(len(whole)), 12))
+    for place in [*places, len(whole) - 20]:
+        (tmp_path / "cut.mcap").write_bytes(whole[:place])
+        expected = pictures_before_the_end(tmp_path / "cut.mcap")
+        command = [nunetd, "-q", "replay", str(tmp_path / "cut.mcap"), str(tmp_path / "out.mcap"), "--force", *ONCE]
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+        if expected == 0:
+            assert done.returncode in {1, 3}, done.stderr
+        else:
+            assert done.returncode == 3, done.stderr
+            assert int(done.stdout.split()[0]) >= expected, f"cut at {place}: {done.stdout}"
+
+
+def pictures_before_the_end(path):
+    """How many pictures the reader of the format's makers finds in a cut file; whole chunks only."""
+    count = 0
+    with path.open("rb") as file, contextlib.suppress(Exception):
+        for _, channel, _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+            count += channel.topic.endswith("compressed")
+    return count
+
+
+@pytest.mark.parametrize("again", range(3))
+def test_a_recording_whose_daemon_is_killed_opens_and_lacks_at_most_a_second(nunetd, tmp_path, again):
+    path = tmp_path / "killed.mcap"
+    name = f"pytest-record-{os.getpid()}-{again}"
+    source = ["--source", "demo", "--rate", "20", "--publish", "depth"]
+    command = [nunetd, "-q", "--model", str(MODEL), "--camera", name, *source, "--record", str(path)]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as daemon:
+        deadline = time.monotonic() + 30
+        while not (path.exists() and path.stat().st_size > 100_000) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.5 + 0.4 * again)
+        before = time.time_ns()
+        daemon.send_signal(signal.SIGKILL)
+        daemon.wait()
+    last = 0
+    with path.open("rb") as file, contextlib.suppress(Exception):
+        for _, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False):
+            if channel.topic.endswith("depth/image_raw"):
+                last = message.log_time
+    assert before - last < 2.0e9, "a second between two writes, and the frame in work"
+
+
+def test_a_whole_run_is_recorded_and_counted(nunetd, tmp_path):
+    path, name = tmp_path / "run.mcap", f"pytest-run-{os.getpid()}"
+    source = ["--source", "demo", "--rate", "20", "--frames", "30"]
+    command = [nunetd, "--model", str(MODEL), "--camera", name, *source, "--record", str(path)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    found = messages(path)
+    recorded = len(found[f"/{name}/depth/image_raw"])
+    assert f"recording: {recorded} frames" in done.stderr
+    assert (done.returncode == 0) == ("not in the recording" not in done.stderr)
+    assert recorded > 0
+    for topic in ("image_raw/compressed", "camera_info", "labels/image_raw", "depth/points"):
+        assert len(found[f"/{name}/{topic}"]) == recorded, topic
+    _, message = found[f"/{name}/image_raw/compressed"][0]
+    assert Image.open(io.BytesIO(message.data)).size == SIZE
+
+
+def test_a_recording_that_is_there_is_never_overwritten_without_force(nunetd, tmp_path):
+    bag = make_bag(tmp_path / "bag", "png")
+    out = tmp_path / "out.mcap"
+    out.write_bytes(b"precious")
+    _, said = replay(nunetd, bag, out, code=1)
+    assert "is there already" in said and out.read_bytes() == b"precious"
+    assert "--force" in said
+    replay(nunetd, bag, out, "--force")
+    _, said = replay(nunetd, bag, bag, "--force", code=2)
+    assert "cannot be read and written at once" in said
+
+
+def small_disk():
+    """A file can grow to 2 MB; more fails as on a full disk."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2 << 20, 2 << 20))
+
+
+def test_a_disk_that_fills_up_leaves_a_whole_file_and_never_stops_inference(nunetd, tmp_path):
+    path, name = tmp_path / "full.mcap", f"pytest-full-{os.getpid()}"
+    source = ["--source", "demo", "--rate", "20", "--frames", "120", "--publish", "depth"]
+    command = [nunetd, "--model", str(MODEL), "--camera", name, *source, "--record", str(path)]
+    limits = {"preexec_fn": small_disk}
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60, **limits)
+    assert done.returncode == 3, done.stderr
+    assert "the recording ends here" in done.stderr
+    assert "120 frames captured" in done.stderr and " 0 failed" in done.stderr
+    recorded = int(done.stderr.split("recording: ")[1].split()[0])
+    with path.open("rb") as file:
+        read = [c.topic for _, c, _ in NonSeekingReader(file).iter_messages() if c.topic.endswith("depth/image_raw")]
+    assert len(read) == recorded > 0
+
+
+def test_bad_recordings_are_told_by_what_is_wrong(nunetd, tmp_path):
+    def said(data, code):
+        (tmp_path / "bad.mcap").write_bytes(data)
+        return replay(nunetd, tmp_path / "bad.mcap", tmp_path / "out.mcap", "--force", code=code)[1]
+
+    assert "it is empty" in said(b"", 1)
+    assert "magic" in said(b"this is no recording at all, is it?", 1)
+    whole = make_bag(tmp_path / "bag", "png").read_bytes()
+    assert "no topic with pictures" in said(whole[:8], 1)
+    flipped = bytearray(whole)
+    flipped[len(whole) // 3] ^= 0xFF
+    code = subprocess.run(
+        [nunetd, "-q", "replay", str(write(tmp_path / "flip.mcap", flipped)), str(tmp_path / "o.mcap"), *ONCE],
+        check=False,
+        capture_output=True,
+        timeout=60,
+    ).returncode
+    assert code in {0, 1, 3}, "never a crash"
+
+
+def write(path, data) -> pathlib.Path:
+    path.write_bytes(data)
+    return path
