@@ -5,7 +5,7 @@ use std::io::{Read as _, Seek as _};
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
@@ -19,6 +19,7 @@ pub(crate) struct Records {
     path: PathBuf,
     file: File,
     reader: LinearReader,
+    has_end: bool,
 }
 
 impl Records {
@@ -28,7 +29,12 @@ impl Records {
             .with_validate_chunk_crcs(true)
             .with_skip_end_magic(true)
             .with_record_length_limit(MAX_RECORD_BYTES);
-        Ok(Self { path: path.to_owned(), file, reader: LinearReader::new_with_options(options) })
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            reader: LinearReader::new_with_options(options),
+            has_end: false,
+        })
     }
 
     /// Hands the next record to `take`; `None` behind the last.
@@ -48,7 +54,9 @@ impl Records {
         };
         loop {
             match self.reader.next_event() {
-                None => return Ok(None),
+                None if self.has_end => return Ok(None),
+                // Cut exactly between two records.
+                None => return Err(damaged(McapError::UnexpectedEof)),
                 Some(Err(error)) => return Err(damaged(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
                     let wanted = wanted.min(MAX_RECORD_BYTES);
@@ -56,6 +64,7 @@ impl Records {
                     self.reader.notify_read(read.map_err(|source| io("read", &self.path, source))?);
                 }
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    self.has_end |= opcode == op::FOOTER;
                     let record = mcap::parse_record(opcode, data).map_err(damaged)?;
                     return Ok(Some(take(record)));
                 }
