@@ -245,5 +245,5 @@ def laptop(maker: Maker) -> None:
     maker.box((0.32, 0.22, 0.014), (0, 0, 0), grey, bevel=0.005)
     maker.box((0.27, 0.1, 0.002), (0, 0.03, 0.013), black, bevel=0.0005)
     maker.box((0.32, 0.008, 0.215), (0, 0.112, 0.012), grey, bevel=0.003, tilt=(-18, 0, 0))
-    shine = materials.glowing((0.25, 0.45, 0.75), 0.5)
-    maker.box((0.3, 0.002, 0.19), (0, 0.107, 0.024), shine, bevel=0, tilt=(-18, 0, 0))
+    shown = materials.landscape(4, glow=0.25)
+    maker.box((0.3, 0.002, 0.19), (0, 0.107, 0.024), shown, bevel=0, tilt=(-18, 0, 0))

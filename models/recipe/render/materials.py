@@ -151,7 +151,7 @@ def fabric(colour: Colour, weave: float = 260, contrast: float = 0.25) -> bpy.ty
     graph = _Graph("fabric", roughness=0.95)
     graph.surface.inputs["Sheen Weight"].default_value = 0.25
     place = graph.place()
-    threads = graph.noise(place, weave, 3)
+    threads = graph.noise(place, weave / 2, 6)
     worn = graph.noise(place, 4, 4)
     tone = graph.ramp(
         threads, (0.3, _times(colour, 1 - contrast)), (0.7, _times(colour, 1 + contrast))
@@ -184,9 +184,9 @@ def carpet(colour: Colour) -> bpy.types.Material:
     graph = _Graph("carpet", roughness=1.0)
     graph.surface.inputs["Sheen Weight"].default_value = 0.3
     place = graph.add("ShaderNodeTexCoord").outputs["Object"]
-    pile = graph.noise(place, 110, 5)
+    pile = graph.noise(place, 100, 6)
     trodden = graph.noise(place, 1.8, 3)
-    tone = graph.ramp(pile, (0.32, _times(colour, 0.35)), (0.68, _times(colour, 1.5)))
+    tone = graph.ramp(pile, (0.3, _times(colour, 0.45)), (0.7, _times(colour, 1.4)))
     shade = graph.ramp(trodden, (0.3, (0.82, 0.82, 0.82)), (0.7, (1, 1, 1)))
     graph.colour(graph.mix(tone, shade, 1.0, "MULTIPLY"))
     graph.bump(pile, 0.012, 0.8)
@@ -276,30 +276,48 @@ def book(colour: Colour, band: Colour) -> bpy.types.Material:
     return graph.material
 
 
+_PALETTES = (
+    (
+        (0.05, 0.08, 0.03),
+        (0.35, 0.28, 0.07),
+        (0.06, 0.12, 0.1),
+        (0.1, 0.16, 0.24),
+        (0.75, 0.6, 0.42),
+        (0.25, 0.42, 0.62),
+    ),
+    (
+        (0.02, 0.06, 0.1),
+        (0.05, 0.2, 0.26),
+        (0.3, 0.42, 0.42),
+        (0.16, 0.07, 0.06),
+        (0.7, 0.25, 0.08),
+        (0.75, 0.55, 0.3),
+    ),
+)
+"""Paintings' colours from below to above: a summer field, a lake at dusk."""
+
+
 @cache
-def landscape(seed: int) -> bpy.types.Material:
-    """A painting: sky, hills, a field; generated coordinates."""
+def landscape(seed: int, glow: float = 0.0) -> bpy.types.Material:
+    """A painting, or a screen that shows one: sky, hills, a field; generated coordinates."""
     graph = _Graph("painting", roughness=0.6)
     place = graph.place(space="Generated")
     moved = graph.add("ShaderNodeMapping", Vector=place, Location=(seed * 3.7, 0, 0)).outputs[0]
     hills = graph.noise(moved, 2.6, 6)
     height = graph.add("ShaderNodeSeparateXYZ", Vector=place).outputs[2]
-    sum_of = graph.add("ShaderNodeMath", **{})
+    sum_of = graph.tree.nodes.new("ShaderNodeMath")
     sum_of.operation = "MULTIPLY_ADD"
     graph.tree.links.new(hills, sum_of.inputs[0])
     sum_of.inputs[1].default_value = 0.55
     graph.tree.links.new(height, sum_of.inputs[2])
-    picture = graph.ramp(
-        sum_of.outputs[0],
-        (0.2, (0.05, 0.08, 0.03)),
-        (0.48, (0.35, 0.28, 0.07)),
-        (0.62, (0.06, 0.12, 0.1)),
-        (0.74, (0.1, 0.16, 0.24)),
-        (0.78, (0.75, 0.6, 0.42)),
-        (1.2 / 1.3, (0.25, 0.42, 0.62)),
-    )
+    stops = (0.2, 0.48, 0.62, 0.74, 0.78, 0.92)
+    palette = _PALETTES[seed % len(_PALETTES)]
+    picture = graph.ramp(sum_of.outputs[0], *zip(stops, palette, strict=True))
     strokes = graph.ramp(graph.noise(moved, 45, 3), (0.3, (0.7,) * 3), (0.65, (1, 1, 1)))
-    graph.colour(graph.mix(picture, strokes, 1.0, "MULTIPLY"))
+    painted = graph.mix(picture, strokes, 1.0, "MULTIPLY")
+    graph.colour(painted)
+    graph.feed(graph.surface, "Emission Color", painted)
+    graph.surface.inputs["Emission Strength"].default_value = glow
     return graph.material
 
 

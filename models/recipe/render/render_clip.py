@@ -23,7 +23,7 @@ from shapes import CLASSES
 
 SEED = 11
 FRAMES = 8
-SAMPLES = 32
+SAMPLES = 16
 JPEG_QUALITY = 90
 
 
@@ -33,8 +33,8 @@ def clear() -> None:
         bpy.data.batch_remove(list(collection))
 
 
-def write_camera(out: Path, poses: dict[str, list[list[float]]]) -> None:
-    """`camera.json`: intrinsics, frame rate and the pose of each picture."""
+def write_camera(out: Path, poses: dict[str, list[float]]) -> None:
+    """`camera.json`: intrinsics, frame rate, classes; `poses.csv`: a row a picture."""
     camera = Intrinsics()
     described = {
         "width": camera.width,
@@ -45,10 +45,13 @@ def write_camera(out: Path, poses: dict[str, list[list[float]]]) -> None:
         "cy": camera.cy_px,
         "frames_per_second": FRAMES_PER_SECOND,
         "classes": CLASSES,
-        "world_from_camera": poses,
     }
-    lines = json.dumps(described, indent=1)
-    (out / "camera.json").write_text(lines + "\n")
+    (out / "camera.json").write_text(json.dumps(described, indent=2) + "\n")
+    columns = ",".join(
+        f"{name}{axis}" for axis in "xyz" for name in ("right_", "down_", "ahead_", "")
+    )
+    rows = [f"{identity},{','.join(map(str, pose))}" for identity, pose in poses.items()]
+    (out / "poses.csv").write_text("\n".join([f"id,{columns}", *rows]) + "\n")
 
 
 def render_room(name: str, options: argparse.Namespace, poses: dict[str, list]) -> None:
@@ -63,7 +66,7 @@ def render_room(name: str, options: argparse.Namespace, poses: dict[str, list]) 
         identity = f"{name}_{frame:02d}"
         camera.matrix_world = shot.motion.pose(frame)
         pose = camera.matrix_world @ CV_FROM_BLENDER
-        poses[identity] = [[round(value, 6) for value in row] for row in pose[:3]]
+        poses[identity] = [round(value, 6) for row in pose[:3] for value in row]
         if frame in options.frames and not (options.out / f"labels/{identity}.png").exists():
             started = time.monotonic()
             write_picture(options.out, identity, seed=SEED + frame)
