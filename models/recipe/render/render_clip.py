@@ -23,7 +23,6 @@ from shapes import CLASSES
 
 SEED = 11
 FRAMES = 8
-SAMPLES = 16
 JPEG_QUALITY = 90
 
 
@@ -58,7 +57,7 @@ def render_room(name: str, options: argparse.Namespace, poses: dict[str, list]) 
     """Build a room and render the frames that are asked for and not there yet."""
     clear()
     shot = ROOMS[name](Random(f"{SEED} {name}"))
-    samples = options.samples or (6 if options.preview else SAMPLES)
+    samples = options.samples or (6 if options.preview else shot.samples)
     passes.prepare(shot.exposure, samples)
     intrinsics = Intrinsics().scaled(0.5) if options.preview else Intrinsics()
     camera = intrinsics.apply(bpy.context.scene)
@@ -93,7 +92,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--out", type=Path, help="folder of the clip; pictures that exist are kept")
     made.add_argument("--rooms", nargs="+", choices=sorted(ROOMS), default=sorted(ROOMS))
     made.add_argument("--frames", nargs="+", type=int, default=list(range(FRAMES)))
-    made.add_argument("--samples", type=int, help=f"rays a pixel ({SAMPLES})")
+    made.add_argument("--samples", type=int, help="rays a pixel, instead of the room's own")
     made.add_argument("--preview", action="store_true", help="half the size, 6 rays a pixel")
     made.add_argument("--check", action="store_true", help="measure depth and pixels, no pictures")
     return made

@@ -20,10 +20,11 @@ PINE = (0.5, 0.33, 0.17)
 
 @dataclass(frozen=True)
 class Shot:
-    """How a room is photographed: the camera's way and the exposure in stops."""
+    """How a room is photographed: the camera's way, the exposure in stops, rays a pixel."""
 
     motion: Motion
     exposure: float
+    samples: int = 8
 
 
 def living_room(random: Random) -> Shot:
@@ -65,7 +66,7 @@ def living_room(random: Random) -> Shot:
     clutter.cushion(armchair.at(0.03, -0.4, 0.46, turn=6), linen, size=0.4)
     clutter.plant(maker.at(2.98, 4.55), 1.15, 26, pot=0.15)
     motion = Motion((3.45, 0.3, 1.47), (23, -13), velocity=(-0.22, 0.2, 0.03), turn=(-5, 1.5))
-    return Shot(motion, 0.0)
+    return Shot(motion, 0.4, samples=16)  # fine patterns in deep shadow
 
 
 def _cushions(seat: Maker) -> None:
