@@ -8,9 +8,10 @@ use std::path::PathBuf;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
+use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 
-use crate::source::Opening;
+use crate::source::{Opening, PictureSize, RawLayout};
 
 mod eval;
 mod record;
@@ -210,7 +211,7 @@ pub struct RunArgs {
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
-    /// demo, a folder, a glob of pictures, a recording FILE.mcap, or shm:CAMERA [default: demo]
+    /// demo, a folder, a glob of pictures, a recording FILE.mcap, shm:CAMERA, or - for stdin [default: demo]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
     /// Name of the camera in shared memory [default: demo for the demo scene, else camera]
@@ -276,7 +277,7 @@ pub struct InferArgs {
 /// `nunetd feed`
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
-    /// demo, a folder, a glob of pictures, or a recording FILE.mcap
+    /// demo, a folder, a glob of pictures, a recording FILE.mcap, or - for stdin
     pub source: String,
     /// Name of the camera in shared memory
     #[arg(long, value_name = "NAME")]

@@ -4,6 +4,7 @@
 pub mod demo;
 mod files;
 mod frame;
+mod pipe;
 mod rate;
 mod recording;
 mod scene;
@@ -11,6 +12,7 @@ mod shm;
 
 pub(crate) use files::{Numbers, decode, decode_file, decode_numbers};
 pub use frame::{Capture, Frame, Pixels, Reuse};
+pub use pipe::{PictureSize, RawLayout};
 pub use rate::{Pacer, Rate};
 pub(crate) use recording::RecordingSource;
 
@@ -60,6 +62,8 @@ pub enum Kind {
     Demo,
     /// Pictures of a folder, or those that a glob matches.
     Files(String),
+    /// Pictures on stdin.
+    Pipe,
     /// A recording's pictures.
     Recording(PathBuf),
     /// Another process publishes frames in shared memory under this camera's name.
@@ -72,6 +76,7 @@ impl Kind {
         match text.split_once(':') {
             Some(("shm", camera)) => Self::SharedMemory(camera.to_owned()),
             None if text == "demo" => Self::Demo,
+            None if text == "-" => Self::Pipe,
             _ if text.ends_with(".mcap") => Self::Recording(text.into()),
             _ => Self::Files(text.to_owned()),
         }
@@ -90,6 +95,8 @@ pub struct Opening<'a> {
     pub repeat: bool,
     /// The recording's topic, where several carry pictures.
     pub topic: Option<&'a str>,
+    /// What pictures on stdin are; Y4M otherwise.
+    pub layout: Option<RawLayout>,
 }
 
 /// Opens a source.
@@ -100,7 +107,16 @@ pub fn open(kind: &Kind, how: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
     if let (Some(topic), false) = (how.topic, matches!(kind, Kind::Recording(_))) {
         bail!(BadArguments(format!("--topic {topic} is for recordings: no other source has topics")));
     }
+    if how.layout.is_some() && *kind != Kind::Pipe {
+        bail!(BadArguments(
+            "--size and --format are for raw pictures on stdin: every other source says them itself".into()
+        ));
+    }
+    if how.repeat && *kind == Kind::Pipe {
+        bail!(BadArguments("--loop: stdin cannot begin again".into()));
+    }
     Ok(match kind {
+        Kind::Pipe => Box::new(pipe::Pipe::open(std::io::stdin(), how.layout)?),
         Kind::Demo => Box::new(scene::Scene::default()),
         Kind::Files(pattern) => Box::new(files::Files::open(pattern, how.repeat)?),
         Kind::Recording(path) => Box::new(recording::RecordingSource::open(path, how)?),
@@ -117,6 +133,7 @@ mod tests {
         assert_eq!(Kind::parse("demo"), Kind::Demo);
         assert_eq!(Kind::parse("./demo"), Kind::Files("./demo".into()));
         assert_eq!(Kind::parse("shm:front"), Kind::SharedMemory("front".into()));
+        assert_eq!(Kind::parse("-"), Kind::Pipe);
         assert_eq!(Kind::parse("drive.mcap"), Kind::Recording("drive.mcap".into()));
         assert_eq!(Kind::parse("drive/*.jpg"), Kind::Files("drive/*.jpg".into()));
     }

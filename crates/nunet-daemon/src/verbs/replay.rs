@@ -30,7 +30,7 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     refuse_same_file(&arguments.input, &arguments.output)?;
     let camera = camera_name(&arguments.camera)?;
-    let how = Opening { repeat: false, topic: arguments.topic.as_deref() };
+    let how = Opening { topic: arguments.topic.as_deref(), ..Opening::default() };
     let mut source = RecordingSource::open(&arguments.input, how)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
