@@ -7,12 +7,13 @@ use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
-use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::graph::Provider;
 
 mod eval;
+mod lens;
 
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
+pub use lens::{FocalArg, GeometryArgs, LensArgs};
 
 /// The model that runs when none is named.
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
@@ -87,7 +88,7 @@ pub enum Verb {
     Run(Box<RunArgs>),
     /// Depth, labels and cloud of single pictures, as files
     Infer(InferArgs),
-    /// Publish a source's frames in shared memory, as a camera driver would
+    /// Publish a source's frames and its camera in shared memory, as a camera driver would
     Feed(FeedArgs),
     /// Show what a running daemon publishes
     Watch(WatchArgs),
@@ -143,17 +144,6 @@ pub struct EngineArgs {
     pub onnxruntime: Option<PathBuf>,
 }
 
-/// What the camera's lens does to depth.
-#[derive(Debug, Args, Clone)]
-pub struct LensArgs {
-    /// Focal lengths and principal point in pixels: `fx,fy,cx,cy[@WxH]`
-    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
-    pub intrinsics: Option<IntrinsicsSpec>,
-    /// Scale metric depth by this camera's focal length over the training camera's
-    #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
-    pub focal: FocalArg,
-}
-
 /// The camera's geometry.
 #[derive(Debug, Args, Clone)]
 pub struct CameraArgs {
@@ -162,15 +152,6 @@ pub struct CameraArgs {
     /// Every N-th row and column become points of the cloud
     #[arg(long, value_name = "N", default_value = "1")]
     pub cloud_stride: NonZeroU32,
-}
-
-/// Whether depth follows the focal length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FocalArg {
-    /// Where the intrinsics are known.
-    Auto,
-    /// Never.
-    Off,
 }
 
 /// Where frames come from.
@@ -264,9 +245,8 @@ pub struct FeedArgs {
     pub camera: String,
     #[command(flatten)]
     pub pace: SourceArgs,
-    /// Focal lengths and principal point in pixels, sent with each frame: `fx,fy,cx,cy[@WxH]`
-    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
-    pub intrinsics: Option<IntrinsicsSpec>,
+    #[command(flatten)]
+    pub geometry: GeometryArgs,
 }
 
 /// `nunetd watch`
@@ -366,7 +346,7 @@ fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
 impl Default for CameraArgs {
     /// An unknown camera, and a cloud of every pixel.
     fn default() -> Self {
-        Self { lens: LensArgs { intrinsics: None, focal: FocalArg::Auto }, cloud_stride: NonZeroU32::MIN }
+        Self { lens: LensArgs::default(), cloud_stride: NonZeroU32::MIN }
     }
 }
 

@@ -27,6 +27,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let kind = source_kind(arguments.source.as_deref());
     let source = source::open(&kind, arguments.pace.repeat)?;
     refuse_pace_of_live_source(&kind, &arguments.pace)?;
+    let optics = Optics::new(&arguments.optics.lens.geometry)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
 
     let engine = Engine::start(&arguments.engine)?;
@@ -44,7 +45,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     };
     let outlet = Outlet::open(&pipeline, &options)?;
     let collector = arguments.out.map(|folder| Collector::attach(folder, &camera, &outlet)).transpose()?;
-    let worker = Worker::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), outlet);
+    let worker = Worker::new(pipeline, optics, outlet);
     let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
     let (counts, remains) = stream::run(source, worker, pace, stop)?;
 
