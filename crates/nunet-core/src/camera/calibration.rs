@@ -4,6 +4,10 @@ use serde::Deserialize;
 
 use super::{BrownConrady, Camera, CameraError, Distortion, Intrinsics, KannalaBrandt};
 
+const PLUMB_BOB: &str = "plumb_bob";
+const RATIONAL_POLYNOMIAL: &str = "rational_polynomial";
+const EQUIDISTANT: &str = "equidistant";
+
 /// `camera_info` has about a thousand bytes.
 const MAX_BYTES: usize = 64 * 1024;
 
@@ -109,7 +113,7 @@ impl CameraInfo {
         let [fx_px, fy_px, cx_px, cy_px] = pinhole_numbers(&matrix)?;
         let intrinsics = Intrinsics::new(fx_px, fy_px, cx_px, cy_px, width, height)
             .map_err(|source| CalibrationError::Intrinsics { width, height, source })?;
-        Ok(Camera { intrinsics, distortion: distortion(&model, &coefficients)? })
+        Ok(Camera { intrinsics, distortion: Distortion::from_ros(&model, &coefficients)? })
     }
 }
 
@@ -147,23 +151,43 @@ fn pinhole_numbers(matrix: &[f64]) -> Result<[f64; 4], CalibrationError> {
     Ok([fx, fy, cx, cy])
 }
 
-/// A lens by the name that ROS gives it (`sensor_msgs/distortion_models.hpp`).
-fn distortion(model: &str, coefficients: &[f64]) -> Result<Distortion, CalibrationError> {
-    let (name, counts): (&'static str, &'static [usize]) = match model {
-        "plumb_bob" => ("plumb_bob", &[4, 5]),
-        // Eight by ROS's own words; its tools pass OpenCV's longer models under the same name.
-        "rational_polynomial" => ("rational_polynomial", &[8, 12, 14]),
-        "equidistant" => ("equidistant", &[4]),
-        _ => return Err(CalibrationError::UnknownModel { model: model.to_owned() }),
-    };
-    if !counts.contains(&coefficients.len()) {
-        let got = coefficients.len();
-        return Err(CameraError::CoefficientCount { model: name, got, expected: counts }.into());
+impl Distortion {
+    /// A lens by the name that ROS gives its model (`sensor_msgs/distortion_models.hpp`), as in a `CameraInfo`.
+    ///
+    /// # Errors
+    /// A model that is not known, another count of coefficients than it has, coefficients that no lens has.
+    pub fn from_ros(model: &str, coefficients: &[f64]) -> Result<Self, CalibrationError> {
+        let (name, counts): (&'static str, &'static [usize]) = match model {
+            PLUMB_BOB => (PLUMB_BOB, &[4, 5]),
+            // Eight by ROS's own words; its tools pass OpenCV's longer models under the same name.
+            RATIONAL_POLYNOMIAL => (RATIONAL_POLYNOMIAL, &[8, 12, 14]),
+            EQUIDISTANT => (EQUIDISTANT, &[4]),
+            _ => return Err(CalibrationError::UnknownModel { model: model.to_owned() }),
+        };
+        if !counts.contains(&coefficients.len()) {
+            let got = coefficients.len();
+            return Err(CameraError::CoefficientCount { model: name, got, expected: counts }.into());
+        }
+        Ok(match name {
+            EQUIDISTANT => Self::KannalaBrandt(KannalaBrandt::new(coefficients)?),
+            _ => Self::BrownConrady(BrownConrady::new(coefficients)?),
+        })
     }
-    Ok(match name {
-        "equidistant" => Distortion::KannalaBrandt(KannalaBrandt::new(coefficients)?),
-        _ => Distortion::BrownConrady(BrownConrady::new(coefficients)?),
-    })
+
+    /// The name that ROS gives the lens's model, and as many coefficients as ROS's tools expect of it.
+    #[must_use]
+    pub fn to_ros(&self) -> (&'static str, Vec<f64>) {
+        let all = self.coefficients();
+        let used = all.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
+        let (model, count) = match (self, used) {
+            (Self::KannalaBrandt(_), _) => (EQUIDISTANT, 4),
+            (Self::None, _) | (Self::BrownConrady(_), 0..=5) => (PLUMB_BOB, 5),
+            (Self::BrownConrady(_), 6..=8) => (RATIONAL_POLYNOMIAL, 8),
+            (Self::BrownConrady(_), 9..=12) => (RATIONAL_POLYNOMIAL, 12),
+            (Self::BrownConrady(_), _) => (RATIONAL_POLYNOMIAL, all.len()),
+        };
+        (model, all[..count].to_vec())
+    }
 }
 
 /// What is wrong with a calibration.
@@ -336,6 +360,21 @@ projection_matrix:
             Calibration::parse(&rational).unwrap().camera().distortion,
             Distortion::BrownConrady(lens)
         );
+    }
+
+    #[test]
+    fn a_lens_goes_to_ros_and_back() {
+        let long = [0.1, 0.2, 0.001, 0.002, 0.3, 0.4, 0.5, 0.6, 0.01, 0.02, 0.03, 0.04, 0.05, -0.05];
+        for count in [5, 8, 12, 14] {
+            let lens = Distortion::BrownConrady(BrownConrady::new(&long[..count]).unwrap());
+            let (model, coefficients) = lens.to_ros();
+            assert_eq!(model, if count == 5 { "plumb_bob" } else { "rational_polynomial" });
+            assert_eq!(coefficients, long[..count]);
+            assert_eq!(Distortion::from_ros(model, &coefficients), Ok(lens));
+        }
+        let lens = Distortion::KannalaBrandt(KannalaBrandt::new(&[0.1, 0.0, 0.0, 0.0]).unwrap());
+        assert_eq!(lens.to_ros(), ("equidistant", vec![0.1, 0.0, 0.0, 0.0]));
+        assert_eq!(Distortion::None.to_ros(), ("plumb_bob", vec![0.0; 5]));
     }
 
     #[test]
