@@ -4,13 +4,6 @@ use nunet_testkit::models;
 
 use crate::support::{Bench, SIZE, nunetd, run_well};
 
-fn read_depth(bench: &Bench) -> Vec<f32> {
-    let file = std::fs::read(bench.path("out/depth.npy")).unwrap();
-    let depth = npyz::NpyFile::new(&file[..]).unwrap();
-    assert_eq!(depth.shape(), [u64::from(SIZE.1), u64::from(SIZE.0)]);
-    depth.into_vec().unwrap()
-}
-
 #[test]
 fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
     let bench = Bench::new();
@@ -18,7 +11,7 @@ fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
     let (model, photo, out) = (bench.arg("model.onnx"), bench.arg("photo.png"), bench.arg("out"));
     run_well(nunetd(&["-q", "infer", &photo, "--out", &out, "--model", &model, "--focal", "off"]));
     let rgb = image::open(&photo).unwrap().into_rgb8();
-    let depth = read_depth(&bench);
+    let depth = bench.depth("out");
     let labels = image::open(bench.path("out/labels.png")).unwrap().into_luma8();
     let millimetres = image::open(bench.path("out/depth_mm.png")).unwrap().into_luma16();
     for (index, pixel) in rgb.pixels().enumerate() {
@@ -36,7 +29,7 @@ fn a_small_photograph_is_enlarged_to_the_networks_size() {
     photo.save(bench.path("small.png")).unwrap();
     let (model, small, out) = (bench.arg("model.onnx"), bench.arg("small.png"), bench.arg("out"));
     run_well(nunetd(&["-q", "infer", &small, "--out", &out, "--model", &model, "--focal", "off"]));
-    let depth = read_depth(&bench);
+    let depth = bench.depth("out");
     assert_eq!(depth[0], models::connected_depth([10, 0, 0]));
     assert_eq!(depth[SIZE.0 as usize - 1], models::connected_depth([200, 0, 0]));
 }

@@ -8,5 +8,6 @@ mod journey;
 mod lens;
 mod loss;
 mod processes;
+mod recurrent;
 mod support;
 mod truth;

@@ -134,6 +134,14 @@ impl Bench {
         self.path(name).to_str().unwrap().to_owned()
     }
 
+    /// The depth map in a folder of results.
+    pub(crate) fn depth(&self, folder: &str) -> Vec<f32> {
+        let file = std::fs::read(self.path(folder).join("depth.npy")).unwrap();
+        let depth = npyz::NpyFile::new(&file[..]).unwrap();
+        assert_eq!(depth.shape(), [u64::from(SIZE.1), u64::from(SIZE.0)]);
+        depth.into_vec().unwrap()
+    }
+
     pub(crate) fn add_model(&self, name: &str, model: &ModelBuilder) {
         model.write(self.path(name));
     }

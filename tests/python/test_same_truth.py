@@ -1,6 +1,8 @@
 """The same picture gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
-`nunetd infer`, and in shared memory as an independent client reads it."""
+`nunetd infer`, and in shared memory as an independent client reads it. The same sequence does too, where the network
+remembers the pictures before."""
 
+import json
 import os
 import subprocess
 
@@ -12,13 +14,28 @@ from contract import Reader
 from PIL import Image
 
 MIN_M, MAX_M = "nunet.depth.min_m", "nunet.depth.max_m"
+RECURRENT = MODEL.with_name("tiny_wnet_c_lstm.onnx")
+ONE_THREAD = ["--provider", "cpu", "--threads", "1"]
+
+
+def open_session(model):
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    return onnxruntime.InferenceSession(str(model), options, providers=["CPUExecutionProvider"])
+
+
+def measured(session, depth):
+    """Depth as the contract defines it: what lies outside the model's range is no measurement."""
+    range_m = session.get_modelmeta().custom_metadata_map
+    least, most = np.float32(range_m[MIN_M]), np.float32(range_m[MAX_M])
+    valid = (depth >= least) & (depth <= most)
+    assert valid.any(), "a model without any valid depth proves nothing"
+    return np.where(valid, depth, np.float32(np.nan))[0, 0]
 
 
 @pytest.fixture(scope="module")
 def session():
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    return onnxruntime.InferenceSession(str(MODEL), options, providers=["CPUExecutionProvider"])
+    return open_session(MODEL)
 
 
 @pytest.fixture(scope="module")
@@ -33,18 +50,13 @@ def picture(session, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected(session, picture):
-    """Depth and labels as the contract defines them: what lies outside the model's range is no measurement."""
     depth, labels = session.run(["depth", "labels"], {"rgb": picture[1][None]})
-    range_m = session.get_modelmeta().custom_metadata_map
-    least, most = np.float32(range_m[MIN_M]), np.float32(range_m[MAX_M])
-    valid = (depth >= least) & (depth <= most)
-    assert valid.any(), "a model without any valid depth proves nothing"
-    return np.where(valid, depth, np.float32(np.nan))[0, 0], labels[0]
+    return measured(session, depth), labels[0]
 
 
 def test_infer_writes_what_the_python_package_computes(nunetd, picture, expected, tmp_path):
     command = [nunetd, "-q", "infer", str(picture[0]), "--out", str(tmp_path), "--model", str(MODEL)]
-    subprocess.run([*command, "--provider", "cpu", "--threads", "1"], check=True)
+    subprocess.run([*command, *ONE_THREAD], check=True)
     depth = np.load(tmp_path / "depth.npy")
     assert depth.dtype == np.float32
     assert depth.tobytes() == expected[0].tobytes()
@@ -53,8 +65,57 @@ def test_infer_writes_what_the_python_package_computes(nunetd, picture, expected
 
 def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, picture, expected):
     name = f"pytest-truth-{os.getpid()}"
-    source = ["--source", str(picture[0].parent), "--loop", "--rate", "30", "--provider", "cpu", "--threads", "1"]
+    source = ["--source", str(picture[0].parent), "--loop", "--rate", "30", *ONE_THREAD]
     with running([nunetd, "--model", str(MODEL), "--camera", name, *source]):
         header, payload = Reader(contract, name, "depth").next()
     assert header.bytes_copied == 0
     assert bytes(payload) == expected[0].tobytes()
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    """Pictures in a folder, and the depth of each, computed with what the network remembers of those before it."""
+    session = open_session(RECURRENT)
+    memory = json.loads(session.get_modelmeta().custom_metadata_map["nunet.state"])
+    state = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in memory}
+    folder, depths = tmp_path_factory.mktemp("sequence"), []
+    _, height, width, _ = session.get_inputs()[0].shape
+    pictures = np.random.default_rng(8).integers(0, 256, (4, height, width, 3), np.uint8)
+    for index, rgb in enumerate(pictures):
+        Image.fromarray(rgb).save(folder / f"{index}.png")
+        outputs = ["depth", *(tensor["output"] for tensor in memory)]
+        depth, *left = session.run(outputs, {"rgb": rgb[None], **state})
+        state = {tensor["input"]: value for tensor, value in zip(memory, left, strict=True)}
+        depths.append(measured(session, depth))
+    return folder, depths
+
+
+def run_frames(nunetd, folder, out, frames):
+    """The depth of the last of so many frames, as `nunetd run` writes it."""
+    source = ["--source", str(folder), "--loop", "--frames", str(frames), "--camera", f"pytest-sequence-{os.getpid()}"]
+    command = [nunetd, "-q", "--model", str(RECURRENT), *source, "--out", str(out), *ONE_THREAD]
+    subprocess.run(command, check=True)
+    return np.load(out / "depth.npy")
+
+
+def test_a_network_with_a_memory_sees_a_sequence_as_the_python_package_does(nunetd, sequence, tmp_path):
+    folder, depths = sequence
+    for index, depth in enumerate(depths):
+        assert run_frames(nunetd, folder, tmp_path, index + 1).tobytes() == depth.tobytes(), f"frame {index}"
+
+
+def test_a_loop_that_begins_again_begins_without_a_memory(nunetd, sequence, tmp_path):
+    folder, depths = sequence
+    for index in range(2):
+        after_a_round = run_frames(nunetd, folder, tmp_path, len(depths) + index + 1)
+        assert after_a_round.tobytes() == depths[index].tobytes()
+
+
+def test_single_pictures_are_no_sequence(nunetd, sequence, tmp_path):
+    folder, depths = sequence
+    pictures = [str(folder / name) for name in ("1.png", "0.png")]
+    subprocess.run(
+        [nunetd, "-q", "infer", *pictures, "--out", str(tmp_path), "--model", str(RECURRENT), *ONE_THREAD], check=True
+    )
+    assert np.load(tmp_path / "0" / "depth.npy").tobytes() == depths[0].tobytes()
+    assert np.load(tmp_path / "1" / "depth.npy").tobytes() != depths[1].tobytes(), "it remembers nothing of 0"

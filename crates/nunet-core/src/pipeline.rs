@@ -182,7 +182,16 @@ impl Pipeline {
         &self.stage_names
     }
 
-    /// Takes one frame from camera bytes to depth, labels and cloud.
+    /// The next frame does not follow those before it: nothing of them is used again. A network with a memory begins
+    /// with zeros, and every stage runs.
+    ///
+    /// When a stream breaks is for the caller to say; here a frame is a frame.
+    pub fn reset(&mut self) {
+        self.graph.reset();
+    }
+
+    /// Takes one frame from camera bytes to depth, labels and cloud. A network with a memory takes it as the
+    /// successor of the last frame ([`Self::reset`]); a frame that fails in the network is none to it.
     ///
     /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
     ///
@@ -229,7 +238,8 @@ impl Pipeline {
         })
     }
 
-    /// Runs the self-test picture and compares the answer with the one that the model carries. Doubles as warm-up.
+    /// Runs the self-test picture and compares the answer with the one that the model carries. Doubles as warm-up. Nothing
+    /// is remembered before it or after it.
     ///
     /// # Errors
     /// An answer that differs by more than the tolerance, and what ONNX Runtime reports.

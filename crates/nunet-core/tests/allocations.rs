@@ -38,10 +38,10 @@ impl Buffers {
     }
 }
 
-fn pipeline(folder: &std::path::Path) -> Pipeline {
+fn pipeline(model: &std::path::Path) -> Pipeline {
     let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
     let options = GraphOptions { threads: std::num::NonZeroUsize::new(2), ..GraphOptions::default() };
-    let graph = SerialGraph::load(&folder.join("graph.toml"), &runtime, &options).unwrap();
+    let graph = SerialGraph::load(model, &runtime, &options).unwrap();
     let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
     let options =
         PipelineOptions { camera: Some(camera), cloud_stride: NonZeroU32::MIN, ..Default::default() };
@@ -53,6 +53,7 @@ fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFo
     let bytes = format.byte_len(size.0, size.1, format.min_stride(size.0));
     let mut buffers: Vec<Buffers> = (0..4).map(|_| Buffers::new(bytes)).collect();
     let clock = || 0;
+    let labels = pipeline.graph().has_labels();
     let mut frames = |count: usize| {
         for i in 0..count {
             // Pictures and results do not change in step: 4 of each, in 16 pairs.
@@ -61,7 +62,7 @@ fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFo
             let frame = ImageView::packed(&picture, size.0, size.1, format).unwrap();
             let outputs = Outputs {
                 depth_m: &mut memory.depth_m,
-                labels: Some(&mut memory.labels),
+                labels: labels.then_some(&mut memory.labels[..]),
                 cloud: Some(&mut memory.cloud),
             };
             pipeline.process(&frame, outputs, &clock).unwrap();
@@ -87,7 +88,7 @@ fn a_steady_frame_allocates_nothing() {
     };
     for every in [1, 2] {
         std::fs::write(folder.path().join("graph.toml"), manifest(every)).unwrap();
-        let mut pipeline = pipeline(folder.path());
+        let mut pipeline = pipeline(&folder.path().join("graph.toml"));
         for (size, format) in [
             (SIZE, PixelFormat::Rgb8),
             (SIZE, PixelFormat::Bgr8),
@@ -98,6 +99,17 @@ fn a_steady_frame_allocates_nothing() {
             assert_eq!(allocations, 0, "every {every}, {format} of {size:?}");
         }
     }
+}
+
+#[test]
+fn a_memory_is_carried_and_forgotten_without_allocation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("remembering.onnx");
+    models::remembering(SIZE).write(&path);
+    let mut pipeline = pipeline(&path);
+    assert_eq!(steady_allocations(&mut pipeline, SIZE, PixelFormat::Rgb8), 0);
+    assert_eq!(allocations_during(|| pipeline.reset()), 0);
+    assert_eq!(steady_allocations(&mut pipeline, SIZE, PixelFormat::Rgb8), 0);
 }
 
 #[test]

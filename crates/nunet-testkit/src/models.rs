@@ -6,6 +6,8 @@
 //! | [`wnet`], plain | labels = the brightest channel; depth as [`unet`]'s |
 //! | [`wnet`], connected | labels as above; depth = [`unet`]'s + r / 32 |
 //! | [`refine_stage`] | depth = 2 x coarse (+ g / 32 where connected) |
+//! | [`trail_stage`] | trail_out = trail_in / 2 + r / 32, remembered as the next frame's trail_in |
+//! | [`remembering`] | depth = [`unet`]'s + trail_in, with the memory of [`trail_stage`] |
 
 use crate::onnx::{ElementType, ModelBuilder};
 
@@ -109,6 +111,55 @@ pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
     describe(model.output("depth", ElementType::F32, &planes(1, size)), "nunet3_c", true)
 }
 
+/// What [`trail_stage`] and [`remembering`] say of their memory: `trail` `[1, 1, H, W]`, and `count` `[1]`, the frames
+/// since it began.
+#[must_use]
+pub fn trail_state((width, height): Size) -> String {
+    format!(
+        r#"[{{"input": "trail_in", "output": "trail_out", "shape": [1, 1, {height}, {width}]}},
+            {{"input": "count_in", "output": "count_out", "shape": [1]}}]"#
+    )
+}
+
+/// The trail that follows `trail` after a pixel.
+#[must_use]
+pub fn next_trail(trail: f32, [r, _, _]: [u8; 3]) -> f32 {
+    trail / 2.0 + f32::from(r) * CONNECTED_WEIGHT
+}
+
+/// One component with a memory, `rgb` to `depth`.
+#[must_use]
+pub fn remembering(size: Size) -> ModelBuilder {
+    let model = trail(image_planes(size), size)
+        .constant_f32("weights", &[1, 3, 1, 1], &DEPTH_WEIGHTS)
+        .constant_f32("bias", &[1], &[DEPTH_BIAS])
+        .node("Conv", &["planes", "weights", "bias"], &["plain"], &[])
+        .node("Add", &["plain", "trail_in"], &["depth"], &[])
+        .output("depth", ElementType::F32, &planes(1, size));
+    describe(model, "unet_lstm", false)
+}
+
+/// A first stage with a memory, `rgb` to nothing but what it remembers. It is described by `nunet.state` alone.
+#[must_use]
+pub fn trail_stage(size: Size) -> ModelBuilder {
+    trail(image_planes(size), size)
+}
+
+/// Adds an output that cannot be computed, so that the run fails, where the first number of `value` is 4 or more.
+#[must_use]
+pub fn fragile(model: ModelBuilder, value: &str) -> ModelBuilder {
+    model
+        .constant_i64("in_a_row", &[1], &[-1])
+        .constant_i64("from_first", &[1], &[0])
+        .constant_i64("to_second", &[1], &[1])
+        .constant_f32("four", &[4], &[1.0; 4])
+        .node("Reshape", &[value, "in_a_row"], &["row"], &[])
+        .node("Slice", &["row", "from_first", "to_second"], &["first"], &[])
+        .node("Cast", &["first"], &["index"], &[("to", (ElementType::I64 as i64).into())])
+        .node("Gather", &["four", "index"], &["probe"], &[])
+        .output("probe", ElementType::F32, &[1])
+}
+
 /// Adds the metadata that the contract asks for: metric, untrained, 3 classes where it segments.
 #[must_use]
 pub fn describe(model: ModelBuilder, architecture: &str, segments: bool) -> ModelBuilder {
@@ -137,6 +188,22 @@ fn segmentation_labels(model: ModelBuilder, logits: &str, (width, height): Size)
         .node("ArgMax", &[logits], &["class"], &[("axis", 1.into()), ("keepdims", 0.into())])
         .node("Cast", &["class"], &["labels"], &[("to", (ElementType::U8 as i64).into())])
         .output("labels", ElementType::U8, &[1, i64::from(height), i64::from(width)])
+}
+
+fn trail(model: ModelBuilder, size: Size) -> ModelBuilder {
+    model
+        .input("trail_in", ElementType::F32, &planes(1, size))
+        .input("count_in", ElementType::F32, &[1])
+        .constant_f32("red", &[1, 3, 1, 1], &[CONNECTED_WEIGHT, 0.0, 0.0])
+        .constant_f32("half", &[1], &[0.5])
+        .constant_f32("one", &[1], &[1.0])
+        .node("Conv", &["planes", "red"], &["new"], &[])
+        .node("Mul", &["trail_in", "half"], &["faded"], &[])
+        .node("Add", &["faded", "new"], &["trail_out"], &[])
+        .node("Add", &["count_in", "one"], &["count_out"], &[])
+        .output("trail_out", ElementType::F32, &planes(1, size))
+        .output("count_out", ElementType::F32, &[1])
+        .metadata("nunet.state", &trail_state(size))
 }
 
 fn depth_head(model: ModelBuilder, features: &str, size: Size) -> ModelBuilder {

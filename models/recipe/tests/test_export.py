@@ -162,6 +162,10 @@ def test_a_memory_goes_in_and_out_of_its_file():
     outputs = run(path, {"rgb": rgb, **zeros})
     assert outputs[cell["output"]].shape == tuple(cell["shape"])
     assert np.abs(outputs[hidden["output"]]).max() > 0
+    left = {s["input"]: outputs[s["output"]] for s in (hidden, cell)}
+    again = run(path, {"rgb": rgb, **left})
+    difference = np.abs(again["depth"] - outputs["depth"]).max()
+    assert difference > 0.01, "a memory that nobody sees in the answer tests nothing"
 
 
 def test_a_graph_with_a_memory_has_no_stages(tmp_path):

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::graph::wiring::{Wired, WiredStage};
 use crate::graph::{Provider, Signature, StageTimes, TensorSpec};
+use crate::model::StateTensor;
 
 /// How a graph is to be loaded.
 #[derive(Debug, Clone, Default)]
@@ -30,6 +31,8 @@ pub struct StageInfo {
     pub outputs: Vec<TensorSpec>,
     /// It runs each n-th frame.
     pub every: u32,
+    /// What it remembers from one of its runs to the next; empty for most.
+    pub memory: Vec<StateTensor>,
 }
 
 impl StageInfo {
@@ -43,6 +46,7 @@ impl StageInfo {
             inputs: signature.inputs.clone(),
             outputs: plan.tensors[stage.outputs.clone()].iter().map(output).collect(),
             every: stage.every,
+            memory: stage.memory.clone(),
         }
     }
 }

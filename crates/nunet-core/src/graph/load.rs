@@ -11,7 +11,7 @@ use crate::graph::manifest::{MAX_TOML_BYTES, Manifest};
 use crate::graph::onnx::{Model, Runtime};
 use crate::graph::wiring::{Contract, Unwired, Wired};
 use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider};
-use crate::model::{ModelDescription, ModelError, Sidecar};
+use crate::model::{ModelDescription, ModelError, Sidecar, StateTensor};
 use crate::preprocess::TensorFormat;
 
 /// The most bytes of a model file: what a protobuf can be.
@@ -153,10 +153,21 @@ impl<'a> Loader<'a> {
     ) -> Result<Loaded, GraphError> {
         override_every(&mut manifest, options)?;
         let signatures = models.iter().map(|(_, model)| model.signature().clone()).collect();
-        let plan = Unwired { manifest: &manifest, signatures, contract }
+        let memories = models.iter().map(|(file, model)| memory_of(file, model, contract));
+        let memories = memories.collect::<Result<_, _>>()?;
+        let plan = Unwired { manifest: &manifest, signatures, memories, contract }
             .wire()
             .map_err(|source| GraphError::Wiring { path: path.to_owned(), source: Box::new(source) })?;
         Ok(Loaded { plan, models, description, provider: self.provider, float_input: None })
+    }
+}
+
+/// What a stage's file remembers. A sidecar knows no memory: without a description the key means nothing.
+fn memory_of(file: &Path, model: &Model, contract: Contract) -> Result<Vec<StateTensor>, GraphError> {
+    match contract {
+        Contract::Nunet => StateTensor::list(model.metadata())
+            .map_err(|source| GraphError::Description { path: file.to_owned(), source }),
+        Contract::Foreign { .. } => Ok(Vec::new()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! The serial graph: N components in series, from a picture to depth, labels, and what lies between them.
 //!
 //! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (proof that the stages
-//! fit) -> [`serial`] (the run). Only the folder [`onnx`] knows ONNX Runtime.
+//! fit) -> [`state`] (what stages remember) -> [`serial`] (the run). Only the folder [`onnx`] knows ONNX Runtime.
 
 mod error;
 mod io;
@@ -10,6 +10,7 @@ mod manifest;
 mod onnx;
 mod serial;
 mod signature;
+mod state;
 mod times;
 mod wiring;
 

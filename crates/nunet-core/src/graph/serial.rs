@@ -6,7 +6,8 @@ use crate::clock::Clock;
 use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, StageInfo, TensorView};
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
-use crate::graph::wiring::{Source, Wired, WiredStage};
+use crate::graph::state::State;
+use crate::graph::wiring::{Source, Wired, WiredStage, is_due};
 use crate::graph::{GraphError, Provider, Runtime};
 use crate::model::ModelDescription;
 use crate::preprocess::TensorFormat;
@@ -23,6 +24,7 @@ pub struct SerialGraph {
     depth: CallerTensor,
     labels: Option<CallerTensor>,
     own: OwnTensors,
+    state: State,
     /// Runs since the last reset; `every` counts in it.
     runs: u64,
     /// Whether the labels of the last run went into the caller's memory.
@@ -57,7 +59,8 @@ impl SerialGraph {
             image: CallerTensor::new("image", plan.image.clone()),
             depth: CallerTensor::new("depth", spec(plan.depth)),
             labels: plan.labels.map(|index| CallerTensor::new("labels", spec(index))),
-            own: OwnTensors::new(&plan.tensors)?,
+            own: OwnTensors::new(&State::with_buffers(&plan))?,
+            state: State::new(&plan),
             plan,
             runs: 0,
             labels_left: false,
@@ -109,7 +112,7 @@ impl SerialGraph {
     ///
     /// # Errors
     /// Buffers of another length or type than the graph's, and what ONNX Runtime reports. After an error every stage
-    /// is due again.
+    /// is due again, and stages with a memory remember what they did before the run: as if the picture had not come.
     pub fn run(
         &mut self,
         image: GraphInput<'_>,
@@ -119,6 +122,7 @@ impl SerialGraph {
         let run = self.runs;
         self.runs = 0;
         let report = self.run_due_stages(run, image, outputs, clock)?;
+        self.state.keep(run);
         self.runs = run + 1;
         Ok(report)
     }
@@ -146,11 +150,13 @@ impl SerialGraph {
                 (None, _) => None,
             },
             own: self.own.lend(),
+            state: &self.state,
+            run,
         };
         let mut report = GraphReport::default();
         for (stage, session) in self.plan.stages.iter().zip(&mut self.sessions) {
             let start = clock.nanos();
-            if run.is_multiple_of(u64::from(stage.every)) {
+            if is_due(stage.every, run) {
                 homes.run(stage, session)?;
             } else {
                 report.quality = Quality::ReusedLabels;
@@ -171,9 +177,10 @@ impl SerialGraph {
             .is_some_and(|index| self.plan.stages.iter().find(gives(index)).is_some_and(|s| s.every > 1))
     }
 
-    /// Forgets earlier frames: the next run runs every stage.
+    /// Forgets earlier frames: the next run runs every stage, and those with a memory begin with zeros.
     pub fn reset(&mut self) {
         self.runs = 0;
+        self.state.forget(&mut self.own);
     }
 
     /// The labels of the last run, `[H, W]`, where they stayed inside: nobody asked for them, or their stage does not
@@ -195,7 +202,10 @@ impl SerialGraph {
         if left || self.runs == 0 {
             return None;
         }
-        Some(TensorView { spec: &self.plan.tensors[index], bytes: self.own.bytes(index) })
+        Some(TensorView {
+            spec: &self.plan.tensors[index],
+            bytes: self.own.bytes(self.state.place_after_run(index)),
+        })
     }
 }
 
@@ -206,6 +216,8 @@ struct Homes<'run> {
     depth: Lent<'run>,
     labels: Option<Lent<'run>>,
     own: LentTensors<'run>,
+    state: &'run State,
+    run: u64,
 }
 
 impl Homes<'_> {
@@ -213,6 +225,7 @@ impl Homes<'_> {
         let inputs = stage.inputs.iter().map(|&source| match source {
             Source::Image => self.image,
             Source::Tensor(index) => self.of(index),
+            Source::State(index) => self.own.get(self.state.kept(index)),
         });
         session
             .run(inputs, stage.outputs.clone().map(|index| self.of(index)))
@@ -223,7 +236,7 @@ impl Homes<'_> {
         match self.labels {
             Some(labels) if Some(index) == self.plan.labels => labels,
             _ if index == self.plan.depth => self.depth,
-            _ => self.own.get(index),
+            _ => self.own.get(self.state.place_in_run(index, self.run)),
         }
     }
 }

@@ -40,14 +40,6 @@ pub enum ModelError {
         /// What is wrong with it.
         reason: String,
     },
-    /// A key that changes what it takes to run the model, and that this program cannot do.
-    #[error("its metadata has `{key}`: {meaning}, which this program cannot do yet")]
-    Unsupported {
-        /// The key.
-        key: &'static str,
-        /// What a program that knows it does.
-        meaning: &'static str,
-    },
     /// The sidecar is not what a sidecar is.
     #[error("its sidecar `{sidecar}` is wrong: {reason}")]
     Sidecar {

@@ -11,7 +11,7 @@ use crate::depth::{DepthRange, Encoding};
 const VERSION: &str = "1";
 
 /// All keys of the contract, for `nunetd contract --json`.
-pub const METADATA_KEYS: [&str; 15] = [
+pub const METADATA_KEYS: [&str; 16] = [
     "nunet.version",
     "nunet.architecture",
     "nunet.components",
@@ -27,6 +27,7 @@ pub const METADATA_KEYS: [&str; 15] = [
     "nunet.license",
     "nunet.targets",
     "nunet.selftest",
+    "nunet.state",
 ];
 
 impl ModelDescription {
@@ -36,7 +37,8 @@ impl ModelDescription {
         metadata.contains_key("nunet.version")
     }
 
-    /// Reads the metadata of a model file whose hash is `hash`. Keys that the contract does not name are ignored.
+    /// Reads the metadata of a model file whose hash is `hash`, but for `nunet.state`: each file of a staged graph has
+    /// its own ([`super::StateTensor::list`]). Keys that the contract does not name are ignored.
     ///
     /// # Errors
     /// Another version, a key that must be there and is not, and a value that means nothing.
@@ -46,7 +48,6 @@ impl ModelDescription {
         if version != VERSION {
             return Err(ModelError::Version { version: version.to_owned(), expected: VERSION });
         }
-        entries.refuse_state()?;
         let encoding = entries.encoding()?;
         Ok(Self {
             architecture: entries.required("nunet.architecture")?.to_owned(),
@@ -81,15 +82,6 @@ impl Entries<'_> {
     fn json<T: DeserializeOwned>(&self, key: &'static str) -> Result<Option<T>, ModelError> {
         let parse = |text| serde_json::from_str(text).map_err(|error| ModelError::invalid(key, text, error));
         self.optional(key).map(parse).transpose()
-    }
-
-    /// A network with a memory has inputs of its own making: ignoring the key would end in an error about wiring.
-    fn refuse_state(&self) -> Result<(), ModelError> {
-        let meaning = "the network's memory goes from frame to frame";
-        match self.optional("nunet.state") {
-            Some(_) => Err(ModelError::Unsupported { key: "nunet.state", meaning }),
-            None => Ok(()),
-        }
     }
 
     fn number(&self, key: &'static str) -> Result<f32, ModelError> {
@@ -227,12 +219,6 @@ mod tests {
             let message = message(key, value);
             assert!(message.starts_with(&format!("its metadata has `{key}` `{value}`")), "{message}");
         }
-    }
-
-    #[test]
-    fn a_network_with_a_memory_is_refused_for_what_it_is() {
-        let message = message("nunet.state", "[]");
-        assert!(message.starts_with("its metadata has `nunet.state`: the network's memory"), "{message}");
     }
 
     #[test]

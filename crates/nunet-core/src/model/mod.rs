@@ -4,6 +4,7 @@ mod error;
 mod metadata;
 pub mod selftest;
 mod sidecar;
+mod state;
 
 use crate::depth::{DepthRange, Encoding};
 
@@ -11,6 +12,7 @@ pub use error::ModelError;
 pub use metadata::METADATA_KEYS;
 pub use selftest::{SelfTest, SelfTestGrid, SelfTestMismatch, SelfTestReport, Tolerance};
 pub use sidecar::Sidecar;
+pub use state::StateTensor;
 
 /// The range of a network that names none.
 fn unlimited() -> DepthRange {

@@ -6,6 +6,7 @@ mod bad_models;
 mod foreign;
 mod memory;
 mod pipeline;
+mod recurrent;
 mod runtime;
 mod shipped;
 

@@ -26,13 +26,14 @@ pub(super) struct Files {
     paths: Vec<PathBuf>,
     next: usize,
     sequence: u64,
+    stretch: u64,
     repeat: bool,
 }
 
 impl Files {
     /// Lists the pictures; they are decoded one at a time, when their turn comes.
     pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
-        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, repeat })
+        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat })
     }
 }
 
@@ -40,6 +41,7 @@ impl Source for Files {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         if self.next == self.paths.len() && self.repeat {
             self.next = 0;
+            self.stretch += 1;
         }
         let Some(path) = self.paths.get(self.next) else { return Fill::End };
         self.next += 1;
@@ -51,6 +53,7 @@ impl Source for Files {
         let nanos = monotonic_nanos();
         frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
         frame.camera = None;
+        frame.stretch = self.stretch;
         Fill::Frame
     }
 }
@@ -252,6 +255,23 @@ mod tests {
         assert_eq!(colours, [[10, 0, 0], [30, 0, 0]]);
         assert_eq!(errors.len(), 1);
         assert!(errors[0].contains("b.jpg`"), "{errors:?}");
+    }
+
+    #[test]
+    fn each_round_of_a_loop_is_a_stretch_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        picture([1, 0, 0]).save(folder.path().join("a.png")).unwrap();
+        std::fs::write(folder.path().join("b.png"), b"not a picture").unwrap();
+        picture([2, 0, 0]).save(folder.path().join("c.png")).unwrap();
+        let mut source = Files::open(folder.path().to_str().unwrap(), true).unwrap();
+        let mut frame = Frame::default();
+        let mut seen = Vec::new();
+        while seen.len() < 5 {
+            if let Fill::Frame = source.fill(&mut frame) {
+                seen.push((frame.sequence, frame.stretch));
+            }
+        }
+        assert_eq!(seen, [(0, 0), (2, 0), (3, 1), (5, 1), (6, 2)]);
     }
 
     #[test]

@@ -71,6 +71,12 @@ pub struct Frame {
     pub ready_nanos: u64,
     /// The camera that took it, at the picture's size, where the source knows.
     pub camera: Option<Camera>,
+    /// Counts the stretches of a source that begins again: the first frame of a stretch does not follow the last one
+    /// of the stretch before.
+    pub stretch: u64,
+    /// Whether a gap in capture time is a gap in what the camera saw. Not so for pictures from disk that are taken as
+    /// fast as they are processed: their capture time is when they were read.
+    pub in_real_time: bool,
 }
 
 impl Frame {

@@ -1,8 +1,10 @@
 //! The loop: a source's thread, one mailbox, the inference thread; bounded, and every frame accounted for.
 //!
 //! [`pump`](pump::pump) captures on a thread of its own; [`Worker`] turns frames into depth on the caller's thread and
-//! publishes them; readers are other processes. Nothing waits for a reader.
+//! publishes them; readers are other processes. Nothing waits for a reader. [`Continuity`](continuity::Continuity)
+//! says where a stream breaks, for networks that remember.
 
+mod continuity;
 mod mailbox;
 mod optics;
 mod pump;

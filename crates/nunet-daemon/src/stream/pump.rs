@@ -83,6 +83,7 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
 fn hand_over(mut frame: Frame, latest_wins: bool, lane: &Lane) -> bool {
     lane.ledger.captured();
     frame.ready_nanos = MonotonicClock.nanos();
+    frame.in_real_time = latest_wins;
     let put = if latest_wins { lane.mailbox.put_latest(frame) } else { lane.mailbox.put_waiting(frame) };
     if put != Put::Accepted {
         lane.ledger.ended(End::Superseded);
@@ -156,6 +157,19 @@ mod tests {
             }
         });
         (seen, lane.ledger.counts())
+    }
+
+    #[test]
+    fn frames_come_in_real_time_but_for_a_file_source_that_waits() {
+        for (live, rate, expected) in
+            [(true, Rate::Max, true), (false, Rate::Hz(1000.0), true), (false, Rate::Max, false)]
+        {
+            let lane = Lane::default();
+            let mut source = Numbers { count: 1, next: 0, live, bad: |_| false };
+            pump(&mut source, Pace { rate, limit: None }, &lane).unwrap();
+            let Taken::Item(frame) = lane.mailbox.take(Duration::ZERO) else { panic!("one frame waits") };
+            assert_eq!(frame.in_real_time, expected, "{rate:?}, live: {live}");
+        }
     }
 
     #[test]

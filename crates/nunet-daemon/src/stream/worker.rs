@@ -5,8 +5,9 @@ use std::time::Duration;
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use tracing::{error, trace_span};
+use tracing::{debug, error, trace_span};
 
+use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
@@ -21,6 +22,7 @@ const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
 pub(crate) struct Worker {
     pipeline: Pipeline,
     optics: Optics,
+    continuity: Continuity,
     outlet: Outlet,
     totals: Totals,
     latencies: Latencies,
@@ -39,7 +41,8 @@ pub(crate) struct Remains {
 impl Worker {
     pub(crate) fn new(pipeline: Pipeline, optics: Optics, outlet: Outlet) -> Self {
         let latencies = Latencies::new(stage_names(&pipeline));
-        Self { pipeline, optics, outlet, totals: Totals::default(), latencies }
+        let (continuity, totals) = (Continuity::default(), Totals::default());
+        Self { pipeline, optics, continuity, outlet, totals, latencies }
     }
 
     /// Works until the mailbox is closed and empty.
@@ -80,8 +83,13 @@ impl Worker {
     fn try_journey(&mut self, frame: &Frame) -> anyhow::Result<()> {
         let taken_nanos = MonotonicClock.nanos();
         self.optics.follow(frame, &mut self.pipeline)?;
+        if let Some(jump) = self.continuity.jump_to(frame) {
+            debug!("frame {} begins anew: {jump}", frame.sequence);
+            self.pipeline.reset();
+        }
         let mut loans = self.outlet.loan()?;
         let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        self.continuity.took(frame);
         let queue_micros = micros(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.outlet.publish(loans, frame, &report, queue_micros)?;

@@ -97,6 +97,8 @@ impl Subject {
     }
 
     fn predict(&mut self, frame: &Frame, measured: bool) -> anyhow::Result<()> {
+        // Predictions of one picture are no stream: each is of a network that remembers nothing.
+        self.pipeline.reset();
         let start = std::time::Instant::now();
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         if measured {

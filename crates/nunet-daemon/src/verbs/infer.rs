@@ -103,6 +103,8 @@ impl Work {
             .with_context(|| format!("cannot read the picture `{}`", image.display()))?;
         let ready_nanos = MonotonicClock.nanos();
         self.optics.follow(&self.frame, &mut self.pipeline)?;
+        // Single pictures are no stream.
+        self.pipeline.reset();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();
         files::write(folder, &self.results(&report))?;

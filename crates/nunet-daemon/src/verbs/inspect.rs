@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 
 use nunet_core::graph::{SerialGraph, StageInfo, TensorSpec};
-use nunet_core::model::{ModelDescription, SelfTestReport};
+use nunet_core::model::{ModelDescription, SelfTestReport, StateTensor};
 use serde_json::{Value, json};
 
 use crate::Outcome;
@@ -121,6 +121,9 @@ impl About<'_> {
         }
         for stage in self.graph.stages() {
             writeln!(text, "  stage        {}", stage_text(stage))?;
+            if !stage.memory.is_empty() {
+                writeln!(text, "  memory       {}", memory_text(&stage.memory))?;
+            }
         }
         if !about.classes.is_empty() {
             writeln!(text, "  classes      {}", about.classes.join(", "))?;
@@ -149,6 +152,12 @@ fn stage_text(stage: &StageInfo) -> String {
     format!("{}: {} -> {}{every}", stage.name, list(&stage.inputs), list(&stage.outputs))
 }
 
+fn memory_text(memory: &[StateTensor]) -> String {
+    let tensor =
+        |tensor: &StateTensor| format!("{} -> {} float32 {:?}", tensor.output, tensor.input, tensor.shape);
+    format!("{}, from frame to frame", memory.iter().map(tensor).collect::<Vec<_>>().join(", "))
+}
+
 fn stage_json(stage: &StageInfo) -> Value {
     json!({
         "name": stage.name,
@@ -156,6 +165,7 @@ fn stage_json(stage: &StageInfo) -> Value {
         "every": stage.every,
         "inputs": stage.inputs.iter().map(tensor_json).collect::<Vec<_>>(),
         "outputs": stage.outputs.iter().map(tensor_json).collect::<Vec<_>>(),
+        "memory": stage.memory,
     })
 }
 

@@ -14,6 +14,7 @@ from nunet_models.zoo import GraphSpec, SerialGraph
 
 MEAN_DEPTH_M = 2.7  # about the mean of indoor pictures
 SPREAD = 0.35  # standard deviation of log depth, as indoor pictures have it
+MEMORY_SPREAD = 2.0  # of the weights that add what is remembered: it shows in centimetres
 
 
 def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
@@ -29,10 +30,21 @@ def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
     with torch.no_grad():
         for component in graph.components:
             x = graph.joint(image, outputs)
+            _wake_memory(component)
             _settle_batch_norm(component, x)
             _settle_head(component.head, component(x), spec)
             outputs.append(component(x))
     return graph
+
+
+def _wake_memory(component: nn.Module) -> None:
+    """Let the memory be seen in the answer.
+
+    Its addition starts at zero for training's sake: no test could tell a memory that is carried
+    from one that is lost.
+    """
+    if hasattr(component, "memory"):
+        nn.init.normal_(component.memory.widen.weight, std=MEMORY_SPREAD)
 
 
 def _settle_batch_norm(module: nn.Module, x: torch.Tensor) -> None:

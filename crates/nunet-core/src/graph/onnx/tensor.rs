@@ -220,6 +220,13 @@ impl OwnTensors {
         LentTensors(&self.0)
     }
 
+    /// Writes zeros into one tensor.
+    pub(in crate::graph) fn zero(&mut self, index: usize) {
+        let tensor = &self.0[index];
+        // SAFETY: `tensor` owns at least that many bytes, and `self` is borrowed mutably: no token and no view lives.
+        unsafe { std::ptr::write_bytes(tensor.memory.as_ptr().cast::<u8>(), 0, tensor.bytes) };
+    }
+
     /// The bytes of one tensor.
     pub(in crate::graph) fn bytes(&self, index: usize) -> &[u8] {
         let tensor = &self.0[index];

@@ -70,6 +70,26 @@ pub enum WiringError {
         tensor: Box<str>,
         given: Box<str>,
     },
+    /// The memory of a stage has a tensor that the file does not have.
+    #[error(
+        "stage `{stage}` remembers the {side} `{tensor}` (`nunet.state`), but the {side}s of its file are {there}\nhint: export the model again; `nunet.state` names the file's own tensors"
+    )]
+    StateMissing { stage: Box<str>, side: &'static str, tensor: Box<str>, there: Box<str> },
+    /// The memory of a stage has a tensor that is another in the file.
+    #[error(
+        "stage `{stage}` remembers the {side} `{tensor}` (`nunet.state`) of {expected}, but its file has it of {given}\nhint: a memory is float32 of one fixed shape, the same in input, output and `nunet.state`"
+    )]
+    StateKind { stage: Box<str>, side: &'static str, tensor: Box<str>, expected: Box<str>, given: Box<str> },
+    /// An input of a stage's memory is given something else as well.
+    #[error(
+        "stage `{stage}` takes `{tensor}` from its own memory (`nunet.state`), but is given `{source_name}` for it too\nhint: leave `{tensor}` out of the stage's `inputs`, or out of `nunet.state`"
+    )]
+    StateBound { stage: Box<str>, tensor: Box<str>, source_name: Box<str> },
+    /// The depth map is part of a memory.
+    #[error(
+        "output `depth` is `{reference}`, which `nunet.state` keeps for the next frame, but depth leaves with its frame\nhint: give the memory an output of its own"
+    )]
+    StateIsDepth { reference: Box<str> },
     /// A result of the graph is not what the contract says.
     #[error(
         "output `{role}` is `{reference}` of {given}, but for a picture of {width}x{height} it must be {expected}"

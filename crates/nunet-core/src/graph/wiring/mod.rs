@@ -4,6 +4,7 @@
 
 mod error;
 mod picture;
+mod state;
 #[cfg(test)]
 mod tests;
 
@@ -11,6 +12,7 @@ use std::ops::Range;
 
 use crate::graph::manifest::{Manifest, ManifestStage};
 use crate::graph::signature::{ElementType, Signature, TensorSpec, kind};
+use crate::model::StateTensor;
 
 pub use error::WiringError;
 
@@ -25,6 +27,8 @@ pub(crate) struct Unwired<'a> {
     pub(crate) manifest: &'a Manifest,
     /// What each stage's file takes and gives, in the manifest's order.
     pub(crate) signatures: Vec<Signature>,
+    /// What each stage's file says that it remembers, in the same order.
+    pub(crate) memories: Vec<Vec<StateTensor>>,
     /// What the whole graph must take and give.
     pub(crate) contract: Contract,
 }
@@ -60,6 +64,17 @@ pub(crate) struct Wired {
     pub(crate) depth: usize,
     /// Which tensor is the labels.
     pub(crate) labels: Option<usize>,
+    /// What all stages remember, in their order.
+    pub(crate) states: Vec<WiredState>,
+}
+
+/// A tensor that a stage keeps for its next run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct WiredState {
+    /// Which tensor of the plan the stage gives.
+    pub(crate) output: usize,
+    /// The stage runs each n-th frame.
+    pub(crate) every: u32,
 }
 
 /// One stage of the plan.
@@ -72,6 +87,8 @@ pub(crate) struct WiredStage {
     pub(crate) inputs: Vec<Source>,
     /// Which tensors it gives, in the file's order.
     pub(crate) outputs: Range<usize>,
+    /// What it remembers from one of its runs to the next.
+    pub(crate) memory: Vec<StateTensor>,
 }
 
 /// Where an input comes from.
@@ -81,6 +98,13 @@ pub(crate) enum Source {
     Image,
     /// A tensor of an earlier stage.
     Tensor(usize),
+    /// What the stage itself left in its last run: an index into [`Wired::states`].
+    State(usize),
+}
+
+/// Whether a stage that runs each `every`-th frame runs in frame number `run`.
+pub(crate) fn is_due(every: u32, run: u64) -> bool {
+    run.is_multiple_of(u64::from(every))
 }
 
 impl Unwired<'_> {
@@ -97,15 +121,24 @@ impl Unwired<'_> {
             size: (0, 0),
             depth: 0,
             labels: None,
+            states: Vec::new(),
         };
         plan.size = self.size(&plan.image)?;
-        for (stage, signature) in self.manifest.stages.iter().zip(&self.signatures) {
-            let inputs = signature.inputs.iter().map(|input| self.wire_input(stage, input, &plan));
+        let stages = self.manifest.stages.iter().zip(&self.signatures).zip(&self.memories);
+        for ((stage, signature), memory) in stages {
+            let inputs = signature.inputs.iter().map(|input| self.wire_input(stage, input, memory, &plan));
             let inputs = inputs.collect::<Result<_, _>>()?;
             let first = plan.tensors.len();
             plan.tensors.extend(self.outputs_to_fetch(stage, signature));
             let outputs = first..plan.tensors.len();
-            plan.stages.push(WiredStage { name: stage.name.clone(), every: stage.every, inputs, outputs });
+            for tensor in memory {
+                let reference = format!("{}.{}", stage.name, tensor.output);
+                let output =
+                    self.find(&format!("the memory of stage `{}`", stage.name), &reference, &plan)?;
+                plan.states.push(WiredState { output, every: stage.every });
+            }
+            let (name, every, memory) = (stage.name.clone(), stage.every, memory.clone());
+            plan.stages.push(WiredStage { name, every, inputs, outputs, memory });
         }
         let outputs = &self.manifest.outputs;
         plan.depth = self.result("depth", &outputs.depth, ElementType::Float32, &plan)?;
@@ -113,6 +146,7 @@ impl Unwired<'_> {
             plan.labels = Some(self.result("labels", labels, ElementType::Uint8, &plan)?);
         }
         check_depth_each_frame(&plan)?;
+        state::check_depth_leaves(&plan)?;
         Ok(plan)
     }
 
@@ -133,6 +167,7 @@ impl Unwired<'_> {
                     inputs: list(&signature.inputs).into(),
                 });
             }
+            state::check_memory(stage, signature, &self.memories[index])?;
         }
         Ok(())
     }
@@ -141,8 +176,12 @@ impl Unwired<'_> {
         &self,
         stage: &ManifestStage,
         input: &TensorSpec,
+        memory: &[StateTensor],
         plan: &Wired,
     ) -> Result<Source, WiringError> {
+        if let Some(place) = memory.iter().position(|tensor| tensor.input == input.name) {
+            return Ok(Source::State(plan.states.len() + place));
+        }
         let Some(source) = stage.inputs.get(&input.name) else {
             return Err(WiringError::Unbound {
                 stage: stage.name.clone().into(),

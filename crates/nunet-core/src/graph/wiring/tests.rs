@@ -56,7 +56,8 @@ fn depth_stage() -> Signature {
 }
 
 fn wire(manifest: &Manifest, signatures: &[Signature]) -> Result<Wired, WiringError> {
-    Unwired { manifest, signatures: signatures.to_vec(), contract: Contract::Nunet }.wire()
+    let memories = vec![Vec::new(); signatures.len()];
+    Unwired { manifest, signatures: signatures.to_vec(), memories, contract: Contract::Nunet }.wire()
 }
 
 const SEES_IMAGE: Inputs<'static> = &[("rgb", "image")];
@@ -264,14 +265,103 @@ fn a_foreign_network_may_leave_dimensions_open_that_its_sidecar_fixes() {
     for shape in [&[-1, 1, -1, -1][..], &[-1, -1, -1], &[480, 640], &[1, 480, 640, 1]] {
         let one = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, shape)]);
         let manifest = manifest(&[("network", 1, &[("x", "image")])], "network.y", None);
-        let plan = Unwired { manifest: &manifest, signatures: vec![one], contract }.wire().unwrap();
+        let memories = vec![Vec::new()];
+        let plan = Unwired { manifest: &manifest, signatures: vec![one], memories, contract }.wire().unwrap();
         assert_eq!(plan.image.shape, [1, 3, 480, 640]);
         assert_eq!(plan.tensors[0].bytes(), Some(480 * 640 * 4), "{shape:?}");
     }
     let other = tensor("x", ElementType::Float32, &[1, 3, 240, 320]);
     let one = signature(&[other], &[depth()]);
     let manifest = manifest(&[("network", 1, &[("x", "image")])], "network.depth", None);
-    let error =
-        Unwired { manifest: &manifest, signatures: vec![one], contract }.wire().unwrap_err().to_string();
+    let memories = vec![Vec::new()];
+    let error = Unwired { manifest: &manifest, signatures: vec![one], memories, contract }.wire();
+    let error = error.unwrap_err().to_string();
     assert!(error.ends_with("but a picture is float32 [1, 3, 480, 640]"), "{error}");
+}
+
+fn state(input: &str, output: &str, shape: &[i64]) -> StateTensor {
+    StateTensor { input: input.to_owned(), output: output.to_owned(), shape: shape.to_vec() }
+}
+
+const CELL: &[i64] = &[1, 4, 15, 20];
+
+/// One stage whose file has `cell_in` and `cell_out` of these kinds beside picture and depth.
+fn with_memory(
+    cell_in: (ElementType, &[i64]),
+    cell_out: (ElementType, &[i64]),
+    inputs: Inputs<'_>,
+    memory: &[StateTensor],
+) -> Result<Wired, WiringError> {
+    let given = [rgb(), tensor("cell_in", cell_in.0, cell_in.1)];
+    let taken = [depth(), tensor("cell_out", cell_out.0, cell_out.1)];
+    let manifest = manifest(&[("network", 1, inputs)], "network.depth", None);
+    let (signatures, memories) = (vec![signature(&given, &taken)], vec![memory.to_vec()]);
+    Unwired { manifest: &manifest, signatures, memories, contract: Contract::Nunet }.wire()
+}
+
+const F32: ElementType = ElementType::Float32;
+
+#[test]
+fn a_stage_is_given_its_own_memory() {
+    let plan =
+        with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]).unwrap();
+    assert_eq!(plan.stages[0].inputs, [Source::Image, Source::State(0)]);
+    assert_eq!(plan.states, [WiredState { output: 1, every: 1 }]);
+}
+
+#[test]
+fn a_memory_that_the_file_does_not_have_is_named_beside_what_it_has() {
+    for (memory, says) in [
+        (
+            state("cel_in", "cell_out", CELL),
+            "stage `network` remembers the input `cel_in` (`nunet.state`), but the inputs of its file are `rgb`, \
+             `cell_in`\nhint: ",
+        ),
+        (
+            state("cell_in", "cel_out", CELL),
+            "stage `network` remembers the output `cel_out` (`nunet.state`), but the outputs of its file are \
+             `depth`, `cell_out`\nhint: ",
+        ),
+    ] {
+        let error = with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[memory]).unwrap_err().to_string();
+        assert!(error.starts_with(says), "{error}");
+    }
+}
+
+#[test]
+fn a_memory_is_float32_of_one_fixed_shape_on_both_sides() {
+    let open: &[i64] = &[-1, 4, 15, 20];
+    for (cell_in, cell_out, says) in [
+        (
+            (F32, open),
+            (F32, CELL),
+            "the input `cell_in` (`nunet.state`) of float32 [1, 4, 15, 20], but its file has it of float32 [?, 4, 15, 20]",
+        ),
+        (
+            (F32, CELL),
+            (F32, &[1, 4, 20, 15][..]),
+            "the output `cell_out` (`nunet.state`) of float32 [1, 4, 15, 20], but its file has it of float32 [1, 4, 20, 15]",
+        ),
+        ((ElementType::Float16, CELL), (F32, CELL), "but its file has it of float16 [1, 4, 15, 20]\nhint: "),
+    ] {
+        let error = with_memory(cell_in, cell_out, SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains(says), "{error}");
+    }
+}
+
+#[test]
+fn a_memory_is_not_given_anything_else_and_is_not_the_depth() {
+    let both: Inputs<'_> = &[("rgb", "image"), ("cell_in", "image")];
+    let error = with_memory((F32, CELL), (F32, CELL), both, &[state("cell_in", "cell_out", CELL)]);
+    assert!(matches!(error, Err(WiringError::StateBound { .. })), "{error:?}");
+    let shape: &[i64] = &[1, 1, 480, 640];
+    let error = with_memory((F32, shape), (F32, CELL), SEES_IMAGE, &[state("cell_in", "depth", shape)]);
+    assert_eq!(error.unwrap_err(), WiringError::StateIsDepth { reference: "network.depth".into() });
+}
+
+#[test]
+fn an_input_that_no_memory_lists_is_still_given_nothing() {
+    let error = with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[]).unwrap_err().to_string();
+    assert!(error.starts_with("stage `network` is given nothing for its input `cell_in`"), "{error}");
 }

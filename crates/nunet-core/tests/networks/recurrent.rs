@@ -1,0 +1,240 @@
+//! Networks with a memory: carried from frame to frame, forgotten on demand, whole after a failure.
+
+use nunet_core::frame::{ImageView, PixelFormat};
+use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
+use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
+use nunet_testkit::models;
+use nunet_testkit::onnx::{ElementType, ModelBuilder};
+
+use crate::{Folder, SIZE, picture, pixels, refusal, run, ticking};
+
+/// A picture of its own for each number; the first pixel's red is the number too.
+fn numbered(number: u8) -> Vec<u8> {
+    let mut rgb: Vec<u8> = picture(SIZE).iter().map(|value| value.wrapping_mul(number | 1)).collect();
+    rgb[0] = number;
+    rgb
+}
+
+/// The memory of [`models::remembering`], computed by hand.
+struct Trail(Vec<f32>);
+
+impl Trail {
+    fn new() -> Self {
+        Self(vec![0.0; picture(SIZE).len() / 3])
+    }
+
+    fn remember(&mut self, rgb: &[u8]) {
+        for (trail, pixel) in self.0.iter_mut().zip(pixels(rgb)) {
+            *trail = models::next_trail(*trail, pixel);
+        }
+    }
+
+    /// The depth of the next frame.
+    fn depth(&mut self, rgb: &[u8]) -> Vec<f32> {
+        let depth = pixels(rgb).zip(&self.0).map(|(pixel, trail)| models::plain_depth(pixel) + trail);
+        let depth = depth.collect();
+        self.remember(rgb);
+        depth
+    }
+}
+
+fn load(model: &ModelBuilder) -> SerialGraph {
+    Folder::new().model("m.onnx", model).load("m.onnx").unwrap()
+}
+
+fn message(model: &ModelBuilder) -> String {
+    refusal(Folder::new().model("m.onnx", model).load("m.onnx"))
+}
+
+fn floats(graph: &SerialGraph, tensor: &str) -> Vec<f32> {
+    let bytes = graph.tensor(tensor).unwrap().bytes;
+    bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect()
+}
+
+/// A run that must fail in a stage, whose name is returned in the message.
+fn fail(graph: &mut SerialGraph, rgb: &[u8]) -> String {
+    let mut depth = vec![0.0; rgb.len() / 3];
+    let outputs = GraphOutputs { depth: &mut depth, labels: None };
+    graph.run(GraphInput::Rgb(rgb), outputs, &ticking()).unwrap_err().to_string()
+}
+
+#[test]
+fn a_memory_goes_from_frame_to_frame_and_nothing_is_copied() {
+    let mut graph = load(&models::remembering(SIZE));
+    let mut trail = Trail::new();
+    for number in 0..7 {
+        let answer = run(&mut graph, &numbered(number));
+        assert_eq!(answer.depth, trail.depth(&numbered(number)), "frame {number}");
+        assert_eq!(answer.report.bytes_copied, 0);
+        assert_eq!(floats(&graph, "network.trail_out"), trail.0, "what it remembers is a result too");
+        assert_eq!(floats(&graph, "network.count_out"), [f32::from(number) + 1.0]);
+    }
+    assert_eq!(graph.stages()[0].memory.len(), 2);
+}
+
+#[test]
+fn a_reset_forgets_after_an_even_and_an_odd_number_of_frames() {
+    let mut graph = load(&models::remembering(SIZE));
+    for frames in 0..4 {
+        let mut trail = Trail::new();
+        for number in 0..frames {
+            assert_eq!(run(&mut graph, &numbered(number)).depth, trail.depth(&numbered(number)));
+        }
+        graph.reset();
+        assert!(graph.tensor("network.trail_out").is_none(), "there is no last run");
+    }
+}
+
+#[test]
+fn a_run_that_fails_leaves_the_memory_of_the_last_good_one() {
+    // The failing node reads what the network remembers next, so that has been written by then.
+    let mut graph = load(&models::fragile(models::remembering(SIZE), "trail_out"));
+    let mut trail = Trail::new();
+    for number in [32, 64, 48] {
+        assert_eq!(run(&mut graph, &numbered(number)).depth, trail.depth(&numbered(number)));
+        for _ in 0..3 {
+            let message = fail(&mut graph, &numbered(255));
+            assert!(message.starts_with("stage `network` failed: "), "{message}");
+        }
+    }
+}
+
+const TRAIL_AND_DEPTH: &str = r#"
+version = 1
+[[stage]]
+name = "trail"
+model = "trail.onnx"
+inputs = { rgb = "image" }
+[[stage]]
+name = "depth"
+model = "depth.onnx"
+inputs = { coarse = "trail.trail_out" }
+[outputs]
+depth = "depth.depth"
+"#;
+
+/// Depth is twice the trail.
+fn staged(manifest: &str) -> SerialGraph {
+    let second = models::fragile(models::refine_stage(SIZE, false), "coarse");
+    let folder = Folder::new().model("trail.onnx", &models::trail_stage(SIZE)).model("depth.onnx", &second);
+    folder.text("graph.toml", manifest).load("graph.toml").unwrap()
+}
+
+#[test]
+fn a_stage_may_have_a_memory_and_later_stages_see_what_it_has_just_written() {
+    let mut graph = staged(TRAIL_AND_DEPTH);
+    let mut trail = Trail::new();
+    for number in [32, 64, 48] {
+        trail.remember(&numbered(number));
+        let expected: Vec<f32> = trail.0.iter().map(|trail| 2.0 * trail).collect();
+        assert_eq!(run(&mut graph, &numbered(number)).depth, expected);
+        // The first stage has run by then, the second one fails.
+        let message = fail(&mut graph, &numbered(255));
+        assert!(message.starts_with("stage `depth` failed: "), "{message}");
+    }
+}
+
+#[test]
+fn a_stage_that_is_skipped_remembers_its_own_last_run() {
+    let manifest = TRAIL_AND_DEPTH.replacen(
+        "inputs = { rgb = \"image\" }",
+        "inputs = { rgb = \"image\" }\nevery = 2",
+        1,
+    );
+    let mut graph = staged(&manifest);
+    let mut trail = Trail::new();
+    for number in [10, 20, 30, 40, 50] {
+        if number % 20 == 10 {
+            trail.remember(&numbered(number));
+        }
+        let expected: Vec<f32> = trail.0.iter().map(|trail| 2.0 * trail).collect();
+        assert_eq!(run(&mut graph, &numbered(number)).depth, expected, "frame {number}");
+        assert_eq!(floats(&graph, "trail.trail_out"), trail.0);
+    }
+    assert_eq!(floats(&graph, "trail.count_out"), [3.0]);
+}
+
+#[test]
+fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
+    let mut pipeline = Pipeline::new(load(&models::remembering(SIZE)), PipelineOptions::default()).unwrap();
+    let depth_of = |pipeline: &mut Pipeline, number: u8| {
+        let (rgb, mut depth_m) = (numbered(number), vec![0.0; 18]);
+        let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
+        let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
+        pipeline.process(&frame, outputs, &ticking()).unwrap();
+        depth_m
+    };
+    for selftest in [true, false, true] {
+        if selftest {
+            pipeline.selftest(&ticking()).unwrap();
+        } else {
+            pipeline.reset();
+        }
+        let mut trail = Trail::new();
+        for number in 0..3 {
+            assert_eq!(depth_of(&mut pipeline, number), trail.depth(&numbered(number)));
+        }
+    }
+}
+
+#[test]
+fn a_memory_that_the_file_does_not_keep_to_is_refused_naming_both_sides() {
+    for (from, to, says) in [
+        (
+            "[1]",
+            "[2]",
+            "the input `count_in` (`nunet.state`) of float32 [2], but its file has it of float32 [1]",
+        ),
+        (
+            "trail_in",
+            "rgb",
+            "the input `rgb` (`nunet.state`) of float32 [1, 1, 3, 6], but its file has it of uint8",
+        ),
+        ("trail_in", "trial_in", "the inputs of its file are `rgb`, `trail_in`, `count_in`\nhint: "),
+        (
+            "trail_out",
+            "depth",
+            "output `depth` is `network.depth`, which `nunet.state` keeps for the next frame",
+        ),
+        ("count_in", "trail_in", "does not describe itself as it should: its metadata has `nunet.state`"),
+    ] {
+        let state = models::trail_state(SIZE).replace(from, to);
+        let message = message(&models::remembering(SIZE).metadata("nunet.state", &state));
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn a_stages_memory_is_described_in_its_own_file() {
+    let wrong = models::trail_stage(SIZE).metadata("nunet.state", "trail");
+    let folder = Folder::new().model("trail.onnx", &wrong);
+    let folder = folder.model("depth.onnx", &models::refine_stage(SIZE, false));
+    let message = refusal(folder.text("graph.toml", TRAIL_AND_DEPTH).load("graph.toml"));
+    assert!(message.contains("trail.onnx` does not describe itself as it should: "), "{message}");
+}
+
+/// What a memory's file promises and what it computes may differ: an error of the run, and the memory stays whole.
+#[test]
+fn a_memory_that_turns_out_otherwise_than_promised_is_an_error_of_the_run() {
+    let shape: &[i64] = &[1, 1, 3, 6];
+    let model = ModelBuilder::new()
+        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .input("kept_in", ElementType::F32, &[2])
+        .constant_i64("shape", &[4], shape)
+        .constant_f32("one", &[1, 1, 1, 1], &[1.0])
+        .node("Expand", &["one", "shape"], &["depth"], &[])
+        .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
+        .node("NonZero", &["float"], &["where"], &[])
+        .node("Cast", &["where"], &["kept_out"], &[("to", 1.into())])
+        .output("depth", ElementType::F32, shape)
+        .output("kept_out", ElementType::F32, &[2])
+        .metadata("nunet.state", r#"[{"input": "kept_in", "output": "kept_out", "shape": [2]}]"#);
+    let folder = Folder::new().model("liar.onnx", &models::describe(model, "liar", false));
+    match folder.load("liar.onnx") {
+        Err(error) => drop(refusal(Err(error))),
+        Ok(mut graph) => {
+            let message = fail(&mut graph, &picture(SIZE));
+            assert!(message.starts_with("stage `network` failed: "), "{message}");
+        }
+    }
+}

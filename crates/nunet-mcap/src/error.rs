@@ -1,0 +1,101 @@
+//! What can be wrong with a recording.
+
+use std::path::PathBuf;
+
+/// An error of reading or writing a recording.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file cannot be opened, read or written.
+    #[error("cannot {what} the recording `{}`", path.display())]
+    Io {
+        /// open, read, write.
+        what: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file does not begin as MCAP files do.
+    #[error("`{}` is no MCAP file: {reason}", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// What it is instead.
+        reason: &'static str,
+    },
+    /// The file is damaged or cut off; every message before was read.
+    #[error("the recording `{}` is damaged or cut off: every message before was read", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        source: mcap::McapError,
+    },
+    /// No topic carries pictures.
+    #[error(
+        "`{}` has no topic with pictures\nhint: sensor_msgs/msg/Image and CompressedImage in CDR, foxglove.RawImage and \
+         CompressedImage are read; it has {topics}",
+        path.display()
+    )]
+    NoPictures {
+        /// The file.
+        path: PathBuf,
+        /// What there is.
+        topics: String,
+    },
+    /// Several topics carry pictures.
+    #[error("`{}` has pictures on several topics: {topics}\nhint: --topic TOPIC names one", path.display())]
+    SeveralTopics {
+        /// The file.
+        path: PathBuf,
+        /// Their names.
+        topics: String,
+    },
+    /// The topic that was asked for is not there.
+    #[error("`{}` has no topic `{topic}`\nhint: it has {topics}", path.display())]
+    NoSuchTopic {
+        /// The file.
+        path: PathBuf,
+        /// What was asked for.
+        topic: String,
+        /// What there is.
+        topics: String,
+    },
+    /// The topic that was asked for carries something else.
+    #[error("topic `{topic}` of `{}` carries {found}, which is no picture that can be read", path.display())]
+    NotAPicture {
+        /// The file.
+        path: PathBuf,
+        /// What was asked for.
+        topic: String,
+        /// Type and encoding of its messages.
+        found: String,
+    },
+    /// One message makes no sense; the next one may be good.
+    #[error("message {number} on topic `{topic}`: {reason}")]
+    Message {
+        /// The topic.
+        topic: String,
+        /// Which of the topic's messages, from 1.
+        number: u64,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The recording cannot be written further.
+    #[error("cannot write the recording `{}`", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: mcap::McapError,
+    },
+    /// A message is larger than the format can say.
+    #[error("cannot encode a message of topic `{topic}`: {reason}")]
+    Encode {
+        /// The topic.
+        topic: String,
+        /// Why.
+        reason: String,
+    },
+}

@@ -1,0 +1,177 @@
+//! The ROS 2 messages that are read and written, field by field as their `.msg` files have them.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+use serde_bytes::Bytes;
+
+/// `builtin_interfaces/msg/Time`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(crate) struct Time {
+    pub(crate) sec: i32,
+    pub(crate) nanosec: u32,
+}
+
+impl Time {
+    const NANOS_PER_SEC: i64 = 1_000_000_000;
+
+    /// Nanoseconds since 1970.
+    pub(crate) fn unix_nanos(self) -> i64 {
+        i64::from(self.sec) * Self::NANOS_PER_SEC + i64::from(self.nanosec)
+    }
+
+    /// The stamp of a time; ROS 2 cannot say one before 1901 or after 2038.
+    pub(crate) fn from_unix_nanos(nanos: i64) -> Self {
+        let sec = nanos.div_euclid(Self::NANOS_PER_SEC);
+        let nanosec = nanos.rem_euclid(Self::NANOS_PER_SEC) as u32;
+        match i32::try_from(sec) {
+            Ok(sec) => Self { sec, nanosec },
+            Err(_) if sec > 0 => Self { sec: i32::MAX, nanosec },
+            Err(_) => Self { sec: i32::MIN, nanosec },
+        }
+    }
+}
+
+/// `std_msgs/msg/Header`
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Header<'a> {
+    pub(crate) stamp: Time,
+    #[serde(borrow)]
+    pub(crate) frame_id: Cow<'a, str>,
+}
+
+/// `sensor_msgs/msg/Image`
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Image<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    pub(crate) height: u32,
+    pub(crate) width: u32,
+    #[serde(borrow)]
+    pub(crate) encoding: Cow<'a, str>,
+    pub(crate) is_bigendian: u8,
+    pub(crate) step: u32,
+    #[serde(borrow)]
+    pub(crate) data: &'a Bytes,
+}
+
+/// `sensor_msgs/msg/CompressedImage`
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CompressedImage<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    #[serde(borrow)]
+    pub(crate) format: Cow<'a, str>,
+    #[serde(borrow)]
+    pub(crate) data: &'a Bytes,
+}
+
+/// `sensor_msgs/msg/RegionOfInterest`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(crate) struct RegionOfInterest {
+    pub(crate) x_offset: u32,
+    pub(crate) y_offset: u32,
+    pub(crate) height: u32,
+    pub(crate) width: u32,
+    pub(crate) do_rectify: bool,
+}
+
+/// `sensor_msgs/msg/CameraInfo`
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CameraInfo<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    pub(crate) height: u32,
+    pub(crate) width: u32,
+    #[serde(borrow)]
+    pub(crate) distortion_model: Cow<'a, str>,
+    pub(crate) d: Vec<f64>,
+    pub(crate) k: [f64; 9],
+    pub(crate) r: [f64; 9],
+    pub(crate) p: [f64; 12],
+    pub(crate) binning_x: u32,
+    pub(crate) binning_y: u32,
+    pub(crate) roi: RegionOfInterest,
+}
+
+/// `sensor_msgs/msg/PointField`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub(crate) struct PointField {
+    pub(crate) name: &'static str,
+    pub(crate) offset: u32,
+    pub(crate) datatype: u8,
+    pub(crate) count: u32,
+}
+
+impl PointField {
+    pub(crate) const UINT8: u8 = 2;
+    pub(crate) const FLOAT32: u8 = 7;
+}
+
+/// `sensor_msgs/msg/PointCloud2`
+#[derive(Debug, PartialEq, Serialize)]
+pub(crate) struct PointCloud2<'a> {
+    pub(crate) header: Header<'a>,
+    pub(crate) height: u32,
+    pub(crate) width: u32,
+    pub(crate) fields: &'a [PointField],
+    pub(crate) is_bigendian: bool,
+    pub(crate) point_step: u32,
+    pub(crate) row_step: u32,
+    pub(crate) data: &'a Bytes,
+    pub(crate) is_dense: bool,
+}
+
+/// `geometry_msgs/msg/TransformStamped`, its transform written out.
+#[derive(Debug, PartialEq, Serialize)]
+pub(crate) struct TransformStamped<'a> {
+    pub(crate) header: Header<'a>,
+    pub(crate) child_frame_id: Cow<'a, str>,
+    /// Metres.
+    pub(crate) translation: [f64; 3],
+    /// Quaternion x, y, z, w.
+    pub(crate) rotation: [f64; 4],
+}
+
+/// `tf2_msgs/msg/TFMessage`
+#[derive(Debug, PartialEq, Serialize)]
+pub(crate) struct TfMessage<'a> {
+    pub(crate) transforms: Vec<TransformStamped<'a>>,
+}
+
+/// A type's name and its definition with those of everything in it, as MCAP's `ros2msg` wants them.
+pub(crate) struct Schema {
+    pub(crate) name: &'static str,
+    pub(crate) text: &'static str,
+}
+
+macro_rules! schema {
+    ($constant:ident, $name:literal, $file:literal) => {
+        pub(crate) const $constant: Schema =
+            Schema { name: $name, text: include_str!(concat!("schemas/", $file)) };
+    };
+}
+
+schema!(IMAGE, "sensor_msgs/msg/Image", "Image.msg");
+schema!(COMPRESSED_IMAGE, "sensor_msgs/msg/CompressedImage", "CompressedImage.msg");
+schema!(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "CameraInfo.msg");
+schema!(POINT_CLOUD, "sensor_msgs/msg/PointCloud2", "PointCloud2.msg");
+schema!(TF_MESSAGE, "tf2_msgs/msg/TFMessage", "TFMessage.msg");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_go_to_nanoseconds_and_back() {
+        for nanos in [0, 1, 999_999_999, 1_700_000_000_123_456_789, -1, -1_500_000_000] {
+            assert_eq!(Time::from_unix_nanos(nanos).unix_nanos(), nanos);
+        }
+    }
+
+    #[test]
+    fn times_that_ros_cannot_say_are_its_nearest() {
+        assert_eq!(Time::from_unix_nanos(i64::MAX).sec, i32::MAX);
+        assert_eq!(Time::from_unix_nanos(i64::MIN).sec, i32::MIN);
+    }
+}

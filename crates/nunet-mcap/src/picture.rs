@@ -1,0 +1,251 @@
+//! A recorded picture and its camera, whatever message they came in.
+
+use serde_bytes::Bytes;
+
+use crate::messages::{CameraInfo, CompressedImage, Header, Image};
+
+/// How a recorded picture's bytes lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// A JPEG or PNG file.
+    File,
+    /// Three bytes a pixel: red, green, blue.
+    Rgb8,
+    /// Three bytes a pixel: blue, green, red.
+    Bgr8,
+    /// One byte a pixel.
+    Mono8,
+    /// Two pixels in four bytes: Y, U, Y, V.
+    Yuyv,
+    /// A plane of Y, then one of U and V in turn, half as high and wide; both with the same stride.
+    Nv12,
+}
+
+/// A recorded picture. Its memory is used again for the next one.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Picture {
+    /// The file, or rows from the top.
+    pub data: Vec<u8>,
+    /// How the bytes lie; `None` before the first picture.
+    pub encoding: Option<Encoding>,
+    /// Pixels; 0 of a [`Encoding::File`], which says it itself.
+    pub width: u32,
+    /// Pixels; 0 of a [`Encoding::File`].
+    pub height: u32,
+    /// Bytes from row to row; 0 of a [`Encoding::File`].
+    pub row_stride: u32,
+    /// When it was taken as the message says, nanoseconds since 1970; 0 where it does not say.
+    pub stamp_nanos: i64,
+    /// When it was recorded, nanoseconds of the recording's clock.
+    pub log_nanos: u64,
+    /// The coordinate frame of the camera.
+    pub frame_id: String,
+}
+
+/// What a recording says of a camera.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CameraDescription {
+    /// Pixels of the pictures that it is for.
+    pub width: u32,
+    /// Pixels of the pictures that it is for.
+    pub height: u32,
+    /// fx, fy, cx, cy in pixels.
+    pub intrinsics: [f64; 4],
+    /// `plumb_bob`, `rational_polynomial`, `equidistant` ...; empty for none.
+    pub distortion_model: String,
+    /// Its coefficients, in the model's order.
+    pub coefficients: Vec<f64>,
+}
+
+impl CameraDescription {
+    /// Of ROS 2's message; `None` of an uncalibrated camera, which has zeros.
+    pub(crate) fn of_ros(info: &CameraInfo<'_>) -> Option<Self> {
+        let model = info.distortion_model.as_ref();
+        Self::new((info.width, info.height), &info.k, model, info.d.clone())
+    }
+
+    /// From the matrix K, row by row.
+    pub(crate) fn new(size: (u32, u32), k: &[f64], model: &str, coefficients: Vec<f64>) -> Option<Self> {
+        let &[fx, _, cx, _, fy, cy, ..] = k else { return None };
+        (fx != 0.0).then(|| Self {
+            width: size.0,
+            height: size.1,
+            intrinsics: [fx, fy, cx, cy],
+            distortion_model: model.to_owned(),
+            coefficients,
+        })
+    }
+
+    pub(crate) fn ros_message<'a>(&'a self, header: Header<'a>) -> CameraInfo<'a> {
+        let [fx, fy, cx, cy] = self.intrinsics;
+        CameraInfo {
+            header,
+            height: self.height,
+            width: self.width,
+            distortion_model: (if self.distortion_model.is_empty() {
+                "plumb_bob"
+            } else {
+                &self.distortion_model
+            })
+            .into(),
+            // ROS' tools expect five coefficients of `plumb_bob`, also where all are 0.
+            d: if self.coefficients.is_empty() { vec![0.0; 5] } else { self.coefficients.clone() },
+            k: [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+            binning_x: 0,
+            binning_y: 0,
+            roi: crate::messages::RegionOfInterest::default(),
+        }
+    }
+}
+
+/// A raw picture as a message has it.
+pub(crate) struct Raw<'a> {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) step: u32,
+    pub(crate) encoding: &'a str,
+    pub(crate) data: &'a [u8],
+}
+
+impl Picture {
+    pub(crate) fn set_ros_image(&mut self, image: &Image<'_>) -> Result<(), String> {
+        self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
+        let Image { width, height, step, .. } = *image;
+        self.set_raw(&Raw { width, height, step, encoding: &image.encoding, data: image.data })
+    }
+
+    pub(crate) fn set_ros_compressed(&mut self, image: &CompressedImage<'_>) -> Result<(), String> {
+        self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
+        self.set_file(image.data, &image.format)
+    }
+
+    pub(crate) fn set_header(&mut self, stamp_nanos: i64, frame_id: &str) {
+        self.stamp_nanos = stamp_nanos;
+        frame_id.clone_into(&mut self.frame_id);
+    }
+
+    /// A JPEG or PNG: told by its first bytes, since formats are written in many ways ("rgb8; jpeg compressed bgr8").
+    pub(crate) fn set_file(&mut self, data: &[u8], format: &str) -> Result<(), String> {
+        if !data.starts_with(&[0xff, 0xd8, 0xff]) && !data.starts_with(b"\x89PNG\r\n\x1a\n") {
+            return Err(format!("compressed as `{format}`, which is neither JPEG nor PNG"));
+        }
+        self.encoding = Some(Encoding::File);
+        (self.width, self.height, self.row_stride) = (0, 0, 0);
+        data.clone_into(&mut self.data);
+        Ok(())
+    }
+
+    pub(crate) fn set_raw(&mut self, raw: &Raw<'_>) -> Result<(), String> {
+        let (encoding, bytes_per_pixel, change) = layout(raw.encoding)
+            .ok_or_else(|| format!("encoding `{}` cannot be read; expected {KNOWN}", raw.encoding))?;
+        let (width, height, step) = (raw.width, raw.height, raw.step);
+        let rows = if encoding == Encoding::Nv12 { u64::from(height) * 3 / 2 } else { u64::from(height) };
+        let (row, needed) = (u64::from(width) * bytes_per_pixel, u64::from(step) * rows);
+        if width == 0 || height == 0 || u64::from(step) < row || (raw.data.len() as u64) < needed {
+            return Err(format!(
+                "{width}x{height} `{}` with {step} bytes a row needs rows of {row} bytes and {needed} in all, got {}",
+                raw.encoding,
+                raw.data.len()
+            ));
+        }
+        self.encoding = Some(encoding);
+        (self.width, self.height, self.row_stride) = (width, height, step);
+        self.data.clear();
+        let data = raw.data.get(..needed as usize).unwrap_or_default();
+        match change {
+            Change::None => self.data.extend_from_slice(data),
+            Change::SwapPairs => self.data.extend(data.chunks_exact(2).flat_map(|pair| [pair[1], pair[0]])),
+            Change::DropFourth => {
+                for row in data.chunks_exact(step as usize) {
+                    let pixels = row.chunks_exact(4).take(width as usize);
+                    self.data.extend(pixels.flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]));
+                }
+                self.row_stride = 3 * width;
+            }
+        }
+        Ok(())
+    }
+}
+
+const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, yuv422 (uyvy), yuv422_yuy2 (yuyv) or nv12";
+
+enum Change {
+    None,
+    /// U Y V Y to Y U Y V.
+    SwapPairs,
+    /// The alpha channel.
+    DropFourth,
+}
+
+/// Our encoding, the message's bytes a pixel, and what is to be changed, by ROS' and Foxglove's names.
+fn layout(encoding: &str) -> Option<(Encoding, u64, Change)> {
+    Some(match encoding {
+        "rgb8" => (Encoding::Rgb8, 3, Change::None),
+        "bgr8" | "8UC3" => (Encoding::Bgr8, 3, Change::None),
+        "rgba8" => (Encoding::Rgb8, 4, Change::DropFourth),
+        "bgra8" | "8UC4" => (Encoding::Bgr8, 4, Change::DropFourth),
+        "mono8" | "8UC1" => (Encoding::Mono8, 1, Change::None),
+        "yuv422_yuy2" | "yuyv" => (Encoding::Yuyv, 2, Change::None),
+        "yuv422" | "uyvy" => (Encoding::Yuyv, 2, Change::SwapPairs),
+        "nv12" => (Encoding::Nv12, 1, Change::None),
+        _ => return None,
+    })
+}
+
+/// Bytes as serde takes them.
+pub(crate) fn bytes(data: &[u8]) -> &Bytes {
+    Bytes::new(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(encoding: &str, (width, height): (u32, u32), step: u32, data: &[u8]) -> Result<Picture, String> {
+        let mut picture = Picture::default();
+        picture.set_raw(&Raw { width, height, step, encoding, data }).map(|()| picture)
+    }
+
+    #[test]
+    fn alpha_is_dropped_and_rows_are_packed() {
+        let picture = set("bgra8", (1, 2), 5, &[1, 2, 3, 255, 0, 4, 5, 6, 255, 0]).unwrap();
+        assert_eq!((picture.encoding, picture.row_stride), (Some(Encoding::Bgr8), 3));
+        assert_eq!(picture.data, [1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn uyvy_becomes_yuyv() {
+        assert_eq!(set("uyvy", (2, 1), 4, &[10, 20, 30, 40]).unwrap().data, [20, 10, 40, 30]);
+    }
+
+    #[test]
+    fn a_size_that_contradicts_its_data_is_an_error_with_both() {
+        let error = set("rgb8", (4, 2), 12, &[0; 23]).unwrap_err();
+        assert_eq!(error, "4x2 `rgb8` with 12 bytes a row needs rows of 12 bytes and 24 in all, got 23");
+        for (size, step) in [((0, 2), 12), ((5, 2), 12), ((u32::MAX, u32::MAX), u32::MAX)] {
+            set("rgb8", size, step, &[0; 24]).unwrap_err();
+        }
+    }
+
+    #[test]
+    fn an_unknown_encoding_is_named_with_those_that_are_read() {
+        let error = set("bayer_rggb8", (2, 2), 2, &[0; 4]).unwrap_err();
+        assert_eq!(error, format!("encoding `bayer_rggb8` cannot be read; expected {KNOWN}"));
+    }
+
+    #[test]
+    fn compressed_pictures_are_told_by_their_bytes() {
+        let mut picture = Picture::default();
+        picture.set_file(&[0xff, 0xd8, 0xff, 0xe0], "rgb8; jpeg compressed bgr8").unwrap();
+        assert_eq!(picture.encoding, Some(Encoding::File));
+        let error = picture.set_file(b"RIFF....WEBP", "webp").unwrap_err();
+        assert_eq!(error, "compressed as `webp`, which is neither JPEG nor PNG");
+    }
+
+    #[test]
+    fn an_uncalibrated_camera_is_none() {
+        assert_eq!(CameraDescription::new((640, 480), &[0.0; 9], "", Vec::new()), None);
+    }
+}

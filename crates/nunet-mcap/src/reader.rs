@@ -1,0 +1,160 @@
+//! A recording as a sequence of pictures with their camera.
+
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader, Record};
+
+use crate::channels::{Channels, Kind};
+use crate::foxglove_messages::{self, Said};
+use crate::messages::{CameraInfo, CompressedImage, Image};
+use crate::records::Records;
+use crate::{CameraDescription, Picture, RecordingError, cdr};
+
+/// How many messages are looked through for the camera of the first pictures.
+const LOOK_AHEAD: usize = 10_000;
+
+/// A recording that is read from its beginning.
+pub struct Recording {
+    path: PathBuf,
+    topic: String,
+    camera_topic: Option<String>,
+    records: Records,
+    channels: Channels,
+    camera: Option<CameraDescription>,
+    pictures: u64,
+}
+
+/// What came next.
+#[derive(Debug)]
+pub enum Next {
+    /// A picture.
+    Picture,
+    /// A picture that makes no sense; the next one may be good.
+    Bad(RecordingError),
+    /// The recording is over, whole.
+    End,
+    /// The recording is over because it is damaged or was cut off here.
+    Cut(RecordingError),
+}
+
+impl Recording {
+    /// Opens a recording and finds the topic with pictures (`topic`, where there are several) and its camera.
+    ///
+    /// # Errors
+    /// No file, no MCAP, no topic or several topics with pictures.
+    pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
+        let channels = Channels::of_file(path)?;
+        let topic = channels.picture_topic(path, topic)?;
+        let mut recording = Self {
+            path: path.to_owned(),
+            camera_topic: channels.camera_topic(&topic),
+            topic,
+            records: Records::open(path)?,
+            channels: Channels::default(),
+            camera: None,
+            pictures: 0,
+        };
+        recording.find_first_camera()?;
+        Ok(recording)
+    }
+
+    /// The topic whose pictures are read.
+    #[must_use]
+    pub fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    /// The camera as last described; at first as it will be described first.
+    #[must_use]
+    pub fn camera(&self) -> Option<&CameraDescription> {
+        self.camera.as_ref()
+    }
+
+    /// Begins again.
+    ///
+    /// # Errors
+    /// The file is gone.
+    pub fn rewind(&mut self) -> Result<(), RecordingError> {
+        self.records = Records::open(&self.path)?;
+        self.channels = Channels::default();
+        self.pictures = 0;
+        Ok(())
+    }
+
+    /// Reads up to the next picture into `picture`.
+    pub fn next(&mut self, picture: &mut Picture) -> Next {
+        loop {
+            match self.step(picture) {
+                Ok(Some(Step::Picture)) => return Next::Picture,
+                Ok(Some(Step::Bad(error))) => return Next::Bad(error),
+                Ok(Some(Step::Other)) => {}
+                Ok(None) => return Next::End,
+                Err(error) => return Next::Cut(error),
+            }
+        }
+    }
+
+    fn step(&mut self, picture: &mut Picture) -> Result<Option<Step>, RecordingError> {
+        let Self { channels, topic, camera_topic, camera, pictures, .. } = self;
+        self.records.next(|record| {
+            channels.learn(&record);
+            let Record::Message { header, data } = record else { return Step::Other };
+            let Some(channel) = channels.get(header.channel_id) else { return Step::Other };
+            let Some(kind) = channel.kind() else { return Step::Other };
+            let is_picture = channel.topic == *topic && !kind.is_camera();
+            if !is_picture && Some(&channel.topic) != camera_topic.as_ref() {
+                return Step::Other;
+            }
+            *pictures += u64::from(is_picture);
+            match said(kind, &header, &data, picture) {
+                Ok(Said::Picture) => Step::Picture,
+                Ok(Said::Camera(described)) => {
+                    *camera = described;
+                    Step::Other
+                }
+                Err(reason) if is_picture => {
+                    Step::Bad(RecordingError::Message { topic: topic.clone(), number: *pictures, reason })
+                }
+                Err(_) => Step::Other, // a camera that is described badly once is known from before
+            }
+        })
+    }
+
+    /// Pictures may come before their camera is described.
+    fn find_first_camera(&mut self) -> Result<(), RecordingError> {
+        if self.camera_topic.is_some() {
+            let mut picture = Picture::default();
+            for _ in 0..LOOK_AHEAD {
+                if self.camera.is_some() || !matches!(self.step(&mut picture), Ok(Some(_))) {
+                    break;
+                }
+            }
+        }
+        self.rewind()
+    }
+}
+
+enum Step {
+    Picture,
+    Bad(RecordingError),
+    Other,
+}
+
+fn said(kind: Kind, header: &MessageHeader, data: &[u8], picture: &mut Picture) -> Result<Said, String> {
+    picture.log_nanos = header.log_time;
+    match kind {
+        Kind::RosImage => {
+            let image: Image<'_> = cdr::decode(data)?;
+            picture.set_ros_image(&image).map(|()| Said::Picture)
+        }
+        Kind::RosCompressedImage => {
+            let image: CompressedImage<'_> = cdr::decode(data)?;
+            picture.set_ros_compressed(&image).map(|()| Said::Picture)
+        }
+        Kind::RosCameraInfo => {
+            let info: CameraInfo<'_> = cdr::decode(data)?;
+            Ok(Said::Camera(CameraDescription::of_ros(&info)))
+        }
+        Kind::Foxglove(form, kind) => foxglove_messages::read(kind, form, data, picture),
+    }
+}
