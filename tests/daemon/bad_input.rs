@@ -6,7 +6,7 @@ use std::process::Command;
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
-use crate::support::{Bench, SIZE, camera, nunetd, run, text};
+use crate::support::{Bench, SIZE, calibration, camera, nunetd, run, text};
 
 /// Exit code and stderr, with the places of this run replaced.
 fn outcome(bench: &Bench, command: Command) -> String {
@@ -207,6 +207,73 @@ fn intrinsics_that_are_negative() {
 fn intrinsics_that_are_too_few() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--intrinsics", "525,525,320"]));
+}
+
+/// Tries a calibration file of this text.
+fn calibrated(text: &str) -> String {
+    let bench = Bench::new();
+    std::fs::write(bench.path("camera.yaml"), text).unwrap();
+    let file = bench.arg("camera.yaml");
+    arguments(&bench, &["--source", "demo", "--calibration", &file])
+}
+
+#[test]
+fn calibration_missing() {
+    let bench = Bench::new();
+    let file = bench.arg("no_such.yaml");
+    snapshot!(arguments(&bench, &["--source", "demo", "--calibration", &file]));
+}
+
+#[test]
+fn calibration_that_is_empty() {
+    snapshot!(calibrated(""));
+}
+
+#[test]
+fn calibration_that_is_no_yaml() {
+    snapshot!(calibrated("image_width: 640\nimage_height: {480\n"));
+}
+
+#[test]
+fn calibration_without_a_lens() {
+    snapshot!(calibrated(
+        "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
+    ));
+}
+
+#[test]
+fn calibration_with_a_negative_focal_length() {
+    snapshot!(calibrated(&calibration(SIZE, [-500.0, 500.0, 320.0, 240.0], "plumb_bob", &[0.0; 5])));
+}
+
+#[test]
+fn calibration_with_more_coefficients_than_its_model_has() {
+    snapshot!(calibrated(&calibration(SIZE, [500.0, 500.0, 320.0, 240.0], "equidistant", &[0.0; 5])));
+}
+
+#[test]
+fn calibration_that_never_ends() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--calibration", "/dev/zero"]));
+}
+
+#[test]
+fn calibration_beside_intrinsics() {
+    let bench = Bench::new();
+    let both = ["--source", "demo", "--intrinsics", "500,500,320,240", "--calibration", "camera.yaml"];
+    snapshot!(arguments(&bench, &both));
+}
+
+#[test]
+fn calibration_for_pictures_of_another_shape() {
+    let bench = Bench::new();
+    bench.add_picture("photo.png", 0);
+    let text = calibration((1280, 720), [900.0, 900.0, 640.0, 360.0], "plumb_bob", &[0.0; 5]);
+    std::fs::write(bench.path("camera.yaml"), text).unwrap();
+    let (model, photo, out) = (bench.arg("model.onnx"), bench.arg("photo.png"), bench.arg("out"));
+    let file = bench.arg("camera.yaml");
+    let infer = ["-q", "infer", &photo, "--out", &out, "--model", &model, "--calibration", &file];
+    snapshot!(outcome(&bench, nunetd(&infer)));
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod bad_input;
 mod eval;
 mod infer;
 mod journey;
+mod lens;
 mod loss;
 mod processes;
 mod recurrent;

@@ -49,6 +49,21 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// A `camera_info` file of ROS: a camera of `fx, fy, cx, cy` at a size, and its lens.
+pub(crate) fn calibration(
+    (width, height): (u32, u32),
+    [fx, fy, cx, cy]: [f64; 4],
+    model: &str,
+    lens: &[f64],
+) -> String {
+    let cols = lens.len();
+    format!(
+        "image_width: {width}\nimage_height: {height}\ncamera_name: test\ncamera_matrix:\n  rows: 3\n  cols: 3\n  \
+         data: [{fx}, 0, {cx}, 0, {fy}, {cy}, 0, 0, 1]\ndistortion_model: {model}\ndistortion_coefficients:\n  \
+         rows: 1\n  cols: {cols}\n  data: {lens:?}\n"
+    )
+}
+
 /// The root of the checkout.
 pub(crate) fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()

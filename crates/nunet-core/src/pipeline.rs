@@ -64,8 +64,9 @@ pub struct FrameReport {
     pub bytes_copied: u64,
     /// Pixels without a measurement.
     pub invalid_pixels: u32,
-    /// The camera at the network's size; `None` where it was assumed.
-    pub intrinsics: Option<Intrinsics>,
+    /// The camera at the network's size, with its lens: depth lies in the picture as the lens drew it. `None` where the
+    /// camera was assumed.
+    pub camera: Option<Camera>,
 }
 
 /// Horizontal field of view of a camera of which nothing is known, not even by the model: that of a common webcam.
@@ -233,7 +234,7 @@ impl Pipeline {
             scale_source: self.scale.source,
             bytes_copied: picture.bytes_copied + bytes_filled + run.bytes_copied,
             invalid_pixels,
-            intrinsics: self.lens.known,
+            camera: self.lens.known,
         })
     }
 
@@ -277,7 +278,7 @@ fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: &Lens) 
         Focal::Auto => Scale::from_focal_lengths(
             description.encoding,
             training_fx_px,
-            lens.known.map(|intrinsics| intrinsics.fx_px),
+            lens.known.map(|camera| camera.intrinsics.fx_px),
         ),
     }
 }
@@ -285,7 +286,7 @@ fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: &Lens) 
 /// The camera at the network's size.
 struct Lens {
     /// `None` where the rays are those of an assumed camera.
-    known: Option<Intrinsics>,
+    known: Option<Camera>,
     rays: RayTable,
 }
 
@@ -295,9 +296,8 @@ impl Lens {
         description: &ModelDescription,
         (width, height): (u32, u32),
     ) -> Result<Self, CameraError> {
-        let scaled = camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
-        let known = scaled.map(|camera| camera.intrinsics);
-        let camera = match scaled {
+        let known = camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
+        let camera = match known {
             Some(camera) => camera,
             None => assumed_camera(description, width, height)?,
         };

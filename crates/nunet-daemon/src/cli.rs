@@ -7,16 +7,17 @@ use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
-use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 
 use crate::source::{Opening, PictureSize, RawLayout};
 
 mod eval;
+mod lens;
 mod record;
 
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
+pub use lens::{FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
 
 /// The model that runs when none is named.
@@ -92,7 +93,7 @@ pub enum Verb {
     Run(Box<RunArgs>),
     /// Depth, labels and cloud of single pictures, as files
     Infer(InferArgs),
-    /// Publish a source's frames in shared memory, as a camera driver would
+    /// Publish a source's frames and its camera in shared memory, as a camera driver would
     Feed(FeedArgs),
     /// Show what a running daemon publishes
     Watch(WatchArgs),
@@ -150,17 +151,6 @@ pub struct EngineArgs {
     pub onnxruntime: Option<PathBuf>,
 }
 
-/// What the camera's lens does to depth.
-#[derive(Debug, Args, Clone)]
-pub struct LensArgs {
-    /// Focal lengths and principal point in pixels: `fx,fy,cx,cy[@WxH]`
-    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
-    pub intrinsics: Option<IntrinsicsSpec>,
-    /// Scale metric depth by this camera's focal length over the training camera's
-    #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
-    pub focal: FocalArg,
-}
-
 /// The camera's geometry.
 #[derive(Debug, Args, Clone)]
 pub struct CameraArgs {
@@ -169,15 +159,6 @@ pub struct CameraArgs {
     /// Every N-th row and column become points of the cloud
     #[arg(long, value_name = "N", default_value = "1")]
     pub cloud_stride: NonZeroU32,
-}
-
-/// Whether depth follows the focal length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FocalArg {
-    /// Where the intrinsics are known.
-    Auto,
-    /// Never.
-    Off,
 }
 
 /// Where frames come from.
@@ -192,6 +173,12 @@ pub struct SourceArgs {
     /// The recording's topic with pictures, where it has several
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
+    /// Size of raw pictures on stdin
+    #[arg(long, value_name = "WxH", requires = "format")]
+    pub size: Option<PictureSize>,
+    /// Format of raw pictures on stdin: rgb8, bgr8, mono8, yuyv or nv12
+    #[arg(long, value_name = "FORMAT", requires = "size")]
+    pub format: Option<PixelFormat>,
     /// Stop after N frames
     #[arg(long, value_name = "N")]
     pub frames: Option<NonZeroU64>,
@@ -201,7 +188,10 @@ impl SourceArgs {
     /// What the source's opening depends on.
     #[must_use]
     pub fn opening(&self) -> Opening<'_> {
-        Opening { repeat: self.repeat, topic: self.topic.as_deref() }
+        let raw = self.size.zip(self.format);
+        let layout =
+            raw.map(|(PictureSize(width, height), format)| RawLayout { size: (width, height), format });
+        Opening { repeat: self.repeat, topic: self.topic.as_deref(), layout }
     }
 }
 
@@ -284,9 +274,8 @@ pub struct FeedArgs {
     pub camera: String,
     #[command(flatten)]
     pub pace: SourceArgs,
-    /// Focal lengths and principal point in pixels, sent with each frame: `fx,fy,cx,cy[@WxH]`
-    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
-    pub intrinsics: Option<IntrinsicsSpec>,
+    #[command(flatten)]
+    pub geometry: GeometryArgs,
 }
 
 /// `nunetd watch`
@@ -386,7 +375,7 @@ fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
 impl Default for CameraArgs {
     /// An unknown camera, and a cloud of every pixel.
     fn default() -> Self {
-        Self { lens: LensArgs { intrinsics: None, focal: FocalArg::Auto }, cloud_stride: NonZeroU32::MIN }
+        Self { lens: LensArgs::default(), cloud_stride: NonZeroU32::MIN }
     }
 }
 

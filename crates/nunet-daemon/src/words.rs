@@ -1,10 +1,10 @@
 //! The pipeline's words as the contract's.
 
-use nunet_core::camera::Intrinsics;
+use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics, KannalaBrandt};
 use nunet_core::depth;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph;
-use nunet_ipc::{Encoding, FrameHeader, Quality, ScaleSource, Units};
+use nunet_ipc::{DistortionModel, Encoding, FrameHeader, Quality, ScaleSource, Units};
 
 pub(crate) fn units(units: depth::Units) -> Units {
     match units {
@@ -57,6 +57,92 @@ pub(crate) fn bytes_per_cell(encoding: Encoding) -> u32 {
 }
 
 /// The camera of a message, at the message's size.
-pub(crate) fn set_intrinsics(header: &mut FrameHeader, camera: Intrinsics) {
-    (header.fx, header.fy, header.cx, header.cy) = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px);
+pub(crate) fn set_camera(header: &mut FrameHeader, camera: &Camera) {
+    let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = camera.intrinsics;
+    (header.fx, header.fy, header.cx, header.cy) = (fx_px, fy_px, cx_px, cy_px);
+    header.distortion = camera.distortion.coefficients();
+    header.set_distortion_model(match camera.distortion {
+        Distortion::None => DistortionModel::None,
+        Distortion::BrownConrady(_) => DistortionModel::BrownConrady,
+        Distortion::KannalaBrandt(_) => DistortionModel::KannalaBrandt,
+    });
+}
+
+/// The camera that a message tells of; `None` where its sender does not know it.
+///
+/// # Errors
+/// Numbers that no camera has, a lens model without a meaning, coefficients beyond those of the model.
+pub(crate) fn camera(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
+    if !header.has_intrinsics() {
+        return Ok(None);
+    }
+    let FrameHeader { fx, fy, cx, cy, width, height, .. } = *header;
+    let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height)?;
+    Ok(Some(Camera { intrinsics, distortion: distortion(header.distortion_model()?, &header.distortion)? }))
+}
+
+/// What is behind a model's coefficients must be zeros: whoever writes more means another model.
+fn distortion(model: DistortionModel, coefficients: &[f64]) -> Result<Distortion, CameraError> {
+    let used = coefficients.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
+    match model {
+        DistortionModel::None if used > 0 => Err(CameraError::CoefficientCount {
+            model: DistortionModel::None.name(),
+            got: used,
+            expected: &[0],
+        }),
+        DistortionModel::None => Ok(Distortion::None),
+        DistortionModel::BrownConrady => BrownConrady::new(coefficients).map(Distortion::BrownConrady),
+        DistortionModel::KannalaBrandt => {
+            KannalaBrandt::new(&coefficients[..used.max(4)]).map(Distortion::KannalaBrandt)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(distortion: Distortion) -> FrameHeader {
+        let intrinsics = Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480).unwrap();
+        let mut header = FrameHeader { width: 640, height: 480, ..FrameHeader::default() };
+        set_camera(&mut header, &Camera { intrinsics, distortion });
+        header
+    }
+
+    fn brown_conrady() -> Distortion {
+        Distortion::BrownConrady(BrownConrady::new(&[-0.3, 0.1, 0.001, -0.002, 0.01]).unwrap())
+    }
+
+    fn kannala_brandt() -> Distortion {
+        Distortion::KannalaBrandt(KannalaBrandt::new(&[0.01, -0.002, 0.0, 0.0]).unwrap())
+    }
+
+    #[test]
+    fn a_camera_travels_through_a_header_whatever_its_lens() {
+        for distortion in [Distortion::None, brown_conrady(), kannala_brandt()] {
+            let read = camera(&header(distortion)).unwrap().unwrap();
+            assert_eq!((read.distortion, read.intrinsics.fy_px), (distortion, 501.0));
+        }
+        assert_eq!(header(brown_conrady()).distortion[..6], [-0.3, 0.1, 0.001, -0.002, 0.01, 0.0]);
+        assert_eq!(camera(&FrameHeader::default()).unwrap(), None);
+    }
+
+    #[test]
+    fn a_lens_that_means_nothing_is_refused() {
+        let message = |header: FrameHeader| camera(&header).unwrap_err().to_string();
+        let unknown = FrameHeader { distortion_model: 9, ..header(Distortion::None) };
+        assert_eq!(message(unknown), "field `distortion_model` holds `9`, but contract 1 knows only 0 to 2");
+
+        let mut long = header(kannala_brandt());
+        long.distortion[4] = 0.1;
+        assert!(
+            message(long).starts_with("lens model `kannala_brandt` has `4` coefficients, not `5`\nhint: ")
+        );
+        let mut none = header(Distortion::None);
+        none.distortion[13] = f64::NAN;
+        assert!(message(none).starts_with("lens model `none` has `0` coefficients, not `14`\nhint: "));
+        let mut bad = header(brown_conrady());
+        bad.distortion[0] = f64::INFINITY;
+        assert!(message(bad).starts_with("lens coefficient `k1` is `inf`; "));
+    }
 }

@@ -244,7 +244,7 @@ pub enum CameraError {
     /// No lens has this number at this size.
     #[error(
         "intrinsic `{name}` of `{value}` pixels does not fit a picture `{side}` pixels long\nhint: intrinsics are \
-         pixels, not millimetres; say the size they were calibrated at with `fx,fy,cx,cy@WxH`"
+         pixels, not millimetres, at the size that they were calibrated at (`fx,fy,cx,cy@WxH`)"
     )]
     OutOfRange {
         /// Which number.
@@ -254,6 +254,48 @@ pub enum CameraError {
         /// The picture's side along it, pixels.
         side: u32,
     },
+    /// A lens with another count of coefficients than its model has.
+    #[error(
+        "lens model `{model}` has {} coefficients, not `{got}`\nhint: give all of them, those that are not used as 0",
+        alternatives(expected)
+    )]
+    CoefficientCount {
+        /// The lens model.
+        model: &'static str,
+        /// How many there are.
+        got: usize,
+        /// The counts that the model takes.
+        expected: &'static [usize],
+    },
+    /// No lens has this coefficient.
+    #[error(
+        "lens coefficient `{name}` is `{value}`; it must be a number between -{limit} and {limit}\nhint: calibrate \
+         again: it did not converge"
+    )]
+    Coefficient {
+        /// Which coefficient.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The largest that is taken, of either sign.
+        limit: f64,
+    },
+    /// A calibration for pictures of another shape.
+    #[error(
+        "a calibration for pictures of `{calibrated_width}x{calibrated_height}` does not fit pictures of \
+         `{width}x{height}`: the sides' ratio differs\nhint: pictures may be resized, not cropped or stretched; \
+         calibrate at `{width}x{height}`"
+    )]
+    Aspect {
+        /// The calibration's pixels from left to right.
+        calibrated_width: u32,
+        /// The calibration's pixels from top to bottom.
+        calibrated_height: u32,
+        /// The picture's pixels from left to right.
+        width: u32,
+        /// The picture's pixels from top to bottom.
+        height: u32,
+    },
     /// A side of 0 pixels.
     #[error("a camera with a picture of `{width}x{height}` pixels")]
     Size {
@@ -262,6 +304,15 @@ pub enum CameraError {
         /// Pixels from top to bottom.
         height: u32,
     },
+}
+
+/// `4, 5 or 8`.
+fn alternatives(counts: &[usize]) -> String {
+    let words: Vec<String> = counts.iter().map(|count| format!("`{count}`")).collect();
+    match words.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+        _ => words.concat(),
+    }
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 //! Where each pixel looks: the table that turns depth into points.
 
-use nalgebra::{Matrix3, Point2, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::{Camera, Distortion, Intrinsics};
+use super::{Camera, Intrinsics};
 
 /// For each pixel the direction it sees, as the point of its ray at depth 1: `[x / z, y / z]`.
 ///
 /// `[height][width]`, camera's optical frame (x right, y down, z forward). A pixel that sees no point in front of the
-/// camera has NaN. A lens with distortion fills the same table, so that nothing after it knows of lenses.
+/// camera has NaN: one of a fisheye at 90 degrees and more, or one in a corner where the lens model throws nothing. A lens
+/// with distortion fills the same table, so that nothing after it knows of lenses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RayTable {
     width: u32,
@@ -23,7 +24,7 @@ impl RayTable {
         let lens_from_pixel = lens_from_pixel(&camera.intrinsics);
         let ray = |(column, row): (u32, u32)| -> [f32; 2] {
             let seen = lens_from_pixel * Vector3::new(f64::from(column), f64::from(row), 1.0);
-            match undistorted(camera.distortion, seen.xy().into()) {
+            match camera.distortion.ray(seen.xy().into()) {
                 Some(ray) => [ray.x as f32, ray.y as f32],
                 None => [f32::NAN; 2],
             }
@@ -61,15 +62,6 @@ fn lens_from_pixel(intrinsics: &Intrinsics) -> Matrix3<f64> {
         0.0,   0.0,   1.0,
     );
     pixel_from_lens.try_inverse().expect("intrinsics have positive focal lengths")
-}
-
-/// Where a straight ray would have met the plane at depth 1, for a point the lens threw on `seen`.
-///
-/// None where the lens sees no point in front of the camera. The place for further lenses: an arm each.
-fn undistorted(distortion: Distortion, seen: Point2<f64>) -> Option<Point2<f64>> {
-    match distortion {
-        Distortion::None => Some(seen),
-    }
 }
 
 #[cfg(test)]

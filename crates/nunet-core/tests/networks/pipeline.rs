@@ -75,7 +75,7 @@ fn metres_follow_the_focal_length_at_the_networks_size() {
         depth_of(&mut pipeline(&models::unet(SIZE), with_camera(2.0 * training_fx_px)), &rgb);
     assert_eq!(report.scale_source, ScaleSource::FocalScaled);
     assert_eq!(scaled, own.iter().map(|z| 2.0 * z).collect::<Vec<_>>());
-    assert_eq!(report.intrinsics, Some(camera(2.0 * training_fx_px).intrinsics));
+    assert_eq!(report.camera, Some(camera(2.0 * training_fx_px)));
 
     let (assumed, report) = depth_of(&mut pipeline(&models::unet(SIZE), PipelineOptions::default()), &rgb);
     assert_eq!((assumed, report.scale_source), (own.clone(), ScaleSource::AssumedCamera));
@@ -128,7 +128,7 @@ fn cloud_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<CloudPoint>, FrameRepor
 fn without_a_camera_points_are_the_training_cameras_and_marked_so() {
     let mut pipeline = pipeline(&models::unet(SIZE), PipelineOptions::default());
     let (cloud, report) = cloud_of(&mut pipeline, &picture(SIZE));
-    assert_eq!((report.scale_source, report.intrinsics), (ScaleSource::AssumedCamera, None));
+    assert_eq!((report.scale_source, report.camera), (ScaleSource::AssumedCamera, None));
     // The training camera stretched to this size, looking through the middle.
     let fx_px = (525.0 * 6.0 / 640.0) as f32;
     assert!((cloud[0].x - (0.0 - 2.5) / fx_px * cloud[0].z).abs() < 1e-5);
@@ -140,10 +140,7 @@ fn a_camera_may_be_set_later_and_taken_away_again() {
     let (assumed, _) = cloud_of(&mut pipeline, &picture(SIZE));
     pipeline.set_camera(Some(camera(9.0))).unwrap();
     let (known, report) = cloud_of(&mut pipeline, &picture(SIZE));
-    assert_eq!(
-        (report.scale_source, report.intrinsics),
-        (ScaleSource::FocalScaled, Some(camera(9.0).intrinsics))
-    );
+    assert_eq!((report.scale_source, report.camera), (ScaleSource::FocalScaled, Some(camera(9.0))));
     assert_ne!(known, assumed);
     pipeline.set_camera(None).unwrap();
     assert_eq!(cloud_of(&mut pipeline, &picture(SIZE)).0, assumed);

@@ -31,7 +31,7 @@ pub struct EvalArgs {
     pub window: Option<Window>,
     #[command(flatten)]
     pub lens: LensArgs,
-    /// Write eval.json, pictures.csv and contact_sheet.png into this folder
+    /// Write `eval.json`, `pictures.csv` and `contact_sheet.png` into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The figures as JSON

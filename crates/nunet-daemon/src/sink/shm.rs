@@ -1,7 +1,7 @@
 //! Depth, labels, cloud and figures into shared memory, where the pipeline writes them itself.
 
 use anyhow::Context as _;
-use nunet_core::camera::Intrinsics;
+use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
 use nunet_ipc::{
@@ -122,14 +122,14 @@ impl Outlet {
         self.describe(frame, report, queue_micros);
         let Loans { depth, labels, cloud } = loans;
         if let Some(loan) = labels {
-            let header = self.shaped(Encoding::LabelsU8, self.size, report.intrinsics);
+            let header = self.shaped(Encoding::LabelsU8, self.size, report.camera);
             send(loan, FrameHeader { units: Units::None.into(), ..header })?;
         }
         if let Some(loan) = cloud {
-            let camera = report.intrinsics.map(|camera| camera.decimated(self.cloud_stride));
+            let camera = report.camera.map(|camera| camera.decimated(self.cloud_stride));
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
         }
-        send(depth, self.shaped(Encoding::DepthF32, self.size, report.intrinsics))?;
+        send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
         foreign_allocations(|| self.publisher.notify(Wake::Depth))?;
         Ok(())
     }
@@ -186,18 +186,13 @@ impl Outlet {
     }
 
     /// What one topic of a frame says.
-    fn shaped(
-        &self,
-        encoding: Encoding,
-        (width, height): (u32, u32),
-        camera: Option<Intrinsics>,
-    ) -> FrameHeader {
+    fn shaped(&self, encoding: Encoding, (width, height): (u32, u32), camera: Option<Camera>) -> FrameHeader {
         let mut header = self.header;
         header.set_encoding(encoding);
         (header.width, header.height) = (width, height);
         header.row_stride_bytes = width * words::bytes_per_cell(encoding);
         if let Some(camera) = camera {
-            words::set_intrinsics(&mut header, camera);
+            words::set_camera(&mut header, &camera);
         }
         header
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nunet_core::camera::{Camera, CameraError, Intrinsics};
+use nunet_core::camera::{CalibrationError, Camera, Distortion, Intrinsics};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Clock;
 use nunet_mcap::{CameraDescription, Encoding, Next, Picture, Recording, RecordingError};
@@ -142,8 +142,14 @@ fn pixel_format(encoding: Option<Encoding>) -> Option<PixelFormat> {
     }
 }
 
-fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<Camera, CameraError> {
+fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<Camera, CalibrationError> {
     let [fx, fy, cx, cy] = described.intrinsics;
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, described.width, described.height)?;
-    Camera::pinhole(intrinsics).scaled_to(width, height)
+    let straight = described.coefficients.iter().all(|&coefficient| coefficient == 0.0);
+    let distortion = if straight {
+        Distortion::None
+    } else {
+        Distortion::from_ros(&described.distortion_model, &described.coefficients)?
+    };
+    Ok(Camera { intrinsics, distortion }.scaled_to(width, height)?)
 }

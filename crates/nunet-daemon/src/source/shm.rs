@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use nunet_core::camera::{Camera, CameraError, Intrinsics};
+use nunet_core::camera::Camera;
 use nunet_ipc::{CameraName, Clock, FrameHeader, IpcError, Reader, Topic};
 use tracing::{info, warn};
 
@@ -91,18 +91,15 @@ impl SharedMemory {
         Fill::Frame
     }
 
-    /// Intrinsics that make no sense are told once and not used.
+    /// A camera or a lens that makes no sense is told once and not used.
     fn camera_of(&mut self, header: &FrameHeader) -> Option<Camera> {
-        match camera_of(header)? {
-            Ok(camera) => Some(camera),
-            Err(error) => {
-                if !self.bad_camera {
-                    warn!("camera `{}` sends intrinsics that are not used: {error}", self.camera);
-                }
-                self.bad_camera = true;
-                None
+        words::camera(header).unwrap_or_else(|error| {
+            if !self.bad_camera {
+                warn!("camera `{}` sends intrinsics that are not used: {error:#}", self.camera);
             }
-        }
+            self.bad_camera = true;
+            None
+        })
     }
 }
 
@@ -127,9 +124,4 @@ fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Frame>, IpcError>
     }
     reader.wait(PATIENCE)?;
     reader.latest(Topic::Rgb)
-}
-
-fn camera_of(header: &FrameHeader) -> Option<Result<Camera, CameraError>> {
-    let FrameHeader { fx, fy, cx, cy, width, height, .. } = *header;
-    header.has_intrinsics().then(|| Intrinsics::new(fx, fy, cx, cy, width, height).map(Camera::pinhole))
 }

@@ -1,18 +1,41 @@
 //! Which camera a frame was taken with: what the user said, else what the source knows.
 
-use nunet_core::camera::{Camera, CameraError, IntrinsicsSpec};
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+use anyhow::Context as _;
+use nunet_core::camera::{Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
 use nunet_core::pipeline::Pipeline;
 use tracing::warn;
 
+use crate::cli::GeometryArgs;
+use crate::exit::BadArguments;
 use crate::source::Frame;
 
 /// The camera of a stream's frames, followed from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Optics {
-    named: Option<IntrinsicsSpec>,
+    named: Option<Named>,
     told: Option<Key>,
     warned: bool,
+}
+
+/// What the user said of the camera.
+#[derive(Debug)]
+enum Named {
+    Intrinsics(IntrinsicsSpec),
+    Calibration(Calibration),
+}
+
+impl Named {
+    fn at_size(&self, (width, height): (u32, u32)) -> Result<Camera, CameraError> {
+        match self {
+            Self::Intrinsics(spec) => spec.at_size(width, height).map(Camera::pinhole),
+            Self::Calibration(calibration) => calibration.at_size(width, height),
+        }
+    }
 }
 
 /// What the camera depends on.
@@ -23,19 +46,25 @@ struct Key {
 }
 
 impl Optics {
-    /// Intrinsics that the user named come before those of the source.
-    pub(crate) fn new(named: Option<IntrinsicsSpec>) -> Self {
-        Self { named, told: None, warned: false }
+    /// A camera that the user named comes before that of the source.
+    ///
+    /// # Errors
+    /// A calibration file that cannot be read or is none.
+    pub(crate) fn new(geometry: &GeometryArgs) -> anyhow::Result<Self> {
+        let named = match (&geometry.calibration, geometry.intrinsics) {
+            (Some(path), _) => Some(Named::Calibration(read_calibration(path)?)),
+            (None, intrinsics) => intrinsics.map(Named::Intrinsics),
+        };
+        Ok(Self { named, told: None, warned: false })
     }
 
     /// The camera that took `frame`, at the frame's size; `None` when nobody knows it.
     ///
     /// # Errors
-    /// The named intrinsics do not fit the frame's size.
+    /// The named camera does not fit the frame's size.
     pub(crate) fn camera_of(&self, frame: &Frame) -> Result<Option<Camera>, CameraError> {
-        let (width, height) = frame.size;
-        let named = self.named.as_ref().map(|spec| spec.at_size(width, height)).transpose()?;
-        Ok(named.map(Camera::pinhole).or(frame.camera))
+        let named = self.named.as_ref().map(|named| named.at_size(frame.size)).transpose()?;
+        Ok(named.or(frame.camera))
     }
 
     /// Tells the pipeline of a camera that is another than the last frame's, and the user, once, of a guess.
@@ -52,9 +81,28 @@ impl Optics {
         if pipeline.scale().source == ScaleSource::AssumedCamera && !self.warned {
             self.warned = true;
             warn!(
-                "no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy"
+                "no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy or \
+                 --calibration FILE.yaml"
             );
         }
         Ok(())
     }
+}
+
+fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
+    let path_shown = path.display();
+    let text = read_start(path).with_context(|| {
+        BadArguments(format!(
+            "cannot read the calibration `{path_shown}`\nhint: it should be a `camera_info` file of ROS, in YAML"
+        ))
+    })?;
+    Calibration::parse(&text)
+        .with_context(|| BadArguments(format!("cannot use the calibration `{path_shown}`")))
+}
+
+/// No more than tells that a file is too long, whatever it is. What is not UTF-8 is for the parser to refuse.
+fn read_start(path: &Path) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(Calibration::MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

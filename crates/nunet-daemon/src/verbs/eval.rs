@@ -34,20 +34,21 @@ use sheet::{Row, Sheet, chosen};
 
 /// Measures every picture; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
+    let optics = Optics::new(&arguments.lens.geometry)?;
     if let Some(out) = &arguments.out {
         make_folder(out)?;
     }
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let optics = CameraArgs { lens: arguments.lens.clone(), ..CameraArgs::default() };
-    let pipeline = tested_pipeline(loaded, &optics)?;
+    let camera = CameraArgs { lens: arguments.lens.clone(), ..CameraArgs::default() };
+    let pipeline = tested_pipeline(loaded, &camera)?;
     let dataset = Dataset::open(arguments, &pipeline.graph().description().classes)?;
     if pipeline.graph().has_labels() && !dataset.has_labels() {
         warn!("no true labels of this network's classes: only depth is measured");
     }
     let baseline = baseline(arguments, &dataset)?;
-    let mut work = Work::new(arguments, pipeline, baseline);
+    let mut work = Work::new(arguments, pipeline, optics, baseline);
     let skipped = work.measure_all(&dataset)?;
     let report = work.report(arguments, &dataset, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
@@ -108,7 +109,7 @@ struct Prediction {
 }
 
 impl Work {
-    fn new(arguments: &EvalArgs, pipeline: Pipeline, baseline: Option<Baseline>) -> Self {
+    fn new(arguments: &EvalArgs, pipeline: Pipeline, optics: Optics, baseline: Option<Baseline>) -> Self {
         let (width, height) = pipeline.size();
         let pixels = width as usize * height as usize;
         let description = pipeline.graph().description();
@@ -118,7 +119,7 @@ impl Work {
             Encoding::Metric | Encoding::Inverse | Encoding::Log => Kind::Metric,
         };
         Self {
-            optics: Optics::new(arguments.lens.intrinsics),
+            optics,
             frame: Frame::default(),
             depth: vec![0.0; pixels],
             labels: if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() },

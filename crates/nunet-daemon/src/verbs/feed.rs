@@ -4,7 +4,7 @@ use std::num::NonZeroU64;
 use std::time::Instant;
 
 use anyhow::bail;
-use nunet_core::camera::{Camera, IntrinsicsSpec};
+use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos};
 use tracing::{info, warn};
@@ -25,8 +25,9 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
             "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
         ));
     }
+    let optics = Optics::new(&arguments.geometry)?;
     let mut source = source::open(&kind, arguments.pace.opening())?;
-    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, arguments.intrinsics);
+    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, optics);
     let pacer = Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now());
     feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop)?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
@@ -50,8 +51,8 @@ struct Port {
 }
 
 impl Feeder {
-    fn new(camera: CameraName, intrinsics: Option<IntrinsicsSpec>) -> Self {
-        Self { camera, optics: Optics::new(intrinsics), port: None, sent: 0, failed: 0, cut: false }
+    fn new(camera: CameraName, optics: Optics) -> Self {
+        Self { camera, optics, port: None, sent: 0, failed: 0, cut: false }
     }
 
     fn run(
@@ -142,6 +143,6 @@ fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera
     (header.width, header.height) = frame.size;
     header.row_stride_bytes = frame.row_stride;
     if let Some(camera) = camera {
-        words::set_intrinsics(header, camera.intrinsics);
+        words::set_camera(header, &camera);
     }
 }

@@ -23,12 +23,13 @@ use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 /// Infers one picture after the other; a bad one does not end it.
 pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     let folders = result_folders(&arguments.images, &arguments.out)?;
+    let optics = Optics::new(&arguments.optics.lens.geometry)?;
     make_folder(&arguments.out)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipeline = tested_pipeline(loaded, &arguments.optics)?;
-    let mut work = Work::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), model);
+    let mut work = Work::new(pipeline, optics, model);
 
     let mut failures = Vec::new();
     for (image, folder) in arguments.images.iter().zip(&folders) {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
-use nunet_core::camera::Intrinsics;
+use nunet_core::camera::Camera;
 use nunet_core::pipeline::Pipeline;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
@@ -30,6 +30,7 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     refuse_same_file(&arguments.input, &arguments.output)?;
     let camera = camera_name(&arguments.camera)?;
+    let optics = Optics::new(&arguments.optics.lens.geometry)?;
     let how = Opening { topic: arguments.topic.as_deref(), ..Opening::default() };
     let mut source = RecordingSource::open(&arguments.input, how)?;
     let engine = Engine::start(&arguments.engine)?;
@@ -49,8 +50,7 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
         force: arguments.force,
     };
     let writer = FrameWriter::create(&arguments.output, &about)?;
-    let mut replay =
-        Replay::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), writer, &arguments.publish);
+    let mut replay = Replay::new(pipeline, optics, writer, &arguments.publish);
     replay.run(&mut source, frame, first, &stop)?;
     replay.finish(arguments)
 }
@@ -138,7 +138,7 @@ impl Replay {
 
     /// The frame's memory travels into the record and back.
     fn take_through(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
-        let intrinsics = self.infer(frame).map_err(Trouble::Frame)?;
+        let depth_camera = self.infer(frame).map_err(Trouble::Frame)?;
         let camera = self.optics.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
         self.record.copy_results(&Results {
@@ -147,7 +147,7 @@ impl Replay {
             labels: self.buffers.labels().filter(|_| self.labels),
             cloud_size: self.pipeline.cloud_size(),
             cloud: if self.cloud { self.buffers.cloud() } else { &[] },
-            camera: intrinsics,
+            camera: depth_camera,
         });
         let written = self.writer.write(&self.record);
         self.hash.update(self.record.depth().bytes);
@@ -162,14 +162,14 @@ impl Replay {
         }
     }
 
-    fn infer(&mut self, frame: &Frame) -> anyhow::Result<Option<Intrinsics>> {
+    fn infer(&mut self, frame: &Frame) -> anyhow::Result<Option<Camera>> {
         self.optics.follow(frame, &mut self.pipeline)?;
         if self.continuity.jump_to(frame).is_some() {
             self.pipeline.reset();
         }
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         self.continuity.took(frame);
-        Ok(report.intrinsics)
+        Ok(report.camera)
     }
 
     fn finish(self, arguments: &ReplayArgs) -> anyhow::Result<Outcome> {

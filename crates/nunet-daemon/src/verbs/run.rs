@@ -28,6 +28,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let kind = source_kind(arguments.source.as_deref());
     let source = source::open(&kind, arguments.pace.opening())?;
     refuse_pace_of_live_source(&kind, &arguments.pace)?;
+    let optics = Optics::new(&arguments.optics.lens.geometry)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
 
     let engine = Engine::start(&arguments.engine)?;
@@ -59,7 +60,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
         .as_deref()
         .map(|path| Recorder::start(FrameWriter::create(path, &about)?, &camera, &outlet));
     let recorder = recorder.transpose()?;
-    let worker = Worker::new(pipeline, Optics::new(arguments.optics.lens.intrinsics), outlet, recorder);
+    let worker = Worker::new(pipeline, optics, outlet, recorder);
     let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
     let Ended { counts, remains, source: source_end } = stream::run(source, worker, pace, stop)?;
 

@@ -1,11 +1,12 @@
 //! One frame with its results, in memory of its own that is used again.
 
-use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
 use nunet_ipc::{FrameSet, Topic};
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
 
 use crate::source::{Frame, Pixels};
+use crate::words;
 
 /// A frame as it is recorded.
 #[derive(Debug, Default)]
@@ -32,7 +33,7 @@ pub(crate) struct Results<'a> {
     pub(crate) cloud_size: (u32, u32),
     pub(crate) cloud: &'a [CloudPoint],
     /// The camera at the size of depth, where it is known.
-    pub(crate) camera: Option<Intrinsics>,
+    pub(crate) camera: Option<Camera>,
 }
 
 impl Record {
@@ -61,12 +62,7 @@ impl Record {
                     self.size = size;
                     sample.bytes().clone_into(&mut self.depth);
                     let header = sample.header();
-                    self.depth_camera = header.has_intrinsics().then(|| CameraDescription {
-                        width: size.0,
-                        height: size.1,
-                        intrinsics: [header.fx, header.fy, header.cx, header.cy],
-                        ..CameraDescription::default()
-                    });
+                    self.depth_camera = words::camera(header).ok().flatten().map(|camera| describe(&camera));
                 }
             }
         }
@@ -85,7 +81,7 @@ impl Record {
             }
             self.cloud.extend([point.b, point.g, point.r, point.label]);
         }
-        self.depth_camera = results.camera.map(|camera| describe(&Camera::pinhole(camera)));
+        self.depth_camera = results.camera.map(|camera| describe(&camera));
     }
 
     fn clear(&mut self) {
@@ -112,10 +108,12 @@ impl Record {
 /// A camera in ROS' words.
 fn describe(camera: &Camera) -> CameraDescription {
     let intrinsics = camera.intrinsics;
+    let (model, coefficients) = camera.distortion.to_ros();
     CameraDescription {
         width: intrinsics.width,
         height: intrinsics.height,
         intrinsics: [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px],
-        ..CameraDescription::default()
+        distortion_model: model.to_owned(),
+        coefficients,
     }
 }

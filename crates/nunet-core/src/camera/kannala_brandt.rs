@@ -1,0 +1,82 @@
+//! The fisheye: the angle to the axis becomes the distance from the centre.
+
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::Point2;
+
+use super::CameraError;
+use super::coefficients::{MAX_COEFFICIENTS, checked};
+use super::roots::{first_sign_change, inverse_of_rising};
+
+const NAMES: [&str; 4] = ["k1", "k2", "k3", "k4"];
+
+/// Kannala-Brandt distortion with four coefficients, in the form of OpenCV's fisheye model.
+///
+/// A ray at the angle `θ` to the optical axis is thrown on the same side of the centre, at the distance
+///
+/// ```text
+/// θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)
+/// ```
+///
+/// Rays at 90 degrees and more have no point at depth 1: pixels that see them have no ray here.
+///
+/// Source: J. Kannala and S. S. Brandt, *A generic camera model and calibration method for conventional, wide-angle,
+/// and fish-eye lenses*, 2006, equation 6, whose first coefficient goes into the focal length; in this form the
+/// documentation of OpenCV's `cv::fisheye`. ROS calls it `equidistant`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KannalaBrandt {
+    coefficients: [f64; 4],
+    /// Radians; rays farther out are folded back over nearer ones, or behind the camera.
+    max_angle: f64,
+}
+
+impl KannalaBrandt {
+    /// `k1 k2 k3 k4`. Four zeros are an equidistant fisheye, not a pinhole.
+    ///
+    /// # Errors
+    /// Another count, a coefficient that is not finite or beyond any lens.
+    pub fn new(coefficients: &[f64]) -> Result<Self, CameraError> {
+        let [k1, k2, k3, k4, ..] = checked("kannala_brandt", coefficients, &NAMES, &[4])?;
+        let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4];
+        let max_angle = first_sign_change(&slope, FRAC_PI_2 * FRAC_PI_2).sqrt();
+        Ok(Self { coefficients: [k1, k2, k3, k4], max_angle })
+    }
+
+    /// `k1 k2 k3 k4`, zeros behind them.
+    #[must_use]
+    pub fn coefficients(&self) -> [f64; MAX_COEFFICIENTS] {
+        let mut all = [0.0; MAX_COEFFICIENTS];
+        all[..NAMES.len()].copy_from_slice(&self.coefficients);
+        all
+    }
+
+    /// Where the lens throws a ray; `None` for one that it folds back.
+    pub(super) fn thrown(&self, ray: Point2<f64>) -> Option<Point2<f64>> {
+        let radius = ray.coords.norm();
+        let angle = radius.atan();
+        if angle > self.max_angle {
+            return None;
+        }
+        // At the centre itself both are 0, and the ray goes straight.
+        Some(if radius > 0.0 { ray * (self.ring(angle).0 / radius) } else { ray })
+    }
+
+    /// The ray that the lens throws on `seen`; `None` where it throws none that is in front of the camera.
+    pub(super) fn ray(&self, seen: Point2<f64>) -> Option<Point2<f64>> {
+        let radius = seen.coords.norm();
+        let angle = inverse_of_rising(|angle| self.ring(angle), radius, self.max_angle)?;
+        if angle >= FRAC_PI_2 {
+            return None;
+        }
+        Some(if radius > 0.0 { seen * (angle.tan() / radius) } else { seen })
+    }
+
+    /// The distance from the centre of a ray at `angle` to the axis, and the slope of that.
+    fn ring(&self, angle: f64) -> (f64, f64) {
+        let [k1, k2, k3, k4] = self.coefficients;
+        let u = angle * angle;
+        let factor = 1.0 + u * (k1 + u * (k2 + u * (k3 + u * k4)));
+        let slope = 1.0 + u * (3.0 * k1 + u * (5.0 * k2 + u * (7.0 * k3 + u * 9.0 * k4)));
+        (angle * factor, slope)
+    }
+}

@@ -1,0 +1,43 @@
+//! The arguments that say what the camera is.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use nunet_core::camera::IntrinsicsSpec;
+
+/// Where the camera's rays go, where the user knows it.
+#[derive(Debug, Args, Clone, Default)]
+pub struct GeometryArgs {
+    /// Focal lengths and principal point in pixels of a camera without distortion: `fx,fy,cx,cy[@WxH]`
+    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
+    pub intrinsics: Option<IntrinsicsSpec>,
+    /// The camera and its lens: a `camera_info` file of ROS (`plumb_bob`, `rational_polynomial`, `equidistant`)
+    #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
+    pub calibration: Option<PathBuf>,
+}
+
+/// What the camera's lens does to depth.
+#[derive(Debug, Args, Clone)]
+pub struct LensArgs {
+    #[command(flatten)]
+    pub geometry: GeometryArgs,
+    /// Scale metric depth by this camera's focal length over the training camera's
+    #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
+    pub focal: FocalArg,
+}
+
+impl Default for LensArgs {
+    /// An unknown camera.
+    fn default() -> Self {
+        Self { geometry: GeometryArgs::default(), focal: FocalArg::Auto }
+    }
+}
+
+/// Whether depth follows the focal length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FocalArg {
+    /// Where the intrinsics are known.
+    Auto,
+    /// Never.
+    Off,
+}
