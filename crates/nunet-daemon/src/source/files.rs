@@ -256,7 +256,7 @@ mod tests {
                     colours.push([view.bytes()[0], view.bytes()[1], view.bytes()[2]]);
                 }
                 Fill::Failed(error) => errors.push(format!("{error:#}")),
-                Fill::Nothing | Fill::Crowded | Fill::Broken(_) => {
+                Fill::Nothing | Fill::Crowded | Fill::Cut(_) | Fill::Broken(_) => {
                     unreachable!("files are there at once and lend nothing")
                 }
                 Fill::End => return (colours, errors),

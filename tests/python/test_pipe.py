@@ -1,0 +1,71 @@
+"""Pictures on stdin: what `ffmpeg` writes, where it is installed, and what we write by hand as it would."""
+
+import json
+import os
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import MODEL
+
+SIZE = (64, 48)
+FRAMES = 12
+
+
+def y4m():
+    """A grey ramp that moves, as 4:2:0 with neutral chroma."""
+    width, height = SIZE
+    pictures = [b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg\n" % SIZE]
+    for index in range(FRAMES):
+        luma = (np.arange(width)[None] * 2 + np.arange(height)[:, None] + 5 * index).astype(np.uint8)
+        pictures += [b"FRAME\n", luma.tobytes(), b"\x80" * (width * height // 2)]
+    return b"".join(pictures)
+
+
+def run(nunetd, tmp_path, given, *more):
+    """Exit code, stderr and figures of a run that reads `given` from stdin."""
+    stats, name = tmp_path / "stats.json", f"pytest-pipe-{os.getpid()}"
+    command = [nunetd, "--model", str(MODEL), "--source", "-", "--camera", name, "--stats-json", str(stats), *more]
+    done = subprocess.run(command, check=False, input=given, capture_output=True, timeout=60)
+    return done.returncode, done.stderr.decode(), json.loads(stats.read_text()) if stats.exists() else None
+
+
+def test_every_picture_of_a_y4m_stream_is_taken(nunetd, tmp_path):
+    code, said, stats = run(nunetd, tmp_path, y4m(), "--out", str(tmp_path / "out"))
+    assert code == 0, said
+    assert (stats["frames"]["captured"], stats["frames"]["published"]) == (FRAMES, FRAMES)
+    assert np.isfinite(np.load(tmp_path / "out" / "depth.npy")).any()
+
+
+def test_raw_pictures_need_a_size_and_a_format(nunetd, tmp_path):
+    raw = bytes(3 * SIZE[0] * SIZE[1] * 4)
+    code, said, stats = run(nunetd, tmp_path, raw, "--size", "64x48", "--format", "rgb8")
+    assert (code, stats["frames"]["published"]) == (0, 4), said
+    code, said, _ = run(nunetd, tmp_path, raw, "--size", "64x48")
+    assert code == 2 and "--format" in said
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "part"),
+    [
+        (y4m()[:-7], 3, f"stdin ended within picture {FRAMES}"),
+        (b"RIFF\x00\x00\x00\x00AVI LIST", 1, "does not begin with `YUV4MPEG2`"),
+        (b"YUV4MPEG2 W64 H48 F25:1 It C420\n", 1, "interlaced"),
+        (b"YUV4MPEG2 W64 H48 F25:1 C420p10\n", 1, "colour space `420p10`"),
+        (b"", 1, "it ended before the header did"),
+    ],
+)
+def test_what_is_wrong_with_a_stream_is_told(nunetd, tmp_path, given, code, part):
+    got, said, _ = run(nunetd, tmp_path, given)
+    assert got == code and part in said, said
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed; the stream by hand is tried above")
+@pytest.mark.parametrize("pixels", ["yuv420p", "yuv422p", "yuv444p", "gray"])
+def test_ffmpeg_pipes_a_video_in(nunetd, tmp_path, pixels):
+    source = ["-f", "lavfi", "-i", "testsrc2=size=322x241:rate=30", "-frames:v", "15", "-pix_fmt", pixels]
+    ffmpeg = ["ffmpeg", "-loglevel", "error", *source, "-f", "yuv4mpegpipe", "-"]
+    video = subprocess.run(ffmpeg, check=True, capture_output=True, timeout=60).stdout
+    code, said, stats = run(nunetd, tmp_path, video)
+    assert (code, stats["frames"]["published"]) == (0, 15), said
