@@ -6,16 +6,18 @@ use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 
 use crate::source::{Opening, PictureSize, RawLayout};
 
+mod config;
 mod eval;
 mod lens;
 mod record;
 
+pub use config::ConfigArgs;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
 pub use lens::{FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
@@ -46,7 +48,15 @@ impl Cli {
             refuse_unknown_verb(arguments.get(place))?;
             arguments.insert(place, "run".into());
         }
-        Self::try_parse_from(arguments)
+        let mut command = Self::command();
+        let arguments = config::expand(command.clone(), arguments)?;
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        if let (Verb::Config(config), Some((verb, given))) = (&mut cli.verb, matches.subcommand()) {
+            config.effective =
+                command.find_subcommand(verb).map(|verb| config::effective(verb, given)).unwrap_or_default();
+        }
+        Ok(cli)
     }
 }
 
@@ -109,6 +119,8 @@ pub enum Verb {
     Replay(Box<ReplayArgs>),
     /// Measure a model against pictures with true depth
     Eval(Box<EvalArgs>),
+    /// Print what `run` would do with these flags and this file, as a file
+    Config(Box<ConfigArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
     #[command(hide = true)]
     Vet(VetArgs),
@@ -198,6 +210,9 @@ impl SourceArgs {
 /// `nunetd run`
 #[derive(Debug, Args, Clone)]
 pub struct RunArgs {
+    /// A file that says what flags say, each by its long name; flags win
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
