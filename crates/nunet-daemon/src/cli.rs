@@ -245,6 +245,9 @@ pub struct RunArgs {
     /// Write the last frame's depth, labels and cloud into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Serve the frame ledger and the latencies to Prometheus, at http://ADDRESS:PORT/metrics
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub metrics: Option<std::net::SocketAddr>,
     /// Write the frame ledger and the latencies into this file at the end
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,

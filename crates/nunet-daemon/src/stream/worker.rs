@@ -11,6 +11,7 @@ use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
+use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Recorder, Tally};
 use crate::sink::shm::{Outlet, stage_names};
 use crate::source::Frame;
@@ -26,6 +27,7 @@ pub(crate) struct Worker {
     continuity: Continuity,
     outlet: Outlet,
     recorder: Option<Recorder>,
+    metrics: Option<Metrics>,
     supervisor: Supervisor,
     totals: Totals,
     latencies: Latencies,
@@ -49,11 +51,12 @@ impl Worker {
         optics: Optics,
         outlet: Outlet,
         recorder: Option<Recorder>,
+        metrics: Option<Metrics>,
     ) -> Self {
         let latencies = Latencies::new(stage_names(&pipeline));
         let (continuity, totals) = (Continuity::default(), Totals::default());
         let supervisor = Supervisor::from_environment();
-        Self { pipeline, optics, continuity, outlet, recorder, supervisor, totals, latencies }
+        Self { pipeline, optics, continuity, outlet, recorder, metrics, supervisor, totals, latencies }
     }
 
     /// Works until the mailbox is closed and empty.
@@ -80,7 +83,11 @@ impl Worker {
         if end == End::Published {
             self.supervisor.frame_done();
         }
-        self.outlet.publish_stats(&lane.ledger.counts(), &self.totals, &self.latencies);
+        let counts = lane.ledger.counts();
+        self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
+        if let Some(metrics) = &mut self.metrics {
+            metrics.update(&counts, &self.totals, &self.latencies);
+        }
         if let Some(frame) = self.record(frame, end) {
             lane.mailbox.give_back(frame);
         }
