@@ -151,7 +151,7 @@ pub(super) fn effective(command: &Command, matches: &ArgMatches) -> String {
         match (argument.get_action(), values.as_slice()) {
             (_, []) => lines += &format!("# {name} is not set\n"),
             (ArgAction::Append, values) => {
-                lines += &said(format!("{name} = {}", Value::Array(values.to_vec())))
+                lines += &said(format!("{name} = {}", Value::Array(values.to_vec())));
             }
             (_, [value, ..]) => lines += &said(format!("{name} = {value}")),
         }
