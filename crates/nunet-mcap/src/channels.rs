@@ -187,25 +187,15 @@ impl Channels {
         }
     }
 
-    /// The topic that describes the camera of a picture's topic: in the same namespace as ROS' drivers have it, else
-    /// the only one there is.
+    /// The topic that describes the camera of a picture's topic, in the same namespace, as ROS' drivers have it. That of
+    /// another namespace is another camera's.
     pub(crate) fn camera_topic(&self, picture_topic: &str) -> Option<String> {
         let cameras = || self.by_id.values().filter(|channel| channel.kind().is_some_and(Kind::is_camera));
-        let beside = |namespace: &str| {
-            let parent = |topic: &str| topic.rsplit_once('/').map(|(parent, _)| parent.to_owned());
-            cameras().find(|channel| parent(&channel.topic).as_deref() == Some(namespace))
-        };
-        let mut namespace = picture_topic;
+        let parent = |topic: &str| topic.rsplit_once('/').map_or("", |(parent, _)| parent).to_owned();
+        let beside = |namespace: &str| cameras().find(|channel| parent(&channel.topic) == namespace);
         // `/front/image_raw/compressed` and `/front/image_raw` both go with `/front/camera_info`.
-        for _ in 0..2 {
-            namespace = namespace.rsplit_once('/').map_or("", |(parent, _)| parent);
-            if let Some(found) = beside(namespace) {
-                return Some(found.topic.clone());
-            }
-        }
-        let mut all = cameras();
-        let first = all.next()?;
-        all.all(|other| other.topic == first.topic).then(|| first.topic.clone())
+        let namespace = parent(picture_topic);
+        beside(&namespace).or_else(|| beside(&parent(&namespace))).map(|channel| channel.topic.clone())
     }
 
     fn topics(&self) -> String {
@@ -290,11 +280,10 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_goes_with_the_camera_of_its_namespace_or_the_only_one() {
+    fn a_picture_goes_with_the_camera_of_its_namespace_alone() {
         let all = channels(&[("/a/camera_info", INFO, "cdr"), ("/b/camera_info", INFO, "cdr")]);
         assert_eq!(all.camera_topic("/b/image_raw").as_deref(), Some("/b/camera_info"));
         assert_eq!(all.camera_topic("/a/image_raw/compressed").as_deref(), Some("/a/camera_info"));
         assert_eq!(all.camera_topic("/c/image_raw"), None);
-        assert_eq!(channels(&[("/x", INFO, "cdr")]).camera_topic("/c/image_raw").as_deref(), Some("/x"));
     }
 }

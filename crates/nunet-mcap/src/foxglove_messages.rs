@@ -20,6 +20,7 @@ pub(crate) fn read(
     kind: FoxgloveKind,
     form: Form,
     message: &[u8],
+    rectified: bool,
     picture: &mut Picture,
 ) -> Result<Said, String> {
     match kind {
@@ -38,8 +39,11 @@ pub(crate) fn read(
         FoxgloveKind::CameraCalibration => {
             let camera: CameraCalibration = decode(form, message)?;
             let size = (camera.width, camera.height);
-            let model = camera.distortion_model.as_str();
-            Ok(Said::Camera(CameraDescription::new(size, &camera.k, model, camera.d.clone())))
+            Ok(Said::Camera(if rectified {
+                CameraDescription::of_projection(size, &camera.p)
+            } else {
+                CameraDescription::new(size, &camera.k, &camera.distortion_model, camera.d.clone())
+            }))
         }
     }
 }
@@ -81,7 +85,10 @@ mod tests {
     #[track_caller]
     fn assert_read(form: Form, message: &[u8]) {
         let mut picture = Picture::default();
-        assert!(matches!(read(FoxgloveKind::RawImage, form, message, &mut picture), Ok(Said::Picture)));
+        assert!(matches!(
+            read(FoxgloveKind::RawImage, form, message, false, &mut picture),
+            Ok(Said::Picture)
+        ));
         assert_eq!((picture.data.as_slice(), picture.encoding), (&[7, 8][..], Some(Encoding::Mono8)));
         assert_eq!((picture.stamp_nanos, picture.frame_id.as_str()), (3_000_000_005, "eye"));
     }
@@ -106,7 +113,7 @@ mod tests {
         };
         let message = serde_json::to_vec(&camera).unwrap();
         let mut picture = Picture::default();
-        let said = read(FoxgloveKind::CameraCalibration, Form::Json, &message, &mut picture).unwrap();
+        let said = read(FoxgloveKind::CameraCalibration, Form::Json, &message, false, &mut picture).unwrap();
         let Said::Camera(Some(camera)) = said else { panic!("no camera") };
         assert_eq!(camera.intrinsics, [500.0, 501.0, 320.0, 240.0]);
         assert_eq!((camera.distortion_model.as_str(), camera.coefficients.len()), ("plumb_bob", 5));
@@ -115,7 +122,7 @@ mod tests {
     #[test]
     fn rubbish_is_an_error() {
         for form in [Form::Protobuf, Form::Json] {
-            assert!(read(FoxgloveKind::RawImage, form, &[0xff; 9], &mut Picture::default()).is_err());
+            assert!(read(FoxgloveKind::RawImage, form, &[0xff; 9], false, &mut Picture::default()).is_err());
         }
     }
 }

@@ -70,15 +70,33 @@ pub struct CameraDescription {
 }
 
 impl CameraDescription {
-    /// Of ROS 2's message; `None` of an uncalibrated camera, which has zeros.
-    pub(crate) fn of_ros(info: &CameraInfo<'_>) -> Option<Self> {
-        let model = info.distortion_model.as_ref();
-        Self::new((info.width, info.height), &info.k, model, info.d.clone())
+    /// Of ROS 2's message; `None` of an uncalibrated camera, which has zeros. Pictures that were rectified are those of
+    /// the projection P, which has no lens; K and D are of the picture before.
+    pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Option<Self> {
+        let size = (info.width, info.height);
+        if rectified {
+            return Self::of_projection(size, &info.p);
+        }
+        Self::new(size, &info.k, &info.distortion_model, info.d.clone())
+    }
+
+    /// From the matrix P of rectified pictures, row by row.
+    pub(crate) fn of_projection(size: (u32, u32), p: &[f64]) -> Option<Self> {
+        let &[fx, _, cx, _, _, fy, cy, ..] = p else { return None };
+        Self::new(size, &[fx, 0.0, cx, 0.0, fy, cy], "", Vec::new())
+    }
+
+    /// Whether the lens is a fisheye's, after Kannala and Brandt.
+    #[must_use]
+    pub fn is_fisheye(&self) -> bool {
+        self.distortion_model == FISHEYE
     }
 
     /// From the matrix K, row by row.
     pub(crate) fn new(size: (u32, u32), k: &[f64], model: &str, coefficients: Vec<f64>) -> Option<Self> {
         let &[fx, _, cx, _, fy, cy, ..] = k else { return None };
+        // Foxglove's name for ROS' model.
+        let model = if model == "kannala_brandt" { FISHEYE } else { model };
         (fx != 0.0).then(|| Self {
             width: size.0,
             height: size.1,
@@ -111,6 +129,9 @@ impl CameraDescription {
         }
     }
 }
+
+/// ROS' name of the fisheye's model.
+const FISHEYE: &str = "equidistant";
 
 /// A raw picture as a message has it.
 pub(crate) struct Raw<'a> {
@@ -294,6 +315,21 @@ mod tests {
         assert_eq!(picture.encoding, Some(Encoding::File));
         let error = picture.set_file(b"RIFF....WEBP", "webp").unwrap_err();
         assert_eq!(error, "compressed as `webp`, which is neither JPEG nor PNG");
+    }
+
+    #[test]
+    fn foxgloves_fisheye_is_ros() {
+        let k = [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0];
+        let camera = CameraDescription::new((640, 480), &k, "kannala_brandt", vec![0.0; 4]).unwrap();
+        assert!(camera.is_fisheye());
+        assert!(!CameraDescription::new((640, 480), &k, "plumb_bob", vec![0.0; 5]).unwrap().is_fisheye());
+    }
+
+    #[test]
+    fn rectified_pictures_have_the_projections_camera_and_no_lens() {
+        let p = [400.0, 0.0, 310.0, 0.0, 0.0, 401.0, 230.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let camera = CameraDescription::of_projection((640, 480), &p).unwrap();
+        assert_eq!((camera.intrinsics, camera.coefficients.len()), ([400.0, 401.0, 310.0, 230.0], 0));
     }
 
     #[test]

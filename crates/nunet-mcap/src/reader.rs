@@ -10,14 +10,19 @@ use crate::messages::{CameraInfo, CompressedImage, Image};
 use crate::records::Records;
 use crate::{CameraDescription, Picture, RecordingError, cdr};
 
-/// How many messages are looked through for the camera of the first pictures.
+/// How many records are looked through for the camera of the first pictures, and how many bytes of messages.
 const LOOK_AHEAD: usize = 10_000;
+const LOOK_AHEAD_BYTES: usize = 64 << 20;
+/// How many records without a picture are read before the caller is asked again.
+const PATIENCE: usize = 256;
 
 /// A recording that is read from its beginning.
 pub struct Recording {
     path: PathBuf,
     topic: String,
     camera_topic: Option<String>,
+    /// Whether the pictures were freed of their lens, as ROS' names say.
+    rectified: bool,
     records: Records,
     channels: Channels,
     camera: Option<CameraDescription>,
@@ -32,6 +37,8 @@ pub enum Next {
     Picture,
     /// A picture that makes no sense; the next one may be good.
     Bad(RecordingError),
+    /// No picture for a while; ask again.
+    Nothing,
     /// The recording is over, whole.
     End,
     /// The recording is over because it is damaged or was cut off here.
@@ -63,6 +70,7 @@ impl Recording {
         let mut recording = Self {
             path: path.to_owned(),
             camera_topic: channels.camera_topic(&topic),
+            rectified: topic.split('/').any(|part| part.starts_with("image_rect")),
             count: channels.count(&topic),
             topic,
             records: Records::open(path)?,
@@ -105,7 +113,7 @@ impl Recording {
 
     /// Reads up to the next picture into `picture`.
     pub fn next(&mut self, picture: &mut Picture) -> Next {
-        loop {
+        for _ in 0..PATIENCE {
             match self.step(picture) {
                 Ok(Some(Step::Picture)) => return Next::Picture,
                 Ok(Some(Step::Bad(error))) => return Next::Bad(error),
@@ -114,10 +122,11 @@ impl Recording {
                 Err(error) => return Next::Cut(error),
             }
         }
+        Next::Nothing
     }
 
     fn step(&mut self, picture: &mut Picture) -> Result<Option<Step>, RecordingError> {
-        let Self { channels, topic, camera_topic, camera, pictures, .. } = self;
+        let Self { channels, topic, camera_topic, rectified, camera, pictures, .. } = self;
         self.records.next(|record| {
             channels.learn(&record);
             let Record::Message { header, data } = record else { return Step::Other };
@@ -128,7 +137,7 @@ impl Recording {
                 return Step::Other;
             }
             *pictures += u64::from(is_picture);
-            match said(kind, &header, &data, picture) {
+            match said(kind, &header, &data, *rectified, picture) {
                 Ok(Said::Picture) => Step::Picture,
                 Ok(Said::Camera(described)) => {
                     *camera = described;
@@ -144,12 +153,28 @@ impl Recording {
 
     /// Pictures may come before their camera is described.
     fn find_first_camera(&mut self) -> Result<(), RecordingError> {
-        if self.camera_topic.is_some() {
-            let mut picture = Picture::default();
-            for _ in 0..LOOK_AHEAD {
-                if self.camera.is_some() || !matches!(self.step(&mut picture), Ok(Some(_))) {
+        let Some(camera_topic) = self.camera_topic.clone() else { return Ok(()) };
+        let (mut channels, rectified, mut bytes) = (Channels::default(), self.rectified, 0);
+        for _ in 0..LOOK_AHEAD {
+            let found = self.records.next(|record| {
+                channels.learn(&record);
+                let Record::Message { header, data } = record else { return None };
+                bytes += data.len();
+                let channel =
+                    channels.get(header.channel_id).filter(|channel| channel.topic == camera_topic)?;
+                match said(channel.kind()?, &header, &data, rectified, &mut Picture::default()) {
+                    Ok(Said::Camera(camera)) => Some(camera),
+                    _ => None,
+                }
+            });
+            match found {
+                // One that is not calibrated now will not be later.
+                Ok(Some(Some(camera))) => {
+                    self.camera = camera;
                     break;
                 }
+                Ok(Some(None)) if bytes < LOOK_AHEAD_BYTES => {}
+                _ => break,
             }
         }
         self.rewind()
@@ -162,7 +187,13 @@ enum Step {
     Other,
 }
 
-fn said(kind: Kind, header: &MessageHeader, data: &[u8], picture: &mut Picture) -> Result<Said, String> {
+fn said(
+    kind: Kind,
+    header: &MessageHeader,
+    data: &[u8],
+    rectified: bool,
+    picture: &mut Picture,
+) -> Result<Said, String> {
     picture.log_nanos = header.log_time;
     match kind {
         Kind::RosImage => {
@@ -175,8 +206,8 @@ fn said(kind: Kind, header: &MessageHeader, data: &[u8], picture: &mut Picture) 
         }
         Kind::RosCameraInfo => {
             let info: CameraInfo<'_> = cdr::decode(data)?;
-            Ok(Said::Camera(CameraDescription::of_ros(&info)))
+            Ok(Said::Camera(CameraDescription::of_ros(&info, rectified)))
         }
-        Kind::Foxglove(form, kind) => foxglove_messages::read(kind, form, data, picture),
+        Kind::Foxglove(form, kind) => foxglove_messages::read(kind, form, data, rectified, picture),
     }
 }

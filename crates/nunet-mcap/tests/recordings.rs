@@ -83,7 +83,7 @@ fn read(path: &Path) -> Result<(Vec<u8>, Next), RecordingError> {
                 assert_eq!(picture.stamp_nanos, i64::from(value) * 1_000_000_000);
                 values.push(value);
             }
-            Next::Bad(_) => {}
+            Next::Bad(_) | Next::Nothing => {}
             end => return Ok((values, end)),
         }
     }

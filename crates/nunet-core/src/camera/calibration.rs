@@ -74,14 +74,7 @@ impl Calibration {
     /// A size whose sides have another ratio, by more than the rounding to whole pixels: such a picture was cropped or
     /// stretched, and nobody said where.
     pub fn at_size(&self, width: u32, height: u32) -> Result<Camera, CameraError> {
-        let Intrinsics { width: calibrated_width, height: calibrated_height, .. } = self.camera.intrinsics;
-        let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
-        let off = cross(width, calibrated_height).abs_diff(cross(calibrated_width, height));
-        // One side follows from the other to less than a pixel: |W - w H / h| < 1, or |H - h W / w| < 1.
-        if off >= u64::from(calibrated_width.max(calibrated_height)) {
-            return Err(CameraError::Aspect { calibrated_width, calibrated_height, width, height });
-        }
-        self.camera.scaled_to(width, height)
+        self.camera.fitted_to(width, height)
     }
 }
 

@@ -52,7 +52,7 @@ pub(super) fn expand(
     for (key, value) in read(path).map_err(refuse)? {
         let argument = argument_of(&run, &key).map_err(refuse)?;
         let flags = flags_of(argument, &key, &value).map_err(refuse)?;
-        if given.value_source(argument.get_id().as_str()) != Some(ValueSource::CommandLine) {
+        if !given_or_excluded(&run, argument, given) {
             missing.extend(flags.clone());
         }
         all.extend(flags);
@@ -65,6 +65,18 @@ pub(super) fn expand(
     }
     arguments.extend(missing.into_iter().map(OsString::from));
     Ok(arguments)
+}
+
+/// Whether the command line says a flag, or another one that cannot stand beside it.
+fn given_or_excluded(run: &Command, argument: &Arg, given: &ArgMatches) -> bool {
+    let is_given =
+        |argument: &Arg| given.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine);
+    let excludes =
+        |a: &Arg, b: &Arg| run.get_arg_conflicts_with(a).iter().any(|other| other.get_id() == b.get_id());
+    let mut others = run.get_arguments().filter(|other| is_given(other));
+    others.any(|other| {
+        other.get_id() == argument.get_id() || excludes(other, argument) || excludes(argument, other)
+    })
 }
 
 fn read(path: &Path) -> Result<Table, String> {
@@ -208,6 +220,8 @@ mod tests {
             run("model = 'a.onnx'\npublish = ['depth', 'cloud']", "--model b.onnx --publish labels");
         assert_eq!(arguments.model, PathBuf::from("b.onnx"));
         assert_eq!(arguments.publish, [super::super::Publish::Labels]);
+        let geometry = run("intrinsics = '500,500,320,240'", "run --calibration a.yaml").optics.lens.geometry;
+        assert_eq!((geometry.intrinsics, geometry.calibration), (None, Some("a.yaml".into())));
     }
 
     #[track_caller]

@@ -52,7 +52,7 @@ pub struct EvalArgs {
 #[derive(Debug, Args, Clone, Copy)]
 pub struct DepthUnitArgs {
     /// Metres a unit of the depth pictures [default: 0.001, for 16-bit pictures]
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; other than 0 it says that the value 0 is a measurement
     #[arg(long, value_name = "UNITS", default_value = "0", allow_hyphen_values = true)]
@@ -99,5 +99,12 @@ impl FromStr for Window {
                     .to_owned())
             }
         }
+    }
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(scale) if scale > 0.0 && f64::is_finite(scale) => Ok(scale),
+        _ => Err(format!("expected metres above 0, such as 0.001, got `{text}`")),
     }
 }

@@ -10,8 +10,8 @@ use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, Publish};
 /// What is recorded of a running stream.
 #[derive(Debug, Args, Clone)]
 pub struct RecordArgs {
-    /// Record pictures and everything published into this file, as ROS 2 messages
-    #[arg(long, value_name = "FILE.mcap")]
+    /// Record pictures and everything published as ROS 2 messages: into this file, or into a new one in this folder
+    #[arg(long, value_name = "FILE.mcap|DIR")]
     pub record: Option<PathBuf>,
     /// Overwrite a recording that is there
     #[arg(long, requires = "record")]

@@ -79,13 +79,14 @@ pub(crate) fn decode_file(frame: &mut Frame) -> anyhow::Result<()> {
     let file = std::mem::take(&mut frame.file);
     let decoded = decode_bytes(&file, frame);
     frame.file = file;
-    if decoded.is_err() {
+    // A picture that was turned is another than its file, which readers show as it lies.
+    if !matches!(decoded, Ok(Orientation::NoTransforms)) {
         frame.file.clear();
     }
-    decoded
+    decoded.map(drop)
 }
 
-fn decode_bytes(file: &[u8], frame: &mut Frame) -> anyhow::Result<()> {
+fn decode_bytes(file: &[u8], frame: &mut Frame) -> anyhow::Result<Orientation> {
     let mut reader = ImageReader::new(Cursor::new(file)).with_guessed_format()?;
     if reader.format() == Some(ImageFormat::Jpeg) {
         refuse_cut_off_jpeg(file)?;
@@ -97,13 +98,13 @@ fn decode_bytes(file: &[u8], frame: &mut Frame) -> anyhow::Result<()> {
     check_memory(&decoder, as_it_is)?;
     if as_it_is {
         decoder.read_image(frame.rgb_buffer(size))?;
-        return Ok(());
+        return Ok(orientation);
     }
     let mut picture = DynamicImage::from_decoder(decoder)?;
     picture.apply_orientation(orientation);
     let picture = picture.into_rgb8();
     frame.rgb_buffer(picture.dimensions()).copy_from_slice(&picture);
-    Ok(())
+    Ok(orientation)
 }
 
 /// A picture of one channel as its numbers stand: true depth, or labels.

@@ -19,7 +19,8 @@ pub(crate) struct RecordingSource {
     sequence: u64,
     stretch: u64,
     repeat: bool,
-    described: Option<CameraDescription>,
+    /// What `camera` was made of, and for which size.
+    described: Option<(CameraDescription, (u32, u32))>,
     camera: Option<Camera>,
 }
 
@@ -67,6 +68,7 @@ impl RecordingSource {
                 self.sequence += 1;
                 Fill::Failed(error.into())
             }
+            Next::Nothing => Fill::Nothing,
             Next::End => Fill::End,
             Next::Cut(error) => Fill::Cut(error.into()),
         }
@@ -101,10 +103,11 @@ impl RecordingSource {
     /// The camera of the recording, at the picture's size. One that makes no sense is told once and not used.
     fn camera_of(&mut self, size: (u32, u32)) -> Option<Camera> {
         let described = self.recording.camera();
-        if described != self.described.as_ref() {
-            self.described = described.cloned();
-            self.camera = self.described.as_ref().and_then(|described| {
-                camera(described, size)
+        let known = self.described.as_ref().map(|(described, size)| (described, *size));
+        if described.map(|described| (described, size)) != known {
+            self.described = described.cloned().map(|described| (described, size));
+            self.camera = self.described.as_ref().and_then(|(described, size)| {
+                camera(described, *size)
                     .inspect_err(|error| {
                         warn!("the recording's camera on `{}` is not used: {error}", self.recording.topic());
                     })
@@ -150,11 +153,12 @@ fn pixel_format(encoding: Option<Encoding>) -> Option<PixelFormat> {
 fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<Camera, CalibrationError> {
     let [fx, fy, cx, cy] = described.intrinsics;
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, described.width, described.height)?;
+    // Four zeros of a fisheye are an ideal fisheye, not a pinhole.
     let straight = described.coefficients.iter().all(|&coefficient| coefficient == 0.0);
-    let distortion = if straight {
+    let distortion = if described.coefficients.is_empty() || (straight && !described.is_fisheye()) {
         Distortion::None
     } else {
         Distortion::from_ros(&described.distortion_model, &described.coefficients)?
     };
-    Ok(Camera { intrinsics, distortion }.scaled_to(width, height)?)
+    Ok(Camera { intrinsics, distortion }.fitted_to(width, height)?)
 }

@@ -64,7 +64,7 @@ impl Continuity {
             (next.camera != last.camera, Jump::Camera),
             (next.clock != last.clock, Jump::Clock),
             (gap_nanos < 0, Jump::Backwards),
-            (frame.in_real_time && gap_nanos > MAX_GAP_NANOS, Jump::Gap(gap_nanos)),
+            (seen_in_time(frame) && gap_nanos > MAX_GAP_NANOS, Jump::Gap(gap_nanos)),
         ];
         jumps.into_iter().find_map(|(is_so, jump)| is_so.then_some(jump))
     }
@@ -73,6 +73,12 @@ impl Continuity {
     pub(crate) fn took(&mut self, frame: &Frame) {
         self.last = Some(Seen::of(frame));
     }
+}
+
+/// Whether a gap in capture time is one in what the camera saw. A picture from disk that waits for its turn is stamped
+/// when it is read; one of a recording carries the camera's own time, at whatever pace it is read.
+fn seen_in_time(frame: &Frame) -> bool {
+    frame.in_real_time || frame.capture.clock != Clock::Monotonic
 }
 
 impl Seen {
@@ -189,6 +195,16 @@ mod tests {
         assert_eq!(waiting(|next| next.capture.nanos -= 1), Some(Jump::Backwards));
         assert_eq!(waiting(|next| next.stretch += 1), Some(Jump::Repeated));
         assert_eq!(waiting(|next| next.size = (320, 240)), Some(Jump::Size));
+    }
+
+    #[test]
+    fn a_pause_in_a_recording_is_a_gap_at_every_pace() {
+        let mut continuity = Continuity::default();
+        let mut next = frame();
+        (next.in_real_time, next.capture.clock) = (false, Clock::Unix);
+        continuity.took(&next);
+        next.capture.nanos += 600 * SECOND;
+        assert_eq!(continuity.jump_to(&next), Some(Jump::Gap(600 * SECOND)));
     }
 
     #[test]

@@ -4,8 +4,6 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use image::imageops::{FilterType, resize};
-use image::{ImageBuffer, Luma};
 use indicatif::{ProgressBar, ProgressStyle};
 use nunet_core::depth::Encoding;
 use nunet_core::pipeline::{Outputs, Pipeline};
@@ -181,8 +179,8 @@ impl Work {
         self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;
         let from = self.pipeline.size();
         Ok(Prediction {
-            depth: resized(&self.depth, from, truth.size, FilterType::Triangle)?,
-            labels: resized(&self.labels, from, truth.size, FilterType::Nearest)?,
+            depth: resized_depth(&self.depth, from, truth.size),
+            labels: resized_labels(&self.labels, from, truth.size),
         })
     }
 
@@ -229,16 +227,77 @@ impl Work {
     }
 }
 
-/// `[H, W]` numbers of a picture of size `from` at size `to`; where these differ the network saw the picture resized.
-fn resized<T>(values: &[T], from: (u32, u32), to: (u32, u32), filter: FilterType) -> anyhow::Result<Vec<T>>
-where
-    T: image::Primitive + 'static,
-    Luma<T>: image::Pixel<Subpixel = T>,
-{
-    if from == to || values.is_empty() {
-        return Ok(values.to_vec());
+/// `[H, W]` depth of a picture of size `from` at size `to`, bilinear over the pixels that have depth; pixel centres as
+/// the network's own enlargement has them.
+fn resized_depth(depth: &[f32], from: (u32, u32), to: (u32, u32)) -> Vec<f32> {
+    if from == to {
+        return depth.to_vec();
     }
-    let picture: ImageBuffer<Luma<T>, _> = ImageBuffer::from_raw(from.0, from.1, values.to_vec())
-        .context("a result does not fill its picture")?;
-    Ok(resize(&picture, to.0, to.1, filter).into_raw())
+    let place = |index: u32, from: u32, to: u32| {
+        let at = ((f64::from(index) + 0.5) * f64::from(from) / f64::from(to) - 0.5)
+            .clamp(0.0, f64::from(from - 1));
+        let low = at.floor();
+        (low as usize, ((low as usize) + 1).min(from as usize - 1), (at - low) as f32)
+    };
+    let at =
+        |row: usize, column: usize| depth.get(row * from.0 as usize + column).copied().unwrap_or(f32::NAN);
+    let pixel = |row: u32, column: u32| {
+        let ((top, bottom, down), (left, right, across)) =
+            (place(row, from.1, to.1), place(column, from.0, to.0));
+        let taps = [
+            (at(top, left), (1.0 - down) * (1.0 - across)),
+            (at(top, right), (1.0 - down) * across),
+            (at(bottom, left), down * (1.0 - across)),
+            (at(bottom, right), down * across),
+        ];
+        let known = taps.iter().filter(|(depth, _)| depth.is_finite());
+        let (sum, weight) =
+            known.fold((0.0, 0.0), |(sum, all), (depth, weight)| (sum + depth * weight, all + weight));
+        if weight > 0.0 { sum / weight } else { f32::NAN }
+    };
+    (0..to.1)
+        .flat_map(|row| (0..to.0).map(move |column| (row, column)))
+        .map(|(row, column)| pixel(row, column))
+        .collect()
+}
+
+/// The same of labels: the nearest.
+fn resized_labels(labels: &[u8], from: (u32, u32), to: (u32, u32)) -> Vec<u8> {
+    if from == to || labels.is_empty() {
+        return labels.to_vec();
+    }
+    let nearest = |index: u32, from: u32, to: u32| {
+        (u64::from(2 * index + 1) * u64::from(from) / (2 * u64::from(to))).min(u64::from(from) - 1) as usize
+    };
+    let rows = (0..to.1).map(|row| nearest(row, from.1, to.1));
+    let columns: Vec<usize> = (0..to.0).map(|column| nearest(column, from.0, to.0)).collect();
+    let label = |at: usize| labels.get(at).copied().unwrap_or(metrics::IGNORE);
+    rows.flat_map(|row| columns.iter().map(move |column| row * from.0 as usize + column)).map(label).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_keeps_its_metres_at_every_size() {
+        for to in [(3, 2), (8, 6), (5, 9)] {
+            let resized = resized_depth(&[5.0; 4 * 3], (4, 3), to);
+            assert_eq!(resized.len(), (to.0 * to.1) as usize);
+            assert!(resized.iter().all(|depth| (depth - 5.0).abs() < 1e-6), "{resized:?}");
+        }
+    }
+
+    #[test]
+    fn depth_between_pixels_is_between_theirs_and_none_spreads_nowhere() {
+        assert_eq!(resized_depth(&[2.0, 4.0], (2, 1), (4, 1)), [2.0, 2.5, 3.5, 4.0]);
+        assert_eq!(resized_depth(&[2.0, f32::NAN], (2, 1), (4, 1))[..3], [2.0; 3]);
+        assert!(resized_depth(&[2.0, f32::NAN], (2, 1), (4, 1))[3].is_nan());
+    }
+
+    #[test]
+    fn labels_are_those_of_the_nearest_pixel() {
+        assert_eq!(resized_labels(&[1, 2, 3, 4], (2, 2), (4, 2)), [1, 1, 2, 2, 3, 3, 4, 4]);
+        assert_eq!(resized_labels(&[1, 2, 3], (3, 1), (1, 1)), [2]);
+    }
 }

@@ -1,22 +1,19 @@
 //! `nunetd replay`: a recording through the network into another recording; every frame, the same bytes each time.
 
-use std::io::Write as _;
-use std::path::Path;
-
-use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use nunet_core::camera::Camera;
 use nunet_core::pipeline::Pipeline;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
+use std::io::Write as _;
 use tracing::{info, warn};
 
 use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::cli::{Publish, ReplayArgs};
 use crate::engine::{Engine, tested_pipeline};
-use crate::exit::{BadArguments, camera_name};
-use crate::sink::recording::{About, FrameWriter, Record, Results};
+use crate::exit::camera_name;
+use crate::sink::recording::{About, FrameWriter, Record, Results, refuse_output};
 use crate::sink::stats::ModelName;
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _};
 use crate::stream::{Continuity, Optics, Stop};
@@ -28,7 +25,7 @@ const SYNC_FRAMES: u64 = 50;
 /// Replays until the recording ends, is cut off, or a signal comes.
 pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    refuse_same_file(&arguments.input, &arguments.output)?;
+    refuse_output(&arguments.output, Some(&arguments.input), arguments.force)?;
     let camera = camera_name(&arguments.camera)?;
     let optics = Optics::new(&arguments.optics.lens.geometry)?;
     let how = Opening { topic: arguments.topic.as_deref(), ..Opening::default() };
@@ -53,15 +50,6 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let mut replay = Replay::new(pipeline, optics, writer, &arguments.publish);
     replay.run(&mut source, frame, first, &stop)?;
     replay.finish(arguments)
-}
-
-/// The output would be overwritten while it is read.
-fn refuse_same_file(input: &Path, output: &Path) -> anyhow::Result<()> {
-    let same = matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if same {
-        bail!(BadArguments(format!("`{}` cannot be read and written at once", input.display())));
-    }
-    Ok(())
 }
 
 /// The pipeline and both recordings.
@@ -106,7 +94,7 @@ impl Replay {
         stop: &Stop,
     ) -> anyhow::Result<()> {
         let progress = progress(source.pictures());
-        let mut fill = first;
+        let (mut fill, mut over) = (first, false);
         while !stop.requested() {
             match fill {
                 Fill::Frame => match self.take_through(&mut frame) {
@@ -116,7 +104,10 @@ impl Replay {
                 },
                 Fill::Failed(error) => self.lose(&progress, &frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
-                Fill::End => break,
+                Fill::End => {
+                    over = true;
+                    break;
+                }
                 Fill::Cut(error) => {
                     progress.suspend(|| warn!("the source ends early: {error:#}"));
                     self.cut = true;
@@ -128,6 +119,10 @@ impl Replay {
             fill = source.fill(&mut frame);
         }
         progress.finish_and_clear();
+        if stop.requested() && !over {
+            warn!("stopped before the recording's end");
+            self.cut = true;
+        }
         Ok(())
     }
 

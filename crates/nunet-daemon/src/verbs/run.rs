@@ -13,12 +13,12 @@ use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{About, FrameWriter, Recorder};
+use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
 use crate::source::{self, Kind, Rate};
 use crate::stream::{self, Ended, Optics, Pace, SourceEnd, Stop, Worker};
-use crate::telemetry::Counts;
+use crate::telemetry::{Counts, unix_nanos};
 
 /// Runs until the source ends, `--frames` are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
@@ -32,6 +32,12 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let optics = Optics::new(&arguments.optics.lens.geometry)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
 
+    let record = arguments.recording.record.as_deref();
+    let record = record.map(|path| recording_path(path, camera.as_str(), unix_nanos()));
+    if let Some(path) = &record {
+        let input = if let Kind::Recording(input) = &kind { Some(input.as_path()) } else { None };
+        refuse_output(path, input, arguments.recording.force)?;
+    }
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &arguments.every)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
@@ -55,11 +61,8 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
         provider: &provider,
         force: arguments.recording.force,
     };
-    let recorder = arguments
-        .recording
-        .record
-        .as_deref()
-        .map(|path| Recorder::start(FrameWriter::create(path, &about)?, &camera, &outlet));
+    let recorder =
+        record.as_deref().map(|path| Recorder::start(FrameWriter::create(path, &about)?, &camera, &outlet));
     let recorder = recorder.transpose()?;
     let metrics = arguments.metrics.map(|address| Metrics::serve(address, camera.as_str())).transpose()?;
     let worker = Worker::new(pipeline, optics, outlet, recorder, metrics);

@@ -6,4 +6,4 @@ mod writer;
 
 pub(crate) use record::{Record, Results};
 pub(crate) use recorder::{Recorder, Tally};
-pub(crate) use writer::{About, FrameWriter};
+pub(crate) use writer::{About, FrameWriter, recording_path, refuse_output};

@@ -30,10 +30,19 @@ const NO_WAIT: Duration = Duration::ZERO;
 
 /// The worker's end of a recording.
 pub(crate) struct Recorder {
-    frames: SyncSender<(Frame, Option<Camera>)>,
+    frames: SyncSender<Offer>,
+    taken: Receiver<()>,
     listener: JoinHandle<u64>,
     disk: JoinHandle<Disk>,
     refused: u64,
+}
+
+/// A frame whose results have just been published.
+struct Offer {
+    frame: Frame,
+    camera: Option<Camera>,
+    /// Its source waits, and so does the worker: nothing may be left out.
+    waits: bool,
 }
 
 /// What became of the frames of a stream.
@@ -53,21 +62,43 @@ impl Recorder {
         let (frames, offered) = sync_channel(OFFERED);
         let (records, waiting) = sync_channel(WAITING);
         let (used, shelf) = channel();
-        let listener = Listener { reader, records, shelf, newer: None, left_out: 0 };
+        let (take, taken) = channel();
+        let listener = Listener { reader, records, shelf, take, newer: None, left_out: 0 };
         let named = |name: &str| std::thread::Builder::new().name(name.into());
         let listener = named("listener").spawn(move || listener.run(&offered));
         let disk = named("disk").spawn(move || Disk::new(writer).run(&waiting, &used));
         let context = "cannot start the recording's threads";
-        Ok(Self { frames, listener: listener.context(context)?, disk: disk.context(context)?, refused: 0 })
+        Ok(Self {
+            frames,
+            taken,
+            listener: listener.context(context)?,
+            disk: disk.context(context)?,
+            refused: 0,
+        })
     }
 
-    /// Offers a frame whose results have just been published; gives it back when there is no room for it.
+    /// Hands over a frame whose results have just been published. Of a live stream it comes back when there is no room
+    /// for it; of a source that waits every frame is taken, however long the disk needs.
     pub(crate) fn offer(&mut self, frame: Frame, camera: Option<Camera>) -> Option<Frame> {
-        match self.frames.try_send((frame, camera)) {
+        let waits = !frame.in_real_time;
+        let offer = Offer { frame, camera, waits };
+        let sent = if waits {
+            self.frames.send(offer).map_err(|refused| refused.0)
+        } else {
+            self.frames.try_send(offer).map_err(|refused| match refused {
+                TrySendError::Full(offer) | TrySendError::Disconnected(offer) => offer,
+            })
+        };
+        match sent {
+            Ok(()) if waits => {
+                // The next frame would overwrite the results. A listener that is gone is told at the end.
+                let _ = self.taken.recv();
+                None
+            }
             Ok(()) => None,
-            Err(TrySendError::Full((frame, _)) | TrySendError::Disconnected((frame, _))) => {
+            Err(offer) => {
                 self.refused += 1;
-                Some(frame)
+                Some(offer.frame)
             }
         }
     }
@@ -94,7 +125,7 @@ impl Tally {
         let Self { recorded, left_out, whole } = self;
         info!("recording: {recorded} frames");
         if left_out > 0 {
-            warn!("{left_out} frames are not in the recording: the disk did not keep up or refused them");
+            warn!("{left_out} frames are not in the recording: it did not keep up, or the disk refused them");
         }
         left_out == 0 && whole
     }
@@ -105,44 +136,55 @@ struct Listener {
     reader: Reader,
     records: SyncSender<Record>,
     shelf: Receiver<Record>,
+    /// Tells the worker that a frame it waits for has been taken.
+    take: Sender<()>,
     /// Results that came before their frame.
     newer: Option<FrameSet>,
     left_out: u64,
 }
 
 impl Listener {
-    fn run(mut self, offered: &Receiver<(Frame, Option<Camera>)>) -> u64 {
-        while let Ok((frame, camera)) = offered.recv() {
-            if !self.pass_on(frame, camera) {
+    fn run(mut self, offered: &Receiver<Offer>) -> u64 {
+        while let Ok(offer) = offered.recv() {
+            let waits = offer.waits;
+            if !self.pass_on(offer) {
                 self.left_out += 1;
+            }
+            if waits {
+                // The worker has gone: it waits for nothing.
+                let _ = self.take.send(());
             }
         }
         self.left_out
     }
 
     /// Whether the frame is on its way to the disk.
-    fn pass_on(&mut self, frame: Frame, camera: Option<Camera>) -> bool {
-        let Some(set) = self.results_of(frame.sequence) else { return false };
+    fn pass_on(&mut self, Offer { frame, camera, waits }: Offer) -> bool {
+        let Some(set) = self.results_of((frame.sequence, frame.capture.nanos)) else { return false };
         let mut record = self.shelf.try_recv().unwrap_or_default();
         record.take(frame, camera);
         record.copy_set(&set);
-        self.records.try_send(record).is_ok()
+        if waits { self.records.send(record).is_ok() } else { self.records.try_send(record).is_ok() }
     }
 
-    /// The results of a frame; `None` when newer ones have taken their place already.
-    fn results_of(&mut self, sequence: u64) -> Option<FrameSet> {
-        let of = |set: &FrameSet| set.get(Topic::Depth).map(|depth| depth.header().sequence);
-        loop {
-            let set = self.newer.take().or_else(|| self.reader.next_set().ok().flatten())?;
-            match of(&set)?.cmp(&sequence) {
-                std::cmp::Ordering::Less => {}
-                std::cmp::Ordering::Equal => return Some(set),
-                std::cmp::Ordering::Greater => {
-                    self.newer = Some(set);
+    /// The results of a frame; `None` when newer ones have taken their place already. Not by the sequence alone: not
+    /// every publisher counts, and one that begins again counts from 0.
+    fn results_of(&mut self, wanted: (u64, i64)) -> Option<FrameSet> {
+        let of = |set: &FrameSet| {
+            let header = set.get(Topic::Depth)?.header();
+            Some((header.sequence, header.capture_nanos))
+        };
+        let mut set = self.newer.take();
+        while set.as_ref().and_then(of) != Some(wanted) {
+            match self.reader.next_set().ok().flatten() {
+                Some(fresh) => set = Some(fresh),
+                None => {
+                    self.newer = set;
                     return None;
                 }
             }
         }
+        set
     }
 }
 

@@ -1,15 +1,18 @@
 //! Records into a file, pictures as JPEG or PNG.
 
-use std::path::Path;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use nunet_core::preprocess::Preprocessor;
 use nunet_ipc::Clock;
-use nunet_mcap::{EncodedPicture, FrameRecord, Mount, RecordingWriter, WriterOptions};
+use nunet_mcap::{EncodedPicture, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
 
 use super::Record;
 use crate::cli::MountArg;
+use crate::exit::BadArguments;
 use crate::sink::stats::ModelName;
 use crate::source::Frame;
 
@@ -46,6 +49,44 @@ impl About<'_> {
             force: self.force,
         }
     }
+}
+
+/// Refuses an output that is there, or that is the input under whatever name, before any work is done.
+pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) -> anyhow::Result<()> {
+    let Ok(there) = std::fs::metadata(output) else { return Ok(()) };
+    let is_input = input
+        .and_then(|input| std::fs::metadata(input).ok())
+        .is_some_and(|input| (input.dev(), input.ino()) == (there.dev(), there.ino()));
+    if is_input {
+        bail!(BadArguments(format!("`{}` cannot be read and written at once", output.display())));
+    }
+    if !force {
+        bail!(BadArguments(RecordingError::Exists { path: output.to_owned() }.to_string()));
+    }
+    Ok(())
+}
+
+/// The file of a recording: `path` itself, or in a folder one that is named by camera and time.
+pub(crate) fn recording_path(path: &Path, camera: &str, unix_nanos: i64) -> PathBuf {
+    if path.is_dir() { path.join(format!("{camera}_{}.mcap", utc(unix_nanos))) } else { path.to_owned() }
+}
+
+/// `20261122T051500Z`, so that names sort by time.
+fn utc(unix_nanos: i64) -> String {
+    let seconds = unix_nanos.div_euclid(1_000_000_000);
+    let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
+    // Days to a date of the proleptic Gregorian calendar: Hinnant, "chrono-compatible low-level date algorithms".
+    let shifted = days + 719_468;
+    let era = shifted.div_euclid(146_097);
+    let day_of_era = shifted.rem_euclid(146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let march_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * march_month + 2) / 5 + 1;
+    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    let (hour, minute) = (second / 3600, second / 60 % 60);
+    format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{:02}Z", second % 60)
 }
 
 /// A file that takes records.
@@ -111,5 +152,36 @@ impl PictureEncoder {
             encoder.encode(picture.rgb, width, height, ExtendedColorType::Rgb8)?;
         }
         Ok(EncodedPicture { format: "jpeg", data: &self.jpeg })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_in_a_folder_are_named_by_camera_and_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = |seconds: i64| {
+            let path = recording_path(folder.path(), "front", seconds * 1_000_000_000);
+            path.file_name().unwrap().to_str().unwrap().to_owned()
+        };
+        assert_eq!(name(0), "front_19700101T000000Z.mcap");
+        assert_eq!(name(951_782_400), "front_20000229T000000Z.mcap");
+        assert_eq!(name(1_795_324_515), "front_20261122T050835Z.mcap");
+        assert_eq!(recording_path(Path::new("a.mcap"), "front", 0), Path::new("a.mcap"));
+    }
+
+    #[test]
+    fn an_output_that_is_the_input_or_is_there_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let (input, link) = (folder.path().join("in.mcap"), folder.path().join("link.mcap"));
+        std::fs::write(&input, "x").unwrap();
+        std::fs::hard_link(&input, &link).unwrap();
+        let refused = |force| refuse_output(&link, Some(&input), force).unwrap_err().to_string();
+        assert!(refused(true).ends_with("cannot be read and written at once"));
+        assert!(refuse_output(&link, None, false).unwrap_err().to_string().contains("hint: --force"));
+        assert!(refuse_output(&link, None, true).is_ok());
+        assert!(refuse_output(&folder.path().join("new.mcap"), Some(&input), false).is_ok());
     }
 }

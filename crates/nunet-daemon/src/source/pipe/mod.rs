@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, s
 use std::time::Duration;
 
 use anyhow::Context as _;
-use nunet_core::frame::PixelFormat;
+use nunet_core::frame::{MAX_SIDE_PX, PixelFormat};
 use nunet_ipc::{Clock, monotonic_nanos};
 
 use super::{Capture, Fill, Frame, Pixels, Source};
@@ -37,8 +37,12 @@ impl FromStr for PictureSize {
     fn from_str(text: &str) -> Result<Self, String> {
         let sides = text.split_once(['x', 'X']).map(|(width, height)| (width.parse(), height.parse()));
         match sides {
-            Some((Ok(width), Ok(height))) if width > 0 && height > 0 => Ok(Self(width, height)),
-            _ => Err(format!("expected `WxH` in pixels, such as `640x480`, got `{text}`")),
+            Some((Ok(width), Ok(height)))
+                if [width, height].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) =>
+            {
+                Ok(Self(width, height))
+            }
+            _ => Err(format!("expected `WxH` of 1 to {MAX_SIDE_PX} pixels, such as `640x480`, got `{text}`")),
         }
     }
 }
@@ -58,6 +62,8 @@ struct Shot {
 #[derive(Debug)]
 enum Message {
     Shot(Shot),
+    /// The pipe ended between two pictures.
+    End,
     /// The pipe ended in the middle of something, or what it carries cannot be read.
     Cut(anyhow::Error),
 }
@@ -125,7 +131,10 @@ impl Source for Pipe {
             Ok(Message::Cut(error)) if self.sequence == 0 => Fill::Broken(error),
             Ok(Message::Cut(error)) => Fill::Cut(error),
             Err(RecvTimeoutError::Timeout) => Fill::Nothing,
-            Err(RecvTimeoutError::Disconnected) => Fill::End,
+            Ok(Message::End) => Fill::End,
+            Err(RecvTimeoutError::Disconnected) => {
+                Fill::Broken(anyhow::anyhow!("stdin's thread has failed: see the lines above"))
+            }
         }
     }
 }
@@ -136,10 +145,10 @@ fn pass_on(shots: &mut dyn Shots, send: &SyncSender<Message>, shelf: &Receiver<S
         let mut shot = shelf.try_recv().unwrap_or_default();
         let message = match shots.next(&mut shot) {
             Ok(true) => Message::Shot(shot),
-            Ok(false) => return,
+            Ok(false) => Message::End,
             Err(error) => Message::Cut(error),
         };
-        let over = matches!(message, Message::Cut(_));
+        let over = !matches!(message, Message::Shot(_));
         if send.send(message).is_err() || over {
             return;
         }
@@ -207,7 +216,7 @@ mod tests {
     #[test]
     fn sizes_are_read_as_they_are_written_everywhere() {
         assert_eq!("640x480".parse(), Ok(PictureSize(640, 480)));
-        for bad in ["640", "0x4", "ax4", "4x", "-1x4"] {
+        for bad in ["640", "4294967295x4294967295", "0x4", "ax4", "4x", "-1x4"] {
             assert!(bad.parse::<PictureSize>().unwrap_err().contains("expected `WxH`"), "{bad}");
         }
     }

@@ -84,6 +84,12 @@ fn check(header: &[u8]) -> anyhow::Result<()> {
                      yadif makes whole ones"
                 );
             }
+            "X" if value == "COLORRANGE=FULL" => {
+                bail!(
+                    "the Y4M header says full range, which would be read as limited: too dark and too \
+                     bright\nhint: ffmpeg -vf scale=out_range=tv -pix_fmt yuv420p"
+                );
+            }
             "C" if !KNOWN.contains(&value) => {
                 bail!(
                     "colour space `{value}` of the Y4M header cannot be read; expected one of {}",

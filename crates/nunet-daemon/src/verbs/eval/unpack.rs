@@ -50,6 +50,7 @@ pub(super) fn unpack(arguments: &EvalArgs) -> anyhow::Result<Unpacked> {
                 unpaired += 1;
                 break;
             }
+            Fill::Nothing => continue,
             _ => break,
         }
         camera = camera.or(frame.camera);
@@ -96,7 +97,7 @@ impl Depths {
                     self.next = Some(picture);
                     return;
                 }
-                Next::Picture => {}
+                Next::Picture | Next::Nothing => {}
                 Next::Bad(error) => warn!("depth is skipped: {error}"),
                 Next::End | Next::Cut(_) => return,
             }
