@@ -48,6 +48,8 @@ struct World {
     asked: Option<(FourCc, (u32, u32), Interval)>,
     /// When somebody tried to open the camera.
     tries: Vec<i64>,
+    /// Devices that are open.
+    open: usize,
     /// Buffers that were taken and not given back.
     held: usize,
     most_held: usize,
@@ -118,6 +120,10 @@ impl Host for FakeHost {
         let mut world = self.world();
         let now = world.now_nanos;
         world.tries.push(now);
+        assert_eq!(
+            world.open, 0,
+            "a lost camera that is still open keeps its path from the one that is plugged in"
+        );
         if let Some(errno) = world.refuses_open {
             return Err(errno);
         }
@@ -125,6 +131,7 @@ impl Host for FakeHost {
             return Err(Errno::NOENT);
         }
         let born = world.unplugged;
+        world.open += 1;
         Ok(Box::new(FakeDevice { world: self.clone(), born, buffers: Vec::new(), set: None }))
     }
 
@@ -139,6 +146,12 @@ impl Host for FakeHost {
 
     fn pause(&self, time: Duration) {
         self.world().now_nanos += time.as_nanos() as i64;
+    }
+}
+
+impl Drop for FakeDevice {
+    fn drop(&mut self) {
+        self.world.world().open -= 1;
     }
 }
 
