@@ -305,6 +305,18 @@ fn pace_of_a_camera_that_has_its_own() {
 }
 
 #[test]
+fn size_of_a_source_that_has_its_own() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--size", "640x480"]));
+}
+
+#[test]
+fn format_of_a_camera_that_chooses_it_itself() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "/dev/video0", "--size", "640x480", "--format", "rgb8"]));
+}
+
+#[test]
 fn rate_that_is_none() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--source", "demo", "--rate", "0"]));

@@ -10,7 +10,7 @@ use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, V
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 
-use crate::source::{Opening, PictureSize, RawLayout};
+use crate::source::{Opening, PictureSize};
 
 mod config;
 mod eval;
@@ -176,7 +176,8 @@ pub struct CameraArgs {
 /// Where frames come from.
 #[derive(Debug, Args, Clone)]
 pub struct SourceArgs {
-    /// `max` (every frame, as fast as it goes) or frames a second (latest wins) [default: max]
+    /// `max` (every frame, as fast as it goes) or frames a second (latest wins) [default: max]; of a camera, the rate
+    /// wished [default: 30]
     #[arg(long, value_name = "max|HZ")]
     pub rate: Option<crate::source::Rate>,
     /// Begin again at the end
@@ -185,8 +186,8 @@ pub struct SourceArgs {
     /// The recording's topic with pictures, where it has several
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
-    /// Size of raw pictures on stdin
-    #[arg(long, value_name = "WxH", requires = "format")]
+    /// Size of raw pictures on stdin; of a camera, the size wished [default: 640x480]
+    #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
     /// Format of raw pictures on stdin: rgb8, bgr8, mono8, yuyv or nv12
     #[arg(long, value_name = "FORMAT", requires = "size")]
@@ -200,10 +201,13 @@ impl SourceArgs {
     /// What the source's opening depends on.
     #[must_use]
     pub fn opening(&self) -> Opening<'_> {
-        let raw = self.size.zip(self.format);
-        let layout =
-            raw.map(|(PictureSize(width, height), format)| RawLayout { size: (width, height), format });
-        Opening { repeat: self.repeat, topic: self.topic.as_deref(), layout }
+        Opening {
+            repeat: self.repeat,
+            topic: self.topic.as_deref(),
+            size: self.size.map(|PictureSize(width, height)| (width, height)),
+            format: self.format,
+            rate: self.rate,
+        }
     }
 }
 
@@ -216,7 +220,8 @@ pub struct RunArgs {
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
-    /// demo, a folder, a glob of pictures, a recording FILE.mcap, shm:CAMERA, or - for stdin [default: demo]
+    /// demo, a folder, a glob of pictures, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, or - for stdin
+    /// [default: demo]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
     /// Name of the camera in shared memory [default: demo for the demo scene, else camera]
@@ -285,7 +290,7 @@ pub struct InferArgs {
 /// `nunetd feed`
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
-    /// demo, a folder, a glob of pictures, a recording FILE.mcap, or - for stdin
+    /// demo, a folder, a glob of pictures, a recording FILE.mcap, a camera /dev/videoN, or - for stdin
     pub source: String,
     /// Name of the camera in shared memory
     #[arg(long, value_name = "NAME")]

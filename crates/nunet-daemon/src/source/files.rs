@@ -230,7 +230,7 @@ fn no_pictures(path: &Path) -> String {
     } else {
         format!(
             "no source `{}`: no such file or folder, and no file matches it as a glob\nhint: demo, a folder of \
-             JPEG or PNG pictures, a glob such as 'frames/*.jpg' (quoted), or shm:CAMERA",
+             JPEG or PNG pictures, a glob such as 'frames/*.jpg' (quoted), a camera /dev/videoN, or shm:CAMERA",
             path.display()
         )
     }

@@ -9,17 +9,23 @@ mod rate;
 mod recording;
 mod scene;
 mod shm;
+mod v4l2;
 
 pub(crate) use files::{Numbers, decode, decode_file, decode_numbers};
 pub use frame::{Capture, Frame, Pixels, Reuse};
-pub use pipe::{PictureSize, RawLayout};
+pub use pipe::PictureSize;
 pub use rate::{Pacer, Rate};
 pub(crate) use recording::{RecordingSource, sorted};
+pub(crate) use v4l2::cameras;
 
-use std::path::PathBuf;
+use std::os::unix::fs::FileTypeExt as _;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use nunet_core::frame::PixelFormat;
 
+use self::pipe::RawLayout;
+use self::v4l2::Wish;
 use crate::exit::BadArguments;
 
 /// What happened when a source was asked for a frame.
@@ -66,6 +72,8 @@ pub enum Kind {
     Pipe,
     /// A recording's pictures.
     Recording(PathBuf),
+    /// A camera of this machine.
+    Video(PathBuf),
     /// Another process publishes frames in shared memory under this camera's name.
     SharedMemory(String),
 }
@@ -77,6 +85,7 @@ impl Kind {
             Some(("shm", camera)) => Self::SharedMemory(camera.to_owned()),
             None if text == "demo" => Self::Demo,
             None if text == "-" => Self::Pipe,
+            _ if is_device(text) => Self::Video(text.into()),
             _ if text.ends_with(".mcap") => Self::Recording(text.into()),
             _ => Self::Files(text.to_owned()),
         }
@@ -88,6 +97,12 @@ impl Kind {
     }
 }
 
+/// Whether it is a camera, plugged in or not. The names below `/dev/v4l` stay the same when numbers change.
+fn is_device(text: &str) -> bool {
+    let named = ["/dev/video", "/dev/v4l/"].iter().any(|start| text.starts_with(start));
+    named || Path::new(text).metadata().is_ok_and(|found| found.file_type().is_char_device())
+}
+
 /// How a source is opened.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Opening<'a> {
@@ -95,31 +110,66 @@ pub struct Opening<'a> {
     pub repeat: bool,
     /// The recording's topic, where several carry pictures.
     pub topic: Option<&'a str>,
-    /// What pictures on stdin are; Y4M otherwise.
-    pub layout: Option<RawLayout>,
+    /// Width and height of raw pictures on stdin, or those that are wished of a camera.
+    pub size: Option<(u32, u32)>,
+    /// What raw pictures on stdin are; Y4M otherwise.
+    pub format: Option<PixelFormat>,
+    /// The rate that is wished of a camera; of other sources their caller keeps it.
+    pub rate: Option<Rate>,
+}
+
+impl Opening<'_> {
+    fn wish(&self) -> Wish {
+        let usual = Wish::default();
+        let hz = self.rate.map_or(usual.hz, |rate| match rate {
+            Rate::Max => rate::MAX_HZ,
+            Rate::Hz(hz) => hz,
+        });
+        Wish { size: self.size.unwrap_or(usual.size), hz }
+    }
+
+    fn layout(&self) -> Option<RawLayout> {
+        self.size.zip(self.format).map(|(size, format)| RawLayout { size, format })
+    }
+
+    /// Arguments that the source would not obey are refused, not ignored.
+    fn check(&self, kind: &Kind) -> Result<(), BadArguments> {
+        let bad = |text: &str| Err(BadArguments(text.into()));
+        match (kind, self.size, self.format) {
+            (Kind::Pipe, Some(_), None) => bad("--size without --format: raw pictures on stdin need both"),
+            (Kind::Video(_), _, Some(_)) => bad(
+                "--format is for raw pictures on stdin: of a camera, nunetd takes the format that fits best",
+            ),
+            (Kind::Pipe | Kind::Video(_), ..) | (_, None, None) => Ok(()),
+            _ => bad(
+                "--size is for cameras and raw pictures on stdin, --format for the latter: every other source says \
+                 them itself",
+            ),
+        }?;
+        match (self.repeat, kind) {
+            (true, Kind::Pipe) => bad("--loop: stdin cannot begin again"),
+            (true, Kind::Video(_)) => bad("--loop: a camera has no end to begin again at"),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Opens a source.
 ///
 /// # Errors
-/// Nothing of that name, no pictures in a folder or a recording, a glob that is none, a topic for what has none.
+/// Nothing of that name, no pictures in a folder or a recording, a glob that is none, a camera that cannot be used,
+/// arguments for another kind of source.
 pub fn open(kind: &Kind, how: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
     if let (Some(topic), false) = (how.topic, matches!(kind, Kind::Recording(_))) {
         bail!(BadArguments(format!("--topic {topic} is for recordings: no other source has topics")));
     }
-    if how.layout.is_some() && *kind != Kind::Pipe {
-        bail!(BadArguments(
-            "--size and --format are for raw pictures on stdin: every other source says them itself".into()
-        ));
-    }
-    if how.repeat && *kind == Kind::Pipe {
-        bail!(BadArguments("--loop: stdin cannot begin again".into()));
-    }
+    how.check(kind)?;
     Ok(match kind {
-        Kind::Pipe => Box::new(pipe::Pipe::open(std::io::stdin(), how.layout)?),
+        Kind::Pipe => Box::new(pipe::Pipe::open(std::io::stdin(), how.layout())?),
         Kind::Demo => Box::new(scene::Scene::default()),
         Kind::Files(pattern) => Box::new(files::Files::open(pattern, how.repeat)?),
         Kind::Recording(path) => Box::new(recording::RecordingSource::open(path, how)?),
+        Kind::Video(path) => Box::new(v4l2::open(path, how.wish())?),
         Kind::SharedMemory(camera) => Box::new(shm::SharedMemory::open(camera)?),
     })
 }
@@ -136,6 +186,47 @@ mod tests {
         assert_eq!(Kind::parse("-"), Kind::Pipe);
         assert_eq!(Kind::parse("drive.mcap"), Kind::Recording("drive.mcap".into()));
         assert_eq!(Kind::parse("drive/*.jpg"), Kind::Files("drive/*.jpg".into()));
+    }
+
+    #[test]
+    fn cameras_are_told_by_their_place_or_by_being_devices() {
+        for text in ["/dev/video0", "/dev/video7", "/dev/v4l/by-path/pci-0:1.0-video-index0", "/dev/null"] {
+            assert_eq!(Kind::parse(text), Kind::Video(text.into()), "{text}");
+        }
+        assert_eq!(Kind::parse("/dev"), Kind::Files("/dev".into()));
+        assert_eq!(Kind::parse("video0"), Kind::Files("video0".into()));
+    }
+
+    #[test]
+    fn arguments_of_another_kind_of_source_are_refused() {
+        let size = Some((640, 480));
+        let format = Some(PixelFormat::Yuyv);
+        let refused = |source: &str, how: Opening<'_>| {
+            let error = open(&Kind::parse(source), how).err().expect("it is refused");
+            assert!(error.is::<BadArguments>(), "{error:#}");
+            error.to_string()
+        };
+        let sized = Opening { size, ..Opening::default() };
+        for source in ["demo", "drive.mcap", "shm:front", "drive/*.jpg"] {
+            let error = refused(source, sized);
+            assert!(error.starts_with("--size is for cameras and raw pictures on stdin"), "{error}");
+        }
+        assert!(refused("-", sized).starts_with("--size without --format"));
+        let both = Opening { size, format, ..Opening::default() };
+        assert!(refused("/dev/video0", both).starts_with("--format is for raw pictures"));
+        let repeat = Opening { repeat: true, ..Opening::default() };
+        assert!(refused("/dev/video0", repeat).contains("a camera has no end"));
+        assert!(refused("-", repeat).contains("stdin cannot begin again"));
+    }
+
+    #[test]
+    fn size_and_rate_are_wishes_of_a_camera() {
+        let usual = Opening::default().wish();
+        assert_eq!((usual.size, usual.hz), ((640, 480), 30.0));
+        let wished = Opening { size: Some((320, 240)), rate: Some(Rate::Hz(15.0)), ..Opening::default() };
+        assert_eq!(wished.wish(), Wish { size: (320, 240), hz: 15.0 });
+        let fastest = Opening { rate: Some(Rate::Max), ..Opening::default() };
+        assert_eq!(fastest.wish().hz, rate::MAX_HZ, "of all rates the highest is the nearest");
     }
 
     #[test]

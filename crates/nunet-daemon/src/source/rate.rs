@@ -13,7 +13,7 @@ pub enum Rate {
 }
 
 /// A rate above this is a mistake: no camera is that fast.
-const MAX_HZ: f64 = 10_000.0;
+pub(super) const MAX_HZ: f64 = 10_000.0;
 
 impl FromStr for Rate {
     type Err = String;

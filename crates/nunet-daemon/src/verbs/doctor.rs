@@ -13,6 +13,7 @@ use crate::cli::{CameraArgs, DoctorArgs, Publish};
 use crate::engine::{Engine, tested};
 use crate::library;
 use crate::sink::shm::plans;
+use crate::source;
 
 mod machine;
 
@@ -29,6 +30,7 @@ pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
             Err(problem) => checks.bad(name, &problem),
         }
     }
+    check_cameras(&mut checks);
     let text = if arguments.json { checks.json() } else { checks.text() };
     writeln!(std::io::stdout(), "{}", text.trim_end())?;
     match checks.problems() {
@@ -180,5 +182,20 @@ fn check_cache(checks: &mut Checks) {
             "cache",
             &format!("`{}` cannot be written: {error}\nhint: give this user the folder", folder.display()),
         ),
+    }
+}
+
+/// A machine without a camera may have other sources.
+fn check_cameras(checks: &mut Checks) {
+    let cameras = source::cameras();
+    if cameras.is_empty() {
+        checks.good("cameras", "none at /dev/video*");
+    }
+    for camera in cameras {
+        let path = camera.path.display();
+        match camera.what {
+            Ok(what) => checks.good("camera", format!("`{path}`: {what}")),
+            Err(problem) => checks.bad("camera", &format!("`{path}`: {problem}")),
+        }
     }
 }

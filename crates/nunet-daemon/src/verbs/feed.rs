@@ -28,7 +28,9 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
     let optics = Optics::new(&arguments.geometry)?;
     let mut source = source::open(&kind, arguments.pace.opening())?;
     let mut feeder = Feeder::new(camera_name(&arguments.camera)?, optics);
-    let pacer = Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now());
+    // A camera was asked for the rate; it keeps it by itself.
+    let pacer =
+        Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now()).filter(|_| !source.is_live());
     feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop)?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
     Ok(if feeder.failed == 0 && !feeder.cut { Outcome::Done } else { Outcome::Lost })

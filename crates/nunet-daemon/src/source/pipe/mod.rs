@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 
 /// What raw pictures on stdin are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RawLayout {
+pub(super) struct RawLayout {
     /// Width and height, pixels.
     pub size: (u32, u32),
     /// How pixels lie; rows follow each other without padding.

@@ -1,0 +1,203 @@
+//! A video device and its machine, as the policy above sees them: tests put others in their place.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+pub(super) use rustix::io::Errno;
+
+pub(super) type Result<T> = std::result::Result<T, Errno>;
+
+/// The machine that devices are plugged into.
+pub(super) trait Host: Send {
+    /// Opens the device at `path`; `NOTTY` where something else lies there.
+    fn open(&mut self, path: &Path) -> Result<Box<dyn Device>>;
+
+    /// The paths of all video devices, cameras or not, by their number.
+    fn nodes(&self) -> Vec<PathBuf>;
+
+    /// What time it is.
+    fn now(&self) -> Now;
+
+    /// Waits.
+    fn pause(&self, time: Duration);
+}
+
+/// An open device. Dropping it ends its stream and closes it.
+pub(super) trait Device: Send {
+    /// What it is.
+    fn capability(&mut self) -> Result<Capability>;
+
+    /// The formats that it offers, in its own order.
+    fn formats(&mut self) -> Result<Vec<FourCc>>;
+
+    /// The sizes of a format; none where the driver does not tell.
+    fn sizes(&mut self, format: FourCc) -> Result<Vec<Sizes>>;
+
+    /// The times between frames of a format and size; none where the driver does not tell.
+    fn intervals(&mut self, format: FourCc, size: (u32, u32)) -> Result<Vec<Intervals>>;
+
+    /// Asks for a format and size, and returns what the driver made of it.
+    fn set_format(&mut self, format: FourCc, size: (u32, u32)) -> Result<Layout>;
+
+    /// Asks for a time between frames, and returns what the driver made of it; `None` where it knows no rates.
+    fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>>;
+
+    /// Gives the driver about `buffers` buffers to fill and starts the stream.
+    fn start(&mut self, buffers: u32) -> Result<()>;
+
+    /// Waits until a buffer is filled; false after `timeout`.
+    fn wait(&mut self, timeout: Duration) -> Result<bool>;
+
+    /// Takes the oldest filled buffer from the driver; `None` where none is filled.
+    fn dequeue(&mut self) -> Result<Option<Buffer>>;
+
+    /// What a taken buffer holds; nothing of one that was given back.
+    fn bytes(&self, buffer: &Buffer) -> &[u8];
+
+    /// Gives a buffer back to be filled again.
+    fn queue(&mut self, buffer: Buffer) -> Result<()>;
+}
+
+/// One moment on two clocks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Now {
+    /// `CLOCK_MONOTONIC`.
+    pub(super) monotonic_nanos: i64,
+    /// Since 1970.
+    pub(super) unix_nanos: i64,
+}
+
+/// What a device is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Capability {
+    /// The camera's name, for people.
+    pub(super) name: String,
+    /// Whether it captures pictures, each in one buffer.
+    pub(super) captures: bool,
+    /// Whether it captures pictures whose planes lie in separate buffers.
+    pub(super) captures_planes: bool,
+    /// Whether it fills mapped buffers.
+    pub(super) streams: bool,
+}
+
+/// The four letters by which V4L2 names a format.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct FourCc(pub(super) u32);
+
+impl FourCc {
+    pub(super) const fn new(letters: &[u8; 4]) -> Self {
+        Self(u32::from_le_bytes(*letters))
+    }
+}
+
+impl fmt::Display for FourCc {
+    /// Of a number that is no letters, the letters that it has.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shown = |byte: u8| if byte.is_ascii_graphic() { char::from(byte) } else { '.' };
+        let letters: String = self.0.to_le_bytes().into_iter().map(shown).collect();
+        f.pad(letters.trim_end_matches('.'))
+    }
+}
+
+impl fmt::Debug for FourCc {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// One size, or many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sizes {
+    /// Width and height, pixels.
+    One((u32, u32)),
+    /// Everything between two sizes, in steps.
+    Range {
+        /// The smallest.
+        least: (u32, u32),
+        /// The largest.
+        most: (u32, u32),
+        /// From one to the next.
+        step: (u32, u32),
+    },
+}
+
+/// The time from frame to frame, as a fraction of seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Interval {
+    /// Above the line.
+    pub(super) numerator: u32,
+    /// Below the line.
+    pub(super) denominator: u32,
+}
+
+impl Interval {
+    /// To a thousandth of a frame a second.
+    pub(super) fn of_hz(hz: f64) -> Self {
+        Self { numerator: 1000, denominator: ((hz * 1000.0).round() as u32).max(1) }
+    }
+
+    /// Frames a second; `None` of a fraction that is none.
+    pub(super) fn hz(self) -> Option<f64> {
+        let hz = f64::from(self.denominator) / f64::from(self.numerator);
+        (hz.is_finite() && hz > 0.0).then_some(hz)
+    }
+}
+
+/// One time between frames, or many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Intervals {
+    /// This one.
+    One(Interval),
+    /// Everything between two.
+    Range {
+        /// The fastest.
+        shortest: Interval,
+        /// The slowest.
+        longest: Interval,
+    },
+}
+
+/// How pictures lie in buffers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Layout {
+    /// The format.
+    pub(super) format: FourCc,
+    /// Width and height, pixels.
+    pub(super) size: (u32, u32),
+    /// Bytes from row to row; 0 of a compressed format, and where the driver does not tell.
+    pub(super) row_stride: u32,
+}
+
+/// A filled buffer, ours until it is given back.
+#[derive(Debug)]
+pub(super) struct Buffer {
+    /// Its place among the device's buffers.
+    pub(super) index: u32,
+    /// Bytes that were filled.
+    pub(super) used: usize,
+    /// The driver says that the picture is damaged.
+    pub(super) flawed: bool,
+    /// When the picture was taken, `CLOCK_MONOTONIC`; `None` where the driver uses another clock or does not tell.
+    pub(super) taken_nanos: Option<i64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_format_is_written_by_its_letters() {
+        assert_eq!(FourCc::new(b"YUYV").to_string(), "YUYV");
+        assert_eq!(FourCc::new(b"Y16 ").to_string(), "Y16");
+        assert_eq!(FourCc::new(b"\x1b[2J").to_string(), ".[2J", "nothing that a terminal obeys");
+    }
+
+    #[test]
+    fn an_interval_is_a_rate_and_a_fraction_that_is_none_is_no_rate() {
+        assert_eq!(Interval::of_hz(29.97).hz(), Some(29.97));
+        assert!(Interval::of_hz(1e-9).hz().is_some_and(|hz| hz > 0.0));
+        assert_eq!(Interval { numerator: 0, denominator: 30 }.hz(), None);
+        assert_eq!(Interval { numerator: 1, denominator: 0 }.hz(), None);
+    }
+}

@@ -1,0 +1,367 @@
+//! Video devices of the Linux kernel: its requests and its buffers in our memory, without any policy.
+#![expect(
+    unsafe_code,
+    reason = "ioctl hands the kernel a pointer, and a driver's buffers are mapped into our memory"
+)]
+
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::ptr::{self, NonNull};
+use std::time::Duration;
+
+use nunet_ipc::monotonic_nanos;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{FileType, Mode, OFlags, major};
+use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+
+use super::abi::{
+    self, BufferRequest, BufferState, Capabilities, Description, FrameInterval, FrameSize, PictureFormat,
+    Plain, StreamParameters,
+};
+use super::device::{
+    Buffer, Capability, Device, Errno, FourCc, Host, Interval, Intervals, Layout, Now, Result, Sizes,
+};
+use crate::telemetry::unix_nanos;
+
+const QUERY_CAPABILITIES: Opcode = opcode::read::<Capabilities>(b'V', 0);
+const DESCRIBE_FORMAT: Opcode = opcode::read_write::<Description>(b'V', 2);
+const SET_FORMAT: Opcode = opcode::read_write::<PictureFormat>(b'V', 5);
+const REQUEST_BUFFERS: Opcode = opcode::read_write::<BufferRequest>(b'V', 8);
+const QUERY_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 9);
+const QUEUE_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 15);
+const DEQUEUE_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 17);
+const STREAM_ON: Opcode = opcode::write::<i32>(b'V', 18);
+const STREAM_OFF: Opcode = opcode::write::<i32>(b'V', 19);
+const GET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 21);
+const SET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 22);
+const DESCRIBE_SIZE: Opcode = opcode::read_write::<FrameSize>(b'V', 74);
+const DESCRIBE_INTERVAL: Opcode = opcode::read_write::<FrameInterval>(b'V', 75);
+
+/// All devices of V4L2 have this major number. Others are not even opened: opening a watchdog starts it.
+const VIDEO_MAJOR: u32 = 81;
+/// The most entries of a list that are read, should a driver's never end.
+const MAX_ENTRIES: u32 = 256;
+/// The most buffers that are mapped; a driver may want more than it is asked for.
+const MAX_BUFFERS: u32 = 32;
+
+/// This machine.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Linux;
+
+impl Host for Linux {
+    fn open(&mut self, path: &Path) -> Result<Box<dyn Device>> {
+        let stat = rustix::fs::stat(path)?;
+        let is_device = FileType::from_raw_mode(stat.st_mode) == FileType::CharacterDevice;
+        if !is_device || major(stat.st_rdev) != VIDEO_MAJOR {
+            return Err(Errno::NOTTY);
+        }
+        let file = rustix::fs::open(path, OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
+        Ok(Box::new(VideoDevice { buffers: Vec::new(), file }))
+    }
+
+    fn nodes(&self) -> Vec<PathBuf> {
+        let Ok(entries) = Path::new("/dev").read_dir() else { return Vec::new() };
+        let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+        let mut numbers: Vec<u32> =
+            names.filter_map(|name| name.strip_prefix("video")?.parse().ok()).collect();
+        numbers.sort_unstable();
+        numbers.into_iter().map(|number| format!("/dev/video{number}").into()).collect()
+    }
+
+    fn now(&self) -> Now {
+        Now { monotonic_nanos: monotonic_nanos(), unix_nanos: unix_nanos() }
+    }
+
+    fn pause(&self, time: Duration) {
+        std::thread::sleep(time);
+    }
+}
+
+/// An open device. The buffers come first: they are unmapped before the device is closed.
+struct VideoDevice {
+    buffers: Vec<Mapping>,
+    file: OwnedFd,
+}
+
+impl VideoDevice {
+    /// One request, whose answer overwrites the argument.
+    fn control<const OPCODE: Opcode, T: Plain>(&self, argument: &mut T) -> Result<()> {
+        const { assert!((OPCODE >> 16) as usize & 0x1fff == size_of::<T>(), "an argument of another request") };
+        loop {
+            // SAFETY: the opcodes of this file are V4L2's, and carry the size of the structure that the kernel reads
+            // and writes (asserted above); `Plain` structures stay valid whatever the kernel writes.
+            let request = unsafe { Updater::<OPCODE, T>::new(argument) };
+            // SAFETY: the device is one of V4L2 (its major number was asked), so it knows these opcodes. None of the
+            // arguments holds a pointer: buffers are the driver's, and formats those of pictures in one buffer.
+            match unsafe { ioctl(&self.file, request) } {
+                Err(Errno::INTR) => {}
+                result => return result,
+            }
+        }
+    }
+}
+
+impl Device for VideoDevice {
+    fn capability(&mut self) -> Result<Capability> {
+        let mut answer = Capabilities::ZERO;
+        self.control::<QUERY_CAPABILITIES, _>(&mut answer)?;
+        let own = answer.capabilities & abi::HAS_DEVICE_CAPS != 0;
+        let can = if own { answer.device_caps } else { answer.capabilities };
+        Ok(Capability {
+            name: text(&answer.card),
+            captures: can & abi::CAN_CAPTURE != 0,
+            captures_planes: can & abi::CAN_CAPTURE_PLANES != 0,
+            streams: can & abi::CAN_STREAM != 0,
+        })
+    }
+
+    fn formats(&mut self) -> Result<Vec<FourCc>> {
+        list(|index| {
+            let mut entry = Description { index, ..Description::ZERO };
+            self.control::<DESCRIBE_FORMAT, _>(&mut entry)?;
+            Ok(FourCc(entry.format))
+        })
+    }
+
+    fn sizes(&mut self, format: FourCc) -> Result<Vec<Sizes>> {
+        list(|index| {
+            let mut entry = FrameSize { index, format: format.0, ..FrameSize::ZERO };
+            self.control::<DESCRIBE_SIZE, _>(&mut entry)?;
+            let [a, b, c, d, e, f] = entry.sides;
+            Ok(match entry.kind {
+                abi::DISCRETE => Sizes::One((a, b)),
+                _ => Sizes::Range { least: (a, d), most: (b, e), step: (c, f) },
+            })
+        })
+    }
+
+    fn intervals(&mut self, format: FourCc, (width, height): (u32, u32)) -> Result<Vec<Intervals>> {
+        list(|index| {
+            let mut entry = FrameInterval { index, format: format.0, width, height, ..FrameInterval::ZERO };
+            self.control::<DESCRIBE_INTERVAL, _>(&mut entry)?;
+            let [a, b, c, d, ..] = entry.seconds;
+            let first = Interval { numerator: a, denominator: b };
+            let second = Interval { numerator: c, denominator: d };
+            Ok(match entry.kind {
+                abi::DISCRETE => Intervals::One(first),
+                _ => Intervals::Range { shortest: first, longest: second },
+            })
+        })
+    }
+
+    fn set_format(&mut self, format: FourCc, (width, height): (u32, u32)) -> Result<Layout> {
+        let mut answer = PictureFormat { width, height, format: format.0, ..PictureFormat::ZERO };
+        self.control::<SET_FORMAT, _>(&mut answer)?;
+        let PictureFormat { width, height, format, row_stride, .. } = answer;
+        Ok(Layout { format: FourCc(format), size: (width, height), row_stride })
+    }
+
+    fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>> {
+        let mut answer = StreamParameters::ZERO;
+        match self.control::<GET_PARAMETERS, _>(&mut answer) {
+            Err(Errno::NOTTY | Errno::INVAL) => return Ok(None),
+            result => result?,
+        }
+        if answer.capability & abi::CAN_SET_INTERVAL != 0 {
+            (answer.numerator, answer.denominator) = (interval.numerator, interval.denominator);
+            self.control::<SET_PARAMETERS, _>(&mut answer)?;
+        }
+        Ok(Some(Interval { numerator: answer.numerator, denominator: answer.denominator }))
+    }
+
+    fn start(&mut self, buffers: u32) -> Result<()> {
+        let mut request = BufferRequest { count: buffers, ..BufferRequest::ZERO };
+        self.control::<REQUEST_BUFFERS, _>(&mut request)?;
+        if request.count == 0 {
+            return Err(Errno::NOMEM);
+        }
+        for index in 0..request.count.min(MAX_BUFFERS) {
+            let mut state = BufferState { index, ..BufferState::ZERO };
+            self.control::<QUERY_BUFFER, _>(&mut state)?;
+            self.buffers.push(Mapping::of(&self.file, state.offset, state.length as usize)?);
+            self.control::<QUEUE_BUFFER, _>(&mut BufferState { index, ..BufferState::ZERO })?;
+        }
+        self.control::<STREAM_ON, _>(&mut (abi::CAPTURE as i32))
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<bool> {
+        let timeout = Timespec { tv_sec: timeout.as_secs() as i64, tv_nsec: timeout.subsec_nanos().into() };
+        let mut files = [PollFd::new(&self.file, PollFlags::IN)];
+        match poll(&mut files, Some(&timeout)) {
+            Ok(0) | Err(Errno::INTR) => return Ok(false),
+            result => result?,
+        };
+        let [file] = files;
+        if file.revents().contains(PollFlags::IN) {
+            return Ok(true);
+        }
+        // An unplugged device answers no request, which says more than the error that poll reports.
+        self.capability()?;
+        Err(Errno::IO)
+    }
+
+    fn dequeue(&mut self) -> Result<Option<Buffer>> {
+        let mut state = BufferState::ZERO;
+        match self.control::<DEQUEUE_BUFFER, _>(&mut state) {
+            Err(Errno::AGAIN) => return Ok(None),
+            result => result?,
+        }
+        let mapping = self.buffers.get_mut(state.index as usize).ok_or(Errno::IO)?;
+        mapping.ours = true;
+        let nanos = state.seconds.saturating_mul(1_000_000_000).saturating_add(state.microseconds * 1000);
+        let monotonic = state.flags & abi::CLOCK_MASK == abi::CLOCK_MONOTONIC;
+        Ok(Some(Buffer {
+            index: state.index,
+            used: (state.used as usize).min(mapping.bytes),
+            flawed: state.flags & abi::FLAWED != 0,
+            taken_nanos: monotonic.then_some(nanos),
+        }))
+    }
+
+    fn bytes(&self, buffer: &Buffer) -> &[u8] {
+        let mapping = self.buffers.get(buffer.index as usize);
+        mapping.and_then(|mapping| mapping.bytes()?.get(..buffer.used)).unwrap_or_default()
+    }
+
+    fn queue(&mut self, buffer: Buffer) -> Result<()> {
+        let mapping = self.buffers.get_mut(buffer.index as usize).ok_or(Errno::INVAL)?;
+        mapping.ours = false;
+        self.control::<QUEUE_BUFFER, _>(&mut BufferState { index: buffer.index, ..BufferState::ZERO })
+    }
+}
+
+impl Drop for VideoDevice {
+    fn drop(&mut self) {
+        // A device that is gone has no stream to end; nothing is left to do about another failure.
+        let _ = self.control::<STREAM_OFF, _>(&mut (abi::CAPTURE as i32));
+    }
+}
+
+/// A driver's buffer in our memory.
+struct Mapping {
+    start: NonNull<u8>,
+    bytes: usize,
+    /// The driver has handed it over and does not write into it.
+    ours: bool,
+}
+
+// SAFETY: the mapping belongs to the process, not to a thread, and this value alone knows where it lies.
+unsafe impl Send for Mapping {}
+
+impl Mapping {
+    fn of(file: &OwnedFd, offset: u32, bytes: usize) -> Result<Self> {
+        // SAFETY: the kernel chooses a free place, so no memory that anybody uses changes.
+        let start = unsafe {
+            mmap(ptr::null_mut(), bytes, ProtFlags::READ, MapFlags::SHARED, file, u64::from(offset))
+        }?;
+        let start = NonNull::new(start.cast()).ok_or(Errno::NOMEM)?;
+        Ok(Self { start, bytes, ours: false })
+    }
+
+    /// What it holds, while it is ours.
+    fn bytes(&self) -> Option<&[u8]> {
+        // SAFETY: the range stays mapped for as long as `self` lives. The driver fills only buffers that are queued,
+        // and queueing this one clears `ours` through an exclusive borrow, when no slice of it is left.
+        self.ours.then(|| unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.bytes) })
+    }
+}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        // SAFETY: the range is the one that was mapped, and no slice of it outlives `self`.
+        let unmapped = unsafe { munmap(self.start.as_ptr().cast(), self.bytes) };
+        debug_assert!(unmapped.is_ok(), "a range that was mapped can be unmapped");
+    }
+}
+
+/// The entries of one of the driver's lists; a driver that keeps no such list has none.
+fn list<T>(mut entry: impl FnMut(u32) -> Result<T>) -> Result<Vec<T>> {
+    let mut entries = Vec::new();
+    for index in 0..MAX_ENTRIES {
+        match entry(index) {
+            Err(Errno::INVAL | Errno::NOTTY) => break,
+            result => entries.push(result?),
+        }
+    }
+    Ok(entries)
+}
+
+/// A name from the device, without what a terminal would obey.
+fn text(bytes: &[u8]) -> String {
+    let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).chars().filter(|letter| !letter.is_control()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As a C program prints them that includes the kernel's header.
+    #[test]
+    fn the_requests_are_the_kernel_s() {
+        let known = [
+            (QUERY_CAPABILITIES, 0x8068_5600),
+            (DESCRIBE_FORMAT, 0xc040_5602),
+            (SET_FORMAT, 0xc0d0_5605),
+            (REQUEST_BUFFERS, 0xc014_5608),
+            (QUERY_BUFFER, 0xc058_5609),
+            (QUEUE_BUFFER, 0xc058_560f),
+            (DEQUEUE_BUFFER, 0xc058_5611),
+            (STREAM_ON, 0x4004_5612),
+            (STREAM_OFF, 0x4004_5613),
+            (GET_PARAMETERS, 0xc0cc_5615),
+            (SET_PARAMETERS, 0xc0cc_5616),
+            (DESCRIBE_SIZE, 0xc02c_564a),
+            (DESCRIBE_INTERVAL, 0xc034_564b),
+        ];
+        for (opcode, expected) in known {
+            assert_eq!(opcode, expected, "{opcode:#x}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_video_device_is_not_opened() {
+        let open = |path: &Path| Linux.open(path).err();
+        assert_eq!(open(Path::new("/dev/null")), Some(Errno::NOTTY));
+        assert_eq!(open(&std::env::temp_dir()), Some(Errno::NOTTY));
+        assert_eq!(open(Path::new("/dev/video_that_is_not_there")), Some(Errno::NOENT));
+    }
+
+    /// A pipe stands for a driver that knows no request: buffers and lists come to nothing, and dropping is quiet.
+    #[test]
+    fn a_file_that_answers_no_request_gives_errors_and_nothing_else() {
+        let (file, _other) = std::io::pipe().unwrap();
+        let mut device = VideoDevice { buffers: Vec::new(), file: file.into() };
+        assert_eq!(device.capability(), Err(Errno::NOTTY));
+        assert_eq!(device.formats(), Ok(vec![]));
+        assert_eq!(device.set_interval(Interval::of_hz(30.0)), Ok(None));
+        assert_eq!(device.start(4), Err(Errno::NOTTY));
+        assert_eq!(device.wait(Duration::ZERO), Ok(false));
+        let buffer = Buffer { index: 0, used: 5, flawed: false, taken_nanos: None };
+        assert!(device.bytes(&buffer).is_empty());
+        assert_eq!(device.queue(buffer), Err(Errno::INVAL));
+    }
+
+    /// A file in memory stands for a driver's buffers: it can be mapped as they are.
+    #[test]
+    fn a_buffer_is_seen_while_it_is_ours_and_not_longer() {
+        let file = tempfile::tempfile().unwrap();
+        std::io::Write::write_all(&mut &file, &[7; 4096]).unwrap();
+        let file = OwnedFd::from(file);
+        let mut mapping = Mapping::of(&file, 0, 4096).unwrap();
+        mapping.ours = true;
+        let mut device = VideoDevice { buffers: vec![mapping], file };
+        let buffer = Buffer { index: 0, used: 5, flawed: false, taken_nanos: None };
+        assert_eq!(device.bytes(&buffer), [7; 5]);
+        assert_eq!(device.queue(buffer), Err(Errno::NOTTY), "a file takes no buffers back");
+        let buffer = Buffer { index: 0, used: 5, flawed: false, taken_nanos: None };
+        assert!(device.bytes(&buffer).is_empty(), "it was given back");
+    }
+
+    #[test]
+    fn names_hold_nothing_that_a_terminal_obeys() {
+        assert_eq!(text(b"HD \x1b[2JWebcam\0rest"), "HD [2JWebcam");
+        assert_eq!(text(b"full"), "full");
+    }
+}
