@@ -13,10 +13,12 @@ use nunet_core::graph::Provider;
 use crate::source::{Opening, PictureSize, RawLayout};
 
 mod eval;
+mod filter;
 mod lens;
 mod record;
 
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
+pub use filter::FilterArgs;
 pub use lens::{FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
 
@@ -156,7 +158,9 @@ pub struct EngineArgs {
 pub struct CameraArgs {
     #[command(flatten)]
     pub lens: LensArgs,
-    /// Every N-th row and column become points of the cloud
+    #[command(flatten)]
+    pub filters: FilterArgs,
+    /// Every N-th row and column of depth become points of the cloud
     #[arg(long, value_name = "N", default_value = "1")]
     pub cloud_stride: NonZeroU32,
 }
@@ -373,9 +377,9 @@ fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
 }
 
 impl Default for CameraArgs {
-    /// An unknown camera, and a cloud of every pixel.
+    /// An unknown camera, no filter, and a cloud of every pixel.
     fn default() -> Self {
-        Self { lens: LensArgs::default(), cloud_stride: NonZeroU32::MIN }
+        Self { lens: LensArgs::default(), filters: FilterArgs::default(), cloud_stride: NonZeroU32::MIN }
     }
 }
 

@@ -4,8 +4,6 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use image::imageops::{FilterType, resize};
-use image::{ImageBuffer, Luma};
 use indicatif::{ProgressBar, ProgressStyle};
 use nunet_core::depth::Encoding;
 use nunet_core::pipeline::{Outputs, Pipeline};
@@ -24,12 +22,14 @@ mod comparison;
 mod dataset;
 mod metrics;
 mod report;
+mod resized;
 mod sheet;
 
 use comparison::{Baseline, Comparison, Kind, MeanImage};
 use dataset::{Dataset, Truth, read_ids, same_size};
 use metrics::LabelMetrics;
 use report::{PictureRow, Report};
+use resized::Fit;
 use sheet::{Row, Sheet, chosen};
 
 /// Measures every picture; one that cannot be read is named and counted.
@@ -41,7 +41,8 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let camera = CameraArgs { lens: arguments.lens.clone(), ..CameraArgs::default() };
+    let (lens, filters) = (arguments.lens.clone(), arguments.filters.clone());
+    let camera = CameraArgs { lens, filters, ..CameraArgs::default() };
     let pipeline = tested_pipeline(loaded, &camera)?;
     let dataset = Dataset::open(arguments, &pipeline.graph().description().classes)?;
     if pipeline.graph().has_labels() && !dataset.has_labels() {
@@ -172,11 +173,8 @@ impl Work {
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
         self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;
-        let from = self.pipeline.size();
-        Ok(Prediction {
-            depth: resized(&self.depth, from, truth.size, FilterType::Triangle)?,
-            labels: resized(&self.labels, from, truth.size, FilterType::Nearest)?,
-        })
+        let fit = Fit::new(&self.pipeline, truth.size);
+        Ok(Prediction { depth: fit.depth(&self.depth)?, labels: fit.labels(&self.labels)? })
     }
 
     fn report(&self, arguments: &EvalArgs, dataset: &Dataset, model: ModelName, skipped: u64) -> Report {
@@ -220,18 +218,4 @@ impl Work {
         }
         sheet.picture().save(path).with_context(|| format!("cannot write `{}`", path.display()))
     }
-}
-
-/// `[H, W]` numbers of a picture of size `from` at size `to`; where these differ the network saw the picture resized.
-fn resized<T>(values: &[T], from: (u32, u32), to: (u32, u32), filter: FilterType) -> anyhow::Result<Vec<T>>
-where
-    T: image::Primitive + 'static,
-    Luma<T>: image::Pixel<Subpixel = T>,
-{
-    if from == to || values.is_empty() {
-        return Ok(values.to_vec());
-    }
-    let picture: ImageBuffer<Luma<T>, _> = ImageBuffer::from_raw(from.0, from.1, values.to_vec())
-        .context("a result does not fill its picture")?;
-    Ok(resize(&picture, to.0, to.1, filter).into_raw())
 }
