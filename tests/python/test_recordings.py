@@ -256,6 +256,30 @@ def test_foxglove_pictures_in_json_are_read_also_without_a_schema_text(nunetd, t
         assert message.header.frame_id == "eye"
 
 
+def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
+    """The network against what it said itself: no error but the millimetres, and its own camera scales it."""
+    command = [nunetd, "-q", "eval", str(replayed[0]), *ONCE, "--json"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1, "depth of another size than its picture is not compared"
+    assert "its depth" in done.stderr
+    size = messages(replayed[0])["/camera/depth/image_raw"][0][1]
+    size = (size.width, size.height)
+    pictures = [np.asarray(Image.fromarray(picture(index)).resize(size)) for index in range(FRAMES)]
+    with Writer(tmp_path / "small", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        name = "sensor_msgs/msg/CompressedImage"
+        images = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
+        for index, rgb in enumerate(pictures):
+            nanos = FIRST_NANOS + index * PERIOD_NANOS
+            data = compressed(rgb, "png")
+            message = ros(name, header=header(nanos), format="png", data=data)
+            bag.write(images, nanos, STORE.serialize_cdr(message, name))
+    replay(nunetd, next((tmp_path / "small").glob("*.mcap")), tmp_path / "truth.mcap", "--publish", "depth")
+    said = subprocess.run([*command[:3], str(tmp_path / "truth.mcap"), *command[4:]], check=True, capture_output=True)
+    found = json.loads(said.stdout)
+    assert (found["pictures"], found["skipped"], found["dataset"]) == (FRAMES, 0, "truth.mcap")
+    assert found["metrics"]["rmse"] < 0.001
+
+
 def test_a_recording_cut_anywhere_gives_every_picture_before_the_cut(nunetd, tmp_path):
     whole = make_bag(tmp_path / "bag", "png").read_bytes()
     places = sorted(random.Random(1).sample(range(len(whole)), 12))

@@ -6,20 +6,22 @@ use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 
 use crate::source::{Opening, PictureSize, RawLayout};
 
+mod config;
 mod eval;
 mod filter;
 mod lens;
 mod record;
 
+pub use config::ConfigArgs;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
 pub use filter::FilterArgs;
-pub use lens::{FocalArg, GeometryArgs, LensArgs};
+pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
 
 /// The model that runs when none is named.
@@ -48,7 +50,15 @@ impl Cli {
             refuse_unknown_verb(arguments.get(place))?;
             arguments.insert(place, "run".into());
         }
-        Self::try_parse_from(arguments)
+        let mut command = Self::command();
+        let arguments = config::expand(command.clone(), arguments)?;
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        if let (Verb::Config(config), Some((verb, given))) = (&mut cli.verb, matches.subcommand()) {
+            config.effective =
+                command.find_subcommand(verb).map(|verb| config::effective(verb, given)).unwrap_or_default();
+        }
+        Ok(cli)
     }
 }
 
@@ -111,6 +121,8 @@ pub enum Verb {
     Replay(Box<ReplayArgs>),
     /// Measure a model against pictures with true depth
     Eval(Box<EvalArgs>),
+    /// Print what `run` would do with these flags and this file, as a file
+    Config(Box<ConfigArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
     #[command(hide = true)]
     Vet(VetArgs),
@@ -153,18 +165,6 @@ pub struct EngineArgs {
     pub onnxruntime: Option<PathBuf>,
 }
 
-/// The camera's geometry.
-#[derive(Debug, Args, Clone)]
-pub struct CameraArgs {
-    #[command(flatten)]
-    pub lens: LensArgs,
-    #[command(flatten)]
-    pub filters: FilterArgs,
-    /// Every N-th row and column of depth become points of the cloud
-    #[arg(long, value_name = "N", default_value = "1")]
-    pub cloud_stride: NonZeroU32,
-}
-
 /// Where frames come from.
 #[derive(Debug, Args, Clone)]
 pub struct SourceArgs {
@@ -202,6 +202,9 @@ impl SourceArgs {
 /// `nunetd run`
 #[derive(Debug, Args, Clone)]
 pub struct RunArgs {
+    /// A file that says what flags say, each by its long name; flags win
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
@@ -234,6 +237,9 @@ pub struct RunArgs {
     /// Write the last frame's depth, labels and cloud into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Serve the frame ledger and the latencies to Prometheus, at http://ADDRESS:PORT/metrics
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub metrics: Option<std::net::SocketAddr>,
     /// Write the frame ledger and the latencies into this file at the end
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
@@ -374,13 +380,6 @@ fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
     let (stage, count) = text.split_once('=').ok_or("expected `STAGE=N`, such as `segmentation=3`")?;
     let count = count.parse().map_err(|_| format!("expected a count of 1 or more, got `{count}`"))?;
     Ok((stage.to_owned(), count))
-}
-
-impl Default for CameraArgs {
-    /// An unknown camera, no filter, and a cloud of every pixel.
-    fn default() -> Self {
-        Self { lens: LensArgs::default(), filters: FilterArgs::default(), cloud_stride: NonZeroU32::MIN }
-    }
 }
 
 #[cfg(test)]

@@ -167,6 +167,26 @@ impl Channels {
         }
     }
 
+    /// The topic to read depth from: the one that was asked for, else the only one with `depth` in its name.
+    pub(crate) fn depth_topic(&self, path: &Path, wanted: Option<&str>) -> Result<String, RecordingError> {
+        if wanted.is_some() {
+            return self.picture_topic(path, wanted);
+        }
+        let is_depth = |channel: &&Channel| {
+            channel.kind() == Some(Kind::RosImage)
+                && channel.topic.split('/').any(|part| part.contains("depth"))
+        };
+        let mut topics: Vec<&str> =
+            self.by_id.values().filter(is_depth).map(|channel| channel.topic.as_str()).collect();
+        topics.sort_unstable();
+        topics.dedup();
+        match topics.as_slice() {
+            [] => Err(RecordingError::NoDepth { path: path.to_owned(), topics: self.topics() }),
+            [topic] => Ok((*topic).to_owned()),
+            several => Err(RecordingError::SeveralDepths { path: path.to_owned(), topics: list(several) }),
+        }
+    }
+
     /// The topic that describes the camera of a picture's topic: in the same namespace as ROS' drivers have it, else
     /// the only one there is.
     pub(crate) fn camera_topic(&self, picture_topic: &str) -> Option<String> {

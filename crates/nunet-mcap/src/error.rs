@@ -58,6 +58,26 @@ pub enum RecordingError {
         /// Their names.
         topics: String,
     },
+    /// No topic carries depth.
+    #[error(
+        "`{}` has no topic with depth\nhint: sensor_msgs/msg/Image in 32FC1 or 16UC1 on a topic with `depth` in its name, \
+         or --depth-topic; it has {topics}",
+        path.display()
+    )]
+    NoDepth {
+        /// The file.
+        path: PathBuf,
+        /// What there is.
+        topics: String,
+    },
+    /// Several topics carry depth.
+    #[error("`{}` has depth on several topics: {topics}\nhint: --depth-topic TOPIC names one", path.display())]
+    SeveralDepths {
+        /// The file.
+        path: PathBuf,
+        /// Their names.
+        topics: String,
+    },
     /// The topic that was asked for is not there.
     #[error("`{}` has no topic `{topic}`\nhint: it has {topics}", path.display())]
     NoSuchTopic {

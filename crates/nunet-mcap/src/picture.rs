@@ -19,6 +19,18 @@ pub enum Encoding {
     Yuyv,
     /// A plane of Y, then one of U and V in turn, half as high and wide; both with the same stride.
     Nv12,
+    /// Depth: little-endian `f32` metres, NaN or 0 = none (ROS' 32FC1, REP 118).
+    DepthMetres,
+    /// Depth: little-endian `u16` millimetres, 0 = none (ROS' 16UC1, REP 118).
+    DepthMillimetres,
+}
+
+impl Encoding {
+    /// Whether it is no picture but depth.
+    #[must_use]
+    pub fn is_depth(self) -> bool {
+        matches!(self, Self::DepthMetres | Self::DepthMillimetres)
+    }
 }
 
 /// A recorded picture. Its memory is used again for the next one.
@@ -110,7 +122,33 @@ pub(crate) struct Raw<'a> {
 }
 
 impl Picture {
+    /// Metres of a depth picture, rows without padding, NaN = none; nothing of any other.
+    #[must_use]
+    pub fn depth_m(&self) -> Vec<f32> {
+        let rows = self.data.chunks_exact(self.row_stride.max(1) as usize);
+        let width = self.width as usize;
+        let known = |metres: f32| if metres > 0.0 { metres } else { f32::NAN };
+        match self.encoding {
+            Some(Encoding::DepthMetres) => rows
+                .flat_map(|row| {
+                    row.as_chunks().0.iter().take(width).map(|&bytes| known(f32::from_le_bytes(bytes)))
+                })
+                .collect(),
+            Some(Encoding::DepthMillimetres) => rows
+                .flat_map(|row| {
+                    let values = row.as_chunks().0.iter().take(width);
+                    values.map(|&bytes| known(f32::from(u16::from_le_bytes(bytes)) / 1000.0))
+                })
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+
     pub(crate) fn set_ros_image(&mut self, image: &Image<'_>) -> Result<(), String> {
+        let bytes_a_number = if matches!(&*image.encoding, "32FC1" | "16UC1" | "mono16") { 2 } else { 1 };
+        if image.is_bigendian != 0 && bytes_a_number > 1 {
+            return Err(format!("big-endian `{}` cannot be read", image.encoding));
+        }
         self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
         let Image { width, height, step, .. } = *image;
         self.set_raw(&Raw { width, height, step, encoding: &image.encoding, data: image.data })
@@ -190,6 +228,8 @@ fn layout(encoding: &str) -> Option<(Encoding, u64, Change)> {
         "yuv422_yuy2" | "yuyv" => (Encoding::Yuyv, 2, Change::None),
         "yuv422" | "uyvy" => (Encoding::Yuyv, 2, Change::SwapPairs),
         "nv12" => (Encoding::Nv12, 1, Change::None),
+        "32FC1" => (Encoding::DepthMetres, 4, Change::None),
+        "16UC1" | "mono16" => (Encoding::DepthMillimetres, 2, Change::None),
         _ => return None,
     })
 }
@@ -213,6 +253,18 @@ mod tests {
         let picture = set("bgra8", (1, 2), 5, &[1, 2, 3, 255, 0, 4, 5, 6, 255, 0]).unwrap();
         assert_eq!((picture.encoding, picture.row_stride), (Some(Encoding::Bgr8), 3));
         assert_eq!(picture.data, [1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn depth_is_metres_whatever_it_was_and_nothing_is_nan() {
+        let millimetres = set("16UC1", (2, 1), 6, &[0xd0, 0x07, 0, 0, 9, 9]).unwrap().depth_m();
+        assert_eq!(millimetres[0], 2.0);
+        assert!(millimetres[1].is_nan());
+        let bytes: Vec<u8> =
+            [1.5_f32, f32::NAN, 0.0].iter().flat_map(|metres| metres.to_le_bytes()).collect();
+        let metres = set("32FC1", (3, 1), 12, &bytes).unwrap().depth_m();
+        assert_eq!((metres[0], metres[1].is_nan(), metres[2].is_nan()), (1.5, true, true));
+        assert!(set("mono8", (1, 1), 1, &[1]).unwrap().depth_m().is_empty());
     }
 
     #[test]

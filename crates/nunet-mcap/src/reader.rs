@@ -46,6 +46,20 @@ impl Recording {
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
         let channels = Channels::of_file(path)?;
         let topic = channels.picture_topic(path, topic)?;
+        Self::of_topic(path, &channels, topic)
+    }
+
+    /// Opens a recording's depth: on `topic`, else on the only topic with `depth` in its name.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn open_depth(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
+        let channels = Channels::of_file(path)?;
+        let topic = channels.depth_topic(path, topic)?;
+        Self::of_topic(path, &channels, topic)
+    }
+
+    fn of_topic(path: &Path, channels: &Channels, topic: String) -> Result<Self, RecordingError> {
         let mut recording = Self {
             path: path.to_owned(),
             camera_topic: channels.camera_topic(&topic),

@@ -317,7 +317,7 @@ impl RecordingWriter {
     }
 }
 
-/// The records DataEnd and Footer without checksums and summary, and the magic bytes (MCAP specification).
+/// The records `DataEnd` and `Footer` without checksums and summary, and the magic bytes (MCAP specification).
 const END: [u8; 13 + 29 + 8] = {
     let mut end = [0; 50];
     end[0] = 0x0f;

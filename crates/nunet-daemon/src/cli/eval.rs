@@ -10,8 +10,15 @@ use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
 /// `nunetd eval`
 #[derive(Debug, Args, Clone)]
 pub struct EvalArgs {
-    /// A folder with rgb/ID.jpg or .png, depth/ID.png and, for labels, labels/ID.png or label40/ID.png
+    /// A recording FILE.mcap with pictures and depth, or a folder with `rgb/ID.jpg` or `.png`, `depth/ID.png` and, for labels,
+    /// `labels/ID.png` or `label40/ID.png`
     pub dataset: PathBuf,
+    /// The recording's topic with pictures, where it has several
+    #[arg(long, value_name = "TOPIC")]
+    pub topic: Option<String>,
+    /// The recording's topic with true depth, where it has several
+    #[arg(long, value_name = "TOPIC")]
+    pub depth_topic: Option<String>,
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,

@@ -23,7 +23,7 @@ pub struct RecordArgs {
 /// Where the camera is on the robot.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct MountArgs {
-    /// The camera on the robot, metres and radians in `base_link` (x forward, y left, z up): recorded in /tf_static
+    /// The camera on the robot, metres and radians in `base_link` (x forward, y left, z up): recorded in `/tf_static`
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
     pub mount: Option<MountArg>,
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod collect;
 pub mod files;
+pub(crate) mod metrics;
 mod points;
 pub(crate) mod recording;
 pub(crate) mod shm;

@@ -14,7 +14,7 @@ pub(crate) use files::{Numbers, decode, decode_file, decode_numbers};
 pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use pipe::{PictureSize, RawLayout};
 pub use rate::{Pacer, Rate};
-pub(crate) use recording::RecordingSource;
+pub(crate) use recording::{RecordingSource, sorted};
 
 use std::path::PathBuf;
 

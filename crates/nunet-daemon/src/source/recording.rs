@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use anyhow::bail;
 use nunet_core::camera::{CalibrationError, Camera, Distortion, Intrinsics};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Clock;
@@ -73,6 +74,9 @@ impl RecordingSource {
 
     fn fill_frame(&mut self, frame: &mut Frame) -> anyhow::Result<()> {
         let picture = &mut self.picture;
+        if picture.encoding.is_some_and(Encoding::is_depth) {
+            bail!("topic `{}` carries depth\nhint: --topic names one with pictures", self.recording.topic());
+        }
         let log_nanos = i64::try_from(picture.log_nanos).unwrap_or(i64::MAX);
         let unix_nanos = if picture.stamp_nanos == 0 { log_nanos } else { picture.stamp_nanos };
         frame.capture = Capture { nanos: log_nanos, clock: Clock::Unix, unix_nanos };
@@ -121,9 +125,10 @@ impl Source for RecordingSource {
 }
 
 /// What the user can mend by other arguments is told apart from what is wrong with the file.
-fn sorted(error: RecordingError) -> anyhow::Error {
+pub(crate) fn sorted(error: RecordingError) -> anyhow::Error {
     match error {
         RecordingError::SeveralTopics { .. }
+        | RecordingError::SeveralDepths { .. }
         | RecordingError::NoSuchTopic { .. }
         | RecordingError::NotAPicture { .. } => BadArguments(error.to_string()).into(),
         error => error.into(),
@@ -133,7 +138,7 @@ fn sorted(error: RecordingError) -> anyhow::Error {
 /// `None` of a file that is to be decoded.
 fn pixel_format(encoding: Option<Encoding>) -> Option<PixelFormat> {
     match encoding? {
-        Encoding::File => None,
+        Encoding::File | Encoding::DepthMetres | Encoding::DepthMillimetres => None,
         Encoding::Rgb8 => Some(PixelFormat::Rgb8),
         Encoding::Bgr8 => Some(PixelFormat::Bgr8),
         Encoding::Mono8 => Some(PixelFormat::Mono8),

@@ -11,10 +11,11 @@ use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
+use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Recorder, Tally};
 use crate::sink::shm::{Outlet, stage_names};
 use crate::source::Frame;
-use crate::telemetry::{End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
+use crate::telemetry::{End, Latencies, MonotonicClock, Supervisor, Totals, allocations_of_this_thread};
 
 /// How soon a reader that joins a source that stands still gets the last frame.
 const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
@@ -26,6 +27,8 @@ pub(crate) struct Worker {
     continuity: Continuity,
     outlet: Outlet,
     recorder: Option<Recorder>,
+    metrics: Option<Metrics>,
+    supervisor: Supervisor,
     totals: Totals,
     latencies: Latencies,
 }
@@ -48,14 +51,17 @@ impl Worker {
         optics: Optics,
         outlet: Outlet,
         recorder: Option<Recorder>,
+        metrics: Option<Metrics>,
     ) -> Self {
         let latencies = Latencies::new(stage_names(&pipeline));
         let (continuity, totals) = (Continuity::default(), Totals::default());
-        Self { pipeline, optics, continuity, outlet, recorder, totals, latencies }
+        let supervisor = Supervisor::from_environment();
+        Self { pipeline, optics, continuity, outlet, recorder, metrics, supervisor, totals, latencies }
     }
 
     /// Works until the mailbox is closed and empty.
     pub(crate) fn run(mut self, lane: &Lane) -> Remains {
+        self.supervisor.ready("the self-test has passed, frames may come");
         self.totals.start(MonotonicClock.nanos());
         loop {
             match lane.mailbox.take(LATE_JOINER_PERIOD) {
@@ -64,6 +70,7 @@ impl Worker {
                 Taken::Closed => break,
             }
         }
+        Supervisor::stopping();
         let scale = self.pipeline.scale();
         let recording = self.recorder.map(Recorder::finish);
         Remains { outlet: self.outlet, scale, totals: self.totals, latencies: self.latencies, recording }
@@ -73,7 +80,14 @@ impl Worker {
         let before = allocations_of_this_thread();
         let end = self.journey(&frame);
         lane.ledger.ended(end);
-        self.outlet.publish_stats(&lane.ledger.counts(), &self.totals, &self.latencies);
+        if end == End::Published {
+            self.supervisor.frame_done();
+        }
+        let counts = lane.ledger.counts();
+        self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
+        if let Some(metrics) = &mut self.metrics {
+            metrics.update(&counts, &self.totals, &self.latencies);
+        }
         if let Some(frame) = self.record(frame, end) {
             lane.mailbox.give_back(frame);
         }

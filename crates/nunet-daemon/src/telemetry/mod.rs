@@ -4,10 +4,12 @@ mod allocations;
 mod clock;
 mod latency;
 mod ledger;
+mod supervisor;
 mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
 pub use clock::{MonotonicClock, unix_nanos};
 pub use latency::{Latencies, Summary};
 pub use ledger::{Counts, End, Ledger};
+pub(crate) use supervisor::Supervisor;
 pub(crate) use totals::Totals;

@@ -14,6 +14,8 @@ use crate::engine::{Engine, tested};
 use crate::library;
 use crate::sink::shm::plans;
 
+mod machine;
+
 /// Runs every check; a problem is exit code 1.
 pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
     let mut checks = Checks::default();
@@ -21,6 +23,12 @@ pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
     check_shared_memory(&mut checks, pipeline.as_ref());
     check_orphans(&mut checks);
     check_cache(&mut checks);
+    for (name, found) in machine::checks() {
+        match found {
+            Ok(detail) => checks.good(name, detail),
+            Err(problem) => checks.bad(name, &problem),
+        }
+    }
     let text = if arguments.json { checks.json() } else { checks.text() };
     writeln!(std::io::stdout(), "{}", text.trim_end())?;
     match checks.problems() {

@@ -24,6 +24,7 @@ mod metrics;
 mod report;
 mod resized;
 mod sheet;
+mod unpack;
 
 use comparison::{Baseline, Comparison, Kind, MeanImage};
 use dataset::{Dataset, Truth, read_ids, same_size};
@@ -50,8 +51,8 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     }
     let baseline = baseline(arguments, &dataset)?;
     let mut work = Work::new(arguments, pipeline, optics, baseline);
-    let skipped = work.measure_all(&dataset)?;
-    let report = work.report(arguments, &dataset, model, skipped);
+    let skipped = dataset.unpaired + work.measure_all(&dataset)?;
+    let report = work.report(arguments, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
     if let Some(out) = &arguments.out {
@@ -81,6 +82,12 @@ fn baseline(arguments: &EvalArgs, dataset: &Dataset) -> anyhow::Result<Option<Ba
     }
     progress.finish_and_clear();
     Ok(mean.baseline(arguments.protocol))
+}
+
+/// The last part of the dataset's path.
+fn name_of(dataset: &Path) -> String {
+    let path = dataset.canonicalize().unwrap_or_else(|_| dataset.to_owned());
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// Seen on a terminal only.
@@ -177,11 +184,11 @@ impl Work {
         Ok(Prediction { depth: fit.depth(&self.depth)?, labels: fit.labels(&self.labels)? })
     }
 
-    fn report(&self, arguments: &EvalArgs, dataset: &Dataset, model: ModelName, skipped: u64) -> Report {
+    fn report(&self, arguments: &EvalArgs, model: ModelName, skipped: u64) -> Report {
         Report::new(
             &report::What {
                 model,
-                dataset: dataset.name(),
+                dataset: name_of(&arguments.dataset),
                 protocol: arguments.protocol,
                 baseline_of: if arguments.baseline_ids.is_some() {
                     "baseline-ids"

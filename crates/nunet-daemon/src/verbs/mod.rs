@@ -1,6 +1,7 @@
 //! What `nunetd` can do, one file a verb.
 
 mod bench;
+mod config;
 mod contract;
 mod doctor;
 mod eval;
@@ -28,6 +29,7 @@ pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
         Verb::Bench(arguments) => bench::bench(&arguments),
         Verb::Replay(arguments) => replay::replay(&arguments),
         Verb::Eval(arguments) => eval::eval(&arguments),
+        Verb::Config(arguments) => config::config(&arguments),
         Verb::Vet(arguments) => vet::vet(&arguments),
     }
 }

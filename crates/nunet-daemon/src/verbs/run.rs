@@ -12,6 +12,7 @@ use crate::engine::{Engine, tested_pipeline};
 use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
+use crate::sink::metrics::Metrics;
 use crate::sink::recording::{About, FrameWriter, Recorder};
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
@@ -60,7 +61,8 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
         .as_deref()
         .map(|path| Recorder::start(FrameWriter::create(path, &about)?, &camera, &outlet));
     let recorder = recorder.transpose()?;
-    let worker = Worker::new(pipeline, optics, outlet, recorder);
+    let metrics = arguments.metrics.map(|address| Metrics::serve(address, camera.as_str())).transpose()?;
+    let worker = Worker::new(pipeline, optics, outlet, recorder, metrics);
     let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
     let Ended { counts, remains, source: source_end } = stream::run(source, worker, pace, stop)?;
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import onnx
+import onnxruntime as ort
 from onnxruntime.quantization import (
     CalibrationDataReader,
     CalibrationMethod,
@@ -22,6 +23,7 @@ from nunet_models.export.measure import INT8_MARGIN, quantised_selftest
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import read_metadata, write_metadata
 from nunet_models.export.selftest import selftest_picture
+from nunet_models.quantisation.rewrites import balance_joints
 
 QUANTISED = ("Conv", "Gemm", "MatMul", "Add", "Concat", "Resize", "Clip", "Relu", "AveragePool")
 """Operators worth their integers. ArgMax and Exp stay in float: neither is arithmetic-bound, and a
@@ -75,12 +77,15 @@ def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) 
     unknown = [name for name in keep if name not in known]
     if unknown:
         raise ConfigError(f"`{path.name}` has no node `{unknown[0]}` to keep in float")
+    shown = list(pictures)
+    factors = balance_joints(model, lambda names: _magnitudes(model, names, shown, Predictor(path)))
     with tempfile.TemporaryDirectory() as scratch:
-        raw = Path(scratch) / "quantised.onnx"
+        raw, balanced = Path(scratch) / "quantised.onnx", Path(scratch) / "balanced.onnx"
+        onnx.save(model, balanced)
         quantize_static(
-            str(path),
+            str(balanced),
             str(raw),
-            _Pictures(pictures, Predictor(path)),
+            _Pictures(iter(shown), Predictor(balanced)),
             quant_format=QuantFormat.QDQ,
             op_types_to_quantize=list(QUANTISED),
             nodes_to_exclude=keep,
@@ -98,10 +103,33 @@ def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) 
     selftest = quantised_selftest(out, predictor.inputs(picture), predictor)
     values["nunet.selftest"] = to_json(selftest)
     training = json.loads(values["nunet.training"])
-    training["quantisation"] = {"method": plan.method, "float_nodes": keep, "margin": INT8_MARGIN}
+    training["quantisation"] = {
+        "method": plan.method,
+        "float_nodes": keep,
+        "joints": factors,
+        "margin": INT8_MARGIN,
+    }
     values["nunet.training"] = to_json(training)
     write_metadata(out, values)
     return values
+
+
+def _magnitudes(
+    model: onnx.ModelProto, names: list[str], pictures: list[np.ndarray], predictor: Predictor
+) -> dict[str, float]:
+    """The largest magnitude of each named tensor over `pictures`."""
+    probe = onnx.ModelProto()
+    probe.CopyFrom(model)
+    del probe.graph.output[:]
+    probe.graph.output.extend(
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, None) for name in names
+    )
+    session = ort.InferenceSession(probe.SerializeToString(), providers=["CPUExecutionProvider"])
+    largest = dict.fromkeys(names, 0.0)
+    for rgb in pictures:
+        for name, values in zip(names, session.run(names, predictor.inputs(rgb)), strict=True):
+            largest[name] = max(largest[name], float(np.abs(values).max()))
+    return largest
 
 
 def heads(model: onnx.ModelProto) -> list[str]:

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 
 /// 16-bit millimetres, 0 = no measurement. Depth beyond 65.535 m does not fit and is no measurement either.
-pub(super) fn write_depth_mm(
+pub(crate) fn write_depth_mm(
     path: &Path,
     depth_m: &[f32],
     (width, height): (u32, u32),

@@ -5,7 +5,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 
+use nunet_core::camera::Camera;
+use tempfile::TempDir;
+
 use super::metrics::IGNORE;
+use super::unpack::{Unpacked, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::BadArguments;
 use crate::source::{Frame, Numbers, decode, decode_numbers};
@@ -21,6 +25,12 @@ pub(super) struct Dataset {
     units: DepthUnitArgs,
     window: Option<Window>,
     labels: Option<LabelFolder>,
+    /// The camera of all pictures, where the dataset says it.
+    camera: Option<Camera>,
+    /// A recording's pictures as files; removed at the end.
+    _unpacked: Option<TempDir>,
+    /// Pictures of a recording without depth beside them.
+    pub(super) unpaired: u64,
 }
 
 /// What is known of a picture.
@@ -37,6 +47,12 @@ pub(super) struct Truth {
 impl Dataset {
     /// Lists the pairs; with `with_labels` true labels are read too, where there are some.
     pub(super) fn open(arguments: &EvalArgs, classes: &[String]) -> anyhow::Result<Self> {
+        if arguments.dataset.extension().is_some_and(|ending| ending == "mcap") {
+            let Unpacked { folder, camera, unpaired } = unpack(arguments)?;
+            let inside = EvalArgs { dataset: folder.path().to_owned(), ..arguments.clone() };
+            let dataset = Self::open(&inside, classes)?;
+            return Ok(Self { camera, unpaired, _unpacked: Some(folder), ..dataset });
+        }
         let root = arguments.dataset.clone();
         for folder in ["rgb", "depth"] {
             if !root.join(folder).is_dir() {
@@ -51,13 +67,8 @@ impl Dataset {
             None => all_ids(&root)?,
         };
         let labels = LabelFolder::find(&root, classes);
-        Ok(Self { root, ids, units: arguments.units, window: arguments.window, labels })
-    }
-
-    /// The folder's name.
-    pub(super) fn name(&self) -> String {
-        let path = self.root.canonicalize().unwrap_or_else(|_| self.root.clone());
-        path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+        let (units, window) = (arguments.units, arguments.window);
+        Ok(Self { root, ids, units, window, labels, camera: None, _unpacked: None, unpaired: 0 })
     }
 
     /// Whether there are true labels of the network's classes.
@@ -69,6 +80,7 @@ impl Dataset {
     pub(super) fn picture(&self, id: &str, frame: &mut Frame) -> anyhow::Result<()> {
         let candidates = RGB_ENDINGS.map(|ending| self.root.join("rgb").join(format!("{id}.{ending}")));
         let path = candidates.iter().find(|path| path.is_file()).unwrap_or(&candidates[0]);
+        frame.camera = self.camera;
         decode(path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
     }
 

@@ -1,0 +1,154 @@
+//! What the machine itself must be: folders, memory, clock.
+
+use std::fs;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A good thing's detail, or a problem with its hint.
+pub(super) type Finding = Result<String, String>;
+
+/// Where everybody may write, and nobody may remove what is another's.
+const SHARED_FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
+/// iceoryx2's files beside the shared memory.
+const ICEORYX2_FOLDER: &str = "/tmp/iceoryx2";
+const STICKY: u32 = 0o1000;
+const OTHERS_WRITE: u32 = 0o002;
+/// Before it no clock can be right: this program did not exist.
+const EARLIEST_UNIX_SECONDS: u64 = 1_767_225_600; // 2026-01-01
+
+/// All checks by name.
+pub(super) fn checks() -> Vec<(&'static str, Finding)> {
+    let mut all: Vec<_> =
+        SHARED_FOLDERS.iter().map(|folder| ("sticky bits", shared_folder(Path::new(folder)))).collect();
+    all.push(("permissions", owned(Path::new(ICEORYX2_FOLDER), rustix::process::geteuid().as_raw())));
+    all.push(("overcommit", overcommit(&read("/proc/sys/vm/overcommit_memory"))));
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    all.push(("clock", clock(now)));
+    all.push(("logout", logout(rustix::process::geteuid().as_raw(), &logind())));
+    all
+}
+
+fn read(path: &str) -> String {
+    fs::read_to_string(path).unwrap_or_default()
+}
+
+fn shared_folder(folder: &Path) -> Finding {
+    let shown = folder.display();
+    let mode = match fs::metadata(folder) {
+        Ok(metadata) => metadata.mode(),
+        Err(error) => return Err(format!("`{shown}` cannot be looked at: {error}")),
+    };
+    if mode & OTHERS_WRITE != 0 && mode & STICKY == 0 {
+        return Err(format!(
+            "everybody may remove what others have in `{shown}`, whose mode is {:o}\nhint: chmod 1777 {shown}",
+            mode & 0o7777
+        ));
+    }
+    Ok(format!("`{shown}` has mode {:o}", mode & 0o7777))
+}
+
+fn owned(folder: &Path, user: u32) -> Finding {
+    let shown = folder.display();
+    match fs::metadata(folder).map(|metadata| metadata.uid()) {
+        Err(_) => Ok(format!("`{shown}` is not there yet")),
+        Ok(owner) if owner == user || user == 0 => Ok(format!("`{shown}` is ours")),
+        Ok(owner) => Err(format!(
+            "`{shown}` belongs to user {owner}, this is user {user}: neither sees the other's cameras\nhint: run all of \
+             them as one user, or remove the folder if nobody else runs"
+        )),
+    }
+}
+
+fn overcommit(mode: &str) -> Finding {
+    let meaning = match mode.trim() {
+        "0" => "by rule of thumb",
+        "1" => "always",
+        "2" => "never",
+        _ => "unknown here",
+    };
+    Ok(format!(
+        "memory is promised {meaning}; a camera's is touched before its first frame, so it cannot fail later"
+    ))
+}
+
+fn clock(unix_seconds: u64) -> Finding {
+    if unix_seconds < EARLIEST_UNIX_SECONDS {
+        return Err(format!(
+            "the clock says {unix_seconds} s since 1970: stamps of recordings and of ROS will be wrong\nhint: set it, or \
+             start nunetd after the time is synchronised (After=time-sync.target)"
+        ));
+    }
+    Ok(format!("{unix_seconds} s since 1970"))
+}
+
+/// The text of logind's configuration; empty where there is none.
+fn logind() -> String {
+    let parts = fs::read_dir("/etc/systemd/logind.conf.d").into_iter().flatten().flatten();
+    let parts = parts.map(|part| fs::read_to_string(part.path()).unwrap_or_default());
+    std::iter::once(read("/etc/systemd/logind.conf")).chain(parts).collect::<Vec<_>>().join("\n")
+}
+
+/// logind removes the shared memory of people who log out, not of system users (logind.conf(5), `RemoveIPC`).
+fn logout(user: u32, logind: &str) -> Finding {
+    const FIRST_PERSON: u32 = 1000;
+    let set = |value: &str| {
+        logind.lines().any(|line| line.trim().eq_ignore_ascii_case(&format!("RemoveIPC={value}")))
+    };
+    Ok(if logind.is_empty() || user < FIRST_PERSON || set("no") {
+        "shared memory outlives the session".to_owned()
+    } else {
+        "shared memory ends with the last session of this user: for a service use a system user, or RemoveIPC=no in \
+         logind.conf"
+            .to_owned()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    use super::*;
+
+    fn folder(mode: u32) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(mode)).unwrap();
+        folder
+    }
+
+    #[test]
+    fn a_folder_for_all_without_its_sticky_bit_is_a_problem_with_its_mend() {
+        assert!(shared_folder(folder(0o1777).path()).is_ok());
+        assert!(shared_folder(folder(0o700).path()).is_ok());
+        let problem = shared_folder(folder(0o777).path()).unwrap_err();
+        assert!(problem.contains("whose mode is 777\nhint: chmod 1777 "), "{problem}");
+    }
+
+    #[test]
+    fn another_users_folder_is_a_problem() {
+        let folder = folder(0o700);
+        let owner = fs::metadata(folder.path()).unwrap().uid();
+        assert!(owned(folder.path(), owner).is_ok());
+        assert!(owned(&folder.path().join("missing"), owner).is_ok());
+        let problem = owned(folder.path(), owner + 1).unwrap_err();
+        assert!(
+            problem.contains(&format!("belongs to user {owner}, this is user {}", owner + 1)),
+            "{problem}"
+        );
+    }
+
+    #[test]
+    fn a_clock_that_was_never_set_is_a_problem() {
+        assert!(clock(1_800_000_000).is_ok());
+        assert!(clock(12).unwrap_err().contains("the clock says 12 s since 1970"));
+    }
+
+    #[test]
+    fn people_are_told_that_their_shared_memory_ends_with_them() {
+        let ends = |user, logind: &str| logout(user, logind).unwrap().contains("ends with the last session");
+        assert!(ends(1000, "[Login]\n#RemoveIPC=yes\n"));
+        assert!(!ends(1000, "[Login]\nRemoveIPC=no\n"));
+        assert!(!ends(999, "[Login]\n"));
+        assert!(!ends(1000, ""));
+    }
+}

@@ -1,0 +1,81 @@
+"""What a service manager sees, and the files for one in `dist/`."""
+
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+
+import pytest
+from conftest import MODEL
+
+DIST = pathlib.Path(__file__).parents[2] / "dist"
+
+
+@pytest.fixture
+def manager(tmp_path):
+    """A service manager's ear, as systemd opens one."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ear:
+        ear.bind(str(tmp_path / "notify"))
+        ear.settimeout(30)
+        yield ear, {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
+
+
+def heard(ear, word):
+    """Whether `word` comes within the ear's patience, and what came before it."""
+    before = []
+    for _ in range(1000):
+        message = ear.recv(4096).decode()
+        if word in message:
+            return before
+        before.append(message)
+    raise AssertionError(f"no {word} among {before[:5]} ...")
+
+
+def test_ready_comes_after_the_selftest_and_frames_feed_the_watchdog(nunetd, manager):
+    ear, environment = manager
+    name = f"pytest-service-{os.getpid()}"
+    command = [nunetd, "--model", str(MODEL), "--source", "demo", "--rate", "20", "--camera", name]
+    with subprocess.Popen(command, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True) as daemon:
+        assert heard(ear, "READY=1") == []
+        for _ in range(3):
+            heard(ear, "WATCHDOG=1")
+        daemon.send_signal(signal.SIGTERM)
+        heard(ear, "STOPPING=1")
+        said = daemon.communicate(timeout=30)[1]
+    assert "self-test passed" in said
+    assert daemon.returncode == 0
+
+
+def test_a_stalled_source_does_not_feed_the_watchdog(nunetd, manager):
+    ear, environment = manager
+    name = f"pytest-stalled-{os.getpid()}"
+    command = [nunetd, "-q", "--model", str(MODEL), "--source", f"shm:{name}-nobody", "--camera", name]
+    with subprocess.Popen(command, env={**os.environ, **environment}) as daemon:
+        heard(ear, "READY=1")
+        ear.settimeout(1.5)
+        with pytest.raises(TimeoutError):
+            heard(ear, "WATCHDOG=1")
+        daemon.terminate()
+        daemon.wait(timeout=30)
+
+
+def test_the_example_configuration_is_accepted(nunetd):
+    command = [nunetd, "config", "--config", str(DIST / "nunetd.toml")]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert 'source = "shm:front"\n' in said
+    # Every line that is commented out is one that would be accepted.
+    example = (DIST / "nunetd.toml").read_text().splitlines()
+    settings = [line[2:].split(" = ")[0] for line in example if line.startswith("# ") and " = " in line]
+    assert settings and all(f"# {name} is not set\n" in said for name in settings), settings
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
+def test_systemd_takes_the_unit(tmp_path):
+    unit = (DIST / "nunetd.service").read_text().replace("/usr/bin/nunetd", "/bin/true")
+    (tmp_path / "nunetd.service").write_text(unit)
+    done = subprocess.run(
+        ["systemd-analyze", "verify", str(tmp_path / "nunetd.service")], check=False, capture_output=True, text=True
+    )
+    assert not [line for line in done.stderr.splitlines() if "nunetd.service" in line], done.stderr
