@@ -323,6 +323,25 @@ fn rate_that_is_none() {
 }
 
 #[test]
+fn filter_that_is_none() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--filter", "median"]));
+}
+
+#[test]
+fn filter_with_a_setting_out_of_range() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "demo", "--filter", "spatial=alpha:0.5,delta:20"]));
+}
+
+#[test]
+fn filter_that_is_given_twice() {
+    let bench = Bench::new();
+    let twice = ["--source", "demo", "--filter", "spatial=alpha:0.4", "--filter", "spatial=delta:0.1"];
+    snapshot!(arguments(&bench, &twice));
+}
+
+#[test]
 fn stage_of_every_that_does_not_exist() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--source", "demo", "--every", "segmentation=2"]));

@@ -3,6 +3,7 @@
 
 mod bad_input;
 mod eval;
+mod filters;
 mod infer;
 mod journey;
 mod lens;

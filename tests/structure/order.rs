@@ -16,7 +16,18 @@ struct Order {
 
 const CORE: Order = Order {
     folder: "crates/nunet-core/src/",
-    journey: &["clock", "frame", "camera", "preprocess", "model", "graph", "depth", "cloud", "pipeline"],
+    journey: &[
+        "clock",
+        "frame",
+        "camera",
+        "preprocess",
+        "model",
+        "graph",
+        "depth",
+        "filter",
+        "cloud",
+        "pipeline",
+    ],
     ahead: &[(
         "model",
         "depth",

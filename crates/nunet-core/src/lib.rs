@@ -1,13 +1,14 @@
 //! From a picture to metric depth and a point cloud.
 //!
 //! A frame's journey reads in the order of the modules: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] ->
-//! [`cloud`]. A later stage may import an earlier one, never the reverse. Nothing here starts threads, opens
+//! [`filter`] -> [`cloud`]. A later stage may import an earlier one, never the reverse. Nothing here starts threads, opens
 //! sockets, prints, or reads a clock, and every large buffer belongs to the caller.
 
 pub mod camera;
 pub mod clock;
 pub mod cloud;
 pub mod depth;
+pub mod filter;
 pub mod frame;
 pub mod graph;
 pub mod model;

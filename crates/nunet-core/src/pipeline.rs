@@ -2,14 +2,19 @@
 
 use std::num::NonZeroU32;
 
-use crate::camera::{Camera, CameraError, Intrinsics, RayTable};
+use crate::camera::{Camera, CameraError};
 use crate::clock::Clock;
 use crate::cloud::{CloudError, CloudPoint, cloud_size, organised_cloud};
 use crate::depth::{Scale, ScaleSource, Units};
+use crate::filter::{self, Chain, Decimation, DecimationOptions, FilterError, FilterOptions, Look};
 use crate::frame::ImageView;
 use crate::graph::{GraphError, GraphInput, GraphOutputs, Quality, SerialGraph, StageTimes};
 use crate::model::{ModelDescription, SelfTestGrid, SelfTestMismatch, SelfTestReport, selftest};
 use crate::preprocess::{Preprocessor, TensorFormat};
+
+mod lens;
+
+use lens::Lens;
 
 /// What to do about the focal length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -28,20 +33,27 @@ pub struct PipelineOptions {
     pub camera: Option<Camera>,
     /// Whether depth is corrected for the focal length.
     pub focal: Focal,
-    /// The cloud has each n-th column and row.
+    /// The cloud has each n-th column and row of the depth map.
     pub cloud_stride: NonZeroU32,
+    /// What is done to depth between decoding and the cloud.
+    pub filters: FilterOptions,
 }
 
 impl Default for PipelineOptions {
     fn default() -> Self {
-        Self { camera: None, focal: Focal::Auto, cloud_stride: NonZeroU32::MIN }
+        Self {
+            camera: None,
+            focal: Focal::Auto,
+            cloud_stride: NonZeroU32::MIN,
+            filters: FilterOptions::default(),
+        }
     }
 }
 
 /// Where a frame's results go: memory of the caller.
 #[derive(Debug)]
 pub struct Outputs<'a> {
-    /// `[H, W]` at the network's size: metres (or no unit, see [`FrameReport::units`]), NaN where there is none.
+    /// `[H, W]` at [`Pipeline::size`]: metres (or no unit, see [`FrameReport::units`]), NaN where there is none.
     pub depth_m: &'a mut [f32],
     /// `[H, W]`: class indices; `None` where nobody wants them.
     pub labels: Option<&'a mut [u8]>,
@@ -62,15 +74,12 @@ pub struct FrameReport {
     pub scale_source: ScaleSource,
     /// Bytes written to move data that existed already; 0 where camera and network fit.
     pub bytes_copied: u64,
-    /// Pixels without a measurement.
+    /// Pixels of the depth map without a depth, after the filters: those that are NaN.
     pub invalid_pixels: u32,
-    /// The camera at the network's size, with its lens: depth lies in the picture as the lens drew it. `None` where the
+    /// The camera at [`Pipeline::size`], with its lens: depth lies in the picture as the lens drew it. `None` where the
     /// camera was assumed.
     pub camera: Option<Camera>,
 }
-
-/// Horizontal field of view of a camera of which nothing is known, not even by the model: that of a common webcam.
-const ASSUMED_HFOV_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
 /// A graph with everything around it.
 ///
@@ -105,6 +114,9 @@ pub struct Pipeline {
     focal: Focal,
     scale: Scale,
     lens: Lens,
+    filters: FilterOptions,
+    decimation: Option<Decimation>,
+    chain: Chain,
     cloud_stride: NonZeroU32,
     stage_names: Vec<String>,
 }
@@ -113,22 +125,35 @@ impl Pipeline {
     /// Builds the pipeline around a graph.
     ///
     /// # Errors
-    /// A camera that cannot be scaled to the network's size.
+    /// A camera that cannot be scaled to the network's size, a network too small for the decimation.
     pub fn new(graph: SerialGraph, options: PipelineOptions) -> Result<Self, PipelineError> {
         let (width, height) = graph.size();
-        let lens = Lens::new(options.camera, graph.description(), graph.size())?;
-        let inner = graph.stages().iter().map(|stage| stage.name.as_str());
-        let names = ["preprocess"].into_iter().chain(inner).chain(["decode", "cloud"]);
-        Ok(Self {
+        let filters = options.filters;
+        let lens = Lens::new(options.camera, graph.description(), graph.size(), filters.decimation())?;
+        let decimation = filters.decimation().map(|options| Decimation::new(options, graph.size()));
+        let mut pipeline = Self {
             preprocessor: Preprocessor::new(width, height),
             input: Input::new(&graph),
             focal: options.focal,
             scale: scale(graph.description(), options.focal, width, &lens),
             lens,
+            filters,
+            decimation: decimation.transpose()?,
+            chain: Chain::default(),
             cloud_stride: options.cloud_stride,
-            stage_names: names.map(str::to_owned).collect(),
+            stage_names: Vec::new(),
             graph,
-        })
+        };
+        pipeline.chain = Chain::new(&filters, pipeline.size());
+        pipeline.stage_names = pipeline.named_stages().map(str::to_owned).collect();
+        Ok(pipeline)
+    }
+
+    fn named_stages(&self) -> impl Iterator<Item = &str> {
+        let graph = self.graph.stages().iter().map(|stage| stage.name.as_str());
+        let decimation = self.decimation.iter().map(|_| Decimation::NAME);
+        let after = ["decode"].into_iter().chain(decimation).chain(self.chain.names()).chain(["cloud"]);
+        ["preprocess"].into_iter().chain(graph).chain(after)
     }
 
     /// Another camera takes the frames from now on, or one of which nothing is known.
@@ -140,8 +165,9 @@ impl Pipeline {
     /// A camera that cannot be scaled to the network's size.
     pub fn set_camera(&mut self, camera: Option<Camera>) -> Result<(), PipelineError> {
         let description = self.graph.description();
-        self.lens = Lens::new(camera, description, self.size())?;
-        self.scale = scale(description, self.focal, self.size().0, &self.lens);
+        let network_size = self.graph.size();
+        self.lens = Lens::new(camera, description, network_size, self.filters.decimation())?;
+        self.scale = scale(description, self.focal, network_size.0, &self.lens);
         Ok(())
     }
 
@@ -151,10 +177,23 @@ impl Pipeline {
         &self.graph
     }
 
-    /// Width and height of the depth map and the labels, pixels.
+    /// Width and height of the depth map and the labels, pixels: the network's, or less with a decimation.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
-        self.graph.size()
+        let size = self.graph.size();
+        self.filters.decimation().map_or(size, |decimation| decimation.reduced(size))
+    }
+
+    /// Pixels of the network on each side of a pixel of the depth map: 1 without a decimation.
+    #[must_use]
+    pub fn decimation(&self) -> NonZeroU32 {
+        self.filters.decimation().map_or(NonZeroU32::MIN, DecimationOptions::factor)
+    }
+
+    /// The filters that depth goes through.
+    #[must_use]
+    pub fn filters(&self) -> &FilterOptions {
+        &self.filters
     }
 
     /// Width and height of the cloud, points.
@@ -176,18 +215,19 @@ impl Pipeline {
         self.scale
     }
 
-    /// `preprocess`, the graph's stages, `decode`, `cloud`.
+    /// `preprocess`, the graph's stages, `decode`, the filters that are on, `cloud`.
     #[must_use]
     pub fn stage_names(&self) -> &[String] {
         &self.stage_names
     }
 
     /// The next frame does not follow those before it: nothing of them is used again. A network with a memory begins
-    /// with zeros, and every stage runs.
+    /// with zeros, every stage runs, and filters over time begin anew.
     ///
     /// When a stream breaks is for the caller to say; here a frame is a frame.
     pub fn reset(&mut self) {
         self.graph.reset();
+        self.chain.reset();
     }
 
     /// Takes one frame from camera bytes to depth, labels and cloud. A network with a memory takes it as the
@@ -196,7 +236,7 @@ impl Pipeline {
     /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
     ///
     /// # Errors
-    /// Buffers of another length than the network's size asks for, and what ONNX Runtime reports.
+    /// Buffers of another length than [`Self::size`] asks for, and what ONNX Runtime reports.
     pub fn process(
         &mut self,
         frame: &ImageView<'_>,
@@ -211,21 +251,42 @@ impl Pipeline {
         let (input, bytes_filled) = self.input.of(picture.rgb);
         stages.push(start, clock.nanos());
 
-        let results = GraphOutputs { depth: depth_m, labels: labels.as_deref_mut() };
+        if labels.is_some() && !self.graph.has_labels() {
+            return Err(GraphError::NoLabels.into());
+        }
+        // What is to be made smaller stays inside.
+        let (decoded_m, network_labels) = match &mut self.decimation {
+            None => (&mut *depth_m, labels.as_deref_mut()),
+            Some(decimation) => (decimation.network_depth(), None),
+        };
+        let results = GraphOutputs { depth: decoded_m, labels: network_labels };
         let run = self.graph.run(input, results, clock)?;
         stages.extend(&run.stages);
 
         let start = clock.nanos();
-        let invalid_pixels = decode(self.graph.description(), depth_m, self.scale.focal_factor);
-        let decoded = clock.nanos();
-        stages.push(start, decoded);
+        let mut invalid_pixels = decode(self.graph.description(), decoded_m, self.scale.focal_factor);
+        stages.push(start, clock.nanos());
 
-        if let Some(points) = cloud {
-            let rays = &self.lens.rays;
-            let labels = labels.as_deref().or_else(|| self.graph.labels());
-            organised_cloud(depth_m, rays, picture.rgb, labels, self.cloud_stride, points)?;
+        let look = match &mut self.decimation {
+            None => Look { rgb: picture.rgb, labels: labels.as_deref().or_else(|| self.graph.labels()) },
+            Some(decimation) => {
+                let start = clock.nanos();
+                let full = Look { rgb: picture.rgb, labels: self.graph.labels() };
+                let look = decimation.reduce(full, depth_m, labels, cloud.is_some())?;
+                stages.push(start, clock.nanos());
+                look
+            }
+        };
+        self.chain.apply(depth_m, clock, &mut stages)?;
+        if self.filters != FilterOptions::default() {
+            invalid_pixels = filter::count_invalid(depth_m);
         }
-        stages.push(decoded, clock.nanos());
+
+        let start = clock.nanos();
+        if let Some(points) = cloud {
+            organised_cloud(depth_m, &self.lens.rays, look.rgb, look.labels, self.cloud_stride, points)?;
+        }
+        stages.push(start, clock.nanos());
 
         Ok(FrameReport {
             stages,
@@ -239,12 +300,12 @@ impl Pipeline {
     }
 
     /// Runs the self-test picture and compares the answer with the one that the model carries. Doubles as warm-up. Nothing
-    /// is remembered before it or after it.
+    /// is remembered before it or after it. It asks the network alone: filters have no part in it.
     ///
     /// # Errors
     /// An answer that differs by more than the tolerance, and what ONNX Runtime reports.
     pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
-        let (width, height) = self.size();
+        let (width, height) = self.graph.size();
         let pixels = width as usize * height as usize;
         let (mut depth, mut labels) = (vec![0.0; pixels], self.graph.has_labels().then(|| vec![0; pixels]));
         let picture = selftest::picture(width, height);
@@ -275,50 +336,8 @@ fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: &Lens) 
         description.camera.map(|camera| camera.fx * f64::from(width) / f64::from(camera.width));
     match focal {
         Focal::Off => Scale::unscaled(description.encoding),
-        Focal::Auto => Scale::from_focal_lengths(
-            description.encoding,
-            training_fx_px,
-            lens.known.map(|camera| camera.intrinsics.fx_px),
-        ),
+        Focal::Auto => Scale::from_focal_lengths(description.encoding, training_fx_px, lens.network_fx_px),
     }
-}
-
-/// The camera at the network's size.
-struct Lens {
-    /// `None` where the rays are those of an assumed camera.
-    known: Option<Camera>,
-    rays: RayTable,
-}
-
-impl Lens {
-    fn new(
-        camera: Option<Camera>,
-        description: &ModelDescription,
-        (width, height): (u32, u32),
-    ) -> Result<Self, CameraError> {
-        let known = camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
-        let camera = match known {
-            Some(camera) => camera,
-            None => assumed_camera(description, width, height)?,
-        };
-        Ok(Self { known, rays: RayTable::new(&camera) })
-    }
-}
-
-/// The training camera, else one of [`ASSUMED_HFOV_RAD`], looking through the middle of the picture.
-fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Result<Camera, CameraError> {
-    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
-    let (fx, fy) = description.camera.map_or_else(
-        || {
-            let fx = f64::from(width) / (2.0 * (ASSUMED_HFOV_RAD / 2.0).tan());
-            (fx, fx)
-        },
-        |camera| {
-            let scale = |focal: f64, from: u32, to: u32| focal * f64::from(to) / f64::from(from);
-            (scale(camera.fx, camera.width, width), scale(camera.fy, camera.height, height))
-        },
-    );
-    Intrinsics::new(fx, fy, middle(width), middle(height), width, height).map(Camera::pinhole)
 }
 
 /// The picture as the graph wants it: as it is, or as a foreign network's tensor in memory kept for it.
@@ -358,6 +377,9 @@ pub enum PipelineError {
     /// The camera does not go with the network's size.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// A filter does not go with the network's size, or its buffers do not fit.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
     /// The cloud's buffers do not fit.
     #[error(transparent)]
     Cloud(#[from] CloudError),

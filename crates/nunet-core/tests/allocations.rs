@@ -6,6 +6,7 @@ use std::num::NonZeroU32;
 
 use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::cloud::CloudPoint;
+use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
@@ -17,8 +18,6 @@ use nunet_testkit::models;
 static COUNTING: CountingAllocator = CountingAllocator;
 
 const SIZE: (u32, u32) = (64, 48);
-const PIXELS: usize = 64 * 48;
-
 /// The caller's memory for one frame.
 struct Buffers {
     picture: Vec<u8>,
@@ -28,30 +27,39 @@ struct Buffers {
 }
 
 impl Buffers {
-    fn new(picture_bytes: usize) -> Self {
+    fn new(picture_bytes: usize, (width, height): (u32, u32)) -> Self {
+        let pixels = (width * height) as usize;
         Self {
             picture: (0..picture_bytes).map(|i| (i * 31 % 251) as u8).collect(),
-            depth_m: vec![0.0; PIXELS],
-            labels: vec![0; PIXELS],
-            cloud: vec![CloudPoint::NONE; PIXELS],
+            depth_m: vec![0.0; pixels],
+            labels: vec![0; pixels],
+            cloud: vec![CloudPoint::NONE; pixels],
         }
     }
 }
 
 fn pipeline(model: &std::path::Path) -> Pipeline {
+    filtering_pipeline(model, FilterOptions::default())
+}
+
+fn filtering_pipeline(model: &std::path::Path, filters: FilterOptions) -> Pipeline {
     let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
     let options = GraphOptions { threads: std::num::NonZeroUsize::new(2), ..GraphOptions::default() };
     let graph = SerialGraph::load(model, &runtime, &options).unwrap();
     let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
-    let options =
-        PipelineOptions { camera: Some(camera), cloud_stride: NonZeroU32::MIN, ..Default::default() };
+    let options = PipelineOptions {
+        camera: Some(camera),
+        cloud_stride: NonZeroU32::MIN,
+        filters,
+        ..Default::default()
+    };
     Pipeline::new(graph, options).unwrap()
 }
 
 /// Allocations of frames after each set of buffers has been seen once.
 fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFormat) -> u64 {
     let bytes = format.byte_len(size.0, size.1, format.min_stride(size.0));
-    let mut buffers: Vec<Buffers> = (0..4).map(|_| Buffers::new(bytes)).collect();
+    let mut buffers: Vec<Buffers> = (0..4).map(|_| Buffers::new(bytes, pipeline.size())).collect();
     let clock = || 0;
     let labels = pipeline.graph().has_labels();
     let mut frames = |count: usize| {
@@ -110,6 +118,23 @@ fn a_memory_is_carried_and_forgotten_without_allocation() {
     assert_eq!(steady_allocations(&mut pipeline, SIZE, PixelFormat::Rgb8), 0);
     assert_eq!(allocations_during(|| pipeline.reset()), 0);
     assert_eq!(steady_allocations(&mut pipeline, SIZE, PixelFormat::Rgb8), 0);
+}
+
+#[test]
+fn filters_allocate_nothing_and_neither_does_forgetting() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wnet.onnx");
+    models::wnet(SIZE, true).write(&path);
+    for texts in [
+        &["decimation=3", "spatial=fill:2", "temporal", "holes"][..],
+        &["spatial", "temporal", "holes=nearest"],
+        &["decimation=8"],
+    ] {
+        let specs: Vec<FilterSpec> = texts.iter().map(|text| text.parse().unwrap()).collect();
+        let mut pipeline = filtering_pipeline(&path, FilterOptions::new(&specs).unwrap());
+        assert_eq!(steady_allocations(&mut pipeline, SIZE, PixelFormat::Rgb8), 0, "{texts:?}");
+        assert_eq!(allocations_during(|| pipeline.reset()), 0, "{texts:?}");
+    }
 }
 
 #[test]

@@ -14,12 +14,14 @@ use crate::source::{Opening, PictureSize};
 
 mod config;
 mod eval;
+mod filter;
 mod lens;
 mod record;
 
 pub use config::ConfigArgs;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
-pub use lens::{FocalArg, GeometryArgs, LensArgs};
+pub use filter::FilterArgs;
+pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
 
 /// The model that runs when none is named.
@@ -161,16 +163,6 @@ pub struct EngineArgs {
     /// ONNX Runtime's shared library
     #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub onnxruntime: Option<PathBuf>,
-}
-
-/// The camera's geometry.
-#[derive(Debug, Args, Clone)]
-pub struct CameraArgs {
-    #[command(flatten)]
-    pub lens: LensArgs,
-    /// Every N-th row and column become points of the cloud
-    #[arg(long, value_name = "N", default_value = "1")]
-    pub cloud_stride: NonZeroU32,
 }
 
 /// Where frames come from.
@@ -393,13 +385,6 @@ fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
     let (stage, count) = text.split_once('=').ok_or("expected `STAGE=N`, such as `segmentation=3`")?;
     let count = count.parse().map_err(|_| format!("expected a count of 1 or more, got `{count}`"))?;
     Ok((stage.to_owned(), count))
-}
-
-impl Default for CameraArgs {
-    /// An unknown camera, and a cloud of every pixel.
-    fn default() -> Self {
-        Self { lens: LensArgs::default(), cloud_stride: NonZeroU32::MIN }
-    }
 }
 
 #[cfg(test)]

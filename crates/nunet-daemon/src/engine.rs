@@ -4,12 +4,14 @@ use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use nunet_core::filter::FilterOptions;
 use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
 use nunet_core::model::SelfTestReport;
 use nunet_core::pipeline::{Focal, Pipeline, PipelineOptions};
 use tracing::{info, warn};
 
-use crate::cli::{CameraArgs, EngineArgs, FocalArg};
+use crate::cli::{CameraArgs, EngineArgs, FilterArgs, FocalArg};
+use crate::exit::BadArguments;
 use crate::library::{self, Found};
 use crate::telemetry::MonotonicClock;
 use crate::{models, vetting};
@@ -88,11 +90,17 @@ pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pip
             FocalArg::Off => Focal::Off,
         },
         cloud_stride: optics.cloud_stride,
+        filters: filters(&optics.filters)?,
     };
     let mut pipeline = Pipeline::new(loaded.graph, options)?;
     let report =
         pipeline.selftest(&MonotonicClock).with_context(|| format!("`{}` is refused", path.display()))?;
     Ok((pipeline, report))
+}
+
+/// What clap cannot see, because it parses one value after the other.
+pub(crate) fn filters(arguments: &FilterArgs) -> Result<FilterOptions, BadArguments> {
+    arguments.options().map_err(|error| BadArguments(error.to_string()))
 }
 
 fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport) {
@@ -104,6 +112,9 @@ fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport)
         graph.description().architecture,
         graph.provider()
     );
+    for filter in pipeline.filters().specs() {
+        info!("filter {filter}");
+    }
     if !graph.description().trained {
         warn!("`{}` carries untrained weights: its depth means nothing", path.display());
     }

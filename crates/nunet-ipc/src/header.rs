@@ -79,7 +79,7 @@ contract_struct! {
         pub stage_micros: [u32; MAX_STAGES],
         /// Bytes copied between the camera's memory and the network's input for this frame.
         pub bytes_copied: u64,
-        /// Pixels without a measurement.
+        /// Pixels of the depth map without a depth, after the filters: those that are NaN.
         pub invalid_pixels: u64,
         /// The name of the camera's coordinate frame, UTF-8, zeros behind it.
         pub frame_id: [u8; 64],

@@ -92,6 +92,25 @@ impl Intrinsics {
             height: self.height.div_ceil(stride.get()),
         }
     }
+
+    /// The intrinsics of the picture in which each whole block of `factor` x `factor` pixels of this one is a pixel;
+    /// columns and rows at the right and at the bottom that fill no block are left out.
+    ///
+    /// The new pixel's middle is the block's middle, half a pixel off those around it where `factor` is even. So this is
+    /// [`Intrinsics::scaled_to`]'s half-pixel rule and not [`Intrinsics::decimated`]'s: `cx' = (cx + 0.5) / factor - 0.5`.
+    /// (librealsense divides the principal point alone, which is off by `(factor - 1) / 2` of the old pixels.)
+    #[must_use]
+    pub fn binned(&self, factor: NonZeroU32) -> Self {
+        let pixels = f64::from(factor.get());
+        Self {
+            fx_px: self.fx_px / pixels,
+            fy_px: self.fy_px / pixels,
+            cx_px: (self.cx_px + 0.5) / pixels - 0.5,
+            cy_px: (self.cy_px + 0.5) / pixels - 0.5,
+            width: self.width / factor,
+            height: self.height / factor,
+        }
+    }
 }
 
 fn check_finite(name: &'static str, value: f64) -> Result<(), CameraError> {
@@ -346,6 +365,18 @@ mod tests {
         let third = kinect().decimated(NonZeroU32::new(3).unwrap());
         assert_eq!((third.width, third.height), (214, 160));
         assert_eq!((third.cx_px, third.fx_px), (325.582 / 3.0, 518.858 / 3.0));
+    }
+
+    #[test]
+    fn the_middle_of_a_block_becomes_the_middle_of_a_pixel() {
+        let third = kinect().binned(NonZeroU32::new(3).unwrap());
+        assert_eq!((third.width, third.height), (213, 160));
+        assert_eq!(third.fx_px, 518.858 / 3.0);
+        // Columns 300, 301 and 302 are block 100; a ray through the middle of 301 goes through the middle of it.
+        let ray = (301.0 - 325.582) / 518.858;
+        assert!((ray * third.fx_px + third.cx_px - 100.0).abs() < 1e-9, "{third:?}");
+        let half = kinect().binned(NonZeroU32::new(2).unwrap());
+        assert_eq!(Ok(half), kinect().scaled_to(320, 240));
     }
 
     #[test]

@@ -112,6 +112,12 @@ impl Camera {
         Self { intrinsics: self.intrinsics.decimated(stride), distortion: self.distortion }
     }
 
+    /// The camera of the picture in which each whole block of `factor` x `factor` pixels is one; the lens does not change.
+    #[must_use]
+    pub fn binned(&self, factor: NonZeroU32) -> Self {
+        Self { intrinsics: self.intrinsics.binned(factor), distortion: self.distortion }
+    }
+
     /// Column and row where a point `[x, y, z]` of the camera's optical frame (metres or any unit) appears.
     ///
     /// `None` for a point that is not in front of the camera, or so far aside that the lens model says nothing of it.

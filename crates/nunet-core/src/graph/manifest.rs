@@ -14,7 +14,18 @@ pub(crate) const MAX_TOML_BYTES: u64 = 64 * 1024;
 /// The format that this program reads.
 const VERSION: u32 = 1;
 /// What the pipeline and the loop around it call their own stages, and what a manifest calls the picture.
-const RESERVED_NAMES: [&str; 6] = ["image", "queue", "preprocess", "decode", "cloud", "publish"];
+const RESERVED_NAMES: [&str; 10] = [
+    "image",
+    "queue",
+    "preprocess",
+    "decode",
+    "decimation",
+    "spatial",
+    "temporal",
+    "holes",
+    "cloud",
+    "publish",
+];
 /// The name of the one stage of a fused file.
 const FUSED_STAGE: &str = "network";
 

@@ -3,6 +3,7 @@
 
 mod answers;
 mod bad_models;
+mod filters;
 mod foreign;
 mod memory;
 mod pipeline;

@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn a_file_says_what_flags_say() {
         let config = "model = 'a.onnx'\nrate = 15.5\nloop = true\nframe_id = 'eye'\npublish = ['depth', 'cloud']\n\
-                      every = ['segmentation=3']\nreaders = 2";
+                      every = ['segmentation=3']\nreaders = 2\nfilter = ['holes', 'spatial=alpha:0.4,delta:0.1']";
         let arguments = run(config, "run");
         assert_eq!(arguments.model, PathBuf::from("a.onnx"));
         assert_eq!(arguments.pace.rate, Some(crate::source::Rate::Hz(15.5)));
@@ -211,6 +211,7 @@ mod tests {
         assert_eq!(arguments.frame_id.as_deref(), Some("eye"));
         assert_eq!(arguments.publish.len(), 2);
         assert_eq!(arguments.every.len(), 1);
+        assert_eq!(arguments.optics.filters.filters.len(), 2);
         assert_eq!(arguments.readers.map(std::num::NonZero::get), Some(2));
     }
 

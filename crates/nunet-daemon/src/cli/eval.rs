@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use super::{DEFAULT_MODEL, EngineArgs, LensArgs};
+use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
 
 /// `nunetd eval`
 #[derive(Debug, Args, Clone)]
@@ -38,6 +38,8 @@ pub struct EvalArgs {
     pub window: Option<Window>,
     #[command(flatten)]
     pub lens: LensArgs,
+    #[command(flatten)]
+    pub filters: FilterArgs,
     /// Write `eval.json`, `pictures.csv` and `contact_sheet.png` into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

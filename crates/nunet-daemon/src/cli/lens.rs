@@ -1,9 +1,12 @@
 //! The arguments that say what the camera is.
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
+
+use super::FilterArgs;
 
 /// Where the camera's rays go, where the user knows it.
 #[derive(Debug, Args, Clone, Default)]
@@ -30,6 +33,25 @@ impl Default for LensArgs {
     /// An unknown camera.
     fn default() -> Self {
         Self { geometry: GeometryArgs::default(), focal: FocalArg::Auto }
+    }
+}
+
+/// The camera, and what is made of its depth.
+#[derive(Debug, Args, Clone)]
+pub struct CameraArgs {
+    #[command(flatten)]
+    pub lens: LensArgs,
+    #[command(flatten)]
+    pub filters: FilterArgs,
+    /// Every N-th row and column of depth become points of the cloud
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub cloud_stride: NonZeroU32,
+}
+
+impl Default for CameraArgs {
+    /// An unknown camera, no filter, and a cloud of every pixel.
+    fn default() -> Self {
+        Self { lens: LensArgs::default(), filters: FilterArgs::default(), cloud_stride: NonZeroU32::MIN }
     }
 }
 

@@ -22,6 +22,7 @@ mod comparison;
 mod dataset;
 mod metrics;
 mod report;
+mod resized;
 mod sheet;
 mod unpack;
 
@@ -29,6 +30,7 @@ use comparison::{Baseline, Comparison, Kind, MeanImage};
 use dataset::{Dataset, Truth, read_ids, same_size};
 use metrics::LabelMetrics;
 use report::{PictureRow, Report};
+use resized::Fit;
 use sheet::{Row, Sheet, chosen};
 
 /// Measures every picture; one that cannot be read is named and counted.
@@ -40,7 +42,8 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let camera = CameraArgs { lens: arguments.lens.clone(), ..CameraArgs::default() };
+    let (lens, filters) = (arguments.lens.clone(), arguments.filters.clone());
+    let camera = CameraArgs { lens, filters, ..CameraArgs::default() };
     let pipeline = tested_pipeline(loaded, &camera)?;
     let dataset = Dataset::open(arguments, &pipeline.graph().description().classes)?;
     if pipeline.graph().has_labels() && !dataset.has_labels() {
@@ -177,11 +180,8 @@ impl Work {
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
         self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;
-        let from = self.pipeline.size();
-        Ok(Prediction {
-            depth: resized_depth(&self.depth, from, truth.size),
-            labels: resized_labels(&self.labels, from, truth.size),
-        })
+        let fit = Fit::new(&self.pipeline, truth.size);
+        Ok(Prediction { depth: fit.depth(&self.depth)?, labels: fit.labels(&self.labels)? })
     }
 
     fn report(&self, arguments: &EvalArgs, model: ModelName, skipped: u64) -> Report {
@@ -224,80 +224,5 @@ impl Work {
             });
         }
         sheet.picture().save(path).with_context(|| format!("cannot write `{}`", path.display()))
-    }
-}
-
-/// `[H, W]` depth of a picture of size `from` at size `to`, bilinear over the pixels that have depth; pixel centres as
-/// the network's own enlargement has them.
-fn resized_depth(depth: &[f32], from: (u32, u32), to: (u32, u32)) -> Vec<f32> {
-    if from == to {
-        return depth.to_vec();
-    }
-    let place = |index: u32, from: u32, to: u32| {
-        let at = ((f64::from(index) + 0.5) * f64::from(from) / f64::from(to) - 0.5)
-            .clamp(0.0, f64::from(from - 1));
-        let low = at.floor();
-        (low as usize, ((low as usize) + 1).min(from as usize - 1), (at - low) as f32)
-    };
-    let at =
-        |row: usize, column: usize| depth.get(row * from.0 as usize + column).copied().unwrap_or(f32::NAN);
-    let pixel = |row: u32, column: u32| {
-        let ((top, bottom, down), (left, right, across)) =
-            (place(row, from.1, to.1), place(column, from.0, to.0));
-        let taps = [
-            (at(top, left), (1.0 - down) * (1.0 - across)),
-            (at(top, right), (1.0 - down) * across),
-            (at(bottom, left), down * (1.0 - across)),
-            (at(bottom, right), down * across),
-        ];
-        let known = taps.iter().filter(|(depth, _)| depth.is_finite());
-        let (sum, weight) =
-            known.fold((0.0, 0.0), |(sum, all), (depth, weight)| (sum + depth * weight, all + weight));
-        if weight > 0.0 { sum / weight } else { f32::NAN }
-    };
-    (0..to.1)
-        .flat_map(|row| (0..to.0).map(move |column| (row, column)))
-        .map(|(row, column)| pixel(row, column))
-        .collect()
-}
-
-/// The same of labels: the nearest.
-fn resized_labels(labels: &[u8], from: (u32, u32), to: (u32, u32)) -> Vec<u8> {
-    if from == to || labels.is_empty() {
-        return labels.to_vec();
-    }
-    let nearest = |index: u32, from: u32, to: u32| {
-        (u64::from(2 * index + 1) * u64::from(from) / (2 * u64::from(to))).min(u64::from(from) - 1) as usize
-    };
-    let rows = (0..to.1).map(|row| nearest(row, from.1, to.1));
-    let columns: Vec<usize> = (0..to.0).map(|column| nearest(column, from.0, to.0)).collect();
-    let label = |at: usize| labels.get(at).copied().unwrap_or(metrics::IGNORE);
-    rows.flat_map(|row| columns.iter().map(move |column| row * from.0 as usize + column)).map(label).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plane_keeps_its_metres_at_every_size() {
-        for to in [(3, 2), (8, 6), (5, 9)] {
-            let resized = resized_depth(&[5.0; 4 * 3], (4, 3), to);
-            assert_eq!(resized.len(), (to.0 * to.1) as usize);
-            assert!(resized.iter().all(|depth| (depth - 5.0).abs() < 1e-6), "{resized:?}");
-        }
-    }
-
-    #[test]
-    fn depth_between_pixels_is_between_theirs_and_none_spreads_nowhere() {
-        assert_eq!(resized_depth(&[2.0, 4.0], (2, 1), (4, 1)), [2.0, 2.5, 3.5, 4.0]);
-        assert_eq!(resized_depth(&[2.0, f32::NAN], (2, 1), (4, 1))[..3], [2.0; 3]);
-        assert!(resized_depth(&[2.0, f32::NAN], (2, 1), (4, 1))[3].is_nan());
-    }
-
-    #[test]
-    fn labels_are_those_of_the_nearest_pixel() {
-        assert_eq!(resized_labels(&[1, 2, 3, 4], (2, 2), (4, 2)), [1, 1, 2, 2, 3, 3, 4, 4]);
-        assert_eq!(resized_labels(&[1, 2, 3], (3, 1), (1, 1)), [2]);
     }
 }

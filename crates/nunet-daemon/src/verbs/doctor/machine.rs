@@ -89,7 +89,7 @@ fn logind() -> String {
     std::iter::once(read("/etc/systemd/logind.conf")).chain(parts).collect::<Vec<_>>().join("\n")
 }
 
-/// logind removes the shared memory of people who log out, not of system users (logind.conf(5), RemoveIPC).
+/// logind removes the shared memory of people who log out, not of system users (logind.conf(5), `RemoveIPC`).
 fn logout(user: u32, logind: &str) -> Finding {
     const FIRST_PERSON: u32 = 1000;
     let set = |value: &str| {

@@ -1,0 +1,118 @@
+//! From decoded depth to depth that is smoother, smaller, or without holes: librealsense's post-processing, in metres.
+//!
+//! All are off unless asked for. They always run in librealsense's order, `decimation`, `spatial`, `temporal`, `holes`:
+//! what makes the picture smaller comes first because the others are then cheaper, and holes come last because what is
+//! invented there must not be smoothed into what was measured.
+//!
+//! Parameters and defaults are those of librealsense's
+//! [post-processing filters](https://github.com/IntelRealSense/librealsense/blob/master/doc/post-processing-filters.md)
+//! where they mean the same. `delta` is the one with another unit: librealsense counts steps of the depth image, and a
+//! D400's step is a millimetre unless it is set otherwise, so its 20 is 0.02 m here. (In its disparity domain 20 is 2 cm
+//! at a metre as well and grows with the square of the distance; metres do not.) For a network whose depth has no unit,
+//! `delta` is in the network's numbers.
+
+mod decimation;
+mod error;
+mod holes;
+mod options;
+mod settings;
+mod spatial;
+mod temporal;
+
+pub use decimation::{Decimation, DecimationOptions, Look};
+pub use error::FilterError;
+pub use holes::{HoleFilling, HolesOptions};
+pub use options::{FilterOptions, FilterSpec};
+pub use spatial::{Spatial, SpatialOptions};
+pub use temporal::{Temporal, TemporalOptions};
+
+use crate::clock::Clock;
+use crate::graph::StageTimes;
+
+/// A filter of depth maps of one size, in place.
+pub trait DepthFilter: Send {
+    /// Its name in the command line, in headers and in statistics.
+    fn name(&self) -> &'static str;
+
+    /// Filters `[H, W]` depth, rows top to bottom, NaN where there is none. Allocates nothing.
+    ///
+    /// # Errors
+    /// A depth map of another size than the filter was made for.
+    fn apply(&mut self, depth_m: &mut [f32]) -> Result<(), FilterError>;
+
+    /// The next depth map does not follow those before it.
+    fn reset(&mut self) {}
+}
+
+/// The filters that keep the size, in their order.
+#[derive(Default)]
+pub struct Chain(Vec<Box<dyn DepthFilter>>);
+
+impl Chain {
+    /// Makes all buffers, for depth maps of `size`: width and height, after decimation.
+    #[must_use]
+    pub fn new(options: &FilterOptions, size: (u32, u32)) -> Self {
+        let filters: [Option<Box<dyn DepthFilter>>; 3] = [
+            options.spatial.map(|options| -> Box<dyn DepthFilter> { Box::new(Spatial::new(options, size)) }),
+            options
+                .temporal
+                .map(|options| -> Box<dyn DepthFilter> { Box::new(Temporal::new(options, size)) }),
+            options
+                .holes
+                .map(|options| -> Box<dyn DepthFilter> { Box::new(HoleFilling::new(options, size)) }),
+        ];
+        Self(filters.into_iter().flatten().collect())
+    }
+
+    /// The filters' names in their order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(|filter| -> &str { filter.name() })
+    }
+
+    /// Applies all filters in place and adds the time of each to `stages`.
+    ///
+    /// # Errors
+    /// A depth map of another size.
+    pub fn apply(
+        &mut self,
+        depth_m: &mut [f32],
+        clock: &dyn Clock,
+        stages: &mut StageTimes,
+    ) -> Result<(), FilterError> {
+        for filter in &mut self.0 {
+            let start = clock.nanos();
+            filter.apply(depth_m)?;
+            stages.push(start, clock.nanos());
+        }
+        Ok(())
+    }
+
+    /// The next depth map does not follow those before it.
+    pub fn reset(&mut self) {
+        self.0.iter_mut().for_each(|filter| filter.reset());
+    }
+}
+
+/// How many pixels have no depth.
+#[must_use]
+pub fn count_invalid(depth_m: &[f32]) -> u32 {
+    depth_m.iter().map(|depth| u32::from(depth.is_nan())).sum()
+}
+
+/// Pixels of a picture of `size`.
+fn pixels((width, height): (u32, u32)) -> usize {
+    width as usize * height as usize
+}
+
+/// A buffer of another size would be filtered with the wrong neighbours.
+fn check_size(
+    filter: &'static str,
+    buffer: &'static str,
+    got: usize,
+    expected: usize,
+) -> Result<(), FilterError> {
+    if got == expected { Ok(()) } else { Err(FilterError::Size { filter, buffer, got, expected }) }
+}
+
+#[cfg(test)]
+mod tests;
