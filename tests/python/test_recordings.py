@@ -342,11 +342,34 @@ def test_a_whole_run_is_recorded_and_counted(nunetd, tmp_path):
     assert Image.open(io.BytesIO(message.data)).size == SIZE
 
 
+def test_a_source_that_waits_is_recorded_whole(nunetd, tmp_path):
+    bag, name = make_bag(tmp_path / "bag", "png"), f"pytest-waits-{os.getpid()}"
+    (tmp_path / "recordings").mkdir()
+    command = [nunetd, *ONCE, "--source", str(bag), "--camera", name, "--record", str(tmp_path / "recordings")]
+    for _ in range(3):
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr
+        (path,) = (tmp_path / "recordings").glob(f"{name}_*Z.mcap")
+        found = messages(path)
+        assert len(found[f"/{name}/depth/image_raw"]) == FRAMES
+        assert len(found[f"/{name}/image_raw/compressed"]) == FRAMES
+        path.unlink()
+
+
+def test_a_source_is_never_its_own_recording(nunetd, tmp_path):
+    bag = make_bag(tmp_path / "bag", "png")
+    before = bag.read_bytes()
+    command = [nunetd, *ONCE, "--source", str(bag), "--record", str(bag), "--force"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "cannot be read and written at once" in done.stderr
+    assert bag.read_bytes() == before
+
+
 def test_a_recording_that_is_there_is_never_overwritten_without_force(nunetd, tmp_path):
     bag = make_bag(tmp_path / "bag", "png")
     out = tmp_path / "out.mcap"
     out.write_bytes(b"precious")
-    _, said = replay(nunetd, bag, out, code=1)
+    _, said = replay(nunetd, bag, out, code=2)
     assert "is there already" in said and out.read_bytes() == b"precious"
     assert "--force" in said
     replay(nunetd, bag, out, "--force")

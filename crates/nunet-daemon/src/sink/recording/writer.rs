@@ -168,7 +168,7 @@ mod tests {
         };
         assert_eq!(name(0), "front_19700101T000000Z.mcap");
         assert_eq!(name(951_782_400), "front_20000229T000000Z.mcap");
-        assert_eq!(name(1_795_324_515), "front_20261122T050835Z.mcap");
+        assert_eq!(name(1_795_324_515), "front_20261122T051515Z.mcap");
         assert_eq!(recording_path(Path::new("a.mcap"), "front", 0), Path::new("a.mcap"));
     }
 

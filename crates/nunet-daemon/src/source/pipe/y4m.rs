@@ -84,7 +84,8 @@ fn check(header: &[u8]) -> anyhow::Result<()> {
                      yadif makes whole ones"
                 );
             }
-            "X" if value == "COLORRANGE=FULL" => {
+            // Grey is taken as it is.
+            "X" if value == "COLORRANGE=FULL" && !text.contains(" Cmono") => {
                 bail!(
                     "the Y4M header says full range, which would be read as limited: too dark and too \
                      bright\nhint: ffmpeg -vf scale=out_range=tv -pix_fmt yuv420p"
