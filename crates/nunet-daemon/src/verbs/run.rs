@@ -1,9 +1,10 @@
 //! `nunetd run`: a source of frames becomes depth in shared memory.
 
 use std::num::NonZeroU32;
+use std::path::PathBuf;
 
 use anyhow::bail;
-use nunet_ipc::Limits;
+use nunet_ipc::{CameraName, Limits};
 use tracing::{info, warn};
 
 use crate::Outcome;
@@ -13,7 +14,7 @@ use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
+use crate::sink::recording::{About, FrameWriter, Recorder, Tally, recording_path, refuse_output};
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
 use crate::source::{self, Kind, Rate};
@@ -31,13 +32,8 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     refuse_pace_of_live_source(&kind, &arguments.pace)?;
     let optics = Optics::new(&arguments.optics.lens.geometry)?;
     let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
+    let record = recording_to_make(&arguments, &kind, &camera)?;
 
-    let record = arguments.recording.record.as_deref();
-    let record = record.map(|path| recording_path(path, camera.as_str(), unix_nanos()));
-    if let Some(path) = &record {
-        let input = if let Kind::Recording(input) = &kind { Some(input.as_path()) } else { None };
-        refuse_output(path, input, arguments.recording.force)?;
-    }
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &arguments.every)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
@@ -81,10 +77,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     if let Some(path) = &arguments.stats_json {
         write_json(path, &stats)?;
     }
-    let mut outcome = say_how_it_ended(&counts, source_end);
-    if remains.recording.is_some_and(|tally| !tally.say()) {
-        outcome = Outcome::Lost;
-    }
+    let outcome = say_how_it_ended(&counts, source_end, remains.recording);
     if let Some(collector) = collector {
         collector.write(&remains.outlet)?;
     }
@@ -111,13 +104,27 @@ fn source_kind(source: Option<&str>) -> Kind {
 }
 
 /// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
-fn say_how_it_ended(counts: &Counts, source: SourceEnd) -> Outcome {
+fn say_how_it_ended(counts: &Counts, source: SourceEnd, recording: Option<Tally>) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
     info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
     if *failed > 0 {
         warn!("{failed} frames were lost");
     }
-    if *failed == 0 && source == SourceEnd::Whole { Outcome::Done } else { Outcome::Lost }
+    let recorded = recording.is_none_or(Tally::say);
+    if *failed == 0 && source == SourceEnd::Whole && recorded { Outcome::Done } else { Outcome::Lost }
+}
+
+/// The file that `--record` means, refused before any work is done where it may not be written.
+fn recording_to_make(
+    arguments: &RunArgs,
+    kind: &Kind,
+    camera: &CameraName,
+) -> anyhow::Result<Option<PathBuf>> {
+    let Some(path) = &arguments.recording.record else { return Ok(None) };
+    let path = recording_path(path, camera.as_str(), unix_nanos());
+    let input = if let Kind::Recording(input) = kind { Some(input.as_path()) } else { None };
+    refuse_output(&path, input, arguments.recording.force)?;
+    Ok(Some(path))
 }
 
 /// A camera has a pace of its own and no end to begin again at.
