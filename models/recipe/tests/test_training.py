@@ -175,3 +175,22 @@ def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset,
     start = SerialGraph(one.spec).state_dict()
     name = "components.0.unet.segmentation_head.0.weight"
     assert not torch.equal(start[name], one.weights[name])
+
+
+def test_weights_to_go_on_from_are_half_the_size_and_nearly_the_same(dataset, tmp_path):
+    run, halved = tmp_path / "run", tmp_path / "weights.pt"
+    assert train(dataset, run, "--architecture", "wnet_c", epochs=1) == 0
+    best = run / "best.pt"
+    assert main(["export", "--checkpoint", str(best), "--out", str(halved)]) == 0
+    assert halved.stat().st_size < 0.6 * best.stat().st_size
+    whole, small = Checkpoint.load(best).graph(), Checkpoint.load(halved).graph()
+    for name, tensor in whole.state_dict().items():
+        torch.testing.assert_close(small.state_dict()[name], tensor, rtol=1e-3, atol=1e-6)
+    onward = ("--start", str(halved))
+    assert train(dataset, tmp_path / "on", *onward, component="depth", epochs=1) == 0
+
+
+def test_validation_may_be_rarer_and_the_last_epoch_is_always_validated(dataset, tmp_path):
+    options = ("--architecture", "unet", "--validate-every", "2")
+    assert train(dataset, tmp_path, *options, component="depth", epochs=3) == 0
+    assert [row["epoch"] for row in rows(tmp_path, "epochs.csv")] == ["2", "3"]

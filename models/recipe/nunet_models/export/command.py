@@ -31,7 +31,11 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         metavar="FOLDER",
         help="write the paper's networks (ResNet-34, 480x640, random weights) into FOLDER",
     )
-    parser.add_argument("--out", type=Path, help="NAME.onnx for one file, NAME.toml for stages")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="NAME.onnx for one file, NAME.toml for stages, NAME.pt for weights to train on from",
+    )
     parser.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
     parser.add_argument(
         "--seed", type=int, default=0, help="of random weights (default %(default)s)"
@@ -57,8 +61,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _export_one(options: argparse.Namespace) -> Path:
     out: Path | None = options.out
+    if out is not None and out.suffix == ".pt" and options.checkpoint:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        Checkpoint.load(options.checkpoint).halved().save(out)
+        return out
     if out is None or out.suffix not in {".onnx", ".toml"}:
-        raise ConfigError("`--out` must name a file that ends in `.onnx` or `.toml`")
+        raise ConfigError(
+            "`--out` must name a file that ends in `.onnx` or `.toml`; or `.pt`, with `--checkpoint`"
+        )
     graph, provenance = _trained(options) if options.checkpoint else _untrained(options)
     out.parent.mkdir(parents=True, exist_ok=True)
     write = export_fused if out.suffix == ".onnx" else export_staged
