@@ -67,7 +67,7 @@ def _export_one(options: argparse.Namespace) -> Path:
         return out
     if out is None or out.suffix not in {".onnx", ".toml"}:
         raise ConfigError(
-            "`--out` must name a file that ends in `.onnx` or `.toml`; or `.pt`, with `--checkpoint`"
+            "`--out` must name a file that ends in `.onnx` or `.toml`, or `.pt` of a checkpoint"
         )
     graph, provenance = _trained(options) if options.checkpoint else _untrained(options)
     out.parent.mkdir(parents=True, exist_ok=True)
