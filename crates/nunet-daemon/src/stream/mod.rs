@@ -1,7 +1,7 @@
 //! The loop: a source's thread, one mailbox, the inference thread; bounded, and every frame accounted for.
 //!
 //! [`pump`](pump::pump) captures on a thread of its own; [`Worker`] turns frames into depth on the caller's thread and
-//! publishes them; readers are other processes. Nothing waits for a reader. [`Continuity`](continuity::Continuity)
+//! publishes them; readers are other processes. Nothing waits for a reader. [`Continuity`]
 //! says where a stream breaks, for networks that remember.
 
 mod continuity;
