@@ -128,11 +128,26 @@ impl About<'_> {
         if !about.classes.is_empty() {
             writeln!(text, "  classes      {}", about.classes.join(", "))?;
         }
-        writeln!(text, "  accuracy     {}", about.accuracy)?;
+        writeln!(text, "  accuracy     {}", accuracy_text(&about.accuracy))?;
         writeln!(text, "  licence      {}", about.license.as_deref().unwrap_or("not said"))?;
         writeln!(text, "  self-test    {}", self.report)?;
         Ok(text)
     }
+}
+
+/// What people compare, of the figures that the recipe writes; whatever else was written as it stands.
+fn accuracy_text(accuracy: &Value) -> String {
+    let figure =
+        |group: &Value, name: &str| group.get(name)?.as_f64().map(|value| format!("{name} {value:.3}"));
+    let line = |figures: &Value| {
+        let metrics = figures.get("metrics")?;
+        let depth = ["rmse", "abs_rel", "delta1"].iter().filter_map(|name| figure(metrics, name));
+        let labels = figures.get("labels").and_then(|labels| figure(labels, "miou"));
+        Some(depth.chain(labels).collect::<Vec<_>>().join(", ")).filter(|line| !line.is_empty())
+    };
+    let Some(found) = line(accuracy) else { return accuracy.to_string() };
+    let trivial = accuracy.get("baseline").and_then(line).map(|line| format!("; the mean image: {line}"));
+    format!("{found}{}", trivial.unwrap_or_default())
 }
 
 /// The number as it was written: 0.3 and not 0.30000001192092896.
@@ -171,4 +186,22 @@ fn stage_json(stage: &StageInfo) -> Value {
 
 fn tensor_json(tensor: &TensorSpec) -> Value {
     json!({ "tensor": tensor.name, "dtype": tensor.element.name(), "shape": tensor.shape })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn accuracy_is_told_beside_the_mean_image() {
+        let accuracy = json!({
+            "metrics": { "rmse": 0.6688, "abs_rel": 0.1722, "delta1": 0.741, "sq_rel": 1.0 },
+            "labels": { "miou": 0.4764 },
+            "baseline": { "metrics": { "rmse": 1.2233 } },
+        });
+        let expected = "rmse 0.669, abs_rel 0.172, delta1 0.741, miou 0.476; the mean image: rmse 1.223";
+        assert_eq!(accuracy_text(&accuracy), expected);
+        assert_eq!(accuracy_text(&json!({ "own": 1 })), "{\"own\":1}");
+        assert_eq!(accuracy_text(&Value::Null), "null");
+    }
 }
