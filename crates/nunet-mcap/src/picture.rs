@@ -143,6 +143,16 @@ pub(crate) struct Raw<'a> {
 }
 
 impl Picture {
+    /// When it was taken, nanoseconds since 1970: as the message says, else as it was recorded.
+    #[must_use]
+    pub fn unix_nanos(&self) -> i64 {
+        if self.stamp_nanos == 0 {
+            i64::try_from(self.log_nanos).unwrap_or(i64::MAX)
+        } else {
+            self.stamp_nanos
+        }
+    }
+
     /// Metres of a depth picture, rows without padding, NaN = none; nothing of any other.
     #[must_use]
     pub fn depth_m(&self) -> Vec<f32> {

@@ -35,6 +35,10 @@ pub(super) fn expand(
     mut command: Command,
     mut arguments: Vec<OsString>,
 ) -> Result<Vec<OsString>, clap::Error> {
+    let asked = |argument: &OsString| argument.to_string_lossy().starts_with("--config");
+    if !arguments.iter().any(asked) {
+        return Ok(arguments);
+    }
     command.build();
     // What is wrong with the command line itself is told by whoever parses it next.
     let Ok(matches) = command.clone().try_get_matches_from(&arguments) else { return Ok(arguments) };

@@ -80,7 +80,7 @@ impl RecordingSource {
             bail!("topic `{}` carries depth\nhint: --topic names one with pictures", self.recording.topic());
         }
         let log_nanos = i64::try_from(picture.log_nanos).unwrap_or(i64::MAX);
-        let unix_nanos = if picture.stamp_nanos == 0 { log_nanos } else { picture.stamp_nanos };
+        let unix_nanos = picture.unix_nanos();
         frame.capture = Capture { nanos: log_nanos, clock: Clock::Unix, unix_nanos };
         frame.stretch = self.stretch;
         match pixel_format(picture.encoding) {

@@ -4,11 +4,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use indicatif::{ProgressBar, ProgressStyle};
 use nunet_core::depth::Encoding;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use tracing::{error, warn};
 
+use super::progress::progress;
 use crate::Outcome;
 use crate::cli::{CameraArgs, EvalArgs};
 use crate::engine::{Engine, tested_pipeline};
@@ -67,7 +67,7 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
 fn baseline(arguments: &EvalArgs, dataset: &Dataset) -> anyhow::Result<Option<Baseline>> {
     let named = arguments.baseline_ids.as_deref().map(read_ids).transpose()?;
     let mut mean = MeanImage::default();
-    let progress = progress("mean image", named.as_ref().unwrap_or(&dataset.ids).len());
+    let progress = progress("mean image", Some(named.as_ref().unwrap_or(&dataset.ids).len() as u64));
     for id in named.as_ref().unwrap_or(&dataset.ids) {
         progress.inc(1);
         let truth = match dataset.truth(id) {
@@ -88,13 +88,6 @@ fn baseline(arguments: &EvalArgs, dataset: &Dataset) -> anyhow::Result<Option<Ba
 fn name_of(dataset: &Path) -> String {
     let path = dataset.canonicalize().unwrap_or_else(|_| dataset.to_owned());
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-/// Seen on a terminal only.
-fn progress(what: &'static str, count: usize) -> ProgressBar {
-    let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {per_sec} {eta} left");
-    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(count as u64).with_style(style).with_prefix(what)
 }
 
 /// The pipeline, and what was found so far.
@@ -143,7 +136,7 @@ impl Work {
     fn measure_all(&mut self, dataset: &Dataset) -> anyhow::Result<u64> {
         let mut last = None;
         let mut skipped = 0;
-        let progress = progress("pictures", dataset.ids.len());
+        let progress = progress("pictures", Some(dataset.ids.len() as u64));
         for id in &dataset.ids {
             if let Err(failure) = self.measure(dataset, id) {
                 progress.suspend(|| error!("skipped `{id}`: {failure:#}"));

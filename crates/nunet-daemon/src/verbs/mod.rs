@@ -8,6 +8,7 @@ mod eval;
 mod feed;
 mod infer;
 mod inspect;
+mod progress;
 mod replay;
 mod run;
 mod vet;

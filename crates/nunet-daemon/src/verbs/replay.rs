@@ -1,6 +1,6 @@
 //! `nunetd replay`: a recording through the network into another recording; every frame, the same bytes each time.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use nunet_core::camera::Camera;
 use nunet_core::pipeline::Pipeline;
 use serde_json::json;
@@ -8,6 +8,7 @@ use sha2::{Digest as _, Sha256};
 use std::io::Write as _;
 use tracing::{info, warn};
 
+use super::progress::progress;
 use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::cli::{Publish, ReplayArgs};
@@ -93,7 +94,7 @@ impl Replay {
         first: Fill,
         stop: &Stop,
     ) -> anyhow::Result<()> {
-        let progress = progress(source.pictures());
+        let progress = progress("replay", source.pictures());
         let (mut fill, mut over) = (first, false);
         while !stop.requested() {
             match fill {
@@ -193,13 +194,4 @@ impl Replay {
 enum Trouble {
     Frame(anyhow::Error),
     Output(anyhow::Error),
-}
-
-/// Seen on a terminal only; without an end where the recording has no index.
-fn progress(pictures: Option<u64>) -> ProgressBar {
-    let (bar, template) = match pictures {
-        Some(count) => (ProgressBar::new(count), "replay {wide_bar} {pos}/{len} {per_sec} {eta} left"),
-        None => (ProgressBar::new_spinner(), "replay {pos} frames {per_sec}"),
-    };
-    bar.with_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

@@ -12,6 +12,7 @@ use super::metrics::IGNORE;
 use super::unpack::{Unpacked, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::BadArguments;
+use crate::source::demo::CLASS_NAMES;
 use crate::source::{Frame, Numbers, decode, decode_numbers};
 
 const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
@@ -153,23 +154,6 @@ const NYU13_OF_NYU40: [u8; 39] = [
     11, 4, 5, 0, 3, 8, 9, 11, 12, 5, 7, 5, 12, 9, 5, 12, 5, 6, 6, 4, 6, 2, 1, 5, 10, 6, 6, 6, 6, 6, 6, 5, 6,
     6, 6, 6, 6, 6, 5,
 ];
-/// The classes that the table above leads to.
-const NYU13: [&str; 13] = [
-    "bed",
-    "books",
-    "ceiling",
-    "chair",
-    "floor",
-    "furniture",
-    "objects",
-    "picture",
-    "sofa",
-    "table",
-    "tv",
-    "wall",
-    "window",
-];
-
 impl LabelFolder {
     /// `labels/` holds the network's own classes, 255 = none; `label40/` NYU's 40 classes from 0.
     fn find(root: &Path, classes: &[String]) -> Option<Self> {
@@ -181,7 +165,7 @@ impl LabelFolder {
             None
         } else if root.join("labels").is_dir() {
             Some(Self { name: "labels", table: own().collect() })
-        } else if root.join("label40").is_dir() && classes == NYU13 {
+        } else if root.join("label40").is_dir() && classes == CLASS_NAMES {
             Some(Self { name: "label40", table: nyu().collect() })
         } else {
             None

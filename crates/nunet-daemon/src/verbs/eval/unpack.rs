@@ -106,7 +106,7 @@ impl Depths {
 
     /// The depth nearest to a time, if it is near enough.
     fn nearest(&mut self, nanos: i64) -> Option<&Picture> {
-        let apart = |picture: &Picture| stamp(picture).abs_diff(nanos);
+        let apart = |picture: &Picture| picture.unix_nanos().abs_diff(nanos);
         while let (Some(current), Some(next)) = (&self.current, &self.next)
             && apart(next) <= apart(current)
         {
@@ -117,11 +117,6 @@ impl Depths {
         }
         self.current.as_ref().filter(|current| apart(current) <= MAX_APART_NANOS.unsigned_abs())
     }
-}
-
-fn stamp(picture: &Picture) -> i64 {
-    let logged = i64::try_from(picture.log_nanos).unwrap_or(i64::MAX);
-    if picture.stamp_nanos == 0 { logged } else { picture.stamp_nanos }
 }
 
 fn write_pair(folder: &Path, id: &str, frame: &Frame, depth: &Picture) -> anyhow::Result<()> {
