@@ -116,9 +116,7 @@ def _doubled(
     batch, channels, height, width = small
     made = [f"{resize.name}_{step}" for step in ("last", "wide", "rows", "tall", "pixels")]
     rows = _constant(model, f"{resize.name}_as_rows", [batch, height, 2 * width * channels])
-    pixels = _constant(
-        model, f"{resize.name}_as_pixels", [batch, 2 * height, 2 * width, channels]
-    )
+    pixels = _constant(model, f"{resize.name}_as_pixels", [batch, 2 * height, 2 * width, channels])
     node = onnx.helper.make_node
     return [
         node("Transpose", [source], made[:1], made[0], perm=[0, 2, 3, 1]),
