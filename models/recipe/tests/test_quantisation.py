@@ -10,8 +10,10 @@ import pytest
 from PIL import Image
 
 from nunet_models.cli import main
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, ExportError
 from nunet_models.evaluation.predict import Predictor
+from nunet_models.export.onnx_file import read_metadata, run
+from nunet_models.export.split import split
 from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
 from nunet_models.quantisation.static import Plan, heads, quantise
 
@@ -153,3 +155,28 @@ def test_an_upsampling_that_does_not_double_is_left_alone():
     model = upsampling(7, 10)
     assert double_by_copies(model) == 0
     assert model == upsampling(7, 10)
+
+
+def test_a_fused_file_cut_at_its_joint_gives_the_same_bits(quantised, tmp_path):
+    rgb = np.random.default_rng(1).integers(0, 256, (1, 96, 128, 3), dtype=np.uint8)
+    for fused in (TINY, quantised[1]):
+        staged = tmp_path / f"{fused.stem}.toml"
+        assert main(["export", "--split", str(fused), "--out", str(staged)]) == 0
+        expected = run(fused, {"rgb": rgb})
+        first = run(staged.with_suffix(".segmentation.onnx"), {"rgb": rgb})
+        features = first["logits"]
+        second = run(staged.with_suffix(".depth.onnx"), {"rgb": rgb, "features": features})
+        np.testing.assert_array_equal(second["depth"], expected["depth"])
+        np.testing.assert_array_equal(first["labels"], expected["labels"])
+        # The staged graph that the exporter writes is wired in the same way.
+        wiring = TINY.with_suffix(".toml").read_text().replace(TINY.stem, fused.stem)
+        assert staged.read_text() == wiring
+        metadata = read_metadata(staged.with_suffix(".depth.onnx"))
+        assert metadata == read_metadata(fused)
+
+
+def test_a_graph_without_a_connected_joint_is_not_cut(tmp_path):
+    plain = TINY.with_name("tiny_wnet.onnx")
+    with pytest.raises(ExportError, match="has 0 connected joints"):
+        split(plain, tmp_path / "plain.toml")
+    assert not list(tmp_path.iterdir())
