@@ -10,5 +10,6 @@ mod lens;
 mod loss;
 mod processes;
 mod recurrent;
+mod several;
 mod support;
 mod truth;
