@@ -45,6 +45,7 @@ const DAEMON: Order = Order {
         "cli",
         "sink",
         "stream",
+        "installation",
         "library",
         "models",
         "vetting",

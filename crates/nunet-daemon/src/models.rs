@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
+use crate::installation;
+
 /// Overrides where bundled models are looked up.
 const FOLDER_VARIABLE: &str = "NUNET_MODELS";
 
@@ -36,10 +38,13 @@ fn model_in(folder: &Path, name: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// Beside an installed executable, or in the checkout it was built in.
+/// What the installation says, else beside the executable, or in the checkout it was built in.
 fn folders() -> Vec<PathBuf> {
     if let Some(folder) = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty()) {
         return vec![PathBuf::from(folder)];
+    }
+    if let Some(installation) = installation::described() {
+        return installation.model_folders.clone();
     }
     let exe = std::env::current_exe().unwrap_or_default();
     let beside = exe.parent().unwrap_or(Path::new("."));

@@ -6,7 +6,7 @@
 use std::io::Read as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
@@ -17,6 +17,7 @@ use sha2::{Digest as _, Sha256};
 use tracing::{debug, info};
 
 use crate::cli::EngineArgs;
+use crate::installation;
 use crate::library::{self, Found};
 
 /// Loading and one prediction on a slow board; a file that takes longer is refused.
@@ -94,8 +95,7 @@ pub(crate) fn limit_this_process(model: &Path, provider: Provider) -> anyhow::Re
 }
 
 fn try_in_child(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<Verdict> {
-    let exe = std::env::current_exe().context("cannot find this program's own file")?;
-    let mut command = Command::new(exe);
+    let mut command = installation::nunetd()?;
     command.arg("vet").arg(model).arg("--onnxruntime").arg(&library.path);
     command.arg("--provider").arg(engine.provider.to_string());
     if let Some(threads) = engine.threads {
