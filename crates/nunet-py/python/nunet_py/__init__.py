@@ -1,8 +1,17 @@
 """Depth, labels and point clouds from one colour camera.
 
-`Model` runs the pipeline in this process. Nothing heavy is imported here: the child process that tests a new model
-file starts with this module, within limits of memory.
+>>> import nunet_py as nunet
+>>> model = nunet.Model("wnet_c.onnx")
+>>> result = model.infer(rgb)        # uint8 (H, W, 3)
+>>> result.depth                     # float32 (H, W), metres, NaN where there is none
+>>> result.cloud().points            # float32 (H, W, 3)
+
+`Model` runs the pipeline of `nunetd` in this process, `replay` takes recordings through it, `Camera` says what is known
+of the lens, `colorize` paints depth. The command `nunetd` is `python -m nunet_py` as well.
 """
+
+# Nothing heavy is imported here, not even numpy: the child process that tests a new model file starts with this
+# module, within limits of memory that numpy's threads alone may reach on a large machine.
 
 from __future__ import annotations
 
@@ -12,21 +21,35 @@ from pathlib import Path
 
 from nunet_py import _native
 from nunet_py._native import (
+    Camera,
     CameraError,
+    Cloud,
     ContractVersionError,
+    Model,
     ModelError,
     NunetError,
+    Replay,
+    Result,
     WiringError,
     __version__,
+    colorize,
+    replay,
 )
 
 __all__ = [
+    "Camera",
     "CameraError",
+    "Cloud",
     "ContractVersionError",
+    "Model",
     "ModelError",
     "NunetError",
+    "Replay",
+    "Result",
     "WiringError",
     "__version__",
+    "colorize",
+    "replay",
 ]
 
 _PACKAGE = Path(__file__).absolute().parent
@@ -40,7 +63,7 @@ def _library_folders() -> list[Path]:
 
 _native.describe_installation(
     # By its path: the working directory, which `-m` would search first, may hold files with the names of modules.
-    command=[sys.executable, str(_PACKAGE / "__main__.py")],
+    command=[sys.executable or "", str(_PACKAGE / "__main__.py")],
     model_folders=[_PACKAGE / "models"],
     library_folders=_library_folders(),
 )
