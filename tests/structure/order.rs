@@ -40,11 +40,13 @@ const DAEMON: Order = Order {
     journey: &[
         "telemetry",
         "exit",
+        "fault",
         "words",
         "source",
         "cli",
         "sink",
         "stream",
+        "installation",
         "library",
         "models",
         "vetting",
@@ -52,6 +54,7 @@ const DAEMON: Order = Order {
         "buffers",
         "logging",
         "verbs",
+        "embed",
     ],
     ahead: &[],
 };

@@ -1,8 +1,10 @@
 //! `cargo xtask`: set-up, checks and the demo, with nothing but cargo, a C compiler and python3.
 
+mod bundle;
 mod check;
 mod demo;
 mod latency_table;
+mod package;
 mod paper_models;
 mod paths;
 mod python;
@@ -20,6 +22,8 @@ usage: cargo xtask VERB
   demo           run nunetd on its demo scene; results in target/demo/
   check          format, lints, documentation, structure of the source
   test           every test, Rust and Python
+  package        build the Python package for the tests; prints the interpreter that has it
+  bundle         copy the models that the Python package brings, again, from models/
   paper-models   export the paper's networks at 480x640 to target/paper-models/
 
 The package index is the one that pip is configured to use. The cache is $XDG_CACHE_HOME/nunet or ~/.cache/nunet.";
@@ -34,6 +38,8 @@ fn main() -> ExitCode {
         ["demo"] => demo::demo(),
         ["check"] => check::check(),
         ["test"] => test::test(),
+        ["package"] => package::package(),
+        ["bundle"] => bundle::bundle(),
         ["paper-models"] => paper_models::paper_models(),
         ["help" | "--help" | "-h"] => {
             run::print(USAGE);

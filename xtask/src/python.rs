@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -52,6 +53,36 @@ pub(crate) fn test_environment() -> Result<PathBuf> {
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read `{}`", path.display()))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
     environment("test", &lines.filter(|line| !line.is_empty()).map(str::to_owned).collect::<Vec<_>>())
+}
+
+/// An environment in `folder` that sees everything of the one of `shared` and may hold more: what a clone builds is
+/// no business of the other clones that share one.
+pub(crate) fn layer_over(shared: &Path, folder: &Path) -> Result<Layer> {
+    let python = folder.join("bin/python");
+    let made_over = folder.join("over");
+    if fs::read(&made_over).ok().as_deref() != Some(shared.as_os_str().as_bytes()) {
+        run(Command::new(shared).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
+    }
+    let (below, packages) = (packages_of(shared)?, packages_of(&python)?);
+    let pth = packages.join("shared.pth");
+    fs::write(&pth, format!("{}\n", below.display()))
+        .and_then(|()| fs::write(&made_over, shared.as_os_str().as_bytes()))
+        .with_context(|| format!("cannot write `{}`", pth.display()))?;
+    Ok(Layer { python, packages })
+}
+
+/// An environment over another one.
+pub(crate) struct Layer {
+    pub(crate) python: PathBuf,
+    /// Where its own packages lie.
+    pub(crate) packages: PathBuf,
+}
+
+/// The folder of packages of an interpreter.
+fn packages_of(python: &Path) -> Result<PathBuf> {
+    let path =
+        output(Command::new(python).args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]))?;
+    Ok(PathBuf::from(path.trim_end()))
 }
 
 /// The environment of `models/recipe`: torch and its libraries, several gigabytes. The recipe itself is not installed

@@ -5,12 +5,12 @@ use std::process::Command;
 use anyhow::Result;
 
 use crate::run::{cargo, run_all};
-use crate::{paths, python, setup};
+use crate::{package, paths, python, setup};
 
 /// Set up, then run everything, also after a failure.
 pub(crate) fn test() -> Result<()> {
     setup::onnxruntime()?;
-    let light = python::test_environment()?;
+    let light = package::built()?;
     let heavy = python::recipe_environment()?;
 
     let mut lint = Command::new(&light);

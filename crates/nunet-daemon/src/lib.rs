@@ -6,8 +6,11 @@
 
 mod buffers;
 pub mod cli;
+pub mod embed;
 mod engine;
 mod exit;
+mod fault;
+mod installation;
 mod library;
 mod logging;
 mod models;
@@ -23,12 +26,18 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 pub use exit::Outcome;
+pub use installation::Installation;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///
 /// stdout is data, stderr is people. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
 /// lost, 130 interrupted twice.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    exit_code(arguments).into()
+}
+
+/// The same, for a host that has exit codes of its own.
+pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match cli::Cli::parse_line(arguments) {
         Ok(cli) => cli,
         Err(error) => return exit::from_usage_error(&error),

@@ -17,7 +17,7 @@ mod worker;
 pub use bell::Bell;
 pub(crate) use continuity::Continuity;
 pub use mailbox::{Mailbox, Put, Taken};
-pub(crate) use optics::Optics;
+pub(crate) use optics::{Optics, read_calibration};
 pub(crate) use pump::{CloseOnDrop, Lane, Pace, SourceEnd, pump};
 pub(crate) use stop::Stop;
 pub(crate) use worker::{Remains, Sinks, Worker};
