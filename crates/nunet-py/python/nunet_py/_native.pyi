@@ -9,6 +9,25 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+__all__ = [
+    "Camera",
+    "CameraError",
+    "Cloud",
+    "ContractVersionError",
+    "Model",
+    "ModelError",
+    "NunetError",
+    "Replay",
+    "Result",
+    "WiringError",
+    "__version__",
+    "_camera",
+    "colorize",
+    "command",
+    "describe_installation",
+    "replay",
+]
+
 __version__: str
 
 class NunetError(Exception): ...
