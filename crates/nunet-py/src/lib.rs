@@ -3,6 +3,7 @@
 mod command;
 mod error;
 mod installation;
+mod stream;
 
 use pyo3::prelude::*;
 
@@ -12,5 +13,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     error::register(module)?;
     installation::register(module)?;
-    command::register(module)
+    command::register(module)?;
+    stream::register(module)
 }

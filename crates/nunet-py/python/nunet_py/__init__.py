@@ -1,7 +1,8 @@
 """Depth, labels and point clouds from one colour camera.
 
-`Model` runs the pipeline in this process. Nothing heavy is imported here: the child process that tests a new model
-file starts with this module, within limits of memory.
+`Model` runs the pipeline in this process; `subscribe` reads what a running `nunetd` publishes, and `publisher` feeds
+it, both in shared memory. Nothing heavy is imported here: the child process that tests a new model file starts with this
+module, within limits of memory.
 """
 
 from __future__ import annotations
@@ -13,20 +14,38 @@ from pathlib import Path
 from nunet_py import _native
 from nunet_py._native import (
     CameraError,
+    CloudView,
     ContractVersionError,
+    Frame,
+    FrameHeader,
+    Loan,
     ModelError,
     NunetError,
+    Publisher,
+    Stats,
+    Subscriber,
     WiringError,
     __version__,
+    publisher,
+    subscribe,
 )
 
 __all__ = [
     "CameraError",
+    "CloudView",
     "ContractVersionError",
+    "Frame",
+    "FrameHeader",
+    "Loan",
     "ModelError",
     "NunetError",
+    "Publisher",
+    "Stats",
+    "Subscriber",
     "WiringError",
     "__version__",
+    "publisher",
+    "subscribe",
 ]
 
 _PACKAGE = Path(__file__).absolute().parent

@@ -1,0 +1,455 @@
+//! `subscribe`: the frames of a running daemon.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use nunet_ipc::{CameraName, FrameSet, IpcError, Reader, StatsRecord, Topic};
+use pyo3::exceptions::{PyTimeoutError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyString, PyTuple};
+
+use super::figures::Stats;
+use super::frame::Frame;
+use super::own::Own;
+use super::sample::Sample;
+use super::{Deadline, camera_name, ipc_error, timeout};
+use crate::error::NunetError;
+
+/// What this class is called in messages.
+const NAME: &str = "subscriber";
+
+/// What may be subscribed to.
+const TOPICS: [Topic; 5] = [Topic::Rgb, Topic::Depth, Topic::Labels, Topic::Cloud, Topic::Stats];
+
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Subscriber>()?;
+    module.add_function(wrap_pyfunction!(subscribe, module)?)
+}
+
+/// Attach to a camera that a running `nunetd` publishes, without copying its frames.
+///
+/// `camera` is the daemon's `--camera`. `topics` are names among `rgb`, `depth`, `labels`, `cloud` and `stats`; the
+/// cloud and the labels are computed only while somebody asks for them. `rgb` is what the camera's own publisher sends
+/// (`nunetd feed`, `nunet_py.publisher`). `timeout` is how many seconds to wait for the daemon here, and for each frame
+/// later; `None` or `math.inf` waits for ever.
+///
+/// Returns a `Subscriber`: a context manager and an iterator of frames.
+///
+/// Raises `TimeoutError` when nobody publishes the camera or one of the topics in time, `ContractVersionError` for a
+/// daemon of another version, `NunetError` when the daemon has no room for another reader, `ValueError` for a name that
+/// no camera or topic can have.
+///
+///     with nunet_py.subscribe("front", topics=["depth", "cloud"], timeout=1.0) as frames:
+///         for frame in frames:
+///             print(frame.sequence, frame.depth.shape, frame.age)
+#[pyfunction]
+#[pyo3(signature = (camera, topics = None, timeout = Some(5.0)))]
+fn subscribe(
+    py: Python<'_>,
+    camera: &str,
+    topics: Option<&Bound<'_, PyAny>>,
+    timeout: Option<f64>,
+) -> PyResult<Subscriber> {
+    let camera = camera_name(camera)?;
+    let topics = topics.map_or_else(|| Ok(vec![Topic::Depth]), topics_of)?;
+    let timeout = self::timeout(timeout)?;
+    let reader = open(py, &camera, &topics, timeout)?;
+    let feed = Feed { reader, topics: topics.clone(), stats: None };
+    let state = State { feed: Some(feed), closed: false };
+    let desk = Own::new(Desk { state: Mutex::new(state), returned: Condvar::new() });
+    Ok(Subscriber { camera, topics, timeout, desk })
+}
+
+/// A camera's newest frames, as they come: an iterator and a context manager.
+///
+/// Each frame holds every topic that was asked for, of one and the same picture; what is older when it is asked for, or
+/// can no longer become complete, is left out, so a slow loop sees the newest frames and slows nobody down. Waiting
+/// takes no processor time, lets other Python threads run, and is ended by Ctrl-C.
+///
+/// When the daemon ends or is killed, the next frame is a `TimeoutError` that says so; when it is back, the same
+/// subscriber goes on with its frames. The loop ends when the subscriber is closed.
+///
+/// Several threads may share one: each frame goes to one of them. A process made by `os.fork` must make its own.
+#[pyclass(frozen, module = "nunet_py")]
+#[derive(Debug)]
+pub(crate) struct Subscriber {
+    camera: CameraName,
+    topics: Vec<Topic>,
+    timeout: Option<Duration>,
+    desk: Own<Desk>,
+}
+
+/// Where the feed lies while no thread uses it. It is taken away to be used, so that nothing is locked while Python
+/// code (a handler of a signal) may run.
+#[derive(Debug)]
+struct Desk {
+    state: Mutex<State>,
+    returned: Condvar,
+}
+
+#[derive(Debug)]
+struct State {
+    feed: Option<Feed>,
+    closed: bool,
+}
+
+#[derive(Debug)]
+struct Feed {
+    reader: Reader,
+    topics: Vec<Topic>,
+    stats: Option<StatsRecord>,
+}
+
+/// What came.
+struct Arrival {
+    set: Option<FrameSet>,
+    stats: Option<StatsRecord>,
+}
+
+/// What a look at the desk finds.
+enum Found {
+    Feed(Box<Feed>),
+    /// Another thread uses it.
+    Busy,
+    Closed,
+}
+
+impl Desk {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes the feed; waits a moment for the thread that has it.
+    fn take(&self, patience: Duration) -> Found {
+        let waits = |state: &mut State| !state.closed && state.feed.is_none();
+        let (mut state, _) = self
+            .returned
+            .wait_timeout_while(self.state(), patience, waits)
+            .unwrap_or_else(PoisonError::into_inner);
+        if state.closed {
+            return Found::Closed;
+        }
+        state.feed.take().map_or(Found::Busy, |feed| Found::Feed(Box::new(feed)))
+    }
+
+    /// Ends it. The thread that uses the feed drops it, soon.
+    fn close(&self) {
+        let feed = {
+            let mut state = self.state();
+            state.closed = true;
+            state.feed.take()
+        };
+        self.returned.notify_all();
+        drop(feed);
+    }
+}
+
+/// The feed, on loan from the desk.
+struct Turn<'a> {
+    desk: &'a Desk,
+    feed: Option<Box<Feed>>,
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        let mut state = self.desk.state();
+        if !state.closed {
+            state.feed = self.feed.take().map(|feed| *feed);
+        }
+        drop(state);
+        self.desk.returned.notify_one();
+    }
+}
+
+impl Feed {
+    /// What is new, looking twice: now, and after waiting.
+    fn look(&mut self, patience: Duration) -> Result<Option<Arrival>, IpcError> {
+        if let Some(arrival) = self.newest()? {
+            return Ok(Some(arrival));
+        }
+        if patience.is_zero() {
+            return Ok(None);
+        }
+        self.reader.wait(patience)?; // a hint: look whatever it says
+        self.newest()
+    }
+
+    fn newest(&mut self) -> Result<Option<Arrival>, IpcError> {
+        let wants_stats = self.topics.contains(&Topic::Stats);
+        let mut fresh = false;
+        if wants_stats && let Some(message) = self.reader.latest(Topic::Stats)? {
+            self.stats = Some(*message.stats()?);
+            fresh = true;
+        }
+        if wants_stats && self.stats.is_none() {
+            return Ok(None); // a frame without the figures would not be complete
+        }
+        if self.topics == [Topic::Stats] {
+            return Ok(fresh.then_some(Arrival { set: None, stats: self.stats }));
+        }
+        let stats = self.stats;
+        Ok(self.reader.next_set()?.map(|set| Arrival { set: Some(set), stats }))
+    }
+
+    /// Why nothing comes, and what to do.
+    fn silence(&self, camera: &CameraName, patience: Option<Duration>) -> PyErr {
+        let names: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
+        let mut why = "it sends nothing".to_owned();
+        let mut hint = format!(
+            "its source may stand still (`nunetd watch {camera}` shows it); a slow network wants a longer timeout"
+        );
+        for topic in &self.topics {
+            match self.reader.owner(*topic) {
+                Ok(Some(owner)) if owner.alive => {
+                    why = format!("process {} publishes it, but sends nothing new", owner.pid);
+                    continue;
+                }
+                Ok(Some(owner)) => {
+                    why = format!("process {}, which published `{topic}`, is dead", owner.pid);
+                }
+                _ => why = format!("nobody publishes `{topic}` any more"),
+            }
+            hint = format!(
+                "start it again (`nunetd --camera {camera}`): this subscriber goes on with its frames by itself"
+            );
+            break;
+        }
+        let seconds = patience.unwrap_or_default().as_secs_f64();
+        PyTimeoutError::new_err(format!(
+            "no frame of camera `{camera}` ({}) in {seconds} s: {why}\nhint: {hint}",
+            names.join(", ")
+        ))
+    }
+}
+
+impl Subscriber {
+    /// Waits for a frame; `None` when the subscriber is closed.
+    fn wait(&self, py: Python<'_>, patience: Option<Duration>) -> PyResult<Option<Frame>> {
+        let desk = self.desk.get(NAME)?;
+        let deadline = Deadline::after(patience);
+        let Some(mut turn) = self.turn(py, desk, deadline)? else { return Ok(None) };
+        let Some(feed) = turn.feed.as_mut() else { return Ok(None) };
+        loop {
+            let over = deadline.is_over();
+            let found = py.detach(|| feed.look(deadline.glance())).map_err(|error| ipc_error(&error))?;
+            if let Some(arrival) = found {
+                return self.frame(py, arrival).map(Some);
+            }
+            py.check_signals()?;
+            if desk.state().closed {
+                return Ok(None);
+            }
+            if over {
+                return Err(feed.silence(&self.camera, patience));
+            }
+        }
+    }
+
+    /// Takes the feed, in turn with other threads; `None` when the subscriber is closed.
+    fn turn<'a>(&self, py: Python<'_>, desk: &'a Desk, deadline: Deadline) -> PyResult<Option<Turn<'a>>> {
+        loop {
+            let over = deadline.is_over();
+            match py.detach(|| desk.take(deadline.glance())) {
+                Found::Feed(feed) => return Ok(Some(Turn { desk, feed: Some(feed) })),
+                Found::Closed => return Ok(None),
+                Found::Busy if over => {
+                    return Err(PyTimeoutError::new_err(format!(
+                        "another thread waits for frames of this subscriber of camera `{}`\n\
+                         hint: give each thread a subscriber of its own",
+                        self.camera
+                    )));
+                }
+                Found::Busy => py.check_signals()?,
+            }
+        }
+    }
+
+    fn frame(&self, py: Python<'_>, arrival: Arrival) -> PyResult<Frame> {
+        let mut samples = Vec::with_capacity(self.topics.len());
+        if let Some(mut set) = arrival.set {
+            for topic in &self.topics {
+                if let Some(frame) = set.take(*topic) {
+                    samples.push(Py::new(py, Sample::new(frame))?);
+                }
+            }
+        }
+        let stats = arrival.stats.as_ref().map(Stats::read);
+        Ok(Frame::new(samples, stats, self.topics.clone()))
+    }
+
+    fn closed_error(&self) -> PyErr {
+        NunetError::new_err(format!(
+            "this subscriber of camera `{}` is closed\nhint: use it inside of its `with` block, or subscribe again",
+            self.camera
+        ))
+    }
+}
+
+#[pymethods]
+impl Subscriber {
+    /// Wait for the next frame: the newest that is complete and was not seen yet.
+    ///
+    /// `timeout` in seconds; `None` takes that of `subscribe`, `math.inf` waits for ever.
+    ///
+    /// Raises `TimeoutError` that says who is dead or silent, and `NunetError` when this subscriber is closed or its
+    /// frames are not let go of.
+    #[pyo3(signature = (*, timeout = None))]
+    fn next(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Frame> {
+        let patience = match timeout {
+            None => self.timeout,
+            given => super::timeout(given)?,
+        };
+        self.wait(py, patience)?.ok_or_else(|| self.closed_error())
+    }
+
+    /// The newest frame that is complete and was not seen yet, or `None`. Does not wait.
+    ///
+    /// Raises `NunetError` when this subscriber is closed or its frames are not let go of.
+    fn latest(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
+        let desk = self.desk.get(NAME)?;
+        let mut feed = match py.detach(|| desk.take(Duration::ZERO)) {
+            Found::Feed(feed) => Turn { desk, feed: Some(feed) },
+            Found::Busy => return Ok(None), // another thread waits for the same frames
+            Found::Closed => return Err(self.closed_error()),
+        };
+        let Some(feed) = feed.feed.as_mut() else { return Ok(None) };
+        let found = feed.look(Duration::ZERO).map_err(|error| ipc_error(&error))?;
+        found.map(|arrival| self.frame(py, arrival)).transpose()
+    }
+
+    /// Let go of the daemon. Frames and arrays that are still around stay as they are. A thread that waits for a frame
+    /// stops waiting. Closing twice is no error.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let desk = self.desk.get(NAME)?;
+        py.detach(|| desk.close());
+        Ok(())
+    }
+
+    /// Whether a living process publishes each of the topics. Asks the file system: not for every frame.
+    #[getter]
+    fn connected(&self, py: Python<'_>) -> PyResult<bool> {
+        let desk = self.desk.get(NAME)?;
+        let deadline = Deadline::after(self.timeout);
+        let turn = self.turn(py, desk, deadline)?.ok_or_else(|| self.closed_error())?;
+        Ok(turn.feed.as_ref().is_some_and(|feed| feed.reader.is_connected()))
+    }
+
+    /// Whether `close` was called.
+    #[getter]
+    fn closed(&self) -> PyResult<bool> {
+        Ok(self.desk.get(NAME)?.state().closed)
+    }
+
+    /// The camera's name.
+    #[getter]
+    fn camera(&self) -> &str {
+        self.camera.as_str()
+    }
+
+    /// The topics of each frame.
+    #[getter]
+    fn topics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.topics.iter().map(|topic| topic.name()))
+    }
+
+    fn __enter__(slf: Bound<'_, Self>) -> PyResult<Bound<'_, Self>> {
+        if slf.get().closed()? { Err(slf.get().closed_error()) } else { Ok(slf) }
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) -> PyResult<()> {
+        self.close(py)
+    }
+
+    fn __iter__(slf: Bound<'_, Self>) -> PyResult<Bound<'_, Self>> {
+        Self::__enter__(slf)
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
+        self.wait(py, self.timeout)
+    }
+
+    fn __repr__(&self) -> String {
+        let topics: Vec<_> = self.topics.iter().map(|topic| topic.name()).collect();
+        format!("Subscriber({:?}, topics={topics:?})", self.camera.as_str())
+    }
+}
+
+/// Opens a reader in short turns, so that Ctrl-C is seen.
+fn open(
+    py: Python<'_>,
+    camera: &CameraName,
+    topics: &[Topic],
+    patience: Option<Duration>,
+) -> PyResult<Reader> {
+    let deadline = Deadline::after(patience);
+    loop {
+        let over = deadline.is_over();
+        match py.detach(|| Reader::open(camera, topics, deadline.glance())) {
+            Ok(reader) => return Ok(reader),
+            Err(IpcError::NobodyPublishes { service, .. }) if over => {
+                let error = IpcError::NobodyPublishes { service, timeout: patience.unwrap_or_default() };
+                return Err(py.detach(|| nobody(camera, &error)));
+            }
+            Err(IpcError::NobodyPublishes { .. }) => py.check_signals()?,
+            Err(error) => return Err(ipc_error(&error)),
+        }
+    }
+}
+
+/// Nobody publishes the camera, or the camera is there and has no such topic.
+fn nobody(camera: &CameraName, error: &IpcError) -> PyErr {
+    let IpcError::NobodyPublishes { service, timeout } = error else { return ipc_error(error) };
+    let Some(topic) = TOPICS.into_iter().find(|topic| camera.service(*topic) == *service) else {
+        return ipc_error(error);
+    };
+    // Without topics a reader opens the camera's event alone.
+    if Reader::open(camera, &[], Duration::ZERO).is_err() {
+        return ipc_error(error);
+    }
+    let hint = if topic == Topic::Rgb {
+        "pictures come from the camera's own publisher: `nunetd feed`, or `nunet_py.publisher`".to_owned()
+    } else {
+        format!("start nunetd for this camera, with `{topic}` in its `--publish`, or do not ask for it")
+    };
+    PyTimeoutError::new_err(format!(
+        "camera `{camera}` is there, but nobody published its `{topic}` in {} s\nhint: {hint}",
+        timeout.as_secs_f64()
+    ))
+}
+
+/// Names of topics as people give them: several, or one.
+fn topics_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Topic>> {
+    let words: Vec<String> = if given.is_instance_of::<PyString>() {
+        vec![given.extract()?]
+    } else {
+        let words: PyResult<Vec<String>> =
+            given.try_iter().and_then(|each| each.map(|word| word?.extract()).collect());
+        words.map_err(|_| {
+            let kind = given.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+            PyTypeError::new_err(format!(
+                "topics is a `{kind}`, but expected names\nhint: for example topics=[\"depth\", \"cloud\"]"
+            ))
+        })?
+    };
+    let mut topics = Vec::with_capacity(words.len());
+    for word in &words {
+        let known = TOPICS.into_iter().find(|topic| topic.name() == word);
+        let topic = known.ok_or_else(|| unknown_topic(word))?;
+        if topics.contains(&topic) {
+            return Err(PyValueError::new_err(format!(
+                "topic `{topic}` is asked for twice\nhint: name it once"
+            )));
+        }
+        topics.push(topic);
+    }
+    if topics.is_empty() {
+        return Err(PyValueError::new_err("topics is empty\nhint: for example topics=[\"depth\"]"));
+    }
+    Ok(topics)
+}
+
+fn unknown_topic(word: &str) -> PyErr {
+    let choices: Vec<_> = TOPICS.iter().map(|topic| format!("`{topic}`")).collect();
+    PyValueError::new_err(format!("`{word}` is no topic\nhint: one of {}", choices.join(", ")))
+}
