@@ -1,7 +1,7 @@
 """Feed nunetd from a webcam through OpenCV: `publish_webcam.py CAMERA [DEVICE [FRAMES]]`.
 
-In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes straight into shared memory: no other copy is
-needed. Needs the package `opencv-python`.
+In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes straight into shared memory: no other
+copy is needed. Needs the package `opencv-python`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Read depth from a running nunetd: `subscribe.py CAMERA [FRAMES]`.
 
-Prints each frame's number, its age, and the depth at the picture's centre. Nothing is copied: `frame.depth` is the memory
-that the network wrote.
+Prints each frame's number, its age, and the depth at the picture's centre. Nothing is copied: `frame.depth` is the
+memory that the network wrote.
 """
 
 from __future__ import annotations

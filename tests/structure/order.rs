@@ -40,6 +40,7 @@ const DAEMON: Order = Order {
     journey: &[
         "telemetry",
         "exit",
+        "fault",
         "words",
         "source",
         "cli",
@@ -53,6 +54,7 @@ const DAEMON: Order = Order {
         "buffers",
         "logging",
         "verbs",
+        "embed",
     ],
     ahead: &[],
 };

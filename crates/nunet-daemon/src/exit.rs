@@ -18,6 +18,11 @@ pub enum Outcome {
 #[error("{0}")]
 pub(crate) struct BadArguments(pub(crate) String);
 
+/// Something named that is not there. Only programs that this one is a part of tell it from other failures.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct NotFound(pub(crate) String);
+
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
     CameraName::new(name).map_err(|error| BadArguments(error.to_string()))
@@ -63,7 +68,7 @@ fn print_chain(error: &anyhow::Error) {
 }
 
 /// One line a cause, hints behind the last.
-fn chain_text(error: &anyhow::Error) -> String {
+pub(crate) fn chain_text(error: &anyhow::Error) -> String {
     let (mut text, mut hints, mut before) = (String::new(), String::new(), String::new());
     for (depth, cause) in error.chain().enumerate() {
         let cause = cause.to_string();

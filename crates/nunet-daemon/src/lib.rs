@@ -6,8 +6,10 @@
 
 mod buffers;
 pub mod cli;
+pub mod embed;
 mod engine;
 mod exit;
+mod fault;
 mod installation;
 mod library;
 mod logging;

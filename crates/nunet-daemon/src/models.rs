@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
+use crate::exit::NotFound;
 use crate::installation;
 
 /// Overrides where bundled models are looked up.
@@ -22,7 +23,7 @@ pub(crate) fn find(name: &Path) -> anyhow::Result<PathBuf> {
         is_bare_name(name).then(|| folders.iter().find_map(|folder| model_in(folder, name))).flatten();
     match bundled {
         Some(path) => Ok(path),
-        None => bail!("{}", not_found(name, &folders)),
+        None => bail!(NotFound(not_found(name, &folders))),
     }
 }
 

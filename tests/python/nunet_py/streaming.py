@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import nunet_py as nunet
 from conftest import MODEL
 
 COUNTER = itertools.count()
@@ -29,6 +30,17 @@ def daemon(nunetd, name, *more, source="demo"):
     finally:
         process.kill()
         process.wait(timeout=30)
+
+
+@contextlib.contextmanager
+def attached(**options):
+    """A publisher of small pictures, and a subscriber to them."""
+    options = {"camera": unique_name(), "size": (64, 48)} | options
+    with (
+        nunet.publisher(**options) as publisher,
+        nunet.subscribe(publisher.camera, topics=["rgb"], timeout=PATIENCE) as frames,
+    ):
+        yield publisher, frames
 
 
 def run_python(code, *arguments, check=True):

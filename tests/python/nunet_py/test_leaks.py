@@ -5,12 +5,13 @@
 
 import gc
 import os
+import pathlib
 import sys
 
 import numpy as np
 import nunet_py as nunet
 import pytest
-from streaming import PATIENCE, daemon, memory_bytes, unique_name
+from streaming import PATIENCE, attached, daemon, memory_bytes, unique_name
 
 FRAMES = int(os.environ.get("NUNET_LEAK_FRAMES", "2000"))
 # What an allocator may keep back; a leak of one header (1 KB) in each of 2000 frames is more.
@@ -52,48 +53,46 @@ def test_frames_leave_no_memory_and_no_references_behind(how):
 
 
 def test_objects_of_a_frame_are_gone_with_it():
-    with nunet.publisher(unique_name(), size=(32, 24)) as publisher:
-        with nunet.subscribe(publisher.camera, topics=["rgb"], timeout=PATIENCE) as frames:
-            publisher.publish(np.zeros((24, 32, 3), np.uint8))
-            frame = frames.next()
-            views = [frame.rgb for _ in range(10)]
-            sample = views[0].base
-            # Ours, the ten arrays', the frame's, and that of getrefcount.
-            assert sys.getrefcount(sample) == 13
-            del frame
-            assert sys.getrefcount(sample) == 12
-            views.clear()
-            assert sys.getrefcount(sample) == 2
+    with attached(size=(32, 24)) as (publisher, frames):
+        publisher.publish(np.zeros((24, 32, 3), np.uint8))
+        frame = frames.next()
+        views = [frame.rgb for _ in range(10)]
+        sample = views[0].base
+        # Ours, the ten arrays', the frame's, and that of getrefcount.
+        assert sys.getrefcount(sample) == 13
+        del frame
+        assert sys.getrefcount(sample) == 12
+        views.clear()
+        assert sys.getrefcount(sample) == 2
 
 
 def test_a_daemon_s_frames_leave_no_memory_behind(nunetd):
     name = unique_name()
-    with daemon(nunetd, name):
-        with nunet.subscribe(name, topics=["depth", "labels", "cloud", "stats"], timeout=PATIENCE) as frames:
+    topics = ["depth", "labels", "cloud", "stats"]
+    with daemon(nunetd, name), nunet.subscribe(name, topics=topics, timeout=PATIENCE) as frames:
 
-            def look(count):
-                for frame in (frames.next() for _ in range(count)):
-                    cloud = frame.cloud
-                    _ = (frame.depth, frame.labels, cloud.points, cloud.labels, cloud.colors, frame.headers)
-                    _ = (frame.stats.stages_ms, frame.stats.total_ms)
+        def look(count):
+            for frame in (frames.next() for _ in range(count)):
+                cloud = frame.cloud
+                _ = (frame.depth, frame.labels, cloud.points, cloud.labels, cloud.colors, frame.headers)
+                _ = (frame.stats.stages_ms, frame.stats.total_ms)
 
-            look(50)
-            gc.collect()
-            memory = memory_bytes("RssAnon")
-            look(FRAMES // 10)
-            gc.collect()
-            assert memory_bytes("RssAnon") - memory < SLACK_BYTES
+        look(50)
+        gc.collect()
+        memory = memory_bytes("RssAnon")
+        look(FRAMES // 10)
+        gc.collect()
+        assert memory_bytes("RssAnon") - memory < SLACK_BYTES
 
 
 def test_opening_and_closing_leaves_no_memory_and_no_descriptors_behind():
     def descriptors():
-        return len(os.listdir("/proc/self/fd"))
+        return len(list(pathlib.Path("/proc/self/fd").iterdir()))
 
     def once():
-        with nunet.publisher(unique_name(), size=(32, 24)) as publisher:
-            with nunet.subscribe(publisher.camera, topics=["rgb"], timeout=PATIENCE) as frames:
-                publisher.publish(np.zeros((24, 32, 3), np.uint8))
-                assert frames.next().sequence == 0
+        with attached(size=(32, 24)) as (publisher, frames):
+            publisher.publish(np.zeros((24, 32, 3), np.uint8))
+            assert frames.next().sequence == 0
 
     for _ in range(5):
         once()

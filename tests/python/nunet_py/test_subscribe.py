@@ -1,18 +1,17 @@
 """Attached to a running daemon: frames are whole, safe to keep, and cost no copy."""
 
-import ctypes
 import os
 import signal
 import threading
 import time
 
-import iceoryx2 as iox2
 import numpy as np
 import nunet_py as nunet
 import pytest
 from streaming import (
     PATIENCE,
     address,
+    attached,
     daemon,
     eventually,
     inodes,
@@ -93,7 +92,7 @@ def test_age_counts_from_the_capture_and_grows(camera):
     with nunet.subscribe(camera, timeout=PATIENCE) as frames:
         frame = frames.next()
         first = frame.age
-        assert 0 < first
+        assert first > 0
         assert first < (time.monotonic_ns() - frame.header.capture_nanos) / 1e9
         assert frame.age > first
 
@@ -109,27 +108,32 @@ def test_stats_alone_can_be_followed(camera):
 
 def test_a_view_is_the_daemons_own_memory(nunetd):
     name = unique_name()
-    with daemon(nunetd, name, "--rate", "30") as process:
-        with nunet.subscribe(name, topics=["depth", "cloud"], timeout=PATIENCE) as frames:
-            frame = frames.next()
-            for array in (frame.depth, frame.cloud.points, frame.cloud.colors):
-                path, inode, _ = mapping(address(array))
-                assert path.startswith("/dev/shm/") and inode in inodes(process.pid)
-            assert address(frame.depth) == address(frame.depth), "one memory, however often it is asked for"
-            assert address(frame.depth) % 64 == 0
+    attach = {"topics": ["depth", "cloud"], "timeout": PATIENCE}
+    with daemon(nunetd, name, "--rate", "30") as process, nunet.subscribe(name, **attach) as frames:
+        frame = frames.next()
+        for array in (frame.depth, frame.cloud.points, frame.cloud.colors):
+            path, inode, _ = mapping(address(array))
+            assert path.startswith("/dev/shm/") and inode in inodes(process.pid)
+        assert address(frame.depth) == address(frame.depth), "one memory, however often it is asked for"
+        assert address(frame.depth) % 64 == 0
 
 
-def test_no_copy_appears_in_this_process_memory():
-    side = 1024
-    with nunet.publisher(unique_name(), size=(side, side)) as publisher:
-        with nunet.subscribe(publisher.camera, topics=["rgb"], timeout=PATIENCE) as frames:
-            publisher.publish(picture(1, (side, side, 3)))
-            frames.next()
-            before = memory_bytes("RssAnon")
-            publisher.publish(picture(2, (side, side, 3)))
+def test_no_copy_appears_in_the_memory_of_this_process():
+    side = 2048
+    with attached(size=(side, side), encoding="mono8") as (publisher, frames):
+
+        def hop(value):
+            with publisher.loan() as array:
+                array[:] = value
             frame = frames.next()
-            assert frame.rgb[::64].sum() > 0
-            assert memory_bytes("RssAnon") - before < frame.rgb.nbytes / 2
+            assert frame.picture.max() == value
+            return frame
+
+        frame = hop(1)
+        before = memory_bytes("RssAnon")
+        for value in range(2, 20):
+            frame = hop(value)
+        assert memory_bytes("RssAnon") - before < frame.picture.nbytes / 4
 
 
 def test_views_are_read_only_and_stay_so(camera):
@@ -151,7 +155,7 @@ def test_views_outlive_the_loop_the_subscriber_and_the_daemon(nunetd):
         depth, colors, expected = frame.depth, frame.cloud.colors, frame.depth.copy()
         del frame
         for _ in range(5):
-            assert np.array_equal(frames.next().depth, depth, equal_nan=True) or True
+            frames.next()
         assert np.array_equal(depth, expected, equal_nan=True)
         frames.close()
         del frames
@@ -177,23 +181,23 @@ def test_a_loop_that_keeps_its_frame_and_its_arrays_never_meets_the_limit(still)
 
 
 def test_a_reader_that_hoards_is_told_so_and_disturbs_nobody(still):
-    with nunet.subscribe(still.camera, topics=["rgb"], timeout=PATIENCE) as hoarder:
-        with nunet.subscribe(still.camera, topics=["rgb"], timeout=PATIENCE) as other:
-            hoard = []
-            for value in range(2):
-                still.publish(picture(value))
-                hoard.append(hoarder.next().rgb)
-                other.next()
-            still.publish(picture(2))
-            with pytest.raises(nunet.NunetError, match="hold 2 messages of `rgb`") as error:
-                hoarder.next()
-            assert ".copy()" in hint_of(error)
-            for value in range(3, 50):
-                still.publish(picture(value))
-                assert other.next().rgb[0, 0, 0] == value
-            assert [array[0, 0, 0] for array in hoard] == [0, 1]
-            hoard.pop()
-            assert hoarder.next().rgb[0, 0, 0] == 49, "it goes on with the newest"
+    attach = {"topics": ["rgb"], "timeout": PATIENCE}
+    with nunet.subscribe(still.camera, **attach) as hoarder, nunet.subscribe(still.camera, **attach) as other:
+        hoard = []
+        for value in range(2):
+            still.publish(picture(value))
+            hoard.append(hoarder.next().rgb)
+            other.next()
+        still.publish(picture(2))
+        with pytest.raises(nunet.NunetError, match="hold 2 messages of `rgb`") as error:
+            hoarder.next()
+        assert ".copy()" in hint_of(error)
+        for value in range(3, 50):
+            still.publish(picture(value))
+            assert other.next().rgb[0, 0, 0] == value
+        assert [array[0, 0, 0] for array in hoard] == [0, 1]
+        hoard.pop()
+        assert hoarder.next().rgb[0, 0, 0] == 49, "it goes on with the newest"
 
 
 def test_the_newest_frame_wins(still):
@@ -272,7 +276,7 @@ def test_a_subscriber_waits_for_a_daemon_that_comes_later(nunetd):
     ],
 )
 def test_wrong_arguments_are_refused_with_a_way_out(arguments, exception, message):
-    with pytest.raises(exception, match=message) as error:
+    with pytest.raises(exception, match=message or None) as error:
         nunet.subscribe(**{"camera": unique_name(), "timeout": 0.0} | arguments)
     if message:
         hint_of(error)
@@ -293,7 +297,7 @@ def test_a_source_that_stands_still_is_a_timeout_that_says_who_is_silent(still):
         with pytest.raises(TimeoutError, match=f"in 0.1 s: process {os.getpid()} publishes it") as error:
             next(frames)
         hint_of(error)
-        with pytest.raises(TimeoutError, match="in 0.02 s"):
+        with pytest.raises(TimeoutError, match=r"in 0\.02 s"):
             frames.next(timeout=0.02)
         with pytest.raises(TimeoutError, match="in 0 s"):
             frames.next(timeout=0)
@@ -323,31 +327,37 @@ def test_a_killed_daemon_is_named_and_its_successor_is_read_by_the_same_subscrib
 
 def test_a_daemon_that_ends_in_good_order_is_a_timeout_too(nunetd):
     name = unique_name()
-    with daemon(nunetd, name, "--rate", "30") as process:
-        with nunet.subscribe(name, timeout=PATIENCE) as frames:
-            frames.next()
-            process.terminate()
-            process.wait(timeout=30)
-            with pytest.raises(TimeoutError, match="nobody publishes `depth` any more"):
-                for _ in range(1000):
-                    frames.next(timeout=0.2)
+    with daemon(nunetd, name, "--rate", "30") as process, nunet.subscribe(name, timeout=PATIENCE) as frames:
+        frames.next()
+        process.terminate()
+        process.wait(timeout=30)
+        with pytest.raises(TimeoutError, match="nobody publishes `depth` any more"):
+            for _ in range(1000):
+                frames.next(timeout=0.2)
 
 
 def test_another_version_of_the_contract_is_refused_by_name():
+    # In a process of its own: two copies of iceoryx2 in one process take each other for dead.
+    code = """
+import ctypes, sys
+import iceoryx2 as iox2
+iox2.set_log_level(iox2.LogLevel.Fatal)
+node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+key, two = iox2.AttributeKey.new("nunet.contract"), iox2.AttributeValue.new("2")
+name = iox2.ServiceName.new(f"nunet/{sys.argv[1]}/depth")
+builder = node.service_builder(name).publish_subscribe(iox2.Slice[ctypes.c_uint8])
+service = builder.create_with_attributes(iox2.AttributeSpecifier.new().define(key, two))
+print("there", flush=True)
+sys.stdin.read()
+"""
     name = unique_name()
-    iox2.set_log_level(iox2.LogLevel.Fatal)
-    node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
-    two = iox2.AttributeSpecifier.new().define(
-        iox2.AttributeKey.new("nunet.contract"), iox2.AttributeValue.new("2")
-    )
-    service_name = iox2.ServiceName.new(f"nunet/{name}/depth")
-    builder = node.service_builder(service_name).publish_subscribe(iox2.Slice[ctypes.c_uint8])
-    service = builder.create_with_attributes(two)
+    later = start_python(code, name)
+    assert later.stdout.readline() == "there\n"
     with pytest.raises(nunet.ContractVersionError, match="speaks version `2`") as error:
         nunet.subscribe(name, timeout=0.1)
+    later.communicate(timeout=PATIENCE)
     assert "same version on both sides" in hint_of(error)
     assert isinstance(error.value, nunet.NunetError)
-    del service
 
 
 def test_a_closed_subscriber_says_so(still):
@@ -401,8 +411,8 @@ def test_threads_that_share_a_subscriber_get_different_frames(still):
 
     def read(frames):
         try:
-            for frame in frames:
-                seen.append(frame.sequence)
+            while not frames.closed:
+                seen.append(frames.next().sequence)  # and lets go of it: what all threads hold counts together
         except Exception as error:
             errors.append(error)
 
@@ -417,7 +427,8 @@ def test_threads_that_share_a_subscriber_get_different_frames(still):
         frames.close()
         for reader in readers:
             reader.join(timeout=PATIENCE)
-    assert not errors and len(seen) == len(set(seen)) > 10
+    assert all("is closed" in str(error) for error in errors), errors
+    assert len(seen) == len(set(seen)) > 10
 
 
 def test_ctrl_c_ends_the_waiting_for_a_frame_and_for_a_daemon():

@@ -13,7 +13,7 @@ mod worker;
 
 pub(crate) use continuity::Continuity;
 pub use mailbox::{Mailbox, Put, Taken};
-pub(crate) use optics::Optics;
+pub(crate) use optics::{Optics, read_calibration};
 pub(crate) use pump::{CloseOnDrop, Lane, Pace, SourceEnd, pump};
 pub(crate) use stop::Stop;
 pub(crate) use worker::{Remains, Worker};

@@ -2,16 +2,18 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use nunet_ipc::{Clock, Encoding, Topic, monotonic_nanos};
+use nunet_daemon::embed;
+use nunet_ipc::{Clock, Encoding, Point, Topic, monotonic_nanos};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::cloud::CloudView;
 use super::figures::Stats;
 use super::header::{FrameHeader, unknown};
 use super::sample::{Sample, element, plane};
 use super::view::{Shape, array};
-use crate::error::NunetError;
+use crate::camera::Camera;
+use crate::cloud::Cloud;
+use crate::error::{NunetError, failure};
 
 /// One frame of a camera: the topics that were asked for, all of one sequence number.
 ///
@@ -92,10 +94,20 @@ impl Frame {
         plane::<u8>(self.encoded(py, Topic::Labels, Encoding::LabelsU8)?, 1, 0)
     }
 
-    /// The organised point cloud.
+    /// The organised point cloud: its `points`, `labels` and `colors` are read-only views of shared memory, with strides
+    /// of 16 bytes. `colors` runs backwards over blue, green, red, which torch takes only as a copy.
     #[getter]
-    fn cloud(&self, py: Python<'_>) -> PyResult<CloudView> {
-        Ok(CloudView::new(self.encoded(py, Topic::Cloud, CloudView::ENCODING)?.clone().unbind()))
+    fn cloud(&self, py: Python<'_>) -> PyResult<Cloud> {
+        const BYTES: usize = size_of::<Point>();
+        let sample = self.encoded(py, Topic::Cloud, Encoding::Points)?;
+        let grid = sample.get().grid(BYTES)?;
+        let points = grid.triples(BYTES as isize, 0, size_of::<f32>() as isize);
+        let colors = grid.triples(BYTES as isize, std::mem::offset_of!(Point, r), -1);
+        Ok(Cloud::of_arrays(
+            array(sample, element::<f32>(py), points)?.cast_into()?,
+            plane::<u8>(sample, BYTES, std::mem::offset_of!(Point, label))?.cast_into()?,
+            array(sample, element::<u8>(py), colors)?.cast_into()?,
+        ))
     }
 
     /// uint8 (H, W, 3): the camera's picture, red, green, blue. A read-only view of shared memory, whether the camera
@@ -169,6 +181,12 @@ impl Frame {
             headers.set_item(sample.topic().name(), FrameHeader::read(sample.header())?)?;
         }
         Ok(headers)
+    }
+
+    /// The camera, at the size of this frame's depth; `None` where its publisher does not know it.
+    #[getter]
+    fn camera(&self) -> PyResult<Option<Camera>> {
+        Ok(embed::camera_of(self.lead()?).map_err(|error| failure(&error))?.map(Camera))
     }
 
     /// The topics that were asked for.

@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+use super::layout::Layout;
 use super::own::Own;
-use super::publisher::{Capture, Layout, Publisher};
+use super::publisher::{Capture, Publisher};
 use super::view::{Memory, references};
 use crate::error::NunetError;
 

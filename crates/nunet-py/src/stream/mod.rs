@@ -1,9 +1,10 @@
 //! Frames of other processes, and pictures for them, in shared memory: nothing is copied.
 
-mod cloud;
+mod feed;
 mod figures;
 mod frame;
 mod header;
+mod layout;
 mod loan;
 mod own;
 mod publisher;
@@ -29,7 +30,6 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<frame::Frame>()?;
     module.add_class::<header::FrameHeader>()?;
     module.add_class::<figures::Stats>()?;
-    module.add_class::<cloud::CloudView>()?;
     module.add_class::<loan::Loan>()
 }
 

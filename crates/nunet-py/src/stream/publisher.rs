@@ -3,31 +3,23 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use numpy::{
-    PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods as _,
-};
-use nunet_ipc::{CameraName, Clock, Encoding, Limits, Topic, TopicPlan, Wake, monotonic_nanos};
-use pyo3::PyClass;
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use nunet_core::camera;
+use nunet_daemon::embed;
+use nunet_ipc::{CameraName, Clock, Limits, Topic, TopicPlan, UnknownWord, Wake, monotonic_nanos};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::frame::unix_nanos;
+use super::layout::Layout;
 use super::loan::{Anchor, Loan};
 use super::own::Own;
-use super::sample::element;
-use super::view::{Memory, Shape, array};
 use super::{camera_name, ipc_error};
-use crate::error::NunetError;
+use crate::camera::Camera;
+use crate::error::{NunetError, of_camera};
 
 /// What this class is called in messages.
 const NAME: &str = "publisher";
-
-const ENCODINGS: [Encoding; 5] =
-    [Encoding::Rgb8, Encoding::Bgr8, Encoding::Mono8, Encoding::Yuyv, Encoding::Nv12];
-
-/// Pixels of a side: more is a slip of the finger.
-const MAX_SIDE: u32 = 16_384;
 
 /// Chunks on loan at a time: the anchor, the picture of an open block, the copy that is sent in its place, and one that
 /// an array of an earlier block keeps.
@@ -40,35 +32,66 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// Become the publisher of a camera's pictures, for `nunetd --source shm:CAMERA` and everybody else who reads them.
 ///
-/// `size` is (width, height) of every picture, `encoding` one of `rgb8`, `bgr8` (OpenCV's), `mono8`, `yuyv`, `nv12`.
-/// `clock` is that of the capture times: `monotonic` (`time.monotonic_ns()`), `unix` (`time.time_ns()`) or `media` (the
-/// position in a recording). `frame_id` names the camera's coordinate frame. `readers` is for how many readers memory is
-/// reserved.
+/// Parameters
+/// ----------
+/// camera : str
+///     The camera's name: 1 to 64 of `a-z A-Z 0-9 _ - .`.
+/// size : tuple of int
+///     Width and height of every picture, pixels.
+/// encoding : str, optional
+///     How the pictures' bytes lie: `rgb8`, `bgr8` (OpenCV's), `mono8`, `yuyv` or `nv12`.
+/// intrinsics : Camera, optional
+///     What is known of the lens; it travels with every picture, and the daemon's metres are scaled by it.
+/// clock : str, optional
+///     The clock of capture times: `monotonic` (`time.monotonic_ns()`), `unix` (`time.time_ns()`) or `media` (the position
+///     in a recording).
+/// frame_id : str, optional
+///     The name of the camera's coordinate frame.
+/// readers : int, optional
+///     For how many readers memory is reserved; the daemon is one.
 ///
-/// Returns a `Publisher`: a context manager.
+/// Returns
+/// -------
+/// Publisher
+///     A context manager; leaving it gives the camera up.
 ///
-/// Raises `NunetError` when another process publishes this camera (named in the text) or `/dev/shm` is too small, and
-/// `ValueError` for a name, size or encoding that no camera has.
+/// Raises
+/// ------
+/// NunetError
+///     Another process publishes this camera (the text names it), or `/dev/shm` is too small.
+/// CameraError
+///     `intrinsics` are of pictures of another shape.
+/// ValueError
+///     A name, size, encoding or clock that there is not.
 ///
-///     with nunet_py.publisher("front", size=(640, 480)) as camera:
-///         camera.publish(rgb)                # uint8 (480, 640, 3), copied once into shared memory
-///         with camera.loan() as picture:     # or filled there: no copy
-///             picture[:] = 0
+/// Examples
+/// --------
+/// >>> import nunet_py as nunet
+/// >>> with nunet.publisher("front", size=(640, 480)) as camera:
+/// ...     camera.publish(rgb)              # uint8 (480, 640, 3): copied once, into shared memory
+/// ...     with camera.loan() as picture:   # or filled there: no copy
+/// ...         picture[:] = 0
 #[pyfunction]
-#[pyo3(signature = (camera, size, *, encoding = "rgb8", clock = "monotonic", frame_id = "", readers = Limits::DEFAULT.max_readers))]
+#[pyo3(signature = (
+    camera, size, *, encoding = "rgb8", intrinsics = None, clock = "monotonic", frame_id = "",
+    readers = Limits::DEFAULT.max_readers
+))]
+#[expect(clippy::too_many_arguments, reason = "in Python they are keywords with defaults")]
 fn publisher(
     py: Python<'_>,
     camera: &str,
     size: (u32, u32),
     encoding: &str,
+    intrinsics: Option<Camera>,
     clock: &str,
     frame_id: &str,
     readers: usize,
 ) -> PyResult<Publisher> {
     let camera = camera_name(camera)?;
     let layout = Layout::new(size, encoding)?;
-    let clock =
-        clock.parse().map_err(|error: nunet_ipc::UnknownWord| PyValueError::new_err(error.to_string()))?;
+    let optics =
+        intrinsics.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose().map_err(of_camera)?;
+    let clock = clock.parse().map_err(|error: UnknownWord| PyValueError::new_err(error.to_string()))?;
     let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: layout.bytes() };
     let limits = Limits { max_readers: readers, max_loans: MAX_LOANS, ..Limits::default() };
     let port = py
@@ -79,6 +102,7 @@ fn publisher(
     Ok(Publisher {
         camera,
         layout,
+        optics,
         clock,
         frame_id: frame_id.to_owned(),
         copied: AtomicU64::new(0),
@@ -95,6 +119,7 @@ fn publisher(
 pub(crate) struct Publisher {
     camera: CameraName,
     layout: Layout,
+    optics: Option<camera::Camera>,
     clock: Clock,
     frame_id: String,
     copied: AtomicU64,
@@ -184,6 +209,9 @@ impl Publisher {
         (header.width, header.height) = self.layout.size;
         header.row_stride_bytes = self.layout.row_bytes();
         header.set_frame_id(&self.frame_id);
+        if let Some(optics) = &self.optics {
+            embed::set_camera(header, optics);
+        }
     }
 }
 
@@ -291,108 +319,5 @@ impl Publisher {
     fn __repr__(&self) -> String {
         let (width, height) = self.layout.size;
         format!("Publisher({:?}, {width}x{height} {})", self.camera.as_str(), self.layout.encoding)
-    }
-}
-
-/// How a camera's pictures lie in memory.
-#[derive(Debug, Clone)]
-pub(super) struct Layout {
-    encoding: Encoding,
-    size: (u32, u32),
-    lengths: Vec<usize>,
-}
-
-impl Layout {
-    fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
-        let known = ENCODINGS.into_iter().find(|known| known.name() == encoding);
-        let Some(known) = known else {
-            let choices: Vec<_> = ENCODINGS.iter().map(|known| format!("`{known}`")).collect();
-            return Err(PyValueError::new_err(format!(
-                "`{encoding}` is no encoding of pictures\nhint: one of {}",
-                choices.join(", ")
-            )));
-        };
-        let (columns, rows) = size;
-        let even = |side: u32| side.is_multiple_of(2);
-        let fits = match known {
-            Encoding::Yuyv => even(columns),
-            Encoding::Nv12 => even(columns) && even(rows),
-            _ => true,
-        };
-        if ![columns, rows].iter().all(|side| (1..=MAX_SIDE).contains(side)) || !fits {
-            let even = if fits { "" } else { ", even for this encoding" };
-            return Err(PyValueError::new_err(format!(
-                "size is `{columns}x{rows}` for `{known}`, but expected (width, height) of 1 to {MAX_SIDE}{even}\n\
-                 hint: for example size=(640, 480)"
-            )));
-        }
-        let (columns, rows) = (columns as usize, rows as usize);
-        let lengths = match known {
-            Encoding::Mono8 => vec![rows, columns],
-            Encoding::Yuyv => vec![rows, columns, 2],
-            Encoding::Nv12 => vec![rows * 3 / 2, columns],
-            _ => vec![rows, columns, 3],
-        };
-        Ok(Self { encoding: known, size, lengths })
-    }
-
-    fn bytes(&self) -> usize {
-        self.lengths.iter().product()
-    }
-
-    fn row_bytes(&self) -> u32 {
-        self.lengths[1..].iter().product::<usize>() as u32 // at most 16384 * 3
-    }
-
-    /// The array of a picture in this memory.
-    pub(super) fn array<'py, M>(&self, owner: &Bound<'py, M>) -> PyResult<Bound<'py, PyAny>>
-    where
-        M: Memory + PyClass<Frozen = pyo3::pyclass::boolean_struct::True> + Sync,
-    {
-        let bytes = element::<u8>(owner.py());
-        if let [rows, columns, channels] = self.lengths[..] {
-            let strides = [(columns * channels) as isize, channels as isize, 1];
-            return array(owner, bytes, Shape { lengths: [rows, columns, channels], strides, offset: 0 });
-        }
-        let lengths = [self.lengths[0], self.lengths[1]];
-        array(owner, bytes, Shape { lengths, strides: [lengths[1] as isize, 1], offset: 0 })
-    }
-
-    /// A picture that may be sent as it lies.
-    fn check<'py>(&self, picture: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
-        let untyped = picture.cast::<PyUntypedArray>().map_err(|_| {
-            let kind = picture.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
-            PyTypeError::new_err(format!(
-                "the picture is a `{kind}`, but expected a numpy array of uint8\n\
-                 hint: numpy.asarray(picture, dtype=numpy.uint8)"
-            ))
-        })?;
-        let bytes = picture.cast::<PyArrayDyn<u8>>().map_err(|_| {
-            PyTypeError::new_err(format!(
-                "the picture has dtype `{}`, but expected `uint8`\n\
-                 hint: picture.astype(numpy.uint8), after scaling it to 0..255",
-                untyped.dtype()
-            ))
-        })?;
-        if untyped.shape() != self.lengths {
-            return Err(PyValueError::new_err(format!(
-                "the picture has shape {:?}, but this publisher sends {:?} ({})\n\
-                 hint: resize it, or make a publisher of its size",
-                untyped.shape(),
-                self.lengths,
-                self.encoding
-            )));
-        }
-        if !untyped.is_c_contiguous() {
-            return Err(PyValueError::new_err(format!(
-                "the picture is not contiguous: its strides are {:?}\nhint: numpy.ascontiguousarray(picture)",
-                untyped.strides()
-            )));
-        }
-        bytes.try_readonly().map_err(|_| {
-            PyValueError::new_err(
-                "the picture is being written to at this moment\nhint: let the other thread finish first",
-            )
-        })
     }
 }

@@ -1,13 +1,13 @@
 //! `subscribe`: the frames of a running daemon.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, FrameSet, IpcError, Reader, StatsRecord, Topic};
+use nunet_ipc::{CameraName, IpcError, Reader, Topic};
 use pyo3::exceptions::{PyTimeoutError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
+use super::feed::{Arrival, Desk, Feed, Found, Turn};
 use super::figures::Stats;
 use super::frame::Frame;
 use super::own::Own;
@@ -28,20 +28,39 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// Attach to a camera that a running `nunetd` publishes, without copying its frames.
 ///
-/// `camera` is the daemon's `--camera`. `topics` are names among `rgb`, `depth`, `labels`, `cloud` and `stats`; the
-/// cloud and the labels are computed only while somebody asks for them. `rgb` is what the camera's own publisher sends
-/// (`nunetd feed`, `nunet_py.publisher`). `timeout` is how many seconds to wait for the daemon here, and for each frame
-/// later; `None` or `math.inf` waits for ever.
+/// Parameters
+/// ----------
+/// camera : str
+///     The camera's name, as of `nunetd --camera`.
+/// topics : sequence of str, optional
+///     What each frame holds: names among `rgb`, `depth`, `labels`, `cloud` and `stats`. The cloud and the labels are
+///     computed only while somebody asks for them. `rgb` is what the camera's own publisher sends (`nunetd feed`,
+///     `nunet_py.publisher`); its picture is joined with the depth that was made of it.
+/// timeout : float, optional
+///     Seconds to wait for the daemon, here, and for each frame, later. `None` or `math.inf` waits for ever.
 ///
-/// Returns a `Subscriber`: a context manager and an iterator of frames.
+/// Returns
+/// -------
+/// Subscriber
+///     A context manager, and an iterator of frames.
 ///
-/// Raises `TimeoutError` when nobody publishes the camera or one of the topics in time, `ContractVersionError` for a
-/// daemon of another version, `NunetError` when the daemon has no room for another reader, `ValueError` for a name that
-/// no camera or topic can have.
+/// Raises
+/// ------
+/// TimeoutError
+///     Nobody publishes the camera or one of the topics.
+/// ContractVersionError
+///     The daemon is of another version.
+/// NunetError
+///     The daemon has no room for another reader.
+/// ValueError
+///     A name that no camera or topic has; a timeout below 0.
 ///
-///     with nunet_py.subscribe("front", topics=["depth", "cloud"], timeout=1.0) as frames:
-///         for frame in frames:
-///             print(frame.sequence, frame.depth.shape, frame.age)
+/// Examples
+/// --------
+/// >>> import nunet_py as nunet
+/// >>> with nunet.subscribe("front", topics=["depth", "cloud"], timeout=1.0) as frames:
+/// ...     for frame in frames:
+/// ...         print(frame.sequence, frame.depth.shape, frame.age)
 #[pyfunction]
 #[pyo3(signature = (camera, topics = None, timeout = Some(5.0)))]
 fn subscribe(
@@ -54,9 +73,7 @@ fn subscribe(
     let topics = topics.map_or_else(|| Ok(vec![Topic::Depth]), topics_of)?;
     let timeout = self::timeout(timeout)?;
     let reader = open(py, &camera, &topics, timeout)?;
-    let feed = Feed { reader, topics: topics.clone(), stats: None };
-    let state = State { feed: Some(feed), closed: false };
-    let desk = Own::new(Desk { state: Mutex::new(state), returned: Condvar::new() });
+    let desk = Own::new(Desk::new(Feed::new(reader, topics.clone())));
     Ok(Subscriber { camera, topics, timeout, desk })
 }
 
@@ -79,149 +96,6 @@ pub(crate) struct Subscriber {
     desk: Own<Desk>,
 }
 
-/// Where the feed lies while no thread uses it. It is taken away to be used, so that nothing is locked while Python
-/// code (a handler of a signal) may run.
-#[derive(Debug)]
-struct Desk {
-    state: Mutex<State>,
-    returned: Condvar,
-}
-
-#[derive(Debug)]
-struct State {
-    feed: Option<Feed>,
-    closed: bool,
-}
-
-#[derive(Debug)]
-struct Feed {
-    reader: Reader,
-    topics: Vec<Topic>,
-    stats: Option<StatsRecord>,
-}
-
-/// What came.
-struct Arrival {
-    set: Option<FrameSet>,
-    stats: Option<StatsRecord>,
-}
-
-/// What a look at the desk finds.
-enum Found {
-    Feed(Box<Feed>),
-    /// Another thread uses it.
-    Busy,
-    Closed,
-}
-
-impl Desk {
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Takes the feed; waits a moment for the thread that has it.
-    fn take(&self, patience: Duration) -> Found {
-        let waits = |state: &mut State| !state.closed && state.feed.is_none();
-        let (mut state, _) = self
-            .returned
-            .wait_timeout_while(self.state(), patience, waits)
-            .unwrap_or_else(PoisonError::into_inner);
-        if state.closed {
-            return Found::Closed;
-        }
-        state.feed.take().map_or(Found::Busy, |feed| Found::Feed(Box::new(feed)))
-    }
-
-    /// Ends it. The thread that uses the feed drops it, soon.
-    fn close(&self) {
-        let feed = {
-            let mut state = self.state();
-            state.closed = true;
-            state.feed.take()
-        };
-        self.returned.notify_all();
-        drop(feed);
-    }
-}
-
-/// The feed, on loan from the desk.
-struct Turn<'a> {
-    desk: &'a Desk,
-    feed: Option<Box<Feed>>,
-}
-
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        let mut state = self.desk.state();
-        if !state.closed {
-            state.feed = self.feed.take().map(|feed| *feed);
-        }
-        drop(state);
-        self.desk.returned.notify_one();
-    }
-}
-
-impl Feed {
-    /// What is new, looking twice: now, and after waiting.
-    fn look(&mut self, patience: Duration) -> Result<Option<Arrival>, IpcError> {
-        if let Some(arrival) = self.newest()? {
-            return Ok(Some(arrival));
-        }
-        if patience.is_zero() {
-            return Ok(None);
-        }
-        self.reader.wait(patience)?; // a hint: look whatever it says
-        self.newest()
-    }
-
-    fn newest(&mut self) -> Result<Option<Arrival>, IpcError> {
-        let wants_stats = self.topics.contains(&Topic::Stats);
-        let mut fresh = false;
-        if wants_stats && let Some(message) = self.reader.latest(Topic::Stats)? {
-            self.stats = Some(*message.stats()?);
-            fresh = true;
-        }
-        if wants_stats && self.stats.is_none() {
-            return Ok(None); // a frame without the figures would not be complete
-        }
-        if self.topics == [Topic::Stats] {
-            return Ok(fresh.then_some(Arrival { set: None, stats: self.stats }));
-        }
-        let stats = self.stats;
-        Ok(self.reader.next_set()?.map(|set| Arrival { set: Some(set), stats }))
-    }
-
-    /// Why nothing comes, and what to do.
-    fn silence(&self, camera: &CameraName, patience: Option<Duration>) -> PyErr {
-        let names: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
-        let mut why = "it sends nothing".to_owned();
-        let mut hint = format!(
-            "its source may stand still (`nunetd watch {camera}` shows it); a slow network wants a longer timeout"
-        );
-        for topic in &self.topics {
-            match self.reader.owner(*topic) {
-                Ok(Some(owner)) if owner.alive => {
-                    why = format!("process {} publishes it, but sends nothing new", owner.pid);
-                    continue;
-                }
-                Ok(Some(owner)) => {
-                    why = format!("process {}, which published `{topic}`, is dead", owner.pid);
-                }
-                _ => why = format!("nobody publishes `{topic}` any more"),
-            }
-            hint = format!(
-                "start it again (`nunetd --camera {camera}`): this subscriber goes on with its frames by itself"
-            );
-            break;
-        }
-        let seconds = patience.unwrap_or_default().as_secs_f64();
-        PyTimeoutError::new_err(format!(
-            "no frame of camera `{camera}` ({}) in {seconds} s: {why}\nhint: {hint}",
-            names.join(", ")
-        ))
-    }
-}
-
 impl Subscriber {
     /// Waits for a frame; `None` when the subscriber is closed.
     fn wait(&self, py: Python<'_>, patience: Option<Duration>) -> PyResult<Option<Frame>> {
@@ -236,7 +110,7 @@ impl Subscriber {
                 return self.frame(py, arrival).map(Some);
             }
             py.check_signals()?;
-            if desk.state().closed {
+            if desk.is_closed() {
                 return Ok(None);
             }
             if over {
@@ -250,7 +124,7 @@ impl Subscriber {
         loop {
             let over = deadline.is_over();
             match py.detach(|| desk.take(deadline.glance())) {
-                Found::Feed(feed) => return Ok(Some(Turn { desk, feed: Some(feed) })),
+                Found::Feed(feed) => return Ok(Some(Turn::new(desk, feed))),
                 Found::Closed => return Ok(None),
                 Found::Busy if over => {
                     return Err(PyTimeoutError::new_err(format!(
@@ -308,7 +182,7 @@ impl Subscriber {
     fn latest(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
         let desk = self.desk.get(NAME)?;
         let mut feed = match py.detach(|| desk.take(Duration::ZERO)) {
-            Found::Feed(feed) => Turn { desk, feed: Some(feed) },
+            Found::Feed(feed) => Turn::new(desk, feed),
             Found::Busy => return Ok(None), // another thread waits for the same frames
             Found::Closed => return Err(self.closed_error()),
         };
@@ -337,7 +211,7 @@ impl Subscriber {
     /// Whether `close` was called.
     #[getter]
     fn closed(&self) -> PyResult<bool> {
-        Ok(self.desk.get(NAME)?.state().closed)
+        Ok(self.desk.get(NAME)?.is_closed())
     }
 
     /// The camera's name.
