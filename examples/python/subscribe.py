@@ -26,7 +26,7 @@ def line(frame: nunet.Frame) -> str:
 
 def main(camera: str, count: int | None) -> None:
     """Follow the camera until the frames are seen, Ctrl-C, or the daemon's end."""
-    with nunet.subscribe(camera, topics=["depth"], timeout=10.0) as frames:
+    with nunet.subscribe(camera, topics=["depth"], timeout=5.0) as frames:
         for seen, frame in enumerate(frames, start=1):
             print(line(frame), flush=True)
             if seen == count:

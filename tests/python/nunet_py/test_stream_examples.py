@@ -11,22 +11,25 @@ from streaming import PATIENCE, daemon, unique_name
 ROOT = pathlib.Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples" / "python"
 
-# Eight grey pictures, each brighter; written where OpenCV would write them.
+# A camera that gives grey pictures, each brighter, until it is unplugged; they are written where OpenCV would.
 FAKE_CV2 = """
+import os, pathlib, time
 import numpy as np
 CAP_PROP_BUFFERSIZE = 38
+UNPLUGGED = pathlib.Path(os.environ["FAKE_UNPLUGGED"])
 class VideoCapture:
     def __init__(self, device):
         assert device == 0
-        self.sent = 0
+        self.sent = -1
     def set(self, key, value):
         return True
     def grab(self):
+        time.sleep(0.01)
         self.sent += 1
-        return self.sent <= 8
+        return not UNPLUGGED.exists()
     def retrieve(self, image):
         assert image.shape == (48, 64, 3) and image.flags.c_contiguous
-        image[:] = self.sent
+        image[:] = self.sent % 256
         return True, image
     def read(self):
         return True, np.zeros((48, 64, 3), np.uint8)
@@ -61,14 +64,17 @@ def test_publish_webcam_sends_every_picture_of_the_camera(tmp_path):
     (tmp_path / "cv2.py").write_text(FAKE_CV2)
     name = unique_name()
     command = [sys.executable, EXAMPLES / "publish_webcam.py", name]
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    unplugged = tmp_path / "unplugged"
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "FAKE_UNPLUGGED": str(unplugged)}
     example = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     try:
         assert example.stdout.readline() == f"64x48 on `{name}`\n"
         with nunet.subscribe(name, topics=["rgb"], timeout=PATIENCE) as frames:
-            frame = frames.next()
-            assert (frame.rgb == frame.sequence + 1).all() and frame.header.encoding == "bgr8"
+            for _ in range(5):
+                frame = frames.next()
+                assert (frame.rgb == frame.sequence % 256).all() and frame.header.encoding == "bgr8"
     finally:
+        unplugged.touch()
         out, _ = example.communicate(timeout=60)
     assert (example.returncode, out) == (0, "released\n")
 
