@@ -11,6 +11,7 @@ mod python;
 mod run;
 mod setup;
 mod test;
+mod wheel;
 mod wheels;
 
 use std::process::ExitCode;
@@ -24,6 +25,7 @@ usage: cargo xtask VERB
   test           every test, Rust and Python
   package        build the Python package for the tests; prints the interpreter that has it
   bundle         copy the models that the Python package brings, again, from models/
+  wheel          put the Python package and what it needs as wheels into dist/, and try them in a new environment
   paper-models   export the paper's networks at 480x640 to target/paper-models/
 
 The package index is the one that pip is configured to use. The cache is $XDG_CACHE_HOME/nunet or ~/.cache/nunet.";
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         ["test"] => test::test(),
         ["package"] => package::package(),
         ["bundle"] => bundle::bundle(),
+        ["wheel"] => wheel::wheel(),
         ["paper-models"] => paper_models::paper_models(),
         ["help" | "--help" | "-h"] => {
             run::print(USAGE);

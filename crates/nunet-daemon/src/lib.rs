@@ -23,6 +23,7 @@ mod vetting;
 mod words;
 
 use std::ffi::OsString;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 pub use exit::Outcome;
@@ -43,5 +44,9 @@ pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Err(error) => return exit::from_usage_error(&error),
     };
     logging::start(&cli.logging);
-    exit::from_result(verbs::dispatch(cli.verb))
+    let code = exit::from_result(verbs::dispatch(cli.verb));
+    // A binary's end does it by itself, another host's does not: a last line without its end would be lost. A reader that
+    // went away is told of by the verb, or is none.
+    let _ = std::io::stdout().flush();
+    code
 }

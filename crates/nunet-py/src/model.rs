@@ -19,7 +19,8 @@ use crate::result::{Result, Shared};
 ///
 /// A file that is new on this machine is first loaded in a child process with limits, and its self-test must give the
 /// numbers of its export. One model may be used from several threads: pictures go through one after the other, without
-/// the GIL. It does not survive `os.fork`.
+/// the GIL. It does not survive `os.fork`: a child that uses it gets an error, and must end by `os._exit`, as those of
+/// `multiprocessing` do, because ONNX Runtime waits at exit for threads that did not come along.
 ///
 /// Parameters
 /// ----------
@@ -56,10 +57,36 @@ use crate::result::{Result, Shared};
 /// (640, 480)
 #[pyclass(frozen, module = "nunet_py")]
 pub(crate) struct Model {
-    inner: Mutex<embed::Model>,
+    /// `None` only while it is dropped.
+    inner: Option<Mutex<embed::Model>>,
     /// The process that made it: ONNX Runtime's threads do not live on in a fork.
     process: u32,
+    about: About,
     shared: Arc<Shared>,
+}
+
+/// What never changes: who asks for it need not wait for a picture to be done.
+struct About {
+    path: PathBuf,
+    size: (u32, u32),
+    architecture: String,
+    trained: bool,
+    provider: &'static str,
+    json: String,
+}
+
+impl About {
+    fn of(model: &embed::Model) -> Self {
+        let graph = model.pipeline().graph();
+        Self {
+            path: model.path().to_owned(),
+            size: model.size(),
+            architecture: graph.description().architecture.clone(),
+            trained: graph.description().trained,
+            provider: graph.provider().name(),
+            json: model.about_json().to_owned(),
+        }
+    }
 }
 
 impl Model {
@@ -72,25 +99,35 @@ impl Model {
         py: Python<'_>,
         work: impl FnOnce(&mut embed::Model) -> T + Send,
     ) -> PyResult<T> {
-        self.check_process()?;
+        let inner = self.inner.as_ref().filter(|_| !self.is_in_a_fork()).ok_or_else(|| self.in_a_fork())?;
         // A panic leaves buffers with some numbers of an older picture, which every run writes anew.
-        Ok(py.detach(|| work(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))))
+        Ok(py.detach(|| work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner))))
     }
 
     pub(crate) fn shared(&self) -> Arc<Shared> {
         Arc::clone(&self.shared)
     }
 
-    fn check_process(&self) -> PyResult<()> {
+    fn is_in_a_fork(&self) -> bool {
+        self.process != std::process::id()
+    }
+
+    fn in_a_fork(&self) -> PyErr {
         let (made, here) = (self.process, std::process::id());
-        if made == here {
-            return Ok(());
-        }
-        Err(NunetError::new_err(format!(
+        NunetError::new_err(format!(
             "this model was made in process `{made}`, and process `{here}` is a fork of it: the threads that compute did \
              not come along\nhint: make the model after the fork, or start processes with \
              `multiprocessing.get_context(\"spawn\")`"
-        )))
+        ))
+    }
+}
+
+impl Drop for Model {
+    fn drop(&mut self) {
+        if self.is_in_a_fork() {
+            // It would wait for threads that are not here. The memory goes with the process.
+            std::mem::forget(self.inner.take());
+        }
     }
 }
 
@@ -102,20 +139,21 @@ impl Model {
         let options = ModelOptions { provider: self::provider(provider)?, threads: self::threads(threads)? };
         let model = py.detach(|| embed::Model::open(&name_or_path, options));
         let model = model.map_err(|error| failure(&error))?;
-        let about = model.pipeline().graph().description();
+        let description = model.pipeline().graph().description();
         let shown = model.path().display();
-        if !about.trained {
+        if !description.trained {
             warn(py, &format!("`{shown}` carries untrained weights: its depth means nothing"))?;
         }
-        if about.selftest.is_none() {
+        if description.selftest.is_none() {
             warn(
                 py,
                 &format!("`{shown}` carries no self-test: nobody knows whether its numbers are right here"),
             )?;
         }
-        let class_names = PyTuple::new(py, &about.classes)?.unbind();
+        let class_names = PyTuple::new(py, &description.classes)?.unbind();
         let shared = Arc::new(Shared::new(class_names, model.pipeline().stage_names().to_vec()));
-        Ok(Self { inner: Mutex::new(model), process: std::process::id(), shared })
+        let about = About::of(&model);
+        Ok(Self { inner: Some(Mutex::new(model)), process: std::process::id(), about, shared })
     }
 
     /// Depth and labels of one picture.
@@ -177,8 +215,8 @@ impl Model {
 
     /// Width and height of the network's picture and of its results, pixels.
     #[getter]
-    fn size(&self, py: Python<'_>) -> PyResult<(u32, u32)> {
-        self.alone(py, |model| model.size())
+    fn size(&self) -> (u32, u32) {
+        self.about.size
     }
 
     /// The name of each label, in order; empty where the network does not segment.
@@ -189,48 +227,42 @@ impl Model {
 
     /// `unet`, `wnet`, `wnet_c`, ...; `foreign` for a network described by a sidecar.
     #[getter]
-    fn architecture(&self, py: Python<'_>) -> PyResult<String> {
-        self.alone(py, |model| model.pipeline().graph().description().architecture.clone())
+    fn architecture(&self) -> &str {
+        &self.about.architecture
     }
 
     /// Whether the weights were trained at all.
     #[getter]
-    fn trained(&self, py: Python<'_>) -> PyResult<bool> {
-        self.alone(py, |model| model.pipeline().graph().description().trained)
+    fn trained(&self) -> bool {
+        self.about.trained
     }
 
     /// What computes: `cpu`, `openvino`, `cuda` or `tensorrt`.
     #[getter]
-    fn provider(&self, py: Python<'_>) -> PyResult<&'static str> {
-        self.alone(py, |model| model.pipeline().graph().provider().name())
+    fn provider(&self) -> &'static str {
+        self.about.provider
     }
 
     /// The model file.
     #[getter]
-    fn path(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let path = self.alone(py, |model| model.path().to_owned())?;
-        Ok(py.import("pathlib")?.getattr("Path")?.call1((path,))?.unbind())
+    fn path(&self) -> PathBuf {
+        self.about.path.clone()
     }
 
     /// Everything that the file says of itself, as `nunetd inspect --json` prints it: components, tensors, accuracy,
     /// training camera, licence, SHA-256.
     #[getter]
     fn metadata(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let about = self.alone(py, |model| model.about_json().to_owned())?;
-        Ok(py.import("json")?.getattr("loads")?.call1((about,))?.unbind())
+        Ok(py.import("json")?.getattr("loads")?.call1((&self.about.json,))?.unbind())
     }
 
-    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        self.alone(py, |model| {
-            let graph = model.pipeline().graph();
-            let ((width, height), about) = (model.size(), graph.description());
-            let trained = if about.trained { "" } else { ", untrained" };
-            let (path, provider) = (model.path().display(), graph.provider());
-            format!(
-                "Model('{path}', {}, {width}x{height}, provider='{provider}'{trained})",
-                about.architecture
-            )
-        })
+    fn __repr__(&self) -> String {
+        let About { path, size: (width, height), architecture, trained, provider, .. } = &self.about;
+        let trained = if *trained { "" } else { ", untrained" };
+        format!(
+            "Model('{}', {architecture}, {width}x{height}, provider='{provider}'{trained})",
+            path.display()
+        )
     }
 }
 

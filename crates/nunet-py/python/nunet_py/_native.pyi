@@ -11,6 +11,25 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from typing_extensions import Self
 
+__all__ = [
+    "Camera",
+    "CameraError",
+    "Cloud",
+    "ContractVersionError",
+    "Model",
+    "ModelError",
+    "NunetError",
+    "Replay",
+    "Result",
+    "WiringError",
+    "__version__",
+    "_camera",
+    "colorize",
+    "command",
+    "describe_installation",
+    "replay",
+]
+
 __version__: str
 
 class NunetError(Exception): ...
