@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 import time
 
-import cv2
+import cv2  # type: ignore[import-not-found, unused-ignore]
 import nunet_py as nunet
 
 

@@ -235,6 +235,16 @@ def test_depth_comes_with_the_picture_that_it_was_made_of(nunetd):
             driver.join()
 
 
+def test_a_reader_for_whom_there_is_no_room_is_told_how_many_may_read():
+    with nunet.publisher(unique_name(), size=(64, 48), readers=1) as publisher:
+        attach = {"topics": ["rgb"], "timeout": PATIENCE}
+        with nunet.subscribe(publisher.camera, **attach):
+            with pytest.raises(nunet.NunetError, match="all 1 places are taken") as error:
+                nunet.subscribe(publisher.camera, **attach)
+            hint_of(error)
+        nunet.subscribe(publisher.camera, **attach).close()
+
+
 def test_a_camera_that_does_not_exist_is_a_timeout_that_names_it():
     name = unique_name()
     with pytest.raises(TimeoutError, match=f"no `nunet/{name}/depth` after 0.1 s") as error:
@@ -480,6 +490,32 @@ def test_a_fork_is_told_to_make_its_own_and_leaves_the_parent_alone(still):
             still.publish(picture(value))
             assert frames.next().rgb[0, 0, 0] == value
         assert (frame.rgb == 7).all()
+
+
+FORK = """
+import os, sys
+import nunet_py as nunet
+publisher = nunet.publisher(sys.argv[1], size=(64, 48))
+frames = nunet.subscribe(sys.argv[1], topics=["rgb"], timeout=30)
+with publisher.loan() as picture:
+    picture[:] = 3
+frame = frames.next()
+view = frame.rgb
+child = os.fork()
+if child == 0:
+    sys.exit(5)  # takes the whole interpreter down, with everything that is inherited
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 5
+for value in range(10):
+    with publisher.loan() as picture:
+        picture[:] = value
+    assert (nunet.subscribe(sys.argv[1], topics=["rgb"], timeout=30).closed, frames.next().rgb.max()) == (False, value)
+print(int(view.sum()))
+"""
+
+
+def test_a_fork_that_ends_takes_nothing_with_it():
+    ended = run_python(FORK, unique_name(), check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, f"{48 * 64 * 3 * 3}\n", "")
 
 
 EXIT = """

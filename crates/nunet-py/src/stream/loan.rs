@@ -136,14 +136,15 @@ impl Loan {
         let py = slf.py();
         let this = slf.get();
         let publisher = this.publisher.get();
-        let mut open = this.open.lock().unwrap_or_else(PoisonError::into_inner);
-        if open.is_some() {
-            return Err(NunetError::new_err("this loan is open already\nhint: take a loan for each picture"));
-        }
         let memory = Bound::new(py, Chunk::new(publisher.chunk()?, publisher.anchor()?))?;
         let root = this.layout.array(&memory)?;
         let picture = root.call_method0("view")?;
         let given = picture.clone().unbind();
+        // Locked last: Python code above lets other threads run, and one of them may enter this loan too.
+        let mut open = this.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if open.is_some() {
+            return Err(NunetError::new_err("this loan is open already\nhint: take a loan for each picture"));
+        }
         *open = Some(Open { memory: memory.unbind(), root: root.unbind(), picture: picture.unbind() });
         Ok(given)
     }

@@ -14,7 +14,7 @@ mod view;
 
 use std::time::{Duration, Instant};
 
-use nunet_ipc::{CameraName, IpcError};
+use nunet_ipc::{CameraName, IpcError, Topic};
 use pyo3::exceptions::{PyTimeoutError, PyValueError};
 use pyo3::prelude::*;
 
@@ -40,11 +40,14 @@ fn ipc_error(error: &IpcError) -> PyErr {
         IpcError::NobodyPublishes { .. } => PyTimeoutError::new_err(text),
         IpcError::ContractVersion { .. } => ContractVersionError::new_err(text),
         IpcError::Limit { .. } => PyValueError::new_err(text),
-        IpcError::TooManyFramesHeld { topic, limit } => NunetError::new_err(format!(
-            "this subscriber's frames and views hold {limit} messages of `{topic}`, as many as one reader may\n\
-             hint: let go of a frame and its arrays before taking the next, and copy what must live longer \
-             (`frame.{topic}.copy()`)"
-        )),
+        IpcError::TooManyFramesHeld { topic, limit } => {
+            let array = if *topic == Topic::Cloud { "cloud.points" } else { topic.name() };
+            NunetError::new_err(format!(
+                "this subscriber's frames and views hold {limit} messages of `{topic}`, as many as one reader may\n\
+                 hint: let go of a frame and its arrays before taking the next, and copy what must live longer \
+                 (`frame.{array}.copy()`)"
+            ))
+        }
         error => {
             if let Some(cause) = std::error::Error::source(error) {
                 let (first, hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));

@@ -217,14 +217,30 @@ impl Publisher {
 
 #[pymethods]
 impl Publisher {
-    /// Send a picture: uint8, C-contiguous, of this publisher's shape (`Publisher.shape`). It is copied once, into
-    /// shared memory; `loan` saves that.
+    /// Send a picture. It is copied once, into shared memory; `loan` saves that.
     ///
-    /// `capture_nanos` is when it was taken, nanoseconds of the publisher's clock; `None` is now. `sequence` is its
-    /// number, which should rise; `None` is the next one.
+    /// Parameters
+    /// ----------
+    /// picture : numpy.ndarray
+    ///     uint8, C-contiguous, of this publisher's `shape`, rows from the top.
+    /// capture_nanos : int, optional
+    ///     When it was taken, nanoseconds of the publisher's clock. Without it: now.
+    /// sequence : int, optional
+    ///     Its number, which should rise. Without it: the next one.
     ///
-    /// Returns the number. Raises `TypeError` for anything but a numpy array of uint8, `ValueError` for another shape
-    /// and for memory that is not contiguous, `NunetError` when this publisher is closed.
+    /// Returns
+    /// -------
+    /// int
+    ///     Its number.
+    ///
+    /// Raises
+    /// ------
+    /// TypeError
+    ///     Anything but a numpy array of uint8.
+    /// ValueError
+    ///     Another shape, or memory that is not contiguous.
+    /// NunetError
+    ///     This publisher is closed.
     #[pyo3(signature = (picture, capture_nanos = None, *, sequence = None))]
     fn publish(
         &self,
@@ -238,11 +254,25 @@ impl Publisher {
         self.send(chunk, Capture { nanos: capture_nanos, sequence })
     }
 
-    /// A picture to be filled where its readers will see it: a context manager that gives a writeable uint8 array of
-    /// this publisher's shape and sends it at the end of the block. See `Loan`.
+    /// Fill a picture where its readers will see it: nothing is copied.
     ///
-    /// Arguments as for `publish`, but `capture_nanos=None` is the end of the block. Raises `NunetError` on entering
-    /// when this publisher is closed, or when arrays of earlier loans hold all memory.
+    /// Parameters
+    /// ----------
+    /// capture_nanos : int, optional
+    ///     When it was taken, nanoseconds of the publisher's clock. Without it: the end of the block.
+    /// sequence : int, optional
+    ///     Its number, which should rise. Without it: the next one.
+    ///
+    /// Returns
+    /// -------
+    /// Loan
+    ///     A context manager that gives a writeable uint8 array of this publisher's `shape`, with whatever an earlier picture
+    ///     left in it, and sends it at the end of the block. The array is read-only from then on.
+    ///
+    /// Raises
+    /// ------
+    /// NunetError
+    ///     This publisher is closed; on entering also: arrays of earlier loans hold all memory.
     #[pyo3(signature = (capture_nanos = None, *, sequence = None))]
     fn loan(slf: Py<Self>, capture_nanos: Option<i64>, sequence: Option<u64>) -> PyResult<Loan> {
         let layout = slf.get().layout.clone();

@@ -86,7 +86,9 @@ fn subscribe(
 /// When the daemon ends or is killed, the next frame is a `TimeoutError` that says so; when it is back, the same
 /// subscriber goes on with its frames. The loop ends when the subscriber is closed.
 ///
-/// Several threads may share one: each frame goes to one of them. A process made by `os.fork` must make its own.
+/// Several threads may share one: each frame goes to one of them, and what they hold counts together, so a subscriber for
+/// each is better. A process made by `os.fork` must make its own. The package `iceoryx2` must not be used in the same
+/// process: each takes the other for dead.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Subscriber {
@@ -163,10 +165,17 @@ impl Subscriber {
 impl Subscriber {
     /// Wait for the next frame: the newest that is complete and was not seen yet.
     ///
-    /// `timeout` in seconds; `None` takes that of `subscribe`, `math.inf` waits for ever.
+    /// Parameters
+    /// ----------
+    /// timeout : float, optional
+    ///     Seconds; `math.inf` waits for ever. Without it: that of `subscribe`.
     ///
-    /// Raises `TimeoutError` that says who is dead or silent, and `NunetError` when this subscriber is closed or its
-    /// frames are not let go of.
+    /// Raises
+    /// ------
+    /// TimeoutError
+    ///     No frame in time; the text says who is dead or silent.
+    /// NunetError
+    ///     This subscriber is closed, or its earlier frames are not let go of.
     #[pyo3(signature = (*, timeout = None))]
     fn next(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Frame> {
         let patience = match timeout {
@@ -178,7 +187,10 @@ impl Subscriber {
 
     /// The newest frame that is complete and was not seen yet, or `None`. Does not wait.
     ///
-    /// Raises `NunetError` when this subscriber is closed or its frames are not let go of.
+    /// Raises
+    /// ------
+    /// NunetError
+    ///     This subscriber is closed, or its earlier frames are not let go of.
     fn latest(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
         let desk = self.desk.get(NAME)?;
         let mut feed = match py.detach(|| desk.take(Duration::ZERO)) {
