@@ -264,6 +264,38 @@ fn a_set_is_complete_when_every_topic_has_the_same_sequence() {
 }
 
 #[test]
+fn results_are_joined_with_their_picture_though_the_camera_is_ahead_of_them() {
+    let camera = camera();
+    let (driver, daemon) = (owner(&camera, &[Topic::Rgb]), owner(&camera, &[Topic::Depth]));
+    let mut reader = Reader::open(&camera, &[Topic::Rgb, Topic::Depth], PATIENCE).unwrap();
+    let picture = |sequence| {
+        let mut loan = driver.loan(Topic::Rgb).unwrap();
+        loan.header_mut().sequence = sequence;
+        loan.publish(0).unwrap();
+    };
+    let sequences = |set: Option<nunet_ipc::FrameSet>| {
+        set.map(|set| set.iter().map(|frame| frame.header().sequence).collect::<Vec<_>>())
+    };
+    picture(1);
+    assert_eq!(sequences(reader.next_set().unwrap()), None);
+    picture(2);
+    assert_eq!(sequences(reader.next_set().unwrap()), None, "picture 1 is kept for its depth");
+    publish_depth(&daemon, 1);
+    assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![1, 1]));
+
+    assert_eq!(sequences(reader.next_set().unwrap()), None, "picture 2 is kept");
+    picture(3);
+    publish_depth(&daemon, 3); // picture 2 was passed over
+    assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![3, 3]));
+
+    picture(9);
+    assert_eq!(sequences(reader.next_set().unwrap()), None);
+    picture(0); // the camera begins anew
+    publish_depth(&daemon, 0);
+    assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![0, 0]));
+}
+
+#[test]
 fn demand_is_visible_to_the_owner() {
     let camera = camera();
     let owner = owner(&camera, &[Topic::Depth, Topic::Labels]);

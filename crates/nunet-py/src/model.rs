@@ -19,7 +19,8 @@ use crate::result::{Result, Shared};
 ///
 /// A file that is new on this machine is first loaded in a child process with limits, and its self-test must give the
 /// numbers of its export. One model may be used from several threads: pictures go through one after the other, without
-/// the GIL. It does not survive `os.fork`.
+/// the GIL. It does not survive `os.fork`: a child that uses it gets an error, and must end by `os._exit`, as those of
+/// `multiprocessing` do, because ONNX Runtime waits at exit for threads that did not come along.
 ///
 /// Parameters
 /// ----------

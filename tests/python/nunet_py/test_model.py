@@ -235,7 +235,7 @@ def test_other_threads_run_while_a_picture_is_inferred():
 
 def test_a_model_does_not_survive_a_fork_and_says_so():
     code = f"""
-        import os, sys, numpy as np, nunet_py as nunet
+        import os, numpy as np, nunet_py as nunet
         net = nunet.Model({str(TINY)!r}, provider="cpu", threads=2)
         rgb = np.zeros((96, 128, 3), np.uint8)
         net.infer(rgb)
@@ -246,7 +246,7 @@ def test_a_model_does_not_survive_a_fork_and_says_so():
             except nunet.NunetError as error:
                 print(error, net.size, flush=True)
                 del net   # must not wait for threads that are not here
-                sys.exit(7)
+                os._exit(7)
             os._exit(0)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
         net.infer(rgb)
