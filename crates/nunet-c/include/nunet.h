@@ -4,7 +4,8 @@
  * Written by crates/nunet-c/tests/header.rs; change the source, not this file.
  *
  * RESULTS. Functions answer NUNET_OK (0) or what went wrong; nunet_last_error() says it in words, with a hint. No
- * function exits, throws or prints (a fault of the library's own prints where it happened). docs/c.md has the lines to compile and link with.
+ * function exits, throws or prints (but a fault of the library's own prints where it happened). docs/c.md has the
+ * lines to compile and link with.
  *
  * OWNERSHIP. Handles (reader, frame, publisher, loan) belong to the caller until closed, released or sent. A handle
  * that is used after its end is an error (NUNET_CLOSED), not a crash; so is one of another kind. Memory that a frame
@@ -15,17 +16,17 @@
  * NULL. Where a result goes must not be NULL, unless its description says that it may be. After a failure handles and
  * pointers that were to be given are NULL.
  *
- * THREADS. Everything may be called by any thread. Calls with the same reader, or the same publisher, come one after the
- * other. A frame may be read and released by another thread than the one that got it, while nobody else uses it. Signal
- * handlers must call nothing here.
+ * THREADS. Everything may be called by any thread. Calls with the same reader, or the same publisher, come one after
+ * the other. Any thread may read and release a frame, when nobody else still looks into it. Signal handlers must call
+ * nothing here.
  *
  * FORK. Open after forking: what was open before belongs to the parent, and is NUNET_FORKED in the child.
  *
  * UNITS. Depth in metres where the header's `units` says so, NaN where there is no measurement; times in
  * nanoseconds, timeouts in milliseconds, sizes and intrinsics in pixels.
  *
- * END. Close what is open before the process ends. What a killed process leaves is cleaned up by the next one that opens
- * the camera.
+ * END. Close what is open before the process ends. What a killed process leaves is cleaned up by the next one that
+ * opens the camera.
  */
 
 #ifndef NUNET_H
