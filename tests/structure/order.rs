@@ -18,6 +18,7 @@ const CORE: Order = Order {
     folder: "crates/nunet-core/src/",
     journey: &[
         "clock",
+        "text",
         "frame",
         "camera",
         "preprocess",
@@ -52,6 +53,7 @@ const DAEMON: Order = Order {
         "buffers",
         "logging",
         "verbs",
+        "fuzzing",
     ],
     ahead: &[],
 };

@@ -8,6 +8,8 @@ mod buffers;
 pub mod cli;
 mod engine;
 mod exit;
+#[doc(hidden)]
+pub mod fuzzing;
 mod library;
 mod logging;
 mod models;

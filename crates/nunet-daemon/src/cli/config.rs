@@ -3,16 +3,21 @@
 //! The file becomes flags before clap sees them, so that a value is checked once, by whoever checks the flag.
 
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command};
+use nunet_core::text::shortened;
 use toml::{Table, Value};
 
 use super::RunArgs;
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;
+/// A hundred times what all flags take.
+const MAX_BYTES: u64 = 64 * 1024;
 
 /// `nunetd config`
 #[derive(Debug, Args, Clone)]
@@ -48,7 +53,7 @@ pub(super) fn expand(
     let Some(path) = given.get_one::<PathBuf>("config") else { return Ok(arguments) };
     let run = command.find_subcommand(verb).cloned().unwrap_or_default();
     let refuse = |message: String| {
-        let path = path.display();
+        let (path, message) = (path.display(), shortened(&message));
         command.clone().error(clap::error::ErrorKind::ValueValidation, format!("`{path}`: {message}"))
     };
     let mut all = Vec::new();
@@ -84,7 +89,12 @@ fn given_or_excluded(run: &Command, argument: &Arg, given: &ArgMatches) -> bool 
 }
 
 fn read(path: &Path) -> Result<Table, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read it: {error}"))?;
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
+    read.map_err(|error| format!("cannot read it: {error}"))?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(format!("a file of more than {MAX_BYTES} bytes is no configuration"));
+    }
     text.parse::<Table>().map_err(|error| format!("it is no TOML: {}", error.to_string().trim_end()))
 }
 
@@ -246,6 +256,17 @@ mod tests {
         assert_refused("model = ", "`[FILE]`: it is no TOML");
         assert_refused("rate = -3", "expected `max` or frames a second above 0");
         assert_refused("intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'", "cannot be used with");
+    }
+
+    #[test]
+    fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
+        for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
+            let error = parse(&config, "run").unwrap_err();
+            assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
+        }
+        let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
+        let error = Cli::parse_line(line).unwrap_err().to_string();
+        assert!(error.contains("a file of more than 65536 bytes is no configuration"), "{error}");
     }
 
     #[test]
