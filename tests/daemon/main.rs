@@ -4,6 +4,7 @@
 mod bad_input;
 mod eval;
 mod filters;
+mod hostile;
 mod infer;
 mod journey;
 mod lens;

@@ -5,16 +5,21 @@
 //! and what a section says comes before that.
 
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command};
+use nunet_core::text::shortened;
 use toml::{Table, Value};
 
 use super::{RunArgs, StreamArgs};
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;
+/// A hundred times what all flags take.
+const MAX_BYTES: u64 = 64 * 1024;
 
 /// `nunetd config`
 #[derive(Debug, Args, Clone)]
@@ -73,7 +78,7 @@ pub(super) fn expand(
     match lines {
         Ok(cameras) => Ok(cameras.into_iter().map(line).collect()),
         Err(message) => {
-            let message = format!("`{}`: {message}", path.display());
+            let message = format!("`{}`: {}", path.display(), shortened(&message));
             Err(command.error(clap::error::ErrorKind::ValueValidation, message))
         }
     }
@@ -165,7 +170,12 @@ fn is_excluded(run: &Command, argument: &Arg, said: &[&Arg]) -> bool {
 }
 
 fn read(path: &Path) -> Result<Table, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read it: {error}"))?;
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
+    read.map_err(|error| format!("cannot read it: {error}"))?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(format!("a file of more than {MAX_BYTES} bytes is no configuration"));
+    }
     text.parse::<Table>().map_err(|error| format!("it is no TOML: {}", error.to_string().trim_end()))
 }
 
@@ -374,6 +384,17 @@ mod tests {
         assert_refused("model = ", "`[FILE]`: it is no TOML");
         assert_refused("rate = -3", "expected `max` or frames a second above 0");
         assert_refused("intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'", "cannot be used with");
+    }
+
+    #[test]
+    fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
+        for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
+            let error = parse(&config, "run").unwrap_err();
+            assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
+        }
+        let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
+        let error = Cli::parse_line(line).unwrap_err().to_string();
+        assert!(error.contains("a file of more than 65536 bytes is no configuration"), "{error}");
     }
 
     #[test]

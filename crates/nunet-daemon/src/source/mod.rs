@@ -18,6 +18,7 @@ pub use rate::{Pacer, Rate};
 pub(crate) use recording::{RecordingSource, sorted};
 pub(crate) use v4l2::cameras;
 
+use std::io::Read;
 use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
 
@@ -179,7 +180,7 @@ pub fn open(kind: &Kind, how: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
     }
     how.check(kind)?;
     Ok(match kind {
-        Kind::Pipe => Box::new(pipe::Pipe::open(std::io::stdin(), how.layout())?),
+        Kind::Pipe => open_pipe(std::io::stdin(), how)?,
         Kind::Demo => Box::new(scene::Scene::default()),
         Kind::Files(pattern) => Box::new(files::Files::open(pattern, how.repeat)?),
         Kind::Recording(path) => Box::new(recording::RecordingSource::open(path, how)?),
@@ -195,6 +196,14 @@ pub(crate) fn in_place_of(kind: &Kind, how: Opening<'_>, error: anyhow::Error) -
         Kind::Video(path) => Box::new(v4l2::wait_for(path, how.wish())),
         _ => Box::new(Unopened(Some(error))),
     }
+}
+
+/// A pipe other than stdin, of the layout that `how` says.
+pub(crate) fn open_pipe(
+    input: impl Read + Send + 'static,
+    how: Opening<'_>,
+) -> anyhow::Result<Box<dyn Source>> {
+    Ok(Box::new(pipe::Pipe::open(input, how.layout())?))
 }
 
 #[cfg(test)]
