@@ -21,6 +21,9 @@ use crate::error::{NunetError, of_camera};
 /// What this class is called in messages.
 const NAME: &str = "publisher";
 
+// What `readers` is without being named: a literal, since Python shows it.
+const _: () = assert!(Limits::DEFAULT.max_readers == 4);
+
 /// Chunks on loan at a time: the anchor, the picture of an open block, the copy that is sent in its place, and one that
 /// an array of an earlier block keeps.
 const MAX_LOANS: usize = 4;
@@ -72,10 +75,9 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// ...     with camera.loan() as picture:   # or filled there: no copy
 /// ...         picture[:] = 0
 #[pyfunction]
-#[pyo3(signature = (
-    camera, size, *, encoding = "rgb8", intrinsics = None, clock = "monotonic", frame_id = "",
-    readers = Limits::DEFAULT.max_readers
-))]
+#[pyo3(
+    signature = (camera, size, *, encoding = "rgb8", intrinsics = None, clock = "monotonic", frame_id = "", readers = 4),
+)]
 #[expect(clippy::too_many_arguments, reason = "in Python they are keywords with defaults")]
 fn publisher(
     py: Python<'_>,

@@ -62,7 +62,10 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// ...     for frame in frames:
 /// ...         print(frame.sequence, frame.depth.shape, frame.age)
 #[pyfunction]
-#[pyo3(signature = (camera, topics = None, timeout = Some(5.0)))]
+#[pyo3(
+    signature = (camera, topics = None, timeout = Some(5.0)),
+    text_signature = "(camera, topics=None, timeout=5.0)"
+)]
 fn subscribe(
     py: Python<'_>,
     camera: &str,
