@@ -1,6 +1,7 @@
 //! `cargo xtask`: set-up, checks and the demo, with nothing but cargo, a C compiler and python3.
 
 mod check;
+mod deb;
 mod demo;
 mod latency_table;
 mod paper_models;
@@ -20,6 +21,7 @@ usage: cargo xtask VERB
   demo           run nunetd on its demo scene; results in target/demo/
   check          format, lints, documentation, structure of the source
   test           every test, Rust and Python
+  deb            a Debian package of nunetd in target/debian/, by cargo-deb
   paper-models   export the paper's networks at 480x640 to target/paper-models/
 
 The package index is the one that pip is configured to use. The cache is $XDG_CACHE_HOME/nunet or ~/.cache/nunet.";
@@ -34,6 +36,7 @@ fn main() -> ExitCode {
         ["demo"] => demo::demo(),
         ["check"] => check::check(),
         ["test"] => test::test(),
+        ["deb"] => deb::deb(),
         ["paper-models"] => paper_models::paper_models(),
         ["help" | "--help" | "-h"] => {
             run::print(USAGE);
