@@ -11,5 +11,6 @@ mod lens;
 mod loss;
 mod processes;
 mod recurrent;
+mod several;
 mod support;
 mod truth;

@@ -1,12 +1,13 @@
 """The same picture gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
-`nunetd infer`, and in shared memory as an independent client reads it. The same sequence does too, where the network
-remembers the pictures before."""
+`nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client reads it. The same sequence
+does too, where the network remembers the pictures before."""
 
 import json
 import os
 import subprocess
 
 import numpy as np
+import nunet_py as nunet
 import onnxruntime
 import pytest
 from conftest import MODEL, running
@@ -61,6 +62,36 @@ def test_infer_writes_what_the_python_package_computes(nunetd, picture, expected
     assert depth.dtype == np.float32
     assert depth.tobytes() == expected[0].tobytes()
     assert (np.asarray(Image.open(tmp_path / "labels.png")) == expected[1]).all()
+
+
+@pytest.mark.filterwarnings("ignore:.*untrained weights")
+def test_the_pipeline_in_this_process_computes_the_same(picture, expected):
+    """Both have their own ONNX Runtime, side by side in one process."""
+    model = nunet.Model(MODEL, provider="cpu", threads=1)
+    for _ in range(2):
+        result = model.infer(picture[1])
+        assert result.depth.tobytes() == expected[0].tobytes()
+        assert (result.labels == expected[1]).all()
+
+
+@pytest.mark.filterwarnings("ignore:.*untrained weights")
+def test_points_in_this_process_are_those_of_the_ply_file(nunetd, tmp_path):
+    """Of a picture that is resized, with a camera that scales its depth."""
+    rgb = np.random.default_rng(9).integers(0, 256, (480, 640, 3), np.uint8)
+    Image.fromarray(rgb).save(tmp_path / "noise.png")
+    command = [nunetd, "-q", "infer", str(tmp_path / "noise.png"), "--out", str(tmp_path), "--model", str(MODEL)]
+    subprocess.run([*command, *ONE_THREAD, "--intrinsics", "500,501,320,240@640x480"], check=True)
+    camera = nunet.Camera(500, 501, 320, 240, (640, 480))
+    result = nunet.Model(MODEL, provider="cpu", threads=1).infer(rgb, camera=camera)
+    cloud = result.cloud()
+
+    header, _, body = (tmp_path / "cloud.ply").read_bytes().partition(b"end_header\n")
+    assert b"format binary_little_endian" in header
+    points = np.frombuffer(body, np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3), ("label", "u1")]))
+    assert np.load(tmp_path / "depth.npy").tobytes() == result.depth.tobytes()
+    assert points["xyz"].tobytes() == cloud.valid().tobytes()
+    valid = np.isfinite(cloud.points[..., 2])
+    assert (points["rgb"] == cloud.colors[valid]).all() and (points["label"] == cloud.labels[valid]).all()
 
 
 def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, picture, expected):

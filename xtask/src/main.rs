@@ -1,15 +1,18 @@
 //! `cargo xtask`: set-up, checks and the demo, with nothing but cargo, a C compiler and python3.
 
+mod bundle;
 mod check;
 mod deb;
 mod demo;
 mod latency_table;
+mod package;
 mod paper_models;
 mod paths;
 mod python;
 mod run;
 mod setup;
 mod test;
+mod wheel;
 mod wheels;
 
 use std::process::ExitCode;
@@ -21,6 +24,9 @@ usage: cargo xtask VERB
   demo           run nunetd on its demo scene; results in target/demo/
   check          format, lints, documentation, structure of the source
   test           every test, Rust and Python
+  package        build the Python package for the tests; prints the interpreter that has it
+  bundle         copy the models that the Python package brings, again, from models/
+  wheel          put the Python package and what it needs as wheels into dist/, and try them in a new environment
   deb            a Debian package of nunetd in target/debian/, by cargo-deb
   paper-models   export the paper's networks at 480x640 to target/paper-models/
 
@@ -36,6 +42,9 @@ fn main() -> ExitCode {
         ["demo"] => demo::demo(),
         ["check"] => check::check(),
         ["test"] => test::test(),
+        ["package"] => package::package(),
+        ["bundle"] => bundle::bundle(),
+        ["wheel"] => wheel::wheel(),
         ["deb"] => deb::deb(),
         ["paper-models"] => paper_models::paper_models(),
         ["help" | "--help" | "-h"] => {

@@ -25,12 +25,15 @@ pub(crate) fn cache() -> Result<PathBuf> {
     Ok(cache.join("nunet"))
 }
 
-/// The binary `nunetd` of a profile (`debug`, `release`), in the target folder that this program was built into:
-/// cargo's settings may have moved it out of the checkout.
-pub(crate) fn nunetd(profile: &str) -> Result<PathBuf> {
+/// The target folder that this program was built into: cargo's settings may have moved it out of the checkout.
+pub(crate) fn target() -> Result<PathBuf> {
     let this = env::current_exe().context("cannot find the path of this program")?;
-    let target = this.ancestors().nth(2).context("this program lies outside a target folder")?;
-    Ok(target.join(profile).join(format!("nunetd{}", env::consts::EXE_SUFFIX)))
+    Ok(this.ancestors().nth(2).context("this program lies outside a target folder")?.to_owned())
+}
+
+/// The binary `nunetd` of a profile (`debug`, `release`).
+pub(crate) fn nunetd(profile: &str) -> Result<PathBuf> {
+    Ok(target()?.join(profile).join(format!("nunetd{}", env::consts::EXE_SUFFIX)))
 }
 
 /// The right to change the cache, until it is dropped: two clones may be set up at the same time.

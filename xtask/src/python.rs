@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -54,6 +55,57 @@ pub(crate) fn test_environment() -> Result<PathBuf> {
     environment("test", &lines.filter(|line| !line.is_empty()).map(str::to_owned).collect::<Vec<_>>())
 }
 
+/// An environment in `folder` that sees everything of the one of `shared` and may hold more: what a clone builds is
+/// no business of the other clones that share one.
+pub(crate) fn layer_over(shared: &Path, folder: &Path) -> Result<Layer> {
+    let python = folder.join("bin/python");
+    let made_over = folder.join("over");
+    if fs::read(&made_over).ok().as_deref() != Some(shared.as_os_str().as_bytes()) {
+        run(Command::new(shared).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
+    }
+    let (below, packages) = (packages_of(shared)?, packages_of(&python)?);
+    let pth = packages.join("shared.pth");
+    fs::write(&pth, format!("{}\n", below.display()))
+        .and_then(|()| fs::write(&made_over, shared.as_os_str().as_bytes()))
+        .with_context(|| format!("cannot write `{}`", pth.display()))?;
+    Ok(Layer { python, packages })
+}
+
+/// An environment over another one.
+pub(crate) struct Layer {
+    pub(crate) python: PathBuf,
+    /// Where its own packages lie.
+    pub(crate) packages: PathBuf,
+}
+
+/// The folder of packages of an interpreter.
+fn packages_of(python: &Path) -> Result<PathBuf> {
+    let path =
+        output(Command::new(python).args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]))?;
+    Ok(PathBuf::from(path.trim_end()))
+}
+
+/// The environment that makes and judges wheels.
+pub(crate) fn wheel_environment() -> Result<PathBuf> {
+    environment("wheel", &["maturin>=1.16,<2", "abi3audit>=0.0.20,<1"].map(str::to_owned))
+}
+
+/// A new environment in `folder` with nothing in it.
+pub(crate) fn bare_environment(folder: &Path) -> Result<PathBuf> {
+    run(Command::new(system()?.program).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
+    Ok(folder.join("bin/python"))
+}
+
+/// pip, run by an interpreter that need not have it.
+pub(crate) fn pip_of(python: &Path, words: &[&str]) -> Result<Command> {
+    let mut command = Command::new(python);
+    command.arg(pip()?.join("pip")).args(words).args(["--disable-pip-version-check", "--no-input"]);
+    if let (None, Some(index)) = (std::env::var_os("PIP_INDEX_URL"), uv_index()) {
+        command.env("PIP_INDEX_URL", index);
+    }
+    Ok(command)
+}
+
 /// The environment of `models/recipe`: torch and its libraries, several gigabytes. The recipe itself is not installed
 /// in it but found by PYTHONPATH, so that clones with different recipes share one environment.
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
@@ -97,17 +149,9 @@ fn fingerprint(identity: &str, requirements: &[String]) -> Result<u64> {
 }
 
 fn create(system: &Path, folder: &Path, requirements: &[String]) -> Result<()> {
-    let pip = pip()?;
     run(Command::new(system).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
-    let mut install = Command::new(folder.join("bin/python"));
-    install
-        .arg(pip.join("pip"))
-        .args(["install", "--disable-pip-version-check", "--no-input"])
-        .args(requirements);
-    if let (None, Some(index)) = (std::env::var_os("PIP_INDEX_URL"), uv_index()) {
-        install.env("PIP_INDEX_URL", index);
-    }
-    run(&mut install)
+    let mut install = pip_of(&folder.join("bin/python"), &["install"])?;
+    run(install.args(requirements))
 }
 
 /// Removes environments of this name that no clone has used for long: one may hold gigabytes.

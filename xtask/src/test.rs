@@ -5,12 +5,12 @@ use std::process::Command;
 use anyhow::Result;
 
 use crate::run::{cargo, run_all};
-use crate::{paths, python, setup};
+use crate::{package, paths, python, setup};
 
 /// Set up, then run everything, also after a failure.
 pub(crate) fn test() -> Result<()> {
     setup::onnxruntime()?;
-    let light = python::test_environment()?;
+    let light = package::built()?;
     let heavy = python::recipe_environment()?;
 
     let mut lint = Command::new(&light);
@@ -22,8 +22,9 @@ pub(crate) fn test() -> Result<()> {
     run_all(
         "test",
         &mut [
-            // It leaves `nunetd` for the steps after it: cargo builds a crate's binary for its integration tests. A
-            // build of its own would choose other features and compile half of the dependencies again.
+            // It leaves `nunetd` and, in `deps`, `libnunet.a` and `libnunet.so` for the steps after it: cargo builds a
+            // crate's binary and libraries for its integration tests. A build of its own would choose other features
+            // and compile half of the dependencies again.
             ("Rust", cargo(&["test", "--workspace", "--no-fail-fast"])),
             ("Python lint", lint),
             ("Python clients", clients),

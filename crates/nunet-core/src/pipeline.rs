@@ -184,6 +184,19 @@ impl Pipeline {
         self.filters.decimation().map_or(size, |decimation| decimation.reduced(size))
     }
 
+    /// The camera that the cloud's rays are of, at [`Pipeline::size`]: the known one, else the one that is assumed.
+    #[must_use]
+    pub fn points_camera(&self) -> &Camera {
+        &self.lens.camera
+    }
+
+    /// What the network saw of `frame`, the last one that was processed: `[H, W, 3]`, RGB, at the network's size. It is
+    /// the frame itself where that fitted.
+    #[must_use]
+    pub fn picture_of<'a>(&'a self, frame: &ImageView<'a>) -> &'a [u8] {
+        self.preprocessor.last(frame)
+    }
+
     /// Pixels of the network on each side of a pixel of the depth map: 1 without a decimation.
     #[must_use]
     pub fn decimation(&self) -> NonZeroU32 {

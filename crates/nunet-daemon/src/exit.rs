@@ -1,7 +1,6 @@
 //! Exit codes, and the one place where an error chain is printed.
 
 use std::io::Write as _;
-use std::process::ExitCode;
 
 use nunet_ipc::CameraName;
 
@@ -19,32 +18,37 @@ pub enum Outcome {
 #[error("{0}")]
 pub(crate) struct BadArguments(pub(crate) String);
 
+/// Something named that is not there. Only programs that this one is a part of tell it from other failures.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct NotFound(pub(crate) String);
+
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
     CameraName::new(name).map_err(|error| BadArguments(error.to_string()))
 }
 
+const DONE: u8 = 0;
 const FAILURE: u8 = 1;
 const BAD_ARGUMENTS: u8 = 2;
 const LOST: u8 = 3;
 
 /// Prints clap's message (help and version are no failure).
-pub(crate) fn from_usage_error(error: &clap::Error) -> ExitCode {
+pub(crate) fn from_usage_error(error: &clap::Error) -> u8 {
     // Printing fails only when the terminal is gone: there is nobody left to tell.
     let _ = error.print();
-    if error.use_stderr() { ExitCode::from(BAD_ARGUMENTS) } else { ExitCode::SUCCESS }
+    if error.use_stderr() { BAD_ARGUMENTS } else { DONE }
 }
 
 /// Prints the chain of a failure and picks the exit code.
-pub(crate) fn from_result(result: anyhow::Result<Outcome>) -> ExitCode {
+pub(crate) fn from_result(result: anyhow::Result<Outcome>) -> u8 {
     match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Lost) => ExitCode::from(LOST),
-        Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Ok(Outcome::Done) => DONE,
+        Ok(Outcome::Lost) => LOST,
+        Err(error) if is_closed_pipe(&error) => DONE,
         Err(error) => {
             print_chain(&error);
-            let code = if error.is::<BadArguments>() { BAD_ARGUMENTS } else { FAILURE };
-            ExitCode::from(code)
+            if error.is::<BadArguments>() { BAD_ARGUMENTS } else { FAILURE }
         }
     }
 }
@@ -64,7 +68,7 @@ fn print_chain(error: &anyhow::Error) {
 }
 
 /// One line a cause, hints behind the last.
-fn chain_text(error: &anyhow::Error) -> String {
+pub(crate) fn chain_text(error: &anyhow::Error) -> String {
     let (mut text, mut hints, mut before) = (String::new(), String::new(), String::new());
     for (depth, cause) in error.chain().enumerate() {
         let cause = cause.to_string();

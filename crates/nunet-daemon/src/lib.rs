@@ -6,10 +6,13 @@
 
 mod buffers;
 pub mod cli;
+pub mod embed;
 mod engine;
 mod exit;
+mod fault;
 #[doc(hidden)]
 pub mod fuzzing;
+mod installation;
 mod library;
 mod logging;
 mod models;
@@ -22,19 +25,30 @@ mod vetting;
 mod words;
 
 use std::ffi::OsString;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 pub use exit::Outcome;
+pub use installation::Installation;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///
 /// stdout is data, stderr is people. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
 /// lost, 130 interrupted twice.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    exit_code(arguments).into()
+}
+
+/// The same, for a host that has exit codes of its own.
+pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match cli::Cli::parse_line(arguments) {
         Ok(cli) => cli,
         Err(error) => return exit::from_usage_error(&error),
     };
     logging::start(&cli.logging);
-    exit::from_result(verbs::dispatch(cli.verb))
+    let code = exit::from_result(verbs::dispatch(cli.verb));
+    // A binary's end does it by itself, another host's does not: a last line without its end would be lost. A reader that
+    // went away is told of by the verb, or is none.
+    let _ = std::io::stdout().flush();
+    code
 }

@@ -1,9 +1,12 @@
 //! Where ONNX Runtime's shared library is looked up, in this order: the flag (or `ORT_DYLIB_PATH`), beside the
-//! executable, the installed Python package, the cache that `cargo xtask setup` fills, the system.
+//! executable (in Python: the package `onnxruntime` of the same interpreter), the active environment's Python packages,
+//! the cache that `cargo xtask setup` fills, the system.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+
+use crate::installation;
 
 /// The release that the checks of this version ran with.
 const VERSION: &str = "1.31.1";
@@ -66,7 +69,12 @@ struct Place {
 fn places() -> Vec<Place> {
     let mut places = Vec::new();
     let mut add = |name, folder: PathBuf, search| places.push(Place { name, folder, search });
-    if let Some(folder) = std::env::current_exe().ok().and_then(|exe| exe.parent().map(Path::to_owned)) {
+    if let Some(installation) = installation::described() {
+        for folder in &installation.library_folders {
+            add("this Python package's `onnxruntime`", folder.clone(), Search::Here);
+        }
+    } else if let Some(folder) = std::env::current_exe().ok().and_then(|exe| exe.parent().map(Path::to_owned))
+    {
         add("beside the executable", folder.clone(), Search::Here);
         add("beside the executable", folder.with_file_name("lib").join("nunet"), Search::Here);
     }

@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
+use crate::exit::NotFound;
+use crate::installation;
+
 /// Overrides where bundled models are looked up.
 const FOLDER_VARIABLE: &str = "NUNET_MODELS";
 
@@ -20,7 +23,7 @@ pub(crate) fn find(name: &Path) -> anyhow::Result<PathBuf> {
         is_bare_name(name).then(|| folders.iter().find_map(|folder| model_in(folder, name))).flatten();
     match bundled {
         Some(path) => Ok(path),
-        None => bail!("{}", not_found(name, &folders)),
+        None => bail!(NotFound(not_found(name, &folders))),
     }
 }
 
@@ -36,10 +39,13 @@ fn model_in(folder: &Path, name: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// Beside an installed executable, or in the checkout it was built in.
+/// What the installation says, else beside the executable, or in the checkout it was built in.
 fn folders() -> Vec<PathBuf> {
     if let Some(folder) = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty()) {
         return vec![PathBuf::from(folder)];
+    }
+    if let Some(installation) = installation::described() {
+        return installation.model_folders.clone();
     }
     let exe = std::env::current_exe().unwrap_or_default();
     let beside = exe.parent().unwrap_or(Path::new("."));

@@ -6,7 +6,8 @@
 use std::io::Read as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{ExitStatus, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
@@ -17,6 +18,8 @@ use sha2::{Digest as _, Sha256};
 use tracing::{debug, info};
 
 use crate::cli::EngineArgs;
+use crate::fault::{Fault, Refused};
+use crate::installation;
 use crate::library::{self, Found};
 
 /// Loading and one prediction on a slow board; a file that takes longer is refused.
@@ -94,8 +97,7 @@ pub(crate) fn limit_this_process(model: &Path, provider: Provider) -> anyhow::Re
 }
 
 fn try_in_child(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<Verdict> {
-    let exe = std::env::current_exe().context("cannot find this program's own file")?;
-    let mut command = Command::new(exe);
+    let mut command = installation::nunetd()?;
     command.arg("vet").arg(model).arg("--onnxruntime").arg(&library.path);
     command.arg("--provider").arg(engine.provider.to_string());
     if let Some(threads) = engine.threads {
@@ -103,9 +105,10 @@ fn try_in_child(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::R
     }
     // A group of its own: the terminal's Ctrl-C is for this process to handle.
     let child =
-        command.process_group(0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+        command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let mut child = child.context("cannot start a child process to test the model in")?;
     let messages = child.stderr.take().map(|stderr| std::thread::spawn(move || read_messages(stderr)));
+    let kind = child.stdout.take().map(|stdout| std::thread::spawn(move || read_messages(stdout)));
     let Some(status) = wait(&mut child)? else {
         bail!(
             "testing `{}` in a child process took longer than {} s\nhint: try again when the machine is less busy",
@@ -113,8 +116,9 @@ fn try_in_child(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::R
             TIME_LIMIT.as_secs()
         );
     };
-    let messages = messages.and_then(|thread| thread.join().ok()).unwrap_or_default();
-    judge(status, &messages)
+    let said =
+        |thread: Option<JoinHandle<String>>| thread.and_then(|thread| thread.join().ok()).unwrap_or_default();
+    judge(status, &said(messages), &said(kind))
 }
 
 /// What the child says, up to a bound; read while it runs, so that a full pipe cannot stop it.
@@ -143,10 +147,12 @@ const FAULTS: [Signal; 5] = [Signal::SEGV, Signal::BUS, Signal::ABORT, Signal::I
 
 /// Only a fault convicts the file. An orderly refusal may be this machine's (memory, library), and another signal came
 /// from outside (somebody stopped it, or the system ran out of memory): neither is kept.
-fn judge(status: ExitStatus, messages: &str) -> anyhow::Result<Verdict> {
+fn judge(status: ExitStatus, messages: &str, kind: &str) -> anyhow::Result<Verdict> {
     match (status.code(), status.signal()) {
         (Some(0), _) => Ok(Verdict::Passed),
-        (Some(1 | 2), _) => bail!("{}", refusal(messages)),
+        (Some(1 | 2), _) => {
+            bail!(Refused { fault: Fault::named(kind), message: refusal(messages).to_owned() })
+        }
         (_, Some(signal)) if FAULTS.iter().any(|fault| fault.as_raw() == signal) => {
             Ok(Verdict::Crashed(format!("ended with signal {signal}")))
         }
@@ -232,18 +238,20 @@ mod tests {
 
     #[test]
     fn a_child_that_crashes_convicts_the_file_and_one_that_refuses_does_not() {
-        let crashed = judge(ExitStatus::from_raw(SEGMENTATION_FAULT), "").unwrap();
+        let crashed = judge(ExitStatus::from_raw(SEGMENTATION_FAULT), "", "").unwrap();
         assert_eq!(crashed, Verdict::Crashed("ended with signal 11".into()));
         let refused = ExitStatus::from_raw(1 << 8);
-        let error = judge(refused, "INFO something\nerror: `m.onnx` is empty\nhint: fill it\n").unwrap_err();
+        let error =
+            judge(refused, "INFO something\nerror: `m.onnx` is empty\nhint: fill it\n", "model").unwrap_err();
         assert_eq!(error.to_string(), "`m.onnx` is empty\nhint: fill it");
-        assert_eq!(judge(ExitStatus::from_raw(0), "").unwrap(), Verdict::Passed);
+        assert_eq!(Fault::of(&error), Fault::Model);
+        assert_eq!(judge(ExitStatus::from_raw(0), "", "").unwrap(), Verdict::Passed);
     }
 
     #[test]
     fn a_child_that_was_stopped_from_outside_convicts_nobody() {
         for signal in [2, 15, 9, 1] {
-            let error = judge(ExitStatus::from_raw(signal), "").unwrap_err().to_string();
+            let error = judge(ExitStatus::from_raw(signal), "", "").unwrap_err().to_string();
             assert!(error.contains("ended from outside"), "signal {signal}: {error}");
         }
     }

@@ -174,28 +174,54 @@ impl Reader {
     /// The newest frames of all topics but `stats` that belong together, if they are all there. What came so far is
     /// kept for the next call; what can no longer become complete is dropped.
     ///
+    /// A picture (`rgb`) is older than its results by the time they are made. So the one that came with the last
+    /// results is kept until the next ones come, and newer ones are passed over: it is likely the one that is being
+    /// worked on.
+    ///
     /// # Errors
     /// Those of [`next`](Self::next).
     pub fn next_set(&mut self) -> Result<Option<FrameSet>, IpcError> {
-        let mut sequence = None;
-        let mut complete = true;
+        let mut came = None;
         for index in 0..self.topics.len() {
             let topic = self.topics[index].topic;
-            if topic == Topic::Stats {
-                continue;
+            if !matches!(topic, Topic::Stats | Topic::Rgb) && self.follow(topic)? {
+                came = self.joining_sequence(topic);
             }
-            if self.has_more(topic)? {
-                drop(self.joining[topic as usize].take());
-                self.joining[topic as usize] = self.latest(topic)?;
+        }
+        if self.topics().any(|topic| topic == Topic::Rgb) {
+            let alone = self.topics().all(|topic| matches!(topic, Topic::Stats | Topic::Rgb));
+            let held = self.joining_sequence(Topic::Rgb);
+            if alone || held.is_none() || (came.is_some() && came != held) {
+                self.follow(Topic::Rgb)?;
             }
-            let found = self.joining[topic as usize].as_ref().map(|frame| frame.header().sequence);
-            complete &= found.is_some() && (sequence.is_none() || sequence == found);
-            sequence = found;
         }
-        if !complete || sequence.is_none() {
-            return Ok(None);
+        if self.is_joined() {
+            Ok(Some(FrameSet { frames: std::mem::take(&mut self.joining) }))
+        } else {
+            Ok(None)
         }
-        Ok(Some(FrameSet { frames: std::mem::take(&mut self.joining) }))
+    }
+
+    /// Whether every topic has a frame, all of one number.
+    fn is_joined(&self) -> bool {
+        let joined = self.topics().filter(|topic| *topic != Topic::Stats);
+        let mut joined = joined.map(|topic| self.joining_sequence(topic));
+        let first = joined.next().flatten();
+        first.is_some() && joined.all(|sequence| sequence == first)
+    }
+
+    /// Replaces what is kept of a topic by what is newer; says whether there was anything.
+    fn follow(&mut self, topic: Topic) -> Result<bool, IpcError> {
+        let more = self.has_more(topic)?;
+        if more {
+            drop(self.joining[topic as usize].take()); // given back first: a reader may hold few frames
+            self.joining[topic as usize] = self.latest(topic)?;
+        }
+        Ok(more)
+    }
+
+    fn joining_sequence(&self, topic: Topic) -> Option<u64> {
+        self.joining[topic as usize].as_ref().map(|frame| frame.header().sequence)
     }
 
     /// The process that publishes a topic: `None` when there is none, not alive when it was killed. Asks the file

@@ -11,6 +11,8 @@ const ASSUMED_HFOV_RAD: f64 = std::f64::consts::FRAC_PI_3;
 pub(super) struct Lens {
     /// At the size of depth; `None` where the rays are those of an assumed camera.
     pub(super) known: Option<Camera>,
+    /// At the size of depth, known or assumed: the one whose rays these are.
+    pub(super) camera: Camera,
     /// The known camera's focal length at the network's width, pixels.
     pub(super) network_fx_px: Option<f64>,
     /// Of every pixel of depth.
@@ -35,7 +37,7 @@ impl Lens {
             None => reduced(assumed_camera(description, width, height)?),
         };
         let network_fx_px = at_network.map(|camera| camera.intrinsics.fx_px);
-        Ok(Self { known, network_fx_px, rays: RayTable::new(&camera) })
+        Ok(Self { known, camera, network_fx_px, rays: RayTable::new(&camera) })
     }
 }
 

@@ -53,17 +53,27 @@ impl Preprocessor {
     /// field of view is kept, each axis scaled by itself. The first frame of a size or format allocates, later ones
     /// do not.
     pub fn prepare<'a>(&'a mut self, frame: &ImageView<'a>) -> Prepared<'a> {
-        let fits = frame.size() == (self.width, self.height);
-        if fits && frame.format() == PixelFormat::Rgb8 && frame.is_packed() {
+        if self.takes_as_it_lies(frame) {
             return Prepared { rgb: frame.bytes(), bytes_copied: 0 };
         }
-        let bytes_between = if fits {
+        let bytes_between = if frame.size() == (self.width, self.height) {
             convert::to_rgb(frame, &mut self.rgb);
             0
         } else {
             self.resize(frame)
         };
         Prepared { rgb: &self.rgb, bytes_copied: (bytes_between + self.rgb.len()) as u64 }
+    }
+
+    /// What [`Preprocessor::prepare`] handed out for `frame`, when it was the last one.
+    #[must_use]
+    pub fn last<'a>(&'a self, frame: &ImageView<'a>) -> &'a [u8] {
+        if self.takes_as_it_lies(frame) { frame.bytes() } else { &self.rgb }
+    }
+
+    fn takes_as_it_lies(&self, frame: &ImageView<'_>) -> bool {
+        let fits = frame.size() == (self.width, self.height);
+        fits && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
     }
 
     /// Fills `rgb` from a frame of another size; returns the bytes written on the way.

@@ -37,6 +37,11 @@ impl RecordingSource {
         &self.picture.frame_id
     }
 
+    /// The topic whose pictures are read.
+    pub(crate) fn topic(&self) -> &str {
+        self.recording.topic()
+    }
+
     /// How many pictures the recording has, where its index says so.
     pub(crate) fn pictures(&self) -> Option<u64> {
         self.recording.picture_count()

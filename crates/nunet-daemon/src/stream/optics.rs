@@ -89,7 +89,11 @@ impl Optics {
     }
 }
 
-fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
+/// Reads a calibration that the user named.
+///
+/// # Errors
+/// A file that cannot be read or is no calibration.
+pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     let path_shown = path.display();
     let text = read_start(path).with_context(|| {
         BadArguments(format!(

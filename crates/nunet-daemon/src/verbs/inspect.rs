@@ -23,11 +23,12 @@ pub(super) fn inspect(arguments: &InspectArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-struct About<'a> {
-    file: String,
-    hash: String,
-    graph: &'a SerialGraph,
-    report: &'a SelfTestReport,
+/// A model that was loaded and tested.
+pub(crate) struct About<'a> {
+    pub(crate) file: String,
+    pub(crate) hash: String,
+    pub(crate) graph: &'a SerialGraph,
+    pub(crate) report: &'a SelfTestReport,
 }
 
 impl About<'_> {
@@ -43,7 +44,8 @@ impl About<'_> {
         self.description().components.iter().map(|component| component.gflop).sum()
     }
 
-    fn json(&self) -> Value {
+    /// What `inspect --json` prints.
+    pub(crate) fn json(&self) -> Value {
         let about = self.description();
         json!({
             "contract": nunet_ipc::CONTRACT_VERSION,

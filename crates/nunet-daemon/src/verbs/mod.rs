@@ -14,6 +14,8 @@ mod run;
 mod vet;
 mod watch;
 
+pub(crate) use inspect::About;
+
 use crate::Outcome;
 use crate::cli::Verb;
 

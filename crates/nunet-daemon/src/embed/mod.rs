@@ -1,0 +1,87 @@
+//! The pipeline inside another program: what the Python package is made of.
+//!
+//! The same search for files, the same vetting of models and the same pipeline as in `nunetd`'s verbs; the host brings
+//! pictures and takes results.
+
+mod model;
+mod player;
+
+use std::path::Path;
+
+use nunet_core::camera::{Calibration, Camera};
+use nunet_core::depth::{ScaleSource, Units};
+use nunet_core::graph::Quality;
+use nunet_ipc::FrameHeader;
+
+pub use crate::fault::Fault;
+pub use model::{Inferred, Model, ModelOptions};
+pub use player::{Played, Player, Step};
+
+use crate::{exit, stream, words};
+
+/// The text of a failure as `nunetd` prints it: one line a cause, then the hints.
+#[must_use]
+pub fn message(error: &anyhow::Error) -> String {
+    let text = exit::chain_text(error);
+    text.strip_prefix("error: ").unwrap_or(&text).trim_end().to_owned()
+}
+
+/// Reads ROS's `camera_info` in YAML, as `--calibration` does.
+///
+/// # Errors
+/// A file that cannot be read or is no calibration.
+pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
+    stream::read_calibration(path)
+}
+
+/// The camera that a message tells of; `None` where its sender does not know it.
+///
+/// # Errors
+/// Numbers that no camera has, or a lens model without a meaning.
+pub fn camera_of(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
+    words::camera(header)
+}
+
+/// Says in a message what is known of its camera, which must be one of the message's size.
+pub fn set_camera(header: &mut FrameHeader, camera: &Camera) {
+    words::set_camera(header, camera);
+}
+
+/// The contract's word for a unit.
+#[must_use]
+pub fn units_name(units: Units) -> &'static str {
+    words::units(units).name()
+}
+
+/// The contract's word for where a scale comes from.
+#[must_use]
+pub fn scale_source_name(source: ScaleSource) -> &'static str {
+    words::scale_source(source).name()
+}
+
+/// The contract's word for whether a stage was skipped.
+#[must_use]
+pub fn quality_name(quality: Quality) -> &'static str {
+    words::quality(quality).name()
+}
+
+/// Depth in the colours of `depth.png`, without its scale: `[H, W, 3]`, RGB, near is red, far is blue, no depth is
+/// grey.
+///
+/// Colours are spread from `near` to `far`; where one is not given, from the map's own first or last percentile.
+///
+/// # Panics
+/// `depth` does not hold `width * height` numbers.
+#[must_use]
+pub fn colours(depth: &[f32], (width, height): (u32, u32), near: Option<f32>, far: Option<f32>) -> Vec<u8> {
+    assert_eq!(depth.len(), width as usize * height as usize, "a depth map of another size");
+    let range = || crate::sink::files::range(depth);
+    let (near, far) = match (near, far) {
+        (Some(near), Some(far)) => (near, far),
+        (near, far) => {
+            let own = range();
+            (near.unwrap_or(own.0), far.unwrap_or(own.1))
+        }
+    };
+    crate::sink::files::paint(depth, (width, height), (near, far)).into_raw()
+}

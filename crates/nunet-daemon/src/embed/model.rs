@@ -1,0 +1,133 @@
+//! A model that was vetted, loaded and tested, and pictures through it.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use nunet_core::camera::Camera;
+use nunet_core::frame::ImageView;
+use nunet_core::graph::Provider;
+use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError};
+
+use crate::cli::{CameraArgs, EngineArgs};
+use crate::engine::{Engine, tested};
+use crate::telemetry::MonotonicClock;
+use crate::verbs::About;
+
+/// Names ONNX Runtime's library, as it does for `nunetd`.
+const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
+
+/// How a model is to run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ModelOptions {
+    /// What computes.
+    pub provider: Provider,
+    /// Threads of one prediction; one a core where nobody says.
+    pub threads: Option<NonZeroUsize>,
+}
+
+/// A pipeline that has passed its self-test.
+pub struct Model {
+    path: PathBuf,
+    about: String,
+    pipeline: Pipeline,
+    camera: Option<Camera>,
+    runs: u64,
+}
+
+/// One picture's results.
+#[derive(Debug)]
+pub struct Inferred {
+    /// `[H, W]` at [`Model::size`], rows from the top: metres or no unit, as `report.units` says; NaN where there is none.
+    pub depth: Vec<f32>,
+    /// `[H, W]`: class indices, where the network segments.
+    pub labels: Option<Vec<u8>>,
+    /// `[H, W, 3]`, RGB: the picture as the network saw it.
+    pub rgb: Vec<u8>,
+    /// What happened on the way.
+    pub report: FrameReport,
+    /// The camera whose rays the points lie on, at [`Model::size`]: the known one, else the one that is assumed.
+    pub points_camera: Camera,
+    /// Nanoseconds of the whole way, with the results' memory.
+    pub total_nanos: u64,
+}
+
+impl Model {
+    /// Finds a model by path or name, has it vetted in a child process where it is new, loads and tests it.
+    ///
+    /// # Errors
+    /// As `nunetd --model`: no such model, no library, a file that is refused.
+    pub fn open(name: &Path, options: ModelOptions) -> anyhow::Result<Self> {
+        let ModelOptions { provider, threads } = options;
+        let onnxruntime =
+            std::env::var_os(LIBRARY_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
+        let loaded = Engine::start(&EngineArgs { provider, threads, onnxruntime })?.load(name, &[])?;
+        let (path, hash) = (loaded.path.clone(), loaded.hash());
+        let (pipeline, report) = tested(loaded, &CameraArgs::default())?;
+        let file = path.display().to_string();
+        let about = About { file, hash, graph: pipeline.graph(), report: &report }.json().to_string();
+        Ok(Self { path, about, pipeline, camera: None, runs: 0 })
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What `nunetd inspect --json` prints of it.
+    #[must_use]
+    pub fn about_json(&self) -> &str {
+        &self.about
+    }
+
+    /// What runs.
+    #[must_use]
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
+    /// Width and height of the results, pixels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        self.pipeline.size()
+    }
+
+    /// How many pictures have been through it.
+    #[must_use]
+    pub fn runs(&self) -> u64 {
+        self.runs
+    }
+
+    /// Takes one picture, of the camera at the picture's size where it is known.
+    ///
+    /// A network with a memory takes it as the successor of the last one where `follows`.
+    ///
+    /// # Errors
+    /// A camera that does not fit, and what ONNX Runtime reports.
+    pub fn infer(
+        &mut self,
+        frame: &ImageView<'_>,
+        camera: Option<Camera>,
+        follows: bool,
+    ) -> Result<Inferred, PipelineError> {
+        let start = std::time::Instant::now();
+        if self.camera != camera {
+            self.pipeline.set_camera(camera)?;
+            self.camera = camera;
+        }
+        if !follows {
+            self.pipeline.reset();
+        }
+        self.runs += 1;
+        let (width, height) = self.pipeline.size();
+        let pixels = width as usize * height as usize;
+        let mut depth = vec![0.0; pixels];
+        let mut labels = self.pipeline.graph().has_labels().then(|| vec![0; pixels]);
+        let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud: None };
+        let report = self.pipeline.process(frame, outputs, &MonotonicClock)?;
+        let rgb = self.pipeline.picture_of(frame).to_vec();
+        let points_camera = *self.pipeline.points_camera();
+        let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        Ok(Inferred { depth, labels, rgb, report, points_camera, total_nanos })
+    }
+}

@@ -1,0 +1,18 @@
+//! Where this installation's files are, which its Python half knows.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use nunet_daemon::Installation;
+use pyo3::prelude::*;
+
+/// Says once, before anything else, how `nunetd` is started and where models and ONNX Runtime's library lie.
+#[pyfunction]
+#[pyo3(signature = (*, command, model_folders, library_folders))]
+fn describe_installation(command: Vec<OsString>, model_folders: Vec<PathBuf>, library_folders: Vec<PathBuf>) {
+    Installation { command, model_folders, library_folders }.describe();
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(describe_installation, module)?)
+}

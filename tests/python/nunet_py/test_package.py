@@ -1,0 +1,150 @@
+"""The package around the pipeline: its command, its stubs, its texts, its examples."""
+
+import ast
+import inspect
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+
+import nunet_py as nunet
+import pytest
+from support import ROOT, TINY
+
+COMMAND = pathlib.Path(sys.executable).with_name("nunetd")
+EXAMPLES = ROOT / "examples" / "python"
+
+
+def test_the_command_is_nunetd():
+    for command in ([COMMAND], [sys.executable, "-m", "nunet_py"]):
+        done = subprocess.run([*command, "--version"], check=True, capture_output=True, text=True)
+        assert done.stdout == f"nunetd {nunet.__version__}\n"
+        bad = subprocess.run([*command, "--no-such-flag"], check=False, capture_output=True, text=True)
+        assert bad.returncode == 2 and "--no-such-flag" in bad.stderr
+        missing = subprocess.run([*command, "inspect", "missing.onnx"], check=False, capture_output=True, text=True)
+        assert missing.returncode == 1 and missing.stderr.startswith("error: no model `missing.onnx`")
+
+
+def started(tmp_path, *more):
+    """A daemon through the console script, once it has published, and its statistics file."""
+    stats, name = tmp_path / "stats.json", f"pytest-package-{os.getpid()}-{len(list(tmp_path.iterdir()))}"
+    command = [COMMAND, "--model", TINY, "--source", "demo", "--camera", name, "--rate", "20", "--stats-json", stats]
+    process = subprocess.Popen([*command, *more], stderr=subprocess.PIPE, text=True)
+    watch = subprocess.run([COMMAND, "watch", name, "--frames", "2", "--timeout", "60"], check=False, timeout=90)
+    assert watch.returncode == 0
+    return process, stats
+
+
+def test_ctrl_c_finishes_the_frame_in_work_and_exits_0_as_the_binary_does(tmp_path):
+    process, stats = started(tmp_path)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 0, stderr
+    assert stats.exists() and "KeyboardInterrupt" not in stderr and "Traceback" not in stderr
+
+
+def test_a_new_model_is_tested_by_the_package_s_own_command(tmp_path):
+    """In a folder with files that have the names of modules, and without any cache."""
+    for name in ("json", "signal", "numpy", "nunet_py"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('the working directory is not searched')")
+    script = tmp_path / "elsewhere" / "script.py"
+    script.parent.mkdir()
+    script.write_text(f"import nunet_py; print(nunet_py.Model({str(TINY)!r}).size)")
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, script], check=False, capture_output=True, text=True, cwd=tmp_path, env=environment
+    )
+    assert (done.returncode, done.stdout) == (0, "(128, 96)\n"), done.stderr
+    assert len(list((tmp_path / "cache/nunet/verdicts").iterdir())) == 1, "it was tested, in a child process"
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    code = "import sys, nunet_py; print(sorted({'numpy', 'onnxruntime', 'matplotlib'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "[]\n"
+
+
+def checked(*command):
+    environment = os.environ | {"MYPYPATH": ""}
+    done = subprocess.run(
+        [sys.executable, *command], check=False, capture_output=True, text=True, env=environment, cwd=EXAMPLES
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_stubs_say_what_is_there():
+    checked("-m", "mypy.stubtest", "nunet_py._native", "--ignore-disjoint-bases")
+
+
+def test_the_package_and_its_examples_are_strictly_typed():
+    package = pathlib.Path(nunet.__file__).parent
+    checked("-m", "mypy", "--strict", "--cache-dir", os.devnull, *EXAMPLES.glob("*.py"))
+    checked("-m", "mypy", "--strict", "--cache-dir", os.devnull, "-p", "nunet_py")
+    assert (package / "py.typed").exists()
+
+
+def public():
+    """Every public class, function, method and property."""
+    for name in nunet.__all__:
+        thing = getattr(nunet, name)
+        if name != "__version__":
+            yield name, thing
+        if inspect.isclass(thing) and not issubclass(thing, Exception):
+            members = vars(thing).items()
+            yield from ((f"{name}.{member}", value) for member, value in members if not member.startswith("_"))
+
+
+def test_everything_public_is_documented_and_says_its_arguments():
+    # What is a plain attribute is told with its class.
+    attributes = inspect.getdoc(nunet.Result) + inspect.getdoc(nunet.Cloud) + inspect.getdoc(nunet.replay)
+    for name, thing in public():
+        assert inspect.getdoc(thing) or name.rpartition(".")[2] in attributes, name
+        if callable(thing) and not inspect.isclass(thing):
+            parameters = [word for word in inspect.signature(thing).parameters if word not in ("self", "cls")]
+            text = inspect.getdoc(thing)
+            assert all(f"{word} " in text or f"`{word}`" in text or f"{word}," in text for word in parameters), name
+    help_of_infer = inspect.getdoc(nunet.Model.infer)
+    for words in ("uint8 (H, W, 3)", "float32 (H, W)", "metres", "NaN", "TypeError", "ValueError", "CameraError"):
+        assert words in help_of_infer
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_an_example_fits_on_a_screen(path):
+    assert len(path.read_text().splitlines()) < 60
+    assert ast.get_docstring(ast.parse(path.read_text()))
+
+
+def run_example(name, *arguments):
+    command = [sys.executable, EXAMPLES / name, *map(str, arguments)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_example_numpy_depth_writes_depth_and_a_picture(tmp_path):
+    said = run_example("numpy_depth.py", ROOT / "models/clip/rgb/bedroom_00.jpg", tmp_path)
+    assert "metre" in said and (tmp_path / "depth.npy").exists() and (tmp_path / "depth.png").exists()
+
+
+def test_the_example_nearest_obstacle_says_how_far_and_what():
+    said = run_example("nearest_obstacle.py", ROOT / "models/clip/rgb/bedroom_00.jpg")
+    assert " m ahead" in said
+
+
+def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):
+    import nbformat
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(EXAMPLES / "depth_of_a_room.ipynb", as_version=4)
+    assert all(not cell.get("outputs") for cell in notebook.cells), "outputs are not committed"
+    # The kernel of this interpreter, whatever is registered on this machine.
+    kernel = tmp_path / "share/jupyter/kernels/python3"
+    kernel.mkdir(parents=True)
+    argv = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+    (kernel / "kernel.json").write_text(json.dumps({"argv": argv, "language": "python", "display_name": "python3"}))
+    monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "share/jupyter"))
+    NotebookClient(notebook, kernel_name="python3", timeout=120, resources={"metadata": {"path": EXAMPLES}}).execute()
+    pictures = [out for cell in notebook.cells for out in cell.get("outputs", []) if "image/png" in out.get("data", {})]
+    assert len(pictures) == 2

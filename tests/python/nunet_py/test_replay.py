@@ -1,0 +1,138 @@
+"""Recordings through a model in this process."""
+
+import hashlib
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import nunet_py as nunet
+import pytest
+from support import ON_THE_COMMAND_LINE, RECURRENT, TINY, model
+from test_recordings import FIRST_NANOS, FRAMES, PERIOD_NANOS, K, make_bag
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    return model()
+
+
+def hash_of(results):
+    """What `nunetd replay` prints of the same results."""
+    total = hashlib.sha256()
+    for result in results:
+        total.update(result.depth.tobytes())
+        total.update(result.labels.tobytes())
+    return total.hexdigest()
+
+
+def replayed_by_nunetd(nunetd, path, out, file):
+    command = [nunetd, "-q", "replay", str(path), str(out), "--json", "--model", str(file), *ON_THE_COMMAND_LINE]
+    done = subprocess.run(command, check=True, capture_output=True, timeout=120)
+    return json.loads(done.stdout)["results_sha256"]
+
+
+@pytest.mark.parametrize("form", ["png", "rgb8", "bgr8"])
+@pytest.mark.parametrize("file", [TINY, RECURRENT], ids=["without a memory", "with a memory"])
+def test_a_recording_gives_what_nunetd_replay_gives(nunetd, tmp_path, form, file):
+    bag = make_bag(tmp_path / "bag", form)
+    out = tmp_path / "out.mcap"
+    expected = replayed_by_nunetd(nunetd, bag, out, file)
+    assert hash_of(nunet.replay(bag, model(file))) == expected
+    if form == "png":  # pictures that came raw were recorded as JPEG
+        assert hash_of(nunet.replay(out, model(file))) == expected, "our own recordings are read too"
+
+
+def test_results_say_where_and_when_their_pictures_were_taken(tmp_path, tiny):
+    replay = nunet.replay(make_bag(tmp_path / "bag", "png"), tiny)
+    assert (replay.topic, replay.pictures) == ("/eye/image_raw/compressed", FRAMES)
+    results = list(replay)
+    assert [result.sequence for result in results] == list(range(FRAMES))
+    assert [result.capture_nanos for result in results] == [FIRST_NANOS + i * PERIOD_NANOS for i in range(FRAMES)]
+    assert {(result.topic, result.frame_id) for result in results} == {(replay.topic, "eye_optical")}
+    camera = results[0].camera
+    assert (camera.fx, camera.size) == (pytest.approx(K[0] * 128 / 640), (128, 96))
+    assert {result.scale_source for result in results} == {"focal_scaled"}
+    assert list(replay) == [], "a recording that is over stays over"
+
+
+def test_nothing_is_computed_before_it_is_asked_for(tmp_path, tiny):
+    replay = nunet.replay(make_bag(tmp_path / "bag", "png"), tiny)
+    first = next(replay)
+    later = tiny.infer(np.zeros((96, 128, 3), np.uint8))
+    second = next(iter(replay))
+    assert (first.sequence, later.sequence, second.sequence) == (0, None, 1)
+
+
+def test_a_memory_begins_anew_where_another_picture_came_in_between(tmp_path):
+    net = model(RECURRENT)
+    bag = make_bag(tmp_path / "bag", "png")
+    stream = [result.depth.tobytes() for result in nunet.replay(bag, net)]
+    replay = nunet.replay(bag, net)
+    assert next(replay).depth.tobytes() == stream[0]
+    alone = net.infer(np.zeros((480, 640, 3), np.uint8))
+    second = next(replay)
+    assert second.depth.tobytes() != stream[1]
+    assert net.infer(second.rgb, camera=second.camera).depth.tobytes() == second.depth.tobytes()
+    assert alone.sequence is None
+
+
+def test_a_camera_given_comes_before_that_of_the_recording(tmp_path, tiny):
+    bag = make_bag(tmp_path / "bag", "png")
+    camera = nunet.Camera(1050, 1052, 640, 480, (1280, 960))
+    own, given = (next(nunet.replay(bag, tiny, camera=c)) for c in (None, camera))
+    np.testing.assert_allclose(given.depth, own.depth * np.float32(525 / K[0]), rtol=1e-5)
+    with pytest.warns(UserWarning) as warnings:
+        assert list(nunet.replay(bag, tiny, camera=nunet.Camera(100, 100, 50, 50, (100, 100)))) == []
+    assert len(warnings) == FRAMES
+    assert re.search("picture 0 of .* is lost: .* does not fit", str(warnings[0].message))
+
+
+def test_a_damaged_recording_gives_every_complete_picture_and_then_an_error(tmp_path, tiny):
+    whole = make_bag(tmp_path / "bag", "rgb8").read_bytes()
+    expected = [result.depth.tobytes() for result in nunet.replay(make_bag(tmp_path / "again", "rgb8"), tiny)]
+    cut = tmp_path / "cut.mcap"
+    counts = set()
+    for share in (0.3, 0.6, 0.9):
+        cut.write_bytes(whole[: int(len(whole) * share)])
+        replay, got = nunet.replay(cut, tiny), []
+        with pytest.raises(nunet.NunetError, match="damaged or cut off: every message before was read"):
+            for result in replay:
+                got.append(result.depth.tobytes())
+        assert got == expected[: len(got)]
+        assert list(replay) == []
+        counts.add(len(got))
+    assert len(counts) == 3, "what lies before the cut is given"
+
+
+def test_recordings_that_are_none_are_told_apart(tmp_path, tiny):
+    text = tmp_path / "text.mcap"
+    text.write_text("no recording")
+    with pytest.raises(nunet.NunetError, match="is no MCAP file"):
+        nunet.replay(text, tiny)
+    with pytest.raises(FileNotFoundError, match="cannot open the recording"):
+        nunet.replay(tmp_path / "missing.mcap", tiny)
+    with pytest.raises(ValueError, match="has no topic `/nose`\nhint: it has "):
+        nunet.replay(make_bag(tmp_path / "bag", "png"), tiny, topic="/nose")
+    with pytest.raises(TypeError):
+        nunet.replay(text, "wnet_c.onnx")
+
+
+def test_ctrl_c_ends_a_replay(tmp_path):
+    """The signal comes between two pictures, or while one is computed."""
+    bag = make_bag(tmp_path / "bag", "png")
+    code = """
+import os, signal, sys, threading, nunet_py as nunet
+net = nunet.Model(sys.argv[2], provider="cpu")
+threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    while True:
+        for result in nunet.replay(sys.argv[1], net):
+            pass
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    command = [sys.executable, "-W", "ignore", "-c", code, str(bag), str(TINY)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "interrupted\n"), done.stderr
