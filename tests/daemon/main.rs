@@ -4,11 +4,13 @@
 mod bad_input;
 mod eval;
 mod filters;
+mod hostile;
 mod infer;
 mod journey;
 mod lens;
 mod loss;
 mod processes;
 mod recurrent;
+mod several;
 mod support;
 mod truth;

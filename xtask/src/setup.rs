@@ -13,6 +13,15 @@ pub(crate) fn setup() -> Result<()> {
     Ok(())
 }
 
+/// A text that comes with the library, such as its licence; fetched for those who pass the library on.
+pub(crate) fn onnxruntime_text(name: &str) -> Result<PathBuf> {
+    let wheel = wheels::pinned("onnxruntime")?;
+    let text = paths::cache()?.join(format!("onnxruntime-{}", wheel.version)).join(name);
+    let _lock = paths::lock()?;
+    wheels::fetch(&wheel, Some(&format!("onnxruntime/{name}")), &text)?;
+    Ok(text)
+}
+
 /// The path of the library in the cache, where nunetd and the tests look for it too.
 pub(crate) fn onnxruntime() -> Result<PathBuf> {
     let wheel = wheels::pinned("onnxruntime")?;

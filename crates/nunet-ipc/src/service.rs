@@ -4,7 +4,9 @@ use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::event_id::EventId;
 use iceoryx2::prelude::{CallbackProgression, MessagingPattern, Service};
 use iceoryx2::service::builder::event::EventOpenError;
-use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
 use iceoryx2::service::port_factory::{PortFactory, event, publish_subscribe};
 
 use crate::block::Block64;
@@ -56,13 +58,41 @@ pub(crate) fn create_topic(
         .history_size(QUEUE_FRAMES)
         .enable_safe_overflow(true)
         .open_or_create_with_attributes(&contract_attribute()?)
-        .map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))?;
+        .map_err(|cause| {
+            if asks_for_more(&cause) {
+                return other_limits(node, camera, topic);
+            }
+            IpcError::iceoryx(format!("create service `{name}`"), cause)
+        })?;
     let existing = service.static_config();
     let same = existing.max_subscribers() == limits.readers_of(topic)
         && existing.subscriber_max_borrowed_samples() == limits.max_held_frames
         && existing.subscriber_max_buffer_size() == QUEUE_FRAMES
         && existing.max_publishers() == 1;
-    if same { Ok(service) } else { Err(IpcError::OtherLimits { service: name }) }
+    if same { Ok(service) } else { Err(other_limits(node, camera, topic)) }
+}
+
+/// Whether a service exists and has room for less than asked for.
+fn asks_for_more(cause: &PublishSubscribeOpenOrCreateError) -> bool {
+    use PublishSubscribeOpenError as E;
+    matches!(
+        cause,
+        PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(
+            E::DoesNotSupportRequestedAmountOfSubscribers
+                | E::DoesNotSupportRequestedAmountOfNodes
+                | E::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+        )
+    )
+}
+
+/// Why a service of other limits is in the way. Whoever asks for a camera that is published should hear of its owner,
+/// whatever the limits.
+fn other_limits(node: &Node<Iceoryx>, camera: &CameraName, topic: Topic) -> IpcError {
+    let service = open_topic(node, camera, topic).ok().flatten();
+    match service.as_ref().and_then(owner_of).filter(|owner| owner.alive) {
+        Some(owner) => IpcError::AlreadyOwned { camera: camera.clone(), topic, owner },
+        None => IpcError::OtherLimits { service: camera.service(topic) },
+    }
 }
 
 /// Opens or creates the camera's event service, as an owner.

@@ -371,9 +371,22 @@ fn an_owner_with_other_limits_cannot_take_over_services_that_readers_keep_open()
     let first = owner(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     drop(first);
-    let limits = Limits { max_readers: 2, ..Limits::default() };
-    let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
-    assert!(matches!(error, IpcError::OtherLimits { .. }), "{error}");
+    let limited = |max_readers| Limits { max_readers, ..Limits::default() };
+    for limits in [limited(2), limited(9), Limits { max_held_frames: 3, ..Limits::default() }] {
+        let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
+        assert!(matches!(error, IpcError::OtherLimits { .. }), "{limits:?}: {error}");
+    }
     drop(reader);
-    Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap();
+    Publisher::create(&camera, &[plan(Topic::Depth)], &limited(9)).unwrap();
+}
+
+#[test]
+fn an_owner_with_other_limits_hears_of_the_one_that_lives() {
+    let camera = camera();
+    let _owner = owner(&camera, &[Topic::Depth]);
+    for max_readers in [2, 9] {
+        let limits = Limits { max_readers, ..Limits::default() };
+        let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
+        assert!(matches!(error, IpcError::AlreadyOwned { .. }), "{max_readers}: {error}");
+    }
 }
