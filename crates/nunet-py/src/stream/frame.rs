@@ -17,10 +17,12 @@ use crate::error::{NunetError, failure};
 
 /// One frame of a camera: the topics that were asked for, all of one sequence number.
 ///
-/// Arrays are read-only numpy views of shared memory: nothing is copied. They keep their message alive after the loop
-/// has moved on, the subscriber was closed and the daemon has ended. One reader may hold few messages (two, unless the
-/// daemon says otherwise), so copy what must live long: `frame.depth.copy()`. Frames and their arrays may be handed to
-/// other threads, but a fork must not rely on them.
+/// Arrays are read-only numpy views of shared memory: nothing is copied. They keep their message alive after the
+/// loop has moved on, the subscriber was closed and the daemon has ended. One reader may hold few messages (two,
+/// unless the daemon says otherwise), so copy what must live long: `frame.depth.copy()`. torch takes them without a
+/// copy (`torch.from_dlpack`, `torch.from_numpy`), but knows no read-only tensors: writing to one in place ends
+/// this process, so `clone()` it first. Frames and their arrays may be handed to other threads, but a fork must not
+/// rely on them.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Frame {
