@@ -50,6 +50,10 @@ impl Metrics {
             )
         })?;
         info!("metrics on http://{}/metrics", listener.local_addr().unwrap_or(address));
+        Self::answer_on(listener, cameras)
+    }
+
+    fn answer_on(listener: TcpListener, cameras: &[&str]) -> anyhow::Result<Vec<Self>> {
         let figures = cameras.iter().map(|&camera| {
             Arc::new(Mutex::new(Figures { camera: camera.to_owned(), up: true, ..Figures::default() }))
         });
@@ -76,23 +80,43 @@ impl Metrics {
         }
     }
 
-    /// Takes the figures as they are after a frame. Never waits: what a caller is reading is brought up to date with the
-    /// next frame.
-    pub(crate) fn update(&mut self, counts: &Counts, totals: &Totals, latencies: &Latencies) {
-        let Ok(mut figures) = self.figures.try_lock() else { return };
+    /// Takes the figures as they are now; says whether it did. Never waits: not while a caller is reading them.
+    pub(crate) fn update(
+        &mut self,
+        up: bool,
+        counts: &Counts,
+        totals: &Totals,
+        latencies: &Latencies,
+    ) -> bool {
+        let Ok(mut figures) = self.figures.try_lock() else { return false };
         figures.counts = *counts;
-        figures.up = true;
-        if self.summarised.is_some_and(|then| then.elapsed() < SUMMARY_PERIOD) {
-            return;
+        figures.up = up;
+        if self.summarised.is_none_or(|then| then.elapsed() >= SUMMARY_PERIOD) {
+            self.summarised = Some(Instant::now());
+            figures.summarise(totals, latencies);
         }
-        self.summarised = Some(Instant::now());
-        figures.fps = totals.fps();
-        figures.bytes_copied_per_frame = totals.bytes_copied_per_frame();
-        figures.total = latencies.total();
-        if figures.stages.is_empty() {
-            figures.stages = latencies.stages().map(|(name, summary)| (name.to_owned(), summary)).collect();
+        true
+    }
+
+    /// Takes the last figures of a camera that has ended. Nobody tells them again, so it waits for a caller who is reading
+    /// them, which takes no longer than writing them into a text.
+    pub(crate) fn end(&mut self, counts: &Counts, totals: &Totals, latencies: &Latencies) {
+        let mut figures = self.figures.lock().unwrap_or_else(PoisonError::into_inner);
+        figures.up = false;
+        figures.counts = *counts;
+        figures.summarise(totals, latencies);
+    }
+}
+
+impl Figures {
+    fn summarise(&mut self, totals: &Totals, latencies: &Latencies) {
+        self.fps = totals.fps();
+        self.bytes_copied_per_frame = totals.bytes_copied_per_frame();
+        self.total = latencies.total();
+        if self.stages.is_empty() {
+            self.stages = latencies.stages().map(|(name, summary)| (name.to_owned(), summary)).collect();
         }
-        for ((_, kept), (_, summary)) in figures.stages.iter_mut().zip(latencies.stages()) {
+        for ((_, kept), (_, summary)) in self.stages.iter_mut().zip(latencies.stages()) {
             *kept = summary;
         }
     }
@@ -132,7 +156,7 @@ const FAMILIES: [Family; 8] = [
     (
         "camera_up",
         "gauge",
-        "1 while the camera's source gives frames, 0 while it is waited for.",
+        "1 while the camera's source gives frames, 0 while it is waited for and when it has ended.",
         |figures| plain(f64::from(u8::from(figures.up))),
     ),
     ("frames_captured_total", "counter", "Frames that the source handed over.", |figures| {
@@ -198,20 +222,21 @@ mod tests {
         answer
     }
 
-    fn free_address() -> SocketAddr {
-        TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
+    /// The endpoint of these cameras, and where it is.
+    fn endpoint<const N: usize>(cameras: [&str; N]) -> ([Metrics; N], SocketAddr) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        (Metrics::answer_on(listener, &cameras).unwrap().try_into().ok().unwrap(), address)
     }
 
     #[test]
     fn the_ledger_and_the_latencies_are_told_and_nothing_else() {
-        let address = free_address();
-        let [mut metrics, rear] =
-            Metrics::serve(address, &["front", "rear"]).unwrap().try_into().ok().unwrap();
+        let ([mut metrics, rear], address) = endpoint(["front", "rear"]);
         rear.tell_health(false);
         let counts = Counts { captured: 7, published: 4, superseded: 2, failed: 1, in_flight: 0 };
         let mut latencies = Latencies::new(["decode"]);
         latencies.record(2000, [500]);
-        metrics.update(&counts, &Totals::default(), &latencies);
+        assert!(metrics.update(true, &counts, &Totals::default(), &latencies));
         let answer = ask(address, "GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
         assert!(answer.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/plain; version=0.0.4"), "{answer}");
         for line in [
@@ -225,6 +250,28 @@ mod tests {
         }
         assert!(ask(address, "GET / HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 404"));
         assert_eq!(ask(address, &"x".repeat(MAX_REQUEST_BYTES + 1)), "");
+    }
+
+    #[test]
+    fn the_end_of_a_camera_is_told_with_its_last_figures_also_while_a_caller_reads() {
+        let ([mut metrics], address) = endpoint(["front"]);
+        let figures = Arc::clone(&metrics.figures);
+        let reading = figures.lock().unwrap();
+        let counts = Counts { captured: 3, published: 1, failed: 2, ..Counts::default() };
+        assert!(!metrics.update(true, &counts, &Totals::default(), &Latencies::new([])), "it never waits");
+        let (begins, began) = std::sync::mpsc::channel();
+        let ending = std::thread::spawn(move || {
+            begins.send(()).unwrap();
+            metrics.end(&counts, &Totals::default(), &Latencies::new([]));
+        });
+        began.recv().unwrap();
+        // Time to come to the lock; one that comes later finds it free, and the test is none, but does not fail.
+        std::thread::sleep(Duration::from_millis(100));
+        drop(reading);
+        ending.join().unwrap();
+        let answer = ask(address, "GET /metrics HTTP/1.1\r\n\r\n");
+        assert!(answer.contains("nunet_camera_up{camera=\"front\"} 0\n"), "{answer}");
+        assert!(answer.contains("nunet_frames_ended_total{camera=\"front\",end=\"failed\"} 2\n"), "{answer}");
     }
 
     #[test]

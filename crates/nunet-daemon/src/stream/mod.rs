@@ -11,6 +11,8 @@ mod mailbox;
 mod optics;
 mod pump;
 mod stop;
+#[cfg(test)]
+mod tests;
 mod turns;
 mod worker;
 
@@ -50,14 +52,13 @@ pub(crate) struct Ended {
 }
 
 /// Runs each stream until its source ends, its pace's limit is reached, or `stop` is requested; returns when all have
-/// ended, in their order. One that fails leaves the others.
-pub(crate) fn run(streams: Vec<Stream>, stop: &Stop) -> anyhow::Result<Vec<Ended>> {
-    let bell = Arc::new(Bell::default());
+/// ended, in their order. One that fails leaves the others. `bell` rings when a sink has room again.
+pub(crate) fn run(streams: Vec<Stream>, bell: &Arc<Bell>, stop: &Stop) -> anyhow::Result<Vec<Ended>> {
     let (mut sources, mut workers, mut lanes) = (Vec::new(), Vec::new(), Vec::new());
     for Stream { source, pace, worker, span } in streams {
         sources.push((source, pace));
         workers.push(worker);
-        lanes.push(Lane::new(stop.clone(), Arc::clone(&bell), span));
+        lanes.push(Lane::new(stop.clone(), Arc::clone(bell), span));
     }
     let lanes = &lanes[..];
     let (remains, ends) = std::thread::scope(|scope| {
@@ -71,7 +72,7 @@ pub(crate) fn run(streams: Vec<Stream>, stop: &Stop) -> anyhow::Result<Vec<Ended
         }
         let janitor = named("janitor").spawn_scoped(scope, || clean_up(lanes));
         janitor.context("cannot start the janitor's thread")?;
-        let remains = turns::take_turns(workers, lanes, &bell);
+        let remains = turns::take_turns(workers, lanes, bell);
         drop(closed);
         let failed = |_| anyhow::anyhow!("the source's thread has failed: see the lines above");
         let ends: Vec<_> =

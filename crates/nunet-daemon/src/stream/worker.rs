@@ -11,13 +11,13 @@ use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
-use super::turns::LATE_JOINER_PERIOD;
+use super::turns::{LATE_JOINER_PERIOD, Player, Turn};
 use crate::sink::collect::Collector;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Recorder};
 use crate::sink::shm::{Outlet, stage_names};
 use crate::source::Frame;
-use crate::telemetry::{End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
+use crate::telemetry::{Counts, End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
 
 /// Everything that a camera's frame meets between the mailbox and its readers.
 pub(crate) struct Worker {
@@ -28,6 +28,8 @@ pub(crate) struct Worker {
     sinks: Sinks,
     totals: Totals,
     latencies: Latencies,
+    /// What readers and metrics were told last.
+    told: Counts,
     served: Instant,
 }
 
@@ -51,32 +53,30 @@ pub(crate) struct Remains {
     pub(crate) files: anyhow::Result<()>,
 }
 
-/// What a camera did when it was its turn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Turn {
-    /// A frame's journey.
-    Frame(End),
-    /// There was none.
-    Nothing,
-    /// There will be none any more.
-    Over,
-}
-
 impl Worker {
     pub(crate) fn new(pipeline: Pipeline, optics: Optics, outlet: Outlet, sinks: Sinks) -> Self {
         let latencies = Latencies::new(stage_names(&pipeline));
         let (continuity, totals) = (Continuity::default(), Totals::default());
-        Self { pipeline, optics, continuity, outlet, sinks, totals, latencies, served: Instant::now() }
+        let (told, served) = (Counts::default(), Instant::now());
+        Self { pipeline, optics, continuity, outlet, sinks, totals, latencies, told, served }
     }
+}
 
-    /// Frames may come from now on.
-    pub(super) fn begin(mut self) -> Self {
+impl Player for Worker {
+    type Remains = Remains;
+
+    fn begin(mut self) -> Self {
         self.totals.start(MonotonicClock.nanos());
         self
     }
 
-    /// Takes the frame that waits, if there is one.
-    pub(super) fn turn(&mut self, lane: &Lane) -> Turn {
+    /// Takes the frame that waits, if there is one. It goes on waiting while the recording has no room for it, so that
+    /// nobody else's turn does.
+    fn turn(&mut self, lane: &Lane) -> Turn {
+        if self.sinks.recorder.as_ref().is_some_and(|recorder| !recorder.has_room()) {
+            self.rest(lane);
+            return Turn::Nothing;
+        }
         match lane.mailbox.take(Duration::ZERO) {
             Taken::Item(frame) => Turn::Frame(self.take_through(frame, lane)),
             Taken::Nothing => {
@@ -87,26 +87,43 @@ impl Worker {
         }
     }
 
-    /// No more frames: files are written, and the memory is given back.
-    pub(super) fn end(mut self) -> Remains {
+    /// Files are written, and the memory is given back.
+    fn end(mut self, lane: &Lane) -> Remains {
+        let counts = lane.ledger.counts();
+        self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
         if let Some(metrics) = &mut self.sinks.metrics {
-            metrics.tell_health(false);
+            metrics.end(&counts, &self.totals, &self.latencies);
         }
         let scale = self.pipeline.scale();
         let recording = self.sinks.recorder.map(Recorder::end);
         let files = self.sinks.collector.map_or(Ok(()), |collector| collector.write(&self.outlet));
         Remains { scale, totals: self.totals, latencies: self.latencies, recording, files }
     }
+}
 
-    /// The source stands still: now and then somebody may have come to read.
+impl Worker {
+    /// The source stands still: now and then somebody may have come to read, and frames may have failed on their way here.
     fn rest(&mut self, lane: &Lane) {
         if self.served.elapsed() < LATE_JOINER_PERIOD {
             return;
         }
         self.served = Instant::now();
         self.outlet.refresh();
-        if let Some(metrics) = &mut self.sinks.metrics {
-            metrics.tell_health(!lane.is_waiting());
+        let up = !lane.is_waiting();
+        if lane.ledger.counts() != self.told {
+            self.tell(lane, up);
+        } else if let Some(metrics) = &self.sinks.metrics {
+            metrics.tell_health(up);
+        }
+    }
+
+    /// Gives out the figures as they are now. What a caller of the metrics was in the way of is told again later.
+    fn tell(&mut self, lane: &Lane, up: bool) {
+        let counts = lane.ledger.counts();
+        self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
+        let metrics = self.sinks.metrics.as_mut();
+        if metrics.is_none_or(|metrics| metrics.update(up, &counts, &self.totals, &self.latencies)) {
+            self.told = counts;
         }
     }
 
@@ -114,11 +131,7 @@ impl Worker {
         let before = allocations_of_this_thread();
         let end = self.journey(&frame);
         lane.ledger.ended(end);
-        let counts = lane.ledger.counts();
-        self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
-        if let Some(metrics) = &mut self.sinks.metrics {
-            metrics.update(&counts, &self.totals, &self.latencies);
-        }
+        self.tell(lane, true);
         if let Some(frame) = self.record(frame, end) {
             lane.mailbox.give_back(frame);
         }

@@ -2,6 +2,8 @@
 
 mod camera;
 
+use std::sync::Arc;
+
 use anyhow::Context as _;
 use nunet_ipc::{Access, IpcError, share_with};
 use tracing::{error, info, warn};
@@ -14,7 +16,7 @@ use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Tally};
 use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
-use crate::stream::{self, Ended, Remains, SourceEnd, Stop};
+use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop};
 use crate::telemetry::Counts;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
@@ -37,13 +39,14 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
     let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
     let mut metrics = metrics.into_iter().flatten();
+    let bell = Arc::new(Bell::default());
     let streams = cameras
         .into_iter()
         .zip(pipelines)
-        .map(|(camera, pipeline)| camera.start(pipeline, common, metrics.next(), names.len() > 1));
+        .map(|(camera, pipeline)| camera.start(pipeline, common, metrics.next(), &bell, names.len() > 1));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
-    let ended = stream::run(streams, &stop)?;
+    let ended = stream::run(streams, &bell, &stop)?;
     let (ends, outcome) = conclude(&names, ended)?;
     if let Some(path) = &arguments.stats_json {
         write_json(path, &figures(&ends, common)?)?;

@@ -4,8 +4,11 @@
 //! worker ──frame──> listener: joins it with its results in shared memory ──record──> disk: encodes, writes, syncs
 //! ```
 //!
-//! Both queues are bounded. A frame that finds one full is left out of the recording and counted.
+//! Both queues are bounded. A live frame that finds one full is left out of the recording and counted. A source that waits
+//! is not asked for its next frame before there is room for it, while other cameras go on: nobody blocks on a queue.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -15,7 +18,7 @@ use nunet_core::camera::Camera;
 use nunet_ipc::{CameraName, FrameSet, Reader, Topic};
 use tracing::{error, info, warn};
 
-use super::{FrameWriter, Record};
+use super::{Archive, Record};
 use crate::sink::shm::Outlet;
 use crate::source::Frame;
 
@@ -31,7 +34,7 @@ const NO_WAIT: Duration = Duration::ZERO;
 /// The worker's end of a recording.
 pub(crate) struct Recorder {
     frames: SyncSender<Offer>,
-    taken: Receiver<()>,
+    room: Arc<Room>,
     listener: JoinHandle<u64>,
     disk: JoinHandle<Disk>,
     refused: u64,
@@ -41,8 +44,43 @@ pub(crate) struct Recorder {
 struct Offer {
     frame: Frame,
     camera: Option<Camera>,
-    /// Its source waits, and so does the worker: nothing may be left out.
-    waits: bool,
+}
+
+/// Whether a frame may be left out: not of a source that waits, since it will not send another instead.
+fn waits(frame: &Frame) -> bool {
+    !frame.in_real_time
+}
+
+/// Where the frames of a source that waits are. Those of a live one are not counted: for them there is always room, or
+/// they are left out.
+struct Room {
+    /// One was offered and is not joined with its results yet, which the next frame would overwrite.
+    joining: AtomicBool,
+    /// Offered, and not written yet.
+    under_way: AtomicUsize,
+    /// Called when there may be room again.
+    changed: Box<dyn Fn() + Send + Sync>,
+}
+
+impl Room {
+    fn is_free(&self) -> bool {
+        !self.joining.load(Ordering::Acquire) && self.under_way.load(Ordering::Acquire) < WAITING
+    }
+
+    fn enter(&self) {
+        self.joining.store(true, Ordering::Release);
+        self.under_way.fetch_add(1, Ordering::AcqRel);
+    }
+
+    fn joined(&self) {
+        self.joining.store(false, Ordering::Release);
+        (self.changed)();
+    }
+
+    fn leave(&self) {
+        self.under_way.fetch_sub(1, Ordering::AcqRel);
+        (self.changed)();
+    }
 }
 
 /// What became of the frames of a stream.
@@ -55,48 +93,50 @@ pub(crate) struct Tally {
 }
 
 impl Recorder {
-    /// Attaches to everything that `outlet` publishes of a frame.
-    pub(crate) fn start(writer: FrameWriter, camera: &CameraName, outlet: &Outlet) -> anyhow::Result<Self> {
+    /// Attaches to everything that `outlet` publishes of a frame. `changed` is called when there may be room again.
+    pub(crate) fn start(
+        archive: impl Archive,
+        camera: &CameraName,
+        outlet: &Outlet,
+        changed: impl Fn() + Send + Sync + 'static,
+    ) -> anyhow::Result<Self> {
         let topics: Vec<_> = outlet.topics().iter().copied().filter(|&topic| topic != Topic::Stats).collect();
         let reader = Reader::open(camera, &topics, NO_WAIT)?;
         let (frames, offered) = sync_channel(OFFERED);
         let (records, waiting) = sync_channel(WAITING);
         let (used, shelf) = channel();
-        let (take, taken) = channel();
-        let listener = Listener { reader, records, shelf, take, newer: None, left_out: 0 };
+        let changed = Box::new(changed);
+        let room = Arc::new(Room { joining: false.into(), under_way: 0.into(), changed });
+        let listener = Listener { reader, records, shelf, room: Arc::clone(&room), newer: None, left_out: 0 };
+        let of_disk = Arc::clone(&room);
         let named = |name: &str| std::thread::Builder::new().name(name.into());
         let listener = named("listener").spawn(move || listener.run(&offered));
-        let disk = named("disk").spawn(move || Disk::new(writer).run(&waiting, &used));
+        let disk = named("disk").spawn(move || Disk::new(Box::new(archive), of_disk).run(&waiting, &used));
         let context = "cannot start the recording's threads";
         Ok(Self {
             frames,
-            taken,
+            room,
             listener: listener.context(context)?,
             disk: disk.context(context)?,
             refused: 0,
         })
     }
 
-    /// Hands over a frame whose results have just been published. Of a live stream it comes back when there is no room
-    /// for it; of a source that waits every frame is taken, however long the disk needs.
+    /// Whether the next frame may be taken on; always of a live source. Nobody waits for threads that are gone: what they
+    /// do not take is counted.
+    pub(crate) fn has_room(&self) -> bool {
+        self.room.is_free() || self.listener.is_finished() || self.disk.is_finished()
+    }
+
+    /// Hands over a frame whose results have just been published; never waits. It comes back when there is no room for
+    /// it.
     pub(crate) fn offer(&mut self, frame: Frame, camera: Option<Camera>) -> Option<Frame> {
-        let waits = !frame.in_real_time;
-        let offer = Offer { frame, camera, waits };
-        let sent = if waits {
-            self.frames.send(offer).map_err(|refused| refused.0)
-        } else {
-            self.frames.try_send(offer).map_err(|refused| match refused {
-                TrySendError::Full(offer) | TrySendError::Disconnected(offer) => offer,
-            })
-        };
-        match sent {
-            Ok(()) if waits => {
-                // The next frame would overwrite the results. A listener that is gone is told at the end.
-                let _ = self.taken.recv();
-                None
-            }
+        if waits(&frame) {
+            self.room.enter();
+        }
+        match self.frames.try_send(Offer { frame, camera }) {
             Ok(()) => None,
-            Err(offer) => {
+            Err(TrySendError::Full(offer) | TrySendError::Disconnected(offer)) => {
                 self.refused += 1;
                 Some(offer.frame)
             }
@@ -125,7 +165,7 @@ impl Ending {
             (Ok(missed), Ok(disk)) => Tally {
                 recorded: disk.recorded,
                 left_out: self.refused + missed + disk.lost,
-                whole: disk.writer.is_none() && !disk.failed,
+                whole: disk.archive.is_none() && !disk.failed,
             },
             _ => Tally { recorded: 0, left_out: self.refused, whole: false },
         }
@@ -149,8 +189,7 @@ struct Listener {
     reader: Reader,
     records: SyncSender<Record>,
     shelf: Receiver<Record>,
-    /// Tells the worker that a frame it waits for has been taken.
-    take: Sender<()>,
+    room: Arc<Room>,
     /// Results that came before their frame.
     newer: Option<FrameSet>,
     left_out: u64,
@@ -159,25 +198,29 @@ struct Listener {
 impl Listener {
     fn run(mut self, offered: &Receiver<Offer>) -> u64 {
         while let Ok(offer) = offered.recv() {
-            let waits = offer.waits;
-            if !self.pass_on(offer) {
+            let waits = waits(&offer.frame);
+            let passed = self.pass_on(offer);
+            if !passed {
                 self.left_out += 1;
             }
             if waits {
-                // The worker has gone: it waits for nothing.
-                let _ = self.take.send(());
+                if !passed {
+                    self.room.leave();
+                }
+                self.room.joined();
             }
         }
         self.left_out
     }
 
     /// Whether the frame is on its way to the disk.
-    fn pass_on(&mut self, Offer { frame, camera, waits }: Offer) -> bool {
+    fn pass_on(&mut self, Offer { frame, camera }: Offer) -> bool {
         let Some(set) = self.results_of((frame.sequence, frame.capture.nanos)) else { return false };
         let mut record = self.shelf.try_recv().unwrap_or_default();
         record.take(frame, camera);
         record.copy_set(&set);
-        if waits { self.records.send(record).is_ok() } else { self.records.try_send(record).is_ok() }
+        // Of a source that waits there are never more records than the queue takes.
+        self.records.try_send(record).is_ok()
     }
 
     /// The results of a frame; `None` when newer ones have taken their place already. Not by the sequence alone: not
@@ -203,7 +246,8 @@ impl Listener {
 
 /// The file's thread.
 struct Disk {
-    writer: Option<FrameWriter>,
+    archive: Option<Box<dyn Archive>>,
+    room: Arc<Room>,
     recorded: u64,
     lost: u64,
     failed: bool,
@@ -212,9 +256,10 @@ struct Disk {
 }
 
 impl Disk {
-    fn new(writer: FrameWriter) -> Self {
+    fn new(archive: Box<dyn Archive>, room: Arc<Room>) -> Self {
         Self {
-            writer: Some(writer),
+            archive: Some(archive),
+            room,
             recorded: 0,
             lost: 0,
             failed: false,
@@ -229,6 +274,9 @@ impl Disk {
             match waiting.recv_timeout(patience) {
                 Ok(record) => {
                     self.write(&record);
+                    if waits(&record.frame) {
+                        self.room.leave();
+                    }
                     // Nobody takes it back at the end.
                     let _ = used.send(record);
                 }
@@ -239,18 +287,18 @@ impl Disk {
                 self.sync();
             }
         }
-        if let Some(writer) = self.writer.take() {
-            self.judge(writer.finish());
+        if let Some(archive) = self.archive.take() {
+            self.judge(archive.finish());
         }
         self
     }
 
     fn write(&mut self, record: &Record) {
-        let Some(writer) = &mut self.writer else {
+        let Some(archive) = &mut self.archive else {
             self.lost += 1;
             return;
         };
-        let written = writer.write(record);
+        let written = archive.write(record);
         if self.judge(written) {
             self.recorded += 1;
             self.since_sync += 1;
@@ -264,7 +312,7 @@ impl Disk {
         if self.since_sync == 0 {
             return;
         }
-        let synced = self.writer.as_mut().map_or(Ok(()), FrameWriter::sync);
+        let synced = self.archive.as_mut().map_or(Ok(()), |archive| archive.sync());
         if self.judge(synced) {
             self.since_sync = 0;
         }
@@ -278,7 +326,7 @@ impl Disk {
         self.recorded -= self.since_sync;
         self.lost += self.since_sync;
         self.since_sync = 0;
-        self.writer = None;
+        self.archive = None;
         false
     }
 }

@@ -89,6 +89,32 @@ fn utc(unix_nanos: i64) -> String {
     format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{:02}Z", second % 60)
 }
 
+/// What a recorder writes to.
+pub(crate) trait Archive: Send + 'static {
+    /// Adds a frame.
+    fn write(&mut self, record: &Record) -> anyhow::Result<()>;
+
+    /// What was written until now outlives the process and the machine.
+    fn sync(&mut self) -> anyhow::Result<()>;
+
+    /// Nothing more is added.
+    fn finish(self: Box<Self>) -> anyhow::Result<()>;
+}
+
+impl Archive for FrameWriter {
+    fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+        Self::write(self, record)
+    }
+
+    fn sync(&mut self) -> anyhow::Result<()> {
+        Self::sync(self)
+    }
+
+    fn finish(self: Box<Self>) -> anyhow::Result<()> {
+        Self::finish(*self)
+    }
+}
+
 /// A file that takes records.
 pub(crate) struct FrameWriter {
     writer: RecordingWriter,

@@ -2,6 +2,7 @@
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::bail;
 use nunet_core::pipeline::Pipeline;
@@ -17,7 +18,7 @@ use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refus
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::Common;
 use crate::source::{self, Kind, Rate, Source};
-use crate::stream::{Optics, Pace, Sinks, Stream, Worker};
+use crate::stream::{Bell, Optics, Pace, Sinks, Stream, Worker};
 use crate::telemetry::unix_nanos;
 
 /// A camera's arguments, checked as far as they can be without the machine.
@@ -143,6 +144,7 @@ impl Prepared<'_> {
         pipeline: Pipeline,
         common: Common<'_>,
         metrics: Option<Metrics>,
+        bell: &Arc<Bell>,
         several: bool,
     ) -> anyhow::Result<Stream> {
         let Self { plan: Plan { arguments, name, kind: _, record }, source, optics } = self;
@@ -169,8 +171,10 @@ impl Prepared<'_> {
             force: arguments.recording.force,
         };
         let recorder = record.as_deref();
-        let recorder =
-            recorder.map(|path| Recorder::start(FrameWriter::create(path, &about)?, &name, &outlet));
+        let bell = Arc::clone(bell);
+        let recorder = recorder.map(|path| {
+            Recorder::start(FrameWriter::create(path, &about)?, &name, &outlet, move || bell.ring())
+        });
         let sinks = Sinks { recorder: recorder.transpose()?, collector, metrics };
         let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
         Ok(Stream { source, pace, worker: Worker::new(pipeline, optics, outlet, sinks), span })

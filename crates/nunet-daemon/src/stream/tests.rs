@@ -1,0 +1,185 @@
+//! Streams beside each other, with sources and disks that do what a test wants.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Condvar, Mutex};
+use std::time::Instant;
+
+use nunet_core::graph::{GraphOptions, Provider, Runtime, SerialGraph};
+use nunet_core::pipeline::{Pipeline, PipelineOptions};
+use nunet_ipc::{CameraName, Limits, Reader, Topic, monotonic_nanos};
+use nunet_testkit::models;
+
+use super::*;
+use crate::cli::Publish;
+use crate::sink::recording::{Archive, Record, Recorder, Tally};
+use crate::sink::shm::{Outlet, OutletOptions};
+use crate::source::{Fill, Frame, Rate};
+
+/// No test waits longer for anything.
+const PATIENCE: Duration = Duration::from_secs(60);
+const SIZE: (u32, u32) = (64, 48);
+
+/// Grey pictures; of a live source one each millisecond.
+struct Grey {
+    left: u64,
+    sequence: u64,
+    live: bool,
+}
+
+impl Source for Grey {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        if self.left == 0 {
+            return Fill::End;
+        }
+        if self.live {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.left -= 1;
+        frame.sequence = self.sequence;
+        self.sequence += 1;
+        frame.rgb_buffer(SIZE).fill(100);
+        frame.capture.nanos = monotonic_nanos();
+        Fill::Frame
+    }
+
+    fn is_live(&self) -> bool {
+        self.live
+    }
+}
+
+/// A disk that stands still until it is let go.
+#[derive(Default)]
+struct Disk {
+    state: Mutex<DiskState>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct DiskState {
+    asked: bool,
+    free: bool,
+    written: Vec<u64>,
+}
+
+impl Disk {
+    /// Waits for `wanted`; says whether it came.
+    fn wait(&self, wanted: impl Fn(&DiskState) -> bool) -> bool {
+        let state = self.state.lock().unwrap();
+        let (state, _) = self.changed.wait_timeout_while(state, PATIENCE, |state| !wanted(state)).unwrap();
+        wanted(&state)
+    }
+
+    fn set(&self, change: impl FnOnce(&mut DiskState)) {
+        change(&mut self.state.lock().unwrap());
+        self.changed.notify_all();
+    }
+}
+
+impl Archive for Arc<Disk> {
+    fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+        self.set(|state| state.asked = true);
+        anyhow::ensure!(self.wait(|state| state.free), "nobody let the disk go");
+        self.set(|state| state.written.push(record.frame.sequence));
+        Ok(())
+    }
+
+    fn sync(&mut self) -> anyhow::Result<()> {
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> anyhow::Result<()> {
+        Ok(())
+    }
+}
+
+/// Also a test that fails comes to its end.
+struct LetGo<'a>(&'a Disk, &'a Stop);
+
+impl Drop for LetGo<'_> {
+    fn drop(&mut self) {
+        self.0.set(|state| state.free = true);
+        self.1.request();
+    }
+}
+
+fn camera(test: &str) -> CameraName {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    CameraName::new(&format!("{test}_{}_{number}", std::process::id())).unwrap()
+}
+
+fn pipeline() -> Pipeline {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.onnx");
+    models::wnet(SIZE, true).write(&path);
+    let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
+    let options = GraphOptions { provider: Provider::Cpu, ..GraphOptions::default() };
+    let graph = SerialGraph::load(&path, &runtime, &options).unwrap();
+    Pipeline::new(graph, PipelineOptions::default()).unwrap()
+}
+
+fn stream(name: &CameraName, source: Grey, recording: Option<(&Arc<Disk>, &Arc<Bell>)>) -> Stream {
+    let pipeline = pipeline();
+    let options = OutletOptions {
+        camera: name,
+        frame_id: None,
+        publish: &[Publish::Depth],
+        limits: Limits::default(),
+        model: "model.onnx",
+    };
+    let outlet = Outlet::open(&pipeline, &options).unwrap();
+    let recorder = recording.map(|(disk, bell)| {
+        let bell = Arc::clone(bell);
+        Recorder::start(Arc::clone(disk), name, &outlet, move || bell.ring()).unwrap()
+    });
+    let worker = Worker::new(pipeline, Optics::default(), outlet, Sinks { recorder, ..Sinks::default() });
+    let pace = Pace { rate: Rate::Max, limit: None };
+    Stream { source: Box::new(source), pace, worker, span: Span::none() }
+}
+
+/// Waits until a frame of at least this number is out.
+fn wait_for_frame(reader: &Reader, number: u64) -> u64 {
+    let start = Instant::now();
+    loop {
+        assert!(start.elapsed() < PATIENCE, "frame {number} never came");
+        match reader.latest(Topic::Depth).unwrap().map(|frame| frame.header().sequence) {
+            Some(sequence) if sequence >= number => return sequence,
+            _ => drop(reader.wait(Duration::from_millis(100)).unwrap()),
+        }
+    }
+}
+
+#[test]
+fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_out() {
+    const FRAMES: u64 = 40;
+    // Far more turns than the queues in front of the disk have places.
+    const TURNS: u64 = 200;
+    let (disk, bell, stop) = (Arc::new(Disk::default()), Arc::new(Bell::default()), Stop::default());
+    let (recorded, live) = (camera("recorded"), camera("live"));
+    let streams = vec![
+        stream(&recorded, Grey { left: FRAMES, sequence: 0, live: false }, Some((&disk, &bell))),
+        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, None),
+    ];
+    let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
+    let held = Reader::open(&recorded, &[Topic::Depth], PATIENCE).unwrap();
+    let mut ended = std::thread::scope(|scope| {
+        let ended = scope.spawn(|| run(streams, &bell, &stop).unwrap());
+        let _let_go = LetGo(&disk, &stop);
+        assert!(disk.wait(|disk| disk.asked), "nothing was recorded");
+        let now = wait_for_frame(&reader, 0);
+        wait_for_frame(&reader, now + TURNS);
+        let last = wait_for_frame(&held, 0);
+        assert!(last + 1 < FRAMES, "the source that waits did not wait for its disk");
+        disk.set(|state| state.free = true);
+        let all = disk.wait(|state| state.written.len() as u64 == FRAMES);
+        assert!(all, "not every frame of the source that waits came to the disk");
+        stop.request();
+        ended.join().unwrap()
+    });
+    assert_eq!(disk.state.lock().unwrap().written, (0..FRAMES).collect::<Vec<_>>());
+    let Ended { counts, remains, source } = ended.remove(0);
+    assert_eq!((counts.captured, counts.published), (FRAMES, FRAMES));
+    assert_eq!(source.unwrap(), SourceEnd::Whole);
+    let tally = remains.recording.unwrap().tally();
+    assert_eq!(tally, Tally { recorded: FRAMES, left_out: 0, whole: true });
+}
