@@ -1,7 +1,7 @@
 //! Several cameras in one daemon: one network, and nothing else in common.
 
 use std::io::{Read as _, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::process::Output;
 use std::time::{Duration, Instant};
 
@@ -126,22 +126,26 @@ fn a_slow_camera_is_not_starved_by_one_that_never_waits() {
         "stats-json = \"{}\"\n{}{}",
         bench.arg("stats.json"),
         section(&fast, "demo", ""),
-        section(&slow, "demo", "rate = 5\nframes = 10"),
+        section(&slow, "demo", "rate = 20"),
     ));
     let mut daemon = Guarded::start(nunetd(&["-q", "--config", &config]));
-    drop(first_frame(&slow));
-    let start = Instant::now();
-    while !is_gone(&slow) {
-        assert!(start.elapsed() < PATIENCE, "the slow camera never came to its end");
-        std::thread::sleep(Duration::from_millis(20));
+    for name in [&slow, &fast] {
+        let reader = first_frame(name);
+        let start = Instant::now();
+        while reader.latest(Topic::Depth).unwrap().is_none_or(|frame| frame.header().sequence < 10) {
+            assert!(start.elapsed() < PATIENCE, "`{name}` does not go on");
+            reader.wait(Duration::from_millis(50)).unwrap();
+        }
     }
-    assert!(!is_gone(&fast), "the other one goes on");
     signal(daemon.pid(), "TERM");
     assert_eq!(daemon.wait(), Some(0));
     let stats = bench.json("stats.json");
-    let [fast, slow] = [0, 1].map(|index| &stats["cameras"][index]["frames"]);
-    assert_eq!((&slow["captured"], &slow["superseded"]), (&10.into(), &0.into()), "{stats}");
-    assert!(fast["published"].as_u64().unwrap() > 10, "{stats}");
+    for camera in [0, 1] {
+        let frames = &stats["cameras"][camera]["frames"];
+        let count = |key: &str| frames[key].as_u64().unwrap();
+        assert!(count("published") >= 2 && count("failed") == 0, "{stats}");
+        assert_eq!(count("captured"), count("published") + count("superseded"), "{stats}");
+    }
 }
 
 #[test]
@@ -181,6 +185,30 @@ fn a_source_that_cannot_be_opened_leaves_the_others_and_is_a_loss() {
     assert!(stderr.contains("gone.mcap") && stderr.contains("torn.mcap"), "{stderr}");
 }
 
+#[test]
+fn where_all_cameras_fail_on_the_way_the_figures_are_written_all_the_same() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("torn.mcap"), "no recording").unwrap();
+    std::fs::write(bench.path("stdin"), "no pictures either").unwrap();
+    let (torn, piped) = (camera("torn"), camera("piped"));
+    let config = bench.configure(&format!(
+        "stats-json = \"{}\"\n{}{}",
+        bench.arg("stats.json"),
+        section(&torn, &bench.arg("torn.mcap"), ""),
+        section(&piped, "-", ""),
+    ));
+    let mut command = nunetd(&["--config", &config]);
+    command.stdin(std::fs::File::open(bench.path("stdin")).unwrap());
+    let Output { status, stderr, .. } = run(command);
+    let stderr = text(&stderr);
+    assert_eq!(status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains(&format!("camera `{piped}` has failed: stdin is no Y4M")), "{stderr}");
+    assert_eq!(stderr.matches("0 frames captured: 0 published").count(), 2, "{stderr}");
+    let stats = bench.json("stats.json");
+    let error = |camera: usize| stats["cameras"][camera]["error"].as_str().unwrap();
+    assert!(error(0).contains("torn.mcap") && error(1).contains("no Y4M"), "{stats}");
+}
+
 /// The value of a sample of the metrics.
 fn sample(address: SocketAddr, name: &str) -> Option<f64> {
     let mut stream = TcpStream::connect(address).ok()?;
@@ -190,32 +218,82 @@ fn sample(address: SocketAddr, name: &str) -> Option<f64> {
     answer.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())
 }
 
+/// Waits until `wanted` gives something.
+fn wait_for<T>(what: &str, mut wanted: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = wanted() {
+            return found;
+        }
+        assert!(start.elapsed() < PATIENCE, "{what} never came");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A daemon whose metrics are at a port that the system chose, and its log.
+fn with_metrics(bench: &Bench, sections: &str) -> (Guarded, SocketAddr) {
+    let config = bench.configure(&format!("metrics = \"127.0.0.1:0\"\n{sections}"));
+    let mut command = nunetd(&["--config", &config]);
+    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
+    let daemon = Guarded::start(command);
+    let address = wait_for("the metrics' address", || {
+        let log = std::fs::read_to_string(bench.path("log")).unwrap();
+        log.split_once("metrics on http://")?.1.split_once("/metrics")?.0.parse().ok()
+    });
+    (daemon, address)
+}
+
 #[test]
 fn a_camera_that_is_not_plugged_in_is_waited_for_and_its_health_says_so() {
     let bench = Bench::new();
     let (there, away) = (camera("there"), camera("away"));
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let config = bench.configure(&format!(
-        "metrics = \"{address}\"\n{}{}",
-        section(&there, "demo", "rate = 20"),
-        section(&away, "/dev/video-of-nobody", ""),
-    ));
-    let mut command = nunetd(&["--config", &config]);
-    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
-    let mut daemon = Guarded::start(command);
+    let sections =
+        [section(&there, "demo", "rate = 20"), section(&away, "/dev/video-of-nobody", "")].concat();
+    let (mut daemon, address) = with_metrics(&bench, &sections);
     drop(first_frame(&there));
-    let start = Instant::now();
-    while sample(address, &format!("nunet_camera_up{{camera=\"{away}\"}}")) != Some(0.0) {
-        assert!(start.elapsed() < PATIENCE, "the camera that is away is said to be well");
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    assert_eq!(sample(address, &format!("nunet_camera_up{{camera=\"{there}\"}}")), Some(1.0));
+    let up = |name: &str| sample(address, &format!("nunet_camera_up{{camera=\"{name}\"}}"));
+    wait_for("word of the camera that is away", || (up(&away)? == 0.0).then_some(()));
+    assert_eq!(up(&there), Some(1.0));
     assert!(!is_gone(&away), "its readers can wait for it");
     signal(daemon.pid(), "TERM");
     assert_eq!(daemon.wait(), Some(0));
     let log = std::fs::read_to_string(bench.path("log")).unwrap();
     let waiting = format!("camera{{name={away}}}: waiting for camera `/dev/video-of-nobody`: ");
     assert_eq!(log.matches(&waiting).count(), 1, "{log}");
+}
+
+#[test]
+fn frames_that_fail_before_their_turn_are_told_while_they_fail_and_a_camera_that_has_ended_is_down() {
+    let bench = Bench::new();
+    bench.add_picture("good/0.png", 0);
+    std::fs::create_dir(bench.path("bad")).unwrap();
+    std::fs::write(bench.path("bad/0.png"), "no picture").unwrap();
+    let (bad, over) = (camera("bad"), camera("over"));
+    let sections = [
+        section(&bad, &bench.arg("bad"), "loop = true\nrate = 20"),
+        section(&over, &bench.arg("good"), "loop = true\nframes = 30"),
+    ];
+    let (mut daemon, address) = with_metrics(&bench, &sections.concat());
+    let reader = Reader::open(&CameraName::new(&bad).unwrap(), &[Topic::Stats], PATIENCE).unwrap();
+    let mut told = |least: u64| {
+        wait_for("the count of failed frames", || {
+            let frame = reader.latest(Topic::Stats).unwrap()?;
+            Some(frame.stats().unwrap().failed).filter(|failed| *failed >= least)
+        })
+    };
+    let first = told(1);
+    told(first + 1);
+    let metric = |name: &str, labels: &str| sample(address, &format!("nunet_{name}{{camera={labels}}}"));
+    let failed = || metric("frames_ended_total", &format!("\"{bad}\",end=\"failed\""));
+    let first = wait_for("failed frames in the metrics", || failed().filter(|count| *count > 0.0));
+    wait_for("more failed frames in the metrics", || failed().filter(|count| *count > first));
+
+    let up = |name: &str| metric("camera_up", &format!("\"{name}\""));
+    wait_for("the end of the other camera", || (up(&over)? == 0.0).then_some(()));
+    assert_eq!(metric("frames_ended_total", &format!("\"{over}\",end=\"published\"")), Some(30.0));
+    assert_eq!(metric("frames_in_flight", &format!("\"{over}\"")), Some(0.0));
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(3), "frames were lost");
 }
 
 #[test]
@@ -236,12 +314,63 @@ fn what_two_cameras_cannot_both_have_is_refused() {
     let out = format!("out = \"{}\"", bench.arg("out"));
     let error = pair(("a", "demo", &out), ("b", "demo", &out));
     assert!(error.contains("both write into one `out` folder\nhint: "), "{error}");
+    assert!(!bench.path("out").exists(), "the folder was made before the refusal");
+    let other = format!("out = \"{}\"", bench.arg("./new/../out"));
+    std::fs::create_dir(bench.path("new")).unwrap();
+    assert!(pair(("a", "demo", &out), ("b", "demo", &other)).contains("one `out` folder"));
+    std::os::unix::fs::symlink(bench.path("new"), bench.path("link")).unwrap();
+    let [one, other] =
+        ["new/one.mcap", "link/./one.mcap"].map(|path| format!("record = \"{}\"", bench.arg(path)));
+    assert!(pair(("a", "demo", &one), ("b", "demo", &other)).contains("both write one `record` file"));
+    std::os::unix::fs::symlink("/dev/null", bench.path("by-id")).unwrap();
+    let error = pair(("a", "/dev/null", ""), ("b", &bench.arg("by-id"), ""));
+    assert!(error.contains("`a` and `b` both read `/dev/null`\nhint: "), "{error}");
+    let error = pair(("a", "demo", ""), ("b/c", "demo", ""));
+    assert!(error.starts_with("error: camera `b/c` cannot begin\n  because: "), "{error}");
+    let error =
+        refused(&bench, &format!("rate = 5\n{}{}", section("a", "demo", &out), section("b", "shm:x", "")));
+    assert!(error.starts_with("error: camera `b` cannot begin\n  because: --rate and --loop are"), "{error}");
+    assert!(!bench.path("out").exists(), "the folder was made before the refusal");
     let error = pair(("a", "demo", ""), ("b", "demo", "topic = \"/x\""));
     assert!(error.contains("error: camera `b` cannot begin\n  because: --topic /x is for rec"), "{error}");
     let error = pair(("a", "demo", ""), ("b", "demo", "calibration = \"missing.yaml\""));
     assert!(error.contains("camera `b` cannot begin\n  because: cannot read the calibration"), "{error}");
     let error = pair(("a", "demo", ""), ("b", "demo", "focal = \"of\""));
     assert!(error.contains("[DIR]/nunetd.toml`: camera 2 (`b`): invalid value 'of' for '--focal"), "{error}");
+}
+
+#[test]
+fn a_start_that_fails_half_way_leaves_no_recordings() {
+    let bench = Bench::new();
+    let (first, taken) = (camera("first"), camera("taken"));
+    let _owner = Guarded::start(nunetd(&[
+        "-q",
+        "--model",
+        &bench.arg("model.onnx"),
+        "--source",
+        "demo",
+        "--rate",
+        "5",
+        "--camera",
+        &taken,
+    ]));
+    drop(first_frame(&taken));
+    let record = |name: &str| format!("record = \"{}\"", bench.arg(name));
+    let start = |lines: &str| {
+        let output = run(nunetd(&["-q", "--config", &bench.configure(lines)]));
+        (output.status.code(), text(&output.stderr))
+    };
+    let of_first = section(&first, "demo", &record("first.mcap"));
+    let (code, stderr) = start(&format!("{of_first}{}", section(&taken, "demo", &record("taken.mcap"))));
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains(&format!("error: camera `{taken}` cannot begin\n")), "{stderr}");
+    assert!(!bench.path("first.mcap").exists() && !bench.path("taken.mcap").exists(), "{stderr}");
+
+    let nowhere = section(&camera("nowhere"), "demo", &record("missing/nowhere.mcap"));
+    let (code, stderr) = start(&format!("{of_first}{nowhere}"));
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains("missing/nowhere.mcap`"), "{stderr}");
+    assert!(!bench.path("first.mcap").exists(), "{stderr}");
 }
 
 /// Bytes of a process' own memory; shared memory is counted elsewhere.

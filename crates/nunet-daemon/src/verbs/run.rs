@@ -2,13 +2,14 @@
 
 mod camera;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context as _;
 use nunet_ipc::{Access, IpcError, share_with};
 use tracing::{error, info, warn};
 
-use self::camera::{Plan, span_of};
+use self::camera::span_of;
 use crate::Outcome;
 use crate::cli::{AccessArgs, RunArgs};
 use crate::engine::{Engine, tested_pipelines};
@@ -23,10 +24,10 @@ use crate::telemetry::Counts;
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     share(&arguments.access)?;
-    let plans = arguments.streams().map(Plan::new).collect::<anyhow::Result<Vec<_>>>()?;
-    camera::refuse_shared(&plans)?;
+    let cameras = camera::prepare(camera::plans(arguments.streams())?)?;
+    // Nothing was made before all arguments had passed. The figures often go into the folder of the results.
+    camera::make_folders(&cameras)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
-    let cameras = camera::prepare(plans)?;
 
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &arguments.every)?;
@@ -37,22 +38,19 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 
     let names: Vec<String> = cameras.iter().map(|camera| camera.plan.name.to_string()).collect();
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
+    let several = names.len() > 1;
+    let cameras = cameras.into_iter().zip(pipelines);
+    let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several));
+    let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
     let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
     let mut metrics = metrics.into_iter().flatten();
+    // Last of all: a start that fails leaves no recordings.
     let bell = Arc::new(Bell::default());
-    let streams = cameras
-        .into_iter()
-        .zip(pipelines)
-        .map(|(camera, pipeline)| camera.start(pipeline, common, metrics.next(), &bell, names.len() > 1));
+    let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.next(), &bell));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
     let ended = stream::run(streams, &bell, &stop)?;
-    let (ends, outcome) = conclude(&names, ended)?;
-    if let Some(path) = &arguments.stats_json {
-        write_json(path, &figures(&ends, common)?)?;
-    }
-    ends.into_iter().try_for_each(|end| end.remains.files)?;
-    Ok(outcome)
+    finish(&names, ended, common, arguments.stats_json.as_deref())
 }
 
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
@@ -75,8 +73,28 @@ struct End<'a> {
     remains: Remains,
 }
 
+/// Tells how it ended and writes the figures, also where all cameras have failed.
+fn finish(
+    names: &[String],
+    ended: Vec<Ended>,
+    common: Common<'_>,
+    stats_json: Option<&Path>,
+) -> anyhow::Result<Outcome> {
+    let (ends, outcome) = conclude(names, ended);
+    let written = stats_json.map_or(Ok(()), |path| write_json(path, &figures(&ends, common)?));
+    let files = ends.into_iter().map(|end| end.remains.files);
+    let mut problems = std::iter::once(written).chain(files).filter_map(Result::err);
+    match outcome {
+        Ok(outcome) => problems.next().map_or(Ok(outcome), Err),
+        Err(failure) => {
+            problems.for_each(|problem| error!("{problem:#}"));
+            Err(failure)
+        }
+    }
+}
+
 /// Says how each camera ended. One whose source failed leaves the others; where none is left, that is the failure.
-fn conclude(names: &[String], ended: Vec<Ended>) -> anyhow::Result<(Vec<End<'_>>, Outcome)> {
+fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Result<Outcome>) {
     let several = names.len() > 1;
     let all_failed = ended.iter().all(|ended| ended.source.is_err());
     let (mut ends, mut outcome, mut failure) = (Vec::new(), Outcome::Done, None);
@@ -88,17 +106,17 @@ fn conclude(names: &[String], ended: Vec<Ended>) -> anyhow::Result<(Vec<End<'_>>
             Err(reason) => (SourceEnd::Cut, Some(reason)),
         };
         let error = reason.as_ref().map(|reason| format!("{reason:#}"));
+        if say_how_it_ended(&counts, source, recording) == Outcome::Lost {
+            outcome = Outcome::Lost;
+        }
         match reason {
             Some(reason) if all_failed && failure.is_none() => failure = Some(reason),
             Some(reason) => error!("camera `{camera}` has failed: {reason:#}"),
             None => {}
         }
-        if failure.is_none() && say_how_it_ended(&counts, source, recording) == Outcome::Lost {
-            outcome = Outcome::Lost;
-        }
         ends.push(End { camera, counts, error, remains });
     }
-    failure.map_or(Ok((ends, outcome)), Err)
+    (ends, failure.map_or(Ok(outcome), Err))
 }
 
 /// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
@@ -129,4 +147,55 @@ fn figures(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
         latencies.join(&other.remains.latencies);
     }
     Ok(Stats::of_all(ends.iter().map(of).collect(), common, first.remains.scale, &totals, &latencies))
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+    use nunet_core::depth::{Scale, ScaleSource, Units};
+    use serde_json::Value;
+
+    use super::*;
+    use crate::telemetry::{Latencies, Totals};
+
+    fn broken(published: u64, why: &'static str) -> Ended {
+        let remains = Remains {
+            scale: Scale { units: Units::Metre, source: ScaleSource::Metric, focal_factor: 1.0 },
+            totals: Totals::default(),
+            latencies: Latencies::new(["queue"]),
+            recording: None,
+            files: Ok(()),
+        };
+        let counts = Counts { captured: published + 1, published, failed: 1, ..Counts::default() };
+        Ended { counts, remains, source: Err(anyhow!(why)) }
+    }
+
+    #[test]
+    fn the_figures_of_cameras_that_all_broke_on_the_way_are_written_before_that_is_the_failure() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("stats.json");
+        let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
+        let common = Common { model: &model, provider: "cpu" };
+        let ended = vec![broken(7, "another contract"), broken(5, "stdin's thread has failed")];
+        let failure = finish(&["front".into(), "rear".into()], ended, common, Some(&path)).unwrap_err();
+        assert_eq!(failure.to_string(), "another contract");
+        let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!((&stats["frames"]["published"], &stats["frames"]["failed"]), (&12.into(), &2.into()));
+        assert_eq!(stats["cameras"][0]["error"], "another contract");
+        assert_eq!(stats["cameras"][1]["error"], "stdin's thread has failed");
+
+        let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(&path)).unwrap_err();
+        assert_eq!(failure.to_string(), "gone");
+        let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!((&stats["camera"], &stats["error"]), (&"front".into(), &"gone".into()));
+    }
+
+    #[test]
+    fn figures_that_cannot_be_written_do_not_hide_why_the_cameras_failed() {
+        let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
+        let common = Common { model: &model, provider: "cpu" };
+        let path = Path::new("/nonexistent/stats.json");
+        let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(path)).unwrap_err();
+        assert_eq!(failure.to_string(), "gone");
+    }
 }

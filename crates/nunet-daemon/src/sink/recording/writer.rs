@@ -67,8 +67,8 @@ pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) ->
 }
 
 /// The file of a recording: `path` itself, or in a folder one that is named by camera and time.
-pub(crate) fn recording_path(path: &Path, camera: &str, unix_nanos: i64) -> PathBuf {
-    if path.is_dir() { path.join(format!("{camera}_{}.mcap", utc(unix_nanos))) } else { path.to_owned() }
+pub(crate) fn recording_path(path: &Path, is_folder: bool, camera: &str, unix_nanos: i64) -> PathBuf {
+    if is_folder { path.join(format!("{camera}_{}.mcap", utc(unix_nanos))) } else { path.to_owned() }
 }
 
 /// `20261122T051500Z`, so that names sort by time.
@@ -189,13 +189,13 @@ mod tests {
     fn recordings_in_a_folder_are_named_by_camera_and_time() {
         let folder = tempfile::tempdir().unwrap();
         let name = |seconds: i64| {
-            let path = recording_path(folder.path(), "front", seconds * 1_000_000_000);
+            let path = recording_path(folder.path(), true, "front", seconds * 1_000_000_000);
             path.file_name().unwrap().to_str().unwrap().to_owned()
         };
         assert_eq!(name(0), "front_19700101T000000Z.mcap");
         assert_eq!(name(951_782_400), "front_20000229T000000Z.mcap");
         assert_eq!(name(1_795_324_515), "front_20261122T051515Z.mcap");
-        assert_eq!(recording_path(Path::new("a.mcap"), "front", 0), Path::new("a.mcap"));
+        assert_eq!(recording_path(Path::new("a.mcap"), false, "front", 0), Path::new("a.mcap"));
     }
 
     #[test]

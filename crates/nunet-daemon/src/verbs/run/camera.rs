@@ -1,7 +1,7 @@
 //! One camera of a run: from its arguments to a stream.
 
 use std::num::NonZeroU32;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::bail;
@@ -16,7 +16,7 @@ use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
 use crate::sink::shm::{Outlet, OutletOptions};
-use crate::sink::stats::Common;
+use crate::sink::stats::{Common, check_writable};
 use crate::source::{self, Kind, Rate, Source};
 use crate::stream::{Bell, Optics, Pace, Sinks, Stream, Worker};
 use crate::telemetry::unix_nanos;
@@ -30,26 +30,54 @@ pub(super) struct Plan<'a> {
     record: Option<PathBuf>,
 }
 
+/// The cameras' arguments, each of them and beside each other. Nothing is made yet.
+pub(super) fn plans<'a>(streams: impl Iterator<Item = &'a StreamArgs>) -> anyhow::Result<Vec<Plan<'a>>> {
+    let streams: Vec<_> = streams.collect();
+    let several = streams.len() > 1;
+    let folders: Vec<_> = streams.iter().filter_map(|stream| stream.out.as_deref()).map(place).collect();
+    let plan = |stream: &&'a StreamArgs| {
+        let kind = source_kind(stream.source.as_deref());
+        let name = stream.camera.as_deref().unwrap_or(kind.default_camera());
+        Plan::new(stream, name, kind.clone(), &folders).map_err(|error| in_camera(error, name, several))
+    };
+    let plans = streams.iter().map(plan).collect::<anyhow::Result<Vec<_>>>()?;
+    refuse_shared(&plans)?;
+    Ok(plans)
+}
+
 impl<'a> Plan<'a> {
-    pub(super) fn new(arguments: &'a StreamArgs) -> anyhow::Result<Self> {
-        // Before the others: the figures and the recording often go into the folder of the results.
-        arguments.out.as_deref().map_or(Ok(()), make_folder)?;
-        let kind = source_kind(arguments.source.as_deref());
+    /// `folders` are those that will be made.
+    fn new(arguments: &'a StreamArgs, name: &str, kind: Kind, folders: &[PathBuf]) -> anyhow::Result<Self> {
         refuse_pace_of_live_source(&kind, &arguments.pace)?;
-        let name = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
-        let record = arguments.recording.record.as_ref();
-        let record = record.map(|path| recording_path(path, name.as_str(), unix_nanos()));
+        let name = camera_name(name)?;
+        let record = arguments.recording.record.as_deref().map(|path| {
+            let is_folder = path.is_dir() || folders.iter().any(|folder| folder.starts_with(place(path)));
+            recording_path(path, is_folder, name.as_str(), unix_nanos())
+        });
         Ok(Self { arguments, name, kind, record })
     }
 
     /// The recording that is read.
-    fn input(&self) -> Option<&std::path::Path> {
+    fn input(&self) -> Option<&Path> {
         if let Kind::Recording(input) = &self.kind { Some(input) } else { None }
     }
 }
 
+/// One name for what may be written in several ways: absolute, with links resolved as far as it is there.
+fn place(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let there = path.ancestors().find_map(|there| Some((there, there.canonicalize().ok()?)));
+    let resolved = there.and_then(|(there, found)| Some((found, path.strip_prefix(there).ok()?)));
+    match resolved {
+        // Joining nothing would add a slash.
+        Some((found, rest)) if rest.as_os_str().is_empty() => found,
+        Some((found, rest)) => found.join(rest),
+        None => path,
+    }
+}
+
 /// What two cameras cannot both have.
-pub(super) fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
+fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
     for (index, plan) in plans.iter().enumerate() {
         for (earlier, other) in plans.iter().enumerate().take(index) {
             if plan.name == other.name {
@@ -72,10 +100,15 @@ pub(super) fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
 }
 
 fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
-    let same_file = |a: &Option<PathBuf>, b: &Option<PathBuf>| a.is_some() && a == b;
-    match &one.kind {
-        Kind::Pipe if other.kind == Kind::Pipe => return Some("read stdin".into()),
-        Kind::Video(path) if other.kind == one.kind => return Some(format!("read `{}`", path.display())),
+    let same_file = |a: &Option<PathBuf>, b: &Option<PathBuf>| {
+        a.as_deref().zip(b.as_deref()).is_some_and(|(a, b)| place(a) == place(b))
+    };
+    match (&one.kind, &other.kind) {
+        (Kind::Pipe, Kind::Pipe) => return Some("read stdin".into()),
+        // Its numbered name and those below /dev/v4l.
+        (Kind::Video(path), Kind::Video(another)) if place(path) == place(another) => {
+            return Some(format!("read `{}`", place(path).display()));
+        }
         _ => {}
     }
     if same_file(&one.arguments.out, &other.arguments.out) {
@@ -99,17 +132,19 @@ pub(super) fn prepare(plans: Vec<Plan<'_>>) -> anyhow::Result<Vec<Prepared<'_>>>
     let mut opened = Vec::new();
     for plan in plans {
         let source = match source::open(&plan.kind, plan.arguments.pace.opening()) {
-            Err(error) if error.is::<BadArguments>() => return Err(in_camera(error, &plan, several)),
+            Err(error) if error.is::<BadArguments>() => {
+                return Err(in_camera(error, plan.name.as_str(), several));
+            }
             source => source,
         };
         let optics = Optics::new(&plan.arguments.optics.lens.geometry);
-        let optics = optics.map_err(|error| in_camera(error, &plan, several))?;
-        refuse_recording(&plan, &inputs)?;
+        let optics = optics.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
+        refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name.as_str(), several))?;
         opened.push((plan, source, optics));
     }
     if opened.iter().all(|(_, source, _)| source.is_err()) {
         let mut errors = opened.into_iter().filter_map(|(plan, source, _)| Some((plan, source.err()?)));
-        let first = errors.next().map(|(plan, error)| in_camera(error, &plan, several));
+        let first = errors.next().map(|(plan, error)| in_camera(error, plan.name.as_str(), several));
         errors.for_each(|(plan, error)| error!("camera `{}`: {error:#}", plan.name));
         return first.map_or_else(|| Ok(Vec::new()), Err);
     }
@@ -123,8 +158,8 @@ pub(super) fn prepare(plans: Vec<Plan<'_>>) -> anyhow::Result<Vec<Prepared<'_>>>
 }
 
 /// Says which of several cameras is meant; what kind of error it is stays.
-fn in_camera(error: anyhow::Error, plan: &Plan<'_>, several: bool) -> anyhow::Error {
-    let text = format!("camera `{}` cannot begin", plan.name);
+fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
+    let text = format!("camera `{camera}` cannot begin");
     match several {
         false => error,
         true if error.is::<BadArguments>() => error.context(BadArguments(text)),
@@ -137,46 +172,86 @@ pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
 }
 
-impl Prepared<'_> {
-    /// Reserves the camera's memory and opens its sinks.
-    pub(super) fn start(
+/// Makes the folders of results, and makes sure that results and recordings can be written.
+pub(super) fn make_folders(cameras: &[Prepared<'_>]) -> anyhow::Result<()> {
+    let several = cameras.len() > 1;
+    for Prepared { plan, .. } in cameras {
+        let checked = plan.arguments.out.as_deref().map_or(Ok(()), make_folder);
+        checked.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
+    }
+    for Prepared { plan, .. } in cameras {
+        let checked = plan.record.as_deref().map_or(Ok(()), check_writable);
+        checked.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
+    }
+    Ok(())
+}
+
+impl<'a> Prepared<'a> {
+    /// Reserves the camera's memory.
+    pub(super) fn open(
         self,
         pipeline: Pipeline,
         common: Common<'_>,
+        several: bool,
+    ) -> anyhow::Result<Opened<'a>> {
+        let Plan { arguments, name, .. } = &self.plan;
+        let span = span_of(name.as_str(), several);
+        let open = || {
+            let _camera = span.enter();
+            let outlet = Outlet::open(
+                &pipeline,
+                &OutletOptions {
+                    camera: name,
+                    frame_id: arguments.frame_id.as_deref(),
+                    publish: &arguments.publish,
+                    limits: limits(arguments.readers),
+                    model: &common.model.name,
+                },
+            )?;
+            let folder = arguments.out.clone();
+            let collector = folder.map(|folder| Collector::attach(folder, name, &outlet)).transpose()?;
+            Ok((outlet, collector))
+        };
+        let (outlet, collector) = open().map_err(|error| in_camera(error, name.as_str(), several))?;
+        Ok(Opened { prepared: self, pipeline, outlet, collector, span })
+    }
+}
+
+/// A camera that owns its shared memory.
+pub(super) struct Opened<'a> {
+    prepared: Prepared<'a>,
+    pipeline: Pipeline,
+    outlet: Outlet,
+    collector: Option<Collector>,
+    span: Span,
+}
+
+impl Opened<'_> {
+    /// Begins the recording, where one is wanted.
+    pub(super) fn start(
+        self,
+        common: Common<'_>,
         metrics: Option<Metrics>,
         bell: &Arc<Bell>,
-        several: bool,
     ) -> anyhow::Result<Stream> {
-        let Self { plan: Plan { arguments, name, kind: _, record }, source, optics } = self;
-        let span = span_of(name.as_str(), several);
-        let _camera = span.clone().entered();
-        let frame_id = arguments.frame_id.as_deref();
-        let limits = limits(arguments.readers);
-        let options = OutletOptions {
-            camera: &name,
-            frame_id,
-            publish: &arguments.publish,
-            limits,
-            model: &common.model.name,
-        };
-        let outlet = Outlet::open(&pipeline, &options)?;
-        let folder = arguments.out.clone();
-        let collector = folder.map(|folder| Collector::attach(folder, &name, &outlet)).transpose()?;
+        let Self { prepared, pipeline, outlet, collector, span } = self;
+        let Prepared { plan: Plan { arguments, name, kind: _, record }, source, optics } = prepared;
+        let entered = span.clone().entered();
         let about = About {
             camera: name.as_str(),
-            frame_id,
+            frame_id: arguments.frame_id.as_deref(),
             mount: arguments.recording.mount.mount,
             model: common.model,
             provider: common.provider,
             force: arguments.recording.force,
         };
-        let recorder = record.as_deref();
         let bell = Arc::clone(bell);
-        let recorder = recorder.map(|path| {
+        let recorder = record.as_deref().map(|path| {
             Recorder::start(FrameWriter::create(path, &about)?, &name, &outlet, move || bell.ring())
         });
         let sinks = Sinks { recorder: recorder.transpose()?, collector, metrics };
         let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
+        drop(entered);
         Ok(Stream { source, pace, worker: Worker::new(pipeline, optics, outlet, sinks), span })
     }
 }
