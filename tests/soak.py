@@ -4,15 +4,19 @@
     python3 tests/soak.py --minutes 30 --nunetd target/release/nunetd --csv soak.csv
 
 Pictures go through shared memory into `nunetd`, which records them; one reader stays and others come, leave politely or
-are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon and feeder, what lies in
-/dev/shm, frames, and their age when they reach the reader that stays. It ends with 1, and says why, if memory or
-descriptors grew after the warm-up, if the ledger does not add up, or if something is left behind.
+are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon and feeder, what they have in
+/dev/shm, frames, and their age when they reach the reader that stays. It ends with 1, and says why, if memory, shared
+memory, descriptors, threads or the oldest frames' age grew after the warm-up, if an interval brought no frame, if the
+ledger does not add up, or if something is left behind.
+
+Its processes have an iceoryx2 of their own, so what others have in shared memory is neither counted nor blamed.
 
 It needs Python's standard library alone, and 90 MB a minute for the recording in the folder that TMPDIR names.
 """
 
 import argparse
 import csv
+import itertools
 import json
 import os
 import pathlib
@@ -27,7 +31,6 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 SHARED_MEMORY = pathlib.Path("/dev/shm")
-ICEORYX2 = pathlib.Path("/tmp/iceoryx2")
 # iceoryx2's own counter of nodes, which it never removes.
 ALLOWED_REST = ".global_mgmt"
 # How long a process may take to end, and the first frame to come.
@@ -56,6 +59,8 @@ def arguments():
     parser.add_argument("--interval", type=float, default=10, help="seconds between two lines")
     parser.add_argument("--warm-up", type=float, default=60, help="seconds whose lines do not count")
     parser.add_argument("--drift-mb", type=float, default=6, help="the most that a process' own memory may grow")
+    parser.add_argument("--drift-shm-mb", type=float, default=1, help="the most that shared memory may grow")
+    parser.add_argument("--drift-age-ms", type=float, default=100, help="the most that the 99th percentile may rise")
     parser.add_argument("--nunetd", default=os.environ.get("NUNETD", str(ROOT / "target/release/nunetd")))
     parser.add_argument("--model", default=str(ROOT / "models/tiny/tiny_wnet_c.onnx"))
     parser.add_argument("--pictures", default=str(ROOT / "models/clip/rgb"))
@@ -67,8 +72,8 @@ def arguments():
 class Reader:
     """The reader that stays: keeps the ages of frames until they are asked for."""
 
-    def __init__(self, command):
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    def __init__(self, command, folder):
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
         self.ages, self.frames, self.lock = [], 0, threading.Lock()
         threading.Thread(target=self.listen, daemon=True).start()
 
@@ -89,8 +94,8 @@ class Reader:
 class Visitors:
     """Readers that come and go: some end by themselves, some are told to, some are killed."""
 
-    def __init__(self, command, seed):
-        self.command, self.chance, self.next = command, random.Random(seed), 0.0
+    def __init__(self, command, folder, seed):
+        self.command, self.folder, self.chance, self.next = command, folder, random.Random(seed), 0.0
         self.process, self.count, self.bad = None, 0, []
 
     def tend(self, now):
@@ -99,7 +104,7 @@ class Visitors:
             return
         self.next = now + self.chance.uniform(1, 6)
         if self.process is None:
-            self.process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL)
+            self.process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, cwd=self.folder)
             self.count += 1
         else:
             self.end(self.chance.choice([signal.SIGTERM, signal.SIGINT, signal.SIGKILL]))
@@ -123,16 +128,33 @@ def figures(process):
     return number["RssAnon"], number["VmRSS"], len(list((folder / "fd").iterdir())), number["Threads"]
 
 
-def shared():
-    """Names and bytes of what iceoryx2 has in shared memory and beside it."""
-    found = {}
-    for path in SHARED_MEMORY.glob("iox2_*"):
-        try:
-            found[str(path)] = path.stat().st_blocks * 512
-        except FileNotFoundError:
-            continue  # a reader has just left
-    files = [path for path in ICEORYX2.rglob("*") if path.is_file()] if ICEORYX2.is_dir() else []
-    return found, {str(path) for path in files}
+class World:
+    """An iceoryx2 of its own: processes that are started in `folder` find its configuration there."""
+
+    def __init__(self, folder):
+        self.folder, self.prefix = folder, f"nunetsoak{os.getpid()}_"
+        self.root = folder / "iceoryx2"
+        (folder / "config").mkdir()
+        config = f'[global]\nroot-path = "{self.root}"\nprefix = "{self.prefix}"\n'
+        (folder / "config/iceoryx2.toml").write_text(config)
+
+    def shared(self):
+        """Paths and bytes of what is in shared memory."""
+        found = {}
+        for path in SHARED_MEMORY.glob(f"{self.prefix}*"):
+            try:
+                found[path] = path.stat().st_blocks * 512
+            except FileNotFoundError:
+                continue  # a reader has just left
+        return found
+
+    def left(self):
+        """What is still there when all have ended; it is removed."""
+        files = [path for path in self.root.rglob("*") if path.is_file()] if self.root.is_dir() else []
+        memory = list(self.shared())
+        for path in memory:
+            path.unlink(missing_ok=True)
+        return [str(path) for path in sorted([*memory, *files]) if not path.name.endswith(ALLOWED_REST)]
 
 
 def percentile(ages, share):
@@ -143,25 +165,30 @@ def percentile(ages, share):
 class Soak:
     """All processes."""
 
-    def __init__(self, given, folder):
-        self.given, self.name = given, f"soak-{os.getpid()}"
+    def __init__(self, given, world):
+        self.given, self.world, self.name = given, world, f"soak-{os.getpid()}"
+        folder = world.folder
         self.recording, self.stats = folder / "soak.mcap", folder / "stats.json"
-        tool = [given.nunetd, "-q"]
-        feed = [*tool, "feed", given.pictures, "--camera", self.name, "--loop", "--rate", str(given.rate)]
-        run = [*tool, "--model", given.model, "--source", f"shm:{self.name}", "--camera", self.name]
+        # They are started elsewhere.
+        given_paths = (given.nunetd, given.pictures, given.model)
+        nunetd, pictures, model = (str(pathlib.Path(path).resolve()) for path in given_paths)
+        tool = [nunetd, "-q"]
+        feed = [*tool, "feed", pictures, "--camera", self.name, "--loop", "--rate", str(given.rate)]
+        run = [*tool, "--model", model, "--source", f"shm:{self.name}", "--camera", self.name]
         run += ["--record", str(self.recording), "--stats-json", str(self.stats)]
         watch = [*tool, "watch", self.name, "--json", "--timeout", str(PATIENCE_S)]
-        self.feeder = subprocess.Popen(feed)
-        self.daemon = subprocess.Popen(run)
-        self.reader = Reader(watch)
-        self.visitors = Visitors(watch, given.seed)
+        self.feeder = subprocess.Popen(feed, cwd=folder)
+        self.daemon = subprocess.Popen(run, cwd=folder)
+        self.reader = Reader(watch, folder)
+        self.visitors = Visitors(watch, folder, given.seed)
 
     def line(self, seconds):
         """One line of the CSV."""
         daemon, feeder = figures(self.daemon), figures(self.feeder)
         ages, frames = self.reader.take()
         recorded = self.recording.stat().st_size if self.recording.exists() else 0
-        values = [round(seconds, 1), *daemon, feeder[0], feeder[2], sum(shared()[0].values()), recorded, frames]
+        memory = sum(self.world.shared().values())
+        values = [round(seconds, 1), *daemon, feeder[0], feeder[2], memory, recorded, frames]
         return dict(zip(FIELDS, [*values, percentile(ages, 0.5), percentile(ages, 0.99)], strict=True))
 
     def run(self):
@@ -212,10 +239,18 @@ def grown(lines, field, limit):
     third = len(lines) // 3
     if third == 0:
         return [f"too few lines to say whether {field} grows: soak longer"]
-    first = statistics.median(line[field] for line in lines[:third])
-    last = statistics.median(line[field] for line in lines[-third:])
+    thirds = [[line[field] for line in part if line[field] != ""] for part in (lines[:third], lines[-third:])]
+    if not all(thirds):
+        return [f"{field} was never seen"]
+    first, last = map(statistics.median, thirds)
     print(f"{field}: {first:.0f} in the first third, {last:.0f} in the last; {limit:.0f} more are allowed")
     return [f"{field} grew from {first:.0f} to {last:.0f}"] if last - first > limit else []
+
+
+def standing(lines):
+    """Intervals without a frame for the reader that stays."""
+    still = [later for line, later in itertools.pairwise(lines) if later["frames"] <= line["frames"]]
+    return [f"no frame came in the interval before second {line['seconds']}" for line in still]
 
 
 def ledger(path):
@@ -243,25 +278,32 @@ def whole(path):
 def main():
     """Soaks, says what was seen, and the exit code."""
     given = arguments()
-    before_memory, before_files = shared()
     with tempfile.TemporaryDirectory() as folder:
-        soak = Soak(given, pathlib.Path(folder))
+        world = World(pathlib.Path(folder).resolve())
+        soak = Soak(given, world)
         try:
             lines, problems = soak.run()
         except BaseException:
             soak.stop()
+            world.left()
             raise
         problems += soak.stop()
         problems += ledger(soak.stats) + whole(soak.recording)
+        problems += [f"left behind: {path}" for path in world.left()]
     counted = [line for line in lines if line["seconds"] >= given.warm_up]
-    for field, limit in [("daemon_anon_kb", given.drift_mb * 1024), ("feeder_anon_kb", given.drift_mb * 1024)]:
+    limits = {
+        "daemon_anon_kb": given.drift_mb * 1024,
+        "feeder_anon_kb": given.drift_mb * 1024,
+        "shm_bytes": given.drift_shm_mb * 1e6,
+        "age_p99_ms": given.drift_age_ms,
+        # A reader that comes costs a few descriptors until it goes.
+        "daemon_fds": 4,
+        "feeder_fds": 4,
+        "daemon_threads": 0,
+    }
+    for field, limit in limits.items():
         problems += grown(counted, field, limit)
-    # A reader that comes costs a few descriptors until it goes.
-    for field, limit in [("daemon_fds", 4), ("feeder_fds", 4), ("daemon_threads", 0)]:
-        problems += grown(counted, field, limit)
-    after_memory, after_files = shared()
-    rest = (set(after_memory) - set(before_memory)) | (after_files - before_files)
-    problems += [f"left behind: {path}" for path in sorted(rest) if not path.endswith(ALLOWED_REST)]
+    problems += standing(counted)
     print(f"{soak.visitors.count} readers came and went")
     for problem in problems:
         print(f"error: {problem}", file=sys.stderr)
