@@ -3,6 +3,7 @@
 
 mod access;
 mod bad_input;
+mod doctor;
 mod eval;
 mod filters;
 mod hostile;

@@ -275,7 +275,7 @@ fn frames_that_fail_before_their_turn_are_told_while_they_fail_and_a_camera_that
     ];
     let (mut daemon, address) = with_metrics(&bench, &sections.concat());
     let reader = Reader::open(&CameraName::new(&bad).unwrap(), &[Topic::Stats], PATIENCE).unwrap();
-    let mut told = |least: u64| {
+    let told = |least: u64| {
         wait_for("the count of failed frames", || {
             let frame = reader.latest(Topic::Stats).unwrap()?;
             Some(frame.stats().unwrap().failed).filter(|failed| *failed >= least)

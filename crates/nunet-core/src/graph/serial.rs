@@ -1,5 +1,6 @@
 //! The run: each stage in turn, each reading what the earlier ones left.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::clock::Clock;
@@ -123,6 +124,25 @@ impl SerialGraph {
     #[must_use]
     pub fn provider(&self) -> Provider {
         self.provider
+    }
+
+    /// How many nodes of all stages each provider computes, by ONNX Runtime's names, such as `CPUExecutionProvider`.
+    /// What a provider cannot compute goes to the processor, silently. Nodes are counted as providers took them, before
+    /// they fuse them.
+    ///
+    /// # Errors
+    /// ONNX Runtime's words.
+    pub fn placement(&self) -> Result<BTreeMap<String, usize>, GraphError> {
+        let mut placement = BTreeMap::new();
+        for (stage, session) in self.stages.iter().zip(&self.sessions) {
+            let part = session
+                .placement()
+                .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })?;
+            for (provider, nodes) in part {
+                *placement.entry(provider).or_default() += nodes;
+            }
+        }
+        Ok(placement)
     }
 
     /// How a foreign network wants its picture ([`GraphInput::Float`]); `None` where it takes camera bytes

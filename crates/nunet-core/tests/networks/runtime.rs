@@ -122,3 +122,15 @@ fn providers_are_named_as_on_the_command_line() {
     }
     assert!("gpu".parse::<Provider>().unwrap_err().to_string().contains("one of auto, cpu"));
 }
+
+#[test]
+fn every_node_has_a_provider_that_computes_it_also_of_a_staged_graph() {
+    let fused = Folder::new().model("m.onnx", &models::wnet(SIZE, true)).load("m.onnx").unwrap();
+    let placement = fused.placement().unwrap();
+    assert_eq!(placement.keys().collect::<Vec<_>>(), ["CPUExecutionProvider"]);
+    assert!(placement["CPUExecutionProvider"] > 1, "{placement:?}");
+    assert_eq!(fused.sibling().unwrap().placement().unwrap(), placement);
+    let one = Folder::new().model("m.onnx", &models::unet(SIZE)).load("m.onnx").unwrap();
+    let fewer = one.placement().unwrap()["CPUExecutionProvider"];
+    assert!(fewer < placement["CPUExecutionProvider"], "one component has fewer nodes than two");
+}

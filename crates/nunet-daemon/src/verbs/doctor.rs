@@ -2,6 +2,7 @@
 
 use std::io::Write as _;
 
+use nunet_core::graph::{Provider, SerialGraph};
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::orphans::{self, Cleaning};
 use nunet_ipc::{Limits, Reservation, free_shared_memory_bytes};
@@ -90,6 +91,9 @@ impl Checks {
     }
 }
 
+/// ONNX Runtime's name of the provider that can compute everything.
+const PROCESSOR: &str = "CPUExecutionProvider";
+
 /// Library, model, provider and self-test; each needs the one before.
 fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline> {
     let engine = match Engine::start(&arguments.engine) {
@@ -119,7 +123,10 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
     let trained =
         if loaded.graph.description().trained { "" } else { ", untrained: its depth means nothing" };
     checks.good("model", format!("`{}`{trained}", loaded.path.display()));
-    checks.good("provider", loaded.graph.provider());
+    match placement(&loaded.graph) {
+        Ok(detail) => checks.good("provider", detail),
+        Err(problem) => checks.bad("provider", &problem),
+    }
     match tested(loaded, &CameraArgs::default()) {
         Ok((pipeline, report)) => {
             checks.good("self-test", report);
@@ -130,6 +137,20 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
             None
         }
     }
+}
+
+/// The provider, and who computes how many of the network's nodes: what it cannot, the processor does, silently.
+fn placement(graph: &SerialGraph) -> Result<String, String> {
+    let provider = graph.provider();
+    let nodes = graph.placement().map_err(|error| error.to_string())?;
+    let shares: Vec<_> = nodes.iter().map(|(name, nodes)| format!("{nodes} nodes on {name}")).collect();
+    let detail = format!("{provider}: {}", shares.join(", "));
+    if provider != Provider::Cpu && nodes.keys().all(|name| name == PROCESSOR) {
+        return Err(format!(
+            "{detail}\nhint: it computes nothing of this network: --provider cpu is the same"
+        ));
+    }
+    Ok(detail)
 }
 
 fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {

@@ -68,6 +68,9 @@ const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folde
 /// an eighth of a frame, and spinning between two frames would burn the cores that the rest of the robot needs.
 const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 
+/// Who computes which node is kept for who asks ([`Session::placement`]): a few names for each node.
+const RECORD_PLACEMENT: (&str, &str) = ("session.record_ep_graph_assignment_info", "1");
+
 /// A number of threads is always set, because ONNX Runtime pins the threads of its own default to cores.
 fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort::Result<SessionBuilder> {
     let builder = SessionBuilder::new(runtime.environment())?
@@ -77,7 +80,8 @@ fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort:
         .with_intra_op_spinning(true)?
         .with_inter_op_spinning(false)?
         .with_config_entry(SLEEP_AFTER_RUN.0, SLEEP_AFTER_RUN.1)?
-        .with_config_entry(NO_FOLDER.0, NO_FOLDER.1)?;
+        .with_config_entry(NO_FOLDER.0, NO_FOLDER.1)?
+        .with_config_entry(RECORD_PLACEMENT.0, RECORD_PLACEMENT.1)?;
     provider.register(builder, threads)
 }
 

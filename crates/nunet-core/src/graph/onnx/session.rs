@@ -5,11 +5,12 @@
 
 //! One run of one model file.
 
-use std::ffi::{CString, c_char};
+use std::collections::BTreeMap;
+use std::ffi::{CStr, CString, c_char};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ort::AsPointer;
-use ort::sys::OrtValue;
+use ort::sys::{OrtEpAssignedSubgraph, OrtValue};
 
 use super::tensor::{Lent, check};
 use crate::graph::TensorSpec;
@@ -57,6 +58,23 @@ impl Session {
         }
     }
 
+    /// How many nodes of the model each provider computes, by ONNX Runtime's names of providers.
+    pub(in crate::graph) fn placement(&self) -> Result<BTreeMap<String, usize>, String> {
+        let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        let (mut parts, mut count) = (std::ptr::null(), 0);
+        // SAFETY: the session lives in `self` and is locked; both places may be written.
+        check(unsafe {
+            (ort::api().Session_GetEpGraphAssignmentInfo)(session.ptr(), &raw mut parts, &raw mut count)
+        })?;
+        let mut placement = BTreeMap::new();
+        for index in 0..count {
+            // SAFETY: ONNX Runtime gave `count` pointers, which live as long as the session, which is locked.
+            let (provider, nodes) = unsafe { part(*parts.add(index)) }?;
+            *placement.entry(provider).or_default() += nodes;
+        }
+        Ok(placement)
+    }
+
     /// Runs once: reads `inputs`, writes `outputs` where they lie. As many of each as there are names.
     pub(in crate::graph) fn run<'run>(
         &mut self,
@@ -96,6 +114,24 @@ impl Session {
         };
         check(status)
     }
+}
+
+/// A part of a model: who computes it, and how many nodes it has.
+///
+/// # Safety
+/// `part` is one of a session that lives.
+unsafe fn part(part: *const OrtEpAssignedSubgraph) -> Result<(String, usize), String> {
+    let (mut name, mut nodes, mut count) = (std::ptr::null(), std::ptr::null(), 0);
+    // SAFETY: the caller's promise; the places may be written.
+    check(unsafe { (ort::api().EpAssignedSubgraph_GetEpName)(part, &raw mut name) })?;
+    // SAFETY: as above.
+    check(unsafe { (ort::api().EpAssignedSubgraph_GetNodes)(part, &raw mut nodes, &raw mut count) })?;
+    if name.is_null() {
+        return Err("a provider has no name".to_owned());
+    }
+    // SAFETY: not null, so a text of ONNX Runtime's that ends with 0 and lives as long as the session.
+    let name = unsafe { CStr::from_ptr(name) };
+    Ok((name.to_string_lossy().into_owned(), count))
 }
 
 /// Names as C wants them: the texts, and the pointers to them.
