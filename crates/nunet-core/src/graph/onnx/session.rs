@@ -66,10 +66,17 @@ impl Session {
         check(unsafe {
             (ort::api().Session_GetEpGraphAssignmentInfo)(session.ptr(), &raw mut parts, &raw mut count)
         })?;
-        let mut placement = BTreeMap::new();
-        for index in 0..count {
+        // Of nothing there may be no array at all.
+        let parts = if parts.is_null() {
+            &[]
+        } else {
             // SAFETY: ONNX Runtime gave `count` pointers, which live as long as the session, which is locked.
-            let (provider, nodes) = unsafe { part(*parts.add(index)) }?;
+            unsafe { std::slice::from_raw_parts(parts, count) }
+        };
+        let mut placement = BTreeMap::new();
+        for &one in parts {
+            // SAFETY: one of this session's, as above.
+            let (provider, nodes) = unsafe { part(one) }?;
             *placement.entry(provider).or_default() += nodes;
         }
         Ok(placement)
