@@ -1,6 +1,7 @@
 //! `nunetd` as its users meet it: the real binary, real files, real shared memory, other processes.
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
+mod access;
 mod bad_input;
 mod eval;
 mod filters;

@@ -88,8 +88,8 @@ fn check_size(wheel: &Path) -> Result<()> {
 fn try_out(folder: &Path) -> Result<()> {
     let target = paths::target()?.join("wheel-trial");
     let python = python::bare_environment(&target)?;
-    let mut install = python::pip_of(&python, &["install", "--no-index", "--find-links"])?;
-    run(install.arg(folder).arg("nunet-py"))?;
+    let mut install = python::pip_of(&python, &["install", "--no-index", "nunet-py"])?;
+    run(install.arg("--find-links").arg(folder))?;
     let mut trial = Command::new(&python);
     trial.args(["-c", TRIAL]).current_dir(&target);
     let said = output(&mut trial).context("the installed package does not work")?;

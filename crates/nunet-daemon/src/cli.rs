@@ -21,7 +21,7 @@ pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
-pub use run::{Publish, RunArgs, SourceArgs, StreamArgs};
+pub use run::{AccessArgs, Publish, RunArgs, SourceArgs, StreamArgs};
 
 /// The model that runs when none is named.
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";

@@ -10,6 +10,7 @@ use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::EventActivation;
 use iceoryx2::service::port_factory::PortFactory;
 
+use crate::access;
 use crate::error::IpcError;
 use crate::frame::{Frame, FrameSet, Port};
 use crate::name::CameraName;
@@ -63,13 +64,20 @@ impl Reader {
     /// # Errors
     /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`], [`IpcError::ContractVersion`].
     pub fn open(camera: &CameraName, topics: &[Topic], timeout: Duration) -> Result<Self, IpcError> {
-        let node = node::create()?;
         let deadline = deadline_after(timeout);
+        if let Some(topic) = topics.first() {
+            // A reader must not be the one who makes iceoryx2's folder: it would be for the reader's user alone.
+            let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
+            retry(deadline, missing, || Ok(access::has_folder().then_some(())))?;
+        }
+        let node = node::create()?;
         let mut opened = Vec::with_capacity(topics.len());
         for topic in topics {
             let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
             let service = retry(deadline, missing, || open_topic(&node, camera, *topic))?;
             opened.push(ReadTopic::subscribe(camera, *topic, service)?);
+            // At once: the owner waits until it may open the connection.
+            access::share_read()?;
         }
         let listener = Self::listen(&node, camera, timeout, deadline)?;
         Ok(Self { camera: camera.clone(), listener, topics: opened, joining: Default::default() })
@@ -83,13 +91,20 @@ impl Reader {
     ) -> Result<Listener<Iceoryx>, IpcError> {
         let missing = IpcError::NobodyPublishes { service: camera.wake_service(), timeout };
         let service = retry(deadline, missing, || open_wake(node, camera))?;
-        service.listener_builder().create().map_err(|cause| match cause {
+        let listener = service.listener_builder().create().map_err(|cause| match cause {
             ListenerCreateError::ExceedsMaxSupportedListeners => IpcError::TooManyListeners {
                 camera: camera.clone(),
                 limit: service.static_config().max_listeners(),
             },
             cause => IpcError::iceoryx(format!("listen to `{}`", camera.wake_service()), cause),
-        })
+        })?;
+        if access::is_shared() {
+            access::share_read()?;
+            // An owner who looked before the group was let in does not look again until a listener comes or goes. Where
+            // there is no room for one more, frames come without being announced, as after any lost wake-up.
+            drop(service.listener_builder().create());
+        }
+        Ok(listener)
     }
 
     /// The camera's name.

@@ -1,9 +1,11 @@
 //! The services of a camera: how owners create them and readers open them.
 
+use std::path::Path;
+
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::event_id::EventId;
 use iceoryx2::prelude::{CallbackProgression, MessagingPattern, Service};
-use iceoryx2::service::builder::event::EventOpenError;
+use iceoryx2::service::builder::event::{EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
 };
@@ -43,27 +45,37 @@ pub(crate) fn create_topic(
     topic: Topic,
     limits: &Limits,
 ) -> Result<TopicService, IpcError> {
+    use PublishSubscribeOpenOrCreateError as E;
     let name = camera.service(topic);
     turn.mend(node, &name, MessagingPattern::PublishSubscribe)?;
     refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
-    let service = node
-        .service_builder(&service_name(&name)?)
-        .publish_subscribe::<[Block64]>()
-        .user_header::<FrameHeader>()
-        .max_publishers(1)
-        .max_subscribers(limits.readers_of(topic))
-        .max_nodes(limits.readers_of(topic) + SPARE_NODES)
-        .subscriber_max_borrowed_samples(limits.max_held_frames)
-        .subscriber_max_buffer_size(QUEUE_FRAMES)
-        .history_size(QUEUE_FRAMES)
-        .enable_safe_overflow(true)
-        .open_or_create_with_attributes(&contract_attribute()?)
-        .map_err(|cause| {
-            if asks_for_more(&cause) {
-                return other_limits(node, camera, topic);
-            }
-            IpcError::iceoryx(format!("create service `{name}`"), cause)
-        })?;
+    let (service_name, attribute) = (service_name(&name)?, contract_attribute()?);
+    let create = || {
+        node.service_builder(&service_name)
+            .publish_subscribe::<[Block64]>()
+            .user_header::<FrameHeader>()
+            .max_publishers(1)
+            .max_subscribers(limits.readers_of(topic))
+            .max_nodes(limits.readers_of(topic) + SPARE_NODES)
+            .subscriber_max_borrowed_samples(limits.max_held_frames)
+            .subscriber_max_buffer_size(QUEUE_FRAMES)
+            .history_size(QUEUE_FRAMES)
+            .enable_safe_overflow(true)
+            .open_or_create_with_attributes(&attribute)
+    };
+    let created = match create() {
+        Err(E::PublishSubscribeOpenError(PublishSubscribeOpenError::IsMarkedForDestruction)) => {
+            turn.bury(node, &name, MessagingPattern::PublishSubscribe)?;
+            create()
+        }
+        created => created,
+    };
+    let service = created.map_err(|cause| {
+        if asks_for_more(&cause) {
+            return other_limits(node, camera, topic);
+        }
+        IpcError::iceoryx(format!("create service `{name}`"), cause)
+    })?;
     let existing = service.static_config();
     let same = existing.max_subscribers() == limits.readers_of(topic)
         && existing.subscriber_max_borrowed_samples() == limits.max_held_frames
@@ -105,17 +117,27 @@ pub(crate) fn create_wake(
     turn.mend(node, &name, MessagingPattern::Event)?;
     refuse_other_contract(&name, MessagingPattern::Event)?;
     let id = |wake: Wake| EventId::new(wake as usize);
-    node.service_builder(&service_name(&name)?)
-        .event()
-        .max_listeners(MAX_LISTENERS)
-        .max_notifiers(MAX_NOTIFIERS)
-        .max_nodes(MAX_LISTENERS + SPARE_NODES)
-        .event_id_max_value(Wake::ALL.len() - 1)
-        .notifier_created_event(id(Wake::OwnerCame))
-        .notifier_dropped_event(id(Wake::OwnerLeft))
-        .notifier_dead_event(id(Wake::OwnerDied))
-        .open_or_create_with_attributes(&contract_attribute()?)
-        .map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))
+    let (service_name, attribute) = (service_name(&name)?, contract_attribute()?);
+    let create = || {
+        node.service_builder(&service_name)
+            .event()
+            .max_listeners(MAX_LISTENERS)
+            .max_notifiers(MAX_NOTIFIERS)
+            .max_nodes(MAX_LISTENERS + SPARE_NODES)
+            .event_id_max_value(Wake::ALL.len() - 1)
+            .notifier_created_event(id(Wake::OwnerCame))
+            .notifier_dropped_event(id(Wake::OwnerLeft))
+            .notifier_dead_event(id(Wake::OwnerDied))
+            .open_or_create_with_attributes(&attribute)
+    };
+    let created = match create() {
+        Err(EventOpenOrCreateError::EventOpenError(EventOpenError::IsMarkedForDestruction)) => {
+            turn.bury(node, &name, MessagingPattern::Event)?;
+            create()
+        }
+        created => created,
+    };
+    created.map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))
 }
 
 /// Opens a topic's service as a reader; `None` while there is none.
@@ -178,7 +200,13 @@ pub(crate) fn owner_of(service: &TopicService) -> Option<Process> {
     let mut alive = false;
     // A listing that fails part of the way leaves the owner dead: it could not be found.
     let _ = service.nodes(|node| {
-        alive |= matches!(&node, NodeState::Alive(_)) && *node.node_id() == owner;
+        alive |= *node.node_id() == owner
+            && match &node {
+                NodeState::Alive(_) => true,
+                // Another user's signs of life are not for us to see.
+                NodeState::Inaccessible(_) => Path::new("/proc").join(pid.to_string()).exists(),
+                _ => false,
+            };
         CallbackProgression::Continue
     });
     Some(Process { pid, alive })

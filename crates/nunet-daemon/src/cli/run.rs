@@ -28,6 +28,8 @@ pub struct RunArgs {
     pub every: Vec<(String, NonZeroU32)>,
     #[command(flatten)]
     pub engine: EngineArgs,
+    #[command(flatten)]
+    pub access: AccessArgs,
     /// Serve the frame ledger and the latencies to Prometheus, at http://ADDRESS:PORT/metrics
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub metrics: Option<std::net::SocketAddr>,
@@ -41,6 +43,17 @@ impl RunArgs {
     pub fn streams(&self) -> impl Iterator<Item = &StreamArgs> {
         std::iter::once(&self.stream).chain(&self.others)
     }
+}
+
+/// Who may read.
+#[derive(Debug, Args, Clone, Default)]
+pub struct AccessArgs {
+    /// Let this group read, by name or number [default: only the own user]
+    #[arg(long, value_name = "GROUP")]
+    pub access_group: Option<String>,
+    /// Mode of the payload in shared memory, octal: 0640, or 0660 for a group that writes as well [default: 0640]
+    #[arg(long, value_name = "MODE", requires = "access_group", value_parser = parse_mode)]
+    pub access_mode: Option<u32>,
 }
 
 /// What belongs to one camera: a key of a `[[camera]]` section each, in which `--camera` is `name`.
@@ -131,6 +144,11 @@ pub(super) fn parse_frame_id(text: &str) -> Result<String, String> {
         return Err(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len()));
     }
     Ok(text.to_owned())
+}
+
+fn parse_mode(text: &str) -> Result<u32, String> {
+    u32::from_str_radix(text, 8)
+        .map_err(|_| format!("expected an octal number such as \"0640\", got `{text}`"))
 }
 
 fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {

@@ -3,12 +3,14 @@
 mod camera;
 
 use anyhow::Context as _;
+use nunet_ipc::{Access, IpcError, share_with};
 use tracing::{error, info, warn};
 
 use self::camera::{Plan, span_of};
 use crate::Outcome;
-use crate::cli::RunArgs;
+use crate::cli::{AccessArgs, RunArgs};
 use crate::engine::{Engine, tested_pipelines};
+use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Tally};
 use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
@@ -18,6 +20,7 @@ use crate::telemetry::Counts;
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    share(&arguments.access)?;
     let plans = arguments.streams().map(Plan::new).collect::<anyhow::Result<Vec<_>>>()?;
     camera::refuse_shared(&plans)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
@@ -47,6 +50,18 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     }
     ends.into_iter().try_for_each(|end| end.remains.files)?;
     Ok(outcome)
+}
+
+/// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
+fn share(arguments: &AccessArgs) -> anyhow::Result<()> {
+    let Some(group) = &arguments.access_group else { return Ok(()) };
+    let bad = |error: IpcError| BadArguments(error.to_string());
+    let access = Access::of_group(group).map_err(bad)?;
+    let access = match arguments.access_mode {
+        Some(mode) => access.with_mode(mode).map_err(bad)?,
+        None => access,
+    };
+    Ok(share_with(access)?)
 }
 
 /// A camera's end, told.
