@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 6] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 7] = [
     ("crates/nunet-ipc/Cargo.toml", &["nunet-core", "nunet-daemon", "ort", "serde", "serde_json", "anyhow"]),
     ("crates/nunet-core/Cargo.toml", &["nunet-ipc", "nunet-daemon", "iceoryx2", "clap", "anyhow", "tracing"]),
     ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove"]),
@@ -22,6 +22,7 @@ const NO_DEPENDENCY: [(&str, &[&str]); 6] = [
         "crates/nunet-mcap/Cargo.toml",
         &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon", "anyhow"],
     ),
+    ("crates/nunet-py/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-mcap"]),
     ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];
