@@ -1,14 +1,17 @@
 //! `nunetd` as its users meet it: the real binary, real files, real shared memory, other processes.
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
+mod access;
 mod bad_input;
 mod eval;
 mod filters;
+mod hostile;
 mod infer;
 mod journey;
 mod lens;
 mod loss;
 mod processes;
 mod recurrent;
+mod several;
 mod support;
 mod truth;

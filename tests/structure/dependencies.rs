@@ -14,7 +14,11 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 7] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 8] = [
+    (
+        "crates/nunet-c/Cargo.toml",
+        &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
+    ),
     ("crates/nunet-ipc/Cargo.toml", &["nunet-core", "nunet-daemon", "ort", "serde", "serde_json", "anyhow"]),
     ("crates/nunet-core/Cargo.toml", &["nunet-ipc", "nunet-daemon", "iceoryx2", "clap", "anyhow", "tracing"]),
     ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove"]),

@@ -18,6 +18,7 @@ const CORE: Order = Order {
     folder: "crates/nunet-core/src/",
     journey: &[
         "clock",
+        "text",
         "frame",
         "camera",
         "preprocess",
@@ -55,6 +56,7 @@ const DAEMON: Order = Order {
         "logging",
         "verbs",
         "embed",
+        "fuzzing",
     ],
     ahead: &[],
 };

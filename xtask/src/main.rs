@@ -2,6 +2,7 @@
 
 mod bundle;
 mod check;
+mod deb;
 mod demo;
 mod latency_table;
 mod package;
@@ -26,6 +27,7 @@ usage: cargo xtask VERB
   package        build the Python package for the tests; prints the interpreter that has it
   bundle         copy the models that the Python package brings, again, from models/
   wheel          put the Python package and what it needs as wheels into dist/, and try them in a new environment
+  deb            a Debian package of nunetd in target/debian/, by cargo-deb
   paper-models   export the paper's networks at 480x640 to target/paper-models/
 
 The package index is the one that pip is configured to use. The cache is $XDG_CACHE_HOME/nunet or ~/.cache/nunet.";
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         ["package"] => package::package(),
         ["bundle"] => bundle::bundle(),
         ["wheel"] => wheel::wheel(),
+        ["deb"] => deb::deb(),
         ["paper-models"] => paper_models::paper_models(),
         ["help" | "--help" | "-h"] => {
             run::print(USAGE);

@@ -7,10 +7,23 @@ use anyhow::Result;
 use crate::run::say;
 use crate::{paths, wheels};
 
-/// Fetch ONNX Runtime's library, if the cache does not have it.
+/// What goes with the library wherever it is passed on.
+const TEXTS: [&str; 2] = ["LICENSE", "ThirdPartyNotices.txt"];
+
+/// Fetch ONNX Runtime's library and its licence, if the cache does not have them.
 pub(crate) fn setup() -> Result<()> {
+    TEXTS.iter().try_for_each(|text| onnxruntime_text(text).map(drop))?;
     say(&format!("setup: ONNX Runtime is at {}", onnxruntime()?.display()));
     Ok(())
+}
+
+/// A text that comes with the library, such as its licence; fetched for those who pass the library on.
+pub(crate) fn onnxruntime_text(name: &str) -> Result<PathBuf> {
+    let wheel = wheels::pinned("onnxruntime")?;
+    let text = paths::cache()?.join(format!("onnxruntime-{}", wheel.version)).join(name);
+    let _lock = paths::lock()?;
+    wheels::fetch(&wheel, Some(&format!("onnxruntime/{name}")), &text)?;
+    Ok(text)
 }
 
 /// The path of the library in the cache, where nunetd and the tests look for it too.

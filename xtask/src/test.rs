@@ -22,8 +22,9 @@ pub(crate) fn test() -> Result<()> {
     run_all(
         "test",
         &mut [
-            // It leaves `nunetd` for the steps after it: cargo builds a crate's binary for its integration tests. A
-            // build of its own would choose other features and compile half of the dependencies again.
+            // It leaves `nunetd` and, in `deps`, `libnunet.a` and `libnunet.so` for the steps after it: cargo builds a
+            // crate's binary and libraries for its integration tests. A build of its own would choose other features
+            // and compile half of the dependencies again.
             ("Rust", cargo(&["test", "--workspace", "--no-fail-fast"])),
             ("Python lint", lint),
             ("Python clients", clients),

@@ -14,3 +14,4 @@ pub mod graph;
 pub mod model;
 pub mod pipeline;
 pub mod preprocess;
+pub mod text;

@@ -43,12 +43,8 @@ pub struct PipelineOptions {
 
 impl Default for PipelineOptions {
     fn default() -> Self {
-        Self {
-            camera: None,
-            focal: Focal::Auto,
-            cloud_stride: NonZeroU32::MIN,
-            filters: FilterOptions::default(),
-        }
+        let filters = FilterOptions::default();
+        Self { camera: None, focal: Focal::Auto, cloud_stride: NonZeroU32::MIN, filters }
     }
 }
 

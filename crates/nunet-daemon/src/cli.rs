@@ -7,22 +7,21 @@ use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
-use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
-
-use crate::source::{Opening, PictureSize};
 
 mod config;
 mod eval;
 mod filter;
 mod lens;
 mod record;
+mod run;
 
 pub use config::ConfigArgs;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
+pub use run::{AccessArgs, Publish, RunArgs, SourceArgs, StreamArgs};
 
 /// The model that runs when none is named.
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
@@ -51,12 +50,18 @@ impl Cli {
             arguments.insert(place, "run".into());
         }
         let mut command = Self::command();
-        let arguments = config::expand(command.clone(), arguments)?;
-        let matches = command.try_get_matches_from_mut(arguments)?;
-        let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
-        if let (Verb::Config(config), Some((verb, given))) = (&mut cli.verb, matches.subcommand()) {
-            config.effective =
-                command.find_subcommand(verb).map(|verb| config::effective(verb, given)).unwrap_or_default();
+        let lines = config::expand(command.clone(), arguments)?;
+        let matches = lines.into_iter().map(|line| command.try_get_matches_from_mut(line));
+        let matches = matches.collect::<Result<Vec<_>, _>>()?;
+        let parsed = matches.iter().map(Self::from_arg_matches).collect::<Result<Vec<_>, _>>();
+        let mut parsed = parsed.map_err(|error| error.format(&mut command))?.into_iter();
+        let no_line = || command.clone().error(clap::error::ErrorKind::ValueValidation, "no camera to run");
+        let mut cli = parsed.next().ok_or_else(no_line)?;
+        if let Some(run) = cli.verb.run_mut() {
+            run.others = parsed.filter_map(|mut other| Some(other.verb.run_mut()?.stream.clone())).collect();
+        }
+        if let Verb::Config(config) = &mut cli.verb {
+            config.effective = config::effective(&command, &matches);
         }
         Ok(cli)
     }
@@ -128,6 +133,17 @@ pub enum Verb {
     Vet(VetArgs),
 }
 
+impl Verb {
+    /// What `run` is to do, of the verbs that take its arguments.
+    fn run_mut(&mut self) -> Option<&mut RunArgs> {
+        match self {
+            Self::Run(run) => Some(run),
+            Self::Config(config) => Some(&mut config.run),
+            _ => None,
+        }
+    }
+}
+
 /// How to speak to people.
 #[derive(Debug, Args, Clone)]
 pub struct LogArgs {
@@ -163,102 +179,6 @@ pub struct EngineArgs {
     /// ONNX Runtime's shared library
     #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub onnxruntime: Option<PathBuf>,
-}
-
-/// Where frames come from.
-#[derive(Debug, Args, Clone)]
-pub struct SourceArgs {
-    /// `max` (every frame, as fast as it goes) or frames a second (latest wins) [default: max]; of a camera, the rate
-    /// wished [default: 30]
-    #[arg(long, value_name = "max|HZ")]
-    pub rate: Option<crate::source::Rate>,
-    /// Begin again at the end
-    #[arg(long = "loop")]
-    pub repeat: bool,
-    /// The recording's topic with pictures, where it has several
-    #[arg(long, value_name = "TOPIC")]
-    pub topic: Option<String>,
-    /// Size of raw pictures on stdin; of a camera, the size wished [default: 640x480]
-    #[arg(long, value_name = "WxH")]
-    pub size: Option<PictureSize>,
-    /// Format of raw pictures on stdin: rgb8, bgr8, mono8, yuyv or nv12
-    #[arg(long, value_name = "FORMAT", requires = "size")]
-    pub format: Option<PixelFormat>,
-    /// Stop after N frames
-    #[arg(long, value_name = "N")]
-    pub frames: Option<NonZeroU64>,
-}
-
-impl SourceArgs {
-    /// What the source's opening depends on.
-    #[must_use]
-    pub fn opening(&self) -> Opening<'_> {
-        Opening {
-            repeat: self.repeat,
-            topic: self.topic.as_deref(),
-            size: self.size.map(|PictureSize(width, height)| (width, height)),
-            format: self.format,
-            rate: self.rate,
-        }
-    }
-}
-
-/// `nunetd run`
-#[derive(Debug, Args, Clone)]
-pub struct RunArgs {
-    /// A file that says what flags say, each by its long name; flags win
-    #[arg(long, value_name = "FILE.toml")]
-    pub config: Option<PathBuf>,
-    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
-    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
-    pub model: PathBuf,
-    /// demo, a folder, a glob of pictures, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, or - for stdin
-    /// [default: demo]
-    #[arg(long, value_name = "SOURCE")]
-    pub source: Option<String>,
-    /// Name of the camera in shared memory [default: demo for the demo scene, else camera]
-    #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
-    #[command(flatten)]
-    pub pace: SourceArgs,
-    #[command(flatten)]
-    pub optics: CameraArgs,
-    /// Coordinate frame of depth and cloud [default: the camera's name and `_optical_frame`]
-    #[arg(long, value_name = "NAME", value_parser = parse_frame_id)]
-    pub frame_id: Option<String>,
-    /// What may be read; labels and cloud cost nothing while nobody reads them
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
-    pub publish: Vec<Publish>,
-    /// Processes that may read at the same time; half as many the cloud [default: 4]. Memory is reserved for all
-    #[arg(long, value_name = "N")]
-    pub readers: Option<NonZeroU32>,
-    /// Run a stage on each N-th frame and reuse its result in between
-    #[arg(long, value_name = "STAGE=N", value_parser = parse_every)]
-    pub every: Vec<(String, NonZeroU32)>,
-    #[command(flatten)]
-    pub engine: EngineArgs,
-    #[command(flatten)]
-    pub recording: RecordArgs,
-    /// Write the last frame's depth, labels and cloud into this folder
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Serve the frame ledger and the latencies to Prometheus, at http://ADDRESS:PORT/metrics
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pub metrics: Option<std::net::SocketAddr>,
-    /// Write the frame ledger and the latencies into this file at the end
-    #[arg(long, value_name = "FILE")]
-    pub stats_json: Option<PathBuf>,
-}
-
-/// A published topic.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Publish {
-    /// The depth map; always published.
-    Depth,
-    /// Class indices.
-    Labels,
-    /// The organised point cloud.
-    Cloud,
 }
 
 /// `nunetd infer`
@@ -368,23 +288,6 @@ pub struct VetArgs {
     pub model: PathBuf,
     #[command(flatten)]
     pub engine: EngineArgs,
-}
-
-/// The bytes of a coordinate frame's name that fit into a message's header.
-const MAX_FRAME_ID: usize = 64;
-
-/// A name that is cut would be another coordinate frame.
-fn parse_frame_id(text: &str) -> Result<String, String> {
-    if text.is_empty() || text.len() > MAX_FRAME_ID {
-        return Err(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len()));
-    }
-    Ok(text.to_owned())
-}
-
-fn parse_every(text: &str) -> Result<(String, NonZeroU32), String> {
-    let (stage, count) = text.split_once('=').ok_or("expected `STAGE=N`, such as `segmentation=3`")?;
-    let count = count.parse().map_err(|_| format!("expected a count of 1 or more, got `{count}`"))?;
-    Ok((stage.to_owned(), count))
 }
 
 #[cfg(test)]

@@ -83,7 +83,30 @@ pub(crate) fn tested_pipeline(loaded: Loaded, optics: &CameraArgs) -> anyhow::Re
 /// The same without a word, and what the test found.
 pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pipeline, SelfTestReport)> {
     let path = loaded.path;
-    let options = PipelineOptions {
+    let mut pipeline = Pipeline::new(loaded.graph, options(optics)?)?;
+    let report =
+        pipeline.selftest(&MonotonicClock).with_context(|| format!("`{}` is refused", path.display()))?;
+    Ok((pipeline, report))
+}
+
+/// A pipeline for each camera, one at least. They run the same sessions, so that weights are in memory once and tested
+/// once; what a network, a filter or a skipped stage keeps from frame to frame, each has for itself.
+pub(crate) fn tested_pipelines<'a>(
+    loaded: Loaded,
+    cameras: impl IntoIterator<Item = &'a CameraArgs>,
+) -> anyhow::Result<Vec<Pipeline>> {
+    let mut cameras = cameras.into_iter();
+    let first = tested_pipeline(loaded, cameras.next().unwrap_or(&CameraArgs::default()))?;
+    let others = cameras.map(|optics| Ok(Pipeline::new(first.graph().sibling()?, options(optics)?)?));
+    let others = others.collect::<anyhow::Result<Vec<_>>>()?;
+    if !others.is_empty() {
+        info!("{} cameras share the model: its weights are in memory once", others.len() + 1);
+    }
+    Ok(std::iter::once(first).chain(others).collect())
+}
+
+fn options(optics: &CameraArgs) -> Result<PipelineOptions, BadArguments> {
+    Ok(PipelineOptions {
         camera: None,
         focal: match optics.lens.focal {
             FocalArg::Auto => Focal::Auto,
@@ -91,11 +114,7 @@ pub(crate) fn tested(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<(Pip
         },
         cloud_stride: optics.cloud_stride,
         filters: filters(&optics.filters)?,
-    };
-    let mut pipeline = Pipeline::new(loaded.graph, options)?;
-    let report =
-        pipeline.selftest(&MonotonicClock).with_context(|| format!("`{}` is refused", path.display()))?;
-    Ok((pipeline, report))
+    })
 }
 
 /// What clap cannot see, because it parses one value after the other.

@@ -10,6 +10,8 @@ pub mod embed;
 mod engine;
 mod exit;
 mod fault;
+#[doc(hidden)]
+pub mod fuzzing;
 mod installation;
 mod library;
 mod logging;

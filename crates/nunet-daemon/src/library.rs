@@ -76,7 +76,7 @@ fn places() -> Vec<Place> {
     } else if let Some(folder) = std::env::current_exe().ok().and_then(|exe| exe.parent().map(Path::to_owned))
     {
         add("beside the executable", folder.clone(), Search::Here);
-        add("beside the executable", folder.join("../lib/nunet"), Search::Here);
+        add("beside the executable", folder.with_file_name("lib").join("nunet"), Search::Here);
     }
     for prefix in ["VIRTUAL_ENV", "CONDA_PREFIX"].into_iter().filter_map(std::env::var_os) {
         for folder in site_packages(Path::new(&prefix)) {

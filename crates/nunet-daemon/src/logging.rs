@@ -19,7 +19,7 @@ pub(crate) fn start(arguments: &LogArgs) {
     let lines = tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)
-        .with_span_events(FmtSpan::CLOSE)
+        .with_span_events(if arguments.verbose > 1 { FmtSpan::CLOSE } else { FmtSpan::NONE })
         .log_internal_errors(false);
     let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     let started = match arguments.log_format {

@@ -49,7 +49,7 @@ fn folders() -> Vec<PathBuf> {
     }
     let exe = std::env::current_exe().unwrap_or_default();
     let beside = exe.parent().unwrap_or(Path::new("."));
-    let installed = [beside.join("models"), beside.join("../share/nunet/models")];
+    let installed = [beside.join("models"), beside.with_file_name("share").join("nunet/models")];
     // target/release/nunetd, target/debug/deps/test-0123
     let checkouts = exe.ancestors().skip(1).take(4).map(|folder| folder.join("models"));
     installed.into_iter().chain(checkouts.skip(1)).filter(|folder| folder.is_dir()).collect()

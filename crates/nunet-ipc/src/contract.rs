@@ -68,6 +68,18 @@ pub const ENUMS: &[Enumeration] = &[
     (Wake::FIELD, Wake::NUMBERS),
 ];
 
+/// What the words of [`ENUMS`] mean, in the same order: for headers and documents in other languages.
+pub const ENUM_DOCS: &[&[&str]] = &[
+    Topic::DOCS,
+    Encoding::DOCS,
+    Units::DOCS,
+    ScaleSource::DOCS,
+    Clock::DOCS,
+    DistortionModel::DOCS,
+    Quality::DOCS,
+    Wake::DOCS,
+];
+
 /// Every service, with `CAMERA` standing for the camera's name: publish-subscribe, but for `wake`, an event.
 pub const SERVICES: &[&str] = &[
     "nunet/CAMERA/rgb",
@@ -90,6 +102,22 @@ mod tests {
         let topics = Topic::ALL.iter().map(|topic| camera.service(*topic));
         let opened: Vec<_> = topics.chain([camera.wake_service()]).collect();
         assert_eq!(opened, SERVICES);
+    }
+
+    #[test]
+    fn every_word_and_every_field_says_what_it_means() {
+        assert_eq!(ENUMS.len(), ENUM_DOCS.len());
+        for ((name, words), docs) in ENUMS.iter().zip(ENUM_DOCS) {
+            assert_eq!(words.len(), docs.len(), "{name}");
+            assert!(docs.iter().all(|doc| doc.trim_end().ends_with('.')), "{name}: {docs:?}");
+        }
+        assert_eq!(
+            ENUM_DOCS[0][Topic::Labels as usize],
+            " The class of each pixel: `[height, width]`, `u8`.\n"
+        );
+        for layout in [HEADER, STATS, POINT] {
+            assert!(layout.fields.iter().all(|field| field.doc.trim_end().ends_with('.')), "{layout:?}");
+        }
     }
 
     #[test]

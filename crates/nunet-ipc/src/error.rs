@@ -210,6 +210,73 @@ pub enum IpcError {
         /// What the system said.
         source: io::Error,
     },
+    /// No group of that name.
+    #[error(
+        "there is no group `{group}` in `/etc/group`\nhint: `groupadd {group}`, or give a group by its number"
+    )]
+    UnknownGroup {
+        /// What was asked for.
+        group: String,
+    },
+    /// A mode that does not do what it says.
+    #[error(
+        "payload cannot have mode 0{mode:o}; expected 0640 or 0660\n\
+         hint: 0640 lets the group read, 0660 lets it write as well; others join the group"
+    )]
+    AccessMode {
+        /// What was asked for.
+        mode: u32,
+    },
+    /// A file cannot be given to a group.
+    #[error(
+        "cannot give `{path}` to group {gid}\n\
+         hint: the user must be a member of the group (`usermod -aG {gid} USER`, then log in again)"
+    )]
+    Access {
+        /// The file.
+        path: PathBuf,
+        /// The group.
+        gid: u32,
+        /// Why not.
+        source: io::Error,
+    },
+    /// iceoryx2's folder belongs to somebody who has not opened it.
+    #[error(
+        "`{folder}` belongs to user {uid}, who has not opened it to group {gid}\n\
+         hint: start nunetd first, or remove the folder if nobody uses it"
+    )]
+    FolderOfOthers {
+        /// The folder.
+        folder: PathBuf,
+        /// Its owner.
+        uid: u32,
+        /// The group.
+        gid: u32,
+    },
+    /// Somebody opened payload to everybody.
+    #[error(
+        "everybody may write `{path}`, whose mode is {mode:o}\nhint: chmod o-w {path}, or restart its owner"
+    )]
+    PayloadOpen {
+        /// The file.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// This user is neither the owner of iceoryx2's folder nor in its group.
+    #[error(
+        "this user may not use `{folder}`: it belongs to user {uid} and group {group}\n\
+         hint: run as that user, or join a group that was let in (`nunetd --access-group GROUP`, `usermod -aG GROUP USER`, \
+         then log in again)"
+    )]
+    NoAccess {
+        /// The folder.
+        folder: PathBuf,
+        /// Its owner.
+        uid: u32,
+        /// Its group.
+        group: String,
+    },
     /// This process cannot take part in shared memory at all.
     #[error(
         "cannot join iceoryx2: it says `{cause}`\n\

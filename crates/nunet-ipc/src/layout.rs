@@ -11,6 +11,8 @@ pub struct Field {
     pub kind: &'static str,
     /// How many elements there are; 1 for a plain number.
     pub count: usize,
+    /// What it means: the documentation of the field, a line for each of its lines.
+    pub doc: &'static str,
 }
 
 /// A type that a field of a contract struct may have: fixed-width numbers and arrays of them, nothing else.
@@ -45,11 +47,11 @@ impl<T: FieldType, const N: usize> FieldType for [T; N] {
 /// Declares a `repr(C)` struct together with its table of fields, so that the two cannot differ. Does not compile
 /// when the struct is not exactly `$bytes` long or when the compiler would have to insert padding.
 macro_rules! contract_struct {
-    ($(#[$doc:meta])* $name:ident, $bytes:literal bytes { $($(#[$field_doc:meta])* $visibility:vis $field:ident: $kind:ty,)+ }) => {
+    ($(#[$doc:meta])* $name:ident, $bytes:literal bytes { $($(#[doc = $field_doc:literal])* $visibility:vis $field:ident: $kind:ty,)+ }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[repr(C)]
-        pub struct $name { $($(#[$field_doc])* $visibility $field: $kind,)+ }
+        pub struct $name { $($(#[doc = $field_doc])* $visibility $field: $kind,)+ }
 
         impl $name {
             /// Every field in the order of their offsets, the reserved tail included.
@@ -58,6 +60,7 @@ macro_rules! contract_struct {
                 offset: std::mem::offset_of!($name, $field),
                 kind: <$kind as $crate::layout::FieldType>::KIND,
                 count: <$kind as $crate::layout::FieldType>::COUNT,
+                doc: concat!($($field_doc, "\n"),*),
             },)+];
         }
 

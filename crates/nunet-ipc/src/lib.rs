@@ -15,6 +15,7 @@
 //! | [`name`], [`plan`] | a camera's name, and how much memory it needs |
 //! | [`publisher`], [`loan`] | the owner's side |
 //! | [`reader`], [`frame`] | the reader's side |
+//! | [`access`] | who besides the own user may read |
 //! | [`orphans`] | what killed processes left behind |
 //! | [`clock`] | the time that all of them share |
 //!
@@ -25,6 +26,7 @@
 //! - A frame's memory stays as it is for as long as its [`Frame`] lives.
 //! - After the first frames nothing is taken from the heap, but for one small piece of iceoryx2's own in each loan.
 
+pub mod access;
 pub mod block;
 pub mod clock;
 pub mod contract;
@@ -46,6 +48,7 @@ pub mod stats;
 mod touch;
 pub mod vocabulary;
 
+pub use crate::access::{Access, share_with};
 pub use crate::clock::monotonic_nanos;
 pub use crate::error::IpcError;
 pub use crate::frame::{Frame, FrameSet};

@@ -61,6 +61,22 @@ impl Turn {
         }
     }
 
+    /// Removes a service whose last user has said so and could not do it: one of another user, whom the sticky bit of
+    /// `/dev/shm` stopped.
+    pub(crate) fn bury(
+        &self,
+        node: &Node<Iceoryx>,
+        name: &str,
+        pattern: MessagingPattern,
+    ) -> Result<(), IpcError> {
+        std::thread::sleep(REMOVAL_TIME);
+        // SAFETY: a service that is marked for destruction has no user left and takes none, and whoever marked it has
+        // had the time to remove it; nobody creates it at the moment, because that takes the turn, which is ours.
+        unsafe { node.force_remove_service(&service_name(name)?, pattern) }
+            .map(drop)
+            .map_err(|cause| IpcError::iceoryx(format!("remove the rest of service `{name}`"), cause))
+    }
+
     /// Removes what is left of a service that can be neither opened nor created.
     pub(crate) fn mend(
         &self,
@@ -69,10 +85,7 @@ impl Turn {
         pattern: MessagingPattern,
     ) -> Result<(), IpcError> {
         let service = service_name(name)?;
-        let hash = ServiceHash::new::<<Iceoryx as Service>::ServiceNameHasher>(&service, pattern);
-        let global = &config().global;
-        let file = format!("{}{hash}{}", global.prefix, global.service.static_config_storage_suffix);
-        let path = PathBuf::from(global.service_dir().to_string()).join(file);
+        let path = record_of(name, pattern)?;
         if is_unfinished(&path) {
             return remove(&path);
         }
@@ -94,6 +107,14 @@ impl Turn {
             .map(drop)
             .map_err(|cause| IpcError::iceoryx(format!("remove the rest of service `{name}`"), cause))
     }
+}
+
+/// The file that says what a service is.
+pub(crate) fn record_of(name: &str, pattern: MessagingPattern) -> Result<PathBuf, IpcError> {
+    let hash = ServiceHash::new::<<Iceoryx as Service>::ServiceNameHasher>(&service_name(name)?, pattern);
+    let global = &config().global;
+    let file = format!("{}{hash}{}", global.prefix, global.service.static_config_storage_suffix);
+    Ok(PathBuf::from(global.service_dir().to_string()).join(file))
 }
 
 /// The processes that died and were not cleaned up after, of this iceoryx2 only.
@@ -162,7 +183,7 @@ fn shared_memory() -> Vec<(PathBuf, u128)> {
 }
 
 /// The process that made an id: iceoryx2's `UniqueSystemId` is seconds, nanoseconds, process, counter, 32 bits each.
-fn pid_of(id: u128) -> u32 {
+pub(crate) fn pid_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 

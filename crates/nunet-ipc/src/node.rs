@@ -10,6 +10,7 @@ use iceoryx2::prelude::{
 };
 use iceoryx2::service::attribute::AttributeSet;
 
+use crate::access;
 use crate::error::IpcError;
 use crate::header::CONTRACT_VERSION;
 use crate::mend;
@@ -40,6 +41,7 @@ impl fmt::Display for Process {
 /// Makes a node. Doing so also removes what dead processes left behind: iceoryx2's default, which we keep.
 pub(crate) fn create() -> Result<Node<Iceoryx>, IpcError> {
     hush();
+    access::check_folder()?;
     let dead = mend::dead_processes();
     mend::remove_unfilled(&dead);
     let node = NodeBuilder::new()

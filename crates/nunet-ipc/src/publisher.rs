@@ -7,18 +7,19 @@ use iceoryx2::port::event_id::EventId;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern};
 use iceoryx2::service::port_factory::PortFactory;
 
+use crate::access;
 use crate::block::{Block64, blocks_for};
 use crate::error::IpcError;
 use crate::header::FrameHeader;
 use crate::loan::Loan;
-use crate::mend::Turn;
+use crate::mend::{Turn, record_of};
 use crate::name::CameraName;
 use crate::node::{self, Iceoryx, Process};
 use crate::plan::{Limits, Reservation, TopicPlan, free_shared_memory_bytes};
-use crate::service::{TopicService, create_topic, create_wake, owner_of};
+use crate::service::{TopicService, WakeService, create_topic, create_wake, owner_of};
 use crate::touch;
 use crate::vocabulary::{Topic, Wake};
 
@@ -81,6 +82,7 @@ impl Publisher {
             services.push((*plan, service));
         }
         let wake = create_wake(&turn, &node, camera)?;
+        share_services(camera, &services, &wake)?;
         drop(turn);
         // Only the services' records exist so far. Asked after the owners: a camera that is already published
         // should say so, not that there is no memory for it twice.
@@ -93,6 +95,7 @@ impl Publisher {
             .notifier_builder()
             .create()
             .map_err(|cause| IpcError::iceoryx(format!("notify the readers of camera `{camera}`"), cause))?;
+        access::share_published(&[], &[])?;
         Ok(Self { camera: camera.clone(), notifier, topics, reservation, limits: *limits })
     }
 
@@ -202,9 +205,26 @@ impl OwnedTopic {
                 return Err(IpcError::iceoryx(format!("publish `{}`", camera.service(plan.topic)), cause));
             }
         };
+        // Before the slow work: readers of an earlier owner wait for it.
+        access::share_published(&[], &[])?;
         touch::every_chunk(&port, plan, chunks)?;
         Ok(Self { plan, port, service })
     }
+}
+
+/// Lets the group in, if there is one. Services may be older than this owner, so they are named.
+fn share_services(
+    camera: &CameraName,
+    services: &[(TopicPlan, TopicService)],
+    wake: &WakeService,
+) -> Result<(), IpcError> {
+    let mut ids = vec![wake.unique_service_id().value()];
+    let mut records = vec![record_of(&camera.wake_service(), MessagingPattern::Event)?];
+    for (plan, service) in services {
+        ids.push(service.unique_service_id().value());
+        records.push(record_of(&camera.service(plan.topic), MessagingPattern::PublishSubscribe)?);
+    }
+    access::share_published(&ids, &records)
 }
 
 /// Refuses a topic that a living process publishes; cleans up after a dead one.

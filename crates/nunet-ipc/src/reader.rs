@@ -10,6 +10,7 @@ use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::EventActivation;
 use iceoryx2::service::port_factory::PortFactory;
 
+use crate::access;
 use crate::error::IpcError;
 use crate::frame::{Frame, FrameSet, Port};
 use crate::name::CameraName;
@@ -63,13 +64,20 @@ impl Reader {
     /// # Errors
     /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`], [`IpcError::ContractVersion`].
     pub fn open(camera: &CameraName, topics: &[Topic], timeout: Duration) -> Result<Self, IpcError> {
-        let node = node::create()?;
         let deadline = deadline_after(timeout);
+        if let Some(topic) = topics.first() {
+            // A reader must not be the one who makes iceoryx2's folder: it would be for the reader's user alone.
+            let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
+            retry(deadline, missing, || Ok(access::has_folder().then_some(())))?;
+        }
+        let node = node::create()?;
         let mut opened = Vec::with_capacity(topics.len());
         for topic in topics {
             let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
             let service = retry(deadline, missing, || open_topic(&node, camera, *topic))?;
             opened.push(ReadTopic::subscribe(camera, *topic, service)?);
+            // At once: the owner waits until it may open the connection.
+            access::share_read()?;
         }
         let listener = Self::listen(&node, camera, timeout, deadline)?;
         Ok(Self { camera: camera.clone(), listener, topics: opened, joining: Default::default() })
@@ -83,13 +91,20 @@ impl Reader {
     ) -> Result<Listener<Iceoryx>, IpcError> {
         let missing = IpcError::NobodyPublishes { service: camera.wake_service(), timeout };
         let service = retry(deadline, missing, || open_wake(node, camera))?;
-        service.listener_builder().create().map_err(|cause| match cause {
+        let listener = service.listener_builder().create().map_err(|cause| match cause {
             ListenerCreateError::ExceedsMaxSupportedListeners => IpcError::TooManyListeners {
                 camera: camera.clone(),
                 limit: service.static_config().max_listeners(),
             },
             cause => IpcError::iceoryx(format!("listen to `{}`", camera.wake_service()), cause),
-        })
+        })?;
+        if access::is_shared() {
+            access::share_read()?;
+            // An owner who looked before the group was let in does not look again until a listener comes or goes. Where
+            // there is no room for one more, frames come without being announced, as after any lost wake-up.
+            drop(service.listener_builder().create());
+        }
+        Ok(listener)
     }
 
     /// The camera's name.
@@ -174,28 +189,54 @@ impl Reader {
     /// The newest frames of all topics but `stats` that belong together, if they are all there. What came so far is
     /// kept for the next call; what can no longer become complete is dropped.
     ///
+    /// A picture (`rgb`) is older than its results by the time they are made. So the one that came with the last
+    /// results is kept until the next ones come, and newer ones are passed over: it is likely the one that is being
+    /// worked on.
+    ///
     /// # Errors
     /// Those of [`next`](Self::next).
     pub fn next_set(&mut self) -> Result<Option<FrameSet>, IpcError> {
-        let mut sequence = None;
-        let mut complete = true;
+        let mut came = None;
         for index in 0..self.topics.len() {
             let topic = self.topics[index].topic;
-            if topic == Topic::Stats {
-                continue;
+            if !matches!(topic, Topic::Stats | Topic::Rgb) && self.follow(topic)? {
+                came = self.joining_sequence(topic);
             }
-            if self.has_more(topic)? {
-                drop(self.joining[topic as usize].take());
-                self.joining[topic as usize] = self.latest(topic)?;
+        }
+        if self.topics().any(|topic| topic == Topic::Rgb) {
+            let alone = self.topics().all(|topic| matches!(topic, Topic::Stats | Topic::Rgb));
+            let held = self.joining_sequence(Topic::Rgb);
+            if alone || held.is_none() || (came.is_some() && came != held) {
+                self.follow(Topic::Rgb)?;
             }
-            let found = self.joining[topic as usize].as_ref().map(|frame| frame.header().sequence);
-            complete &= found.is_some() && (sequence.is_none() || sequence == found);
-            sequence = found;
         }
-        if !complete || sequence.is_none() {
-            return Ok(None);
+        if self.is_joined() {
+            Ok(Some(FrameSet { frames: std::mem::take(&mut self.joining) }))
+        } else {
+            Ok(None)
         }
-        Ok(Some(FrameSet { frames: std::mem::take(&mut self.joining) }))
+    }
+
+    /// Whether every topic has a frame, all of one number.
+    fn is_joined(&self) -> bool {
+        let joined = self.topics().filter(|topic| *topic != Topic::Stats);
+        let mut joined = joined.map(|topic| self.joining_sequence(topic));
+        let first = joined.next().flatten();
+        first.is_some() && joined.all(|sequence| sequence == first)
+    }
+
+    /// Replaces what is kept of a topic by what is newer; says whether there was anything.
+    fn follow(&mut self, topic: Topic) -> Result<bool, IpcError> {
+        let more = self.has_more(topic)?;
+        if more {
+            drop(self.joining[topic as usize].take()); // given back first: a reader may hold few frames
+            self.joining[topic as usize] = self.latest(topic)?;
+        }
+        Ok(more)
+    }
+
+    fn joining_sequence(&self, topic: Topic) -> Option<u64> {
+        self.joining[topic as usize].as_ref().map(|frame| frame.header().sequence)
     }
 
     /// The process that publishes a topic: `None` when there is none, not alive when it was killed. Asks the file

@@ -1,10 +1,15 @@
 //! The services of a camera: how owners create them and readers open them.
 
+use std::path::Path;
+
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::event_id::EventId;
 use iceoryx2::prelude::{CallbackProgression, MessagingPattern, Service};
-use iceoryx2::service::builder::event::EventOpenError;
-use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::ServiceDetailsError;
+use iceoryx2::service::builder::event::{EventOpenError, EventOpenOrCreateError};
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
 use iceoryx2::service::port_factory::{PortFactory, event, publish_subscribe};
 
 use crate::block::Block64;
@@ -41,28 +46,66 @@ pub(crate) fn create_topic(
     topic: Topic,
     limits: &Limits,
 ) -> Result<TopicService, IpcError> {
+    use PublishSubscribeOpenOrCreateError as E;
     let name = camera.service(topic);
     turn.mend(node, &name, MessagingPattern::PublishSubscribe)?;
     refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
-    let service = node
-        .service_builder(&service_name(&name)?)
-        .publish_subscribe::<[Block64]>()
-        .user_header::<FrameHeader>()
-        .max_publishers(1)
-        .max_subscribers(limits.readers_of(topic))
-        .max_nodes(limits.readers_of(topic) + SPARE_NODES)
-        .subscriber_max_borrowed_samples(limits.max_held_frames)
-        .subscriber_max_buffer_size(QUEUE_FRAMES)
-        .history_size(QUEUE_FRAMES)
-        .enable_safe_overflow(true)
-        .open_or_create_with_attributes(&contract_attribute()?)
-        .map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))?;
+    let (service_name, attribute) = (service_name(&name)?, contract_attribute()?);
+    let create = || {
+        node.service_builder(&service_name)
+            .publish_subscribe::<[Block64]>()
+            .user_header::<FrameHeader>()
+            .max_publishers(1)
+            .max_subscribers(limits.readers_of(topic))
+            .max_nodes(limits.readers_of(topic) + SPARE_NODES)
+            .subscriber_max_borrowed_samples(limits.max_held_frames)
+            .subscriber_max_buffer_size(QUEUE_FRAMES)
+            .history_size(QUEUE_FRAMES)
+            .enable_safe_overflow(true)
+            .open_or_create_with_attributes(&attribute)
+    };
+    let created = match create() {
+        Err(E::PublishSubscribeOpenError(PublishSubscribeOpenError::IsMarkedForDestruction)) => {
+            turn.bury(node, &name, MessagingPattern::PublishSubscribe)?;
+            create()
+        }
+        created => created,
+    };
+    let service = created.map_err(|cause| {
+        if asks_for_more(&cause) {
+            return other_limits(node, camera, topic);
+        }
+        IpcError::iceoryx(format!("create service `{name}`"), cause)
+    })?;
     let existing = service.static_config();
     let same = existing.max_subscribers() == limits.readers_of(topic)
         && existing.subscriber_max_borrowed_samples() == limits.max_held_frames
         && existing.subscriber_max_buffer_size() == QUEUE_FRAMES
         && existing.max_publishers() == 1;
-    if same { Ok(service) } else { Err(IpcError::OtherLimits { service: name }) }
+    if same { Ok(service) } else { Err(other_limits(node, camera, topic)) }
+}
+
+/// Whether a service exists and has room for less than asked for.
+fn asks_for_more(cause: &PublishSubscribeOpenOrCreateError) -> bool {
+    use PublishSubscribeOpenError as E;
+    matches!(
+        cause,
+        PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(
+            E::DoesNotSupportRequestedAmountOfSubscribers
+                | E::DoesNotSupportRequestedAmountOfNodes
+                | E::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+        )
+    )
+}
+
+/// Why a service of other limits is in the way. Whoever asks for a camera that is published should hear of its owner,
+/// whatever the limits.
+fn other_limits(node: &Node<Iceoryx>, camera: &CameraName, topic: Topic) -> IpcError {
+    let service = open_topic(node, camera, topic).ok().flatten();
+    match service.as_ref().and_then(owner_of).filter(|owner| owner.alive) {
+        Some(owner) => IpcError::AlreadyOwned { camera: camera.clone(), topic, owner },
+        None => IpcError::OtherLimits { service: camera.service(topic) },
+    }
 }
 
 /// Opens or creates the camera's event service, as an owner.
@@ -75,17 +118,27 @@ pub(crate) fn create_wake(
     turn.mend(node, &name, MessagingPattern::Event)?;
     refuse_other_contract(&name, MessagingPattern::Event)?;
     let id = |wake: Wake| EventId::new(wake as usize);
-    node.service_builder(&service_name(&name)?)
-        .event()
-        .max_listeners(MAX_LISTENERS)
-        .max_notifiers(MAX_NOTIFIERS)
-        .max_nodes(MAX_LISTENERS + SPARE_NODES)
-        .event_id_max_value(Wake::ALL.len() - 1)
-        .notifier_created_event(id(Wake::OwnerCame))
-        .notifier_dropped_event(id(Wake::OwnerLeft))
-        .notifier_dead_event(id(Wake::OwnerDied))
-        .open_or_create_with_attributes(&contract_attribute()?)
-        .map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))
+    let (service_name, attribute) = (service_name(&name)?, contract_attribute()?);
+    let create = || {
+        node.service_builder(&service_name)
+            .event()
+            .max_listeners(MAX_LISTENERS)
+            .max_notifiers(MAX_NOTIFIERS)
+            .max_nodes(MAX_LISTENERS + SPARE_NODES)
+            .event_id_max_value(Wake::ALL.len() - 1)
+            .notifier_created_event(id(Wake::OwnerCame))
+            .notifier_dropped_event(id(Wake::OwnerLeft))
+            .notifier_dead_event(id(Wake::OwnerDied))
+            .open_or_create_with_attributes(&attribute)
+    };
+    let created = match create() {
+        Err(EventOpenOrCreateError::EventOpenError(EventOpenError::IsMarkedForDestruction)) => {
+            turn.bury(node, &name, MessagingPattern::Event)?;
+            create()
+        }
+        created => created,
+    };
+    created.map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))
 }
 
 /// Opens a topic's service as a reader; `None` while there is none.
@@ -96,7 +149,9 @@ pub(crate) fn open_topic(
 ) -> Result<Option<TopicService>, IpcError> {
     use PublishSubscribeOpenError as E;
     let name = camera.service(topic);
-    refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
+    if !refuse_other_contract(&name, MessagingPattern::PublishSubscribe)? {
+        return Ok(None);
+    }
     let opened = node
         .service_builder(&service_name(&name)?)
         .publish_subscribe::<[Block64]>()
@@ -105,7 +160,11 @@ pub(crate) fn open_topic(
     match opened {
         Ok(service) => Ok(Some(service)),
         Err(
-            E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
+            E::DoesNotExist
+            | E::IsMarkedForDestruction
+            | E::HangsInCreation
+            | E::ServiceInCorruptedState
+            | E::InsufficientPermissions,
         ) => Ok(None),
         Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
     }
@@ -115,24 +174,31 @@ pub(crate) fn open_topic(
 pub(crate) fn open_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<Option<WakeService>, IpcError> {
     use EventOpenError as E;
     let name = camera.wake_service();
-    refuse_other_contract(&name, MessagingPattern::Event)?;
+    if !refuse_other_contract(&name, MessagingPattern::Event)? {
+        return Ok(None);
+    }
     match node.service_builder(&service_name(&name)?).event().open_with_attributes(&contract_attribute()?) {
         Ok(service) => Ok(Some(service)),
         Err(
-            E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
+            E::DoesNotExist
+            | E::IsMarkedForDestruction
+            | E::HangsInCreation
+            | E::ServiceInCorruptedState
+            | E::InsufficientPermissions,
         ) => Ok(None),
         Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
     }
 }
 
 /// Reads the attributes before opening: a service of another version may have other types, and then opening it
-/// would fail before anything could be said about the reason.
-fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Result<(), IpcError> {
-    let details = Iceoryx::details(&service_name(name)?, config(), pattern)
-        .map_err(|cause| IpcError::iceoryx(format!("look at service `{name}`"), cause))?;
-    match details {
-        Some(details) => check_contract(name, details.static_details.attributes()),
-        None => Ok(()),
+/// would fail before anything could be said about the reason. Says whether they could be read: a service of another user
+/// cannot until its owner lets the group in.
+fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Result<bool, IpcError> {
+    match Iceoryx::details(&service_name(name)?, config(), pattern) {
+        Ok(Some(details)) => check_contract(name, details.static_details.attributes()).map(|()| true),
+        Ok(None) => Ok(true),
+        Err(ServiceDetailsError::InsufficientPermissions) => Ok(false),
+        Err(cause) => Err(IpcError::iceoryx(format!("look at service `{name}`"), cause)),
     }
 }
 
@@ -148,7 +214,13 @@ pub(crate) fn owner_of(service: &TopicService) -> Option<Process> {
     let mut alive = false;
     // A listing that fails part of the way leaves the owner dead: it could not be found.
     let _ = service.nodes(|node| {
-        alive |= matches!(&node, NodeState::Alive(_)) && *node.node_id() == owner;
+        alive |= *node.node_id() == owner
+            && match &node {
+                NodeState::Alive(_) => true,
+                // Another user's signs of life are not for us to see.
+                NodeState::Inaccessible(_) => Path::new("/proc").join(pid.to_string()).exists(),
+                _ => false,
+            };
         CallbackProgression::Continue
     });
     Some(Process { pid, alive })

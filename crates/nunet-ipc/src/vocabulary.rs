@@ -26,11 +26,11 @@ pub struct UnknownWord {
 
 // One macro, so that numbers, names and the table of `contract --json` cannot drift apart.
 macro_rules! vocabulary {
-    ($(#[$doc:meta])* $name:ident as $field:literal { $($(#[$variant_doc:meta])* $variant:ident = $number:literal $word:literal,)+ }) => {
+    ($(#[$doc:meta])* $name:ident as $field:literal { $($(#[doc = $variant_doc:literal])* $variant:ident = $number:literal $word:literal,)+ }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[repr(u32)]
-        pub enum $name { $($(#[$variant_doc])* $variant = $number,)+ }
+        pub enum $name { $($(#[doc = $variant_doc])* $variant = $number,)+ }
 
         impl $name {
             /// The enumeration's name in `contract --json`.
@@ -39,6 +39,8 @@ macro_rules! vocabulary {
             pub const ALL: &'static [Self] = &[$(Self::$variant,)+];
             /// Every word with its number.
             pub const NUMBERS: &'static [(&'static str, u32)] = &[$(($word, $number),)+];
+            /// What each word means, in the order of their numbers.
+            pub const DOCS: &'static [&'static str] = &[$(concat!($($variant_doc, "\n"),*),)+];
 
             /// The word for this value.
             #[must_use]

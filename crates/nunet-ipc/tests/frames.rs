@@ -264,6 +264,38 @@ fn a_set_is_complete_when_every_topic_has_the_same_sequence() {
 }
 
 #[test]
+fn results_are_joined_with_their_picture_though_the_camera_is_ahead_of_them() {
+    let camera = camera();
+    let (driver, daemon) = (owner(&camera, &[Topic::Rgb]), owner(&camera, &[Topic::Depth]));
+    let mut reader = Reader::open(&camera, &[Topic::Rgb, Topic::Depth], PATIENCE).unwrap();
+    let picture = |sequence| {
+        let mut loan = driver.loan(Topic::Rgb).unwrap();
+        loan.header_mut().sequence = sequence;
+        loan.publish(0).unwrap();
+    };
+    let sequences = |set: Option<nunet_ipc::FrameSet>| {
+        set.map(|set| set.iter().map(|frame| frame.header().sequence).collect::<Vec<_>>())
+    };
+    picture(1);
+    assert_eq!(sequences(reader.next_set().unwrap()), None);
+    picture(2);
+    assert_eq!(sequences(reader.next_set().unwrap()), None, "picture 1 is kept for its depth");
+    publish_depth(&daemon, 1);
+    assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![1, 1]));
+
+    assert_eq!(sequences(reader.next_set().unwrap()), None, "picture 2 is kept");
+    picture(3);
+    publish_depth(&daemon, 3); // picture 2 was passed over
+    assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![3, 3]));
+
+    picture(9);
+    assert_eq!(sequences(reader.next_set().unwrap()), None);
+    picture(0); // the camera begins anew
+    publish_depth(&daemon, 0);
+    assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![0, 0]));
+}
+
+#[test]
 fn demand_is_visible_to_the_owner() {
     let camera = camera();
     let owner = owner(&camera, &[Topic::Depth, Topic::Labels]);
@@ -339,9 +371,22 @@ fn an_owner_with_other_limits_cannot_take_over_services_that_readers_keep_open()
     let first = owner(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     drop(first);
-    let limits = Limits { max_readers: 2, ..Limits::default() };
-    let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
-    assert!(matches!(error, IpcError::OtherLimits { .. }), "{error}");
+    let limited = |max_readers| Limits { max_readers, ..Limits::default() };
+    for limits in [limited(2), limited(9), Limits { max_held_frames: 3, ..Limits::default() }] {
+        let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
+        assert!(matches!(error, IpcError::OtherLimits { .. }), "{limits:?}: {error}");
+    }
     drop(reader);
-    Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap();
+    Publisher::create(&camera, &[plan(Topic::Depth)], &limited(9)).unwrap();
+}
+
+#[test]
+fn an_owner_with_other_limits_hears_of_the_one_that_lives() {
+    let camera = camera();
+    let _owner = owner(&camera, &[Topic::Depth]);
+    for max_readers in [2, 9] {
+        let limits = Limits { max_readers, ..Limits::default() };
+        let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
+        assert!(matches!(error, IpcError::AlreadyOwned { .. }), "{max_readers}: {error}");
+    }
 }

@@ -70,7 +70,7 @@ impl Channel {
 
     fn says(&self) -> String {
         let schema = if self.schema.is_empty() { "messages without a type" } else { &self.schema };
-        format!("{schema} as `{}`", self.encoding)
+        format!("{schema:.60} as `{:.60}`", self.encoding)
     }
 }
 
@@ -199,23 +199,28 @@ impl Channels {
     }
 
     fn topics(&self) -> String {
-        let mut named: Vec<String> =
-            self.by_id.values().map(|channel| format!("`{}` ({})", channel.topic, channel.says())).collect();
+        let mut named: Vec<String> = self
+            .by_id
+            .values()
+            .map(|channel| format!("`{:.60}` ({})", channel.topic, channel.says()))
+            .collect();
         named.sort();
         named.dedup();
-        const SHOWN: usize = 12; // a robot's recording may have hundreds
-        let more = named.len().saturating_sub(SHOWN);
-        named.truncate(SHOWN);
-        match (named.is_empty(), more) {
-            (true, _) => "no topics at all".to_owned(),
-            (false, 0) => named.join(", "),
-            (false, more) => format!("{}, and {more} more", named.join(", ")),
-        }
+        if named.is_empty() { "no topics at all".to_owned() } else { some_of(named) }
     }
 }
 
 fn list(topics: &[&str]) -> String {
-    topics.iter().map(|topic| format!("`{topic}`")).collect::<Vec<_>>().join(", ")
+    some_of(topics.iter().map(|topic| format!("`{topic:.60}`")).collect())
+}
+
+/// A robot's recording may have hundreds.
+fn some_of(mut named: Vec<String>) -> String {
+    const SHOWN: usize = 12;
+    let more = named.len().saturating_sub(SHOWN);
+    named.truncate(SHOWN);
+    let rest = if more > 0 { format!(", and {more} more") } else { String::new() };
+    named.join(", ") + &rest
 }
 
 #[cfg(test)]

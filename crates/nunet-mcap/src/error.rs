@@ -79,7 +79,7 @@ pub enum RecordingError {
         topics: String,
     },
     /// The topic that was asked for is not there.
-    #[error("`{}` has no topic `{topic}`\nhint: it has {topics}", path.display())]
+    #[error("`{}` has no topic `{topic:.60}`\nhint: it has {topics}", path.display())]
     NoSuchTopic {
         /// The file.
         path: PathBuf,
@@ -89,7 +89,7 @@ pub enum RecordingError {
         topics: String,
     },
     /// The topic that was asked for carries something else.
-    #[error("topic `{topic}` of `{}` carries {found}, which is no picture that can be read", path.display())]
+    #[error("topic `{topic:.60}` of `{}` carries {found}, which is no picture that can be read", path.display())]
     NotAPicture {
         /// The file.
         path: PathBuf,
@@ -99,7 +99,7 @@ pub enum RecordingError {
         found: String,
     },
     /// One message makes no sense; the next one may be good.
-    #[error("message {number} on topic `{topic}`: {reason}")]
+    #[error("message {number} on topic `{topic:.60}`: {reason:.600}")]
     Message {
         /// The topic.
         topic: String,

@@ -198,7 +198,7 @@ impl Picture {
     /// A JPEG or PNG: told by its first bytes, since formats are written in many ways ("rgb8; jpeg compressed bgr8").
     pub(crate) fn set_file(&mut self, data: &[u8], format: &str) -> Result<(), String> {
         if !data.starts_with(&[0xff, 0xd8, 0xff]) && !data.starts_with(b"\x89PNG\r\n\x1a\n") {
-            return Err(format!("compressed as `{format}`, which is neither JPEG nor PNG"));
+            return Err(format!("compressed as `{format:.60}`, which is neither JPEG nor PNG"));
         }
         self.encoding = Some(Encoding::File);
         (self.width, self.height, self.row_stride) = (0, 0, 0);
@@ -208,13 +208,13 @@ impl Picture {
 
     pub(crate) fn set_raw(&mut self, raw: &Raw<'_>) -> Result<(), String> {
         let (encoding, bytes_per_pixel, change) = layout(raw.encoding)
-            .ok_or_else(|| format!("encoding `{}` cannot be read; expected {KNOWN}", raw.encoding))?;
+            .ok_or_else(|| format!("encoding `{:.60}` cannot be read; expected {KNOWN}", raw.encoding))?;
         let (width, height, step) = (raw.width, raw.height, raw.step);
         let rows = if encoding == Encoding::Nv12 { u64::from(height) * 3 / 2 } else { u64::from(height) };
         let (row, needed) = (u64::from(width) * bytes_per_pixel, u64::from(step) * rows);
         if width == 0 || height == 0 || u64::from(step) < row || (raw.data.len() as u64) < needed {
             return Err(format!(
-                "{width}x{height} `{}` with {step} bytes a row needs rows of {row} bytes and {needed} in all, got {}",
+                "{width}x{height} `{:.60}` with {step} bytes a row needs rows of {row} bytes and {needed} in all, got {}",
                 raw.encoding,
                 raw.data.len()
             ));

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
@@ -53,7 +54,7 @@ impl Records {
             source => RecordingError::Damaged { path: self.path.clone(), source },
         };
         loop {
-            match self.reader.next_event() {
+            match guarded(|| self.reader.next_event()) {
                 None if self.has_end => return Ok(None),
                 // Cut exactly between two records.
                 None => return Err(damaged(McapError::UnexpectedEof)),
@@ -83,7 +84,7 @@ pub(crate) fn summary(path: &Path) -> Result<Option<mcap::Summary>, RecordingErr
     let options =
         SummaryReaderOptions::default().with_file_size(length).with_record_length_limit(MAX_RECORD_BYTES);
     let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
+    while let Some(event) = guarded(|| reader.next_event()) {
         match event {
             Ok(SummaryReadEvent::ReadRequest(wanted)) => {
                 let read = file.read(reader.insert(wanted.min(MAX_RECORD_BYTES)));
@@ -97,6 +98,12 @@ pub(crate) fn summary(path: &Path) -> Result<Option<mcap::Summary>, RecordingErr
         }
     }
     Ok(reader.finish())
+}
+
+/// mcap 0.26 counts below zero where a chunk's last record is longer than the chunk: a panic in whoever builds it with
+/// overflow checks, which this workspace does not.
+fn guarded<T>(next: impl FnOnce() -> Option<Result<T, McapError>>) -> Option<Result<T, McapError>> {
+    catch_unwind(AssertUnwindSafe(next)).unwrap_or(Some(Err(McapError::UnexpectedEoc)))
 }
 
 fn open(path: &Path) -> Result<File, RecordingError> {

@@ -14,6 +14,7 @@ mod model;
 mod picture;
 mod replay;
 mod result;
+mod stream;
 
 use pyo3::prelude::*;
 
@@ -29,5 +30,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     result::register(module)?;
     cloud::register(module)?;
     colour::register(module)?;
-    replay::register(module)
+    replay::register(module)?;
+    stream::register(module)
 }

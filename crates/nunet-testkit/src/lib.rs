@@ -1,8 +1,10 @@
 //! What the tests of several crates share: small ONNX files built in memory, and the way to the test library.
 //!
-//! [`allocations`] counts what a thread takes from the heap. Read [`onnx`] for the builder and [`models`] for the ready-made networks whose answers fit in one's head.
+//! [`allocations`] counts what a thread takes from the heap; [`hostile`] damages files. Read [`onnx`] for the builder and
+//! [`models`] for the ready-made networks whose answers fit in one's head.
 
 pub mod allocations;
+pub mod hostile;
 pub mod models;
 pub mod onnx;
 

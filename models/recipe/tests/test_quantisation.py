@@ -10,9 +10,11 @@ import pytest
 from PIL import Image
 
 from nunet_models.cli import main
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, ExportError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.quantisation.rewrites import balance_joints
+from nunet_models.export.onnx_file import read_metadata, run
+from nunet_models.export.split import split
+from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
 from nunet_models.quantisation.static import Plan, heads, quantise
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
@@ -43,8 +45,13 @@ def test_convolutions_are_quantised_and_heads_are_not(quantised):
     assert sorted(in_float) == heads(onnx.load(TINY))
 
 
-def test_heads_are_the_last_convolution_of_each_result():
-    assert len(heads(onnx.load(TINY))) == 2
+def test_the_head_is_the_last_convolution_of_depth_and_labels_need_none():
+    model = onnx.load(TINY)
+    makers = {output: node for node in model.graph.node for output in node.output}
+    node = makers["depth"]
+    while node.op_type != "Conv":
+        node = makers[node.input[0]]
+    assert heads(model) == [node.name]
 
 
 def test_a_quantised_file_is_a_model_file_with_its_own_selftest(quantised):
@@ -100,3 +107,76 @@ def test_a_plain_joint_is_left_alone():
     model = onnx.load(TINY.with_name("tiny_wnet.onnx"))
     assert balance_joints(model, lambda names: dict.fromkeys(names, 8.0)) == {}
     assert model == onnx.load(TINY.with_name("tiny_wnet.onnx"))
+
+
+def upsampling(rows: int, columns: int) -> onnx.ModelProto:
+    """A graph that upsamples `[1, 3, 4, 5]` bytes to `rows` x `columns`, in the QDQ form."""
+    node, tensor = onnx.helper.make_node, onnx.numpy_helper.from_array
+    resize = {"mode": "nearest", "nearest_mode": "floor"}
+    resize["coordinate_transformation_mode"] = "asymmetric"
+    byte = onnx.TensorProto.UINT8
+    graph = onnx.helper.make_graph(
+        [
+            node("DequantizeLinear", ["x", "scale", "zero"], ["in"], "before"),
+            node("Resize", ["in", "", "", "sizes"], ["out"], "resize", **resize),
+            node("QuantizeLinear", ["out", "scale", "zero"], ["y"], "behind"),
+        ],
+        "upsampling",
+        [onnx.helper.make_tensor_value_info("x", byte, [1, 3, 4, 5])],
+        [onnx.helper.make_tensor_value_info("y", byte, [1, 3, rows, columns])],
+        [
+            tensor(np.float32(0.25), "scale"),
+            tensor(np.uint8(7), "zero"),
+            tensor(np.array([1, 3, rows, columns]), "sizes"),
+        ],
+    )
+    # A value in the middle of a graph, as in every network: its shape is inferred.
+    graph.value_info.append(onnx.helper.make_tensor_value_info("x", byte, [1, 3, 4, 5]))
+    graph.value_info.append(onnx.helper.make_tensor_value_info("y", byte, [1, 3, rows, columns]))
+    opset = [onnx.helper.make_opsetid("", 20)]
+    return onnx.helper.make_model(graph, opset_imports=opset, ir_version=10)
+
+
+def ran(model: onnx.ModelProto, x: np.ndarray) -> np.ndarray:
+    session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    return session.run(None, {"x": x})[0]
+
+
+def test_doubling_by_copies_gives_the_same_bytes():
+    model = upsampling(8, 10)
+    x = np.random.default_rng(0).integers(0, 256, (1, 3, 4, 5), dtype=np.uint8)
+    expected = ran(model, x)
+    assert double_by_copies(model) == 1
+    assert {node.op_type for node in model.graph.node} == {"Transpose", "Concat", "Reshape"}
+    np.testing.assert_array_equal(ran(model, x), expected)
+
+
+def test_an_upsampling_that_does_not_double_is_left_alone():
+    model = upsampling(7, 10)
+    assert double_by_copies(model) == 0
+    assert model == upsampling(7, 10)
+
+
+def test_a_fused_file_cut_at_its_joint_gives_the_same_bits(quantised, tmp_path):
+    rgb = np.random.default_rng(1).integers(0, 256, (1, 96, 128, 3), dtype=np.uint8)
+    for fused in (TINY, quantised[1]):
+        staged = tmp_path / f"{fused.stem}.toml"
+        assert main(["export", "--split", str(fused), "--out", str(staged)]) == 0
+        expected = run(fused, {"rgb": rgb})
+        first = run(staged.with_suffix(".segmentation.onnx"), {"rgb": rgb})
+        features = first["logits"]
+        second = run(staged.with_suffix(".depth.onnx"), {"rgb": rgb, "features": features})
+        np.testing.assert_array_equal(second["depth"], expected["depth"])
+        np.testing.assert_array_equal(first["labels"], expected["labels"])
+        # The staged graph that the exporter writes is wired in the same way.
+        wiring = TINY.with_suffix(".toml").read_text().replace(TINY.stem, fused.stem)
+        assert staged.read_text() == wiring
+        metadata = read_metadata(staged.with_suffix(".depth.onnx"))
+        assert metadata == read_metadata(fused)
+
+
+def test_a_graph_without_a_connected_joint_is_not_cut(tmp_path):
+    plain = TINY.with_name("tiny_wnet.onnx")
+    with pytest.raises(ExportError, match="has 0 connected joints"):
+        split(plain, tmp_path / "plain.toml")
+    assert not list(tmp_path.iterdir())

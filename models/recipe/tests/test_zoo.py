@@ -9,7 +9,7 @@ from nunet_models.errors import ConfigError
 from nunet_models.export.collections import TINY_ARCHITECTURES, tiny_spec
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
 from nunet_models.zoo.backbones import build_unet
-from nunet_models.zoo.weights import imagenet_encoder, like_component
+from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 
 def parameters(module):
@@ -120,3 +120,21 @@ def test_a_component_can_start_as_an_earlier_one():
     theirs, ours = (c.unet.encoder.stages[0][0].weight for c in graph.components)
     assert torch.equal(ours[:, :3], theirs) and ours[:, 3:].abs().sum() == 0
     assert graph.components[1].head.weight.shape[0] == 1
+
+
+def test_a_component_can_begin_with_one_that_saw_more_or_less():
+    alone = SerialGraph(tiny_spec("unet")).component("depth")
+    connected = SerialGraph(tiny_spec("wnet_c")).component("depth")
+    begin_with(alone, connected.state_dict())
+    theirs, ours = (c.unet.encoder.stages[0][0].weight for c in (connected, alone))
+    assert torch.equal(ours, theirs[:, :3]) and torch.equal(alone.head.bias, connected.head.bias)
+    connected_again = SerialGraph(tiny_spec("wnet_c")).component("depth")
+    begin_with(connected_again, alone.state_dict())
+    ours = connected_again.unet.encoder.stages[0][0].weight
+    assert torch.equal(ours[:, :3], theirs[:, :3]) and ours[:, 3:].abs().sum() == 0
+
+
+def test_beginning_with_another_backbone_is_refused():
+    alone = SerialGraph(tiny_spec("unet")).component("depth")
+    with pytest.raises(ConfigError, match="do not fit component `depth`"):
+        begin_with(alone, {})

@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::text::shortened;
+
 use super::{BrownConrady, Camera, CameraError, Distortion, Intrinsics, KannalaBrandt};
 
 const PLUMB_BOB: &str = "plumb_bob";
@@ -57,7 +59,7 @@ impl Calibration {
         let options = serde_saphyr::options! { with_snippet: false };
         let info: CameraInfo =
             serde_saphyr::from_str_with_options(text, options).map_err(|error| CalibrationError::Syntax {
-                reason: error.render_with_formatter(&serde_saphyr::UserMessageFormatter),
+                reason: shortened(&error.render_with_formatter(&serde_saphyr::UserMessageFormatter)),
             })?;
         Ok(Self { camera: info.camera()? })
     }
@@ -257,7 +259,7 @@ pub enum CalibrationError {
     NotACameraMatrix,
     /// A lens that nobody here knows.
     #[error(
-        "`distortion_model` is `{model}`; known are `plumb_bob`, `rational_polynomial` and `equidistant`\nhint: a \
+        "`distortion_model` is `{model:.60}`; known are `plumb_bob`, `rational_polynomial` and `equidistant`\nhint: a \
          picture without distortion has `plumb_bob` and five zeros"
     )]
     UnknownModel {

@@ -5,6 +5,8 @@ use std::path::{Component, Path};
 
 use serde::Deserialize;
 
+use crate::text::shortened;
+
 /// The most stages of one graph: as many as a frame's header has room to time, with those around the graph.
 pub const MAX_STAGES: usize = 12;
 /// The most characters of a stage's name.
@@ -79,7 +81,7 @@ impl Manifest {
     /// characters, and a model outside the manifest's folder.
     pub fn parse(text: &str) -> Result<Self, ManifestError> {
         let manifest: Self = toml::from_str(text)
-            .map_err(|error| ManifestError::Syntax { reason: error.to_string().trim_end().to_owned() })?;
+            .map_err(|error| ManifestError::Syntax { reason: shortened(&error.to_string()) })?;
         if manifest.version != VERSION {
             return Err(ManifestError::Version { version: manifest.version });
         }
@@ -156,7 +158,7 @@ pub enum ManifestError {
     },
     /// A stage's name has other characters, or too many.
     #[error(
-        "`{name}` cannot name a stage\nhint: 1 to {MAX_STAGE_NAME} lower-case letters, digits, `_` or `-`"
+        "`{name:.60}` cannot name a stage\nhint: 1 to {MAX_STAGE_NAME} lower-case letters, digits, `_` or `-`"
     )]
     StageName {
         /// The name.
@@ -170,7 +172,7 @@ pub enum ManifestError {
     },
     /// A model that is not in the manifest's folder.
     #[error(
-        "stage `{stage}` names the model `{model}`, which is not beside the manifest\nhint: a path relative to the \
+        "stage `{stage}` names the model `{model:.200}`, which is not beside the manifest\nhint: a path relative to the \
          manifest, without `..`"
     )]
     ModelOutside {

@@ -49,6 +49,34 @@ impl SerialGraph {
             sessions.push(session);
             stages.push(info);
         }
+        Self::around(plan, sessions, description, stages, provider, float_input)
+    }
+
+    /// Another graph that runs the same sessions: weights are in memory once, and everything else is its own. What one of
+    /// them remembers, keeps or reuses of its frames, the other never sees. For several streams of frames.
+    ///
+    /// # Errors
+    /// No memory for the tensors between the stages.
+    pub fn sibling(&self) -> Result<Self, GraphError> {
+        Self::around(
+            self.plan.clone(),
+            self.sessions.iter().map(Session::sibling).collect(),
+            self.description.clone(),
+            self.stages.clone(),
+            self.provider,
+            self.float_input,
+        )
+    }
+
+    /// A graph before its first frame.
+    fn around(
+        plan: Wired,
+        sessions: Vec<Session>,
+        description: ModelDescription,
+        stages: Vec<StageInfo>,
+        provider: Provider,
+        float_input: Option<TensorFormat>,
+    ) -> Result<Self, GraphError> {
         let spec = |index: usize| plan.tensors[index].clone();
         Ok(Self {
             description,

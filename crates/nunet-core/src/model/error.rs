@@ -1,5 +1,7 @@
 //! What can be wrong with what a model says of itself.
 
+use crate::text::shortened;
+
 /// What is wrong with a model's description.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -15,7 +17,7 @@ pub enum ModelError {
     },
     /// Metadata of another version of the contract.
     #[error(
-        "its metadata has `nunet.version` `{version}`, but this program reads version `{expected}`\nhint: export the \
+        "its metadata has `nunet.version` `{version:.60}`, but this program reads version `{expected}`\nhint: export the \
          model again with this release's recipe, or use the release that it was made for"
     )]
     Version {
@@ -60,6 +62,6 @@ impl ModelError {
         if shown.len() < value.len() {
             shown.push('…');
         }
-        Self::Invalid { key, value: shown, reason: reason.to_string() }
+        Self::Invalid { key, value: shown, reason: shortened(&reason.to_string()) }
     }
 }

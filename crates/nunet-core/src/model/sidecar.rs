@@ -6,6 +6,7 @@ use super::{ModelDescription, unlimited};
 use crate::depth::{DepthRange, Encoding};
 use crate::frame::MAX_SIDE_PX;
 use crate::preprocess::{ChannelOrder, TensorFormat, TensorLayout};
+use crate::text::shortened;
 
 /// What a foreign network takes and gives, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,7 +31,11 @@ impl Sidecar {
     /// # Errors
     /// What is wrong, in words for [`super::ModelError::Sidecar`].
     pub fn parse(text: &str) -> Result<Self, String> {
-        let file: File = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
+        Self::of_toml(text).map_err(|reason| shortened(&reason))
+    }
+
+    fn of_toml(text: &str) -> Result<Self, String> {
+        let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
         let [height, width] = file.input.size;
         if ![height, width].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
             return Err(format!("`size = [{height}, {width}]`; sides are 1 to {MAX_SIDE_PX}"));

@@ -1,4 +1,4 @@
-//! The picture in the shape that the graph takes.
+//! The picture's last step before the graph.
 
 use crate::graph::{GraphInput, SerialGraph};
 use crate::preprocess::TensorFormat;

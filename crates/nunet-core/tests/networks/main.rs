@@ -10,6 +10,7 @@ mod pipeline;
 mod recurrent;
 mod runtime;
 mod shipped;
+mod siblings;
 
 use std::path::{Path, PathBuf};
 

@@ -1,18 +1,25 @@
 //! `--config FILE.toml` holds what flags hold: each key is a flag's long name, and a flag on the command line wins.
 //!
-//! The file becomes flags before clap sees them, so that a value is checked once, by whoever checks the flag.
+//! The file becomes flags before clap sees them, so that a value is checked once, by whoever checks the flag. With
+//! `[[camera]]` sections it becomes a command line for each camera: what stands above the sections is said to all of them,
+//! and what a section says comes before that.
 
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command};
+use nunet_core::text::shortened;
 use toml::{Table, Value};
 
-use super::RunArgs;
+use super::{RunArgs, StreamArgs};
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;
+/// A hundred times what all flags take.
+const MAX_BYTES: u64 = 64 * 1024;
 
 /// `nunetd config`
 #[derive(Debug, Args, Clone)]
@@ -27,82 +34,199 @@ pub struct ConfigArgs {
 /// The verbs that take a configuration.
 const VERBS: [&str; 2] = ["run", "config"];
 
-/// `arguments` with the flags of the file that `--config` names behind them.
+/// A key of the file as flags.
+#[derive(Clone)]
+struct Setting<'a> {
+    argument: &'a Arg,
+    flags: Vec<String>,
+}
+
+/// `arguments` with the flags of the file that `--config` names behind them: one line, or one for each `[[camera]]`
+/// section of the file, which differ in what belongs to a camera.
 ///
 /// # Errors
 /// The file cannot be read, is no TOML, or says what no flag takes.
 pub(super) fn expand(
     mut command: Command,
-    mut arguments: Vec<OsString>,
-) -> Result<Vec<OsString>, clap::Error> {
+    arguments: Vec<OsString>,
+) -> Result<Vec<Vec<OsString>>, clap::Error> {
     let asked = |argument: &OsString| argument.to_string_lossy().starts_with("--config");
     if !arguments.iter().any(asked) {
-        return Ok(arguments);
+        return Ok(vec![arguments]);
     }
     command.build();
     // What is wrong with the command line itself is told by whoever parses it next.
-    let Ok(matches) = command.clone().try_get_matches_from(&arguments) else { return Ok(arguments) };
+    let Ok(matches) = command.clone().try_get_matches_from(&arguments) else { return Ok(vec![arguments]) };
     let Some((verb, given)) = matches.subcommand().filter(|(verb, _)| VERBS.contains(verb)) else {
-        return Ok(arguments);
+        return Ok(vec![arguments]);
     };
-    let Some(path) = given.get_one::<PathBuf>("config") else { return Ok(arguments) };
+    let Some(path) = given.get_one::<PathBuf>("config") else { return Ok(vec![arguments]) };
     let run = command.find_subcommand(verb).cloned().unwrap_or_default();
-    let refuse = |message: String| {
-        let path = path.display();
-        command.clone().error(clap::error::ErrorKind::ValueValidation, format!("`{path}`: {message}"))
+    let lines = lines_of(path, &run, given).and_then(|settings| {
+        settings.iter().map(|settings| check(&command, verb, settings)).collect::<Result<Vec<_>, _>>()?;
+        Ok(settings)
+    });
+    let said =
+        |argument: &Arg| given.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine);
+    let given: Vec<&Arg> = run.get_arguments().filter(|argument| said(argument)).collect();
+    let line = |settings: Camera<'_>| {
+        let missing =
+            settings.settings.into_iter().filter(|setting| !is_excluded(&run, setting.argument, &given));
+        let flags = missing.flat_map(|setting| setting.flags).map(OsString::from);
+        arguments.iter().cloned().chain(flags).collect()
     };
-    let mut all = Vec::new();
-    let mut missing = Vec::new();
-    for (key, value) in read(path).map_err(refuse)? {
-        let argument = argument_of(&run, &key).map_err(refuse)?;
-        let flags = flags_of(argument, &key, &value).map_err(refuse)?;
-        if !given_or_excluded(&run, argument, given) {
-            missing.extend(flags.clone());
+    match lines {
+        Ok(cameras) => Ok(cameras.into_iter().map(line).collect()),
+        Err(message) => {
+            let message = format!("`{}`: {}", path.display(), shortened(&message));
+            Err(command.error(clap::error::ErrorKind::ValueValidation, message))
         }
-        all.extend(flags);
     }
-    let alone = ["nunetd".to_owned(), verb.to_owned()].into_iter().chain(all);
-    if let Err(error) = command.clone().try_get_matches_from(alone) {
-        let text = error.to_string();
-        let text = text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default();
-        return Err(refuse(text.trim_end().to_owned()));
-    }
-    arguments.extend(missing.into_iter().map(OsString::from));
-    Ok(arguments)
 }
 
-/// Whether the command line says a flag, or another one that cannot stand beside it.
-fn given_or_excluded(run: &Command, argument: &Arg, given: &ArgMatches) -> bool {
-    let is_given =
-        |argument: &Arg| given.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine);
+/// All that the file says of a camera.
+struct Camera<'a> {
+    /// How messages call it; empty for a file without sections.
+    place: String,
+    settings: Vec<Setting<'a>>,
+}
+
+/// What the file says of each camera; of the only one where it has no sections.
+fn lines_of<'a>(path: &Path, run: &'a Command, given: &ArgMatches) -> Result<Vec<Camera<'a>>, String> {
+    let mut table = read(path)?;
+    let sections = take_sections(&mut table)?;
+    let shared =
+        table.iter().map(|(key, value)| setting_of(run, key, value)).collect::<Result<Vec<_>, _>>()?;
+    if sections.is_empty() {
+        return Ok(vec![Camera { place: String::new(), settings: shared }]);
+    }
+    for own in OF_ONE_CAMERA {
+        if given.value_source(own) == Some(ValueSource::CommandLine) {
+            return Err(format!(
+                "`--{own}` cannot stand beside the `[[camera]]` sections\nhint: change the section"
+            ));
+        }
+        if shared.iter().any(|setting| setting.argument.get_id() == own) {
+            return Err(format!(
+                "`{own}` stands above the `[[camera]]` sections\nhint: each section says its own"
+            ));
+        }
+    }
+    let cameras = sections.iter().enumerate().map(|(index, section)| {
+        let name = section.get("name").and_then(Value::as_str).unwrap_or("without a name");
+        let place = format!("camera {} (`{name}`): ", index + 1);
+        let settings = section.iter().map(|(key, value)| setting_of_camera(run, key, value));
+        let mut settings =
+            settings.collect::<Result<Vec<_>, _>>().map_err(|message| format!("{place}{message}"))?;
+        let own: Vec<&Arg> = settings.iter().map(|setting| setting.argument).collect();
+        let others = shared.iter().filter(|setting| !is_excluded(run, setting.argument, &own));
+        settings.extend(others.cloned());
+        Ok(Camera { place, settings })
+    });
+    cameras.collect()
+}
+
+/// What only one of several cameras can have.
+const OF_ONE_CAMERA: [&str; 2] = ["source", "camera"];
+
+/// The `[[camera]]` sections, taken out of the file; none where it speaks of one camera.
+fn take_sections(table: &mut Table) -> Result<Vec<Table>, String> {
+    const HINT: &str =
+        "hint: a `[[camera]]` section for each of several cameras, or `camera = \"NAME\"` for one";
+    let sections = match table.get("camera") {
+        Some(Value::Array(sections)) if sections.is_empty() => {
+            return Err(format!("`camera` is an empty list\n{HINT}"));
+        }
+        Some(Value::Array(sections)) => sections.iter().map(|section| match section {
+            Value::Table(section) => Ok(section.clone()),
+            other => Err(format!("`camera` has {} in it; expected sections\n{HINT}", shown(other))),
+        }),
+        Some(Value::Table(_)) => return Err(format!("`camera` is a table\n{HINT}")),
+        _ => return Ok(Vec::new()),
+    };
+    let sections = sections.collect();
+    table.remove("camera");
+    sections
+}
+
+/// Tries what the file says of a camera without the rest of the command line.
+fn check(command: &Command, verb: &str, Camera { place, settings }: &Camera<'_>) -> Result<(), String> {
+    let flags = settings.iter().flat_map(|setting| setting.flags.iter().cloned());
+    let alone = ["nunetd".to_owned(), verb.to_owned()].into_iter().chain(flags);
+    command.clone().try_get_matches_from(alone).map(drop).map_err(|error| {
+        let text = error.to_string();
+        let text = text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default();
+        format!("{place}{}", text.trim_end())
+    })
+}
+
+/// Whether a flag is among those said already, or cannot stand beside one of them.
+fn is_excluded(run: &Command, argument: &Arg, said: &[&Arg]) -> bool {
     let excludes =
         |a: &Arg, b: &Arg| run.get_arg_conflicts_with(a).iter().any(|other| other.get_id() == b.get_id());
-    let mut others = run.get_arguments().filter(|other| is_given(other));
-    others.any(|other| {
+    said.iter().any(|other| {
         other.get_id() == argument.get_id() || excludes(other, argument) || excludes(argument, other)
     })
 }
 
 fn read(path: &Path) -> Result<Table, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read it: {error}"))?;
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
+    read.map_err(|error| format!("cannot read it: {error}"))?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(format!("a file of more than {MAX_BYTES} bytes is no configuration"));
+    }
     text.parse::<Table>().map_err(|error| format!("it is no TOML: {}", error.to_string().trim_end()))
 }
 
-/// The flag of a key; `_` may stand for `-`.
-fn argument_of<'a>(run: &'a Command, key: &str) -> Result<&'a Arg, String> {
-    let named = key.replace('_', "-");
+fn setting_of<'a>(run: &'a Command, key: &str, value: &Value) -> Result<Setting<'a>, String> {
     let known = || run.get_arguments().filter(|argument| is_setting(argument));
-    if let Some(found) = known().find(|argument| argument.get_long() == Some(&named)) {
-        return Ok(found);
+    let argument = named(known(), &key.replace('_', "-"));
+    let argument = argument.ok_or_else(|| unknown(key, known().filter_map(Arg::get_long)))?;
+    Ok(Setting { argument, flags: flags_of(argument, key, value)? })
+}
+
+/// In a section `--camera` is `name`, and what belongs to all cameras stands above.
+fn setting_of_camera<'a>(run: &'a Command, key: &str, value: &Value) -> Result<Setting<'a>, String> {
+    let own = stream_flags();
+    let is_own = |argument: &Arg| argument.get_long().is_some_and(|long| own.iter().any(|own| own == long));
+    let known = || run.get_arguments().filter(|argument| is_own(argument));
+    let flag = if key == NAME { "camera".to_owned() } else { key.replace('_', "-") };
+    match named(known(), &flag).filter(|_| key != "camera") {
+        Some(argument) => Ok(Setting { argument, flags: flags_of(argument, key, value)? }),
+        None if named(run.get_arguments().filter(|argument| is_setting(argument)), &flag).is_none() => {
+            let names = known().filter_map(Arg::get_long).filter(|&name| name != "camera");
+            Err(unknown(key, names.chain([NAME])))
+        }
+        None if key == "camera" => Err(format!("unknown key `camera`\nhint: in a section it is `{NAME}`")),
+        None => Err(format!("`{key}` is not for one camera\nhint: put it above the first `[[camera]]`")),
     }
-    let likeness = |name: &str| strsim::jaro_winkler(name, &named);
-    let nearest = known().filter_map(Arg::get_long).max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
-    Err(match nearest.filter(|name| likeness(name) >= LEAST_LIKENESS) {
+}
+
+/// The key of a camera's name in its section.
+const NAME: &str = "name";
+
+/// The long names of the flags that belong to one camera.
+fn stream_flags() -> Vec<String> {
+    let command = StreamArgs::augment_args(Command::new("camera"));
+    command.get_arguments().filter_map(Arg::get_long).map(str::to_owned).collect()
+}
+
+fn named<'a>(mut known: impl Iterator<Item = &'a Arg>, name: &str) -> Option<&'a Arg> {
+    known.find(|argument| argument.get_long() == Some(name))
+}
+
+/// A key that no flag has, with the nearest that there is.
+fn unknown<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let flag = key.replace('_', "-");
+    let likeness = |name: &str| strsim::jaro_winkler(name, &flag);
+    let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    match nearest.filter(|name| likeness(name) >= LEAST_LIKENESS) {
         Some(nearest) => format!("unknown key `{key}`\nhint: did you mean `{nearest}`?"),
         None => {
             format!("unknown key `{key}`\nhint: keys are the long names of the flags of `nunetd run --help`")
         }
-    })
+    }
 }
 
 /// The file cannot name another file, and asking for help is no setting.
@@ -143,36 +267,47 @@ fn shown(value: &Value) -> String {
     }
 }
 
-/// What `nunetd run` would do, as a file that `--config` takes.
-pub(super) fn effective(command: &Command, matches: &ArgMatches) -> String {
-    let mut lines = String::new();
-    for argument in command.get_arguments().filter(|argument| is_setting(argument)) {
-        let id = argument.get_id().as_str();
-        let name = argument.get_long().unwrap_or_default();
-        let said = |line: String| format!("{line}{}\n", source_of(matches, id));
-        if !argument.get_action().takes_values() {
-            let on = match argument.get_action() {
-                ArgAction::Count => Value::Integer(matches.get_count(id).into()),
-                _ => Value::Boolean(matches.get_flag(id)),
-            };
-            lines += &said(format!("{name} = {on}"));
-            continue;
-        }
-        let values: Vec<Value> = matches
-            .get_raw(id)
-            .into_iter()
-            .flatten()
-            .map(|value| Value::String(value.to_string_lossy().into_owned()))
-            .collect();
-        match (argument.get_action(), values.as_slice()) {
-            (_, []) => lines += &format!("# {name} is not set\n"),
-            (ArgAction::Append, values) => {
-                lines += &said(format!("{name} = {}", Value::Array(values.to_vec())));
-            }
-            (_, [value, ..]) => lines += &said(format!("{name} = {value}")),
+/// What `nunetd run` would do, as a file that `--config` takes; a line of `lines` for each camera.
+pub(super) fn effective(command: &Command, lines: &[ArgMatches]) -> String {
+    let runs: Vec<_> = lines.iter().filter_map(ArgMatches::subcommand).collect();
+    let Some(&(verb, first)) = runs.first() else { return String::new() };
+    let run = command.find_subcommand(verb).cloned().unwrap_or_default();
+    let settings = || run.get_arguments().filter(|argument| is_setting(argument));
+    if let [_] = runs.as_slice() {
+        return settings().map(|argument| said(argument, first, None)).collect();
+    }
+    let own = stream_flags();
+    let is_own = |argument: &&Arg| argument.get_long().is_some_and(|long| own.iter().any(|own| own == long));
+    let mut text: String =
+        settings().filter(|argument| !is_own(argument)).map(|a| said(a, first, None)).collect();
+    for (_, camera) in runs {
+        text += "\n[[camera]]\n";
+        for argument in settings().filter(is_own) {
+            let is_name = argument.get_long() == Some("camera");
+            text += &said(argument, camera, is_name.then_some(NAME));
         }
     }
-    lines
+    text
+}
+
+/// A setting as a line of the file.
+fn said(argument: &Arg, matches: &ArgMatches, name: Option<&str>) -> String {
+    let id = argument.get_id().as_str();
+    let name = name.or(argument.get_long()).unwrap_or_default();
+    let said = |value: Value| format!("{name} = {value}{}\n", source_of(matches, id));
+    if !argument.get_action().takes_values() {
+        return said(match argument.get_action() {
+            ArgAction::Count => Value::Integer(matches.get_count(id).into()),
+            _ => Value::Boolean(matches.get_flag(id)),
+        });
+    }
+    let values = matches.get_raw(id).into_iter().flatten();
+    let values: Vec<_> = values.map(|value| Value::String(value.to_string_lossy().into_owned())).collect();
+    match (argument.get_action(), values.as_slice()) {
+        (_, []) => format!("# {name} is not set\n"),
+        (ArgAction::Append, values) => said(Value::Array(values.to_vec())),
+        (_, [value, ..]) => said(value.clone()),
+    }
 }
 
 fn source_of(matches: &ArgMatches, id: &str) -> &'static str {
@@ -210,13 +345,15 @@ mod tests {
                       every = ['segmentation=3']\nreaders = 2\nfilter = ['holes', 'spatial=alpha:0.4,delta:0.1']";
         let arguments = run(config, "run");
         assert_eq!(arguments.model, PathBuf::from("a.onnx"));
-        assert_eq!(arguments.pace.rate, Some(crate::source::Rate::Hz(15.5)));
-        assert!(arguments.pace.repeat);
-        assert_eq!(arguments.frame_id.as_deref(), Some("eye"));
-        assert_eq!(arguments.publish.len(), 2);
         assert_eq!(arguments.every.len(), 1);
-        assert_eq!(arguments.optics.filters.filters.len(), 2);
-        assert_eq!(arguments.readers.map(std::num::NonZero::get), Some(2));
+        assert!(arguments.others.is_empty());
+        let camera = arguments.stream;
+        assert_eq!(camera.pace.rate, Some(crate::source::Rate::Hz(15.5)));
+        assert!(camera.pace.repeat);
+        assert_eq!(camera.frame_id.as_deref(), Some("eye"));
+        assert_eq!(camera.publish.len(), 2);
+        assert_eq!(camera.optics.filters.filters.len(), 2);
+        assert_eq!(camera.readers.map(std::num::NonZero::get), Some(2));
     }
 
     #[test]
@@ -224,8 +361,9 @@ mod tests {
         let arguments =
             run("model = 'a.onnx'\npublish = ['depth', 'cloud']", "--model b.onnx --publish labels");
         assert_eq!(arguments.model, PathBuf::from("b.onnx"));
-        assert_eq!(arguments.publish, [super::super::Publish::Labels]);
-        let geometry = run("intrinsics = '500,500,320,240'", "run --calibration a.yaml").optics.lens.geometry;
+        assert_eq!(arguments.stream.publish, [super::super::Publish::Labels]);
+        let geometry =
+            run("intrinsics = '500,500,320,240'", "run --calibration a.yaml").stream.optics.lens.geometry;
         assert_eq!((geometry.intrinsics, geometry.calibration), (None, Some("a.yaml".into())));
     }
 
@@ -249,6 +387,17 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
+        for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
+            let error = parse(&config, "run").unwrap_err();
+            assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
+        }
+        let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
+        let error = Cli::parse_line(line).unwrap_err().to_string();
+        assert!(error.contains("a file of more than 65536 bytes is no configuration"), "{error}");
+    }
+
+    #[test]
     fn a_missing_file_is_told() {
         let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
         assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");
@@ -263,5 +412,74 @@ mod tests {
         let Ok(Verb::Config(second)) = parse(&first.effective, "config") else { panic!() };
         let plain = |text: &str| text.replace("  # default", "");
         assert_eq!(plain(&first.effective), plain(&second.effective));
+    }
+
+    const TWO: &str = "model = 'a.onnx'\nframes = 7\nintrinsics = '500,500,320,240'\n\
+                       [[camera]]\nname = 'front'\nsource = 'demo'\nframes = 3\n\
+                       [[camera]]\nname = 'rear'\nsource = 'shm:rear'\ncalibration = 'rear.yaml'\nloop = true";
+
+    #[test]
+    fn each_section_is_a_camera_and_what_stands_above_is_said_to_all() {
+        let arguments = run(TWO, "run");
+        assert_eq!(arguments.model, PathBuf::from("a.onnx"));
+        let cameras: Vec<_> = arguments.streams().collect();
+        let names: Vec<_> = cameras.iter().map(|camera| camera.camera.as_deref()).collect();
+        assert_eq!(names, [Some("front"), Some("rear")]);
+        assert_eq!(cameras[1].source.as_deref(), Some("shm:rear"));
+        let frames = |camera: &StreamArgs| camera.pace.frames.map(std::num::NonZero::get);
+        assert_eq!((frames(cameras[0]), frames(cameras[1])), (Some(3), Some(7)));
+        assert_eq!((cameras[0].pace.repeat, cameras[1].pace.repeat), (false, true));
+        let geometry = |camera: &StreamArgs| {
+            let geometry = &camera.optics.lens.geometry;
+            (geometry.intrinsics.is_some(), geometry.calibration.is_some())
+        };
+        assert_eq!((geometry(cameras[0]), geometry(cameras[1])), ((true, false), (false, true)));
+        let flags = run(TWO, "run --frames 9");
+        assert!(flags.streams().all(|camera| frames(camera) == Some(9)), "flags win, for every camera");
+    }
+
+    #[test]
+    fn one_section_is_one_camera() {
+        let arguments = run("[[camera]]\nname = 'front'", "run");
+        assert_eq!(arguments.stream.camera.as_deref(), Some("front"));
+        assert!(arguments.others.is_empty());
+    }
+
+    #[test]
+    fn what_a_section_cannot_say_is_told_with_the_camera_and_the_way_out() {
+        let section = |lines: &str| format!("[[camera]]\nname = 'front'\n[[camera]]\nname = 'rear'\n{lines}");
+        assert_refused(
+            &section("framse = 3"),
+            "`[FILE]`: camera 2 (`rear`): unknown key `framse`\nhint: did you mean `frames`?",
+        );
+        assert_refused(&section("nmae = 'x'"), "unknown key `nmae`\nhint: did you mean `name`?");
+        assert_refused(&section("model = 'b.onnx'"), "`model` is not for one camera\nhint: put it above");
+        assert_refused(&section("camera = 'b'"), "unknown key `camera`\nhint: in a section it is `name`");
+        assert_refused(&section("rate = -3"), "camera 2 (`rear`): invalid value '-3' for '--rate");
+        assert_refused(&section("loop = 3"), "camera 2 (`rear`): `loop` is `3`; expected true or false");
+        assert_refused(
+            &format!("source = 'demo'\n{}", section("")),
+            "`source` stands above the `[[camera]]`",
+        );
+        assert_refused("camera = []", "`camera` is an empty list\nhint: a `[[camera]]` section for each");
+        assert_refused("camera = ['a', 'b']", "`camera` has `\"a\"` in it; expected sections\nhint: ");
+        assert_refused("[camera]\nname = 'a'", "`camera` is a table\nhint: a `[[camera]]` section");
+        for (flag, value) in [("source", "demo"), ("camera", "other")] {
+            let error = parse(TWO, &format!("run --{flag} {value}")).unwrap_err();
+            let expected = format!("`--{flag}` cannot stand beside the `[[camera]]` sections\nhint: ");
+            assert!(error.contains(&expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn several_cameras_are_shown_as_sections_that_are_a_configuration_again() {
+        let Ok(Verb::Config(first)) = parse(TWO, "config --frames 4") else { panic!() };
+        let text = &first.effective;
+        assert_eq!(text.matches("[[camera]]\nsource = ").count(), 2, "{text}");
+        assert_eq!(text.matches("frames = \"4\"\n").count(), 2, "{text}");
+        assert!(text.contains("name = \"rear\"\n") && !text.contains("\ncamera ="), "{text}");
+        let Ok(Verb::Config(second)) = parse(text, "config") else { panic!() };
+        let plain = |text: &str| text.replace("  # default", "");
+        assert_eq!(plain(text), plain(&second.effective));
     }
 }

@@ -72,7 +72,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "NAME", default_value = "camera")]
     pub camera: String,
     /// Coordinate frame of depth and cloud [default: the pictures' own]
-    #[arg(long, value_name = "NAME", value_parser = super::parse_frame_id)]
+    #[arg(long, value_name = "NAME", value_parser = super::run::parse_frame_id)]
     pub frame_id: Option<String>,
     #[command(flatten)]
     pub mount: MountArgs,

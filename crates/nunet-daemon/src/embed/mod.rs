@@ -8,9 +8,10 @@ mod player;
 
 use std::path::Path;
 
-use nunet_core::camera::Calibration;
+use nunet_core::camera::{Calibration, Camera};
 use nunet_core::depth::{ScaleSource, Units};
 use nunet_core::graph::Quality;
+use nunet_ipc::FrameHeader;
 
 pub use crate::fault::Fault;
 pub use model::{Inferred, Model, ModelOptions};
@@ -31,6 +32,19 @@ pub fn message(error: &anyhow::Error) -> String {
 /// A file that cannot be read or is no calibration.
 pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     stream::read_calibration(path)
+}
+
+/// The camera that a message tells of; `None` where its sender does not know it.
+///
+/// # Errors
+/// Numbers that no camera has, or a lens model without a meaning.
+pub fn camera_of(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
+    words::camera(header)
+}
+
+/// Says in a message what is known of its camera, which must be one of the message's size.
+pub fn set_camera(header: &mut FrameHeader, camera: &Camera) {
+    words::set_camera(header, camera);
 }
 
 /// The contract's word for a unit.

@@ -9,7 +9,7 @@ use serde::{Serialize, Serializer};
 use crate::telemetry::{Counts, Latencies, Summary, Totals};
 use crate::words;
 
-/// The figures of a stream.
+/// The figures of a camera, or of several together.
 #[derive(Debug, Serialize)]
 pub(crate) struct Stats {
     pub(crate) contract: u32,
@@ -30,13 +30,25 @@ pub(crate) struct Stats {
     pub(crate) allocations_per_frame: Option<f64>,
     /// The same of iceoryx2: a small one for each message.
     pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
+    /// Why its source failed, where it did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) error: Option<String>,
+    /// Of each camera, where there are several: what would stand in the file of that camera alone.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) cameras: Vec<Stats>,
+}
+
+/// What the cameras of a process have in common.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Common<'a> {
+    pub(crate) model: &'a ModelName,
+    pub(crate) provider: &'a str,
 }
 
 impl Stats {
     pub(crate) fn new(
         camera: String,
-        model: ModelName,
-        provider: String,
+        Common { model, provider }: Common<'_>,
         scale: Scale,
         frames: Counts,
         totals: &Totals,
@@ -45,8 +57,8 @@ impl Stats {
         Self {
             contract: nunet_ipc::CONTRACT_VERSION,
             camera,
-            model,
-            provider,
+            model: model.clone(),
+            provider: provider.to_owned(),
             units: words::units(scale.units).name(),
             scale_source: words::scale_source(scale.source).name(),
             frames,
@@ -55,7 +67,29 @@ impl Stats {
             bytes_copied_per_frame: totals.bytes_copied_per_frame(),
             allocations_per_frame: totals.allocations_per_frame(),
             iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),
+            error: None,
+            cameras: Vec::new(),
         }
+    }
+
+    /// The figures of several cameras, one at least: names joined, frames added up, rates and latencies over all frames.
+    pub(crate) fn of_all(
+        cameras: Vec<Self>,
+        common: Common<'_>,
+        scale: Scale,
+        totals: &Totals,
+        latencies: &Latencies,
+    ) -> Self {
+        let names: Vec<_> = cameras.iter().map(|stats| &stats.camera[..]).collect();
+        let mut frames = Counts::default();
+        cameras.iter().for_each(|stats| frames += stats.frames);
+        let all = Self::new(names.join(", "), common, scale, frames, totals, latencies);
+        let alike = |of: fn(&Self) -> &'static str, own: &'static str| {
+            if cameras.iter().all(|stats| of(stats) == own) { own } else { "mixed" }
+        };
+        let units = alike(|stats| stats.units, all.units);
+        let scale_source = alike(|stats| stats.scale_source, all.scale_source);
+        Self { units, scale_source, cameras, ..all }
     }
 }
 

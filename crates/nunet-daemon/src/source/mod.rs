@@ -18,6 +18,7 @@ pub use rate::{Pacer, Rate};
 pub(crate) use recording::{RecordingSource, sorted};
 pub(crate) use v4l2::cameras;
 
+use std::io::Read;
 use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
 
@@ -58,6 +59,20 @@ pub trait Source: Send {
     /// frame is taken, unless a rate is asked for.
     fn is_live(&self) -> bool {
         false
+    }
+
+    /// Whether what gives the frames is away and waited for.
+    fn is_waiting(&self) -> bool {
+        false
+    }
+}
+
+/// A source that could not be opened, among others that could: it fails when it is asked for its first frame.
+struct Unopened(Option<anyhow::Error>);
+
+impl Source for Unopened {
+    fn fill(&mut self, _frame: &mut Frame) -> Fill {
+        self.0.take().map_or(Fill::End, Fill::Broken)
     }
 }
 
@@ -165,13 +180,30 @@ pub fn open(kind: &Kind, how: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
     }
     how.check(kind)?;
     Ok(match kind {
-        Kind::Pipe => Box::new(pipe::Pipe::open(std::io::stdin(), how.layout())?),
+        Kind::Pipe => open_pipe(std::io::stdin(), how)?,
         Kind::Demo => Box::new(scene::Scene::default()),
         Kind::Files(pattern) => Box::new(files::Files::open(pattern, how.repeat)?),
         Kind::Recording(path) => Box::new(recording::RecordingSource::open(path, how)?),
         Kind::Video(path) => Box::new(v4l2::open(path, how.wish())?),
         Kind::SharedMemory(camera) => Box::new(shm::SharedMemory::open(camera)?),
     })
+}
+
+/// What stands in for a source that could not be opened because of `error`, where others could. A camera may be plugged in
+/// later and is waited for; files that are not there do not come by themselves.
+pub(crate) fn in_place_of(kind: &Kind, how: Opening<'_>, error: anyhow::Error) -> Box<dyn Source> {
+    match kind {
+        Kind::Video(path) => Box::new(v4l2::wait_for(path, how.wish())),
+        _ => Box::new(Unopened(Some(error))),
+    }
+}
+
+/// A pipe other than stdin, of the layout that `how` says.
+pub(crate) fn open_pipe(
+    input: impl Read + Send + 'static,
+    how: Opening<'_>,
+) -> anyhow::Result<Box<dyn Source>> {
+    Ok(Box::new(pipe::Pipe::open(input, how.layout())?))
 }
 
 #[cfg(test)]
@@ -217,6 +249,23 @@ mod tests {
         let repeat = Opening { repeat: true, ..Opening::default() };
         assert!(refused("/dev/video0", repeat).contains("a camera has no end"));
         assert!(refused("-", repeat).contains("stdin cannot begin again"));
+    }
+
+    #[test]
+    fn a_camera_that_is_not_there_is_waited_for_and_files_are_not() {
+        let missing = |source: &str| {
+            let kind = Kind::parse(source);
+            let error = open(&kind, Opening::default()).err().expect("there is none");
+            in_place_of(&kind, Opening::default(), error)
+        };
+        let mut camera = missing("/dev/video-of-nobody");
+        assert!(camera.is_live());
+        for _ in 0..2 {
+            assert!(matches!(camera.fill(&mut Frame::default()), Fill::Nothing));
+            assert!(camera.is_waiting());
+        }
+        let mut folder = missing("/nonexistent/pictures");
+        assert!(matches!(folder.fill(&mut Frame::default()), Fill::Broken(_)));
     }
 
     #[test]

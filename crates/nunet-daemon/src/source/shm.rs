@@ -21,13 +21,14 @@ pub(super) struct SharedMemory {
     camera: CameraName,
     reader: Option<Reader>,
     last_sign: Option<Instant>,
+    waiting: bool,
     bad_camera: bool,
 }
 
 impl SharedMemory {
     pub(super) fn open(camera: &str) -> anyhow::Result<Self> {
         let camera = camera_name(camera)?;
-        Ok(Self { camera, reader: None, last_sign: None, bad_camera: false })
+        Ok(Self { camera, reader: None, last_sign: None, waiting: false, bad_camera: false })
     }
 
     fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, IpcError> {
@@ -35,6 +36,7 @@ impl SharedMemory {
         // The event is a hint: a frame that came before we listened has no event any more.
         if let Some(sample) = latest_or_wait(reader)? {
             self.last_sign = Some(Instant::now());
+            self.waiting = false;
             return Ok(self.describe(sample, frame));
         }
         self.remind("it sends no frames");
@@ -63,6 +65,7 @@ impl SharedMemory {
     fn remind(&mut self, what: &str) {
         if self.last_sign.is_none_or(|last| last.elapsed() >= REMINDER) {
             self.last_sign = Some(Instant::now());
+            self.waiting = true;
             warn!("waiting for camera `{}`: {what}", self.camera);
         }
     }
@@ -115,6 +118,10 @@ impl Source for SharedMemory {
 
     fn is_live(&self) -> bool {
         true
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.waiting
     }
 }
 

@@ -1,8 +1,9 @@
 //! The one place where frames wait: room for a single frame between the source and the inference thread.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use super::bell::Bell;
 use crate::source::Reuse;
 
 /// A mailbox with room for one item, and a shelf of used ones to be filled again.
@@ -14,6 +15,7 @@ use crate::source::Reuse;
 pub struct Mailbox<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
+    bell: Arc<Bell>,
 }
 
 #[derive(Debug)]
@@ -50,12 +52,17 @@ const SHELF: usize = 3;
 
 impl<T: Reuse> Default for Mailbox<T> {
     fn default() -> Self {
-        let state = State { waiting: None, used: Vec::with_capacity(SHELF), closed: false };
-        Self { state: Mutex::new(state), changed: Condvar::new() }
+        Self::with_bell(Arc::default())
     }
 }
 
 impl<T: Reuse> Mailbox<T> {
+    /// One of several mailboxes of a receiver, who waits for `bell`: it rings when there is something to see.
+    pub fn with_bell(bell: Arc<Bell>) -> Self {
+        let state = State { waiting: None, used: Vec::with_capacity(SHELF), closed: false };
+        Self { state: Mutex::new(state), changed: Condvar::new(), bell }
+    }
+
     /// Puts `item` in at once; an older one that still waits is replaced.
     pub fn put_latest(&self, item: T) -> Put {
         let mut state = self.lock();
@@ -65,7 +72,8 @@ impl<T: Reuse> Mailbox<T> {
         let replaced = state.waiting.replace(item);
         let put = if replaced.is_some() { Put::Replaced } else { Put::Accepted };
         state.shelve(replaced);
-        self.changed.notify_all();
+        drop(state);
+        self.tell();
         put
     }
 
@@ -79,7 +87,8 @@ impl<T: Reuse> Mailbox<T> {
             return Put::Refused;
         }
         state.waiting = Some(item);
-        self.changed.notify_all();
+        drop(state);
+        self.tell();
         Put::Accepted
     }
 
@@ -127,13 +136,18 @@ impl<T: Reuse> Mailbox<T> {
     /// No more items: senders are refused, the receiver still gets the one that waits.
     pub fn close(&self) {
         self.lock().closed = true;
-        self.changed.notify_all();
+        self.tell();
     }
 
     /// Closes, and drops the item that nobody took; says whether there was one.
     pub fn close_and_empty(&self) -> bool {
         self.close();
         self.recall()
+    }
+
+    fn tell(&self) {
+        self.changed.notify_all();
+        self.bell.ring();
     }
 
     fn lock(&self) -> MutexGuard<'_, State<T>> {
@@ -211,6 +225,40 @@ mod tests {
         assert!(mailbox.recall());
         assert!(!mailbox.recall());
         assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
+    }
+
+    #[test]
+    fn a_receiver_of_several_mailboxes_hears_of_each_change() {
+        let bell = Arc::new(Bell::default());
+        let mailboxes: Vec<Mailbox<i32>> = (0..2).map(|_| Mailbox::with_bell(Arc::clone(&bell))).collect();
+        let mut received = Vec::new();
+        std::thread::scope(|scope| {
+            for (number, mailbox) in (0..).zip(&mailboxes) {
+                scope.spawn(move || {
+                    for item in 0..50 {
+                        mailbox.put_waiting(100 * number + item);
+                    }
+                    mailbox.close();
+                });
+            }
+            let mut open = 2;
+            while open > 0 {
+                open = 0;
+                for mailbox in &mailboxes {
+                    match mailbox.take(Duration::ZERO) {
+                        Taken::Item(item) => received.push(item),
+                        Taken::Closed => continue,
+                        Taken::Nothing => {}
+                    }
+                    open += 1;
+                }
+                if open > 0 {
+                    bell.wait(LONG);
+                }
+            }
+        });
+        received.sort_unstable();
+        assert_eq!(received, (0..50).chain(100..150).collect::<Vec<_>>());
     }
 
     #[test]

@@ -1,11 +1,14 @@
 //! The source's thread: asks for frames and puts them into the mailbox.
 
 use std::num::NonZeroU64;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use nunet_core::clock::Clock as _;
-use tracing::{info, warn};
+use tracing::{Span, info, warn};
 
+use super::bell::Bell;
 use super::mailbox::{Mailbox, Put};
 use super::stop::Stop;
 use crate::source::{Fill, Frame, Pacer, Rate, Source};
@@ -23,12 +26,27 @@ pub(crate) struct Pace {
     pub(crate) limit: Option<NonZeroU64>,
 }
 
-/// What both ends of the mailbox share.
-#[derive(Debug, Default)]
+/// What both ends of a camera's mailbox share.
+#[derive(Debug)]
 pub(crate) struct Lane {
     pub(crate) mailbox: Mailbox<Frame>,
     pub(crate) ledger: Ledger,
     pub(crate) stop: Stop,
+    /// Says in log lines which camera is meant, where there are several.
+    pub(crate) span: Span,
+    waiting: AtomicBool,
+}
+
+impl Lane {
+    pub(crate) fn new(stop: Stop, bell: Arc<Bell>, span: Span) -> Self {
+        let mailbox = Mailbox::with_bell(bell);
+        Self { mailbox, ledger: Ledger::default(), stop, span, waiting: AtomicBool::new(false) }
+    }
+
+    /// Whether the source has lost what gives it frames, and waits for it.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.waiting.load(Ordering::Relaxed)
+    }
 }
 
 /// How a source ended.
@@ -56,6 +74,7 @@ impl Drop for CloseOnDrop<'_> {
 /// The source broke.
 pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::Result<SourceEnd> {
     let mut end = SourceEnd::Whole;
+    let _camera = lane.span.enter();
     let _closed = CloseOnDrop(lane);
     let latest_wins = source.is_live() || pace.rate != Rate::Max;
     let mut pacer = Pacer::new(pace.rate, Instant::now()).filter(|_| !source.is_live());
@@ -65,7 +84,9 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
             lane.stop.sleep(pacer.wait(Instant::now()));
         }
         let mut frame = lane.mailbox.used().unwrap_or_default();
-        match source.fill(&mut frame) {
+        let fill = source.fill(&mut frame);
+        lane.waiting.store(source.is_waiting(), Ordering::Relaxed);
+        match fill {
             Fill::Frame => {
                 left -= 1;
                 if !hand_over(frame, latest_wins, lane) {
@@ -134,6 +155,12 @@ mod tests {
     use super::*;
     use crate::stream::Taken;
     use crate::telemetry::Counts;
+
+    impl Default for Lane {
+        fn default() -> Self {
+            Self::new(Stop::default(), Arc::default(), Span::none())
+        }
+    }
 
     /// Frames by number; some are unreadable; the end comes after `count`.
     struct Numbers {

@@ -1,6 +1,6 @@
-//! The inference thread: one frame after the other through the pipeline, straight into shared memory.
+//! A camera's part of the inference thread: one frame after the other through its pipeline, straight into shared memory.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Scale;
@@ -11,92 +11,125 @@ use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
+use super::turns::LATE_JOINER_PERIOD;
+use crate::sink::collect::Collector;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{Recorder, Tally};
+use crate::sink::recording::{Ending, Recorder};
 use crate::sink::shm::{Outlet, stage_names};
 use crate::source::Frame;
-use crate::telemetry::{End, Latencies, MonotonicClock, Supervisor, Totals, allocations_of_this_thread};
+use crate::telemetry::{End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
 
-/// How soon a reader that joins a source that stands still gets the last frame.
-const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
-
-/// Everything that a frame meets between the mailbox and its readers.
+/// Everything that a camera's frame meets between the mailbox and its readers.
 pub(crate) struct Worker {
     pipeline: Pipeline,
     optics: Optics,
     continuity: Continuity,
     outlet: Outlet,
-    recorder: Option<Recorder>,
-    metrics: Option<Metrics>,
-    supervisor: Supervisor,
+    sinks: Sinks,
     totals: Totals,
     latencies: Latencies,
+    served: Instant,
 }
 
-/// What is left of a stream when it has ended.
+/// Where results go beside shared memory.
+#[derive(Default)]
+pub(crate) struct Sinks {
+    pub(crate) recorder: Option<Recorder>,
+    pub(crate) collector: Option<Collector>,
+    pub(crate) metrics: Option<Metrics>,
+}
+
+/// What is left of a camera when it has ended.
 pub(crate) struct Remains {
-    /// Still open, so that the last frame can be read.
-    pub(crate) outlet: Outlet,
     /// The scale of the last frame.
     pub(crate) scale: Scale,
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
-    /// What became of the recording, where there is one.
-    pub(crate) recording: Option<Tally>,
+    /// The recording, where there is one; its last records may still be on their way to the disk.
+    pub(crate) recording: Option<Ending>,
+    /// Whether the last frame's files were written, where they were wanted.
+    pub(crate) files: anyhow::Result<()>,
+}
+
+/// What a camera did when it was its turn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// A frame's journey.
+    Frame(End),
+    /// There was none.
+    Nothing,
+    /// There will be none any more.
+    Over,
 }
 
 impl Worker {
-    pub(crate) fn new(
-        pipeline: Pipeline,
-        optics: Optics,
-        outlet: Outlet,
-        recorder: Option<Recorder>,
-        metrics: Option<Metrics>,
-    ) -> Self {
+    pub(crate) fn new(pipeline: Pipeline, optics: Optics, outlet: Outlet, sinks: Sinks) -> Self {
         let latencies = Latencies::new(stage_names(&pipeline));
         let (continuity, totals) = (Continuity::default(), Totals::default());
-        let supervisor = Supervisor::from_environment();
-        Self { pipeline, optics, continuity, outlet, recorder, metrics, supervisor, totals, latencies }
+        Self { pipeline, optics, continuity, outlet, sinks, totals, latencies, served: Instant::now() }
     }
 
-    /// Works until the mailbox is closed and empty.
-    pub(crate) fn run(mut self, lane: &Lane) -> Remains {
-        self.supervisor.ready("the self-test has passed, frames may come");
+    /// Frames may come from now on.
+    pub(super) fn begin(mut self) -> Self {
         self.totals.start(MonotonicClock.nanos());
-        loop {
-            match lane.mailbox.take(LATE_JOINER_PERIOD) {
-                Taken::Item(frame) => self.take_through(frame, lane),
-                Taken::Nothing => self.outlet.refresh(),
-                Taken::Closed => break,
-            }
-        }
-        Supervisor::stopping();
-        let scale = self.pipeline.scale();
-        let recording = self.recorder.map(Recorder::finish);
-        Remains { outlet: self.outlet, scale, totals: self.totals, latencies: self.latencies, recording }
+        self
     }
 
-    fn take_through(&mut self, frame: Frame, lane: &Lane) {
+    /// Takes the frame that waits, if there is one.
+    pub(super) fn turn(&mut self, lane: &Lane) -> Turn {
+        match lane.mailbox.take(Duration::ZERO) {
+            Taken::Item(frame) => Turn::Frame(self.take_through(frame, lane)),
+            Taken::Nothing => {
+                self.rest(lane);
+                Turn::Nothing
+            }
+            Taken::Closed => Turn::Over,
+        }
+    }
+
+    /// No more frames: files are written, and the memory is given back.
+    pub(super) fn end(mut self) -> Remains {
+        if let Some(metrics) = &mut self.sinks.metrics {
+            metrics.tell_health(false);
+        }
+        let scale = self.pipeline.scale();
+        let recording = self.sinks.recorder.map(Recorder::end);
+        let files = self.sinks.collector.map_or(Ok(()), |collector| collector.write(&self.outlet));
+        Remains { scale, totals: self.totals, latencies: self.latencies, recording, files }
+    }
+
+    /// The source stands still: now and then somebody may have come to read.
+    fn rest(&mut self, lane: &Lane) {
+        if self.served.elapsed() < LATE_JOINER_PERIOD {
+            return;
+        }
+        self.served = Instant::now();
+        self.outlet.refresh();
+        if let Some(metrics) = &mut self.sinks.metrics {
+            metrics.tell_health(!lane.is_waiting());
+        }
+    }
+
+    fn take_through(&mut self, frame: Frame, lane: &Lane) -> End {
         let before = allocations_of_this_thread();
         let end = self.journey(&frame);
         lane.ledger.ended(end);
-        if end == End::Published {
-            self.supervisor.frame_done();
-        }
         let counts = lane.ledger.counts();
         self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
-        if let Some(metrics) = &mut self.metrics {
+        if let Some(metrics) = &mut self.sinks.metrics {
             metrics.update(&counts, &self.totals, &self.latencies);
         }
         if let Some(frame) = self.record(frame, end) {
             lane.mailbox.give_back(frame);
         }
         self.totals.add_allocations(before, allocations_of_this_thread());
+        self.served = Instant::now();
+        end
     }
 
     /// Hands a published frame to the recording, where there is one; gives it back where it was not taken.
     fn record(&mut self, frame: Frame, end: End) -> Option<Frame> {
-        match &mut self.recorder {
+        match &mut self.sinks.recorder {
             Some(recorder) if end == End::Published => {
                 let camera = self.optics.camera_of(&frame).ok().flatten();
                 recorder.offer(frame, camera)

@@ -24,7 +24,7 @@ pub struct Summary {
 }
 
 /// Histograms of the total latency and of each stage.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Latencies {
     total: Histogram<u64>,
     stages: Vec<(String, Histogram<u64>)>,
@@ -44,6 +44,19 @@ impl Latencies {
         self.total.saturating_record(total_micros);
         for ((_, histogram), micros) in self.stages.iter_mut().zip(stages_micros) {
             histogram.saturating_record(micros);
+        }
+    }
+
+    /// Another stream's frames beside these; its stages by their names.
+    pub(crate) fn join(&mut self, other: &Self) {
+        // All histograms have the same bounds.
+        let add = |to: &mut Histogram<u64>, from| to.add(from).expect("histograms of the same bounds add up");
+        add(&mut self.total, &other.total);
+        for (name, histogram) in &other.stages {
+            match self.stages.iter_mut().find(|(own, _)| own == name) {
+                Some((_, own)) => add(own, histogram),
+                None => self.stages.push((name.clone(), histogram.clone())),
+            }
         }
     }
 
@@ -93,6 +106,20 @@ mod tests {
         let (name, graph) = latencies.stages().next().unwrap();
         assert_eq!(name, "graph");
         assert!((graph.max - 1.0).abs() < 0.01, "{graph:?}");
+    }
+
+    #[test]
+    fn streams_are_joined_by_the_names_of_their_stages() {
+        let stream = |names: [&'static str; 2], micros: u64| {
+            let mut latencies = Latencies::new(names);
+            latencies.record(10 * micros, [micros, 2 * micros]);
+            latencies
+        };
+        let mut both = stream(["graph", "cloud"], 1000);
+        both.join(&stream(["graph", "temporal"], 3000));
+        let max: Vec<_> = both.stages().map(|(name, summary)| (name, summary.max.round())).collect();
+        assert_eq!(max, [("graph", 3.0), ("cloud", 2.0), ("temporal", 6.0)]);
+        assert!((both.total().mean - 20.0).abs() < 0.1, "{:?}", both.total());
     }
 
     #[test]

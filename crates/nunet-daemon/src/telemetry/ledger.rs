@@ -19,6 +19,17 @@ pub struct Counts {
     pub in_flight: u64,
 }
 
+impl std::ops::AddAssign for Counts {
+    /// The counts of two streams together.
+    fn add_assign(&mut self, other: Self) {
+        self.captured += other.captured;
+        self.published += other.published;
+        self.superseded += other.superseded;
+        self.failed += other.failed;
+        self.in_flight += other.in_flight;
+    }
+}
+
 impl Counts {
     /// `captured = published + superseded + failed + in_flight`.
     pub fn balances(&self) -> bool {

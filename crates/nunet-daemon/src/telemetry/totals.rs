@@ -6,7 +6,7 @@ use crate::telemetry::{Allocations, allocations_of_this_thread};
 const FIRST_FRAMES: u64 = 16;
 
 /// Sums over the published frames of a stream.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(crate) struct Totals {
     start_nanos: u64,
     last_nanos: u64,
@@ -28,6 +28,17 @@ impl Totals {
         self.last_nanos = now_nanos;
         self.frames += 1;
         self.bytes_copied += bytes_copied;
+    }
+
+    /// Another stream beside this one.
+    pub(crate) fn join(&mut self, other: &Self) {
+        self.start_nanos = self.start_nanos.min(other.start_nanos);
+        self.last_nanos = self.last_nanos.max(other.last_nanos);
+        self.frames += other.frames;
+        self.bytes_copied += other.bytes_copied;
+        self.steady_frames += other.steady_frames;
+        self.steady_allocations.own += other.steady_allocations.own;
+        self.steady_allocations.foreign += other.steady_allocations.foreign;
     }
 
     /// The inference thread's allocations before and after one frame.
@@ -80,6 +91,20 @@ mod tests {
         }
         assert!((totals.fps() - 10.0).abs() < 1e-9);
         assert!((totals.bytes_copied_per_frame() - 300.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn two_streams_beside_each_other_have_the_rate_of_both() {
+        let stream = |period: u64, frames: u64, bytes: u64| {
+            let mut totals = Totals::default();
+            totals.start(1_000_000_000);
+            (1..=frames).for_each(|frame| totals.add_published(1_000_000_000 + frame * period, bytes));
+            totals
+        };
+        let mut both = stream(100_000_000, 20, 300);
+        both.join(&stream(50_000_000, 20, 100));
+        assert!((both.fps() - 20.0).abs() < 1e-9, "40 frames in 2 s");
+        assert!((both.bytes_copied_per_frame() - 200.0).abs() < 1e-9);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::cli::InferArgs;
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::BadArguments;
 use crate::sink::files::{self, Results, make_folder};
-use crate::sink::stats::{ModelName, Stats, write_json};
+use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{Frame, decode};
 use crate::stream::Optics;
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
@@ -134,6 +134,7 @@ impl Work {
         let counts = Counts { captured: 1, published: 1, ..Counts::default() };
         let camera = image.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let provider = self.pipeline.graph().provider().to_string();
-        Stats::new(camera, self.model.clone(), provider, self.pipeline.scale(), counts, &totals, &latencies)
+        let common = Common { model: &self.model, provider: &provider };
+        Stats::new(camera, common, self.pipeline.scale(), counts, &totals, &latencies)
     }
 }

@@ -1,106 +1,101 @@
-//! `nunetd run`: a source of frames becomes depth in shared memory.
+//! `nunetd run`: sources of frames become depth in shared memory.
 
-use std::num::NonZeroU32;
-use std::path::PathBuf;
+mod camera;
 
-use anyhow::bail;
-use nunet_ipc::{CameraName, Limits};
-use tracing::{info, warn};
+use anyhow::Context as _;
+use nunet_ipc::{Access, IpcError, share_with};
+use tracing::{error, info, warn};
 
+use self::camera::{Plan, span_of};
 use crate::Outcome;
-use crate::cli::{RunArgs, SourceArgs};
-use crate::engine::{Engine, tested_pipeline};
-use crate::exit::{BadArguments, camera_name};
-use crate::sink::collect::Collector;
-use crate::sink::files::make_folder;
+use crate::cli::{AccessArgs, RunArgs};
+use crate::engine::{Engine, tested_pipelines};
+use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{About, FrameWriter, Recorder, Tally, recording_path, refuse_output};
-use crate::sink::shm::{Outlet, OutletOptions};
-use crate::sink::stats::{ModelName, Stats, check_writable, write_json};
-use crate::source::{self, Kind, Rate};
-use crate::stream::{self, Ended, Optics, Pace, SourceEnd, Stop, Worker};
-use crate::telemetry::{Counts, unix_nanos};
+use crate::sink::recording::{Ending, Tally};
+use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
+use crate::stream::{self, Ended, Remains, SourceEnd, Stop};
+use crate::telemetry::Counts;
 
-/// Runs until the source ends, `--frames` are captured, or a signal comes.
+/// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    // In this order: the figures often go into the folder of the results.
-    arguments.out.as_deref().map_or(Ok(()), make_folder)?;
+    share(&arguments.access)?;
+    let plans = arguments.streams().map(Plan::new).collect::<anyhow::Result<Vec<_>>>()?;
+    camera::refuse_shared(&plans)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
-    let kind = source_kind(arguments.source.as_deref());
-    let source = source::open(&kind, arguments.pace.opening())?;
-    refuse_pace_of_live_source(&kind, &arguments.pace)?;
-    let optics = Optics::new(&arguments.optics.lens.geometry)?;
-    let camera = camera_name(arguments.camera.as_deref().unwrap_or(kind.default_camera()))?;
-    let record = recording_to_make(&arguments, &kind, &camera)?;
+    let cameras = camera::prepare(plans)?;
 
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &arguments.every)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipeline = tested_pipeline(loaded, &arguments.optics)?;
-    let provider = pipeline.graph().provider().to_string();
+    let pipelines = tested_pipelines(loaded, arguments.streams().map(|stream| &stream.optics))?;
+    let provider = pipelines.first().context("one camera at least")?.graph().provider().to_string();
+    let common = Common { model: &model, provider: &provider };
 
-    let options = OutletOptions {
-        camera: &camera,
-        frame_id: arguments.frame_id.as_deref(),
-        publish: &arguments.publish,
-        limits: limits(arguments.readers),
-        model: &model.name,
-    };
-    let outlet = Outlet::open(&pipeline, &options)?;
-    let collector = arguments.out.map(|folder| Collector::attach(folder, &camera, &outlet)).transpose()?;
-    let about = About {
-        camera: camera.as_str(),
-        frame_id: arguments.frame_id.as_deref(),
-        mount: arguments.recording.mount.mount,
-        model: &model,
-        provider: &provider,
-        force: arguments.recording.force,
-    };
-    let recorder =
-        record.as_deref().map(|path| Recorder::start(FrameWriter::create(path, &about)?, &camera, &outlet));
-    let recorder = recorder.transpose()?;
-    let metrics = arguments.metrics.map(|address| Metrics::serve(address, camera.as_str())).transpose()?;
-    let worker = Worker::new(pipeline, optics, outlet, recorder, metrics);
-    let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
-    let Ended { counts, remains, source: source_end } = stream::run(source, worker, pace, stop)?;
+    let names: Vec<String> = cameras.iter().map(|camera| camera.plan.name.to_string()).collect();
+    let shown: Vec<&str> = names.iter().map(String::as_str).collect();
+    let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
+    let mut metrics = metrics.into_iter().flatten();
+    let streams = cameras
+        .into_iter()
+        .zip(pipelines)
+        .map(|(camera, pipeline)| camera.start(pipeline, common, metrics.next(), names.len() > 1));
+    let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
-    let stats = Stats::new(
-        camera.to_string(),
-        model,
-        provider,
-        remains.scale,
-        counts,
-        &remains.totals,
-        &remains.latencies,
-    );
+    let ended = stream::run(streams, &stop)?;
+    let (ends, outcome) = conclude(&names, ended)?;
     if let Some(path) = &arguments.stats_json {
-        write_json(path, &stats)?;
+        write_json(path, &figures(&ends, common)?)?;
     }
-    let outcome = say_how_it_ended(&counts, source_end, remains.recording);
-    if let Some(collector) = collector {
-        collector.write(&remains.outlet)?;
-    }
+    ends.into_iter().try_for_each(|end| end.remains.files)?;
     Ok(outcome)
 }
 
-/// Clouds are by far the largest messages: half as many may read them.
-fn limits(readers: Option<NonZeroU32>) -> Limits {
-    readers.map_or(Limits::default(), |readers| {
-        let readers = readers.get() as usize;
-        Limits { max_readers: readers, max_cloud_readers: readers.div_ceil(2), ..Limits::default() }
-    })
+/// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
+fn share(arguments: &AccessArgs) -> anyhow::Result<()> {
+    let Some(group) = &arguments.access_group else { return Ok(()) };
+    let bad = |error: IpcError| BadArguments(error.to_string());
+    let access = Access::of_group(group).map_err(bad)?;
+    let access = match arguments.access_mode {
+        Some(mode) => access.with_mode(mode).map_err(bad)?,
+        None => access,
+    };
+    Ok(share_with(access)?)
 }
 
-/// Without `--source`, the demo scene; someone who forgot the flag is told.
-fn source_kind(source: Option<&str>) -> Kind {
-    source.map_or_else(
-        || {
-            warn!("no --source: frames come from the built-in demo scene");
-            Kind::Demo
-        },
-        Kind::parse,
-    )
+/// A camera's end, told.
+struct End<'a> {
+    camera: &'a str,
+    counts: Counts,
+    error: Option<String>,
+    remains: Remains,
+}
+
+/// Says how each camera ended. One whose source failed leaves the others; where none is left, that is the failure.
+fn conclude(names: &[String], ended: Vec<Ended>) -> anyhow::Result<(Vec<End<'_>>, Outcome)> {
+    let several = names.len() > 1;
+    let all_failed = ended.iter().all(|ended| ended.source.is_err());
+    let (mut ends, mut outcome, mut failure) = (Vec::new(), Outcome::Done, None);
+    for (camera, Ended { counts, mut remains, source }) in names.iter().zip(ended) {
+        let _camera = span_of(camera, several).entered();
+        let recording = remains.recording.take().map(Ending::tally);
+        let (source, reason) = match source {
+            Ok(end) => (end, None),
+            Err(reason) => (SourceEnd::Cut, Some(reason)),
+        };
+        let error = reason.as_ref().map(|reason| format!("{reason:#}"));
+        match reason {
+            Some(reason) if all_failed && failure.is_none() => failure = Some(reason),
+            Some(reason) => error!("camera `{camera}` has failed: {reason:#}"),
+            None => {}
+        }
+        if failure.is_none() && say_how_it_ended(&counts, source, recording) == Outcome::Lost {
+            outcome = Outcome::Lost;
+        }
+        ends.push(End { camera, counts, error, remains });
+    }
+    failure.map_or(Ok((ends, outcome)), Err)
 }
 
 /// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
@@ -114,27 +109,21 @@ fn say_how_it_ended(counts: &Counts, source: SourceEnd, recording: Option<Tally>
     if *failed == 0 && source == SourceEnd::Whole && recorded { Outcome::Done } else { Outcome::Lost }
 }
 
-/// The file that `--record` means, refused before any work is done where it may not be written.
-fn recording_to_make(
-    arguments: &RunArgs,
-    kind: &Kind,
-    camera: &CameraName,
-) -> anyhow::Result<Option<PathBuf>> {
-    let Some(path) = &arguments.recording.record else { return Ok(None) };
-    let path = recording_path(path, camera.as_str(), unix_nanos());
-    let input = if let Kind::Recording(input) = kind { Some(input.as_path()) } else { None };
-    refuse_output(&path, input, arguments.recording.force)?;
-    Ok(Some(path))
-}
-
-/// A camera has a pace of its own and no end to begin again at.
-fn refuse_pace_of_live_source(kind: &Kind, pace: &SourceArgs) -> anyhow::Result<()> {
-    if matches!(kind, Kind::SharedMemory(_)) && (pace.rate.is_some() || pace.repeat) {
-        bail!(BadArguments(
-            "--rate and --loop are for files: a camera in shared memory has its own pace\nhint: give them to whoever \
-             publishes the camera, such as `nunetd feed`"
-                .into()
-        ));
+/// Of the camera, or of all together where there are several.
+fn figures(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
+    let of = |End { camera, counts, error, remains }: &End<'_>| {
+        let Remains { scale, totals, latencies, .. } = remains;
+        let stats = Stats::new((*camera).to_owned(), common, *scale, *counts, totals, latencies);
+        Stats { error: error.clone(), ..stats }
+    };
+    let (first, others) = ends.split_first().context("one camera at least")?;
+    if others.is_empty() {
+        return Ok(of(first));
     }
-    Ok(())
+    let (mut totals, mut latencies) = (first.remains.totals.clone(), first.remains.latencies.clone());
+    for other in others {
+        totals.join(&other.remains.totals);
+        latencies.join(&other.remains.latencies);
+    }
+    Ok(Stats::of_all(ends.iter().map(of).collect(), common, first.remains.scale, &totals, &latencies))
 }

@@ -7,7 +7,8 @@
 >>> result.cloud().points            # float32 (H, W, 3)
 
 `Model` runs the pipeline of `nunetd` in this process, `replay` takes recordings through it, `Camera` says what is known
-of the lens, `colorize` paints depth. The command `nunetd` is `python -m nunet_py` as well.
+of the lens, `colorize` paints depth. `subscribe` reads what a running `nunetd` publishes, and `publisher` feeds it
+pictures, both in shared memory without a copy. The command `nunetd` is `python -m nunet_py` as well.
 """
 
 # Nothing heavy is imported here, not even numpy: the child process that tests a new model file starts with this
@@ -25,15 +26,23 @@ from nunet_py._native import (
     CameraError,
     Cloud,
     ContractVersionError,
+    Frame,
+    FrameHeader,
+    Loan,
     Model,
     ModelError,
     NunetError,
+    Publisher,
     Replay,
     Result,
+    Stats,
+    Subscriber,
     WiringError,
     __version__,
     colorize,
+    publisher,
     replay,
+    subscribe,
 )
 
 __all__ = [
@@ -41,15 +50,23 @@ __all__ = [
     "CameraError",
     "Cloud",
     "ContractVersionError",
+    "Frame",
+    "FrameHeader",
+    "Loan",
     "Model",
     "ModelError",
     "NunetError",
+    "Publisher",
     "Replay",
     "Result",
+    "Stats",
+    "Subscriber",
     "WiringError",
     "__version__",
     "colorize",
+    "publisher",
     "replay",
+    "subscribe",
 ]
 
 _PACKAGE = Path(__file__).absolute().parent

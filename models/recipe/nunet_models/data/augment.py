@@ -1,6 +1,6 @@
 """Augmentation of a picture together with its depth and labels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image
@@ -49,6 +49,10 @@ STRONG = Augmentation(
 )
 
 
+BALANCED = replace(STRONG, scale=(0.8, 1.3), scale_chance=0.6)
+"""Zooms in and out alike, so that far things are as frequent as in the pictures themselves."""
+
+
 @dataclass(frozen=True)
 class Sample:
     """A picture ready to train on: uint8 `[h, w, 3]`, float32 metres `[h, w]`, uint8 `[h, w]`."""
@@ -89,12 +93,10 @@ def zoomed(sample: Sample, zoom: float, *, size: tuple[int, int], corner: np.nda
 
     A zoom multiplies the focal length in pixels. The network answers for the training camera's
     focal length, in whose picture such an object would be `zoom` times nearer: so depth is
-    divided by `zoom`. A zoom below 1 leaves a grey margin without truth.
+    divided by `zoom`. A zoom below 1 leaves a grey margin without truth. A window that fits into
+    the part that has truth is placed there: else no depth would ever be learnt at a picture's edge.
     """
-    height, width = sample.depth_m.shape
-    window = round(height / zoom), round(width / zoom)
-    top, left = ((np.array([height, width]) - window) * corner).round().astype(int)
-    cut = (top, left, *window)
+    cut = _window(sample, zoom, corner)
     rgb = Image.fromarray(_cut(sample.rgb, cut, GREY))
     shape = size[::-1]
     # PIL's BOX is the area downsampling of the model file at whole factors, and nearly so between.
@@ -107,6 +109,21 @@ def zoomed(sample: Sample, zoom: float, *, size: tuple[int, int], corner: np.nda
         np.array(depth.resize(shape, nearest)) / np.float32(zoom),
         np.array(labels.resize(shape, nearest)),
     )
+
+
+def _window(sample: Sample, zoom: float, corner: np.ndarray) -> tuple[int, int, int, int]:
+    """Top, left, height and width of the part of `sample` that a zoom shows."""
+    known = np.isfinite(sample.depth_m) | (sample.labels != IGNORE)
+    starts, sizes = [], []
+    for axis, extent in enumerate(known.shape):
+        size = round(extent / zoom)
+        truth = np.flatnonzero(known.any(axis=1 - axis))
+        first, end = (truth[0], truth[-1] + 1) if len(truth) else (0, extent)
+        if size > end - first:
+            first, end = 0, extent
+        starts.append(round(first + (end - first - size) * float(corner[axis])))
+        sizes.append(size)
+    return starts[0], starts[1], sizes[0], sizes[1]
 
 
 def _cut(array: np.ndarray, window: tuple[int, int, int, int], fill: float) -> np.ndarray:

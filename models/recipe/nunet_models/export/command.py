@@ -7,6 +7,7 @@ from pathlib import Path
 from nunet_models.errors import ConfigError
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
+from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.zoo import SerialGraph, architecture_names, graph_spec
@@ -31,6 +32,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         metavar="FOLDER",
         help="write the paper's networks (ResNet-34, 480x640, random weights) into FOLDER",
     )
+    what.add_argument(
+        "--split",
+        type=Path,
+        metavar="FUSED",
+        help="cut a connected graph's fused file, quantised or not, into stages of the same bits",
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -52,11 +59,22 @@ def run(options: argparse.Namespace) -> int:
         written = export_tiny(options.tiny)
     elif options.paper:
         written = export_paper(options.paper)
+    elif options.split:
+        written = [_split(options)]
     else:
         written = [_export_one(options)]
     for path in written:
         print(path)
     return 0
+
+
+def _split(options: argparse.Namespace) -> Path:
+    out: Path | None = options.out
+    if out is None or out.suffix != ".toml":
+        raise ConfigError("`--split` needs `--out NAME.toml`")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    split(options.split, out)
+    return out
 
 
 def _export_one(options: argparse.Namespace) -> Path:

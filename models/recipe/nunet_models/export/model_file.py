@@ -83,24 +83,31 @@ def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> Non
 
 def staged_toml(graph: SerialGraph, stem: str) -> str:
     """The text of a staged graph: one `[[stage]]` a component, wired in order."""
-    lines = ["version = 1"]
-    results = {}
+    stages, results = [], {}
     before = None
     for index, component in enumerate(graph.spec.components):
         stage = StageModel(graph, index)
         sources = {"rgb": "image", "features": f"{before}.logits"}
-        wires = ", ".join(f'{name} = "{sources[name]}"' for name in stage.input_names)
-        lines += [
-            "",
-            "[[stage]]",
-            f'name = "{component.name}"',
-            f'model = "{stem}.{component.name}.onnx"',
-            f"inputs = {{ {wires} }}",
-            "every = 1",
-        ]
+        stages.append((component.name, {name: sources[name] for name in stage.input_names}))
         for output in set(stage.output_names) & {"depth", "labels"}:
             results[output] = f"{component.name}.{output}"
         before = component.name
+    return graph_toml(stem, stages, results)
+
+
+def graph_toml(stem: str, stages: list[tuple[str, dict[str, str]]], results: dict[str, str]) -> str:
+    """A staged graph's text: each stage's name and what feeds its inputs; where results leave."""
+    lines = ["version = 1"]
+    for name, inputs in stages:
+        wires = ", ".join(f'{tensor} = "{source}"' for tensor, source in inputs.items())
+        lines += [
+            "",
+            "[[stage]]",
+            f'name = "{name}"',
+            f'model = "{stem}.{name}.onnx"',
+            f"inputs = {{ {wires} }}",
+            "every = 1",
+        ]
     lines += ["", "[outputs]"] + [f'{name} = "{results[name]}"' for name in sorted(results)]
     return "\n".join(lines) + "\n"
 

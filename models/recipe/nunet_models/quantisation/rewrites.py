@@ -1,4 +1,4 @@
-"""How a graph is prepared for integers without a change of what it computes in float."""
+"""Changes of a graph around its quantisation, none of which changes what it computes."""
 
 from collections.abc import Callable, Iterator
 
@@ -61,6 +61,100 @@ def _joints(model: onnx.ModelProto) -> Iterator[Joint]:
             and all(n.op_type == "ArgMax" for n in others)
         ):
             yield concat, concat.input[1], head, readers
+
+
+def double_by_copies(model: onnx.ModelProto) -> int:
+    """Turn nearest upsampling by two, of integers, into copies; gives how many were turned.
+
+    ONNX Runtime 1.31 computes integers with channels last, where its Resize moves byte by byte.
+    There a pixel doubled in width is its channels written twice, and a row doubled in height is
+    written twice: two Concats, which copy whole runs. The transposes around them meet those that
+    ONNX Runtime puts around its convolutions, and vanish.
+    """
+    shapes = {
+        value.name: [d.dim_value for d in value.type.tensor_type.shape.dim]
+        for value in onnx.shape_inference.infer_shapes(model).graph.value_info
+    }
+    makers = {output: node for node in model.graph.node for output in node.output}
+    consumers = _consumers(model)
+    nodes: list[onnx.NodeProto] = []
+    turned: set[str] = set()
+    for node in model.graph.node:
+        copies = _doubled(model, node, makers, consumers, shapes)
+        if copies:
+            nodes += copies
+            turned |= {node.output[0], copies[-1].output[0]}
+        elif not turned.intersection(node.output):
+            nodes.append(node)
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
+    _remove_unread(model)
+    return len(turned) // 2
+
+
+def _doubled(
+    model: onnx.ModelProto,
+    resize: onnx.NodeProto,
+    makers: dict[str, onnx.NodeProto],
+    consumers: dict[str, list[onnx.NodeProto]],
+    shapes: dict[str, list[int]],
+) -> list[onnx.NodeProto]:
+    """What takes the place of `resize` and of the Quantize behind it; nothing where it may not."""
+    if resize.op_type != "Resize" or _attribute(resize, "mode") != b"nearest":
+        return []
+    before, readers = makers.get(resize.input[0]), consumers.get(resize.output[0], [])
+    if before is None or before.op_type != "DequantizeLinear":
+        return []
+    if [reader.op_type for reader in readers] != ["QuantizeLinear"]:
+        return []
+    if _parameters(model, before) != _parameters(model, readers[0]):
+        return []
+    source, target = before.input[0], readers[0].output[0]
+    small, large = shapes.get(source), shapes.get(target)
+    if not small or not large or large[2:] != [2 * extent for extent in small[2:]]:
+        return []
+    batch, channels, height, width = small
+    made = [f"{resize.name}_{step}" for step in ("last", "wide", "rows", "tall", "pixels")]
+    rows = _constant(model, f"{resize.name}_as_rows", [batch, height, 2 * width * channels])
+    pixels = _constant(model, f"{resize.name}_as_pixels", [batch, 2 * height, 2 * width, channels])
+    node = onnx.helper.make_node
+    return [
+        node("Transpose", [source], made[:1], made[0], perm=[0, 2, 3, 1]),
+        node("Concat", [made[0]] * 2, made[1:2], made[1], axis=3),
+        node("Reshape", [made[1], rows], made[2:3], made[2]),
+        node("Concat", [made[2]] * 2, made[3:4], made[3], axis=2),
+        node("Reshape", [made[3], pixels], made[4:5], made[4]),
+        node("Transpose", [made[4]], [target], f"{resize.name}_first", perm=[0, 3, 1, 2]),
+    ]
+
+
+def _attribute(node: onnx.NodeProto, name: str) -> bytes:
+    return next((attribute.s for attribute in node.attribute if attribute.name == name), b"")
+
+
+def _parameters(model: onnx.ModelProto, node: onnx.NodeProto) -> list[list[float]]:
+    """Scale and zero point of a node that quantises or does the reverse."""
+    return [numpy_helper.to_array(_initializer(model, name)).tolist() for name in node.input[1:]]
+
+
+def _constant(model: onnx.ModelProto, name: str, shape: list[int]) -> str:
+    model.graph.initializer.append(numpy_helper.from_array(np.array(shape, np.int64), name))
+    return name
+
+
+def _remove_unread(model: onnx.ModelProto) -> None:
+    """Remove nodes and weights whose results nobody reads."""
+    graph = model.graph
+    while True:
+        read = {name for node in graph.node for name in node.input}
+        read |= {output.name for output in graph.output}
+        unread = [node for node in graph.node if not read.intersection(node.output)]
+        if not unread:
+            break
+        for node in unread:
+            graph.node.remove(node)
+    for tensor in [tensor for tensor in graph.initializer if tensor.name not in read]:
+        graph.initializer.remove(tensor)
 
 
 def _consumers(model: onnx.ModelProto) -> dict[str, list[onnx.NodeProto]]:

@@ -14,7 +14,7 @@ from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.spec import LITE_DECODER
-from nunet_models.zoo.weights import imagenet_encoder, like_component
+from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
 CHOICES = {
@@ -56,6 +56,12 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="COMPONENT=CHECKPOINT",
         help="take a component, trained in whatever graph, from a checkpoint",
+    )
+    group.add_argument(
+        "--begin-with",
+        type=Path,
+        metavar="CHECKPOINT",
+        help="start from the component of this name in another graph",
     )
     group.add_argument("--imagenet", action="store_true", help="start the encoder from ImageNet")
     group.add_argument("--like", metavar="COMPONENT", help="start as an earlier component is")
@@ -129,6 +135,10 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         before.history[name] = other.history.get(name, [])
         before.settings[name] = other.settings.get(name, {})
     component = graph.component(options.component)
+    if options.begin_with:
+        begin_with(
+            component, Checkpoint.load(options.begin_with).component_weights(options.component)
+        )
     if options.imagenet:
         imagenet_encoder(component)
     if options.like:

@@ -3,9 +3,13 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Augmentation
+from nunet_models.data.augment import BALANCED, NO_AUGMENTATION, STRONG, Augmentation
 
-AUGMENTATIONS: dict[str, Augmentation] = {"none": NO_AUGMENTATION, "strong": STRONG}
+AUGMENTATIONS: dict[str, Augmentation] = {
+    "none": NO_AUGMENTATION,
+    "strong": STRONG,
+    "balanced": BALANCED,
+}
 
 
 @dataclass(frozen=True)

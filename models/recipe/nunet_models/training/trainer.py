@@ -291,7 +291,7 @@ def _optimiser(components: list[Component], settings: Settings) -> torch.optim.O
         }
         for (encoder, decays), parameters in groups.items()
     ]
-    return OPTIMISERS[settings.optimiser](listed)
+    return OPTIMISERS[settings.optimiser](listed, fused=True)  # one pass over the weights
 
 
 def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torch.Tensor:

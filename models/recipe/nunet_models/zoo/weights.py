@@ -57,6 +57,25 @@ def like_component(component: Component, earlier: Component) -> None:
     component.load_state_dict(ours)
 
 
+def begin_with(component: Component, weights: dict[str, torch.Tensor]) -> None:
+    """Start `component` from one of another graph, head and all; the image's channels come first.
+
+    Channels that only `component` sees start at zero; those that only the other saw are left out.
+
+    # Errors
+    `ConfigError` when the weights are of another backbone or decoder.
+    """
+    component.load_weights(
+        {
+            name: _widened(
+                their[:, : mine.shape[1]] if their.dim() == 4 else their, mine.shape, name
+            )
+            for name, mine in component.state_dict().items()
+            if (their := weights.get(name)) is not None
+        }
+    )
+
+
 def _widened(their: torch.Tensor, shape: torch.Size, name: str) -> torch.Tensor:
     """`their` weight with zeros for the input channels that `shape` has beyond it."""
     if their.shape == shape:

@@ -365,3 +365,32 @@ fn an_input_that_no_memory_lists_is_still_given_nothing() {
     let error = with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[]).unwrap_err().to_string();
     assert!(error.starts_with("stage `network` is given nothing for its input `cell_in`"), "{error}");
 }
+
+/// A manifest from elsewhere meets files that exist: whatever it says, the wiring proves it or refuses it.
+#[test]
+fn damaged_manifests_are_wired_or_refused_and_never_panic() {
+    const MANIFEST: &str = "version = 1
+[[stage]]
+name = 's'
+model = 's.onnx'
+inputs = { rgb = 'image' }
+every = 2
+[[stage]]
+name = 'd'
+model = 'd.onnx'
+inputs = { rgb = 'image', features = 's.logits' }
+[outputs]
+depth = 'd.depth'
+labels = 's.labels'
+";
+    let mut wired = 0;
+    nunet_testkit::hostile::sweep("manifest", MANIFEST.as_bytes(), |bytes| {
+        let Some(manifest) = str::from_utf8(bytes).ok().and_then(|text| Manifest::parse(text).ok()) else {
+            return;
+        };
+        let mut signatures = vec![segmentation(), depth_stage()];
+        signatures.resize(manifest.stages.len(), segmentation());
+        wired += usize::from(wire(&manifest, &signatures).is_ok());
+    });
+    assert!(wired > 0, "the whole one fits");
+}

@@ -5,5 +5,5 @@ mod recorder;
 mod writer;
 
 pub(crate) use record::{Record, Results};
-pub(crate) use recorder::{Recorder, Tally};
+pub(crate) use recorder::{Ending, Recorder, Tally};
 pub(crate) use writer::{About, FrameWriter, recording_path, refuse_output};

@@ -103,12 +103,25 @@ impl Recorder {
         }
     }
 
-    /// Writes what still waits, and ends the file.
-    pub(crate) fn finish(self) -> Tally {
+    /// No more frames. Those that were offered are joined with their results before this returns, so that shared memory
+    /// may go; they are written, and the file is ended, meanwhile.
+    pub(crate) fn end(self) -> Ending {
         drop(self.frames);
-        let missed = self.listener.join();
-        let disk = self.disk.join();
-        match (missed, disk) {
+        Ending { missed: self.listener.join(), disk: self.disk, refused: self.refused }
+    }
+}
+
+/// A recording to which nothing is added any more.
+pub(crate) struct Ending {
+    missed: std::thread::Result<u64>,
+    disk: JoinHandle<Disk>,
+    refused: u64,
+}
+
+impl Ending {
+    /// Waits for the end of the file.
+    pub(crate) fn tally(self) -> Tally {
+        match (self.missed, self.disk.join()) {
             (Ok(missed), Ok(disk)) => Tally {
                 recorded: disk.recorded,
                 left_out: self.refused + missed + disk.lost,

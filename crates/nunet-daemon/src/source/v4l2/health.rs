@@ -32,6 +32,11 @@ impl Health {
         news
     }
 
+    /// Whether no good picture has come since something was wrong.
+    pub(super) fn is_bad(&self) -> bool {
+        self.told.is_some()
+    }
+
     /// How long until the next try.
     pub(super) fn wait(&self, now_nanos: i64) -> Duration {
         Duration::from_nanos(self.due_nanos.saturating_sub(now_nanos).max(0).unsigned_abs())
@@ -69,10 +74,10 @@ mod tests {
     fn each_change_is_news_once() {
         let mut health = Health::default();
         assert!(!health.recovers(), "it was never lost");
-        assert!(health.fails("gone", 0));
+        assert!(health.fails("gone", 0) && health.is_bad());
         assert!(!health.fails("gone", 1));
         assert!(health.fails("busy", 2));
-        assert!(health.recovers());
+        assert!(health.recovers() && !health.is_bad());
         assert!(!health.recovers());
         assert!(health.fails("busy", 3));
     }

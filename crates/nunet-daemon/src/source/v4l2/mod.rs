@@ -69,14 +69,22 @@ pub(super) fn open(path: &Path, wish: Wish) -> anyhow::Result<impl Source + use<
     Video::open(Linux, path, wish)
 }
 
+/// A camera of this machine that is not there yet, or cannot be used yet.
+pub(super) fn wait_for(path: &Path, wish: Wish) -> impl Source + use<> {
+    Video::lost(Linux, path, wish)
+}
+
 impl<H: Host> Video<H> {
+    fn lost(host: H, path: &Path, wish: Wish) -> Self {
+        let path = path.to_owned();
+        Self { host, path, wish, stream: None, health: Health::default(), sequence: 0, stretch: 0 }
+    }
+
     fn open(mut host: H, path: &Path, wish: Wish) -> anyhow::Result<Self> {
         let stream = Stream::open(&mut host, path, wish)
             .map_err(|trouble| trouble.with_hint(&host))
             .with_context(|| format!("cannot use the camera `{}`", path.display()))?;
-        let path = path.to_owned();
-        let video =
-            Self { host, path, wish, stream: None, health: Health::default(), sequence: 0, stretch: 0 };
+        let video = Self::lost(host, path, wish);
         video.tell(&stream, "");
         Ok(Self { stream: Some(stream), ..video })
     }
@@ -160,6 +168,10 @@ impl<H: Host> Source for Video<H> {
 
     fn is_live(&self) -> bool {
         true
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.health.is_bad()
     }
 }
 

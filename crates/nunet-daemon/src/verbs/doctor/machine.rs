@@ -10,8 +10,6 @@ pub(super) type Finding = Result<String, String>;
 
 /// Where everybody may write, and nobody may remove what is another's.
 const SHARED_FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
-/// iceoryx2's files beside the shared memory.
-const ICEORYX2_FOLDER: &str = "/tmp/iceoryx2";
 const STICKY: u32 = 0o1000;
 const OTHERS_WRITE: u32 = 0o002;
 /// Before it no clock can be right: this program did not exist.
@@ -21,7 +19,8 @@ const EARLIEST_UNIX_SECONDS: u64 = 1_767_225_600; // 2026-01-01
 pub(super) fn checks() -> Vec<(&'static str, Finding)> {
     let mut all: Vec<_> =
         SHARED_FOLDERS.iter().map(|folder| ("sticky bits", shared_folder(Path::new(folder)))).collect();
-    all.push(("permissions", owned(Path::new(ICEORYX2_FOLDER), rustix::process::geteuid().as_raw())));
+    all.push(("permissions", nunet_ipc::access::check_folder().map_err(|error| error.to_string())));
+    all.push(("access", nunet_ipc::access::check_files().map_err(|error| error.to_string())));
     all.push(("overcommit", overcommit(&read("/proc/sys/vm/overcommit_memory"))));
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     all.push(("clock", clock(now)));
@@ -46,18 +45,6 @@ fn shared_folder(folder: &Path) -> Finding {
         ));
     }
     Ok(format!("`{shown}` has mode {:o}", mode & 0o7777))
-}
-
-fn owned(folder: &Path, user: u32) -> Finding {
-    let shown = folder.display();
-    match fs::metadata(folder).map(|metadata| metadata.uid()) {
-        Err(_) => Ok(format!("`{shown}` is not there yet")),
-        Ok(owner) if owner == user || user == 0 => Ok(format!("`{shown}` is ours")),
-        Ok(owner) => Err(format!(
-            "`{shown}` belongs to user {owner}, this is user {user}: neither sees the other's cameras\nhint: run all of \
-             them as one user, or remove the folder if nobody else runs"
-        )),
-    }
 }
 
 fn overcommit(mode: &str) -> Finding {
@@ -122,19 +109,6 @@ mod tests {
         assert!(shared_folder(folder(0o700).path()).is_ok());
         let problem = shared_folder(folder(0o777).path()).unwrap_err();
         assert!(problem.contains("whose mode is 777\nhint: chmod 1777 "), "{problem}");
-    }
-
-    #[test]
-    fn another_users_folder_is_a_problem() {
-        let folder = folder(0o700);
-        let owner = fs::metadata(folder.path()).unwrap().uid();
-        assert!(owned(folder.path(), owner).is_ok());
-        assert!(owned(&folder.path().join("missing"), owner).is_ok());
-        let problem = owned(folder.path(), owner + 1).unwrap_err();
-        assert!(
-            problem.contains(&format!("belongs to user {owner}, this is user {}", owner + 1)),
-            "{problem}"
-        );
     }
 
     #[test]

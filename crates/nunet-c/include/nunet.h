@@ -1,0 +1,820 @@
+/*
+ * nunet.h: nunetd's depth, labels and clouds in shared memory, for C (C99) and C++.
+ *
+ * Written by crates/nunet-c/tests/header.rs; change the source, not this file.
+ *
+ * RESULTS. Functions answer NUNET_OK (0) or what went wrong; nunet_last_error() says it in words, with a hint. No
+ * function exits, throws or prints (but a fault of the library's own prints where it happened). docs/c.md has the
+ * lines to compile and link with.
+ *
+ * OWNERSHIP. Handles (reader, frame, publisher, loan) belong to the caller until closed, released or sent. A handle
+ * that is used after its end is an error (NUNET_CLOSED), not a crash; so is one of another kind. Memory that a frame
+ * or a loan points at belongs to the library, and ends with the frame or loan: pointers kept longer are wild. Texts
+ * and arrays that are passed in are copied, and must be what the description says: ended by a zero byte, as long as
+ * said.
+ *
+ * NULL. Where a result goes must not be NULL, unless its description says that it may be. After a failure handles and
+ * pointers that were to be given are NULL.
+ *
+ * THREADS. Everything may be called by any thread. Calls with the same reader, or the same publisher, come one after
+ * the other. Any thread may read and release a frame, when nobody else still looks into it. Signal handlers must call
+ * nothing here.
+ *
+ * FORK. Open after forking: what was open before belongs to the parent, and is NUNET_FORKED in the child.
+ *
+ * UNITS. Depth in metres where the header's `units` says so, NaN where there is no measurement; times in
+ * nanoseconds, timeouts in milliseconds, sizes and intrinsics in pixels.
+ *
+ * END. Close what is open before the process ends. What a killed process leaves is cleaned up by the next one that
+ * opens the camera.
+ */
+
+#ifndef NUNET_H
+#define NUNET_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/** Version of the library that this header belongs to. */
+#define NUNET_VERSION "0.1.0"
+
+/** Version of the shared-memory contract. */
+#define NUNET_CONTRACT_VERSION 1
+
+/** A timeout that never ends. */
+#define NUNET_FOREVER UINT32_MAX
+
+/** Stages whose times fit into a header. */
+#define NUNET_MAX_STAGES 16
+
+/** Coefficients that a distortion model may have. */
+#define NUNET_MAX_COEFFICIENTS 14
+
+/** Bytes of a stage's name. */
+#define NUNET_STAGE_NAME_BYTES 32
+
+/** The label of a point that no segmentation has seen. */
+#define NUNET_NO_LABEL 255
+
+/** Values of the header's field `topic`. */
+typedef enum nunet_topic_t {
+  /** The camera's picture, in one of the picture encodings. */
+  NUNET_TOPIC_RGB = 0,
+  /** The depth map: `[height, width]`, `float`, NaN where there is no measurement. */
+  NUNET_TOPIC_DEPTH = 1,
+  /** The class of each pixel: `[height, width]`, `uint8_t`. */
+  NUNET_TOPIC_LABELS = 2,
+  /** The organised point cloud: `[height, width]` points of 16 bytes. */
+  NUNET_TOPIC_CLOUD = 3,
+  /** Obstacles by direction. Reserved: no version of the daemon publishes it yet. */
+  NUNET_TOPIC_SCAN = 4,
+  /** The daemon's running figures: one `nunet_stats_t`. */
+  NUNET_TOPIC_STATS = 5,
+} nunet_topic_t;
+
+/** Values of the header's field `encoding`. */
+typedef enum nunet_encoding_t {
+  /** `[height, width, 3]` bytes: red, green, blue. */
+  NUNET_ENCODING_RGB8 = 0,
+  /** `[height, width, 3]` bytes: blue, green, red. */
+  NUNET_ENCODING_BGR8 = 1,
+  /** `[height, width]` bytes of brightness. */
+  NUNET_ENCODING_MONO8 = 2,
+  /** `[height, width / 2, 4]` bytes: Y0, U, Y1, V. */
+  NUNET_ENCODING_YUYV = 3,
+  /** `[height, width]` bytes of Y, then `[height / 2, width / 2, 2]` of U, V. */
+  NUNET_ENCODING_NV12 = 4,
+  /** `[height, width]` little-endian `float`. */
+  NUNET_ENCODING_DEPTH_F32 = 5,
+  /** `[height, width]` class indices. */
+  NUNET_ENCODING_LABELS_U8 = 6,
+  /** `[height, width]` `nunet_point_t`s. */
+  NUNET_ENCODING_POINTS = 7,
+  /** One `nunet_stats_t`. */
+  NUNET_ENCODING_STATS_RECORD = 8,
+} nunet_encoding_t;
+
+/** Values of the header's field `units`. */
+typedef enum nunet_units_t {
+  /** The payload measures no distance. */
+  NUNET_UNITS_NONE = 0,
+  /** Metres. */
+  NUNET_UNITS_METRE = 1,
+  /** Farther is larger, and nothing more is promised. */
+  NUNET_UNITS_RELATIVE = 2,
+} nunet_units_t;
+
+/** Values of the header's field `scale_source`. */
+typedef enum nunet_scale_source_t {
+  /** The network's own metres, for a camera like the one it was trained with. */
+  NUNET_SCALE_SOURCE_METRIC = 0,
+  /** The network's metres times the ratio of the cameras' focal lengths. */
+  NUNET_SCALE_SOURCE_FOCAL_SCALED = 1,
+  /** The network's metres; the camera's focal length is not known. */
+  NUNET_SCALE_SOURCE_ASSUMED_CAMERA = 2,
+  /** There is no scale. */
+  NUNET_SCALE_SOURCE_RELATIVE = 3,
+} nunet_scale_source_t;
+
+/** Values of the header's field `capture_clock`. */
+typedef enum nunet_clock_t {
+  /** `CLOCK_MONOTONIC` of this machine. */
+  NUNET_CLOCK_MONOTONIC = 0,
+  /** Nanoseconds since 1970-01-01 UTC. */
+  NUNET_CLOCK_UNIX = 1,
+  /** The position in a recording. */
+  NUNET_CLOCK_MEDIA = 2,
+} nunet_clock_t;
+
+/** Values of the header's field `distortion_model`. */
+typedef enum nunet_distortion_model_t {
+  /** A pinhole: no coefficients. */
+  NUNET_DISTORTION_MODEL_NONE = 0,
+  /** Brown-Conrady: k1 k2 p1 p2 k3 k4 k5 k6, then s1 to s4 and the two tilts. */
+  NUNET_DISTORTION_MODEL_BROWN_CONRADY = 1,
+  /** Kannala-Brandt (fisheye): k1 to k4. */
+  NUNET_DISTORTION_MODEL_KANNALA_BRANDT = 2,
+} nunet_distortion_model_t;
+
+/** Values of the header's field `quality`. */
+typedef enum nunet_quality_t {
+  /** Every stage. */
+  NUNET_QUALITY_FULL = 0,
+  /** The labels come from an earlier frame. */
+  NUNET_QUALITY_REUSED_LABELS = 1,
+  /** A cheaper stand-in for the network. */
+  NUNET_QUALITY_FALLBACK = 2,
+} nunet_quality_t;
+
+/** What a reader opens: a sum of these. */
+typedef enum nunet_bit_t {
+  NUNET_BIT_RGB = 1,
+  NUNET_BIT_DEPTH = 2,
+  NUNET_BIT_LABELS = 4,
+  NUNET_BIT_CLOUD = 8,
+  NUNET_BIT_SCAN = 16,
+  NUNET_BIT_STATS = 32,
+} nunet_bit_t;
+
+/**
+ * What a message says about itself, as it lies in shared memory.
+ * `nunet.v1.FrameHeader`, 1024 bytes.
+ */
+typedef struct nunet_header_t {
+  /** `NUNET_CONTRACT_VERSION`. */
+  uint32_t contract_version;
+  /** A `nunet_topic_t`. */
+  uint32_t topic;
+  /** The frame's number: the same in every topic of one frame, rising, starting anywhere. */
+  uint64_t sequence;
+  /** When the picture was taken, nanoseconds of `capture_clock`. */
+  int64_t capture_nanos;
+  /** When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown. */
+  int64_t capture_unix_nanos;
+  /** When this message was sent, nanoseconds of `CLOCK_MONOTONIC`. */
+  int64_t publish_nanos;
+  /** A `nunet_clock_t`. */
+  uint32_t capture_clock;
+  /** A `nunet_encoding_t`. */
+  uint32_t encoding;
+  /** Columns of the payload, in pixels or points. */
+  uint32_t width;
+  /** Rows of the payload. */
+  uint32_t height;
+  /** Bytes from one row to the next. */
+  uint32_t row_stride_bytes;
+  /** A `nunet_units_t`. */
+  uint32_t units;
+  /** Bytes of the payload that mean something; the rest of the last block does not. */
+  uint64_t payload_bytes;
+  /** A `nunet_scale_source_t`; without meaning when `units` is none. */
+  uint32_t scale_source;
+  /** A `nunet_quality_t`. */
+  uint32_t quality;
+  /** Focal length in pixels at `width` x `height`; 0 when the camera is not known. */
+  double fx;
+  /** Focal length in pixels, vertically. */
+  double fy;
+  /** Principal point in pixels; the middle of the first pixel is 0. */
+  double cx;
+  /** Principal point in pixels, vertically. */
+  double cy;
+  /** The coefficients of `distortion_model`, zeros behind them. */
+  double distortion[NUNET_MAX_COEFFICIENTS];
+  /** A `nunet_distortion_model_t`. */
+  uint32_t distortion_model;
+  /** How many of `stage_micros` are in use; the stages' names are in the `stats` topic. */
+  uint32_t stage_count;
+  /** SHA-256 of the model; zeros in a camera's own pictures. */
+  uint8_t model_hash[32];
+  /** Microseconds that each stage took for this frame. */
+  uint32_t stage_micros[NUNET_MAX_STAGES];
+  /** Bytes copied between the camera's memory and the network's input for this frame. */
+  uint64_t bytes_copied;
+  /** Pixels of the depth map without a depth, after the filters: those that are NaN. */
+  uint64_t invalid_pixels;
+  /** The name of the camera's coordinate frame, UTF-8, zeros behind it. */
+  char frame_id[64];
+  /** Zero; room for later fields. */
+  uint8_t reserved[616];
+} nunet_header_t;
+
+/**
+ * The daemon's running figures: the ledger of frames, rates, and times in microseconds.
+ * `captured = published + superseded + failed + in_flight`, always.
+ * `nunet.v1.StatsRecord`, 2560 bytes.
+ */
+typedef struct nunet_stats_t {
+  /** `NUNET_CONTRACT_VERSION`. */
+  uint32_t contract_version;
+  /** How many stages there are. */
+  uint32_t stage_count;
+  /** Frames that the source delivered. */
+  uint64_t captured;
+  /** Frames whose depth was published. */
+  uint64_t published;
+  /** Frames that a newer one overtook before their turn. */
+  uint64_t superseded;
+  /** Frames that ended with an error. */
+  uint64_t failed;
+  /** Frames that have not ended yet. */
+  uint64_t in_flight;
+  /** Published frames a second, over the last seconds. */
+  double fps;
+  /** Mean bytes copied between the camera's memory and the network's input, a frame. */
+  double bytes_copied_per_frame;
+  /** Mean heap allocations of our crates, a frame; NaN when nobody counts. */
+  double allocations_per_frame;
+  /** Time from capture to publication: the median. */
+  double total_p50_us;
+  /** Nine of ten frames were faster. */
+  double total_p90_us;
+  /** Ninety-nine of a hundred frames were faster. */
+  double total_p99_us;
+  /** The slowest frame. */
+  double total_max_us;
+  /** The mean. */
+  double total_mean_us;
+  /** SHA-256 of the model. */
+  uint8_t model_hash[32];
+  /** The model file's name, UTF-8, zeros behind it. */
+  char model_name[64];
+  /** What the network runs on, UTF-8, zeros behind it. */
+  char provider[32];
+  /** The stages' names in the order of `stage_micros`. */
+  char stage_names[NUNET_MAX_STAGES][NUNET_STAGE_NAME_BYTES];
+  /** Each stage's median. */
+  double stage_p50_us[NUNET_MAX_STAGES];
+  /** Each stage's 90th percentile. */
+  double stage_p90_us[NUNET_MAX_STAGES];
+  /** Each stage's 99th percentile. */
+  double stage_p99_us[NUNET_MAX_STAGES];
+  /** Each stage's slowest run. */
+  double stage_max_us[NUNET_MAX_STAGES];
+  /** Each stage's mean. */
+  double stage_mean_us[NUNET_MAX_STAGES];
+  /** Zero; room for later fields. */
+  uint8_t reserved[1168];
+} nunet_stats_t;
+
+/**
+ * A point of a cloud, in the camera's optical frame: x right, y down, z forward.
+ * `nunet.v1.Point`, 16 bytes.
+ */
+typedef struct nunet_point_t {
+  /** Metres to the right; NaN where depth has no measurement. */
+  float x;
+  /** Metres down. */
+  float y;
+  /** Metres forward. */
+  float z;
+  /** Blue. */
+  uint8_t b;
+  /** Green. */
+  uint8_t g;
+  /** Red. */
+  uint8_t r;
+  /** The class; `NUNET_NO_LABEL` where there is none. */
+  uint8_t label;
+} nunet_point_t;
+
+#if defined(__cplusplus)
+#define NUNET_CHECK(name, holds) static_assert(holds, #name)
+#elif defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L
+#define NUNET_CHECK(name, holds) _Static_assert(holds, #name)
+#else
+#define NUNET_CHECK(name, holds) typedef char nunet_check_##name[(holds) ? 1 : -1]
+#endif
+NUNET_CHECK(header_size, sizeof(nunet_header_t) == 1024);
+NUNET_CHECK(header_contract_version, offsetof(nunet_header_t, contract_version) == 0);
+NUNET_CHECK(header_topic, offsetof(nunet_header_t, topic) == 4);
+NUNET_CHECK(header_sequence, offsetof(nunet_header_t, sequence) == 8);
+NUNET_CHECK(header_capture_nanos, offsetof(nunet_header_t, capture_nanos) == 16);
+NUNET_CHECK(header_capture_unix_nanos, offsetof(nunet_header_t, capture_unix_nanos) == 24);
+NUNET_CHECK(header_publish_nanos, offsetof(nunet_header_t, publish_nanos) == 32);
+NUNET_CHECK(header_capture_clock, offsetof(nunet_header_t, capture_clock) == 40);
+NUNET_CHECK(header_encoding, offsetof(nunet_header_t, encoding) == 44);
+NUNET_CHECK(header_width, offsetof(nunet_header_t, width) == 48);
+NUNET_CHECK(header_height, offsetof(nunet_header_t, height) == 52);
+NUNET_CHECK(header_row_stride_bytes, offsetof(nunet_header_t, row_stride_bytes) == 56);
+NUNET_CHECK(header_units, offsetof(nunet_header_t, units) == 60);
+NUNET_CHECK(header_payload_bytes, offsetof(nunet_header_t, payload_bytes) == 64);
+NUNET_CHECK(header_scale_source, offsetof(nunet_header_t, scale_source) == 72);
+NUNET_CHECK(header_quality, offsetof(nunet_header_t, quality) == 76);
+NUNET_CHECK(header_fx, offsetof(nunet_header_t, fx) == 80);
+NUNET_CHECK(header_fy, offsetof(nunet_header_t, fy) == 88);
+NUNET_CHECK(header_cx, offsetof(nunet_header_t, cx) == 96);
+NUNET_CHECK(header_cy, offsetof(nunet_header_t, cy) == 104);
+NUNET_CHECK(header_distortion, offsetof(nunet_header_t, distortion) == 112);
+NUNET_CHECK(header_distortion_model, offsetof(nunet_header_t, distortion_model) == 224);
+NUNET_CHECK(header_stage_count, offsetof(nunet_header_t, stage_count) == 228);
+NUNET_CHECK(header_model_hash, offsetof(nunet_header_t, model_hash) == 232);
+NUNET_CHECK(header_stage_micros, offsetof(nunet_header_t, stage_micros) == 264);
+NUNET_CHECK(header_bytes_copied, offsetof(nunet_header_t, bytes_copied) == 328);
+NUNET_CHECK(header_invalid_pixels, offsetof(nunet_header_t, invalid_pixels) == 336);
+NUNET_CHECK(header_frame_id, offsetof(nunet_header_t, frame_id) == 344);
+NUNET_CHECK(header_reserved, offsetof(nunet_header_t, reserved) == 408);
+NUNET_CHECK(stats_size, sizeof(nunet_stats_t) == 2560);
+NUNET_CHECK(stats_contract_version, offsetof(nunet_stats_t, contract_version) == 0);
+NUNET_CHECK(stats_stage_count, offsetof(nunet_stats_t, stage_count) == 4);
+NUNET_CHECK(stats_captured, offsetof(nunet_stats_t, captured) == 8);
+NUNET_CHECK(stats_published, offsetof(nunet_stats_t, published) == 16);
+NUNET_CHECK(stats_superseded, offsetof(nunet_stats_t, superseded) == 24);
+NUNET_CHECK(stats_failed, offsetof(nunet_stats_t, failed) == 32);
+NUNET_CHECK(stats_in_flight, offsetof(nunet_stats_t, in_flight) == 40);
+NUNET_CHECK(stats_fps, offsetof(nunet_stats_t, fps) == 48);
+NUNET_CHECK(stats_bytes_copied_per_frame, offsetof(nunet_stats_t, bytes_copied_per_frame) == 56);
+NUNET_CHECK(stats_allocations_per_frame, offsetof(nunet_stats_t, allocations_per_frame) == 64);
+NUNET_CHECK(stats_total_p50_us, offsetof(nunet_stats_t, total_p50_us) == 72);
+NUNET_CHECK(stats_total_p90_us, offsetof(nunet_stats_t, total_p90_us) == 80);
+NUNET_CHECK(stats_total_p99_us, offsetof(nunet_stats_t, total_p99_us) == 88);
+NUNET_CHECK(stats_total_max_us, offsetof(nunet_stats_t, total_max_us) == 96);
+NUNET_CHECK(stats_total_mean_us, offsetof(nunet_stats_t, total_mean_us) == 104);
+NUNET_CHECK(stats_model_hash, offsetof(nunet_stats_t, model_hash) == 112);
+NUNET_CHECK(stats_model_name, offsetof(nunet_stats_t, model_name) == 144);
+NUNET_CHECK(stats_provider, offsetof(nunet_stats_t, provider) == 208);
+NUNET_CHECK(stats_stage_names, offsetof(nunet_stats_t, stage_names) == 240);
+NUNET_CHECK(stats_stage_p50_us, offsetof(nunet_stats_t, stage_p50_us) == 752);
+NUNET_CHECK(stats_stage_p90_us, offsetof(nunet_stats_t, stage_p90_us) == 880);
+NUNET_CHECK(stats_stage_p99_us, offsetof(nunet_stats_t, stage_p99_us) == 1008);
+NUNET_CHECK(stats_stage_max_us, offsetof(nunet_stats_t, stage_max_us) == 1136);
+NUNET_CHECK(stats_stage_mean_us, offsetof(nunet_stats_t, stage_mean_us) == 1264);
+NUNET_CHECK(stats_reserved, offsetof(nunet_stats_t, reserved) == 1392);
+NUNET_CHECK(point_size, sizeof(nunet_point_t) == 16);
+NUNET_CHECK(point_x, offsetof(nunet_point_t, x) == 0);
+NUNET_CHECK(point_y, offsetof(nunet_point_t, y) == 4);
+NUNET_CHECK(point_z, offsetof(nunet_point_t, z) == 8);
+NUNET_CHECK(point_b, offsetof(nunet_point_t, b) == 12);
+NUNET_CHECK(point_g, offsetof(nunet_point_t, g) == 13);
+NUNET_CHECK(point_r, offsetof(nunet_point_t, r) == 14);
+NUNET_CHECK(point_label, offsetof(nunet_point_t, label) == 15);
+#undef NUNET_CHECK
+
+
+/**
+ * What a function answers. `NUNET_OK` is 0; everything else is described by `nunet_last_error()`.
+ */
+typedef enum {
+  /**
+   * It worked.
+   */
+  NUNET_OK = 0,
+  /**
+   * Nothing came in time. The camera may stand still or be gone: `nunet_reader_is_connected()` tells.
+   */
+  NUNET_TIMEOUT = 1,
+  /**
+   * A signal ended the waiting.
+   */
+  NUNET_INTERRUPTED = 2,
+  /**
+   * Nobody publishes the camera, or not this topic of it.
+   */
+  NUNET_NOBODY_PUBLISHES = 3,
+  /**
+   * The other side speaks another version of the contract.
+   */
+  NUNET_WRONG_CONTRACT_VERSION = 4,
+  /**
+   * All places for readers of this camera are taken.
+   */
+  NUNET_TOO_MANY_READERS = 5,
+  /**
+   * This reader holds as many frames of the topic as it may: release one, or copy what must live longer.
+   */
+  NUNET_TOO_MANY_FRAMES_HELD = 6,
+  /**
+   * As many loans as allowed are open: send or release one.
+   */
+  NUNET_TOO_MANY_LOANS = 7,
+  /**
+   * Another process publishes this camera.
+   */
+  NUNET_ALREADY_OWNED = 8,
+  /**
+   * Readers keep services open that were made with other limits.
+   */
+  NUNET_OTHER_LIMITS = 9,
+  /**
+   * Shared memory is missing or too small.
+   */
+  NUNET_SHARED_MEMORY = 10,
+  /**
+   * The reader was not opened with this topic.
+   */
+  NUNET_NO_SUCH_TOPIC = 11,
+  /**
+   * The payload is of another kind than asked for.
+   */
+  NUNET_WRONG_ENCODING = 12,
+  /**
+   * The sender's header contradicts its payload.
+   */
+  NUNET_BAD_MESSAGE = 13,
+  /**
+   * An argument is NULL, no text, or outside of its range.
+   */
+  NUNET_BAD_ARGUMENT = 14,
+  /**
+   * The handle was closed, released or sent before, or never was one.
+   */
+  NUNET_CLOSED = 15,
+  /**
+   * The handle belongs to the process that this one was forked from.
+   */
+  NUNET_FORKED = 16,
+  /**
+   * The system or iceoryx2 refused; the text says what.
+   */
+  NUNET_SYSTEM = 17,
+  /**
+   * A fault in this library. It was stopped here; please report the text.
+   */
+  NUNET_PANIC = 18,
+} nunet_status_t;
+
+/**
+ * One message in shared memory, read-only. What it points at stays as it is until it is released, also after its
+ * reader is closed and its owner is gone. Any thread may read and release it.
+ */
+typedef struct nunet_frame_t nunet_frame_t;
+
+/**
+ * The memory of a picture that is not sent yet. Any thread may fill and send it.
+ */
+typedef struct nunet_loan_t nunet_loan_t;
+
+/**
+ * A camera's publisher: the owner of its topic `rgb`. Calls with one publisher come one after the other, whatever
+ * threads make them.
+ */
+typedef struct nunet_publisher_t nunet_publisher_t;
+
+/**
+ * A reader of some of a camera's topics. Calls with one reader come one after the other, whatever threads make them.
+ */
+typedef struct nunet_reader_t nunet_reader_t;
+
+/**
+ * Frames of one sequence number.
+ */
+typedef struct {
+  /**
+   * At the place of each `nunet_topic_t` its frame, or NULL.
+   */
+  nunet_frame_t *frames[6];
+} nunet_set_t;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/**
+ * Why the last call of this thread that failed did so: what, where, expected and got, and mostly a last line
+ * `hint: ...`. UTF-8; empty when none has failed yet. A call that works leaves it as it is.
+ *
+ * The text belongs to the library and stays until the next call of this thread fails.
+ */
+const char *nunet_last_error(void);
+
+/**
+ * A status in words, such as `too many readers`; `unknown status` for a number that is none. A static text.
+ */
+const char *nunet_status_name(int32_t status);
+
+/**
+ * The library's version, such as `0.1.0`. A static text. `NUNET_VERSION` is that of the header.
+ */
+const char *nunet_version(void);
+
+/**
+ * The version of the shared-memory contract that the library speaks. `NUNET_CONTRACT_VERSION` is that of the header.
+ */
+uint32_t nunet_contract_version(void);
+
+/**
+ * Now, in nanoseconds of `CLOCK_MONOTONIC`: the clock of `publish_nanos`, and of `capture_nanos` where
+ * `capture_clock` says so.
+ */
+int64_t nunet_monotonic_nanos(void);
+
+/**
+ * Opens topics of a camera, and tries again until they are there or the time is over.
+ *
+ * `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
+ * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. `*reader` is the caller's, to be closed with
+ * `nunet_reader_close()`; NULL after a failure.
+ *
+ * Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
+ * `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_reader_open(const char *camera,
+                                 uint32_t topic_bits,
+                                 uint32_t timeout_ms,
+                                 nunet_reader_t **reader);
+
+/**
+ * Sleeps until there may be something new, or the time is over. Only a hint, for programs with a loop of their own:
+ * look for frames whatever it says. `nunet_reader_next()` waits by itself.
+ *
+ * `woken` (may be NULL): whether an owner published, came or went. A signal ends the sleep early.
+ *
+ * Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_reader_wait(const nunet_reader_t *reader,
+                                 uint32_t timeout_ms,
+                                 bool *woken);
+
+/**
+ * The newest frame of a topic that was not seen yet; waits for one without burning the processor. Older ones are
+ * passed over.
+ *
+ * `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 looks and does not wait. `*frame` is the caller's, to be
+ * released with `nunet_frame_release()`; NULL after a failure. The owner lets a reader hold a few frames of a topic
+ * at a time, 2 by default.
+ *
+ * Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal's handler ran while it waited;
+ * `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may; `NUNET_NO_SUCH_TOPIC`,
+ * `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
+                                 uint32_t topic,
+                                 uint32_t timeout_ms,
+                                 nunet_frame_t **frame);
+
+/**
+ * The newest frames of all the reader's topics (but `stats`) that belong together: all of one sequence number. Waits
+ * for them as `nunet_reader_next()` does.
+ *
+ * `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
+ * failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
+ *
+ * Fails as `nunet_reader_next()` does.
+ */
+nunet_status_t nunet_reader_next_set(const nunet_reader_t *reader,
+                                     uint32_t timeout_ms,
+                                     nunet_set_t *set);
+
+/**
+ * Which process publishes a topic. It asks the file system: for the moments when no frames come, not for every one.
+ *
+ * `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was killed.
+ *
+ * Fails with `NUNET_NO_SUCH_TOPIC`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_reader_owner(const nunet_reader_t *reader,
+                                  uint32_t topic,
+                                  uint32_t *pid,
+                                  bool *alive);
+
+/**
+ * Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_owner()`. A reader that
+ * is not connected need not be opened again: the next owner's frames arrive in it. False for a reader that is closed
+ * or NULL.
+ */
+bool nunet_reader_is_connected(const nunet_reader_t *reader);
+
+/**
+ * Closes a reader. Its frames stay until they are released. NULL is fine.
+ *
+ * Fails with `NUNET_CLOSED` when it was closed before.
+ */
+nunet_status_t nunet_reader_close(nunet_reader_t *reader);
+
+/**
+ * What a frame says about itself.
+ *
+ * `*header` is valid until the frame is released; NULL after a failure.
+ *
+ * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`, as the functions below do too.
+ */
+nunet_status_t nunet_frame_header(const nunet_frame_t *frame, const nunet_header_t **header);
+
+/**
+ * A frame's payload, whatever it is, aligned to 64 bytes.
+ *
+ * `*bytes` is valid until the frame is released; NULL after a failure. `byte_count` may be NULL.
+ */
+nunet_status_t nunet_frame_bytes(const nunet_frame_t *frame, const void **bytes, size_t *byte_count);
+
+/**
+ * A depth map: `height` rows from the top of `width` floats, in the header's units (metres, mostly), NaN where there
+ * is no measurement.
+ *
+ * `*depth` is valid until the frame is released; NULL after a failure. `width` and `height` may be NULL.
+ *
+ * Fails with `NUNET_WRONG_ENCODING` when it is something else, `NUNET_BAD_MESSAGE` when its size is not that of its
+ * header.
+ */
+nunet_status_t nunet_frame_depth(const nunet_frame_t *frame,
+                                 const float **depth,
+                                 uint32_t *width,
+                                 uint32_t *height);
+
+/**
+ * The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the classes.
+ *
+ * Pointers and failures as in `nunet_frame_depth()`.
+ */
+nunet_status_t nunet_frame_labels(const nunet_frame_t *frame,
+                                  const uint8_t **labels,
+                                  uint32_t *width,
+                                  uint32_t *height);
+
+/**
+ * A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in
+ * the header's units; NaN where there is no measurement.
+ *
+ * Pointers and failures as in `nunet_frame_depth()`.
+ */
+nunet_status_t nunet_frame_points(const nunet_frame_t *frame,
+                                  const nunet_point_t **points,
+                                  uint32_t *width,
+                                  uint32_t *height);
+
+/**
+ * The daemon's running figures, from a frame of the topic `stats`.
+ *
+ * `*stats` is valid until the frame is released; NULL after a failure.
+ *
+ * Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
+ */
+nunet_status_t nunet_frame_stats(const nunet_frame_t *frame, const nunet_stats_t **stats);
+
+/**
+ * Gives a frame back. Pointers into it are no longer valid. NULL is fine.
+ *
+ * Fails with `NUNET_CLOSED` when it was released before.
+ */
+nunet_status_t nunet_frame_release(nunet_frame_t *frame);
+
+/**
+ * Gives all frames of a set back and makes its pointers NULL. To keep one longer, copy its pointer and make that in
+ * the set NULL before. NULL is fine.
+ *
+ * Fails with `NUNET_CLOSED` when one of them was released before; the others are released all the same.
+ */
+nunet_status_t nunet_set_release(nunet_set_t *set);
+
+/**
+ * Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
+ * for them.
+ *
+ * `encoding`: a `nunet_encoding_t` of pictures (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
+ * `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
+ * closed with `nunet_publisher_close()`; NULL after a failure.
+ *
+ * Fails with `NUNET_ALREADY_OWNED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
+ * does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_publisher_open(const char *camera,
+                                    uint32_t encoding,
+                                    uint32_t width,
+                                    uint32_t height,
+                                    uint32_t max_readers,
+                                    nunet_publisher_t **publisher);
+
+/**
+ * Says the camera's intrinsics, which every later picture carries: depth has metres with them. Without this call
+ * the camera is unknown.
+ *
+ * `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the middle of
+ * the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`: `coefficient_count` of its
+ * coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
+ *
+ * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_publisher_set_camera(const nunet_publisher_t *publisher,
+                                          double fx,
+                                          double fy,
+                                          double cx,
+                                          double cy,
+                                          uint32_t distortion_model,
+                                          const double *coefficients,
+                                          size_t coefficient_count);
+
+/**
+ * Names the camera's coordinate frame, which every later picture carries: UTF-8, at most 64 bytes, copied.
+ *
+ * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_publisher_set_frame_id(const nunet_publisher_t *publisher, const char *frame_id);
+
+/**
+ * Borrows the memory of the next picture, to be filled in place: readers see the same memory, and nothing is copied.
+ * One loan may be open at a time.
+ *
+ * `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`; NULL after
+ * a failure.
+ *
+ * Fails with `NUNET_TOO_MANY_LOANS`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_publisher_loan(const nunet_publisher_t *publisher,
+                                    nunet_loan_t **loan);
+
+/**
+ * Publishes a copy of a picture, for bytes that already lie elsewhere; `nunet_publisher_loan()` saves the copy.
+ *
+ * `bytes`: `byte_count` of them, exactly as many as a picture of the publisher's size and encoding has without
+ * padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
+ *
+ * Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_publisher_publish(const nunet_publisher_t *publisher,
+                                       const void *bytes,
+                                       size_t byte_count,
+                                       uint32_t clock,
+                                       int64_t capture_nanos);
+
+/**
+ * Whether anybody reads the camera: a camera that nobody reads need not be computed. A reader that was killed counts
+ * until it is cleaned up after. False for a publisher that is closed or NULL.
+ */
+bool nunet_publisher_has_readers(const nunet_publisher_t *publisher);
+
+/**
+ * Hands the newest picture to readers that came since. Sending does the same: this is for sources that stand still; call
+ * it a few times a second.
+ *
+ * Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_publisher_refresh(const nunet_publisher_t *publisher);
+
+/**
+ * Closes a publisher: the camera may have another one. A loan that is still open can only be released then, and keeps
+ * the camera until it is. NULL is fine.
+ *
+ * Fails with `NUNET_CLOSED` when it was closed before.
+ */
+nunet_status_t nunet_publisher_close(nunet_publisher_t *publisher);
+
+/**
+ * The header of a picture that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
+ * are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version` and the times are
+ * written again by `nunet_loan_send()`. Numbers of later pictures count on from `sequence`.
+ *
+ * `*header` is valid until the loan is sent or released; NULL after a failure.
+ *
+ * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_loan_header(const nunet_loan_t *loan,
+                                 nunet_header_t **header);
+
+/**
+ * The pixels of a picture that is not sent yet, aligned to 64 bytes: rows from the top without padding. Whatever an
+ * earlier picture left is still in them.
+ *
+ * `*bytes` is valid until the loan is sent or released; NULL after a failure. `byte_count` may be NULL.
+ *
+ * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan,
+                                void **bytes,
+                                size_t *byte_count);
+
+/**
+ * Sends a picture and wakes its readers. The loan is used up, also when this fails.
+ *
+ * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
+ * `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken. `capture_unix_nanos` is computed where it
+ * was left 0 and the clock allows it.
+ *
+ * Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_loan_send(nunet_loan_t *loan,
+                               uint32_t clock,
+                               int64_t capture_nanos);
+
+/**
+ * Gives a loan back unseen. NULL is fine.
+ *
+ * Fails with `NUNET_CLOSED` when it was sent or released before.
+ */
+nunet_status_t nunet_loan_release(nunet_loan_t *loan);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* NUNET_H */

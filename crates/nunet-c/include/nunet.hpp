@@ -1,0 +1,294 @@
+/*
+ * nunet.hpp: nunetd's depth, labels and clouds in shared memory, for C++17. Header only, over nunet.h; link libnunet.
+ *
+ * Objects own what nunet.h's handles stand for, are moved and not copied, and give it back at their end. Failures are
+ * thrown as nunet::Error; nothing new in time is an empty optional. Views point into shared memory and end with their
+ * frame or loan. Threads, units and forks: as nunet.h says.
+ */
+#ifndef NUNET_HPP
+#define NUNET_HPP
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "nunet.h"
+
+namespace nunet {
+
+/** What went wrong: what() is the text with its hint, status() the number. */
+class Error : public std::runtime_error {
+public:
+  Error(nunet_status_t status, const std::string &text) : std::runtime_error(text), status_(status) {}
+  nunet_status_t status() const noexcept { return status_; }
+
+private:
+  nunet_status_t status_;
+};
+
+/** Throws unless it is NUNET_OK. */
+inline void check(nunet_status_t status) {
+  if (status != NUNET_OK) throw Error(status, nunet_last_error());
+}
+
+namespace detail {
+
+/** Nothing new in time, or a signal: false. Anything else that is not NUNET_OK is thrown. */
+inline bool came(nunet_status_t status) {
+  if (status == NUNET_TIMEOUT || status == NUNET_INTERRUPTED) return false;
+  check(status);
+  return true;
+}
+
+/** Below 0 is 0; what does not fit is for ever. */
+inline std::uint32_t milliseconds(std::chrono::milliseconds time) {
+  if (time.count() <= 0) return 0;
+  return time.count() >= static_cast<std::int64_t>(NUNET_FOREVER) ? NUNET_FOREVER
+                                                                  : static_cast<std::uint32_t>(time.count());
+}
+
+/** One handle, given back at its end. */
+template <typename T, nunet_status_t (*End)(T *)> class Handle {
+public:
+  Handle() = default;
+  explicit Handle(T *handle) noexcept : handle_(handle) {}
+  Handle(Handle &&other) noexcept : handle_(other.release()) {}
+  Handle &operator=(Handle &&other) noexcept {
+    if (this != &other) {
+      End(handle_);
+      handle_ = other.release();
+    }
+    return *this;
+  }
+  Handle(const Handle &) = delete;
+  Handle &operator=(const Handle &) = delete;
+  ~Handle() { End(handle_); }
+
+  T *get() const noexcept { return handle_; }
+  T *release() noexcept { return std::exchange(handle_, nullptr); }
+
+private:
+  T *handle_ = nullptr;
+};
+
+} // namespace detail
+
+/** A wait that never ends by itself. */
+constexpr std::chrono::milliseconds forever{NUNET_FOREVER};
+
+/** Rows from the top of `width` cells each, somewhere in shared memory. */
+template <typename T> struct View {
+  T *data = nullptr;
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+
+  std::size_t size() const noexcept { return static_cast<std::size_t>(width) * height; }
+  T *begin() const noexcept { return data; }
+  T *end() const noexcept { return data + size(); }
+  T *row(std::uint32_t y) const noexcept { return data + static_cast<std::size_t>(y) * width; }
+  /** The cell in column x of row y; not checked. */
+  T &operator()(std::uint32_t x, std::uint32_t y) const noexcept { return row(y)[x]; }
+};
+
+/** Bytes somewhere in shared memory. */
+template <typename T> struct Bytes {
+  T *data = nullptr;
+  std::size_t size = 0;
+  T *begin() const noexcept { return data; }
+  T *end() const noexcept { return data + size; }
+};
+
+/** One message, read-only; it stays as it is while this object lives, also after its reader and its owner. */
+class Frame {
+public:
+  /** No frame; looking into it throws. */
+  Frame() = default;
+  /** Takes over a handle of nunet.h's. */
+  explicit Frame(nunet_frame_t *handle) noexcept : handle_(handle) {}
+
+  const nunet_header_t &header() const {
+    const nunet_header_t *header;
+    check(nunet_frame_header(handle_.get(), &header));
+    return *header;
+  }
+  /** The payload, whatever it is, aligned to 64 bytes. */
+  Bytes<const std::uint8_t> bytes() const {
+    const void *data;
+    std::size_t size;
+    check(nunet_frame_bytes(handle_.get(), &data, &size));
+    return {static_cast<const std::uint8_t *>(data), size};
+  }
+  /** In the header's units (metres, mostly); NaN where there is no measurement. */
+  View<const float> depth() const { return view<const float>(nunet_frame_depth); }
+  /** The class of each pixel. */
+  View<const std::uint8_t> labels() const { return view<const std::uint8_t>(nunet_frame_labels); }
+  /** x right, y down, z forward, in the header's units; NaN where there is no measurement. */
+  View<const nunet_point_t> points() const { return view<const nunet_point_t>(nunet_frame_points); }
+  /** The daemon's running figures. */
+  const nunet_stats_t &stats() const {
+    const nunet_stats_t *stats;
+    check(nunet_frame_stats(handle_.get(), &stats));
+    return *stats;
+  }
+  /** The time since it was sent. */
+  std::chrono::nanoseconds age() const {
+    return std::chrono::nanoseconds(nunet_monotonic_nanos() - header().publish_nanos);
+  }
+  nunet_frame_t *get() const noexcept { return handle_.get(); }
+
+private:
+  template <typename T>
+  View<T> view(nunet_status_t (*look)(const nunet_frame_t *, T **, std::uint32_t *, std::uint32_t *)) const {
+    View<T> view;
+    check(look(handle_.get(), &view.data, &view.width, &view.height));
+    return view;
+  }
+
+  detail::Handle<nunet_frame_t, nunet_frame_release> handle_;
+};
+
+/** Frames of several topics that belong together: all of one sequence number. */
+class FrameSet {
+public:
+  /** Takes over the frames of a set of nunet.h's. */
+  explicit FrameSet(const nunet_set_t &set) noexcept {
+    for (std::size_t topic = 0; topic < frames_.size(); topic++) frames_[topic] = Frame(set.frames[topic]);
+  }
+  bool has(nunet_topic_t topic) const noexcept { return frames_[topic].get() != nullptr; }
+  /** The frame of a topic. Looking into one of a topic that was not opened throws. */
+  const Frame &operator[](nunet_topic_t topic) const noexcept { return frames_[topic]; }
+  /** Takes the frame of a topic out, to keep it longer than the rest. */
+  Frame take(nunet_topic_t topic) noexcept { return std::move(frames_[topic]); }
+
+private:
+  std::array<Frame, sizeof(nunet_set_t::frames) / sizeof(nunet_frame_t *)> frames_;
+};
+
+/** A process; pid 0 when there is none. */
+struct Process {
+  std::uint32_t pid = 0;
+  bool alive = false;
+};
+
+/** A reader of some of a camera's topics. */
+class Reader {
+public:
+  /** Tries until the topics (NUNET_BIT_DEPTH | ...) are there or the time is over. */
+  explicit Reader(const std::string &camera, std::uint32_t topic_bits = NUNET_BIT_DEPTH,
+                  std::chrono::milliseconds timeout = std::chrono::seconds(5)) {
+    nunet_reader_t *reader;
+    check(nunet_reader_open(camera.c_str(), topic_bits, detail::milliseconds(timeout), &reader));
+    handle_ = decltype(handle_)(reader);
+  }
+  /** The newest frame of a topic that was not seen yet; empty when none came in time or a signal did. */
+  std::optional<Frame> next(nunet_topic_t topic, std::chrono::milliseconds timeout) {
+    nunet_frame_t *frame;
+    if (!detail::came(nunet_reader_next(handle_.get(), topic, detail::milliseconds(timeout), &frame))) return {};
+    return Frame(frame);
+  }
+  /** The newest frames of all topics that belong together; empty when none came in time or a signal did. */
+  std::optional<FrameSet> next_set(std::chrono::milliseconds timeout) {
+    nunet_set_t set;
+    if (!detail::came(nunet_reader_next_set(handle_.get(), detail::milliseconds(timeout), &set))) return {};
+    return FrameSet(set);
+  }
+  /** Sleeps until there may be something new; a hint, for programs with a loop of their own. */
+  bool wait(std::chrono::milliseconds timeout) {
+    bool woken;
+    check(nunet_reader_wait(handle_.get(), detail::milliseconds(timeout), &woken));
+    return woken;
+  }
+  /** Who publishes a topic. */
+  Process owner(nunet_topic_t topic) const {
+    Process owner;
+    check(nunet_reader_owner(handle_.get(), topic, &owner.pid, &owner.alive));
+    return owner;
+  }
+  /** Whether a living process publishes each of the topics. */
+  bool is_connected() const noexcept { return nunet_reader_is_connected(handle_.get()); }
+  /** Closes it before its end; frames stay. */
+  void close() { check(nunet_reader_close(handle_.release())); }
+  nunet_reader_t *get() const noexcept { return handle_.get(); }
+
+private:
+  detail::Handle<nunet_reader_t, nunet_reader_close> handle_;
+};
+
+/** A picture that is being filled in shared memory; given back unseen unless it is sent. */
+class Loan {
+public:
+  explicit Loan(nunet_loan_t *handle) noexcept : handle_(handle) {}
+
+  nunet_header_t &header() {
+    nunet_header_t *header;
+    check(nunet_loan_header(handle_.get(), &header));
+    return *header;
+  }
+  /** The pixels: rows from the top without padding. */
+  Bytes<std::uint8_t> bytes() {
+    void *data;
+    std::size_t size;
+    check(nunet_loan_bytes(handle_.get(), &data, &size));
+    return {static_cast<std::uint8_t *>(data), size};
+  }
+  /** Sends it; afterwards this object is empty. */
+  void send(std::int64_t capture_nanos, nunet_clock_t clock = NUNET_CLOCK_MONOTONIC) {
+    check(nunet_loan_send(handle_.release(), clock, capture_nanos));
+  }
+  nunet_loan_t *get() const noexcept { return handle_.get(); }
+
+private:
+  detail::Handle<nunet_loan_t, nunet_loan_release> handle_;
+};
+
+/** A camera that publishes its pictures. */
+class Publisher {
+public:
+  /** Becomes the owner of a camera and reserves its memory. max_readers: 0 for the default. */
+  Publisher(const std::string &camera, nunet_encoding_t encoding, std::uint32_t width, std::uint32_t height,
+            std::uint32_t max_readers = 0) {
+    nunet_publisher_t *publisher;
+    check(nunet_publisher_open(camera.c_str(), encoding, width, height, max_readers, &publisher));
+    handle_ = decltype(handle_)(publisher);
+  }
+  /** Intrinsics in pixels, and the lens, for all later pictures. */
+  void set_camera(double fx, double fy, double cx, double cy,
+                  nunet_distortion_model_t model = NUNET_DISTORTION_MODEL_NONE,
+                  const std::vector<double> &coefficients = {}) {
+    check(nunet_publisher_set_camera(handle_.get(), fx, fy, cx, cy, model, coefficients.data(), coefficients.size()));
+  }
+  /** The name of the camera's coordinate frame, for all later pictures. */
+  void set_frame_id(const std::string &name) {
+    check(nunet_publisher_set_frame_id(handle_.get(), name.c_str()));
+  }
+  /** Borrows the memory of the next picture, to be filled in place. */
+  Loan loan() {
+    nunet_loan_t *loan;
+    check(nunet_publisher_loan(handle_.get(), &loan));
+    return Loan(loan);
+  }
+  /** Publishes a copy of a picture. */
+  void publish(const void *bytes, std::size_t byte_count, std::int64_t capture_nanos,
+               nunet_clock_t clock = NUNET_CLOCK_MONOTONIC) {
+    check(nunet_publisher_publish(handle_.get(), bytes, byte_count, clock, capture_nanos));
+  }
+  bool has_readers() const noexcept { return nunet_publisher_has_readers(handle_.get()); }
+  /** Hands the newest picture to readers that came since; for sources that stand still. */
+  void refresh() { check(nunet_publisher_refresh(handle_.get())); }
+  /** Closes it before its end. */
+  void close() { check(nunet_publisher_close(handle_.release())); }
+  nunet_publisher_t *get() const noexcept { return handle_.get(); }
+
+private:
+  detail::Handle<nunet_publisher_t, nunet_publisher_close> handle_;
+};
+
+} // namespace nunet
+
+#endif

@@ -1,0 +1,175 @@
+#![expect(unsafe_code, reason = "exported names")]
+//! Frames as their reader sees them.
+
+use std::ffi::c_void;
+use std::mem::MaybeUninit;
+
+use nunet_ipc::{Frame, FrameHeader, IpcError, Point, StatsRecord, Topic};
+
+use crate::argument::{fill, place, pointer_to};
+use crate::handle::{Table, locked};
+use crate::status::{Failure, Status, guard};
+
+/// One message in shared memory, read-only. What it points at stays as it is until it is released, also after its
+/// reader is closed and its owner is gone. Any thread may read and release it.
+#[derive(Debug)]
+pub struct FrameHandle;
+
+/// Frames of one sequence number.
+#[derive(Debug)]
+#[repr(C)]
+pub struct Set {
+    /// At the place of each `nunet_topic_t` its frame, or NULL.
+    pub frames: [*mut FrameHandle; 6],
+}
+
+impl Set {
+    pub(crate) const EMPTY: Self = Self { frames: [std::ptr::null_mut(); Topic::ALL.len()] };
+}
+
+pub(crate) static FRAMES: Table<Frame> = Table::new("frame");
+
+/// What a frame says about itself.
+///
+/// `*header` is valid until the frame is released; NULL after a failure.
+///
+/// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`, as the functions below do too.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_header(
+    frame: *const FrameHandle,
+    header: Option<&mut MaybeUninit<*const FrameHeader>>,
+) -> Status {
+    guard(|| {
+        let header = place(header, "header", std::ptr::null())?;
+        let frame = FRAMES.get(frame)?;
+        *header = std::ptr::from_ref(locked(&frame).header());
+        Ok(())
+    })
+}
+
+/// A frame's payload, whatever it is, aligned to 64 bytes.
+///
+/// `*bytes` is valid until the frame is released; NULL after a failure. `byte_count` may be NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_bytes(
+    frame: *const FrameHandle,
+    bytes: Option<&mut MaybeUninit<*const c_void>>,
+    byte_count: Option<&mut MaybeUninit<usize>>,
+) -> Status {
+    guard(|| {
+        let bytes = place(bytes, "bytes", std::ptr::null())?;
+        let frame = FRAMES.get(frame)?;
+        let frame = locked(&frame);
+        *bytes = pointer_to(frame.bytes());
+        fill(byte_count, frame.bytes().len());
+        Ok(())
+    })
+}
+
+/// A depth map: `height` rows from the top of `width` floats, in the header's units (metres, mostly), NaN where there
+/// is no measurement.
+///
+/// `*depth` is valid until the frame is released; NULL after a failure. `width` and `height` may be NULL.
+///
+/// Fails with `NUNET_WRONG_ENCODING` when it is something else, `NUNET_BAD_MESSAGE` when its size is not that of its
+/// header.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_depth(
+    frame: *const FrameHandle,
+    depth: Option<&mut MaybeUninit<*const f32>>,
+    width: Option<&mut MaybeUninit<u32>>,
+    height: Option<&mut MaybeUninit<u32>>,
+) -> Status {
+    guard(|| grid(frame, place(depth, "depth", std::ptr::null())?, width, height, Frame::depth))
+}
+
+/// The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the classes.
+///
+/// Pointers and failures as in `nunet_frame_depth()`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_labels(
+    frame: *const FrameHandle,
+    labels: Option<&mut MaybeUninit<*const u8>>,
+    width: Option<&mut MaybeUninit<u32>>,
+    height: Option<&mut MaybeUninit<u32>>,
+) -> Status {
+    guard(|| grid(frame, place(labels, "labels", std::ptr::null())?, width, height, Frame::labels))
+}
+
+/// A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in
+/// the header's units; NaN where there is no measurement.
+///
+/// Pointers and failures as in `nunet_frame_depth()`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_points(
+    frame: *const FrameHandle,
+    points: Option<&mut MaybeUninit<*const Point>>,
+    width: Option<&mut MaybeUninit<u32>>,
+    height: Option<&mut MaybeUninit<u32>>,
+) -> Status {
+    guard(|| grid(frame, place(points, "points", std::ptr::null())?, width, height, Frame::points))
+}
+
+/// The daemon's running figures, from a frame of the topic `stats`.
+///
+/// `*stats` is valid until the frame is released; NULL after a failure.
+///
+/// Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_stats(
+    frame: *const FrameHandle,
+    stats: Option<&mut MaybeUninit<*const StatsRecord>>,
+) -> Status {
+    guard(|| {
+        let stats = place(stats, "stats", std::ptr::null())?;
+        let frame = FRAMES.get(frame)?;
+        *stats = std::ptr::from_ref(locked(&frame).stats()?);
+        Ok(())
+    })
+}
+
+/// Gives a frame back. Pointers into it are no longer valid. NULL is fine.
+///
+/// Fails with `NUNET_CLOSED` when it was released before.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_release(frame: *mut FrameHandle) -> Status {
+    guard(|| FRAMES.remove(frame).map(drop))
+}
+
+/// Gives all frames of a set back and makes its pointers NULL. To keep one longer, copy its pointer and make that in
+/// the set NULL before. NULL is fine.
+///
+/// Fails with `NUNET_CLOSED` when one of them was released before; the others are released all the same.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_set_release(set: Option<&mut Set>) -> Status {
+    guard(|| {
+        let mut all = Ok(());
+        for frame in set.into_iter().flat_map(|set| &mut set.frames) {
+            let handle = std::mem::replace(frame, std::ptr::null_mut());
+            all = all.and(FRAMES.remove(handle).map(drop));
+        }
+        all
+    })
+}
+
+fn grid<T>(
+    frame: *const FrameHandle,
+    cells: &mut *const T,
+    width: Option<&mut MaybeUninit<u32>>,
+    height: Option<&mut MaybeUninit<u32>>,
+    view: impl FnOnce(&Frame) -> Result<&[T], IpcError>,
+) -> Result<(), Failure> {
+    let frame = FRAMES.get(frame)?;
+    let frame = locked(&frame);
+    let found = view(&frame)?;
+    let (columns, rows) = (frame.header().width, frame.header().height);
+    // The header is the sender's to change, even after it was checked: what is told must fit what is there.
+    if (columns as usize).checked_mul(rows as usize) != Some(found.len()) {
+        let detail = "its header changed while it was read".to_owned();
+        return Err(IpcError::BadMessage { topic: frame.topic(), detail }.into());
+    }
+    *cells = found.as_ptr();
+    fill(width, columns);
+    fill(height, rows);
+    Ok(())
+}

@@ -1,0 +1,161 @@
+#![expect(unsafe_code, reason = "exported names")]
+//! A picture that is being filled.
+
+use std::ffi::c_void;
+use std::mem::MaybeUninit;
+use std::sync::{Arc, Mutex};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use nunet_ipc::{Clock, FrameHeader, Loan, Wake, monotonic_nanos};
+
+use crate::argument::{fill, place, word};
+use crate::handle::{Table, locked};
+use crate::publisher::{Camera, PUBLISHERS, PublisherHandle};
+use crate::status::{Failure, Status, guard};
+
+/// The memory of a picture that is not sent yet. Any thread may fill and send it.
+#[derive(Debug)]
+pub struct LoanHandle;
+
+/// A loan, and the publisher that it is of.
+#[derive(Debug)]
+pub(crate) struct OpenLoan {
+    // Given back before its publisher may end: the order of the fields. `None` once it was sent.
+    loan: Option<Loan>,
+    /// Its publisher lends nothing else while this is there.
+    _token: Arc<()>,
+    _camera: Arc<Mutex<Camera>>,
+    publisher: usize,
+}
+
+pub(crate) static LOANS: Table<OpenLoan> = Table::new("loan");
+
+impl OpenLoan {
+    pub(crate) fn new(
+        loan: Loan,
+        token: Arc<()>,
+        camera: Arc<Mutex<Camera>>,
+        publisher: *const PublisherHandle,
+    ) -> Self {
+        Self { loan: Some(loan), _token: token, _camera: camera, publisher: publisher.addr() }
+    }
+
+    fn open(&mut self) -> Result<&mut Loan, Failure> {
+        self.loan.as_mut().ok_or_else(|| LOANS.closed())
+    }
+}
+
+/// The header of a picture that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
+/// are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version` and the times are
+/// written again by `nunet_loan_send()`. Numbers of later pictures count on from `sequence`.
+///
+/// `*header` is valid until the loan is sent or released; NULL after a failure.
+///
+/// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_loan_header(
+    loan: *const LoanHandle,
+    header: Option<&mut MaybeUninit<*mut FrameHeader>>,
+) -> Status {
+    guard(|| {
+        let header = place(header, "header", std::ptr::null_mut())?;
+        let loan = LOANS.get(loan)?;
+        *header = std::ptr::from_mut(locked(&loan).open()?.header_mut());
+        Ok(())
+    })
+}
+
+/// The pixels of a picture that is not sent yet, aligned to 64 bytes: rows from the top without padding. Whatever an
+/// earlier picture left is still in them.
+///
+/// `*bytes` is valid until the loan is sent or released; NULL after a failure. `byte_count` may be NULL.
+///
+/// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_loan_bytes(
+    loan: *const LoanHandle,
+    bytes: Option<&mut MaybeUninit<*mut c_void>>,
+    byte_count: Option<&mut MaybeUninit<usize>>,
+) -> Status {
+    guard(|| {
+        let bytes = place(bytes, "bytes", std::ptr::null_mut())?;
+        let loan = LOANS.get(loan)?;
+        let mut loan = locked(&loan);
+        let payload = loan.open()?.bytes_mut();
+        *bytes = payload.as_mut_ptr().cast();
+        fill(byte_count, payload.len());
+        Ok(())
+    })
+}
+
+/// Sends a picture and wakes its readers. The loan is used up, also when this fails.
+///
+/// `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
+/// `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken. `capture_unix_nanos` is computed where it
+/// was left 0 and the clock allows it.
+///
+/// Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nanos: i64) -> Status {
+    guard(|| {
+        LOANS.refuse_null(loan)?;
+        let open = LOANS.remove(loan)?.ok_or_else(|| LOANS.closed())?;
+        let mut open = locked(&open);
+        let clock = word(clock, "clock")?;
+        let camera = PUBLISHERS.get::<PublisherHandle>(std::ptr::without_provenance(open.publisher))?;
+        let loan = open.loan.take().ok_or_else(|| LOANS.closed())?;
+        locked(&camera).send(loan, clock, capture_nanos)
+    })
+}
+
+/// Gives a loan back unseen. NULL is fine.
+///
+/// Fails with `NUNET_CLOSED` when it was sent or released before.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_loan_release(loan: *mut LoanHandle) -> Status {
+    guard(|| LOANS.remove(loan).map(drop))
+}
+
+impl Camera {
+    pub(crate) fn send(&mut self, mut loan: Loan, clock: Clock, capture_nanos: i64) -> Result<(), Failure> {
+        let header = loan.header_mut();
+        header.set_capture_clock(clock);
+        header.capture_nanos = capture_nanos;
+        if header.capture_unix_nanos == 0 {
+            header.capture_unix_nanos = unix_of(clock, capture_nanos, monotonic_nanos(), unix_nanos());
+        }
+        let sequence = header.sequence;
+        loan.publish(monotonic_nanos())?;
+        self.next_sequence = sequence.wrapping_add(1);
+        self.publisher.notify(Wake::Picture)?;
+        Ok(())
+    }
+}
+
+/// A time of capture on the clock that other machines share; 0 where there is no telling.
+fn unix_of(clock: Clock, capture_nanos: i64, now_monotonic: i64, now_unix: i64) -> i64 {
+    match clock {
+        Clock::Monotonic => now_unix.saturating_sub(now_monotonic.saturating_sub(capture_nanos)),
+        Clock::Unix => capture_nanos,
+        Clock::Media => 0,
+    }
+}
+
+/// Nanoseconds since 1970, 0 on a machine whose clock stands before.
+fn unix_nanos() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_capture_are_carried_to_the_shared_clock_where_there_is_a_way() {
+        assert_eq!(unix_of(Clock::Monotonic, 900, 1000, 50_000), 49_900);
+        assert_eq!(unix_of(Clock::Unix, 900, 1000, 50_000), 900);
+        assert_eq!(unix_of(Clock::Media, 900, 1000, 50_000), 0);
+        assert_eq!(unix_of(Clock::Monotonic, i64::MIN, 1000, 50_000), 50_000 - i64::MAX);
+    }
+}

@@ -1,0 +1,324 @@
+#![expect(unsafe_code, reason = "exported names, and texts that come as bare pointers")]
+#![expect(clippy::missing_safety_doc, reason = "the header says once for all what pointers must be")]
+//! A camera that publishes its pictures.
+
+use std::ffi::{c_char, c_void};
+use std::mem::MaybeUninit;
+use std::sync::{Arc, Weak};
+
+use nunet_ipc::{
+    DistortionModel, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, Topic, TopicPlan,
+};
+
+use crate::argument::{camera, place, slice, text, word};
+use crate::handle::{Table, locked};
+use crate::loan::{LOANS, LoanHandle, OpenLoan};
+use crate::status::{Failure, Status, guard};
+
+/// A camera's publisher: the owner of its topic `rgb`. Calls with one publisher come one after the other, whatever
+/// threads make them.
+#[derive(Debug)]
+pub struct PublisherHandle;
+
+/// A publisher, and what all its pictures have in common.
+#[derive(Debug)]
+pub(crate) struct Camera {
+    pub(crate) publisher: Publisher,
+    pub(crate) next_sequence: u64,
+    template: FrameHeader,
+    picture_bytes: usize,
+    lent: Weak<()>,
+}
+
+pub(crate) static PUBLISHERS: Table<Camera> = Table::new("publisher");
+
+/// The longest side of a picture that nunetd accepts.
+const MAX_SIDE_PX: u32 = 32_768;
+
+/// Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
+/// for them.
+///
+/// `encoding`: a `nunet_encoding_t` of pictures (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
+/// `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
+/// closed with `nunet_publisher_close()`; NULL after a failure.
+///
+/// Fails with `NUNET_ALREADY_OWNED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
+/// does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nunet_publisher_open(
+    camera: *const c_char,
+    encoding: u32,
+    width: u32,
+    height: u32,
+    max_readers: u32,
+    publisher: Option<&mut MaybeUninit<*mut PublisherHandle>>,
+) -> Status {
+    guard(|| {
+        let publisher = place(publisher, "publisher", std::ptr::null_mut())?;
+        // SAFETY: the caller passes a text or NULL.
+        let camera = unsafe { self::camera(camera) }?;
+        let template = template(word(encoding, "encoding")?, width, height)?;
+        let picture_bytes = usize::try_from(template.payload_bytes).unwrap_or(usize::MAX);
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: picture_bytes };
+        let mut limits = Limits::DEFAULT;
+        if max_readers != 0 {
+            limits.max_readers = max_readers as usize;
+        }
+        let owner = Publisher::create(&camera, &[plan], &limits)?;
+        *publisher = PUBLISHERS.insert(Camera {
+            publisher: owner,
+            next_sequence: 0,
+            template,
+            picture_bytes,
+            lent: Weak::new(),
+        });
+        Ok(())
+    })
+}
+
+/// Says the camera's intrinsics, which every later picture carries: depth has metres with them. Without this call
+/// the camera is unknown.
+///
+/// `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the middle of
+/// the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`: `coefficient_count` of its
+/// coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
+///
+/// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nunet_publisher_set_camera(
+    publisher: *const PublisherHandle,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    distortion_model: u32,
+    coefficients: *const f64,
+    coefficient_count: usize,
+) -> Status {
+    guard(|| {
+        let owned = PUBLISHERS.get(publisher)?;
+        // SAFETY: the caller passes an array of that length or NULL.
+        let coefficients = unsafe { slice(coefficients, coefficient_count, "coefficients") }?;
+        let mut header = locked(&owned).template;
+        set_lens(&mut header, word(distortion_model, "distortion_model")?, coefficients)?;
+        set_pinhole(&mut header, [fx, fy, cx, cy])?;
+        locked(&owned).template = header;
+        Ok(())
+    })
+}
+
+/// Names the camera's coordinate frame, which every later picture carries: UTF-8, at most 64 bytes, copied.
+///
+/// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nunet_publisher_set_frame_id(
+    publisher: *const PublisherHandle,
+    frame_id: *const c_char,
+) -> Status {
+    guard(|| {
+        let owned = PUBLISHERS.get(publisher)?;
+        // SAFETY: the caller passes a text or NULL.
+        let name = unsafe { text(frame_id, "frame_id") }?;
+        let mut owned = locked(&owned);
+        let (bytes, most) = (name.len(), owned.template.frame_id.len());
+        if bytes > most {
+            return Err(Failure::argument(format!("`frame_id` has {bytes} bytes, but at most {most} fit")));
+        }
+        owned.template.set_frame_id(name);
+        Ok(())
+    })
+}
+
+/// Borrows the memory of the next picture, to be filled in place: readers see the same memory, and nothing is copied.
+/// One loan may be open at a time.
+///
+/// `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`; NULL after
+/// a failure.
+///
+/// Fails with `NUNET_TOO_MANY_LOANS`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_publisher_loan(
+    publisher: *const PublisherHandle,
+    loan: Option<&mut MaybeUninit<*mut LoanHandle>>,
+) -> Status {
+    guard(|| {
+        let loan = place(loan, "loan", std::ptr::null_mut())?;
+        let owned = PUBLISHERS.get(publisher)?;
+        let mut camera = locked(&owned);
+        let (picture, token) = (camera.loan()?, Arc::new(()));
+        camera.lent = Arc::downgrade(&token);
+        *loan = LOANS.insert(OpenLoan::new(picture, token, Arc::clone(&owned), publisher));
+        Ok(())
+    })
+}
+
+/// Publishes a copy of a picture, for bytes that already lie elsewhere; `nunet_publisher_loan()` saves the copy.
+///
+/// `bytes`: `byte_count` of them, exactly as many as a picture of the publisher's size and encoding has without
+/// padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
+///
+/// Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nunet_publisher_publish(
+    publisher: *const PublisherHandle,
+    bytes: *const c_void,
+    byte_count: usize,
+    clock: u32,
+    capture_nanos: i64,
+) -> Status {
+    guard(|| {
+        let owned = PUBLISHERS.get(publisher)?;
+        // SAFETY: the caller passes an array of that length or NULL.
+        let picture = unsafe { slice(bytes.cast::<u8>(), byte_count, "bytes") }?;
+        let clock = word(clock, "clock")?;
+        let mut owned = locked(&owned);
+        let expected = owned.picture_bytes;
+        if byte_count != expected {
+            return Err(Failure::argument(format!(
+                "`byte_count` is `{byte_count}`, but a picture of this publisher has {expected} bytes\n\
+                 hint: leave out padding between rows; fill a loan row by row where the source has some"
+            )));
+        }
+        let mut loan = owned.loan()?;
+        loan.bytes_mut().copy_from_slice(picture);
+        owned.send(loan, clock, capture_nanos)
+    })
+}
+
+/// Whether anybody reads the camera: a camera that nobody reads need not be computed. A reader that was killed counts
+/// until it is cleaned up after. False for a publisher that is closed or NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle) -> bool {
+    let mut read = false;
+    guard(|| {
+        read = locked(&*PUBLISHERS.get(publisher)?).publisher.has_readers(Topic::Rgb);
+        Ok(())
+    }) == Status::Ok
+        && read
+}
+
+/// Hands the newest picture to readers that came since. Sending does the same: this is for sources that stand still; call
+/// it a few times a second.
+///
+/// Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> Status {
+    guard(|| Ok(locked(&*PUBLISHERS.get(publisher)?).publisher.refresh()?))
+}
+
+/// Closes a publisher: the camera may have another one. A loan that is still open can only be released then, and keeps
+/// the camera until it is. NULL is fine.
+///
+/// Fails with `NUNET_CLOSED` when it was closed before.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Status {
+    guard(|| PUBLISHERS.remove(publisher).map(drop))
+}
+
+impl Camera {
+    /// nunet-ipc lends as long as it has chunks, and has more than one while few readers hold some. Which would
+    /// depend on the readers; and two open loans would have one sequence number.
+    fn loan(&self) -> Result<Loan, Failure> {
+        if self.lent.strong_count() > 0 {
+            return Err(IpcError::TooManyLoans { topic: Topic::Rgb, limit: 1 }.into());
+        }
+        let mut loan = self.publisher.loan(Topic::Rgb)?;
+        *loan.header_mut() = FrameHeader { sequence: self.next_sequence, ..self.template };
+        Ok(loan)
+    }
+}
+
+/// The header that all pictures of a camera begin with.
+fn template(encoding: Encoding, width: u32, height: u32) -> Result<FrameHeader, Failure> {
+    for (name, side) in [("width", width), ("height", height)] {
+        if !(1..=MAX_SIDE_PX).contains(&side) {
+            return Err(Failure::argument(format!(
+                "`{name}` is `{side}`, but expected 1 to {MAX_SIDE_PX} pixels"
+            )));
+        }
+    }
+    // As nunetd lays its rows: odd sides round up where two pixels share a colour.
+    let (row_bytes, rows) = match encoding {
+        Encoding::Rgb8 | Encoding::Bgr8 => (width * 3, height),
+        Encoding::Mono8 => (width, height),
+        Encoding::Yuyv => (width.div_ceil(2) * 4, height),
+        Encoding::Nv12 => (width.div_ceil(2) * 2, height + height.div_ceil(2)),
+        other => {
+            return Err(Failure::argument(format!(
+                "`encoding` is `{other}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
+            )));
+        }
+    };
+    let mut header = FrameHeader { width, height, row_stride_bytes: row_bytes, ..FrameHeader::default() };
+    header.set_topic(Topic::Rgb);
+    header.set_encoding(encoding);
+    header.payload_bytes = u64::from(row_bytes) * u64::from(rows);
+    Ok(header)
+}
+
+fn set_pinhole(header: &mut FrameHeader, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), Failure> {
+    let focal = |value: f64| value.is_finite() && value > 0.0;
+    if !focal(fx) || !focal(fy) || !cx.is_finite() || !cy.is_finite() {
+        return Err(Failure::argument(format!(
+            "intrinsics `{fx}, {fy}, {cx}, {cy}`: expected positive focal lengths and a finite principal point, in pixels"
+        )));
+    }
+    (header.fx, header.fy, header.cx, header.cy) = (fx, fy, cx, cy);
+    Ok(())
+}
+
+fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f64]) -> Result<(), Failure> {
+    let most = match model {
+        DistortionModel::None => 0,
+        DistortionModel::BrownConrady => header.distortion.len(),
+        DistortionModel::KannalaBrandt => 4,
+    };
+    let count = coefficients.len();
+    if count > most {
+        return Err(Failure::argument(format!("{count} coefficients, but `{model}` has {most} at most")));
+    }
+    if let Some(bad) = coefficients.iter().find(|coefficient| !coefficient.is_finite()) {
+        return Err(Failure::argument(format!("a coefficient is `{bad}`, but expected a finite number")));
+    }
+    header.set_distortion_model(model);
+    header.distortion = [0.0; nunet_ipc::header::MAX_COEFFICIENTS];
+    header.distortion[..count].copy_from_slice(coefficients);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_have_the_bytes_that_their_encoding_needs() {
+        let bytes = |encoding, width, height| template(encoding, width, height).unwrap().payload_bytes;
+        assert_eq!(bytes(Encoding::Rgb8, 640, 480), 921_600);
+        assert_eq!(bytes(Encoding::Mono8, 7, 5), 35);
+        assert_eq!(bytes(Encoding::Yuyv, 7, 5), 80);
+        assert_eq!(bytes(Encoding::Nv12, 7, 5), 64);
+        assert_eq!(bytes(Encoding::Bgr8, MAX_SIDE_PX, MAX_SIDE_PX), 3 << 30);
+    }
+
+    #[test]
+    fn sizes_and_encodings_of_no_picture_are_refused() {
+        for (encoding, width, height) in
+            [(Encoding::Rgb8, 0, 480), (Encoding::Rgb8, 640, 32_769), (Encoding::DepthF32, 640, 480)]
+        {
+            let failure = template(encoding, width, height).unwrap_err();
+            assert_eq!(failure.status, Status::BadArgument, "{}", failure.message);
+        }
+    }
+
+    #[test]
+    fn a_lens_that_makes_no_sense_is_refused() {
+        let mut header = FrameHeader::default();
+        assert!(set_lens(&mut header, DistortionModel::None, &[0.1]).is_err());
+        assert!(set_lens(&mut header, DistortionModel::KannalaBrandt, &[0.0; 5]).is_err());
+        assert!(set_lens(&mut header, DistortionModel::BrownConrady, &[f64::NAN]).is_err());
+        assert!(set_pinhole(&mut header, [0.0, 1.0, 0.0, 0.0]).is_err());
+        assert_eq!(header, FrameHeader::default());
+        set_lens(&mut header, DistortionModel::BrownConrady, &[0.1, -0.2]).unwrap();
+        assert_eq!(header.distortion[..3], [0.1, -0.2, 0.0]);
+    }
+}

@@ -1,0 +1,214 @@
+#![expect(unsafe_code, reason = "exported names, and texts that come as bare pointers")]
+#![expect(clippy::missing_safety_doc, reason = "the header says once for all what pointers must be")]
+//! A reader of a camera.
+
+use std::ffi::c_char;
+use std::mem::MaybeUninit;
+use std::time::{Duration, Instant};
+
+use nunet_ipc::{IpcError, Reader, Topic};
+
+use crate::argument::{camera, fill, place, timeout, topics, word};
+use crate::frame::{FRAMES, FrameHandle, Set};
+use crate::handle::{Table, locked};
+use crate::status::{Failure, Status, guard};
+
+/// A reader of some of a camera's topics. Calls with one reader come one after the other, whatever threads make them.
+#[derive(Debug)]
+pub struct ReaderHandle;
+
+static READERS: Table<Reader> = Table::new("reader");
+
+/// The longest sleep between two looks. A late joiner gets its first frame without a wake-up, and a reader that
+/// another thread closes is noticed.
+const NAP: Duration = Duration::from_millis(100);
+
+/// nunet-ipc does not sleep for less: what is left when a sleep ends by itself is less than this.
+const SHORTEST_NAP: Duration = Duration::from_micros(10);
+
+/// Opens topics of a camera, and tries again until they are there or the time is over.
+///
+/// `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
+/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. `*reader` is the caller's, to be closed with
+/// `nunet_reader_close()`; NULL after a failure.
+///
+/// Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
+/// `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nunet_reader_open(
+    camera: *const c_char,
+    topic_bits: u32,
+    timeout_ms: u32,
+    reader: Option<&mut MaybeUninit<*mut ReaderHandle>>,
+) -> Status {
+    guard(|| {
+        let reader = place(reader, "reader", std::ptr::null_mut())?;
+        // SAFETY: the caller passes a text or NULL.
+        let camera = unsafe { self::camera(camera) }?;
+        let topics = topics(topic_bits)?;
+        *reader = READERS.insert(Reader::open(&camera, &topics, timeout(timeout_ms))?);
+        Ok(())
+    })
+}
+
+/// Sleeps until there may be something new, or the time is over. Only a hint, for programs with a loop of their own:
+/// look for frames whatever it says. `nunet_reader_next()` waits by itself.
+///
+/// `woken` (may be NULL): whether an owner published, came or went. A signal ends the sleep early.
+///
+/// Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_reader_wait(
+    reader: *const ReaderHandle,
+    timeout_ms: u32,
+    woken: Option<&mut MaybeUninit<bool>>,
+) -> Status {
+    guard(|| {
+        let reader = READERS.get(reader)?;
+        let sign = locked(&reader).wait(timeout(timeout_ms))?;
+        fill(woken, sign);
+        Ok(())
+    })
+}
+
+/// The newest frame of a topic that was not seen yet; waits for one without burning the processor. Older ones are
+/// passed over.
+///
+/// `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 looks and does not wait. `*frame` is the caller's, to be
+/// released with `nunet_frame_release()`; NULL after a failure. The owner lets a reader hold a few frames of a topic
+/// at a time, 2 by default.
+///
+/// Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal's handler ran while it waited;
+/// `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may; `NUNET_NO_SUCH_TOPIC`,
+/// `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_reader_next(
+    reader: *const ReaderHandle,
+    topic: u32,
+    timeout_ms: u32,
+    frame: Option<&mut MaybeUninit<*mut FrameHandle>>,
+) -> Status {
+    guard(|| {
+        let frame = place(frame, "frame", std::ptr::null_mut())?;
+        let topic: Topic = word(topic, "topic")?;
+        let found =
+            wait_for(reader, timeout_ms, &format!("frame of `{topic}`"), |reader| reader.latest(topic))?;
+        *frame = FRAMES.insert(found);
+        Ok(())
+    })
+}
+
+/// The newest frames of all the reader's topics (but `stats`) that belong together: all of one sequence number. Waits
+/// for them as `nunet_reader_next()` does.
+///
+/// `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
+/// failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
+///
+/// Fails as `nunet_reader_next()` does.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_reader_next_set(
+    reader: *const ReaderHandle,
+    timeout_ms: u32,
+    set: Option<&mut MaybeUninit<Set>>,
+) -> Status {
+    guard(|| {
+        let set = place(set, "set", Set::EMPTY)?;
+        let mut found = wait_for(reader, timeout_ms, "complete set of frames", Reader::next_set)?;
+        for topic in Topic::ALL {
+            if let Some(frame) = found.take(*topic) {
+                set.frames[*topic as usize] = FRAMES.insert(frame);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Which process publishes a topic. It asks the file system: for the moments when no frames come, not for every one.
+///
+/// `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was killed.
+///
+/// Fails with `NUNET_NO_SUCH_TOPIC`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_reader_owner(
+    reader: *const ReaderHandle,
+    topic: u32,
+    pid: Option<&mut MaybeUninit<u32>>,
+    alive: Option<&mut MaybeUninit<bool>>,
+) -> Status {
+    guard(|| {
+        let reader = READERS.get(reader)?;
+        let owner = locked(&reader).owner(word(topic, "topic")?)?;
+        fill(pid, owner.map_or(0, |owner| owner.pid));
+        fill(alive, owner.is_some_and(|owner| owner.alive));
+        Ok(())
+    })
+}
+
+/// Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_owner()`. A reader that
+/// is not connected need not be opened again: the next owner's frames arrive in it. False for a reader that is closed
+/// or NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_reader_is_connected(reader: *const ReaderHandle) -> bool {
+    let mut connected = false;
+    guard(|| {
+        let reader = READERS.get(reader)?;
+        connected = locked(&reader).is_connected();
+        Ok(())
+    }) == Status::Ok
+        && connected
+}
+
+/// Closes a reader. Its frames stay until they are released. NULL is fine.
+///
+/// Fails with `NUNET_CLOSED` when it was closed before.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_reader_close(reader: *mut ReaderHandle) -> Status {
+    guard(|| READERS.remove(reader).map(drop))
+}
+
+/// Looks until there is something, the time is over, or a signal comes. The handle is looked up before each sleep, so
+/// that nobody waits with a reader that is closed.
+fn wait_for<T>(
+    handle: *const ReaderHandle,
+    timeout_ms: u32,
+    what: &str,
+    mut look: impl FnMut(&mut Reader) -> Result<Option<T>, IpcError>,
+) -> Result<T, Failure> {
+    let timeout = timeout(timeout_ms);
+    let start = Instant::now();
+    loop {
+        let reader = READERS.get(handle)?;
+        let mut reader = locked(&reader);
+        if let Some(found) = look(&mut reader)? {
+            return Ok(found);
+        }
+        let left = timeout.saturating_sub(start.elapsed());
+        if left.is_zero() {
+            return Err(late(&reader, timeout, what));
+        }
+        let nap = left.min(NAP);
+        let asleep = Instant::now();
+        let woken = reader.wait(nap)?;
+        if !woken && nap.saturating_sub(asleep.elapsed()) > SHORTEST_NAP {
+            return Err(Failure::new(Status::Interrupted, "a signal came while waiting for a frame"));
+        }
+    }
+}
+
+/// Why nothing came. Who only looks is not made to pay for the reason.
+fn late(reader: &Reader, timeout: Duration, what: &str) -> Failure {
+    let camera = reader.camera();
+    if timeout.is_zero() {
+        return Failure::new(Status::Timeout, format!("no new {what} of camera `{camera}` yet"));
+    }
+    let hint = if reader.is_connected() {
+        "its owner is alive, but slower than this, or its source stands still"
+    } else {
+        "nobody publishes it any more; the next owner's frames will arrive in this reader"
+    };
+    let seconds = timeout.as_secs_f64();
+    Failure::new(
+        Status::Timeout,
+        format!("no new {what} of camera `{camera}` after {seconds} s\nhint: {hint}"),
+    )
+}

@@ -1,0 +1,70 @@
+//! Several streams through the same sessions: what one of them left, the other never sees.
+
+use nunet_core::graph::{Quality, SerialGraph};
+use nunet_testkit::models;
+
+use crate::{Folder, SIZE, picture, run};
+
+/// A picture for each stream and frame.
+fn numbered(number: u8) -> Vec<u8> {
+    picture(SIZE).iter().map(|value| value.wrapping_mul(2 * number + 1)).collect()
+}
+
+#[test]
+fn each_sibling_remembers_its_own_frames() {
+    let load = || Folder::new().model("m.onnx", &models::remembering(SIZE)).load("m.onnx").unwrap();
+    let depths = |graph: &mut SerialGraph, numbers: &[u8]| -> Vec<Vec<f32>> {
+        numbers.iter().map(|&number| run(graph, &numbered(number)).depth).collect()
+    };
+    let (front, rear) = (depths(&mut load(), &[1, 2, 3]), depths(&mut load(), &[7, 8, 9]));
+    assert_ne!(front, rear);
+
+    let mut first = load();
+    // A sibling begins with zeros, whatever the first has seen.
+    run(&mut first, &numbered(5));
+    let mut second = first.sibling().unwrap();
+    first.reset();
+    for frame in 0..3 {
+        assert_eq!(run(&mut first, &numbered([1, 2, 3][frame])).depth, front[frame]);
+        assert_eq!(run(&mut second, &numbered([7, 8, 9][frame])).depth, rear[frame]);
+    }
+    drop(first);
+    second.reset();
+    assert_eq!(depths(&mut second, &[7, 8, 9]), rear, "sessions live as long as one who runs them");
+}
+
+const EACH_THIRD: &str = r#"
+version = 1
+[[stage]]
+name = "segmentation"
+model = "segmentation.onnx"
+inputs = { rgb = "image" }
+every = 3
+[[stage]]
+name = "depth"
+model = "depth.onnx"
+inputs = { rgb = "image", features = "segmentation.logits" }
+[outputs]
+depth = "depth.depth"
+labels = "segmentation.labels"
+"#;
+
+#[test]
+fn each_sibling_counts_its_own_frames_and_reuses_its_own_results() {
+    let folder = Folder::new()
+        .model("segmentation.onnx", &models::segmentation_stage(SIZE))
+        .model("depth.onnx", &models::depth_stage(SIZE, true))
+        .text("graph.toml", EACH_THIRD);
+    let mut first = folder.load("graph.toml").unwrap();
+    let mut second = first.sibling().unwrap();
+    let begun = run(&mut first, &numbered(1));
+    let other = run(&mut second, &numbered(4));
+    assert_eq!((begun.report.quality, other.report.quality), (Quality::Full, Quality::Full));
+    assert_ne!(begun.labels, other.labels);
+    for _ in 0..2 {
+        let (again, other_again) = (run(&mut first, &numbered(2)), run(&mut second, &numbered(5)));
+        assert_eq!(again.report.quality, Quality::ReusedLabels);
+        assert_eq!((again.labels, other_again.labels), (begun.labels.clone(), other.labels.clone()));
+    }
+    assert_eq!(run(&mut first, &numbered(2)).report.quality, Quality::Full);
+}

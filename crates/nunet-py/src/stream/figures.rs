@@ -1,0 +1,131 @@
+//! The daemon's running figures.
+
+use nunet_ipc::StatsRecord;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::header::hexadecimal;
+
+/// The daemon's running figures: its ledger of frames, rates and times. A copy, not a view.
+///
+/// `captured == published + superseded + failed + in_flight`, always.
+#[pyclass(frozen, module = "nunet_py")]
+#[derive(Debug, Clone)]
+pub(crate) struct Stats {
+    /// Frames that the source delivered.
+    #[pyo3(get)]
+    captured: u64,
+    /// Frames whose depth was published.
+    #[pyo3(get)]
+    published: u64,
+    /// Frames that a newer one overtook before their turn.
+    #[pyo3(get)]
+    superseded: u64,
+    /// Frames that ended with an error.
+    #[pyo3(get)]
+    failed: u64,
+    /// Frames that have not ended yet.
+    #[pyo3(get)]
+    in_flight: u64,
+    /// Published frames a second, over the last seconds.
+    #[pyo3(get)]
+    fps: f64,
+    /// Mean bytes copied between the camera's memory and the network's input, a frame.
+    #[pyo3(get)]
+    bytes_copied_per_frame: f64,
+    /// Mean heap allocations a frame; NaN when nobody counts.
+    #[pyo3(get)]
+    allocations_per_frame: f64,
+    /// The model file's name.
+    #[pyo3(get)]
+    model_name: String,
+    /// SHA-256 of the model file in hexadecimal.
+    #[pyo3(get)]
+    model_hash: String,
+    /// What the network runs on.
+    #[pyo3(get)]
+    provider: String,
+    total: Times,
+    stages: Vec<(String, Times)>,
+}
+
+/// p50, p90, p99, max and mean, in microseconds.
+type Times = [f64; 5];
+
+const TIME_NAMES: [&str; 5] = ["p50", "p90", "p99", "max", "mean"];
+
+impl Stats {
+    pub(super) fn read(record: &StatsRecord) -> Self {
+        let stages = record.stage_names().enumerate().map(|(index, name)| {
+            let times = [
+                record.stage_p50_us[index],
+                record.stage_p90_us[index],
+                record.stage_p99_us[index],
+                record.stage_max_us[index],
+                record.stage_mean_us[index],
+            ];
+            (name.into_owned(), times)
+        });
+        Self {
+            captured: record.captured,
+            published: record.published,
+            superseded: record.superseded,
+            failed: record.failed,
+            in_flight: record.in_flight,
+            fps: record.fps,
+            bytes_copied_per_frame: record.bytes_copied_per_frame,
+            allocations_per_frame: record.allocations_per_frame,
+            model_name: record.model_name().into_owned(),
+            model_hash: hexadecimal(&record.model_hash),
+            provider: record.provider().into_owned(),
+            total: [
+                record.total_p50_us,
+                record.total_p90_us,
+                record.total_p99_us,
+                record.total_max_us,
+                record.total_mean_us,
+            ],
+            stages: stages.collect(),
+        }
+    }
+}
+
+#[pymethods]
+impl Stats {
+    /// Milliseconds from capture to publication: `p50`, `p90`, `p99`, `max`, `mean`.
+    #[getter]
+    fn total_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        in_ms(py, &self.total)
+    }
+
+    /// Milliseconds of each stage by its name, in the order of their run: the same five figures each.
+    #[getter]
+    fn stages_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let stages = PyDict::new(py);
+        for (name, times) in &self.stages {
+            stages.set_item(name, in_ms(py, times)?)?;
+        }
+        Ok(stages)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "Stats(captured={}, published={}, superseded={}, failed={}, in_flight={}, fps={:.1}, model_name={:?})",
+            self.captured,
+            self.published,
+            self.superseded,
+            self.failed,
+            self.in_flight,
+            self.fps,
+            self.model_name
+        )
+    }
+}
+
+fn in_ms<'py>(py: Python<'py>, times: &Times) -> PyResult<Bound<'py, PyDict>> {
+    let named = PyDict::new(py);
+    for (name, micros) in TIME_NAMES.iter().zip(times) {
+        named.set_item(name, micros / 1e3)?;
+    }
+    Ok(named)
+}

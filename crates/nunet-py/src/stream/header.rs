@@ -1,0 +1,129 @@
+//! What a message says about itself.
+
+use nunet_ipc::UnknownValue;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::NunetError;
+
+/// What a message says about itself: the fields of the shared-memory contract, words as `str`.
+#[pyclass(frozen, get_all, eq, module = "nunet_py")]
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FrameHeader {
+    /// The version of the contract.
+    contract_version: u32,
+    /// `rgb`, `depth`, `labels`, `cloud` or `stats`.
+    topic: &'static str,
+    /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
+    sequence: u64,
+    /// When the picture was taken, nanoseconds of `capture_clock`.
+    capture_nanos: i64,
+    /// When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown.
+    capture_unix_nanos: i64,
+    /// When this message was sent, nanoseconds of `time.monotonic_ns()`.
+    publish_nanos: i64,
+    /// `monotonic` (that of `time.monotonic_ns()`), `unix` or `media` (the position in a recording).
+    capture_clock: &'static str,
+    /// `depth_f32`, `labels_u8`, `points`, `stats_record`, or a picture's: `rgb8`, `bgr8`, `mono8`, `yuyv`, `nv12`.
+    encoding: &'static str,
+    /// Columns, in pixels or points.
+    width: u32,
+    /// Rows.
+    height: u32,
+    /// Bytes from one row to the next.
+    row_stride_bytes: u32,
+    /// `metre`, `relative` (farther is larger, and nothing more), or `none`.
+    units: &'static str,
+    /// Bytes of the payload.
+    payload_bytes: u64,
+    /// `metric`, `focal_scaled`, `assumed_camera` or `relative`; without meaning when `units` is `none`.
+    scale_source: &'static str,
+    /// `full`, `reused_labels` (from an earlier frame) or `fallback`.
+    quality: &'static str,
+    /// Focal length in pixels at `width` x `height`; 0 when the camera is not known.
+    fx: f64,
+    /// Focal length in pixels, vertically.
+    fy: f64,
+    /// Principal point in pixels; the middle of the first pixel is 0.
+    cx: f64,
+    /// Principal point in pixels, vertically.
+    cy: f64,
+    /// The 14 coefficients of `distortion_model`, zeros behind those in use.
+    distortion: [f64; 14],
+    /// `none`, `brown_conrady` or `kannala_brandt`.
+    distortion_model: &'static str,
+    /// How many stages the network ran in.
+    stage_count: u32,
+    /// SHA-256 of the model file in hexadecimal; `None` in a camera's own pictures.
+    model_hash: Option<String>,
+    /// Microseconds that each stage took for this frame; `Stats.stages_ms` has their names in the same order.
+    stage_micros: Vec<u32>,
+    /// Bytes copied between the camera's memory and the network's input for this frame.
+    bytes_copied: u64,
+    /// Pixels of the depth map that are NaN.
+    invalid_pixels: u64,
+    /// The name of the camera's coordinate frame.
+    frame_id: String,
+}
+
+impl FrameHeader {
+    /// Reads a header; numbers without a meaning are an error.
+    pub(super) fn read(header: &nunet_ipc::FrameHeader) -> PyResult<Self> {
+        let known = header.model_hash.iter().any(|byte| *byte != 0);
+        Ok(Self {
+            contract_version: header.contract_version,
+            topic: header.topic().map_err(unknown)?.name(),
+            sequence: header.sequence,
+            capture_nanos: header.capture_nanos,
+            capture_unix_nanos: header.capture_unix_nanos,
+            publish_nanos: header.publish_nanos,
+            capture_clock: header.capture_clock().map_err(unknown)?.name(),
+            encoding: header.encoding().map_err(unknown)?.name(),
+            width: header.width,
+            height: header.height,
+            row_stride_bytes: header.row_stride_bytes,
+            units: header.units().map_err(unknown)?.name(),
+            payload_bytes: header.payload_bytes,
+            scale_source: header.scale_source().map_err(unknown)?.name(),
+            quality: header.quality().map_err(unknown)?.name(),
+            fx: header.fx,
+            fy: header.fy,
+            cx: header.cx,
+            cy: header.cy,
+            distortion: header.distortion,
+            distortion_model: header.distortion_model().map_err(unknown)?.name(),
+            stage_count: header.stage_count,
+            model_hash: known.then(|| hexadecimal(&header.model_hash)),
+            stage_micros: header.stages().to_vec(),
+            bytes_copied: header.bytes_copied,
+            invalid_pixels: header.invalid_pixels,
+            frame_id: header.frame_id().into_owned(),
+        })
+    }
+}
+
+#[pymethods]
+impl FrameHeader {
+    /// All fields by their names, in the order of the contract.
+    fn as_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let fields = PyDict::new(slf.py());
+        for field in nunet_ipc::FrameHeader::FIELDS.iter().filter(|field| field.name != "reserved") {
+            fields.set_item(field.name, slf.getattr(field.name)?)?;
+        }
+        Ok(fields)
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let fields = Self::as_dict(slf)?;
+        let parts = fields.iter().map(|(name, value)| Ok(format!("{name}={}", value.repr()?)));
+        Ok(format!("FrameHeader({})", parts.collect::<PyResult<Vec<_>>>()?.join(", ")))
+    }
+}
+
+pub(super) fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+pub(super) fn unknown(error: UnknownValue) -> PyErr {
+    NunetError::new_err(format!("{error}\nhint: the sender does not keep to the contract"))
+}

@@ -1,0 +1,107 @@
+//! How a camera's pictures lie in memory.
+
+use numpy::{IxDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
+use nunet_ipc::Encoding;
+use pyo3::PyClass;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use super::sample::element;
+use super::view::{Memory, Shape, array};
+use crate::picture::{check_order, check_type, read, shown, untyped};
+
+const ENCODINGS: [Encoding; 5] =
+    [Encoding::Rgb8, Encoding::Bgr8, Encoding::Mono8, Encoding::Yuyv, Encoding::Nv12];
+
+/// Pixels of a side: more is a slip of the finger.
+const MAX_SIDE: u32 = 16_384;
+
+/// How a camera's pictures lie in memory.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    pub(super) encoding: Encoding,
+    /// Width and height in pixels.
+    pub(super) size: (u32, u32),
+    /// The array's shape.
+    pub(super) lengths: Vec<usize>,
+}
+
+impl Layout {
+    pub(super) fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
+        let known = ENCODINGS.into_iter().find(|known| known.name() == encoding);
+        let Some(known) = known else {
+            let choices: Vec<_> = ENCODINGS.iter().map(|known| format!("`{known}`")).collect();
+            return Err(PyValueError::new_err(format!(
+                "`{encoding}` is no encoding of pictures\nhint: one of {}",
+                choices.join(", ")
+            )));
+        };
+        let (columns, rows) = size;
+        let even = |side: u32| side.is_multiple_of(2);
+        let fits = match known {
+            Encoding::Yuyv => even(columns),
+            Encoding::Nv12 => even(columns) && even(rows),
+            _ => true,
+        };
+        if ![columns, rows].iter().all(|side| (1..=MAX_SIDE).contains(side)) || !fits {
+            let even = if fits { "" } else { ", even for this encoding" };
+            return Err(PyValueError::new_err(format!(
+                "size is `{columns}x{rows}` for `{known}`, but expected (width, height) of 1 to {MAX_SIDE}{even}\n\
+                 hint: for example size=(640, 480)"
+            )));
+        }
+        let (columns, rows) = (columns as usize, rows as usize);
+        let lengths = match known {
+            Encoding::Mono8 => vec![rows, columns],
+            Encoding::Yuyv => vec![rows, columns, 2],
+            Encoding::Nv12 => vec![rows * 3 / 2, columns],
+            _ => vec![rows, columns, 3],
+        };
+        Ok(Self { encoding: known, size, lengths })
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        self.lengths.iter().product()
+    }
+
+    pub(super) fn row_bytes(&self) -> u32 {
+        self.lengths[1..].iter().product::<usize>() as u32 // at most 16384 * 3
+    }
+
+    /// The array of a picture in this memory.
+    pub(super) fn array<'py, M>(&self, owner: &Bound<'py, M>) -> PyResult<Bound<'py, PyAny>>
+    where
+        M: Memory + PyClass<Frozen = pyo3::pyclass::boolean_struct::True> + Sync,
+    {
+        let bytes = element::<u8>(owner.py());
+        if let [rows, columns, channels] = self.lengths[..] {
+            let strides = [(columns * channels) as isize, channels as isize, 1];
+            return array(owner, bytes, Shape { lengths: [rows, columns, channels], strides, offset: 0 });
+        }
+        let lengths = [self.lengths[0], self.lengths[1]];
+        array(owner, bytes, Shape { lengths, strides: [lengths[1] as isize, 1], offset: 0 })
+    }
+
+    /// A picture that may be sent as it lies.
+    pub(super) fn check<'py>(&self, picture: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
+        const NAME: &str = "picture";
+        let expected = PyTuple::new(picture.py(), &self.lengths)?;
+        let found = untyped(NAME, picture, &format!("a numpy array of uint8 {expected}"))?;
+        check_type::<u8>(
+            NAME,
+            found,
+            "{name}.astype(np.uint8)` for 0 to 255, `(255 * {name}).round().astype(np.uint8)` for 0 to 1",
+        )?;
+        if found.shape() != self.lengths {
+            return Err(PyValueError::new_err(format!(
+                "`{NAME}` has shape `{}`, but this publisher sends `{}` of shape `{expected}`\n\
+                 hint: resize it, or make a publisher of its size",
+                shown(found),
+                self.encoding
+            )));
+        }
+        check_order(NAME, found)?;
+        read::<u8, IxDyn>(NAME, picture)
+    }
+}

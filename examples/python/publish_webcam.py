@@ -1,0 +1,49 @@
+"""Feed nunetd from a webcam through OpenCV: `publish_webcam.py CAMERA [DEVICE [FRAMES]]`.
+
+In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes straight into shared memory: no other
+copy is needed. Needs the package `opencv-python`.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import cv2  # type: ignore[import-not-found, unused-ignore]
+import nunet_py as nunet
+
+
+def main(camera: str, device: str, count: int | None) -> None:
+    """Send pictures until there are no more, Ctrl-C, or `count`."""
+    capture = cv2.VideoCapture(int(device) if device.isdigit() else device)
+    try:
+        # Of two waiting pictures a robot wants the newer.
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        found, first = capture.read()
+        if not found:
+            sys.exit(f"publish_webcam: `{device}` gives no pictures\nhint: `nunetd doctor` lists cameras")
+        height, width = first.shape[:2]
+        with nunet.publisher(camera, size=(width, height), encoding="bgr8") as publisher:
+            print(f"{width}x{height} on `{camera}`", flush=True)
+            sent = 0
+            while sent != count and capture.grab():
+                # When it was taken, not when it was decoded.
+                with publisher.loan(capture_nanos=time.monotonic_ns()) as picture:
+                    if not capture.retrieve(picture)[0]:
+                        sys.exit(f"publish_webcam: `{device}` gives damaged pictures")
+                sent += 1
+    finally:
+        capture.release()
+
+
+if __name__ == "__main__":
+    try:
+        main(
+            sys.argv[1] if len(sys.argv) > 1 else "camera",
+            sys.argv[2] if len(sys.argv) > 2 else "0",
+            int(sys.argv[3]) if len(sys.argv) > 3 else None,
+        )
+    except nunet.NunetError as error:
+        sys.exit(f"publish_webcam: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)

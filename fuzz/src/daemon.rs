@@ -1,0 +1,66 @@
+//! What the daemon itself reads: pipes, configurations, pictures.
+
+use std::ffi::OsString;
+use std::io::Write as _;
+
+use nunet_core::frame::PixelFormat;
+use nunet_daemon::cli::Cli;
+use nunet_daemon::fuzzing;
+use nunet_daemon::source::{Fill, Frame, Source};
+
+/// No sound pipe of a few kilobytes has more pictures.
+const MAX_PICTURES: usize = 100_000;
+
+/// Y4M on stdin.
+pub fn y4m(data: &[u8]) {
+    drain(fuzzing::pipe(data.to_vec(), None));
+}
+
+/// Raw pictures on stdin; the first byte chooses what they are said to be.
+pub fn raw(data: &[u8]) {
+    const FORMATS: [PixelFormat; 5] =
+        [PixelFormat::Rgb8, PixelFormat::Bgr8, PixelFormat::Mono8, PixelFormat::Yuyv, PixelFormat::Nv12];
+    let Some((&choice, data)) = data.split_first() else { return };
+    let (format, side) = (FORMATS[usize::from(choice) % FORMATS.len()], u32::from(choice) / 8 + 1);
+    drain(fuzzing::pipe(data.to_vec(), Some(((side, 7), format))));
+}
+
+fn drain(opened: anyhow::Result<Box<dyn Source>>) {
+    let mut pipe = opened.expect("a pipe is told to be bad by its first picture");
+    let mut frame = Frame::default();
+    for _ in 0..MAX_PICTURES {
+        match pipe.fill(&mut frame) {
+            Fill::Frame => assert!(frame.view().is_ok(), "a picture's bytes are those of its size"),
+            Fill::Nothing => {}
+            Fill::End => return,
+            Fill::Cut(error) | Fill::Broken(error) => return told(&format!("{error:#}")),
+            other => panic!("a pipe has no {other:?}"),
+        }
+    }
+}
+
+/// `--config`.
+pub fn config(data: &[u8]) {
+    let mut file = tempfile::NamedTempFile::new().expect("there is room for a small file");
+    file.write_all(data).expect("there is room for a small file");
+    let line = [OsString::from("nunetd"), "run".into(), "--config".into(), file.path().into()];
+    if let Err(error) = Cli::parse_line(line) {
+        let text = error.to_string();
+        told(&text);
+        assert!(text.contains(&*file.path().to_string_lossy()), "which file is wrong is not said: {text}");
+    }
+}
+
+/// A JPEG or PNG file, as a camera or a recording delivers it.
+pub fn picture(data: &[u8]) {
+    let mut frame = Frame { file: data.to_vec(), ..Frame::default() };
+    match fuzzing::decode(&mut frame) {
+        Err(error) => told(&format!("{error:#}")),
+        Ok(()) => assert!(frame.view().is_ok(), "a picture's bytes are those of its size"),
+    }
+}
+
+/// An error says something, and does not repeat the file.
+fn told(error: &str) {
+    assert!((1..10_000).contains(&error.len()), "an error of {} bytes", error.len());
+}

@@ -1,0 +1,74 @@
+//! MCAP files: container, CDR, protobuf, JSON, pictures and cameras.
+
+use std::io::Write as _;
+
+use nunet_mcap::{Encoding, Next, Picture, Recording, RecordingError};
+
+/// No sound file of a few kilobytes has more; a chunk that unfolds to millions may end here.
+const MAX_STEPS: usize = 100_000;
+
+/// Reads every picture and the camera of a file, once as pictures and once as depth.
+pub fn recording(data: &[u8]) {
+    let mut file = tempfile::NamedTempFile::new().expect("there is room for a small file");
+    file.write_all(data).expect("there is room for a small file");
+    read(Recording::open(file.path(), None));
+    read(Recording::open_depth(file.path(), None));
+}
+
+fn read(opened: Result<Recording, RecordingError>) {
+    let mut recording = match opened {
+        Ok(recording) => recording,
+        Err(error) => return told(&error),
+    };
+    let first = drain(&mut recording);
+    if recording.rewind().is_ok() {
+        assert_eq!(drain(&mut recording), first, "the same file again gives the same pictures");
+    }
+}
+
+/// How many pictures there were, good and bad.
+fn drain(recording: &mut Recording) -> (u64, u64) {
+    let mut picture = Picture::default();
+    let (mut good, mut bad) = (0, 0);
+    for _ in 0..MAX_STEPS {
+        match recording.next(&mut picture) {
+            Next::Picture => {
+                check(&picture);
+                good += 1;
+            }
+            Next::Bad(error) => {
+                told(&error);
+                bad += 1;
+            }
+            Next::Nothing => {}
+            Next::End => break,
+            Next::Cut(error) => {
+                told(&error);
+                break;
+            }
+        }
+    }
+    (good, bad)
+}
+
+/// What a picture says of itself is true of its bytes.
+fn check(picture: &Picture) {
+    let encoding = picture.encoding.expect("a picture that was read has an encoding");
+    let rows = picture.height as usize * picture.row_stride as usize;
+    match encoding {
+        Encoding::File => assert!(picture.data.len() > 3),
+        Encoding::Nv12 => assert!(picture.data.len() >= rows / 2 * 3),
+        _ => assert!(rows > 0 && picture.data.len() >= rows),
+    }
+    let pixels = picture.width as usize * picture.height as usize;
+    let depth = picture.depth_m();
+    assert_eq!(depth.len(), if encoding.is_depth() { pixels } else { 0 });
+    assert!(depth.iter().all(|&metres| metres.is_nan() || metres > 0.0), "depth is positive, or it is none");
+    let _ = picture.unix_nanos();
+}
+
+/// An error says something, and does not repeat the file.
+fn told(error: &RecordingError) {
+    let length = error.to_string().len();
+    assert!((1..10_000).contains(&length), "an error of {length} bytes");
+}

@@ -1,0 +1,108 @@
+"""A fused model file of two components, cut at its joint into a staged graph."""
+
+from pathlib import Path
+
+import onnx
+from onnx.utils import Extractor
+
+from nunet_models.errors import ExportError
+from nunet_models.export.model_file import graph_toml
+from nunet_models.export.onnx_file import read_metadata, write_metadata
+
+FEATURES, LOGITS = "features", "logits"
+OF_AN_INNER_STAGE = ("nunet.version", "nunet.classes", "nunet.inner_size")
+
+
+def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "depth")) -> None:
+    """Write `out`, a staged graph's TOML, and `STEM.NAME.onnx` beside it, that compute the same.
+
+    The cut goes through the features of the connected joint, so the stages give the bits of the
+    fused file, integers included: what crossed as integers crosses as the numbers that they stand
+    for, and comes back to the same integers. (Features that were balanced before quantisation keep
+    that factor: the labels are the same, the logits are scaled.)
+
+    # Errors
+    `ExportError` where the file has no connected joint, or more than one.
+    """
+    model = onnx.load(fused)
+    values = read_metadata(fused)
+    features = _features(model, fused)
+    first = _part(model, ["rgb"], [features, "labels"])
+    second = _part(model, ["rgb", features], ["depth"])
+    _rename(first, features, LOGITS)
+    _rename(second, features, FEATURES)
+    _as_integers_again(second, model, features)
+    inner = {key: values[key] for key in OF_AN_INNER_STAGE if key in values}
+    for part, name, said in ((first, names[0], inner), (second, names[1], values)):
+        path = out.with_name(f"{out.stem}.{name}.onnx")
+        onnx.save(part, path)
+        write_metadata(path, said)
+    wires = {"rgb": "image", FEATURES: f"{names[0]}.{LOGITS}"}
+    stages = [(names[0], {"rgb": "image"}), (names[1], wires)]
+    results = {"depth": f"{names[1]}.depth", "labels": f"{names[0]}.labels"}
+    out.write_text(graph_toml(out.stem, stages, results), encoding="utf-8")
+
+
+def _features(model: onnx.ModelProto, path: Path) -> str:
+    """The tensor that crosses the joint: what is concatenated with the image, behind it."""
+    makers = {output: node for node in model.graph.node for output in node.output}
+    found = [
+        node.input[1]
+        for node in model.graph.node
+        if node.op_type == "Concat" and len(node.input) == 2 and _is_image(makers, node.input[0])
+    ]
+    if len(found) != 1:
+        raise ExportError(
+            f"`{path.name}` has {len(found)} connected joints; hint: only a graph of two connected "
+            "components can be cut in two"
+        )
+    return found[0]
+
+
+def _is_image(makers: dict[str, onnx.NodeProto], name: str) -> bool:
+    """Whether a tensor is the normalised picture, integers or not."""
+    node = makers.get(name)
+    while node is not None and node.op_type in {"DequantizeLinear", "QuantizeLinear"}:
+        node = makers.get(node.input[0])
+    return node is not None and node.op_type == "Div"
+
+
+def _part(model: onnx.ModelProto, inputs: list[str], outputs: list[str]) -> onnx.ModelProto:
+    inferred = onnx.shape_inference.infer_shapes(model)
+    return Extractor(inferred).extract_model(inputs, outputs)
+
+
+def _rename(part: onnx.ModelProto, old: str, new: str) -> None:
+    for node in part.graph.node:
+        for names in (node.input, node.output):
+            for index, name in enumerate(names):
+                if name == old:
+                    names[index] = new
+    for value in (*part.graph.input, *part.graph.output):
+        if value.name == old:
+            value.name = new
+
+
+def _as_integers_again(part: onnx.ModelProto, whole: onnx.ModelProto, features: str) -> None:
+    """Quantise the features on arrival, as they were before they left; nothing for a float file."""
+    maker = next(node for node in whole.graph.node if features in node.output)
+    if maker.op_type != "DequantizeLinear":
+        return
+    parameters = list(maker.input[1:])
+    have = {tensor.name for tensor in part.graph.initializer}
+    part.graph.initializer.extend(
+        tensor
+        for tensor in whole.graph.initializer
+        if tensor.name in parameters and tensor.name not in have
+    )
+    arrived, back = f"{FEATURES}_integers", f"{FEATURES}_numbers"
+    _rename(part, FEATURES, back)
+    next(value for value in part.graph.input if value.name == back).name = FEATURES
+    node = onnx.helper.make_node
+    arriving = [
+        node("QuantizeLinear", [FEATURES, *parameters], [arrived], arrived),
+        node("DequantizeLinear", [arrived, *parameters], [back], back),
+    ]
+    nodes = [*arriving, *part.graph.node]
+    del part.graph.node[:]
+    part.graph.node.extend(nodes)

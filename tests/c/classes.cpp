@@ -1,0 +1,98 @@
+// classes CAMERA OWN: the objects of nunet.hpp own, move, throw and give back. CAMERA is a living daemon's; OWN is a name
+// that nobody uses.
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <type_traits>
+
+#include "nunet.hpp"
+
+using namespace std::chrono_literals;
+
+static int failures = 0;
+
+#define HOLDS(condition) holds(__LINE__, #condition, (condition))
+
+static void holds(int line, const char *condition, bool found) {
+  if (found) return;
+  failures++;
+  std::cout << "line " << line << ": " << condition << " does not hold\n";
+}
+
+template <typename Call> static nunet_status_t thrown(Call call) {
+  try {
+    call();
+  } catch (const nunet::Error &error) {
+    HOLDS(*error.what() != 0);
+    return error.status();
+  }
+  return NUNET_OK;
+}
+
+static_assert(!std::is_copy_constructible<nunet::Frame>::value, "frames are moved");
+static_assert(std::is_nothrow_move_constructible<nunet::Reader>::value, "readers are moved");
+static_assert(std::is_base_of<std::runtime_error, nunet::Error>::value, "errors are standard exceptions");
+
+static void reading(const std::string &camera) {
+  std::optional<nunet::Frame> kept;
+  std::uint64_t sequence = 0;
+  {
+    nunet::Reader first(camera, NUNET_BIT_DEPTH | NUNET_BIT_LABELS | NUNET_BIT_CLOUD, 30s);
+    nunet::Reader reader = std::move(first);
+    HOLDS(first.get() == nullptr && reader.is_connected() && reader.owner(NUNET_TOPIC_DEPTH).alive);
+    HOLDS(thrown([&] { first.next(NUNET_TOPIC_DEPTH, 0ms); }) == NUNET_BAD_ARGUMENT);
+    auto set = reader.next_set(30s);
+    HOLDS(set.has_value() && set->has(NUNET_TOPIC_CLOUD) && !set->has(NUNET_TOPIC_RGB));
+    const auto points = (*set)[NUNET_TOPIC_CLOUD].points();
+    const auto depth = (*set)[NUNET_TOPIC_DEPTH].depth();
+    HOLDS(points.size() == depth.size() && (*set)[NUNET_TOPIC_LABELS].labels().size() == depth.size());
+    HOLDS(&depth(1, 2) == depth.begin() + 2 * depth.width + 1);
+    HOLDS(std::any_of(depth.begin(), depth.end(), [](float metres) { return metres > 0; }));
+    HOLDS(thrown([&] { (*set)[NUNET_TOPIC_DEPTH].labels(); }) == NUNET_WRONG_ENCODING);
+    HOLDS(thrown([&] { (*set)[NUNET_TOPIC_RGB].header(); }) == NUNET_BAD_ARGUMENT);
+    nunet::FrameSet moved = std::move(*set);
+    HOLDS(!set->has(NUNET_TOPIC_DEPTH) && moved.has(NUNET_TOPIC_DEPTH));
+    *set = std::move(moved);
+    kept = set->take(NUNET_TOPIC_DEPTH);
+    HOLDS(!set->has(NUNET_TOPIC_DEPTH) && kept->age() > 0ns);
+    sequence = kept->header().sequence;
+    // Frames that are dropped give their places back: more of them than may be held.
+    for (int turn = 0; turn < 5; turn++) {
+      auto next = reader.next(NUNET_TOPIC_LABELS, 30s);
+      HOLDS(next && next->header().sequence > sequence);
+    }
+  }
+  HOLDS(kept->header().sequence == sequence && kept->bytes().size == kept->depth().size() * 4);
+}
+
+static void publishing(const std::string &own) {
+  nunet::Publisher publisher(own, NUNET_ENCODING_MONO8, 8, 2);
+  HOLDS(thrown([&] { nunet::Publisher second(own, NUNET_ENCODING_MONO8, 8, 2); }) == NUNET_ALREADY_OWNED);
+  publisher.set_camera(10, 11, 3.5, 0.5, NUNET_DISTORTION_MODEL_KANNALA_BRANDT, {0.5, 0, 0, 0});
+  publisher.set_frame_id("optical");
+  nunet::Reader reader(own, NUNET_BIT_RGB, 30s);
+  HOLDS(publisher.has_readers() && !reader.next(NUNET_TOPIC_RGB, 0ms));
+  { publisher.loan(); } // dropped unseen
+  auto loan = publisher.loan();
+  HOLDS(thrown([&] { publisher.loan(); }) == NUNET_TOO_MANY_LOANS);
+  auto bytes = loan.bytes();
+  std::fill(bytes.begin(), bytes.end(), std::uint8_t{42});
+  loan.send(5, NUNET_CLOCK_MEDIA);
+  HOLDS(thrown([&] { loan.header(); }) == NUNET_BAD_ARGUMENT);
+  auto frame = reader.next(NUNET_TOPIC_RGB, 30s);
+  HOLDS(frame && frame->bytes().size == 16 && frame->bytes().data[15] == 42);
+  HOLDS(frame && frame->header().capture_nanos == 5 && frame->header().capture_unix_nanos == 0);
+  HOLDS(frame && frame->header().fy == 11 && std::string(frame->header().frame_id) == "optical");
+  reader.close();
+  publisher.close();
+  HOLDS(thrown([&] { reader.wait(0ms); }) == NUNET_BAD_ARGUMENT);
+}
+
+int main(int argc, char **argv) {
+  if (argc < 3) return 2;
+  HOLDS(thrown([] { nunet::Reader("nobody-has-this-name", NUNET_BIT_DEPTH, 20ms); }) == NUNET_NOBODY_PUBLISHES);
+  reading(argv[1]);
+  publishing(argv[2]);
+  std::cout << failures << " failures\n";
+  return failures > 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+}

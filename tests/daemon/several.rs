@@ -1,0 +1,283 @@
+//! Several cameras in one daemon: one network, and nothing else in common.
+
+use std::io::{Read as _, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::process::Output;
+use std::time::{Duration, Instant};
+
+use nunet_ipc::{CameraName, Reader, Topic};
+use nunet_testkit::models;
+use nunet_testkit::onnx::ElementType;
+use serde_json::Value;
+
+use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd, run, run_well, signal, text};
+
+impl Bench {
+    /// Writes a configuration with this model and these lines.
+    fn configure(&self, lines: &str) -> String {
+        let text = format!("model = \"{}\"\n{lines}", self.arg("model.onnx"));
+        std::fs::write(self.path("nunetd.toml"), text).unwrap();
+        self.arg("nunetd.toml")
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&std::fs::read(self.path(name)).unwrap()).unwrap()
+    }
+}
+
+fn section(name: &str, source: &str, rest: &str) -> String {
+    format!("[[camera]]\nname = \"{name}\"\nsource = \"{source}\"\n{rest}\n")
+}
+
+fn refused(bench: &Bench, lines: &str) -> String {
+    let output = run(nunetd(&["-q", "--config", &bench.configure(lines)]));
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{lines}\n{stderr}");
+    stderr.replace(&bench.arg(""), "[DIR]/")
+}
+
+fn first_frame(name: &str) -> Reader {
+    let reader = Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let start = Instant::now();
+    while reader.latest(Topic::Depth).unwrap().is_none() {
+        assert!(start.elapsed() < PATIENCE, "no frame of `{name}` came");
+        reader.wait(Duration::from_millis(50)).unwrap();
+    }
+    reader
+}
+
+fn is_gone(name: &str) -> bool {
+    Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], Duration::ZERO).is_err()
+}
+
+#[test]
+fn each_camera_has_its_own_results_settings_and_ledger_and_the_file_has_all_of_them() {
+    let bench = Bench::new();
+    bench.add_picture("left/0.png", 0);
+    bench.add_picture("right/0.png", 40);
+    let (front, rear) = (camera("front"), camera("rear"));
+    let config = bench.configure(&format!(
+        "stats-json = \"{}\"\nrecord = \"{}\"\n{}{}",
+        bench.arg("stats.json"),
+        bench.arg("left"),
+        section(&front, &bench.arg("left/*.png"), &format!("out = \"{}\"", bench.arg("front"))),
+        section(
+            &rear,
+            &bench.arg("right"),
+            &format!("loop = true\nframes = 40\nfilter = [\"decimation\"]\nout = \"{}\"", bench.arg("rear")),
+        ),
+    ));
+    run_well(nunetd(&["-q", "--config", &config]));
+
+    // The same pictures alone.
+    for (folder, out) in [("left", "alone/front"), ("right", "alone/rear")] {
+        let (picture, model) = (bench.arg(&format!("{folder}/0.png")), bench.arg("model.onnx"));
+        let mut command = nunetd(&["-q", "infer", &picture, "--model", &model, "--out", &bench.arg(out)]);
+        if folder == "right" {
+            command.args(["--filter", "decimation"]);
+        }
+        run_well(command);
+    }
+    let file = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    for name in ["depth.npy", "labels.png", "cloud.ply"] {
+        assert_eq!(file(&format!("front/{name}")), file(&format!("alone/front/{name}")), "{name}");
+        assert_eq!(file(&format!("rear/{name}")), file(&format!("alone/rear/{name}")), "{name}");
+        assert_ne!(file(&format!("front/{name}")), file(&format!("rear/{name}")), "{name}");
+    }
+
+    let stats = bench.json("stats.json");
+    let names: Vec<_> = stats["cameras"].as_array().unwrap().iter().map(|camera| &camera["camera"]).collect();
+    assert_eq!(names, [front.as_str(), rear.as_str()]);
+    let published = |stats: &Value| stats["frames"]["published"].as_u64().unwrap();
+    assert_eq!([&stats["cameras"][0], &stats["cameras"][1], &stats].map(published), [1, 40, 41]);
+    assert_eq!((&stats["contract"], &stats["frames"]["in_flight"]), (&1.into(), &0.into()));
+    assert_eq!(stats["camera"], format!("{front}, {rear}"));
+    assert!(stats["latency_ms"]["total"]["p50"].as_f64().unwrap() > 0.0);
+    let stages =
+        |stats: &Value| stats["latency_ms"]["stages"].as_object().unwrap().contains_key("decimation");
+    assert_eq!([&stats["cameras"][0], &stats["cameras"][1], &stats].map(stages), [false, true, true]);
+    assert_eq!(stats["cameras"][1]["allocations_per_frame"], 0.0, "{stats}");
+    let recordings = std::fs::read_dir(bench.path("left")).unwrap().map(|entry| entry.unwrap().file_name());
+    let recordings: Vec<_> = recordings.map(|name| name.into_string().unwrap()).collect();
+    for name in [&front, &rear] {
+        let own = |file: &&String| file.starts_with(name.as_str()) && file.ends_with(".mcap");
+        assert_eq!(recordings.iter().filter(own).count(), 1, "{recordings:?}");
+    }
+}
+
+#[test]
+fn one_camera_in_a_section_is_the_same_as_without() {
+    let bench = Bench::new();
+    let name = camera("single");
+    let config = bench.configure(&section(&name, "demo", "frames = 3"));
+    let stats = bench.arg("stats.json");
+    let output = run_well(nunetd(&["--config", &config, "--stats-json", &stats]));
+    let stats = bench.json("stats.json");
+    assert_eq!((&stats["camera"], &stats["frames"]["published"]), (&name.into(), &3.into()));
+    assert!(stats.get("cameras").is_none(), "{stats}");
+    assert!(!text(&output.stderr).contains("camera{"), "log lines need no camera: {}", text(&output.stderr));
+}
+
+#[test]
+fn a_slow_camera_is_not_starved_by_one_that_never_waits() {
+    let bench = Bench::new();
+    let (fast, slow) = (camera("fast"), camera("slow"));
+    let config = bench.configure(&format!(
+        "stats-json = \"{}\"\n{}{}",
+        bench.arg("stats.json"),
+        section(&fast, "demo", ""),
+        section(&slow, "demo", "rate = 5\nframes = 10"),
+    ));
+    let mut daemon = Guarded::start(nunetd(&["-q", "--config", &config]));
+    drop(first_frame(&slow));
+    let start = Instant::now();
+    while !is_gone(&slow) {
+        assert!(start.elapsed() < PATIENCE, "the slow camera never came to its end");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(!is_gone(&fast), "the other one goes on");
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0));
+    let stats = bench.json("stats.json");
+    let [fast, slow] = [0, 1].map(|index| &stats["cameras"][index]["frames"]);
+    assert_eq!((&slow["captured"], &slow["superseded"]), (&10.into(), &0.into()), "{stats}");
+    assert!(fast["published"].as_u64().unwrap() > 10, "{stats}");
+}
+
+#[test]
+fn a_source_that_cannot_be_opened_leaves_the_others_and_is_a_loss() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("torn.mcap"), "no recording").unwrap();
+    std::fs::write(bench.path("gone.mcap"), "none either").unwrap();
+    let (good, bad) = (camera("good"), camera("bad"));
+    let lines = |bad_source: &str| {
+        format!(
+            "stats-json = \"{}\"\n{}{}",
+            bench.arg("stats.json"),
+            section(&bad, bad_source, ""),
+            section(&good, "demo", "frames = 20"),
+        )
+    };
+    let Output { status, stderr, .. } =
+        run(nunetd(&["-q", "--config", &bench.configure(&lines(&bench.arg("torn.mcap")))]));
+    let stderr = text(&stderr);
+    assert_eq!(status.code(), Some(3), "{stderr}");
+    assert!(stderr.contains(&format!("camera `{bad}` has failed: ")), "{stderr}");
+    let stats = bench.json("stats.json");
+    assert_eq!(stats["cameras"][1]["frames"]["published"], 20);
+    assert!(stats["cameras"][0]["error"].as_str().unwrap().contains("torn.mcap"), "{stats}");
+    assert!(stats["cameras"][1].get("error").is_none());
+
+    // Where no camera can begin, that is the failure.
+    let both = format!(
+        "{}{}",
+        section(&bad, &bench.arg("gone.mcap"), ""),
+        section(&good, &bench.arg("torn.mcap"), "")
+    );
+    let Output { status, stderr, .. } = run(nunetd(&["-q", "--config", &bench.configure(&both)]));
+    let stderr = text(&stderr);
+    assert_eq!(status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains(&format!("error: camera `{bad}` cannot begin\n")), "{stderr}");
+    assert!(stderr.contains("gone.mcap") && stderr.contains("torn.mcap"), "{stderr}");
+}
+
+/// The value of a sample of the metrics.
+fn sample(address: SocketAddr, name: &str) -> Option<f64> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())
+}
+
+#[test]
+fn a_camera_that_is_not_plugged_in_is_waited_for_and_its_health_says_so() {
+    let bench = Bench::new();
+    let (there, away) = (camera("there"), camera("away"));
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let config = bench.configure(&format!(
+        "metrics = \"{address}\"\n{}{}",
+        section(&there, "demo", "rate = 20"),
+        section(&away, "/dev/video-of-nobody", ""),
+    ));
+    let mut command = nunetd(&["--config", &config]);
+    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
+    let mut daemon = Guarded::start(command);
+    drop(first_frame(&there));
+    let start = Instant::now();
+    while sample(address, &format!("nunet_camera_up{{camera=\"{away}\"}}")) != Some(0.0) {
+        assert!(start.elapsed() < PATIENCE, "the camera that is away is said to be well");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert_eq!(sample(address, &format!("nunet_camera_up{{camera=\"{there}\"}}")), Some(1.0));
+    assert!(!is_gone(&away), "its readers can wait for it");
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0));
+    let log = std::fs::read_to_string(bench.path("log")).unwrap();
+    let waiting = format!("camera{{name={away}}}: waiting for camera `/dev/video-of-nobody`: ");
+    assert_eq!(log.matches(&waiting).count(), 1, "{log}");
+}
+
+#[test]
+fn what_two_cameras_cannot_both_have_is_refused() {
+    let bench = Bench::new();
+    let pair = |one: (&str, &str, &str), other: (&str, &str, &str)| {
+        refused(&bench, &format!("{}{}", section(one.0, one.1, one.2), section(other.0, other.1, other.2)))
+    };
+    let error = pair(("front", "demo", ""), ("front", "demo", ""));
+    assert!(error.starts_with("error: cameras 1 and 2 are both named `front`\nhint: give each"), "{error}");
+    let error = pair(("a", "-", ""), ("b", "-", ""));
+    assert!(error.starts_with("error: cameras `a` and `b` both read stdin\nhint: "), "{error}");
+    let error = pair(("a", "/dev/video7", ""), ("b", "/dev/video7", ""));
+    assert!(error.contains("`a` and `b` both read `/dev/video7`\nhint: "), "{error}");
+    let record = format!("record = \"{}\"", bench.arg("one.mcap"));
+    let error = pair(("a", "demo", &record), ("b", "demo", &record));
+    assert!(error.contains("both write one `record` file\nhint: "), "{error}");
+    let out = format!("out = \"{}\"", bench.arg("out"));
+    let error = pair(("a", "demo", &out), ("b", "demo", &out));
+    assert!(error.contains("both write into one `out` folder\nhint: "), "{error}");
+    let error = pair(("a", "demo", ""), ("b", "demo", "topic = \"/x\""));
+    assert!(error.contains("error: camera `b` cannot begin\n  because: --topic /x is for rec"), "{error}");
+    let error = pair(("a", "demo", ""), ("b", "demo", "calibration = \"missing.yaml\""));
+    assert!(error.contains("camera `b` cannot begin\n  because: cannot read the calibration"), "{error}");
+    let error = pair(("a", "demo", ""), ("b", "demo", "focal = \"of\""));
+    assert!(error.contains("[DIR]/nunetd.toml`: camera 2 (`b`): invalid value 'of' for '--focal"), "{error}");
+}
+
+/// Bytes of a process' own memory; shared memory is counted elsewhere.
+fn own_memory(pid: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
+    1024 * line.trim().trim_end_matches(" kB").parse::<u64>().unwrap()
+}
+
+#[test]
+fn three_cameras_have_the_weights_in_memory_once() {
+    const WEIGHTS: usize = 16 << 20;
+    let bench = Bench::new();
+    // Depth depends on all weights by an index that only the picture knows, so that none can be left out.
+    let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
+    let heavy = models::undescribed_unet(SIZE)
+        .constant_f32("heavy", &[WEIGHTS as i64], &vec![1.0; WEIGHTS])
+        .constant_i64("one_pixel", &[1], &[1])
+        .constant_i64("nowhere", &[1], &[0])
+        .node("Slice", &["rgb", "nowhere", "one_pixel", "one_pixel"], &["row"], &[])
+        .node("ReduceMax", &["row"], &["brightest"], &[("keepdims", 0.into())])
+        .node("Cast", &["brightest"], &["index"], &[("to", 7.into())])
+        .node("Gather", &["heavy", "index"], &["weight"], &[])
+        .node("Mul", &["depth", "weight"], &["weighed"], &[])
+        .output("weighed", ElementType::F32, &[1, 1, height, width]);
+    let heavy = models::describe(heavy, "heavy", false);
+    bench.add_model("model.onnx", &heavy);
+    let memory_with = |cameras: usize| {
+        let names: Vec<_> = (0..cameras).map(|_| camera("heavy")).collect();
+        let sections: String = names.iter().map(|name| section(name, "demo", "rate = 10")).collect();
+        let daemon = Guarded::start(nunetd(&["-q", "--config", &bench.configure(&sections)]));
+        names.iter().for_each(|name| drop(first_frame(name)));
+        own_memory(daemon.pid())
+    };
+    let (one, three) = (memory_with(1), memory_with(3));
+    let weights = (WEIGHTS * size_of::<f32>()) as u64;
+    assert!(one > weights, "{one} bytes do not hold the weights: nothing is measured");
+    assert!(three < one + weights, "two more cameras took {} MB", (three - one) >> 20);
+}

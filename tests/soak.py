@@ -1,0 +1,272 @@
+#!/usr/bin/env python3
+"""A camera, the daemon with its recording, and readers that come and go, for as long as one likes: does anything grow?
+
+    python3 tests/soak.py --minutes 30 --nunetd target/release/nunetd --csv soak.csv
+
+Pictures go through shared memory into `nunetd`, which records them; one reader stays and others come, leave politely or
+are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon and feeder, what lies in
+/dev/shm, frames, and their age when they reach the reader that stays. It ends with 1, and says why, if memory or
+descriptors grew after the warm-up, if the ledger does not add up, or if something is left behind.
+
+It needs Python's standard library alone, and 90 MB a minute for the recording in the folder that TMPDIR names.
+"""
+
+import argparse
+import csv
+import json
+import os
+import pathlib
+import random
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+SHARED_MEMORY = pathlib.Path("/dev/shm")
+ICEORYX2 = pathlib.Path("/tmp/iceoryx2")
+# iceoryx2's own counter of nodes, which it never removes.
+ALLOWED_REST = ".global_mgmt"
+# How long a process may take to end, and the first frame to come.
+PATIENCE_S = 60
+FIELDS = [
+    "seconds",
+    "daemon_anon_kb",
+    "daemon_rss_kb",
+    "daemon_fds",
+    "daemon_threads",
+    "feeder_anon_kb",
+    "feeder_fds",
+    "shm_bytes",
+    "recording_bytes",
+    "frames",
+    "age_p50_ms",
+    "age_p99_ms",
+]
+
+
+def arguments():
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=30)
+    parser.add_argument("--rate", type=float, default=5, help="frames a second")
+    parser.add_argument("--interval", type=float, default=10, help="seconds between two lines")
+    parser.add_argument("--warm-up", type=float, default=60, help="seconds whose lines do not count")
+    parser.add_argument("--drift-mb", type=float, default=6, help="the most that a process' own memory may grow")
+    parser.add_argument("--nunetd", default=os.environ.get("NUNETD", str(ROOT / "target/release/nunetd")))
+    parser.add_argument("--model", default=str(ROOT / "models/tiny/tiny_wnet_c.onnx"))
+    parser.add_argument("--pictures", default=str(ROOT / "models/clip/rgb"))
+    parser.add_argument("--csv", type=pathlib.Path, default=pathlib.Path("soak.csv"))
+    parser.add_argument("--seed", type=int, default=1, help="of the readers that come and go")
+    return parser.parse_args()
+
+
+class Reader:
+    """The reader that stays: keeps the ages of frames until they are asked for."""
+
+    def __init__(self, command):
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.ages, self.frames, self.lock = [], 0, threading.Lock()
+        threading.Thread(target=self.listen, daemon=True).start()
+
+    def listen(self):
+        """Ends with the process."""
+        for line in self.process.stdout:
+            with self.lock:
+                self.ages.append(json.loads(line)["age_ms"])
+                self.frames += 1
+
+    def take(self):
+        """Ages since the last call, and the frames in all."""
+        with self.lock:
+            ages, self.ages = self.ages, []
+            return sorted(ages), self.frames
+
+
+class Visitors:
+    """Readers that come and go: some end by themselves, some are told to, some are killed."""
+
+    def __init__(self, command, seed):
+        self.command, self.chance, self.next = command, random.Random(seed), 0.0
+        self.process, self.count, self.bad = None, 0, []
+
+    def tend(self, now):
+        """Starts one, or ends the one that is there."""
+        if now < self.next:
+            return
+        self.next = now + self.chance.uniform(1, 6)
+        if self.process is None:
+            self.process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL)
+            self.count += 1
+        else:
+            self.end(self.chance.choice([signal.SIGTERM, signal.SIGINT, signal.SIGKILL]))
+
+    def end(self, sent=signal.SIGTERM):
+        """A reader that was not killed ends with 0."""
+        if self.process is None:
+            return
+        self.process.send_signal(sent)
+        code = self.process.wait(timeout=PATIENCE_S)
+        if code not in {0, -signal.SIGKILL}:
+            self.bad.append(code)
+        self.process = None
+
+
+def figures(process):
+    """Memory in kB, descriptors and threads of a process."""
+    folder = pathlib.Path(f"/proc/{process.pid}")
+    status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
+    number = {name: int(status[name].split()[0]) for name in ("RssAnon", "VmRSS", "Threads")}
+    return number["RssAnon"], number["VmRSS"], len(list((folder / "fd").iterdir())), number["Threads"]
+
+
+def shared():
+    """Names and bytes of what iceoryx2 has in shared memory and beside it."""
+    found = {}
+    for path in SHARED_MEMORY.glob("iox2_*"):
+        try:
+            found[str(path)] = path.stat().st_blocks * 512
+        except FileNotFoundError:
+            continue  # a reader has just left
+    files = [path for path in ICEORYX2.rglob("*") if path.is_file()] if ICEORYX2.is_dir() else []
+    return found, {str(path) for path in files}
+
+
+def percentile(ages, share):
+    """Of a sorted list; nothing of an empty one."""
+    return round(ages[min(len(ages) - 1, int(share * len(ages)))], 3) if ages else ""
+
+
+class Soak:
+    """All processes."""
+
+    def __init__(self, given, folder):
+        self.given, self.name = given, f"soak-{os.getpid()}"
+        self.recording, self.stats = folder / "soak.mcap", folder / "stats.json"
+        tool = [given.nunetd, "-q"]
+        feed = [*tool, "feed", given.pictures, "--camera", self.name, "--loop", "--rate", str(given.rate)]
+        run = [*tool, "--model", given.model, "--source", f"shm:{self.name}", "--camera", self.name]
+        run += ["--record", str(self.recording), "--stats-json", str(self.stats)]
+        watch = [*tool, "watch", self.name, "--json", "--timeout", str(PATIENCE_S)]
+        self.feeder = subprocess.Popen(feed)
+        self.daemon = subprocess.Popen(run)
+        self.reader = Reader(watch)
+        self.visitors = Visitors(watch, given.seed)
+
+    def line(self, seconds):
+        """One line of the CSV."""
+        daemon, feeder = figures(self.daemon), figures(self.feeder)
+        ages, frames = self.reader.take()
+        recorded = self.recording.stat().st_size if self.recording.exists() else 0
+        values = [round(seconds, 1), *daemon, feeder[0], feeder[2], sum(shared()[0].values()), recorded, frames]
+        return dict(zip(FIELDS, [*values, percentile(ages, 0.5), percentile(ages, 0.99)], strict=True))
+
+    def run(self):
+        """Lines until the time is over or somebody has died."""
+        lines, start = [], time.monotonic()
+        with self.given.csv.open("w", newline="") as file:
+            table = csv.DictWriter(file, FIELDS)
+            table.writeheader()
+            due = self.given.interval
+            while (seconds := time.monotonic() - start) < 60 * self.given.minutes:
+                time.sleep(0.2)
+                dead = self.dead()
+                if dead:
+                    return lines, [f"{dead} has ended by itself"]
+                self.visitors.tend(seconds)
+                if seconds >= due:
+                    due += self.given.interval
+                    lines.append(self.line(seconds))
+                    table.writerow(lines[-1])
+                    file.flush()
+                    print("  ".join(f"{name} {value}" for name, value in lines[-1].items()), flush=True)
+        return lines, []
+
+    def dead(self):
+        """Who is not there any more."""
+        all_of_them = {"the feeder": self.feeder, "the daemon": self.daemon, "the reader": self.reader.process}
+        return ", ".join(name for name, process in all_of_them.items() if process.poll() is not None)
+
+    def stop(self):
+        """Ends everybody politely, readers first; what was wrong with that."""
+        self.visitors.end()
+        problems = [f"a reader ended with {code}" for code in self.visitors.bad]
+        ending = {"reader": self.reader.process, "daemon": self.daemon, "feeder": self.feeder}
+        for name, process in ending.items():
+            process.terminate()
+            try:
+                code = process.wait(timeout=PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                code = process.wait()
+            if code != 0:
+                problems.append(f"the {name} ended with {code}")
+        return problems
+
+
+def grown(lines, field, limit):
+    """Whether a figure grew from the first third of the lines to the last by more than `limit`."""
+    third = len(lines) // 3
+    if third == 0:
+        return [f"too few lines to say whether {field} grows: soak longer"]
+    first = statistics.median(line[field] for line in lines[:third])
+    last = statistics.median(line[field] for line in lines[-third:])
+    print(f"{field}: {first:.0f} in the first third, {last:.0f} in the last; {limit:.0f} more are allowed")
+    return [f"{field} grew from {first:.0f} to {last:.0f}"] if last - first > limit else []
+
+
+def ledger(path):
+    """What is wrong with the daemon's account of its frames."""
+    if not path.exists():
+        return ["the daemon left no statistics"]
+    frames = json.loads(path.read_text())["frames"]
+    print(f"ledger: {frames}")
+    ended = frames["published"] + frames["superseded"] + frames["failed"] + frames["in_flight"]
+    problems = [] if frames["captured"] == ended else [f"{frames['captured']} frames captured, {ended} accounted for"]
+    if frames["in_flight"] or frames["failed"]:
+        problems.append(f"{frames['in_flight']} frames are still in work, {frames['failed']} failed")
+    return problems if frames["published"] else [*problems, "no frame was published"]
+
+
+def whole(path):
+    """What is wrong with the recording's end, where its index and MCAP's magic bytes are."""
+    if not path.exists():
+        return ["there is no recording"]
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 8))
+        return [] if file.read() == b"\x89MCAP0\r\n" else ["the recording has no end"]
+
+
+def main():
+    """Soaks, says what was seen, and the exit code."""
+    given = arguments()
+    before_memory, before_files = shared()
+    with tempfile.TemporaryDirectory() as folder:
+        soak = Soak(given, pathlib.Path(folder))
+        try:
+            lines, problems = soak.run()
+        except BaseException:
+            soak.stop()
+            raise
+        problems += soak.stop()
+        problems += ledger(soak.stats) + whole(soak.recording)
+    counted = [line for line in lines if line["seconds"] >= given.warm_up]
+    for field, limit in [("daemon_anon_kb", given.drift_mb * 1024), ("feeder_anon_kb", given.drift_mb * 1024)]:
+        problems += grown(counted, field, limit)
+    # A reader that comes costs a few descriptors until it goes.
+    for field, limit in [("daemon_fds", 4), ("feeder_fds", 4), ("daemon_threads", 0)]:
+        problems += grown(counted, field, limit)
+    after_memory, after_files = shared()
+    rest = (set(after_memory) - set(before_memory)) | (after_files - before_files)
+    problems += [f"left behind: {path}" for path in sorted(rest) if not path.endswith(ALLOWED_REST)]
+    print(f"{soak.visitors.count} readers came and went")
+    for problem in problems:
+        print(f"error: {problem}", file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
