@@ -66,9 +66,28 @@ def test_the_example_configuration_is_accepted(nunetd):
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     assert 'source = "shm:front"\n' in said
     # Every line that is commented out is one that would be accepted.
-    example = (DIST / "nunetd.toml").read_text().splitlines()
+    example = (DIST / "nunetd.toml").read_text().split("# [[camera]]")[0].splitlines()
     settings = [line[2:].split(" = ")[0] for line in example if line.startswith("# ") and " = " in line]
     assert settings and all(f"# {name} is not set\n" in said for name in settings), settings
+
+
+def test_the_example_of_several_cameras_is_accepted(nunetd, tmp_path):
+    sections = (DIST / "nunetd.toml").read_text().split("# [[camera]]")[1:]
+    assert len(sections) == 2
+    text = ""
+    for section in sections:
+        lines = [line.removeprefix("# ") for line in section.splitlines() if " = " in line]
+        # A calibration is read when the daemon starts, not by `config`.
+        text += "\n".join(["[[camera]]", *lines, ""])
+    path = tmp_path / "several.toml"
+    path.write_text(text)
+    command = [nunetd, "config", "--config", str(path)]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert said.count("[[camera]]") == 2 and 'name = "rear"' in said
+
+
+def test_the_unit_never_gives_a_camera_up():
+    assert "StartLimitIntervalSec=0\n" in (DIST / "nunetd.service").read_text()
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")

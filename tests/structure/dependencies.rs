@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 7] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 8] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -26,6 +26,7 @@ const NO_DEPENDENCY: [(&str, &[&str]); 7] = [
         "crates/nunet-mcap/Cargo.toml",
         &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon", "anyhow"],
     ),
+    ("crates/nunet-py/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-mcap"]),
     ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];

@@ -8,6 +8,7 @@ mod core_rules;
 mod dependencies;
 mod documents;
 mod order;
+mod packaging;
 mod repository;
 mod rust_source;
 mod sizes;

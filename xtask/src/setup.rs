@@ -7,8 +7,12 @@ use anyhow::Result;
 use crate::run::say;
 use crate::{paths, wheels};
 
-/// Fetch ONNX Runtime's library, if the cache does not have it.
+/// What goes with the library wherever it is passed on.
+const TEXTS: [&str; 2] = ["LICENSE", "ThirdPartyNotices.txt"];
+
+/// Fetch ONNX Runtime's library and its licence, if the cache does not have them.
 pub(crate) fn setup() -> Result<()> {
+    TEXTS.iter().try_for_each(|text| onnxruntime_text(text).map(drop))?;
     say(&format!("setup: ONNX Runtime is at {}", onnxruntime()?.display()));
     Ok(())
 }

@@ -8,12 +8,14 @@ use crate::cloud::{CloudError, CloudPoint, cloud_size, organised_cloud};
 use crate::depth::{Scale, ScaleSource, Units};
 use crate::filter::{self, Chain, Decimation, DecimationOptions, FilterError, FilterOptions, Look};
 use crate::frame::ImageView;
-use crate::graph::{GraphError, GraphInput, GraphOutputs, Quality, SerialGraph, StageTimes};
+use crate::graph::{GraphError, GraphOutputs, Quality, SerialGraph, StageTimes};
 use crate::model::{ModelDescription, SelfTestGrid, SelfTestMismatch, SelfTestReport, selftest};
-use crate::preprocess::{Preprocessor, TensorFormat};
+use crate::preprocess::Preprocessor;
 
+mod input;
 mod lens;
 
+use input::Input;
 use lens::Lens;
 
 /// What to do about the focal length.
@@ -41,12 +43,8 @@ pub struct PipelineOptions {
 
 impl Default for PipelineOptions {
     fn default() -> Self {
-        Self {
-            camera: None,
-            focal: Focal::Auto,
-            cloud_stride: NonZeroU32::MIN,
-            filters: FilterOptions::default(),
-        }
+        let filters = FilterOptions::default();
+        Self { camera: None, focal: Focal::Auto, cloud_stride: NonZeroU32::MIN, filters }
     }
 }
 
@@ -350,33 +348,6 @@ fn scale(description: &ModelDescription, focal: Focal, width: u32, lens: &Lens) 
     match focal {
         Focal::Off => Scale::unscaled(description.encoding),
         Focal::Auto => Scale::from_focal_lengths(description.encoding, training_fx_px, lens.network_fx_px),
-    }
-}
-
-/// The picture as the graph wants it: as it is, or as a foreign network's tensor in memory kept for it.
-enum Input {
-    Rgb,
-    Float { format: TensorFormat, tensor: Vec<f32> },
-}
-
-impl Input {
-    fn new(graph: &SerialGraph) -> Self {
-        let (width, height) = graph.size();
-        match graph.float_input() {
-            None => Self::Rgb,
-            Some(&format) => Self::Float { format, tensor: vec![0.0; 3 * width as usize * height as usize] },
-        }
-    }
-
-    /// The graph's input for a picture of its size, and the bytes written to make it.
-    fn of<'a>(&'a mut self, rgb: &'a [u8]) -> (GraphInput<'a>, u64) {
-        match self {
-            Self::Rgb => (GraphInput::Rgb(rgb), 0),
-            Self::Float { format, tensor } => {
-                format.fill(rgb, tensor);
-                (GraphInput::Float(tensor), size_of_val(&tensor[..]) as u64)
-            }
-        }
     }
 }
 

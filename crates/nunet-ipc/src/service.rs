@@ -5,6 +5,7 @@ use std::path::Path;
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::event_id::EventId;
 use iceoryx2::prelude::{CallbackProgression, MessagingPattern, Service};
+use iceoryx2::service::ServiceDetailsError;
 use iceoryx2::service::builder::event::{EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
@@ -148,7 +149,9 @@ pub(crate) fn open_topic(
 ) -> Result<Option<TopicService>, IpcError> {
     use PublishSubscribeOpenError as E;
     let name = camera.service(topic);
-    refuse_other_contract(&name, MessagingPattern::PublishSubscribe)?;
+    if !refuse_other_contract(&name, MessagingPattern::PublishSubscribe)? {
+        return Ok(None);
+    }
     let opened = node
         .service_builder(&service_name(&name)?)
         .publish_subscribe::<[Block64]>()
@@ -157,7 +160,11 @@ pub(crate) fn open_topic(
     match opened {
         Ok(service) => Ok(Some(service)),
         Err(
-            E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
+            E::DoesNotExist
+            | E::IsMarkedForDestruction
+            | E::HangsInCreation
+            | E::ServiceInCorruptedState
+            | E::InsufficientPermissions,
         ) => Ok(None),
         Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
     }
@@ -167,24 +174,31 @@ pub(crate) fn open_topic(
 pub(crate) fn open_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<Option<WakeService>, IpcError> {
     use EventOpenError as E;
     let name = camera.wake_service();
-    refuse_other_contract(&name, MessagingPattern::Event)?;
+    if !refuse_other_contract(&name, MessagingPattern::Event)? {
+        return Ok(None);
+    }
     match node.service_builder(&service_name(&name)?).event().open_with_attributes(&contract_attribute()?) {
         Ok(service) => Ok(Some(service)),
         Err(
-            E::DoesNotExist | E::IsMarkedForDestruction | E::HangsInCreation | E::ServiceInCorruptedState,
+            E::DoesNotExist
+            | E::IsMarkedForDestruction
+            | E::HangsInCreation
+            | E::ServiceInCorruptedState
+            | E::InsufficientPermissions,
         ) => Ok(None),
         Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
     }
 }
 
 /// Reads the attributes before opening: a service of another version may have other types, and then opening it
-/// would fail before anything could be said about the reason.
-fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Result<(), IpcError> {
-    let details = Iceoryx::details(&service_name(name)?, config(), pattern)
-        .map_err(|cause| IpcError::iceoryx(format!("look at service `{name}`"), cause))?;
-    match details {
-        Some(details) => check_contract(name, details.static_details.attributes()),
-        None => Ok(()),
+/// would fail before anything could be said about the reason. Says whether they could be read: a service of another user
+/// cannot until its owner lets the group in.
+fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Result<bool, IpcError> {
+    match Iceoryx::details(&service_name(name)?, config(), pattern) {
+        Ok(Some(details)) => check_contract(name, details.static_details.attributes()).map(|()| true),
+        Ok(None) => Ok(true),
+        Err(ServiceDetailsError::InsufficientPermissions) => Ok(false),
+        Err(cause) => Err(IpcError::iceoryx(format!("look at service `{name}`"), cause)),
     }
 }
 

@@ -1,0 +1,53 @@
+//! What is packed is there: nothing builds the Debian package or the container in the gate.
+
+use crate::assert_none;
+use crate::repository::{root, texts};
+
+const MANIFEST: &str = "crates/nunet-daemon/Cargo.toml";
+const CONTAINER: &str = "dist/Containerfile";
+
+#[test]
+fn every_file_of_the_debian_package_is_there() {
+    assert_none(&missing(&packed(&text_of(MANIFEST))));
+}
+
+#[test]
+fn every_file_that_the_container_copies_is_there() {
+    assert_none(&missing(&copied(&text_of(CONTAINER))));
+}
+
+#[test]
+fn a_file_that_was_renamed_is_missed() {
+    let assets = "assets = [\n    [\"../../README.md\", \"usr/\"],\n    [\"../../gone.md\", \"usr/\"],\n    [\"../../build/deb/lib/*\", \"x\"],\n]";
+    assert_eq!(packed(assets), ["README.md", "gone.md"]);
+    assert_eq!(copied("COPY . .\nCOPY --from=build /src/gone.md /src/target/x /usr/"), ["gone.md"]);
+    assert_eq!(missing(&["README.md".into(), "gone.md".into()]), ["no `gone.md`, which is packed"]);
+}
+
+fn text_of(path: &str) -> String {
+    texts(|name| name == path).pop().unwrap_or_else(|| panic!("no `{path}`")).1
+}
+
+/// Files of the repository among the Debian package's assets; `cargo xtask deb` makes the others.
+fn packed(manifest: &str) -> Vec<String> {
+    let assets = manifest.split("assets = [").nth(1).and_then(|rest| rest.split("\n]").next());
+    let sources = assets.unwrap_or_default().lines().filter_map(|line| line.split('"').nth(1));
+    let ours = sources.filter_map(|source| source.strip_prefix("../../"));
+    ours.filter(|source| !source.starts_with("build/")).map(str::to_owned).collect()
+}
+
+/// Files of the repository that reach the container's last stage.
+fn copied(container: &str) -> Vec<String> {
+    let lines = container.lines().filter(|line| line.starts_with("COPY --from=build"));
+    let ours = lines.flat_map(str::split_whitespace).filter_map(|word| word.strip_prefix("/src/"));
+    ours.filter(|source| !source.starts_with("target/")).map(str::to_owned).collect()
+}
+
+fn missing(sources: &[String]) -> Vec<String> {
+    let gone = sources.iter().filter(|source| !root().join(source).is_file());
+    let mut problems: Vec<_> = gone.map(|source| format!("no `{source}`, which is packed")).collect();
+    if sources.is_empty() {
+        problems.push("nothing is packed: the check reads what is no longer written so".to_owned());
+    }
+    problems
+}
