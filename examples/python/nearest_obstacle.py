@@ -1,6 +1,7 @@
 """How far a robot may drive: `python nearest_obstacle.py PICTURE`.
 
-Looks through a corridor of the robot's own size straight ahead, and leaves out what the robot drives on.
+Looks through a corridor of the robot's own size straight ahead, and leaves out what the robot drives on. Needs the
+package Pillow.
 """
 
 import sys

@@ -1,6 +1,7 @@
 """Depth of one picture as a numpy array: `python numpy_depth.py PICTURE [FOLDER]`.
 
 Writes `depth.npy` (float32, metres, NaN where there is none) and `depth.png` (colours) into FOLDER.
+Needs the package Pillow.
 """
 
 import sys

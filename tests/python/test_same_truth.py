@@ -1,10 +1,11 @@
 """The same picture gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
-`nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client reads it. The same sequence
-does too, where the network remembers the pictures before."""
+`nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client and `nunet_py` read it. The
+same sequence does too, where the network remembers the pictures before."""
 
 import json
 import os
 import subprocess
+import sys
 
 import numpy as np
 import nunet_py as nunet
@@ -94,13 +95,26 @@ def test_points_in_this_process_are_those_of_the_ply_file(nunetd, tmp_path):
     assert (points["rgb"] == cloud.colors[valid]).all() and (points["label"] == cloud.labels[valid]).all()
 
 
+SUBSCRIBE = """
+import sys
+import nunet_py
+with nunet_py.subscribe(sys.argv[1], topics=["depth", "labels"], timeout=60) as frames:
+    frame = frames.next()
+    sys.stdout.buffer.write(frame.depth.tobytes() + frame.labels.tobytes())
+"""
+
+
 def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, picture, expected):
     name = f"pytest-truth-{os.getpid()}"
     source = ["--source", str(picture[0].parent), "--loop", "--rate", "30", *ONE_THREAD]
+    # In a process of its own: two copies of iceoryx2 in one process take each other for dead.
+    subscribed = [sys.executable, "-c", SUBSCRIBE, name]
     with running([nunetd, "--model", str(MODEL), "--camera", name, *source]):
         header, payload = Reader(contract, name, "depth").next()
+        seen = subprocess.run(subscribed, check=True, capture_output=True, timeout=120).stdout
     assert header.bytes_copied == 0
     assert bytes(payload) == expected[0].tobytes()
+    assert seen == expected[0].tobytes() + expected[1].tobytes()
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,9 @@ result = nunet.Model('wnet_c.onnx').infer(np.zeros((480, 640, 3), np.uint8))
 assert result.depth.shape == (480, 640) and result.cloud().points.shape == (480, 640, 3)
 print(nunet.__version__, nunet.__file__)";
 
+/// Other wheels than ours are made for one version of Python: those that are gathered are for this one.
+const VERSION: &str = "import sys; print(*sys.version_info[:2], sep='.')";
+
 /// Build, check, gather, try.
 pub(crate) fn wheel() -> Result<()> {
     let tools = python::wheel_environment()?;
@@ -45,11 +48,24 @@ pub(crate) fn wheel() -> Result<()> {
     // By its path: by its name an index would offer another project's package.
     run(python::pip_of(&tools, &["download", "--only-binary", ":all:", "--dest", FOLDER])?.arg(&wheel))?;
     try_out(&folder)?;
+    let version = output(Command::new(&tools).args(["-c", VERSION]))?;
     say(&format!(
-        "wheel: {}; `pip install nunet-py --no-index --find-links {FOLDER}` installs it",
-        wheel.display()
+        "wheel: {}; `pip install nunet-py --no-index --find-links {FOLDER}` installs it with Python {} and {}",
+        wheel.display(),
+        version.trim(),
+        c_library(&wheel)
     ));
     Ok(())
+}
+
+/// The C library that a wheel's name asks for: maturin writes there what its library needs of this machine's.
+fn c_library(wheel: &Path) -> String {
+    let name = wheel.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let tag = name.split("-manylinux_").nth(1).and_then(|rest| {
+        let mut numbers = rest.split('_');
+        Some(format!("glibc {}.{} or newer", numbers.next()?, numbers.next()?))
+    });
+    tag.unwrap_or_else(|| "this machine's C library".to_owned())
 }
 
 /// Our wheels in `folder`.
@@ -97,4 +113,18 @@ fn try_out(folder: &Path) -> Result<()> {
     let version = output(command.arg("--version").current_dir(&target))?;
     say(&format!("wheel: tried in a new environment: {}, {}", said.trim(), version.trim()));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_of_a_wheel_tells_its_c_library() {
+        let of = |name: &str| c_library(Path::new(name));
+        let tagged = "dist/nunet_py-0.1.0-cp310-abi3-manylinux_2_34_x86_64.whl";
+        assert_eq!(of(tagged), "glibc 2.34 or newer");
+        assert_eq!(of("nunet_py-0.1.0-cp310-abi3-manylinux_2_17_x86_64.manylinux2014_x86_64.whl"), "glibc 2.17 or newer");
+        assert_eq!(of("nunet_py-0.1.0-cp310-abi3-linux_x86_64.whl"), "this machine's C library");
+    }
 }

@@ -29,7 +29,7 @@ pub(crate) fn find(named: Option<&Path>) -> anyhow::Result<Found> {
         }
         bail!(
             "no ONNX Runtime library at `{}` (from --onnxruntime or ORT_DYLIB_PATH)\nhint: name the file itself, \
-             such as `libonnxruntime.so.{VERSION}`, or leave the flag away to look in the usual places",
+             such as `libonnxruntime.so.{VERSION}`, or leave both away to look in the usual places",
             path.display()
         );
     }
@@ -37,17 +37,25 @@ pub(crate) fn find(named: Option<&Path>) -> anyhow::Result<Found> {
     let found = places.iter().find_map(|place| {
         library_in(&place.folder, place.search).map(|path| Found { path, place: place.name })
     });
-    found.ok_or_else(|| not_found(&places))
+    found.ok_or_else(|| not_found(&places, installation::described().is_some()))
 }
 
-fn not_found(places: &[Place]) -> anyhow::Error {
+/// In Python there is no flag but the command's, and often no checkout.
+fn not_found(places: &[Place], in_python: bool) -> anyhow::Error {
     let list: Vec<_> =
         places.iter().map(|place| format!("\n    {}: {}", place.name, place.folder.display())).collect();
-    anyhow::anyhow!(
-        "ONNX Runtime's shared library was not found; looked in{}\nhint: `cargo xtask setup` in a checkout, or \
-         `pip install onnxruntime=={VERSION}`, or name it with --onnxruntime PATH",
-        list.concat()
-    )
+    let hint = if in_python {
+        format!(
+            "Python 3.11 or newer brings it with `pip install onnxruntime=={VERSION}`; else name the file by the \
+             environment's variable ORT_DYLIB_PATH"
+        )
+    } else {
+        format!(
+            "`cargo xtask setup` in a checkout, or `pip install onnxruntime=={VERSION}`, or name it with --onnxruntime \
+             PATH"
+        )
+    };
+    anyhow::anyhow!("ONNX Runtime's shared library was not found; looked in{}\nhint: {hint}", list.concat())
 }
 
 /// How a folder is searched.
@@ -150,10 +158,17 @@ mod tests {
     #[test]
     fn a_failed_search_lists_every_place_and_the_mend() {
         let places = places();
-        let error = not_found(&places).to_string();
+        let error = not_found(&places, false).to_string();
         for place in &places {
             assert!(error.contains(&place.folder.display().to_string()), "{error}");
         }
         assert!(error.contains("cargo xtask setup"), "{error}");
+    }
+
+    #[test]
+    fn in_python_the_mend_is_one_of_pythons() {
+        let error = not_found(&places(), true).to_string();
+        assert!(error.contains("\nhint: Python 3.11 or newer"), "{error}");
+        assert!(error.contains("ORT_DYLIB_PATH") && !error.contains("--onnxruntime"), "{error}");
     }
 }

@@ -15,7 +15,9 @@ use crate::vocabulary::{Encoding, Topic};
 #[non_exhaustive]
 pub enum IpcError {
     /// A limit that makes no sense.
-    #[error("limit `{limit}` is `{value}`, but expected 1 to {most}")]
+    #[error(
+        "limit `{limit}` is `{value}`, but expected 1 to {most}\nhint: memory is reserved for each: as few as needed"
+    )]
     Limit {
         /// Its name.
         limit: &'static str,
@@ -149,7 +151,10 @@ pub enum IpcError {
         limit: usize,
     },
     /// The topic is not among those planned or opened.
-    #[error("topic `{topic}` is not one of this camera's: {}", list(has))]
+    #[error(
+        "topic `{topic}` is not one of this camera's: {}\nhint: open it with `{topic}` among its topics",
+        list(has)
+    )]
     NoSuchTopic {
         /// The topic asked for.
         topic: Topic,
@@ -179,7 +184,7 @@ pub enum IpcError {
         payload_bytes: usize,
     },
     /// A view of something else than what is there.
-    #[error("the payload is `{found}`, not `{expected}`")]
+    #[error("the payload is `{found}`, not `{expected}`\nhint: the header's `encoding` tells how to read it")]
     WrongEncoding {
         /// What was asked for.
         expected: Encoding,

@@ -60,7 +60,7 @@ pub use crate::node::{CONTRACT_ATTRIBUTE, Process};
 pub use crate::plain::{Plain, Point};
 pub use crate::plan::{Limits, Reservation, TopicPlan, TopicReservation, free_shared_memory_bytes};
 pub use crate::publisher::Publisher;
-pub use crate::reader::Reader;
+pub use crate::reader::{Owners, Reader};
 pub use crate::stats::StatsRecord;
 pub use crate::vocabulary::{
     Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, UnknownValue, UnknownWord, Wake,

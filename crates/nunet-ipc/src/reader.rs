@@ -55,7 +55,23 @@ pub struct Reader {
 struct ReadTopic {
     topic: Topic,
     port: Arc<Port>,
-    service: TopicService,
+    service: Arc<TopicService>,
+}
+
+/// Tells who publishes a reader's topics while another thread has the reader: [`Reader::owners`].
+///
+/// It keeps the services open, so it should end with its reader.
+#[derive(Debug, Clone)]
+pub struct Owners {
+    services: Vec<Arc<TopicService>>,
+}
+
+impl Owners {
+    /// As [`Reader::is_connected`].
+    #[must_use]
+    pub fn are_all_alive(&self) -> bool {
+        self.services.iter().all(|service| owner_of(service).is_some_and(|owner| owner.alive))
+    }
 }
 
 impl Reader {
@@ -64,22 +80,36 @@ impl Reader {
     /// # Errors
     /// [`IpcError::NobodyPublishes`] after the timeout, [`IpcError::TooManyReaders`], [`IpcError::ContractVersion`].
     pub fn open(camera: &CameraName, topics: &[Topic], timeout: Duration) -> Result<Self, IpcError> {
-        let deadline = deadline_after(timeout);
+        Self::open_unless(camera, topics, timeout, || false)
+    }
+
+    /// As [`open`](Self::open), but gives up early when `interrupted` says so. It is asked before each new try, some ten
+    /// milliseconds apart.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open); [`IpcError::NobodyPublishes`] also when it was interrupted.
+    pub fn open_unless(
+        camera: &CameraName,
+        topics: &[Topic],
+        timeout: Duration,
+        mut interrupted: impl FnMut() -> bool,
+    ) -> Result<Self, IpcError> {
+        let mut patience = Patience { deadline: deadline_after(timeout), interrupted: &mut interrupted };
         if let Some(topic) = topics.first() {
             // A reader must not be the one who makes iceoryx2's folder: it would be for the reader's user alone.
             let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
-            retry(deadline, missing, || Ok(access::has_folder().then_some(())))?;
+            patience.retry(missing, || Ok(access::has_folder().then_some(())))?;
         }
         let node = node::create()?;
         let mut opened = Vec::with_capacity(topics.len());
         for topic in topics {
             let missing = IpcError::NobodyPublishes { service: camera.service(*topic), timeout };
-            let service = retry(deadline, missing, || open_topic(&node, camera, *topic))?;
+            let service = patience.retry(missing, || open_topic(&node, camera, *topic))?;
             opened.push(ReadTopic::subscribe(camera, *topic, service)?);
             // At once: the owner waits until it may open the connection.
             access::share_read()?;
         }
-        let listener = Self::listen(&node, camera, timeout, deadline)?;
+        let listener = Self::listen(&node, camera, timeout, &mut patience)?;
         Ok(Self { camera: camera.clone(), listener, topics: opened, joining: Default::default() })
     }
 
@@ -87,10 +117,10 @@ impl Reader {
         node: &Node<Iceoryx>,
         camera: &CameraName,
         timeout: Duration,
-        deadline: Instant,
+        patience: &mut Patience<'_>,
     ) -> Result<Listener<Iceoryx>, IpcError> {
         let missing = IpcError::NobodyPublishes { service: camera.wake_service(), timeout };
-        let service = retry(deadline, missing, || open_wake(node, camera))?;
+        let service = patience.retry(missing, || open_wake(node, camera))?;
         let listener = service.listener_builder().create().map_err(|cause| match cause {
             ListenerCreateError::ExceedsMaxSupportedListeners => IpcError::TooManyListeners {
                 camera: camera.clone(),
@@ -251,7 +281,13 @@ impl Reader {
     /// Whether a living process publishes each of the topics. As costly as [`owner`](Self::owner).
     #[must_use]
     pub fn is_connected(&self) -> bool {
-        self.topics.iter().all(|opened| owner_of(&opened.service).is_some_and(|owner| owner.alive))
+        self.owners().are_all_alive()
+    }
+
+    /// Who publishes the topics, for other threads to ask.
+    #[must_use]
+    pub fn owners(&self) -> Owners {
+        Owners { services: self.topics.iter().map(|opened| Arc::clone(&opened.service)).collect() }
     }
 
     fn has_more(&self, topic: Topic) -> Result<bool, IpcError> {
@@ -274,7 +310,7 @@ impl ReadTopic {
             }
             cause => IpcError::iceoryx(format!("read `{}`", camera.service(topic)), cause),
         })?;
-        Ok(Self { topic, port: Arc::new(port), service })
+        Ok(Self { topic, port: Arc::new(port), service: Arc::new(service) })
     }
 }
 
@@ -285,20 +321,28 @@ fn deadline_after(timeout: Duration) -> Instant {
     now.checked_add(timeout).unwrap_or(now + FOR_EVER)
 }
 
-/// Tries until there is something or the time is over; tries at least once.
-fn retry<T>(
+/// When to stop trying.
+struct Patience<'a> {
     deadline: Instant,
-    missing: IpcError,
-    mut attempt: impl FnMut() -> Result<Option<T>, IpcError>,
-) -> Result<T, IpcError> {
-    loop {
-        if let Some(found) = attempt()? {
-            return Ok(found);
+    interrupted: &'a mut dyn FnMut() -> bool,
+}
+
+impl Patience<'_> {
+    /// Tries until there is something, the time is over, or nobody waits any more; tries at least once.
+    fn retry<T>(
+        &mut self,
+        missing: IpcError,
+        mut attempt: impl FnMut() -> Result<Option<T>, IpcError>,
+    ) -> Result<T, IpcError> {
+        loop {
+            if let Some(found) = attempt()? {
+                return Ok(found);
+            }
+            let left = self.deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() || (self.interrupted)() {
+                return Err(missing);
+            }
+            std::thread::sleep(RETRY_PERIOD.min(left));
         }
-        let left = deadline.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err(missing);
-        }
-        std::thread::sleep(RETRY_PERIOD.min(left));
     }
 }

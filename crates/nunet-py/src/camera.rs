@@ -9,6 +9,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
+use crate::argument;
 use crate::error::{failure, of_camera};
 
 /// A camera: focal lengths and principal point in pixels at a stated size, and its lens.
@@ -55,13 +56,13 @@ impl Camera {
     #[new]
     #[pyo3(signature = (fx, fy, cx, cy, size, distortion = None, *, distortion_model = None))]
     fn new(
-        fx: f64,
-        fy: f64,
-        cx: f64,
-        cy: f64,
+        #[pyo3(from_py_with = argument::fx)] fx: f64,
+        #[pyo3(from_py_with = argument::fy)] fy: f64,
+        #[pyo3(from_py_with = argument::cx)] cx: f64,
+        #[pyo3(from_py_with = argument::cy)] cy: f64,
         size: &Bound<'_, PyAny>,
         distortion: Option<&Bound<'_, PyAny>>,
-        distortion_model: Option<&str>,
+        #[pyo3(from_py_with = argument::distortion_model)] distortion_model: Option<&str>,
     ) -> PyResult<Self> {
         let (width, height) = whole_size(size)?;
         let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(of_camera)?;
@@ -93,7 +94,11 @@ impl Camera {
     /// ------
     /// CameraError
     ///     A size of another shape: such pictures were cropped or stretched, and nobody said where.
-    fn at_size(&self, width: u32, height: u32) -> PyResult<Self> {
+    fn at_size(
+        &self,
+        #[pyo3(from_py_with = argument::width)] width: u32,
+        #[pyo3(from_py_with = argument::height)] height: u32,
+    ) -> PyResult<Self> {
         self.0.fitted_to(width, height).map(Self).map_err(of_camera)
     }
 
@@ -198,7 +203,7 @@ fn _camera(
     Ok(Camera(camera::Camera { intrinsics, distortion: lens(&distortion, distortion_model.as_deref())? }))
 }
 
-fn whole_size(size: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
+pub(crate) fn whole_size(size: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
     size.extract::<(u32, u32)>().map_err(|_| {
         PyTypeError::new_err(format!(
             "`size` is `{size}`; expected (width, height) in whole pixels\nhint: of an array it is \
@@ -211,7 +216,9 @@ fn whole_size(size: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
 fn coefficients(object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let flat = if object.hasattr("ravel")? { object.call_method0("ravel")? } else { object.clone() };
     flat.extract().map_err(|_| {
-        PyTypeError::new_err(format!("`distortion` is `{object}`; expected a sequence of numbers"))
+        PyTypeError::new_err(format!(
+            "`distortion` is `{object}`; expected a sequence of numbers\nhint: OpenCV's order, `[k1, k2, p1, p2, k3]`"
+        ))
     })
 }
 

@@ -65,7 +65,17 @@ pub(crate) fn of_pipeline(error: PipelineError) -> PyErr {
 
 /// A failure of a camera's numbers.
 pub(crate) fn of_camera(error: CameraError) -> PyErr {
-    failure(&error.into())
+    let hint = "intrinsics and size are pixels, as a calibration gives them";
+    raise(Fault::Camera, with_hint(embed::message(&error.into()), hint))
+}
+
+/// A message with a way out, where it has none of its own.
+pub(crate) fn with_hint(mut message: String, hint: &str) -> String {
+    if !message.contains("\nhint: ") {
+        message.push_str("\nhint: ");
+        message.push_str(hint);
+    }
+    message
 }
 
 fn raise(fault: Fault, message: String) -> PyErr {

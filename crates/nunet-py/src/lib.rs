@@ -4,6 +4,7 @@
     reason = "doc comments of what Python sees are its docstrings, in numpydoc's form"
 )]
 
+mod argument;
 mod camera;
 mod cloud;
 mod colour;
@@ -11,6 +12,7 @@ mod command;
 mod error;
 mod installation;
 mod model;
+mod own;
 mod picture;
 mod replay;
 mod result;

@@ -10,8 +10,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+use crate::argument;
 use crate::camera::Camera;
-use crate::error::{NunetError, failure, of_camera, of_pipeline, warn};
+use crate::error::{failure, of_camera, of_pipeline, warn};
+use crate::own::Own;
 use crate::picture::Picture;
 use crate::result::{Result, Shared};
 
@@ -57,10 +59,8 @@ use crate::result::{Result, Shared};
 /// (640, 480)
 #[pyclass(frozen, module = "nunet_py")]
 pub(crate) struct Model {
-    /// `None` only while it is dropped.
-    inner: Option<Mutex<embed::Model>>,
-    /// The process that made it: ONNX Runtime's threads do not live on in a fork.
-    process: u32,
+    // ONNX Runtime's threads do not live on in a fork, and dropping it there would wait for them.
+    inner: Own<Mutex<embed::Model>>,
     about: About,
     shared: Arc<Shared>,
 }
@@ -99,7 +99,7 @@ impl Model {
         py: Python<'_>,
         work: impl FnOnce(&mut embed::Model) -> T + Send,
     ) -> PyResult<T> {
-        let inner = self.inner.as_ref().filter(|_| !self.is_in_a_fork()).ok_or_else(|| self.in_a_fork())?;
+        let inner = self.inner.get("model")?;
         // A panic leaves buffers with some numbers of an older picture, which every run writes anew.
         Ok(py.detach(|| work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner))))
     }
@@ -107,35 +107,18 @@ impl Model {
     pub(crate) fn shared(&self) -> Arc<Shared> {
         Arc::clone(&self.shared)
     }
-
-    fn is_in_a_fork(&self) -> bool {
-        self.process != std::process::id()
-    }
-
-    fn in_a_fork(&self) -> PyErr {
-        let (made, here) = (self.process, std::process::id());
-        NunetError::new_err(format!(
-            "this model was made in process `{made}`, and process `{here}` is a fork of it: the threads that compute did \
-             not come along\nhint: make the model after the fork, or start processes with \
-             `multiprocessing.get_context(\"spawn\")`"
-        ))
-    }
-}
-
-impl Drop for Model {
-    fn drop(&mut self) {
-        if self.is_in_a_fork() {
-            // It would wait for threads that are not here. The memory goes with the process.
-            std::mem::forget(self.inner.take());
-        }
-    }
 }
 
 #[pymethods]
 impl Model {
     #[new]
     #[pyo3(signature = (name_or_path, *, provider = "auto", threads = None))]
-    fn new(py: Python<'_>, name_or_path: PathBuf, provider: &str, threads: Option<i64>) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name_or_path)] name_or_path: PathBuf,
+        #[pyo3(from_py_with = argument::provider)] provider: &str,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
+    ) -> PyResult<Self> {
         let options = ModelOptions { provider: self::provider(provider)?, threads: self::threads(threads)? };
         let model = py.detach(|| embed::Model::open(&name_or_path, options));
         let model = model.map_err(|error| failure(&error))?;
@@ -153,7 +136,7 @@ impl Model {
         let class_names = PyTuple::new(py, &description.classes)?.unbind();
         let shared = Arc::new(Shared::new(class_names, model.pipeline().stage_names().to_vec()));
         let about = About::of(&model);
-        Ok(Self { inner: Some(Mutex::new(model)), process: std::process::id(), about, shared })
+        Ok(Self { inner: Own::new(Mutex::new(model)), about, shared })
     }
 
     /// Depth and labels of one picture.
@@ -201,14 +184,13 @@ impl Model {
         &self,
         py: Python<'_>,
         rgb: &Bound<'_, PyAny>,
-        camera: Option<&Bound<'_, Camera>>,
+        #[pyo3(from_py_with = argument::camera)] camera: Option<Camera>,
         follows: bool,
     ) -> PyResult<Result> {
         let picture = Picture::take("rgb", rgb)?;
         let frame = picture.view()?;
         let (width, height) = frame.size();
-        let camera =
-            camera.map(|camera| camera.get().0.fitted_to(width, height)).transpose().map_err(of_camera)?;
+        let camera = camera.map(|camera| camera.0.fitted_to(width, height)).transpose().map_err(of_camera)?;
         let inferred = self.alone(py, |model| model.infer(&frame, camera, follows))?.map_err(of_pipeline)?;
         Result::of_picture(py, inferred, (width, height), self.shared())
     }

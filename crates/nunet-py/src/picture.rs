@@ -9,6 +9,8 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+use crate::error::with_hint;
+
 /// A picture: uint8 `(H, W, 3)`, C-contiguous, red first.
 pub(crate) struct Picture<'py>(PyReadonlyArray3<'py, u8>);
 
@@ -40,7 +42,8 @@ impl<'py> Picture<'py> {
         let [height, width] = [0, 1].map(|axis| u32::try_from(self.0.shape()[axis]).unwrap_or(u32::MAX));
         let bytes = self.0.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
         let view = ImageView::packed(bytes, width, height, PixelFormat::Rgb8);
-        view.map_err(|error| PyValueError::new_err(error.to_string()))
+        let hint = "a picture has at least one row and one column; resize one that is larger than that";
+        view.map_err(|error| PyValueError::new_err(with_hint(error.to_string(), hint)))
     }
 }
 
@@ -76,11 +79,24 @@ pub(crate) fn check_type<T: Element>(
 /// Refuses an array whose elements do not lie one behind the other, row after row.
 pub(crate) fn check_order(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
     if array.is_c_contiguous() {
-        return Ok(());
+        return check_alignment(name, array);
     }
     Err(PyValueError::new_err(format!(
         "`{name}` is not C-contiguous: its elements do not lie one behind the other\nhint: \
          `np.ascontiguousarray({name})` makes a copy that is"
+    )))
+}
+
+/// Refuses an array whose elements begin anywhere in memory, as views of packed records may.
+fn check_alignment(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
+    let flags = array.getattr("flags")?;
+    if flags.getattr("aligned")?.extract()? {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!(
+        "`{name}` is not aligned: its elements begin between two places of memory for a `{}`\nhint: `{name}.copy()` \
+         makes an array that is",
+        array.dtype()
     )))
 }
 
@@ -90,7 +106,11 @@ pub(crate) fn read<'py, T: Element, D: numpy::ndarray::Dimension>(
     object: &Bound<'py, PyAny>,
 ) -> PyResult<PyReadonlyArray<'py, T, D>> {
     let array = object.cast::<numpy::PyArray<T, D>>()?;
-    array.try_readonly().map_err(|error| PyValueError::new_err(format!("`{name}` cannot be read: {error}")))
+    array.try_readonly().map_err(|error| {
+        PyValueError::new_err(format!(
+            "`{name}` cannot be read: {error}\nhint: `{name}.copy()` is an array that nobody writes to"
+        ))
+    })
 }
 
 /// The shape as Python writes it.

@@ -6,6 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use nunet_daemon::embed::{Player, Step};
 use pyo3::prelude::*;
 
+use crate::argument;
 use crate::camera::Camera;
 use crate::error::{failure, warn};
 use crate::model::Model;
@@ -118,12 +119,12 @@ impl Replay {
 #[pyo3(signature = (path, model, *, topic = None, camera = None))]
 fn replay(
     py: Python<'_>,
-    path: PathBuf,
-    model: Py<Model>,
-    topic: Option<&str>,
-    camera: Option<&Bound<'_, Camera>>,
+    #[pyo3(from_py_with = argument::path)] path: PathBuf,
+    #[pyo3(from_py_with = argument::model)] model: Py<Model>,
+    #[pyo3(from_py_with = argument::topic)] topic: Option<&str>,
+    #[pyo3(from_py_with = argument::camera)] camera: Option<Camera>,
 ) -> PyResult<Replay> {
-    let camera = camera.map(|camera| camera.get().0);
+    let camera = camera.map(|camera| camera.0);
     let player = py.detach(|| Player::open(&path, topic, camera)).map_err(|error| failure(&error))?;
     let (topic, pictures) = (player.topic().to_owned(), player.pictures());
     let shown = path.display().to_string();

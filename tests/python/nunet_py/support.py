@@ -31,6 +31,13 @@ def noise(height, width, seed=7):
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
 
 
+def hint_of(error):
+    """The message of what `pytest.raises` caught, which must end with what to do."""
+    text = str(error.value)
+    assert "\nhint: " in text, text
+    return text
+
+
 def run_python(code, *arguments, timeout=120):
     """An interpreter of its own that runs `code`, as a finished process with its output."""
     command = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code), *map(str, arguments)]

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import nunet_py as nunet
 import pytest
-from support import model, noise
+from support import hint_of, model, noise
 
 YAML = """image_width: 1280
 image_height: 960
@@ -73,7 +73,8 @@ BAD = {
     "no focal length": (dict(fx=0), nunet.CameraError, "`fx` is `0`; it must be greater than 0"),
     "not a number": (dict(cy=float("nan")), nunet.CameraError, "`cy` is `NaN`, not a finite number"),
     "millimetres": (dict(fx=0.004), nunet.CameraError, "\nhint: intrinsics are pixels"),
-    "text": (dict(fx="500"), TypeError, "fx"),
+    "text": (dict(fx="500"), TypeError, "`fx` is `'500'`; expected a number"),
+    "a number for a name": (dict(distortion_model=4), TypeError, "`distortion_model` is `4`"),
     "size of an array": (dict(size=(480, 640, 3)), TypeError, "rgb.shape\\[1\\]"),
     "size of zero": (dict(size=(0, 480)), nunet.CameraError, "0x480"),
     "negative size": (dict(size=(-640, 480)), TypeError, "whole pixels"),
@@ -88,8 +89,9 @@ BAD = {
 @pytest.mark.parametrize("change, kind, words", BAD.values(), ids=BAD)
 def test_numbers_that_no_camera_has_are_refused(change, kind, words):
     good = dict(fx=500, fy=500, cx=320, cy=240, size=(640, 480))
-    with pytest.raises(kind, match=words):
+    with pytest.raises(kind, match=words) as error:
         nunet.Camera(**(good | change))
+    hint_of(error)
 
 
 def test_points_project_back_onto_their_pixels(tiny):

@@ -8,7 +8,7 @@ import numpy as np
 import nunet_py as nunet
 import pytest
 from PIL import Image
-from support import ON_THE_COMMAND_LINE, TINY, model, noise, run_python
+from support import ON_THE_COMMAND_LINE, TINY, hint_of, model, noise, run_python
 
 GREY = (150, 150, 150)
 
@@ -48,6 +48,10 @@ BAD = {
     "millimetres": (np.ones((2, 2), np.uint16), {}, TypeError, "depth / 1000"),
     "axis": (np.ones((1, 2, 2), np.float32), {}, ValueError, "squeeze"),
     "empty": (np.ones((0, 2), np.float32), {}, ValueError, "nothing to colour"),
+    "packed": (np.ones(9, "u1, (2, 2)<f4")["f1"][0], {}, ValueError, r"not aligned.*\n.*depth.copy\(\)"),
+    "near as a word": (np.ones((2, 2), np.float32), dict(near="1"), TypeError, "`near` is `'1'`"),
+    "near beyond all": (np.ones((2, 2), np.float32), dict(near=100.0), ValueError, "map's own `far` is `1`"),
+    "far before all": (np.ones((2, 2), np.float32), dict(far=0.5), ValueError, "map's own `near` is `1`"),
     "mirrored": (np.ones((2, 2), np.float32)[:, ::-1], {}, ValueError, "ascontiguousarray"),
     "no range": (np.ones((2, 2), np.float32), dict(near=2, far=2), ValueError, "expected `far` beyond `near`"),
     "endless": (np.ones((2, 2), np.float32), dict(far=float("inf")), ValueError, "finite"),
@@ -56,8 +60,14 @@ BAD = {
 
 @pytest.mark.parametrize("depth, ends, kind, words", BAD.values(), ids=BAD)
 def test_what_cannot_be_coloured_is_refused_with_what_to_call(depth, ends, kind, words):
-    with pytest.raises(kind, match=words):
+    with pytest.raises(kind, match=words) as error:
         nunet.colorize(depth, **ends)
+    hint_of(error)
+
+
+@pytest.mark.parametrize("ends", [{}, {"near": 100.0}, {"far": -3.0}])
+def test_a_map_without_any_depth_is_grey_whatever_its_range(ends):
+    assert (nunet.colorize(np.full((2, 2), np.nan, np.float32), **ends) == GREY).all()
 
 
 def test_a_plot_shows_picture_depth_and_the_names_of_the_labels(result, tmp_path):

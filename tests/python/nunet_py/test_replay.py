@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import nunet_py as nunet
 import pytest
-from support import ON_THE_COMMAND_LINE, RECURRENT, TINY, model
+from support import ON_THE_COMMAND_LINE, RECURRENT, TINY, hint_of, model
 from test_recordings import FIRST_NANOS, FRAMES, PERIOD_NANOS, K, make_bag
 
 
@@ -115,8 +115,9 @@ def test_recordings_that_are_none_are_told_apart(tmp_path, tiny):
         nunet.replay(tmp_path / "missing.mcap", tiny)
     with pytest.raises(ValueError, match="has no topic `/nose`\nhint: it has "):
         nunet.replay(make_bag(tmp_path / "bag", "png"), tiny, topic="/nose")
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match=r"`model` is `'wnet_c\.onnx'`; expected a Model") as error:
         nunet.replay(text, "wnet_c.onnx")
+    hint_of(error)
 
 
 def test_ctrl_c_ends_a_replay(tmp_path):

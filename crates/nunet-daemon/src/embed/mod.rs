@@ -65,23 +65,30 @@ pub fn quality_name(quality: Quality) -> &'static str {
     words::quality(quality).name()
 }
 
+/// The depths of the reddest and the bluest colour: where one is not given, the map's own first or last percentile. A map
+/// without any depth has no own ones, and gets some that are in order.
+#[must_use]
+pub fn colour_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32, f32) {
+    match (near, far) {
+        (Some(near), Some(far)) => (near, far),
+        (Some(near), None) if !depth.iter().any(|value| value.is_finite()) => (near, near + 1.0),
+        (None, Some(far)) if !depth.iter().any(|value| value.is_finite()) => (far - 1.0, far),
+        (near, far) => {
+            let own = crate::sink::files::range(depth);
+            (near.unwrap_or(own.0), far.unwrap_or(own.1))
+        }
+    }
+}
+
 /// Depth in the colours of `depth.png`, without its scale: `[H, W, 3]`, RGB, near is red, far is blue, no depth is
 /// grey.
 ///
-/// Colours are spread from `near` to `far`; where one is not given, from the map's own first or last percentile.
+/// Colours are spread from `near` to `far`: see [`colour_range`].
 ///
 /// # Panics
 /// `depth` does not hold `width * height` numbers.
 #[must_use]
-pub fn colours(depth: &[f32], (width, height): (u32, u32), near: Option<f32>, far: Option<f32>) -> Vec<u8> {
+pub fn colours(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> Vec<u8> {
     assert_eq!(depth.len(), width as usize * height as usize, "a depth map of another size");
-    let range = || crate::sink::files::range(depth);
-    let (near, far) = match (near, far) {
-        (Some(near), Some(far)) => (near, far),
-        (near, far) => {
-            let own = range();
-            (near.unwrap_or(own.0), far.unwrap_or(own.1))
-        }
-    };
     crate::sink::files::paint(depth, (width, height), (near, far)).into_raw()
 }

@@ -3,7 +3,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, FrameSet, IpcError, Reader, StatsRecord, Topic};
+use nunet_ipc::{CameraName, FrameSet, IpcError, Owners, Reader, StatsRecord, Topic};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 
@@ -18,12 +18,14 @@ pub(super) struct Desk {
 #[derive(Debug)]
 struct State {
     feed: Option<Feed>,
+    // For who asks while a thread uses the feed. Gone when it is closed: it keeps the topics open.
+    owners: Option<Owners>,
     closed: bool,
 }
 
 #[derive(Debug)]
 pub(super) struct Feed {
-    pub(super) reader: Reader,
+    reader: Reader,
     topics: Vec<Topic>,
     stats: Option<StatsRecord>,
 }
@@ -44,13 +46,19 @@ pub(super) enum Found {
 
 impl Desk {
     pub(super) fn new(feed: Feed) -> Self {
-        let state = State { feed: Some(feed), closed: false };
+        let owners = Some(feed.reader.owners());
+        let state = State { feed: Some(feed), owners, closed: false };
         Self { state: Mutex::new(state), returned: Condvar::new() }
     }
 
     /// Whether it was closed.
     pub(super) fn is_closed(&self) -> bool {
         self.state().closed
+    }
+
+    /// Who publishes; `None` when it was closed.
+    pub(super) fn owners(&self) -> Option<Owners> {
+        self.state().owners.clone()
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -75,7 +83,7 @@ impl Desk {
         let feed = {
             let mut state = self.state();
             state.closed = true;
-            state.feed.take()
+            (state.feed.take(), state.owners.take())
         };
         self.returned.notify_all();
         drop(feed);

@@ -135,7 +135,8 @@ impl Frame {
     }
 
     /// uint8: the camera's picture as it is sent, a read-only view of shared memory. (H, W, 3) for `rgb8` and `bgr8`,
-    /// (H, W) for `mono8`, (H, W, 2) for `yuyv`, (H * 3 / 2, W) for `nv12`.
+    /// (H, W) for `mono8`, (H, W, 2) for `yuyv`, (H + H / 2, W) for `nv12`; of the last two W is rounded up to an even
+    /// number, and so is H / 2.
     #[getter]
     fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let sample = self.sample(py, Topic::Rgb)?;
@@ -147,12 +148,13 @@ impl Frame {
             }
             Encoding::Mono8 => array(sample, element::<u8>(py), planar(message.grid(1)?)),
             Encoding::Nv12 => {
-                let mut grid = message.grid(1)?;
-                grid.rows += grid.rows / 2;
+                let (rows, columns) = message.size();
+                let grid = message.cells(rows + rows.div_ceil(2), columns.next_multiple_of(2), 1)?;
                 array(sample, element::<u8>(py), planar(grid))
             }
             Encoding::Yuyv => {
-                let grid = message.grid(2)?;
+                let (rows, columns) = message.size();
+                let grid = message.cells(rows, columns.next_multiple_of(2), 2)?;
                 let lengths = [grid.rows, grid.columns, 2];
                 array(sample, element::<u8>(py), Shape { lengths, strides: [grid.stride, 2, 1], offset: 0 })
             }

@@ -1,6 +1,7 @@
 //! How a camera's pictures lie in memory.
 
 use numpy::{IxDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
+use nunet_core::frame::MAX_SIDE_PX;
 use nunet_ipc::Encoding;
 use pyo3::PyClass;
 use pyo3::exceptions::PyValueError;
@@ -13,9 +14,6 @@ use crate::picture::{check_order, check_type, read, shown, untyped};
 
 const ENCODINGS: [Encoding; 5] =
     [Encoding::Rgb8, Encoding::Bgr8, Encoding::Mono8, Encoding::Yuyv, Encoding::Nv12];
-
-/// Pixels of a side: more is a slip of the finger.
-const MAX_SIDE: u32 = 16_384;
 
 /// How a camera's pictures lie in memory.
 #[derive(Debug, Clone)]
@@ -38,24 +36,18 @@ impl Layout {
             )));
         };
         let (columns, rows) = size;
-        let even = |side: u32| side.is_multiple_of(2);
-        let fits = match known {
-            Encoding::Yuyv => even(columns),
-            Encoding::Nv12 => even(columns) && even(rows),
-            _ => true,
-        };
-        if ![columns, rows].iter().all(|side| (1..=MAX_SIDE).contains(side)) || !fits {
-            let even = if fits { "" } else { ", even for this encoding" };
+        if ![columns, rows].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
             return Err(PyValueError::new_err(format!(
-                "size is `{columns}x{rows}` for `{known}`, but expected (width, height) of 1 to {MAX_SIDE}{even}\n\
+                "size is `{columns}x{rows}`, but expected (width, height) of 1 to {MAX_SIDE_PX} pixels\n\
                  hint: for example size=(640, 480)"
             )));
         }
         let (columns, rows) = (columns as usize, rows as usize);
         let lengths = match known {
             Encoding::Mono8 => vec![rows, columns],
-            Encoding::Yuyv => vec![rows, columns, 2],
-            Encoding::Nv12 => vec![rows * 3 / 2, columns],
+            // As nunetd lays them: odd sides round up where pixels share a colour.
+            Encoding::Yuyv => vec![rows, columns.next_multiple_of(2), 2],
+            Encoding::Nv12 => vec![rows + rows.div_ceil(2), columns.next_multiple_of(2)],
             _ => vec![rows, columns, 3],
         };
         Ok(Self { encoding: known, size, lengths })
@@ -66,7 +58,7 @@ impl Layout {
     }
 
     pub(super) fn row_bytes(&self) -> u32 {
-        self.lengths[1..].iter().product::<usize>() as u32 // at most 16384 * 3
+        self.lengths[1..].iter().product::<usize>() as u32 // at most 32768 * 3
     }
 
     /// The array of a picture in this memory.

@@ -7,10 +7,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::layout::Layout;
-use super::own::Own;
+use super::names;
 use super::publisher::{Capture, Publisher};
 use super::view::{Memory, references};
 use crate::error::NunetError;
+use crate::own::Own;
 
 /// What this class is called in messages.
 const NAME: &str = "loan";
@@ -22,9 +23,9 @@ pub(super) type Anchor = Arc<Mutex<nunet_ipc::Loan>>;
 /// end of the block. Nothing is copied.
 ///
 /// After the block the array is read-only: its memory belongs to the readers, and later pictures overwrite it. Where
-/// something else still looks at the array then (a view such as `picture[..., 0]`, a tensor, a second name), it could
-/// write to what readers see; the picture is copied once and sent, and `Publisher.copied` counts it. Let go of such
-/// things before the end of the block to save the copy. When the block ends with an exception, nothing is sent.
+/// something else than the variables of the block's own function still looks at the array then (a view such as
+/// `picture[..., 0]`, a memoryview, a tensor, a list, an attribute), it could write to what readers see; the picture is
+/// copied once and sent, and `Publisher.copied` counts it. Let go of such things before the end of the block to save the copy. When the block ends with an exception, nothing is sent.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Loan {
@@ -100,10 +101,9 @@ impl Loan {
         for array in [&open.picture, &open.root] {
             array.call_method1(py, "setflags", (false,))?; // write=False
         }
-        // One reference of ours each; beside it the root has the picture, the picture has the block's variable.
-        let (views, names) = (references(open.root.bind(py)) - 2, references(open.picture.bind(py)) - 2);
-        if views <= 0
-            && names <= 0
+        // One reference of ours each; beside it the root has the picture.
+        if references(open.root.bind(py)) <= 2
+            && names::are_all(open.picture.bind(py), 1)
             && let Some(loan) = open.memory.get().loan()?.take()
         {
             return Ok(Settled::Free(loan));

@@ -6,7 +6,7 @@ mod frame;
 mod header;
 mod layout;
 mod loan;
-mod own;
+mod names;
 mod publisher;
 mod sample;
 mod subscribe;

@@ -13,10 +13,11 @@ use pyo3::types::PyTuple;
 use super::frame::unix_nanos;
 use super::layout::Layout;
 use super::loan::{Anchor, Loan};
-use super::own::Own;
 use super::{camera_name, ipc_error};
-use crate::camera::Camera;
+use crate::argument;
+use crate::camera::{Camera, whole_size};
 use crate::error::{NunetError, of_camera};
+use crate::own::Own;
 
 /// What this class is called in messages.
 const NAME: &str = "publisher";
@@ -66,6 +67,8 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 ///     `intrinsics` are of pictures of another shape.
 /// ValueError
 ///     A name, size, encoding or clock that there is not.
+/// TypeError
+///     `size` is no pair of whole numbers, or another argument is of another type.
 ///
 /// Examples
 /// --------
@@ -81,21 +84,22 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 #[expect(clippy::too_many_arguments, reason = "in Python they are keywords with defaults")]
 fn publisher(
     py: Python<'_>,
-    camera: &str,
-    size: (u32, u32),
-    encoding: &str,
-    intrinsics: Option<Camera>,
-    clock: &str,
-    frame_id: &str,
-    readers: usize,
+    #[pyo3(from_py_with = argument::camera_name)] camera: &str,
+    size: &Bound<'_, PyAny>,
+    #[pyo3(from_py_with = argument::encoding)] encoding: &str,
+    #[pyo3(from_py_with = argument::intrinsics)] intrinsics: Option<Camera>,
+    #[pyo3(from_py_with = argument::clock)] clock: &str,
+    #[pyo3(from_py_with = argument::frame_id)] frame_id: &str,
+    #[pyo3(from_py_with = argument::readers)] readers: u32,
 ) -> PyResult<Publisher> {
     let camera = camera_name(camera)?;
+    let size = whole_size(size)?;
     let layout = Layout::new(size, encoding)?;
     let optics =
         intrinsics.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose().map_err(of_camera)?;
     let clock = clock.parse().map_err(|error: UnknownWord| PyValueError::new_err(error.to_string()))?;
     let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: layout.bytes() };
-    let limits = Limits { max_readers: readers, max_loans: MAX_LOANS, ..Limits::default() };
+    let limits = Limits { max_readers: readers as usize, max_loans: MAX_LOANS, ..Limits::default() };
     let port = py
         .detach(|| nunet_ipc::Publisher::create(&camera, &[plan], &limits))
         .map_err(|error| ipc_error(&error))?;
@@ -314,7 +318,7 @@ impl Publisher {
     }
 
     /// The shape of every picture's array: (H, W, 3) for `rgb8` and `bgr8`, (H, W) for `mono8`, (H, W, 2) for `yuyv`,
-    /// (H * 3 / 2, W) for `nv12`.
+    /// (H + H / 2, W) for `nv12`; of the last two W is rounded up to an even number, and so is H / 2.
     #[getter]
     fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.layout.lengths)

@@ -7,9 +7,12 @@ use numpy::{PyArrayDescr, dtype};
 use nunet_ipc::Topic;
 use pyo3::prelude::*;
 
-use super::own::Own;
 use super::view::{Memory, Shape, array};
 use crate::error::NunetError;
+use crate::own::Own;
+
+/// Bytes of a float, the largest of numpy's elements here.
+const ELEMENT: usize = size_of::<f32>();
 
 /// One message of a topic. Its memory stays as it is until this object and every array of it are gone, also after the
 /// subscriber, the daemon and the frame are.
@@ -55,15 +58,27 @@ impl Sample {
         self.topic
     }
 
-    /// Rows, columns, and bytes from one row to the next, of a payload with so many bytes a cell.
+    /// Rows and columns of pixels.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.header.height as usize, self.header.width as usize)
+    }
+
+    /// Where the cells of a payload with so many bytes a pixel are.
     pub(super) fn grid(&self, cell_bytes: usize) -> PyResult<Grid> {
-        let (rows, columns) = (self.header.height as usize, self.header.width as usize);
+        let (rows, columns) = self.size();
+        self.cells(rows, columns, cell_bytes)
+    }
+
+    /// Where so many rows and columns of cells are.
+    pub(super) fn cells(&self, rows: usize, columns: usize, cell_bytes: usize) -> PyResult<Grid> {
         let row_bytes = columns.saturating_mul(cell_bytes);
         let stride = match self.header.row_stride_bytes as usize {
             0 => row_bytes,
             stride => stride,
         };
-        if rows == 0 || columns == 0 || stride < row_bytes {
+        // Depth and points are floats: numpy takes rows that begin between two, and reads them slowly or not at all.
+        let straddles = cell_bytes.is_multiple_of(ELEMENT) && !stride.is_multiple_of(ELEMENT);
+        if rows == 0 || columns == 0 || stride < row_bytes || straddles {
             return Err(NunetError::new_err(format!(
                 "a message of topic `{}` contradicts itself: {columns}x{rows} cells of {cell_bytes} bytes in rows of \
                  {stride} bytes\nhint: the sender does not keep to the contract",

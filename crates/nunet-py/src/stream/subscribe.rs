@@ -1,6 +1,6 @@
 //! `subscribe`: the frames of a running daemon.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, IpcError, Reader, Topic};
 use pyo3::exceptions::{PyTimeoutError, PyTypeError, PyValueError};
@@ -10,10 +10,11 @@ use pyo3::types::{PyString, PyTuple};
 use super::feed::{Arrival, Desk, Feed, Found, Turn};
 use super::figures::Stats;
 use super::frame::Frame;
-use super::own::Own;
 use super::sample::Sample;
-use super::{Deadline, camera_name, ipc_error, timeout};
+use super::{Deadline, GLANCE, camera_name, ipc_error, timeout};
+use crate::argument;
 use crate::error::NunetError;
+use crate::own::Own;
 
 /// What this class is called in messages.
 const NAME: &str = "subscriber";
@@ -68,9 +69,9 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 )]
 fn subscribe(
     py: Python<'_>,
-    camera: &str,
+    #[pyo3(from_py_with = argument::camera_name)] camera: &str,
     topics: Option<&Bound<'_, PyAny>>,
-    timeout: Option<f64>,
+    #[pyo3(from_py_with = argument::timeout)] timeout: Option<f64>,
 ) -> PyResult<Subscriber> {
     let camera = camera_name(camera)?;
     let topics = topics.map_or_else(|| Ok(vec![Topic::Depth]), topics_of)?;
@@ -180,7 +181,11 @@ impl Subscriber {
     /// NunetError
     ///     This subscriber is closed, or its earlier frames are not let go of.
     #[pyo3(signature = (*, timeout = None))]
-    fn next(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Frame> {
+    fn next(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::timeout)] timeout: Option<f64>,
+    ) -> PyResult<Frame> {
         let patience = match timeout {
             None => self.timeout,
             given => super::timeout(given)?,
@@ -214,13 +219,17 @@ impl Subscriber {
         Ok(())
     }
 
-    /// Whether a living process publishes each of the topics. Asks the file system: not for every frame.
+    /// Whether a living process publishes each of the topics. Asks the file system: not for every frame. Does not wait,
+    /// whatever other threads do with this subscriber.
+    ///
+    /// Raises
+    /// ------
+    /// NunetError
+    ///     This subscriber is closed.
     #[getter]
     fn connected(&self, py: Python<'_>) -> PyResult<bool> {
-        let desk = self.desk.get(NAME)?;
-        let deadline = Deadline::after(self.timeout);
-        let turn = self.turn(py, desk, deadline)?.ok_or_else(|| self.closed_error())?;
-        Ok(turn.feed.as_ref().is_some_and(|feed| feed.reader.is_connected()))
+        let owners = self.desk.get(NAME)?.owners().ok_or_else(|| self.closed_error())?;
+        Ok(py.detach(|| owners.are_all_alive()))
     }
 
     /// Whether `close` was called.
@@ -264,25 +273,28 @@ impl Subscriber {
     }
 }
 
-/// Opens a reader in short turns, so that Ctrl-C is seen.
+/// Opens a reader, and listens for Ctrl-C meanwhile.
 fn open(
     py: Python<'_>,
     camera: &CameraName,
     topics: &[Topic],
     patience: Option<Duration>,
 ) -> PyResult<Reader> {
-    let deadline = Deadline::after(patience);
-    loop {
-        let over = deadline.is_over();
-        match py.detach(|| Reader::open(camera, topics, deadline.glance())) {
-            Ok(reader) => return Ok(reader),
-            Err(IpcError::NobodyPublishes { service, .. }) if over => {
-                let error = IpcError::NobodyPublishes { service, timeout: patience.unwrap_or_default() };
-                return Err(py.detach(|| nobody(camera, &error)));
+    let mut interrupted = None;
+    let mut looked = Instant::now();
+    let opened = py.detach(|| {
+        Reader::open_unless(camera, topics, patience.unwrap_or(Duration::MAX), || {
+            if looked.elapsed() >= GLANCE {
+                interrupted = Python::attach(|py| py.check_signals()).err();
+                looked = Instant::now();
             }
-            Err(IpcError::NobodyPublishes { .. }) => py.check_signals()?,
-            Err(error) => return Err(ipc_error(&error)),
-        }
+            interrupted.is_some()
+        })
+    });
+    match (opened, interrupted) {
+        (_, Some(interrupted)) => Err(interrupted),
+        (Ok(reader), None) => Ok(reader),
+        (Err(error), None) => Err(py.detach(|| nobody(camera, &error))),
     }
 }
 

@@ -1,26 +1,26 @@
-//! What a process made, its fork must not use: shared memory and sockets are inherited, but iceoryx2's records of who
-//! holds what are not.
+//! What a process made, its fork must not use: shared memory and sockets are inherited, but neither are iceoryx2's records
+//! of who holds what, nor the threads that compute.
 
 use pyo3::prelude::*;
 
 use crate::error::NunetError;
 
-/// A value that belongs to the process that made it. A fork can neither use nor drop it: dropping would remove files
-/// and give back memory that the parent still uses.
+/// A value that belongs to the process that made it. A fork can neither use nor drop it: dropping would remove files,
+/// give back memory that the parent still uses, or wait for threads that did not come along.
 #[derive(Debug)]
-pub(super) struct Own<T> {
+pub(crate) struct Own<T> {
     // Taken out only by `drop`.
     value: Option<T>,
     pid: u32,
 }
 
 impl<T> Own<T> {
-    pub(super) fn new(value: T) -> Self {
+    pub(crate) fn new(value: T) -> Self {
         Self { value: Some(value), pid: std::process::id() }
     }
 
     /// The value; an error that names `what` in a fork.
-    pub(super) fn get(&self, what: &str) -> PyResult<&T> {
+    pub(crate) fn get(&self, what: &str) -> PyResult<&T> {
         match &self.value {
             Some(value) if self.pid == std::process::id() => Ok(value),
             _ => Err(self.inherited(what)),
