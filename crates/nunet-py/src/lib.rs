@@ -11,6 +11,7 @@ mod colour;
 mod command;
 mod error;
 mod installation;
+mod memory;
 mod model;
 mod own;
 mod picture;

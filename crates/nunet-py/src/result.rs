@@ -3,18 +3,17 @@
 use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::ndarray::{Array2, Array3};
-use numpy::{PyArray2, PyArray3, PyArrayMethods as _};
+use numpy::{Ix2, Ix3, PyArray2, PyArray3, PyArrayMethods as _};
 use nunet_core::camera::{self, RayTable};
 use nunet_core::cloud::{CloudPoint, organised_cloud};
 use nunet_daemon::embed::{self, Inferred, Played};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::camera::Camera;
 use crate::cloud::Cloud;
 use crate::error::{NunetError, of_camera};
+use crate::memory::array;
 
 /// What a model and its results have in common.
 pub(crate) struct Shared {
@@ -142,16 +141,16 @@ impl Result {
     ) -> PyResult<Self> {
         let Inferred { depth, labels, rgb, report, points_camera, total_nanos } = inferred;
         let (width, height) = (points_camera.intrinsics.width, points_camera.intrinsics.height);
-        let shape = (height as usize, width as usize);
+        let (rows, columns) = (height as usize, width as usize);
         let timings = PyDict::new(py);
         for (name, &micros) in shared.stage_names.iter().zip(report.stages.micros()) {
             timings.set_item(name, f64::from(micros) / 1e3)?;
         }
         timings.set_item("total", total_nanos as f64 / 1e6)?;
         Ok(Self {
-            depth: plane(py, depth, shape)?,
-            labels: labels.map(|labels| plane(py, labels, shape)).transpose()?,
-            rgb: PyArray3::from_owned_array(py, array3(rgb, shape)?).unbind(),
+            depth: array(py, depth, Ix2(rows, columns))?,
+            labels: labels.map(|labels| array(py, labels, Ix2(rows, columns))).transpose()?,
+            rgb: array(py, rgb, Ix3(rows, columns, 3))?,
             units: embed::units_name(report.units),
             scale_source: embed::scale_source_name(report.scale_source),
             timings: timings.unbind(),
@@ -177,21 +176,6 @@ impl Result {
 }
 
 /// A vector as an array of Python's, without a copy.
-fn plane<T: numpy::Element>(
-    py: Python<'_>,
-    values: Vec<T>,
-    shape: (usize, usize),
-) -> PyResult<Py<PyArray2<T>>> {
-    let array = Array2::from_shape_vec(shape, values);
-    let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;
-    Ok(PyArray2::from_owned_array(py, array).unbind())
-}
-
-fn array3(values: Vec<u8>, (rows, columns): (usize, usize)) -> PyResult<Array3<u8>> {
-    let array = Array3::from_shape_vec((rows, columns, 3), values);
-    array.map_err(|error| PyValueError::new_err(error.to_string()))
-}
-
 #[pymethods]
 impl Result {
     #[getter]

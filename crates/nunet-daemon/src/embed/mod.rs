@@ -3,6 +3,7 @@
 //! The same search for files, the same vetting of models and the same pipeline as in `nunetd`'s verbs; the host brings
 //! pictures and takes results.
 
+mod memory;
 mod model;
 mod player;
 
@@ -14,6 +15,7 @@ use nunet_core::graph::Quality;
 use nunet_ipc::FrameHeader;
 
 pub use crate::fault::Fault;
+pub use memory::Recycled;
 pub use model::{Inferred, Model, ModelOptions};
 pub use player::{Played, Player, Step};
 

@@ -8,6 +8,7 @@ use nunet_core::frame::ImageView;
 use nunet_core::graph::Provider;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError};
 
+use super::memory::{Pool, Recycled};
 use crate::cli::{CameraArgs, EngineArgs};
 use crate::engine::{Engine, tested};
 use crate::telemetry::MonotonicClock;
@@ -32,17 +33,26 @@ pub struct Model {
     pipeline: Pipeline,
     camera: Option<Camera>,
     runs: u64,
+    memory: Memory,
+}
+
+/// What becomes results; each kind has one size.
+#[derive(Default)]
+struct Memory {
+    depth: Pool<f32>,
+    labels: Pool<u8>,
+    rgb: Pool<u8>,
 }
 
 /// One picture's results.
 #[derive(Debug)]
 pub struct Inferred {
     /// `[H, W]` at [`Model::size`], rows from the top: metres or no unit, as `report.units` says; NaN where there is none.
-    pub depth: Vec<f32>,
+    pub depth: Recycled<f32>,
     /// `[H, W]`: class indices, where the network segments.
-    pub labels: Option<Vec<u8>>,
+    pub labels: Option<Recycled<u8>>,
     /// `[H, W, 3]`, RGB: the picture as the network saw it.
-    pub rgb: Vec<u8>,
+    pub rgb: Recycled<u8>,
     /// What happened on the way.
     pub report: FrameReport,
     /// The camera whose rays the points lie on, at [`Model::size`]: the known one, else the one that is assumed.
@@ -65,7 +75,7 @@ impl Model {
         let (pipeline, report) = tested(loaded, &CameraArgs::default())?;
         let file = path.display().to_string();
         let about = About { file, hash, graph: pipeline.graph(), report: &report }.json().to_string();
-        Ok(Self { path, about, pipeline, camera: None, runs: 0 })
+        Ok(Self { path, about, pipeline, camera: None, runs: 0, memory: Memory::default() })
     }
 
     /// The file.
@@ -121,11 +131,13 @@ impl Model {
         self.runs += 1;
         let (width, height) = self.pipeline.size();
         let pixels = width as usize * height as usize;
-        let mut depth = vec![0.0; pixels];
-        let mut labels = self.pipeline.graph().has_labels().then(|| vec![0; pixels]);
+        let mut depth = self.memory.depth.take(pixels);
+        let mut labels = self.pipeline.graph().has_labels().then(|| self.memory.labels.take(pixels));
         let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud: None };
         let report = self.pipeline.process(frame, outputs, &MonotonicClock)?;
-        let rgb = self.pipeline.picture_of(frame).to_vec();
+        let picture = self.pipeline.picture_of(frame);
+        let mut rgb = self.memory.rgb.take(picture.len());
+        rgb.copy_from_slice(picture);
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         Ok(Inferred { depth, labels, rgb, report, points_camera, total_nanos })
