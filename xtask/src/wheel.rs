@@ -124,7 +124,10 @@ mod tests {
         let of = |name: &str| c_library(Path::new(name));
         let tagged = "dist/nunet_py-0.1.0-cp310-abi3-manylinux_2_34_x86_64.whl";
         assert_eq!(of(tagged), "glibc 2.34 or newer");
-        assert_eq!(of("nunet_py-0.1.0-cp310-abi3-manylinux_2_17_x86_64.manylinux2014_x86_64.whl"), "glibc 2.17 or newer");
+        assert_eq!(
+            of("nunet_py-0.1.0-cp310-abi3-manylinux_2_17_x86_64.manylinux2014_x86_64.whl"),
+            "glibc 2.17 or newer"
+        );
         assert_eq!(of("nunet_py-0.1.0-cp310-abi3-linux_x86_64.whl"), "this machine's C library");
     }
 }
