@@ -22,9 +22,12 @@ static int failures = 0;
 #define RGB NUNET_TOPIC_RGB
 
 static void expect(int line, const char *call, nunet_status_t expected, nunet_status_t found) {
-  if (expected == found && (found == NUNET_OK || *nunet_last_error())) return;
+  /* Every fault tells the way out of it; that nothing came yet is none. */
+  int explained = found == NUNET_TIMEOUT || found == NUNET_INTERRUPTED ? *nunet_last_error() != 0
+                                                                       : strstr(nunet_last_error(), "\nhint: ") != NULL;
+  if (expected == found && (found == NUNET_OK || explained)) return;
   failures++;
-  printf("line %d: %s: expected `%s`, got `%s` (%s)\n", line, call, nunet_status_name((int)expected),
+  printf("line %d: %s: expected `%s` with a hint, got `%s` (%s)\n", line, call, nunet_status_name((int)expected),
          nunet_status_name((int)found), found ? nunet_last_error() : "");
 }
 
@@ -267,15 +270,24 @@ static void *wait_for_ever(void *reader) {
   return NULL;
 }
 
+static void *sleep_for_ever(void *reader) {
+  nunet_status_t status;
+  do {
+    status = nunet_reader_wait(reader, NUNET_FOREVER, NULL); /* the owner's coming may wake it */
+  } while (status == NUNET_OK);
+  EXPECT(NUNET_CLOSED, status);
+  return NULL;
+}
+
 /* Who waits with a reader that another thread closes is let go. */
-static void closing_under_a_waiter(const char *own) {
+static void closing_under_a_waiter(const char *own, void *(*wait)(void *)) {
   nunet_publisher_t *publisher;
   nunet_reader_t *reader;
   struct timespec pause = {0, 50 * 1000000L};
   pthread_t thread;
   EXPECT(NUNET_OK, nunet_publisher_open(own, NUNET_ENCODING_MONO8, 4, 3, 0, &publisher));
   EXPECT(NUNET_OK, nunet_reader_open(own, NUNET_BIT_RGB, 30000, &reader));
-  HOLDS(pthread_create(&thread, NULL, wait_for_ever, reader) == 0);
+  HOLDS(pthread_create(&thread, NULL, wait, reader) == 0);
   nanosleep(&pause, NULL);
   EXPECT(NUNET_OK, nunet_reader_close(reader));
   HOLDS(pthread_join(thread, NULL) == 0);
@@ -313,7 +325,8 @@ int main(int argc, char **argv) {
   frames(argv[1]);
   publishing(argv[2]);
   signals(argv[2]);
-  closing_under_a_waiter(argv[2]);
+  closing_under_a_waiter(argv[2], wait_for_ever);
+  closing_under_a_waiter(argv[2], sleep_for_ever);
   forks(argv[1]);
   printf("%d failures\n", failures);
   return failures > 0;

@@ -217,7 +217,7 @@ def test_a_daemon_takes_every_encoding_as_c_lays_it(build, nunetd, contract, enc
     assert done.returncode == 0, done.stderr
 
 
-def test_the_pkg_config_file_leads_to_the_library(library, tmp_path):
+def test_the_pkg_config_file_leads_to_the_library(library, camera, tmp_path):
     template = (ROOT / "crates" / "nunet-c" / "nunet.pc.in").read_text()
     version = next(line for line in (ROOT / "Cargo.toml").read_text().splitlines() if line.startswith("version = "))
     filled = template.replace("@PREFIX@", str(tmp_path)).replace("@VERSION@", version.split('"')[1])
@@ -238,8 +238,12 @@ def test_the_pkg_config_file_leads_to_the_library(library, tmp_path):
     source = str(ROOT / "examples" / "c" / "subscribe.c")
     flags = [*fields["Cflags"].split(), source, "-o", program, *fields["Libs"].split()]
     run(C[0], *flags)
+    # What `ldconfig` does for a folder of the system.
+    lines = run(program, camera, "2", env=os.environ | {"LD_LIBRARY_PATH": str(tmp_path / "lib")}).splitlines()
+    assert len(lines) == 2, lines
     run(C[0], *fields["Cflags"].split(), source, "-o", program, str(tmp_path / "lib" / "libnunet.a"),
         *fields["Libs.private"].split())
+    assert len(run(program, camera, "2").splitlines()) == 2
     if shutil.which("pkg-config"):
         (tmp_path / "nunet.pc").write_text(filled)
         said = run("pkg-config", "--libs", str(tmp_path / "nunet.pc"))

@@ -523,8 +523,9 @@ int64_t nunet_monotonic_nanos(void);
  * Opens topics of a camera, and tries again until they are there or the time is over.
  *
  * `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
- * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. `*reader` is the caller's, to be closed with
- * `nunet_reader_close()`; NULL after a failure.
+ * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that is to end by one asks
+ * with a short time, again and again. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
+ * failure.
  *
  * Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
  * `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
@@ -540,7 +541,8 @@ nunet_status_t nunet_reader_open(const char *camera,
  *
  * `woken` (may be NULL): whether an owner published, came or went. A signal ends the sleep early.
  *
- * Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ * Fails with `NUNET_CLOSED`, also when another thread closes the reader meanwhile; `NUNET_SYSTEM`,
+ * `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_reader_wait(const nunet_reader_t *reader,
                                  uint32_t timeout_ms,

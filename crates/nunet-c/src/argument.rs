@@ -60,7 +60,8 @@ pub(crate) unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -
     }
     if !pointer.is_aligned() || count.checked_mul(size_of::<T>()).is_none_or(|n| n > isize::MAX as usize) {
         return Err(Failure::argument(format!(
-            "`{name}` is no array of {count} elements: not aligned, or too long"
+            "`{name}` is no array of {count} elements: not aligned, or too long\n\
+             hint: pass the array itself and how many elements it has, not how many bytes"
         )));
     }
     // SAFETY: not NULL, aligned, not longer than memory can be; the rest is the caller's promise.
@@ -110,7 +111,9 @@ pub(crate) fn pointer_to(bytes: &[u8]) -> *const c_void {
 }
 
 fn null(name: &str) -> Failure {
-    Failure::argument(format!("`{name}` is NULL"))
+    Failure::argument(format!(
+        "`{name}` is NULL\nhint: pass the address of a variable, or a text or an array"
+    ))
 }
 
 #[cfg(test)]
@@ -137,7 +140,8 @@ mod tests {
         let aligned = [0_u64; 2];
         let odd = aligned.as_ptr().wrapping_byte_add(1);
         // SAFETY: nothing is read from an array that is refused.
-        assert!(unsafe { slice(odd, 1, "x") }.is_err());
+        let failure = unsafe { slice(odd, 1, "x") }.unwrap_err();
+        assert!(failure.message.contains("\nhint: "), "{}", failure.message);
         // SAFETY: as above.
         assert!(unsafe { slice(aligned.as_ptr(), usize::MAX / 2, "x") }.is_err());
         // SAFETY: as above.

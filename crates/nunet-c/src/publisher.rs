@@ -122,7 +122,9 @@ pub unsafe extern "C" fn nunet_publisher_set_frame_id(
         let mut owned = locked(&owned);
         let (bytes, most) = (name.len(), owned.template.frame_id.len());
         if bytes > most {
-            return Err(Failure::argument(format!("`frame_id` has {bytes} bytes, but at most {most} fit")));
+            return Err(Failure::argument(format!(
+                "`frame_id` has {bytes} bytes, but at most {most} fit\nhint: give the frame a shorter name"
+            )));
         }
         owned.template.set_frame_id(name);
         Ok(())
@@ -233,7 +235,8 @@ fn template(encoding: Encoding, width: u32, height: u32) -> Result<FrameHeader, 
     for (name, side) in [("width", width), ("height", height)] {
         if !(1..=MAX_SIDE_PX).contains(&side) {
             return Err(Failure::argument(format!(
-                "`{name}` is `{side}`, but expected 1 to {MAX_SIDE_PX} pixels"
+                "`{name}` is `{side}`, but expected 1 to {MAX_SIDE_PX} pixels\n\
+                 hint: the size of the camera's pictures, such as 640 and 480"
             )));
         }
     }
@@ -260,7 +263,8 @@ fn set_pinhole(header: &mut FrameHeader, [fx, fy, cx, cy]: [f64; 4]) -> Result<(
     let focal = |value: f64| value.is_finite() && value > 0.0;
     if !focal(fx) || !focal(fy) || !cx.is_finite() || !cy.is_finite() {
         return Err(Failure::argument(format!(
-            "intrinsics `{fx}, {fy}, {cx}, {cy}`: expected positive focal lengths and a finite principal point, in pixels"
+            "intrinsics `{fx}, {fy}, {cx}, {cy}`: expected positive focal lengths and a finite principal point, in \
+             pixels\nhint: without a calibration leave the call away"
         )));
     }
     (header.fx, header.fy, header.cx, header.cy) = (fx, fy, cx, cy);
@@ -275,10 +279,15 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
     };
     let count = coefficients.len();
     if count > most {
-        return Err(Failure::argument(format!("{count} coefficients, but `{model}` has {most} at most")));
+        return Err(Failure::argument(format!(
+            "`coefficient_count` is `{count}`, but `{model}` has {most} coefficients at most\n\
+             hint: `distortion_model` says which lens they are of"
+        )));
     }
     if let Some(bad) = coefficients.iter().find(|coefficient| !coefficient.is_finite()) {
-        return Err(Failure::argument(format!("a coefficient is `{bad}`, but expected a finite number")));
+        return Err(Failure::argument(format!(
+            "`coefficients` has `{bad}`, but expected finite numbers\nhint: fill as many as `coefficient_count` says"
+        )));
     }
     header.set_distortion_model(model);
     header.distortion = [0.0; nunet_ipc::header::MAX_COEFFICIENTS];
@@ -307,6 +316,7 @@ mod tests {
         {
             let failure = template(encoding, width, height).unwrap_err();
             assert_eq!(failure.status, Status::BadArgument, "{}", failure.message);
+            assert!(failure.message.contains("\nhint: "), "{}", failure.message);
         }
     }
 

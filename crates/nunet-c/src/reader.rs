@@ -29,8 +29,9 @@ const SHORTEST_NAP: Duration = Duration::from_micros(10);
 /// Opens topics of a camera, and tries again until they are there or the time is over.
 ///
 /// `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
-/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. `*reader` is the caller's, to be closed with
-/// `nunet_reader_close()`; NULL after a failure.
+/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that is to end by one asks
+/// with a short time, again and again. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
+/// failure.
 ///
 /// Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
 /// `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
@@ -56,7 +57,8 @@ pub unsafe extern "C" fn nunet_reader_open(
 ///
 /// `woken` (may be NULL): whether an owner published, came or went. A signal ends the sleep early.
 ///
-/// Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+/// Fails with `NUNET_CLOSED`, also when another thread closes the reader meanwhile; `NUNET_SYSTEM`,
+/// `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_reader_wait(
     reader: *const ReaderHandle,
@@ -64,10 +66,15 @@ pub extern "C" fn nunet_reader_wait(
     woken: Option<&mut MaybeUninit<bool>>,
 ) -> Status {
     guard(|| {
-        let reader = READERS.get(reader)?;
-        let sign = locked(&reader).wait(timeout(timeout_ms))?;
-        fill(woken, sign);
-        Ok(())
+        let (timeout, start) = (timeout(timeout_ms), Instant::now());
+        loop {
+            let left = timeout.saturating_sub(start.elapsed());
+            let end = nap(&*locked(&*READERS.get(reader)?), left)?;
+            if end != Nap::Over || left <= NAP {
+                fill(woken, end == Nap::Woken);
+                return Ok(());
+            }
+        }
     })
 }
 
@@ -186,13 +193,28 @@ fn wait_for<T>(
         if left.is_zero() {
             return Err(late(&reader, timeout, what));
         }
-        let nap = left.min(NAP);
-        let asleep = Instant::now();
-        let woken = reader.wait(nap)?;
-        if !woken && nap.saturating_sub(asleep.elapsed()) > SHORTEST_NAP {
+        if nap(&reader, left)? == Nap::Interrupted {
             return Err(Failure::new(Status::Interrupted, "a signal came while waiting for a frame"));
         }
     }
+}
+
+/// How a sleep ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Nap {
+    Woken,
+    Interrupted,
+    Over,
+}
+
+/// Sleeps once, for `NAP` at most.
+fn nap(reader: &Reader, left: Duration) -> Result<Nap, IpcError> {
+    let (nap, asleep) = (left.min(NAP), Instant::now());
+    Ok(match reader.wait(nap)? {
+        true => Nap::Woken,
+        false if nap.saturating_sub(asleep.elapsed()) > SHORTEST_NAP => Nap::Interrupted,
+        false => Nap::Over,
+    })
 }
 
 /// Why nothing came. Who only looks is not made to pay for the reason.

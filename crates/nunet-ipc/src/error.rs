@@ -192,7 +192,9 @@ pub enum IpcError {
         found: String,
     },
     /// A header that contradicts its payload.
-    #[error("a message of topic `{topic}` contradicts itself: {detail}")]
+    #[error(
+        "a message of topic `{topic}` contradicts itself: {detail}\nhint: the sender does not keep to the contract"
+    )]
     BadMessage {
         /// The topic.
         topic: Topic,

@@ -49,11 +49,11 @@ def run_python(code, *arguments, check=True):
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=check)
 
 
-def start_python(code, *arguments):
+def start_python(code, *arguments, cwd=None):
     """Starts a program of its own, with pipes."""
     command = [sys.executable, "-c", code, *arguments]
     return subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd
     )
 
 

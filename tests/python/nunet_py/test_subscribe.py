@@ -1,5 +1,6 @@
 """Attached to a running daemon: frames are whole, safe to keep, and cost no copy."""
 
+import json
 import os
 import pathlib
 import signal
@@ -24,6 +25,7 @@ from streaming import (
 )
 from support import hint_of
 
+CLIENTS = pathlib.Path(__file__).parents[1]
 ALL = ["depth", "labels", "cloud", "stats"]
 
 
@@ -378,6 +380,63 @@ sys.stdin.read()
     later.communicate(timeout=PATIENCE)
     assert "same version on both sides" in hint_of(error)
     assert isinstance(error.value, nunet.NunetError)
+
+
+# A sender of depth that says whatever it is told to, in a process of its own: see above.
+SENDER = """
+import ctypes, json, sys, time
+import iceoryx2 as iox2
+from contract import block, structure
+contract, name, header_says = json.loads(sys.argv[1]), sys.argv[2], json.loads(sys.argv[3])
+iox2.set_log_level(iox2.LogLevel.Fatal)
+node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+key, one = iox2.AttributeKey.new("nunet.contract"), iox2.AttributeValue.new("1")
+version = iox2.AttributeSpecifier.new().define(key, one)
+service = lambda topic: node.service_builder(iox2.ServiceName.new(f"nunet/{name}/{topic}"))
+wake = service("wake").event().create_with_attributes(version)
+depth = service("depth").publish_subscribe(iox2.Slice[block(contract["block"])])
+depth = depth.user_header(structure(contract["header"])).payload_alignment(iox2.Alignment.new(64))
+depth = depth.create_with_attributes(version)
+publisher = depth.publisher_builder().initial_max_slice_len(8).create()
+for _ in range(3000):
+    sample = publisher.loan_slice_uninit(8)
+    for field, value in header_says.items():
+        setattr(sample.user_header().contents, field, value)
+    ctypes.memset(sample.payload().as_ptr(), 0, 512)
+    sample.assume_init().send()
+    time.sleep(0.02)
+"""
+
+
+@pytest.mark.parametrize(
+    ("says", "message"),
+    [
+        ({}, None),
+        ({"row_stride_bytes": 40}, None),
+        ({"row_stride_bytes": 33}, "contradicts itself: 8x8 cells of 4 bytes in rows of 33 bytes"),
+        ({"row_stride_bytes": 28}, "contradicts itself: 8x8 cells of 4 bytes in rows of 28 bytes"),
+        ({"width": 0}, "contradicts itself: 0x8 cells"),
+        ({"height": 17}, r"an array of \[17, 8\] elements does not fit into a message of 512 bytes"),
+        ({"payload_bytes": 513}, "contradicts itself: its header says 513 bytes, but there are 512"),
+    ],
+)
+def test_a_message_that_contradicts_itself_is_an_error(contract, says, message):
+    name, enums = unique_name(), contract["enums"]
+    header = {"contract_version": 1, "topic": enums["topic"]["depth"], "encoding": enums["encoding"]["depth_f32"]}
+    header |= {"width": 8, "height": 8, "payload_bytes": 512} | says
+    sender = start_python(SENDER, json.dumps(contract), name, json.dumps(header), cwd=CLIENTS)
+    try:
+        with nunet.subscribe(name, timeout=PATIENCE) as frames:
+            if message is None:
+                depth = frames.next().depth
+                assert (depth.shape, depth.strides[0]) == ((8, 8), says.get("row_stride_bytes", 32))
+            else:
+                with pytest.raises(nunet.NunetError, match=message) as error:
+                    _ = frames.next().depth
+                hint_of(error)
+    finally:
+        sender.kill()
+        sender.communicate(timeout=PATIENCE)
 
 
 def test_a_closed_subscriber_says_so(still):
