@@ -69,7 +69,7 @@ pub extern "C" fn nunet_reader_wait(
         let (timeout, start) = (timeout(timeout_ms), Instant::now());
         loop {
             let left = timeout.saturating_sub(start.elapsed());
-            let end = nap(&*locked(&*READERS.get(reader)?), left)?;
+            let end = nap(&locked(&*READERS.get(reader)?), left)?;
             if end != Nap::Over || left <= NAP {
                 fill(woken, end == Nap::Woken);
                 return Ok(());

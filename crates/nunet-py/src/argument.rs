@@ -1,3 +1,7 @@
+#![expect(
+    clippy::needless_lifetimes,
+    reason = "one macro makes functions that borrow from the argument, and others that do not"
+)]
 //! Arguments of another type than expected: what was given, and what to give.
 
 use std::path::PathBuf;
