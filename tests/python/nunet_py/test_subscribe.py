@@ -641,6 +641,37 @@ def test_dlpack_shares_the_memory_read_only(camera):
         assert np.array_equal(shared, expected, equal_nan=True)
 
 
+class OldConsumer:
+    """What asks as before DLPack 1.0, like JAX: it cannot be told that memory is read-only."""
+
+    def __init__(self, source):
+        self.source = source
+
+    def __dlpack__(self, **_):
+        """Ask without a version, whatever the consumer says."""
+        return self.source.__dlpack__()
+
+    def __dlpack_device__(self):
+        """Where the source is."""
+        return self.source.__dlpack_device__()
+
+
+def test_a_frame_gives_its_depth_to_consumers_of_every_dlpack(camera):
+    with nunet.subscribe(camera, timeout=PATIENCE) as frames:
+        frame = frames.next()
+        for consumer in (frame, OldConsumer(frame)):
+            shared = np.from_dlpack(consumer)
+            assert address(shared) == address(frame.depth)
+            assert np.array_equal(shared, frame.depth, equal_nan=True)
+        assert not np.from_dlpack(frame).flags.writeable
+        assert address(np.asarray(frame)) == address(frame.depth)
+        assert not frame.depth.flags.writeable
+        expected = frame.depth.copy()
+        del frame, consumer
+        frames.next()
+        assert np.array_equal(shared, expected, equal_nan=True), "the capsule keeps the message"
+
+
 def test_a_killed_reader_leaves_the_publisher_and_the_next_reader_alone(still):
     code = (
         "import sys, nunet_py\n"

@@ -21,7 +21,8 @@ use crate::error::{NunetError, failure};
 /// loop has moved on, the subscriber was closed and the daemon has ended. One reader may hold few messages (two,
 /// unless the daemon says otherwise), so copy what must live long: `frame.depth.copy()`. torch takes them without a
 /// copy (`torch.from_dlpack`, `torch.from_numpy`), but knows no read-only tensors: writing to one in place ends
-/// this process, so `clone()` it first. Frames and their arrays may be handed to other threads, but a fork must not
+/// this process, so `clone()` it first. JAX, whose arrays never change, takes the depth of the frame itself:
+/// `jax.numpy.from_dlpack(frame)`, without a copy too. Frames and their arrays may be handed to other threads, but a fork must not
 /// rely on them.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
@@ -88,6 +89,36 @@ impl Frame {
     #[getter]
     fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plane::<f32>(self.encoded(py, Topic::Depth, Encoding::DepthF32)?, size_of::<f32>(), 0)
+    }
+
+    /// `depth`, as `numpy.asarray(frame)` gives it.
+    #[pyo3(signature = (*arguments, **named))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        arguments: &Bound<'py, PyTuple>,
+        named: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.depth(py)?.call_method("__array__", arguments, named)
+    }
+
+    /// `depth` without a copy, for consumers of any version of DLPack. numpy's own arrays refuse those that cannot be
+    /// told of read-only memory, as JAX, which writes to none.
+    #[pyo3(signature = (**named))]
+    fn __dlpack__<'py>(
+        &self,
+        py: Python<'py>,
+        named: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let depth = self.depth(py)?;
+        let version = named.map(|named| named.get_item("max_version")).transpose()?.flatten();
+        let depth = if version.is_some_and(|version| !version.is_none()) { depth } else { unmarked(&depth)? };
+        depth.call_method("__dlpack__", (), named)
+    }
+
+    /// The device of `depth`: the processor's memory.
+    fn __dlpack_device__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.depth(py)?.call_method0("__dlpack_device__")
     }
 
     /// uint8 (H, W): the class of each pixel. A read-only view of shared memory.
@@ -231,4 +262,17 @@ impl Frame {
 /// The time of day.
 pub(super) fn unix_nanos() -> i64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as i64)
+}
+
+/// The same array without the mark that it is read-only, for nobody but a capsule: its memory is read-only all the same.
+fn unmarked<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let py = array.py();
+    let interface = array.getattr("__array_interface__")?;
+    let (address, _): (usize, bool) = interface.get_item("data")?.extract()?;
+    interface.set_item("data", (address, false))?;
+    let named = PyDict::new(py);
+    named.set_item("__array_interface__", interface)?;
+    named.set_item("owner", array)?;
+    let bearer = py.import("types")?.getattr("SimpleNamespace")?.call((), Some(&named))?;
+    py.import("numpy")?.call_method1("asarray", (bearer,))
 }
