@@ -258,11 +258,13 @@ def test_a_camera_that_does_not_exist_is_a_timeout_that_names_it():
     hint_of(error)
 
 
-def test_waiting_for_a_daemon_takes_hardly_any_processor():
-    start = time.process_time()
+def test_waiting_for_a_daemon_does_not_spin():
+    busy, waited = time.process_time(), time.monotonic()
     with pytest.raises(TimeoutError):
         nunet.subscribe(unique_name(), timeout=2.0)
-    assert time.process_time() - start < 0.1, "it opens everything anew each time it looks"
+    busy, waited = time.process_time() - busy, time.monotonic() - waited
+    # Nothing of a machine's speed: a loop without a sleep takes all of the time.
+    assert busy < waited / 2
 
 
 def test_a_topic_that_nobody_publishes_is_told_apart_from_a_missing_camera(still):
