@@ -16,6 +16,7 @@ TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 EVALUATION = {
     "model": "wnet_c.onnx",
     "architecture": "wnet_c",
+    "epoch": 12,
     "pictures": 323,
     "metrics": {"rmse": 0.611, "abs_rel": 0.19, "delta1": 0.719},
     "minmax": {"mse": 0.03, "rmse": 0.1732},
@@ -31,8 +32,8 @@ def test_the_metric_table_ends_with_the_mean_image():
 
 def test_the_paper_s_figure_stands_beside_ours():
     lines = paper_table([EVALUATION]).splitlines()
-    assert lines[2] == "| wnet_c.onnx | 0.0300 | 0.1732 | 0.0412 |"
-    assert lines[3] == "| mean image | 0.0527 | 0.2300 | - |"
+    assert lines[2] == "| wnet_c.onnx | 12 | 0.0300 | 0.1732 | 0.0412 |"
+    assert lines[3] == "| mean image | - | 0.0527 | 0.2300 | - |"
 
 
 def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):

@@ -4,8 +4,10 @@ import csv
 import json
 import shutil
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from nunet_models.cli import main
 from nunet_models.export.collections import tiny_spec
@@ -46,6 +48,19 @@ def test_a_run_leaves_logs_checkpoints_and_tensorboard(dataset, tmp_path):
     assert len(list((run / "evolution").iterdir())) == 2
     assert (run / "best.pt").is_file() and list((run / "tensorboard").iterdir())
     assert len(Checkpoint.load(run / "last.pt").history["segmentation"]) == 2
+
+
+def test_the_picture_to_show_is_kept_at_each_validation(dataset, tmp_path):
+    picture = next((dataset / "rgb").iterdir())
+    assert train(dataset, tmp_path, "--show", str(picture), epochs=1) == 0
+    (kept,) = (tmp_path / "evolution").iterdir()
+    height, width = Image.open(picture).size[::-1]
+    assert np.load(kept).shape == (height // 2, width // 2)
+
+
+def test_a_picture_to_show_that_is_none_is_named(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--show", str(dataset / "val.txt")) == 1
+    assert f"`{dataset / 'val.txt'}` cannot be read as a picture" in capsys.readouterr().err
 
 
 def test_a_stopped_run_resumes_to_the_same_losses(dataset, tmp_path):
@@ -107,6 +122,14 @@ def test_an_average_follows_its_module_slowly():
     torch.nn.init.ones_(module.weight)
     averaged.update(step=10**6)
     assert averaged.module.weight.item() == pytest.approx(0.1)
+
+
+def test_an_average_without_decay_is_the_module_itself():
+    module = torch.nn.Linear(1, 1, bias=False)
+    averaged = Averaged(module, decay=0.0)
+    torch.nn.init.ones_(module.weight)
+    averaged.update(step=1)
+    assert averaged.module.weight.item() == 1.0 and module.training
 
 
 def test_the_schedule_rises_falls_and_ends_at_its_final_share():

@@ -4,12 +4,13 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from tqdm import tqdm
 
 from nunet_models.classes import IGNORE
-from nunet_models.data.pairs import Pairs
+from nunet_models.data.pairs import Pairs, read_rgb
 from nunet_models.errors import DataError
 
 UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm, reaches 13.1 m in 16 bits
@@ -29,6 +30,18 @@ class Cached:
     rgb: np.ndarray
     depth: np.ndarray
     labels: np.ndarray
+
+    @classmethod
+    def of_picture(cls, path: Path) -> Self:
+        """One picture without truth.
+
+        # Errors
+        `DataError` naming a file that is no picture.
+        """
+        rgb = read_rgb(path)
+        size = (1, *rgb.shape[:2])
+        labels = np.full(size, IGNORE, np.uint8)
+        return cls((path.stem,), rgb[None], np.full(size, NONE, np.uint16), labels)
 
     def __len__(self) -> int:
         """How many pairs."""

@@ -106,7 +106,7 @@ class FolderPairs:
         """
         identity = self.ids[index]
         rgb_path, depth_path, *label_path = self._paths(identity)
-        rgb = np.array(_open(rgb_path).convert("RGB"))
+        rgb = read_rgb(rgb_path)
         depth_m = self.units.metres(_single_channel(depth_path, rgb.shape[:2]))
         labels = None
         if label_path:
@@ -145,6 +145,15 @@ def blank_outside(
     if labels is not None:
         labels[outside] = IGNORE
     return depth_m, labels
+
+
+def read_rgb(path: Path) -> np.ndarray:
+    """A picture's colours, uint8 `[H, W, 3]`.
+
+    # Errors
+    `DataError` naming a file that is no picture.
+    """
+    return np.array(_open(path).convert("RGB"))
 
 
 def _open(path: Path) -> Image.Image:

@@ -55,6 +55,7 @@ def run(options: argparse.Namespace) -> int:
     found = {
         "model": options.model.name,
         "architecture": predictor.metadata["nunet.architecture"],
+        "epoch": predictor.best_epoch,
         "protocol": options.protocol,
         **comparison.figures(),
     }

@@ -39,6 +39,12 @@ class Predictor:
         """Names of the labels; empty where the model gives none."""
         return json.loads(self.metadata.get("nunet.classes", "[]"))
 
+    @property
+    def best_epoch(self) -> int | None:
+        """The epoch of its last component's training that the weights are of."""
+        training = json.loads(self.metadata.get("nunet.training", "{}"))
+        return training.get("depth", {}).get("epochs_done")
+
     def focal_scale(self, fx_px: float, width_px: int) -> float:
         """Factor of depth for a camera of `fx_px` at `width_px`, against the training camera.
 

@@ -50,15 +50,17 @@ def metric_table(evaluations: list[dict[str, Any]]) -> str:
 
 def paper_table(evaluations: list[dict[str, Any]]) -> str:
     """A row a model on depth stretched picture by picture, beside the paper's figure."""
-    rows = [("model", "MSE", "RMSE", "paper's MSE")]
+    rows = [("model", "best epoch", "MSE", "RMSE", "paper's MSE")]
     for found in evaluations:
         minmax = found["minmax"]
         paper = PAPER_MSE.get(found.get("architecture", ""))
-        rows.append((found["model"], _n(minmax["mse"]), _n(minmax["rmse"]), _n(paper)))
+        epoch = found.get("epoch")
+        when = "-" if epoch is None else str(epoch)
+        rows.append((found["model"], when, _n(minmax["mse"]), _n(minmax["rmse"]), _n(paper)))
     for found in evaluations:
         baseline = found.get("baseline", {}).get("minmax")
         if baseline:
-            rows.append(("mean image", _n(baseline["mse"]), _n(baseline["rmse"]), _n(None)))
+            rows.append(("mean image", "-", _n(baseline["mse"]), _n(baseline["rmse"]), _n(None)))
             break
     return markdown(rows)
 

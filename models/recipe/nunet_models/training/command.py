@@ -6,6 +6,7 @@ from pathlib import Path
 
 import torch
 
+from nunet_models.data.cache import Cached
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
@@ -35,6 +36,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     add_cache_option(parser)
     parser.add_argument("--train-ids", type=Path, required=True)
     parser.add_argument("--val-ids", type=Path, required=True)
+    parser.add_argument(
+        "--show",
+        type=Path,
+        metavar="PICTURE",
+        help="the picture whose prediction each validation keeps (default: the first one of them)",
+    )
     _add_graph_options(parser)
     _add_settings(parser)
     parser.set_defaults(carry_out=run)
@@ -102,6 +109,7 @@ def run(options: argparse.Namespace) -> int:
         settings,
         train=open_cached(options, options.train_ids),
         val=open_cached(options, options.val_ids),
+        shown=Cached.of_picture(options.show) if options.show else None,
         folder=options.folder,
         before=before,
     )

@@ -10,12 +10,16 @@ class Averaged:
     """A copy of `module` whose weights and statistics follow it slowly.
 
     Polyak and Juditsky 1992; the decay starts low, `(1 + step) / (10 + step)`, so that the random
-    beginning is forgotten (as TensorFlow's ExponentialMovingAverage does).
+    beginning is forgotten (as TensorFlow's ExponentialMovingAverage does). With a decay of 0 the
+    average is `module` itself, and no second set of weights passes through memory at each step.
     """
 
     def __init__(self, module: nn.Module, decay: float) -> None:
-        self.module = copy.deepcopy(module).eval().requires_grad_(False)
         self.decay = decay
+        if not decay:
+            self.module, self._floats, self._counts = module, [], []
+            return
+        self.module = copy.deepcopy(module).eval().requires_grad_(False)
         pairs = list(
             zip(self.module.state_dict().values(), module.state_dict().values(), strict=True)
         )
@@ -25,6 +29,8 @@ class Averaged:
     @torch.no_grad()
     def update(self, step: int) -> None:
         """Move a little towards the live module, after its optimiser's step number `step`."""
+        if not self.decay:
+            return
         keep = min(self.decay, (1 + step) / (10 + step))
         torch._foreach_lerp_([m for m, _ in self._floats], [x for _, x in self._floats], 1 - keep)
         for mine, live in self._counts:

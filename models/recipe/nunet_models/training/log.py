@@ -33,7 +33,7 @@ class RunLog:
         self._scalars("epoch", epoch, values)
 
     def prediction(self, epoch: int, picture: np.ndarray) -> None:
-        """Keep the answer for the first validation picture, `[H, W]`; a report shows them all.
+        """Keep the answer for the picture that is shown, `[H, W]`; a report shows them all.
 
         Every second pixel and half precision do for a figure.
         """

@@ -22,7 +22,9 @@ class Settings:
     much they are scaled: a frozen component is surer of pictures it was trained on than it will
     be of others, and the next one must not learn to trust that. `unfrozen` lets the earlier
     components learn along, from this component's loss alone. `validate_every` is how many epochs
-    lie between two validations; the last epoch is always validated.
+    lie between two validations; the last epoch is always validated. `workers` prepare batches in
+    processes of their own; with 0 the training does it itself, which is quicker where augmentation
+    is little work: a fork breaks the parent's huge pages.
     """
 
     component: str
@@ -47,6 +49,7 @@ class Settings:
     bf16: bool = True
     compile: bool = False
     threads: int = 2
+    workers: int = 1
     validate_every: int = 1
 
     def to_json(self) -> dict[str, Any]:

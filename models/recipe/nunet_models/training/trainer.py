@@ -29,6 +29,7 @@ from nunet_models.zoo import Component, SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
 LOG_EVERY = 20
+VALIDATION_BATCH = 8
 OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
 
@@ -36,7 +37,8 @@ class Trainer:
     """Trains the component of `graph` that `settings` name.
 
     `LAST` in the run's folder holds what `resume` needs, `BEST` the averaged weights of the best
-    epoch. `before` is the checkpoint that the graph came from: its history is carried on.
+    epoch. `shown` holds the picture whose prediction each validation keeps, the first one of `val`
+    by default. `before` is the checkpoint that the graph came from: its history is carried on.
     """
 
     LAST = "last.pt"
@@ -50,10 +52,11 @@ class Trainer:
         train: Cached,
         val: Cached,
         folder: Path,
+        shown: Cached | None = None,
         before: Checkpoint | None = None,
     ) -> None:
         self.graph, self.settings, self.data, self.val = graph, settings, train, val
-        self.folder = folder
+        self.shown, self.folder = shown or val, folder
         self.component = graph.component(settings.component)
         self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
@@ -138,6 +141,7 @@ class Trainer:
             seed=self.settings.seed,
             epoch=self.epoch,
             first=self.batch,
+            workers=self.settings.workers,
         )
 
     def _step(self, batch: Batch, forward: tuple) -> float:
@@ -203,9 +207,13 @@ class Trainer:
             self.save()
             return
         graph = self.averaged_graph()
-        how = {"component": self.index, "bf16": self.settings.bf16}
-        figures = validate(graph, self.val, batch=self.settings.batch, **how)
-        log.prediction(self.epoch, next(predictions(graph, self.val, batch=1, **how)))
+        how = {
+            "component": self.index,
+            "bf16": self.settings.bf16,
+            "workers": self.settings.workers,
+        }
+        figures = validate(graph, self.val, batch=VALIDATION_BATCH, **how)
+        log.prediction(self.epoch, next(predictions(graph, self.shown, batch=1, **how)))
         log.epoch(self.epoch, figures)
         if not quiet:
             shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())

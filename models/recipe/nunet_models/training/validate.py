@@ -17,7 +17,7 @@ from nunet_models.zoo import GraphSpec, SerialGraph
 
 
 def validate(
-    graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool
+    graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool, workers: int
 ) -> dict[str, float]:
     """Depth or label figures of component `component` over `data`, at the pictures' own size.
 
@@ -29,7 +29,7 @@ def validate(
     labels = LabelMetrics(len(spec.classes))
     size = tuple(data.depth.shape[1:])
     depth = Comparison(EIGEN if size == EIGEN.size else FULL, spec.encoding == "metric")
-    found = predictions(graph, data, component=component, batch=batch, bf16=bf16)
+    found = predictions(graph, data, component=component, batch=batch, bf16=bf16, workers=workers)
     for index, picture in enumerate(found):
         if segments:
             labels.add(picture, data.labels[index])
@@ -41,7 +41,7 @@ def validate(
 
 
 def predictions(
-    graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool
+    graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool, workers: int
 ) -> Iterator[np.ndarray]:
     """What component `component` gives for every picture in order, `[H, W]` at its own size.
 
@@ -51,7 +51,14 @@ def predictions(
     size = tuple(data.depth.shape[1:])
     segments = spec.components[component].task == "segmentation"
     batches = epoch_batches(
-        data, NO_AUGMENTATION, size=spec.inner_size, batch=batch, seed=0, epoch=0, shuffle=False
+        data,
+        NO_AUGMENTATION,
+        size=spec.inner_size,
+        batch=batch,
+        seed=0,
+        epoch=0,
+        shuffle=False,
+        workers=workers,
     )
     for samples in batches:
         image = normalise(samples.rgb).contiguous(memory_format=torch.channels_last)
