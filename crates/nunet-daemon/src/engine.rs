@@ -14,7 +14,7 @@ use crate::cli::{CameraArgs, EngineArgs, FilterArgs, FocalArg};
 use crate::exit::BadArguments;
 use crate::library::{self, Found};
 use crate::telemetry::MonotonicClock;
-use crate::{models, vetting};
+use crate::{models, pages, vetting};
 
 /// ONNX Runtime, loaded, and how graphs are to run in it.
 pub(crate) struct Engine {
@@ -76,6 +76,7 @@ impl Engine {
 pub(crate) fn tested_pipeline(loaded: Loaded, optics: &CameraArgs) -> anyhow::Result<Pipeline> {
     let path = loaded.path.clone();
     let (pipeline, report) = tested(loaded, optics)?;
+    pages::make_huge();
     say_what_is_loaded(&path, &pipeline, &report);
     Ok(pipeline)
 }

@@ -16,6 +16,7 @@ mod installation;
 mod library;
 mod logging;
 mod models;
+mod pages;
 pub mod sink;
 pub mod source;
 pub mod stream;
