@@ -293,6 +293,16 @@ fn frame_id_that_would_be_cut() {
 }
 
 #[test]
+fn frame_id_of_a_long_camera_name_that_would_be_cut() {
+    let bench = Bench::new();
+    let (model, camera) = (bench.arg("model.onnx"), "x".repeat(60));
+    snapshot!(outcome(
+        &bench,
+        nunetd(&["-q", "--model", &model, "--camera", &camera, "--source", "demo", "--frames", "1"])
+    ));
+}
+
+#[test]
 fn word_that_is_no_verb() {
     let bench = Bench::new();
     snapshot!(outcome(&bench, nunetd(&["inferr", "photo.jpg"])));

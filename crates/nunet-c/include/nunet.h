@@ -240,13 +240,13 @@ typedef struct nunet_stats_t {
   uint64_t failed;
   /** Frames that have not ended yet. */
   uint64_t in_flight;
-  /** Published frames a second, over the last seconds. */
+  /** Published frames a second, since the first one. */
   double fps;
   /** Mean bytes copied between the camera's memory and the network's input, a frame. */
   double bytes_copied_per_frame;
   /** Mean heap allocations of our crates, a frame; NaN when nobody counts. */
   double allocations_per_frame;
-  /** Time from capture to publication: the median. */
+  /** Time from the picture's arrival at the daemon to publication: the median. */
   double total_p50_us;
   /** Nine of ten frames were faster. */
   double total_p90_us;

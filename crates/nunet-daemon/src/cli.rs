@@ -21,6 +21,7 @@ pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
 pub use record::{MountArg, RecordArgs, ReplayArgs};
+pub(crate) use run::MAX_FRAME_ID;
 pub use run::{AccessArgs, Publish, RunArgs, SourceArgs, StreamArgs};
 
 /// The model that runs when none is named.

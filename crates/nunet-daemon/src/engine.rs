@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nunet_core::filter::FilterOptions;
-use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
+use nunet_core::graph::{GraphError, GraphOptions, Runtime, SerialGraph};
 use nunet_core::model::SelfTestReport;
 use nunet_core::pipeline::{Focal, Pipeline, PipelineOptions};
 use tracing::{info, warn};
@@ -67,9 +67,16 @@ impl Engine {
             threads: self.arguments.threads,
             every: every.iter().map(|(stage, count)| (stage.clone(), count.get())).collect(),
         };
-        let graph = SerialGraph::load(&path, &self.runtime, &options)?;
+        let graph = SerialGraph::load(&path, &self.runtime, &options).map_err(blame_every)?;
         Ok(Loaded { path, graph })
     }
+}
+
+/// A stage that the graph does not have was named on the command line.
+fn blame_every(error: GraphError) -> anyhow::Error {
+    let is_unknown = matches!(error, GraphError::UnknownStage { .. });
+    let error = anyhow::Error::from(error);
+    if is_unknown { error.context(BadArguments("`--every` does not fit the model".into())) } else { error }
 }
 
 /// Builds the pipeline around a graph and tests it: no frame before the numbers are right.

@@ -39,7 +39,9 @@ fn private_memory(line: &str) -> Option<Range<usize>> {
 
 /// Addresses of the huge pages that fit into `memory`.
 fn blocks(memory: Range<usize>) -> impl Iterator<Item = usize> {
-    (memory.start.next_multiple_of(HUGE)..memory.end).step_by(HUGE).filter(move |block| block + HUGE <= memory.end)
+    (memory.start.next_multiple_of(HUGE)..memory.end)
+        .step_by(HUGE)
+        .filter(move |block| block + HUGE <= memory.end)
 }
 
 /// Whether each page of the block is in memory.

@@ -30,13 +30,13 @@ contract_struct! {
         pub failed: u64,
         /// Frames that have not ended yet.
         pub in_flight: u64,
-        /// Published frames a second, over the last seconds.
+        /// Published frames a second, since the first one.
         pub fps: f64,
         /// Mean bytes copied between the camera's memory and the network's input, a frame.
         pub bytes_copied_per_frame: f64,
         /// Mean heap allocations of our crates, a frame; NaN when nobody counts.
         pub allocations_per_frame: f64,
-        /// Time from capture to publication: the median.
+        /// Time from the picture's arrival at the daemon to publication: the median.
         pub total_p50_us: f64,
         /// Nine of ten frames were faster.
         pub total_p90_us: f64,

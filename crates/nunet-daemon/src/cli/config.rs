@@ -55,28 +55,29 @@ pub(super) fn expand(
         return Ok(vec![arguments]);
     }
     command.build();
-    // What is wrong with the command line itself is told by whoever parses it next.
-    let Ok(matches) = command.clone().try_get_matches_from(&arguments) else { return Ok(vec![arguments]) };
+    // What the command line lacks may stand in the file.
+    let lenient = command.clone().ignore_errors(true).try_get_matches_from(&arguments);
+    let Ok(matches) = lenient else { return Ok(vec![arguments]) };
     let Some((verb, given)) = matches.subcommand().filter(|(verb, _)| VERBS.contains(verb)) else {
         return Ok(vec![arguments]);
     };
     let Some(path) = given.get_one::<PathBuf>("config") else { return Ok(vec![arguments]) };
     let run = command.find_subcommand(verb).cloned().unwrap_or_default();
-    let lines = lines_of(path, &run, given).and_then(|settings| {
-        settings.iter().map(|settings| check(&command, verb, settings)).collect::<Result<Vec<_>, _>>()?;
-        Ok(settings)
-    });
     let said =
         |argument: &Arg| given.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine);
-    let given: Vec<&Arg> = run.get_arguments().filter(|argument| said(argument)).collect();
-    let line = |settings: Camera<'_>| {
+    let typed: Vec<&Arg> = run.get_arguments().filter(|argument| said(argument)).collect();
+    let line = |camera: Camera<'_>| {
         let missing =
-            settings.settings.into_iter().filter(|setting| !is_excluded(&run, setting.argument, &given));
+            camera.settings.into_iter().filter(|setting| !is_excluded(&run, setting.argument, &typed));
         let flags = missing.flat_map(|setting| setting.flags).map(OsString::from);
-        arguments.iter().cloned().chain(flags).collect()
+        let line = arguments.iter().cloned().chain(flags).collect();
+        check(&command, &camera.place, line)
     };
+    let lines = lines_of(path, &run, given).and_then(|cameras| cameras.into_iter().map(line).collect());
     match lines {
-        Ok(cameras) => Ok(cameras.into_iter().map(line).collect()),
+        Ok(lines) => Ok(lines),
+        // What is wrong with the command line itself is told by whoever parses it next.
+        Err(_) if command.clone().try_get_matches_from(&arguments).is_err() => Ok(vec![arguments]),
         Err(message) => {
             let message = format!("`{}`: {}", path.display(), shortened(&message));
             Err(command.error(clap::error::ErrorKind::ValueValidation, message))
@@ -120,7 +121,9 @@ fn lines_of<'a>(path: &Path, run: &'a Command, given: &ArgMatches) -> Result<Vec
             settings.collect::<Result<Vec<_>, _>>().map_err(|message| format!("{place}{message}"))?;
         let own: Vec<&Arg> = settings.iter().map(|setting| setting.argument).collect();
         let others = shared.iter().filter(|setting| !is_excluded(run, setting.argument, &own));
-        settings.extend(others.cloned());
+        let others: Vec<_> =
+            others.filter(|setting| !is_moot(setting.argument, &own, &shared)).cloned().collect();
+        settings.extend(others);
         Ok(Camera { place, settings })
     });
     cameras.collect()
@@ -149,15 +152,23 @@ fn take_sections(table: &mut Table) -> Result<Vec<Table>, String> {
     sections
 }
 
-/// Tries what the file says of a camera without the rest of the command line.
-fn check(command: &Command, verb: &str, Camera { place, settings }: &Camera<'_>) -> Result<(), String> {
-    let flags = settings.iter().flat_map(|setting| setting.flags.iter().cloned());
-    let alone = ["nunetd".to_owned(), verb.to_owned()].into_iter().chain(flags);
-    command.clone().try_get_matches_from(alone).map(drop).map_err(|error| {
+/// A camera's whole command line, tried.
+fn check(command: &Command, place: &str, line: Vec<OsString>) -> Result<Vec<OsString>, String> {
+    command.clone().try_get_matches_from(&line).map(|_| line).map_err(|error| {
         let text = error.to_string();
         let text = text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default();
         format!("{place}{}", text.trim_end())
     })
+}
+
+/// Flags that mean nothing without another one. Above the sections they are for the cameras that have that other one.
+const NEEDS: [(&str, &str); 2] = [("force", "record"), ("format", "size")];
+
+/// Whether `shared`, which is said to all cameras, means nothing to one with these flags of its own.
+fn is_moot(argument: &Arg, own: &[&Arg], shared: &[Setting<'_>]) -> bool {
+    let needed = NEEDS.iter().find(|(flag, _)| argument.get_long() == Some(flag)).map(|(_, needed)| *needed);
+    let mut said = own.iter().copied().chain(shared.iter().map(|setting| setting.argument));
+    needed.is_some_and(|needed| !said.any(|argument| argument.get_long() == Some(needed)))
 }
 
 /// Whether a flag is among those said already, or cannot stand beside one of them.
@@ -244,6 +255,9 @@ fn flags_of(argument: &Arg, key: &str, value: &Value) -> Result<Vec<String>, Str
             Ok((0..*count).take(8).map(|_| format!("--{name}")).collect())
         }
         (false, other) => Err(format!("`{key}` is {}; expected true or false", shown(other))),
+        (true, Value::Array(values)) if values.is_empty() => {
+            Err(format!("`{key}` is an empty list; expected one value at least\nhint: leave the key out"))
+        }
         (true, Value::Array(values)) if matches!(argument.get_action(), ArgAction::Append) => {
             values.iter().map(|value| Ok(format!("--{name}={}", text_of(key, value)?))).collect()
         }
@@ -367,6 +381,25 @@ mod tests {
         assert_eq!((geometry.intrinsics, geometry.calibration), (None, Some("a.yaml".into())));
     }
 
+    #[test]
+    fn file_and_command_line_may_need_each_other() {
+        let split = run("force = true\naccess-mode = '0640'", "run --record a.mcap --access-group video");
+        assert!(split.stream.recording.force && split.stream.recording.record.is_some());
+        let turned = run("record = 'a.mcap'", "run --force");
+        assert!(turned.stream.recording.force && turned.stream.recording.record.is_some());
+        let error = parse("rate = 5", "run --force").unwrap_err();
+        assert!(error.contains("--record") && !error.contains("[FILE]"), "{error}");
+        assert_refused("force = true", "`[FILE]`: the following required arguments were not provided");
+    }
+
+    #[test]
+    fn what_stands_above_the_sections_is_for_the_cameras_that_can_use_it() {
+        let arguments =
+            run("force = true\n[[camera]]\nname = 'a'\nrecord = 'a.mcap'\n[[camera]]\nname = 'b'\n", "run");
+        assert!(arguments.stream.recording.force);
+        assert!(arguments.others.iter().all(|camera| !camera.recording.force));
+    }
+
     #[track_caller]
     fn assert_refused(config: &str, part: &str) {
         let error = parse(config, "run").unwrap_err();
@@ -382,6 +415,10 @@ mod tests {
         assert_refused("model = true", "`model` is `true`; expected a text or a number");
         assert_refused("model = {a = 1}", "`model` is a table; expected a text or a number");
         assert_refused("model = ", "`[FILE]`: it is no TOML");
+        assert_refused(
+            "publish = []",
+            "`publish` is an empty list; expected one value at least\nhint: leave",
+        );
         assert_refused("rate = -3", "expected `max` or frames a second above 0");
         assert_refused("intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'", "cannot be used with");
     }

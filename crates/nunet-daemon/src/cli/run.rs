@@ -77,7 +77,7 @@ pub struct StreamArgs {
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
     pub publish: Vec<Publish>,
     /// Processes that may read at the same time; half as many the cloud [default: 4]. Memory is reserved for all
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_readers)]
     pub readers: Option<NonZeroU32>,
     #[command(flatten)]
     pub recording: RecordArgs,
@@ -136,7 +136,15 @@ pub enum Publish {
 }
 
 /// The bytes of a coordinate frame's name that fit into a message's header.
-const MAX_FRAME_ID: usize = 64;
+pub(crate) const MAX_FRAME_ID: usize = 64;
+
+/// The most readers that fit into a camera's shared memory beside nunetd's own two (`--record`, `--out`).
+const MAX_READERS: u32 = 62;
+
+fn parse_readers(text: &str) -> Result<NonZeroU32, String> {
+    let readers = text.parse().ok().filter(|readers: &NonZeroU32| readers.get() <= MAX_READERS);
+    readers.ok_or_else(|| format!("expected 1 to {MAX_READERS}, got `{text}`"))
+}
 
 /// A name that is cut would be another coordinate frame.
 pub(super) fn parse_frame_id(text: &str) -> Result<String, String> {

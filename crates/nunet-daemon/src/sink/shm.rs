@@ -11,7 +11,8 @@ use nunet_ipc::{
 use tracing::{info, warn};
 
 use super::points::cloud_points_mut;
-use crate::cli::Publish;
+use crate::cli::{MAX_FRAME_ID, Publish};
+use crate::exit::BadArguments;
 use crate::source::Frame;
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations};
 use crate::words;
@@ -70,16 +71,30 @@ impl Loans {
     }
 }
 
+/// The coordinate frame of depth and cloud: the one asked for, else the camera's own.
+fn frame_id(options: &OutletOptions<'_>) -> Result<String, BadArguments> {
+    let camera = options.camera;
+    let frame_id = options.frame_id.map_or_else(|| format!("{camera}_optical_frame"), str::to_owned);
+    if frame_id.len() <= MAX_FRAME_ID {
+        return Ok(frame_id);
+    }
+    Err(BadArguments(format!(
+        "the coordinate frame `{frame_id}` of camera `{camera}` is {} bytes long; expected at most {MAX_FRAME_ID}\n\
+         hint: `--frame-id` names another, or give the camera a shorter name",
+        frame_id.len()
+    )))
+}
+
 impl Outlet {
     /// Becomes the owner of the camera's results; all memory is reserved and touched here.
     pub(crate) fn open(pipeline: &Pipeline, options: &OutletOptions<'_>) -> anyhow::Result<Self> {
+        let frame_id = frame_id(options)?;
         let plans = plans(pipeline, options.publish);
         let publisher = Publisher::create(options.camera, &plans, &options.limits)?;
         info!("camera `{}` reserves {} of shared memory", options.camera, publisher.reservation());
         let description = pipeline.graph().description();
         let mut header = FrameHeader { model_hash: description.hash, ..FrameHeader::default() };
-        let default_frame = format!("{}_optical_frame", options.camera);
-        header.set_frame_id(options.frame_id.unwrap_or(&default_frame));
+        header.set_frame_id(&frame_id);
         let mut stats = StatsRecord { model_hash: description.hash, ..StatsRecord::default() };
         stats.set_model_name(options.model);
         stats.set_provider(pipeline.graph().provider().name());

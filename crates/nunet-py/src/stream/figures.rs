@@ -27,7 +27,7 @@ pub(crate) struct Stats {
     /// Frames that have not ended yet.
     #[pyo3(get)]
     in_flight: u64,
-    /// Published frames a second, over the last seconds.
+    /// Published frames a second, since the first one.
     #[pyo3(get)]
     fps: f64,
     /// Mean bytes copied between the camera's memory and the network's input, a frame.
@@ -92,7 +92,7 @@ impl Stats {
 
 #[pymethods]
 impl Stats {
-    /// Milliseconds from capture to publication: `p50`, `p90`, `p99`, `max`, `mean`.
+    /// Milliseconds from the picture's arrival at the daemon to publication: `p50`, `p90`, `p99`, `max`, `mean`.
     #[getter]
     fn total_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         in_ms(py, &self.total)

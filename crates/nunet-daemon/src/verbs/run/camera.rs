@@ -1,6 +1,5 @@
 //! One camera of a run: from its arguments to a stream.
 
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -204,7 +203,7 @@ impl<'a> Prepared<'a> {
                     camera: name,
                     frame_id: arguments.frame_id.as_deref(),
                     publish: &arguments.publish,
-                    limits: limits(arguments.readers),
+                    limits: limits(arguments),
                     model: &common.model.name,
                 },
             )?;
@@ -256,12 +255,11 @@ impl Opened<'_> {
     }
 }
 
-/// Clouds are by far the largest messages: half as many may read them.
-fn limits(readers: Option<NonZeroU32>) -> Limits {
-    readers.map_or(Limits::default(), |readers| {
-        let readers = readers.get() as usize;
-        Limits { max_readers: readers, max_cloud_readers: readers.div_ceil(2), ..Limits::default() }
-    })
+/// Clouds are by far the largest messages: half as many may read them. nunetd's own readers come on top.
+fn limits(arguments: &StreamArgs) -> Limits {
+    let own = usize::from(arguments.recording.record.is_some()) + usize::from(arguments.out.is_some());
+    let readers = arguments.readers.map_or(Limits::DEFAULT.max_readers, |readers| readers.get() as usize);
+    Limits { max_readers: readers + own, max_cloud_readers: readers.div_ceil(2) + own, ..Limits::default() }
 }
 
 /// Without `--source`, the demo scene; someone who forgot the flag is told.
