@@ -16,7 +16,8 @@ AUGMENTATIONS: dict[str, Augmentation] = {
 class Settings:
     """Settings of the training of one component of a serial graph.
 
-    `loss` is for depth components (see `losses.parse_loss`); `smoothing` and `class_power` for
+    `loss` is for depth components (see `losses.parse_loss`: weights by name, and
+    `scale_invariant:LAMBDA=WEIGHT`); `smoothing` and `class_power` for
     segmentation: classes weigh as their frequency to the power `-class_power`. `joint_noise` is
     the probability that a picture's features from the component before are withheld, and sets how
     much they are scaled: a frozen component is surer of pictures it was trained on than it will
