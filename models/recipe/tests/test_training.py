@@ -77,6 +77,21 @@ def test_a_stopped_run_resumes_to_the_same_losses(dataset, tmp_path):
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
+@pytest.mark.parametrize(("every", "steps"), [(4, ["4"]), (3, ["3", "4"]), (20, ["4"])])
+def test_rows_of_several_steps_are_the_same_after_any_stop(
+    dataset, tmp_path, monkeypatch, every, steps
+):
+    monkeypatch.setattr("nunet_models.training.trainer.LOG_EVERY", every)
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    how = ("--batch", "1", "--workers", "0", "--architecture", "wnet")
+    assert train(dataset, whole, *how, epochs=1) == 0
+    for _ in range(4):
+        assert train(dataset, halved, "--minutes", "1e-9", "--resume", *how, epochs=1) == 0
+    assert train(dataset, halved, "--resume", *how, epochs=1) == 0
+    assert [row["step"] for row in rows(halved, "steps.csv")] == steps
+    assert rows(halved, "steps.csv") == rows(whole, "steps.csv")
+
+
 def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     assert train(dataset, first, epochs=1) == 0

@@ -28,7 +28,7 @@ from nunet_models.training.validate import predictions, validate
 from nunet_models.zoo import Component, SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
-LOG_EVERY = 20
+LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer
 VALIDATION_BATCH = 8
 OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
@@ -79,6 +79,7 @@ class Trainer:
         self.weights = _class_weights(train, graph, settings) if self.segments else None
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
+        self.losses: list[float] = []
         self.history: list[dict[str, float]] = []
         self.before = before or Checkpoint(graph.spec, {})
 
@@ -108,7 +109,7 @@ class Trainer:
         return [torch.compile(c) for c in self.frozen], [torch.compile(c) for c in self.trained]
 
     def _train_epoch(self, forward: tuple, log: RunLog, deadline: float, quiet: bool) -> bool:
-        saved, losses = time.monotonic(), []
+        saved = time.monotonic()
         progress = tqdm(
             self._epoch_batches(),
             total=self.batches,
@@ -117,20 +118,26 @@ class Trainer:
             disable=quiet,
         )
         for batch in progress:
-            losses.append(self._step(batch, forward))
+            self.losses.append(self._step(batch, forward))
             self.batch += 1
             if self.step % LOG_EVERY == 0:
-                rate = self.optimiser.param_groups[-1]["lr"]
-                log.step(self.step, {"loss": float(np.mean(losses)), "lr": rate})
-                progress.set_postfix(loss=f"{np.mean(losses):.4f}")
-                losses = []
+                progress.set_postfix(loss=f"{np.mean(self.losses):.4f}")
+                self._log_losses(log)
             now = time.monotonic()
             if now > deadline or now - saved > SAVE_EVERY_S:
                 self.save()
                 saved = now
             if now > deadline:
                 return False
+        self._log_losses(log)
         return True
+
+    def _log_losses(self, log: RunLog) -> None:
+        """Log the mean loss of the steps since the last time, if there were any."""
+        if self.losses:
+            rate = self.optimiser.param_groups[-1]["lr"]
+            log.step(self.step, {"loss": float(np.mean(self.losses)), "lr": rate})
+        self.losses = []
 
     def _epoch_batches(self) -> Iterator[Batch]:
         return epoch_batches(
@@ -243,6 +250,7 @@ class Trainer:
             "step": self.step,
             "epoch": self.epoch,
             "batch": self.batch,
+            "losses": self.losses,
         }
         Checkpoint(
             self.graph.spec,
@@ -275,6 +283,7 @@ class Trainer:
         self.optimiser.load_state_dict(progress["optimiser"])
         torch.set_rng_state(progress["torch_rng"])
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
+        self.losses = list(progress.get("losses", []))  # absent in files of earlier versions
         self.history = checkpoint.history[name]
         self.before = checkpoint
 
