@@ -130,6 +130,44 @@ def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
     assert "trains another graph" in capsys.readouterr().err
 
 
+def test_a_run_resumed_with_other_options_is_told_each_of_them(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--minutes", "1e-9", "--lr", "0.002") == 0
+    other = ("--lr", "0.001", "--no-bf16", "--loss", "mse", "--threads", "1", "--workers", "0")
+    assert train(dataset, tmp_path, "--resume", *other, epochs=3) == 1
+    said = capsys.readouterr().err
+    assert "`--lr 0.002`, given `--lr 0.001`; `--loss l1_log=1,silog=0.5,gradient=0.5`, " in said
+    assert "; `--bf16`, given `--no-bf16`; hint: " in said
+    assert f"`--start {tmp_path / 'best.pt'}`" in said
+    assert not any(word in said for word in ("workers", "epochs", "threads"))
+
+
+def test_a_run_is_not_resumed_on_other_pictures(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, epochs=1) == 0
+    (dataset / "val.txt").write_text("0005\n0004\n")
+    assert train(dataset, tmp_path, "--resume", epochs=1) == 1
+    said = capsys.readouterr().err
+    assert "another list than that of `--val-ids`" in said and "train-ids" not in said
+
+
+def test_a_run_may_be_resumed_for_more_epochs_and_validate_more_rarely(dataset, tmp_path):
+    assert train(dataset, tmp_path, epochs=1) == 0
+    assert train(dataset, tmp_path, "--resume", "--validate-every", "2", epochs=3) == 0
+    assert [row["epoch"] for row in rows(tmp_path, "epochs.csv")] == ["1", "2", "3"]
+    assert Checkpoint.load(tmp_path / "last.pt").settings["segmentation"]["epochs"] == 3
+
+
+def test_a_checkpoint_of_an_earlier_version_is_resumed(dataset, tmp_path):
+    assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
+    checkpoint = Checkpoint.load(tmp_path / "last.pt")
+    for name in ("losses", "trains", "ids"):
+        del checkpoint.progress[name]
+    for name in ("workers", "validate_every", "joint_noise"):
+        del checkpoint.settings["segmentation"][name]
+    checkpoint.save(tmp_path / "last.pt")
+    assert train(dataset, tmp_path, "--resume", epochs=1) == 0
+    assert len(rows(tmp_path, "epochs.csv")) == 1
+
+
 def test_an_average_follows_its_module_slowly():
     module = torch.nn.Linear(1, 1, bias=False)
     torch.nn.init.zeros_(module.weight)

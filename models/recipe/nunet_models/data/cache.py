@@ -52,6 +52,11 @@ class Cached:
         return metres(self.depth[index])
 
     @property
+    def fingerprint(self) -> str:
+        """Tells lists of ids apart, their order included."""
+        return hashlib.sha256(json.dumps(self.ids).encode()).hexdigest()
+
+    @property
     def has_labels(self) -> bool:
         """Whether any pixel of the first pair is labelled."""
         return bool((self.labels[0] != IGNORE).any())

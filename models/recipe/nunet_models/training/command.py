@@ -29,7 +29,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     """Register `train` and its options."""
     parser = verbs.add_parser("train", help="train one component of a serial graph")
     parser.add_argument("--run", type=Path, required=True, dest="folder", help="the run's folder")
-    parser.add_argument("--resume", action="store_true", help="go on with the run in the folder")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the run in the folder, with the options it was started with; other "
+        "`--epochs`, `--threads`, `--workers` and `--validate-every` are taken as given now",
+    )
     parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     add_data_options(parser)
@@ -77,7 +82,12 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("settings")
     group.add_argument("--component", required=True, help="the component to train")
-    group.add_argument("--epochs", type=int, required=True)
+    group.add_argument(
+        "--epochs",
+        type=int,
+        required=True,
+        help="a run resumed with more goes on along the schedule of the new length",
+    )
     for setting in fields(Settings):
         if setting.name in {"component", "epochs"}:
             continue

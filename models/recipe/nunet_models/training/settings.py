@@ -1,7 +1,7 @@
 """Everything that decides a training run, as plain data kept in its checkpoints."""
 
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import MISSING, asdict, dataclass, fields
+from typing import Any
 
 from nunet_models.data.augment import BALANCED, NO_AUGMENTATION, STRONG, Augmentation
 
@@ -10,6 +10,9 @@ AUGMENTATIONS: dict[str, Augmentation] = {
     "strong": STRONG,
     "balanced": BALANCED,
 }
+
+MAY_CHANGE = frozenset({"epochs", "threads", "workers", "validate_every"})
+"""Settings that a resumed run may be given anew: none of them changes a step already made."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,9 @@ class Settings:
     lie between two validations; the last epoch is always validated. `workers` prepare batches in
     processes of their own; with 0 the training does it itself, which is quicker where augmentation
     is little work: a fork breaks the parent's huge pages.
+
+    A run resumed with more `epochs` goes on along the schedule of the new length: `cosine` rises
+    at once to where the longer curve is at that step; `constant` does not change.
     """
 
     component: str
@@ -57,7 +63,24 @@ class Settings:
         """Plain JSON types."""
         return asdict(self)
 
-    @classmethod
-    def from_json(cls, values: dict[str, Any]) -> Self:
-        """Rebuild settings from `to_json`'s answer."""
-        return cls(**values)
+    def differences(self, started: dict[str, Any]) -> list[str]:
+        """What differs from the settings that a run was started with (`to_json`'s answer).
+
+        A phrase an option, those of `MAY_CHANGE` left out. A setting that `started` lacks is of a
+        later version than the run, which had its default.
+        """
+        found = []
+        for setting in fields(self):
+            name, given = setting.name, getattr(self, setting.name)
+            before = started.get(name, given if setting.default is MISSING else setting.default)
+            if name not in MAY_CHANGE and given != before:
+                found.append(f"`{_option(name, before)}`, given `{_option(name, given)}`")
+        return found
+
+
+def _option(name: str, value: object) -> str:
+    """A setting as it is written on the command line."""
+    dashed = name.replace("_", "-")
+    if isinstance(value, bool):
+        return f"--{dashed}" if value else f"--no-{dashed}"
+    return f"--{dashed} {value}"

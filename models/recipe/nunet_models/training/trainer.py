@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -251,6 +252,8 @@ class Trainer:
             "epoch": self.epoch,
             "batch": self.batch,
             "losses": self.losses,
+            "trains": name,
+            "ids": self._fingerprints(),
         }
         Checkpoint(
             self.graph.spec,
@@ -264,17 +267,20 @@ class Trainer:
         """Go on from `LAST`: the same losses follow as if nothing had happened.
 
         # Errors
-        `ConfigError` when the run in the folder is of another graph or another component.
+        `ConfigError` when the run in the folder is of another graph or another component, or was
+        started with other settings or other lists of ids.
         """
         checkpoint = Checkpoint.load(self.folder / self.LAST)
         progress, name = checkpoint.progress, self.settings.component
         if progress is None:
             raise ConfigError(f"`{self.folder / self.LAST}` holds no training to resume")
-        if checkpoint.spec != self.graph.spec or name not in checkpoint.settings:
+        known = name in checkpoint.settings and progress.get("trains", name) == name
+        if checkpoint.spec != self.graph.spec or not known:
             raise ConfigError(
                 f"the run in `{self.folder}` trains another graph or component than `{name}` of "
                 f"`{self.graph.spec.architecture}`; hint: the options it was started with"
             )
+        self._check_same_run(checkpoint.settings[name], progress)
         self.graph.load_state_dict(checkpoint.weights)
         live = [*progress.get("unfrozen", []), progress["component"]]
         for component, averaged, weights in zip(self.trained, self.averages, live, strict=True):
@@ -286,6 +292,24 @@ class Trainer:
         self.losses = list(progress.get("losses", []))  # absent in files of earlier versions
         self.history = checkpoint.history[name]
         self.before = checkpoint
+
+    def _check_same_run(self, started: dict[str, Any], progress: dict[str, Any]) -> None:
+        """Refuse options that the run in the folder was not started with."""
+        other = self.settings.differences(started)
+        before = progress.get("ids", {})  # absent in files of earlier versions
+        for option, fingerprint in self._fingerprints().items():
+            if before.get(option, fingerprint) != fingerprint:
+                other.append(f"another list than that of `{option}`")
+        if other:
+            raise ConfigError(
+                f"the run in `{self.folder}` was started with {'; '.join(other)}; "
+                "hint: the options it was started with, or another `--run` with "
+                f"`--start {self.folder / self.BEST}`"
+            )
+
+    def _fingerprints(self) -> dict[str, str]:
+        """Of the lists of ids, by the option that names them."""
+        return {"--train-ids": self.data.fingerprint, "--val-ids": self.val.fingerprint}
 
 
 def _score(figures: dict[str, float]) -> float:
