@@ -112,6 +112,23 @@ def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
     assert "hint: `--resume`" in capsys.readouterr().err
 
 
+def test_lists_that_share_ids_are_refused_with_some_of_them(dataset, tmp_path, capsys):
+    (dataset / "val.txt").write_text("0005\n0003\n0001\n0000\n0002\n")
+    assert train(dataset, tmp_path) == 1
+    said = capsys.readouterr().err
+    assert "val.txt` share 4 ids: `0000`, `0001`, `0002` ...; hint: " in said
+    assert not (dataset / "cache").exists()
+
+
+@pytest.mark.parametrize(
+    ("batch", "word"),
+    [("5", "names 4 pictures; expected at least `--batch 5`"), ("0", "--batch 0")],
+)
+def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys, batch, word):
+    assert train(dataset, tmp_path, "--batch", batch) == 1
+    assert word in capsys.readouterr().err
+
+
 def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
     shutil.rmtree(dataset / "label40")
     assert train(dataset, tmp_path / "run") == 1

@@ -8,6 +8,7 @@ import torch
 
 from nunet_models.data.cache import Cached
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
+from nunet_models.data.pairs import read_ids
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.schedule import SCHEDULES
@@ -18,6 +19,7 @@ from nunet_models.zoo.spec import LITE_DECODER
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
+SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
     "augmentation": sorted(AUGMENTATIONS),
     "optimiser": sorted(OPTIMISERS),
@@ -112,6 +114,7 @@ def run(options: argparse.Namespace) -> int:
     last = options.folder / Trainer.LAST
     if last.exists() and not options.resume:
         raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
+    _check_ids(options)
     torch.manual_seed(settings.seed)
     graph, before = _graph(options)
     trainer = Trainer(
@@ -128,6 +131,27 @@ def run(options: argparse.Namespace) -> int:
     done = trainer.run(minutes=options.minutes, quiet=options.quiet)
     print(f"{last}: {'finished' if done else 'stopped in time, to be resumed'}")
     return 0
+
+
+def _check_ids(options: argparse.Namespace) -> None:
+    """Refuse lists of ids that cannot be trained or validated on, before anything is decoded."""
+    train, val = read_ids(options.train_ids), read_ids(options.val_ids)
+    shared = sorted(set(train) & set(val))
+    if shared:
+        some = ", ".join(f"`{name}`" for name in shared[:SHARED_SHOWN])
+        raise ConfigError(
+            f"`{options.train_ids}` and `{options.val_ids}` share {len(shared)} ids: {some}"
+            f"{' ...' if len(shared) > SHARED_SHOWN else ''}; hint: what was trained on tells "
+            "nothing in validation, so keep these in one list alone"
+        )
+    if options.batch < 1:
+        raise ConfigError(f"`--batch {options.batch}`; expected at least 1")
+    if len(train) < options.batch:
+        raise ConfigError(
+            f"`{options.train_ids}` names {len(train)} pictures; expected at least "
+            f"`--batch {options.batch}` of them, as an epoch has whole batches only; "
+            f"hint: `--batch {len(train)}` or less"
+        )
 
 
 def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
