@@ -1,5 +1,7 @@
 """Reading, caching and augmenting pairs, and what is said of bad data."""
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -91,6 +93,33 @@ def test_a_second_run_decodes_nothing(pairs, tmp_path, monkeypatch):
     build_cache(pairs, tmp_path / "cache")
     monkeypatch.setattr(FolderPairs, "__getitem__", lambda *_: pytest.fail("decoded again"))
     assert len(build_cache(pairs, tmp_path / "cache")) == len(pairs)
+
+
+def test_a_run_that_meets_another_while_decoding_uses_what_was_whole_first(
+    pairs, tmp_path, monkeypatch
+):
+    read, theirs = FolderPairs.__getitem__, []
+
+    def met(self, index):
+        if index == 2 and not theirs:
+            theirs.append(None)
+            theirs[0] = build_cache(self, tmp_path / "cache")
+        return read(self, index)
+
+    monkeypatch.setattr(FolderPairs, "__getitem__", met)
+    ours = build_cache(pairs, tmp_path / "cache")
+    (place,) = (tmp_path / "cache").iterdir()
+    for cached in (ours, theirs[0]):
+        assert Path(cached.rgb.filename) == (place / "rgb.npy").resolve()
+        assert np.array_equal(cached.rgb[1], read(pairs, 1).rgb)
+        assert np.array_equal(cached.rgb[5], read(pairs, 5).rgb)
+
+
+def test_a_decoding_that_fails_leaves_nothing_to_be_taken_for_whole(pairs, dataset, tmp_path):
+    (dataset / "rgb" / "0003.png").write_bytes(b"\x89PNG no more")
+    with pytest.raises(DataError):
+        build_cache(pairs, tmp_path / "cache")
+    assert not list((tmp_path / "cache").iterdir())
 
 
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):

@@ -2,9 +2,11 @@
 
 import hashlib
 import json
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
+from uuid import uuid4
 
 import numpy as np
 from tqdm import tqdm
@@ -15,7 +17,7 @@ from nunet_models.errors import DataError
 
 UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm, reaches 13.1 m in 16 bits
 NONE = 0  # cached depth where there is no measurement
-VERSION = 1
+VERSION = 2  # 1 could be marked as whole by one run while another wrote it anew
 
 
 @dataclass(frozen=True)
@@ -70,18 +72,33 @@ def metres(cached: np.ndarray) -> np.ndarray:
 def build_cache(pairs: Pairs, folder: Path) -> Cached:
     """Decode `pairs` once under `folder`, or open what an earlier run decoded.
 
-    All pictures must have one size: batches and evaluation crops depend on it.
+    All pictures must have one size: batches and evaluation crops depend on it. Any number of runs
+    may share `folder`: each decodes beside what it shall be, and what is whole first stays.
     """
     key = json.dumps([VERSION, pairs.identity, list(pairs.ids)])
     place = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
     if not (place / "done").exists():
-        _decode(pairs, place)
+        beside = folder / f"{place.name}.{uuid4().hex}"
+        beside.mkdir(parents=True)
+        try:
+            _decode(pairs, beside)
+            _move(beside, place)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
     arrays = (np.load(place / f"{name}.npy", mmap_mode="r") for name in ("rgb", "depth", "labels"))
     return Cached(tuple(pairs.ids), *arrays)
 
 
+def _move(beside: Path, place: Path) -> None:
+    """Give a decoded folder its name, unless another run was first."""
+    try:
+        beside.rename(place)  # takes the place of nothing but an empty folder
+    except OSError:
+        if not (place / "done").exists():
+            raise
+
+
 def _decode(pairs: Pairs, place: Path) -> None:
-    place.mkdir(parents=True, exist_ok=True)
     height, width = pairs[0].depth_m.shape
     shape = (len(pairs), height, width)
 
