@@ -1,8 +1,9 @@
 """Losses: each a function of prediction and truth, with its formula and its source.
 
 Depth losses take float `[B, 1, h, w]` prediction and truth of one encoding (metres, or 0..1) and
-skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain. Where
-a loss works in logarithms, `log_depth` tensors are its arguments.
+skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain; where none
+does, every loss is at its least and moves no weight. Where a loss works in logarithms, `log_depth`
+tensors are its arguments.
 """
 
 from collections.abc import Callable
@@ -28,10 +29,15 @@ def _valid(predicted: torch.Tensor, truth: torch.Tensor) -> tuple[torch.Tensor, 
     return predicted[mask].float(), truth[mask].float()
 
 
+def _mean(values: torch.Tensor) -> torch.Tensor:
+    """Mean, 0 of nothing (torch's own is NaN there)."""
+    return values.sum() / max(values.numel(), 1)
+
+
 def mse(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Mean squared error, `sum((p - t)^2) / n`: the paper's own training loss."""
     p, t = _valid(predicted, truth)
-    return (p - t).square().mean()
+    return _mean((p - t).square())
 
 
 def scale_invariant(
@@ -76,7 +82,7 @@ def msle(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     Both sides are clipped at 1e-7 first.
     """
     p, t = _valid(predicted, truth)
-    return (p.clamp(min=CLIP).log1p() - t.clamp(min=CLIP).log1p()).square().mean()
+    return _mean((p.clamp(min=CLIP).log1p() - t.clamp(min=CLIP).log1p()).square())
 
 
 def berhu(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
@@ -87,14 +93,16 @@ def berhu(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """
     p, t = _valid(predicted, truth)
     e = (p - t).abs()
+    if not e.numel():
+        return _mean(e)
     c = (e.max() / 5.0).detach().clamp(min=CLIP)
-    return torch.where(e <= c, e, (e.square() + c.square()) / (2.0 * c)).mean()
+    return _mean(torch.where(e <= c, e, (e.square() + c.square()) / (2.0 * c)))
 
 
 def l1(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Mean absolute error, `sum(|p - t|) / n`, in the encoding of its arguments."""
     p, t = _valid(predicted, truth)
-    return (p - t).abs().mean()
+    return _mean((p - t).abs())
 
 
 def silog(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
@@ -135,6 +143,8 @@ def cross_entropy(
     `weights` `[C]` weighs classes; `smoothing` gives that share of the truth to all classes alike
     (Szegedy et al., "Rethinking the Inception architecture", 2016).
     """
+    if not (labels != IGNORE).any():
+        return logits.float().sum() * 0.0
     return F.cross_entropy(
         logits.float(), labels, weight=weights, ignore_index=IGNORE, label_smoothing=smoothing
     )

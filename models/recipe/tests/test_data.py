@@ -122,6 +122,15 @@ def test_a_decoding_that_fails_leaves_nothing_to_be_taken_for_whole(pairs, datas
     assert not list((tmp_path / "cache").iterdir())
 
 
+def test_labels_are_found_where_the_first_picture_has_none(pairs, dataset, tmp_path):
+    blank = np.full((96, 128), IGNORE, np.uint8)
+    Image.fromarray(blank).save(dataset / "label40" / "0000.png")
+    assert build_cache(pairs, tmp_path / "cache").has_labels
+    for path in (dataset / "label40").iterdir():
+        Image.fromarray(blank).save(path)
+    assert not build_cache(pairs, tmp_path / "other").has_labels
+
+
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):
     one, other = (
         build_cache(FolderPairs(dataset, ["0000"], units=DepthUnits(scale)), tmp_path / "cache")

@@ -159,3 +159,21 @@ def test_every_loss_has_a_finite_gradient_with_holes_in_the_truth(name):
     losses.weighted_depth_loss(raw, truth, weights={name: 1.0}, log_network=True).backward()
     assert raw.grad.isfinite().all()
     assert raw.grad.abs().sum() > 0
+
+
+@pytest.mark.parametrize("name", [*losses.IN_LINEAR, *losses.IN_LOG])
+def test_a_batch_without_truth_moves_nothing(name):
+    raw = torch.rand(2, 1, 8, 8, requires_grad=True)
+    truth = torch.full((2, 1, 8, 8), NAN)
+    loss = losses.weighted_depth_loss(raw, truth, weights={name: 1.0}, log_network=False)
+    loss.backward()
+    assert loss.item() == pytest.approx(0.0, abs=1e-3)  # `silog` has the root of its least value
+    assert not raw.grad.any()
+
+
+def test_a_batch_without_labels_moves_nothing():
+    logits = torch.rand(2, 3, 4, 4, requires_grad=True)
+    labels = torch.full((2, 4, 4), IGNORE)
+    loss = losses.cross_entropy(logits, labels, weights=torch.ones(3), smoothing=0.05)
+    loss.backward()
+    assert loss.item() == 0.0 and not logits.grad.any()

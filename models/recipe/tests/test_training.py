@@ -15,6 +15,7 @@ from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
+from nunet_models.training.trainer import Trainer
 from nunet_models.zoo import SerialGraph
 
 
@@ -127,6 +128,28 @@ def test_lists_that_share_ids_are_refused_with_some_of_them(dataset, tmp_path, c
 def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys, batch, word):
     assert train(dataset, tmp_path, "--batch", batch) == 1
     assert word in capsys.readouterr().err
+
+
+def test_a_loss_that_is_no_number_stops_before_any_weight_is_lost(dataset, tmp_path, monkeypatch):
+    before, after = [], []
+
+    def broken(raw, labels, **_):
+        return raw.sum() * float("nan")
+
+    def trained(component):
+        return [p.detach().clone() for p in component.parameters()]
+
+    def step(self, batch, forward, whole=Trainer._step):
+        before.extend(trained(self.component))
+        try:
+            return whole(self, batch, forward)
+        finally:
+            after.extend(trained(self.component))
+
+    monkeypatch.setattr("nunet_models.training.trainer.cross_entropy", broken)
+    monkeypatch.setattr(Trainer, "_step", step)
+    assert train(dataset, tmp_path, epochs=1) == 1
+    assert before and all(torch.equal(*two) for two in zip(before, after, strict=True))
 
 
 def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):

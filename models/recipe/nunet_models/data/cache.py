@@ -60,8 +60,8 @@ class Cached:
 
     @property
     def has_labels(self) -> bool:
-        """Whether any pixel of the first pair is labelled."""
-        return bool((self.labels[0] != IGNORE).any())
+        """Whether any pixel of any pair is labelled."""
+        return any(bool((picture != IGNORE).any()) for picture in self.labels)
 
 
 def metres(cached: np.ndarray) -> np.ndarray:

@@ -164,6 +164,12 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["lr"] = group["base_lr"] * factor
         loss = self._loss(batch, *forward)
+        value = loss.item()
+        if not np.isfinite(value):  # before any weight is lost to it
+            raise ConfigError(
+                f"the loss is {value} at step {self.step + 1}; hint: lower `--lr` "
+                "in another `--run`"
+            )
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         if settings.clip:
@@ -173,9 +179,6 @@ class Trainer:
         self.step += 1
         for averaged in self.averages:
             averaged.update(self.step)
-        value = loss.item()
-        if not np.isfinite(value):
-            raise ConfigError(f"the loss is {value} at step {self.step}; hint: lower `--lr`")
         return value
 
     def _loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
@@ -342,4 +345,5 @@ def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torc
         counts += np.bincount(picture[::4, ::4].ravel(), minlength=256)
     share = counts[: len(graph.spec.classes)] / max(1.0, counts[:IGNORE].sum())
     weights = np.maximum(share, 1e-3) ** -settings.class_power
-    return torch.tensor(weights / (weights * share).sum(), dtype=torch.float32)
+    mean = (weights * share).sum() or 1.0  # 0 where no label is among those looked at
+    return torch.tensor(weights / mean, dtype=torch.float32)
