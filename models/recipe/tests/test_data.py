@@ -1,5 +1,6 @@
 """Reading, caching and augmenting pairs, and what is said of bad data."""
 
+import argparse
 from pathlib import Path
 
 import h5py
@@ -12,8 +13,15 @@ from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
 from nunet_models.data.nyu_mat import NyuMatPairs
+from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids
-from nunet_models.errors import DataError
+from nunet_models.errors import ConfigError, DataError
+
+
+def opened(dataset, *options):
+    parser = argparse.ArgumentParser()
+    add_data_options(parser)
+    return open_pairs(parser.parse_args(["--data", str(dataset), *options]), dataset / "train.txt")
 
 
 def test_a_pair_is_metres_with_nan_where_there_is_none(dataset):
@@ -71,6 +79,40 @@ def test_depth_with_colour_channels_is_refused(dataset):
     Image.new("RGB", (128, 96)).save(dataset / "depth" / "0001.png")
     with pytest.raises(DataError, match="3 channels"):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+def test_depth_of_8_bits_needs_to_be_told_its_unit(dataset):
+    Image.new("L", (128, 96), 100).save(dataset / "depth" / "0001.png")
+    with pytest.raises(DataError, match=r"0001\.png` has 8 bits, .*hint: `--depth-scale"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+    pair = FolderPairs(dataset, ["0001"], units=DepthUnits(0.04))[0]
+    assert pair.depth_m[3, 3] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("folder", ["depth", "label40"])
+def test_one_bit_a_pixel_is_neither_depth_nor_label(dataset, folder):
+    Image.new("1", (128, 96), 1).save(dataset / folder / "0001.png")
+    with pytest.raises(DataError, match=rf"{folder}/0001\.png` has 1 bit a pixel; expected"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+def test_a_label_that_no_set_has_is_named(dataset):
+    path = dataset / "label40" / "0001.png"
+    labels = np.full((96, 128), 255, np.uint16)
+    Image.fromarray(labels).save(path)
+    assert (FolderPairs(dataset, ["0001"], units=DepthUnits())[0].labels == IGNORE).all()
+    labels[4, 4] = 894
+    Image.fromarray(labels).save(path)
+    with pytest.raises(DataError, match=r"0001\.png` has the label 894; expected"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+@pytest.mark.parametrize(
+    "option", ["--depth-scale=-1", "--depth-scale=0", "--depth-scale=nan", "--depth-offset=inf"]
+)
+def test_units_that_give_no_depth_are_refused(dataset, option):
+    with pytest.raises(ConfigError, match=rf"`{option.replace('=', ' ')}.*; expected"):
+        opened(dataset, option)
 
 
 @pytest.mark.parametrize(("text", "word"), [("", "no ids"), ("a\nb\na", "twice")])

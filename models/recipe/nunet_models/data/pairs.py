@@ -50,16 +50,18 @@ class Pairs(Protocol):
 class DepthUnits:
     """How the numbers of a depth picture become metres: `(value + offset) * scale_m`.
 
-    0 is no measurement where `zero_is_none`.
+    0 is no measurement where `zero_is_none`. Without a `scale_m` 16 bits are millimetres, and
+    pictures of 8 bits are refused.
     """
 
-    scale_m: float = MILLIMETRE_M
+    scale_m: float | None = None
     offset: float = 0.0
     zero_is_none: bool = True
 
     def metres(self, values: np.ndarray) -> np.ndarray:
         """Picture values (integers, any shape) to float32 metres, NaN = none."""
-        depth = ((values.astype(np.float64) + self.offset) * self.scale_m).astype(np.float32)
+        scale_m = MILLIMETRE_M if self.scale_m is None else self.scale_m
+        depth = ((values.astype(np.float64) + self.offset) * scale_m).astype(np.float32)
         if self.zero_is_none:
             depth[values == 0] = np.nan
         return depth
@@ -107,10 +109,14 @@ class FolderPairs:
         identity = self.ids[index]
         rgb_path, depth_path, *label_path = self._paths(identity)
         rgb = read_rgb(rgb_path)
-        depth_m = self.units.metres(_single_channel(depth_path, rgb.shape[:2]))
-        labels = None
-        if label_path:
-            labels = labels13_from_labels40(_single_channel(label_path[0], rgb.shape[:2]))
+        depth = _single_channel(depth_path, rgb.shape[:2])
+        if depth.dtype == np.uint8 and self.units.scale_m is None:
+            raise DataError(
+                f"`{depth_path}` has 8 bits, which cannot be millimetres; "
+                "hint: `--depth-scale METRES` says what a unit is"
+            )
+        depth_m = self.units.metres(depth)
+        labels = _labels13(label_path[0], rgb.shape[:2]) if label_path else None
         return Pair(identity, rgb, *blank_outside(depth_m, labels, self.window))
 
     def _paths(self, identity: str) -> list[Path]:
@@ -165,10 +171,24 @@ def _open(path: Path) -> Image.Image:
     return image
 
 
+def _labels13(path: Path, size: tuple[int, int]) -> np.ndarray:
+    labels40 = _single_channel(path, size)
+    if labels40.max() > IGNORE:
+        raise DataError(
+            f"`{path}` has the label {labels40.max()}; expected NYU40's from 0 to 38, "
+            f"or up to {IGNORE} for what is ignored"
+        )
+    return labels13_from_labels40(labels40)
+
+
 def _single_channel(path: Path, size: tuple[int, int]) -> np.ndarray:
+    """Whole numbers `[H, W]`."""
     values = np.array(_open(path))
     if values.ndim != 2:
         raise DataError(f"`{path}` has {values.shape[-1]} channels; expected one")
+    if values.dtype.kind not in "iu":
+        kind = "1 bit" if values.dtype == np.bool_ else values.dtype
+        raise DataError(f"`{path}` has {kind} a pixel; expected whole numbers of 8 or 16 bits")
     if values.shape != size:
         raise DataError(f"`{path}` is {values.shape}, but its colour picture is {size}")
     return values
