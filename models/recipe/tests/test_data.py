@@ -14,7 +14,7 @@ from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
 from nunet_models.data.nyu_mat import NyuMatPairs
 from nunet_models.data.options import add_data_options, open_pairs
-from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids
+from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids, read_rgb
 from nunet_models.errors import ConfigError, DataError
 
 
@@ -61,6 +61,20 @@ def test_a_missing_file_is_named(dataset):
     (dataset / "depth" / "0002.png").unlink()
     with pytest.raises(DataError, match=r"depth/0002\.png` is missing"):
         FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
+
+
+def test_missing_files_are_counted_by_the_file(dataset):
+    for folder in ("depth", "label40"):
+        for name in ("0001", "0002"):
+            (dataset / folder / f"{name}.png").unlink()
+    with pytest.raises(DataError, match=r"missing, and 3 more of the 6 files of 2 pairs$"):
+        FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
+
+
+def test_grey_pictures_of_16_bits_keep_their_shades(tmp_path):
+    path = tmp_path / "grey.png"
+    Image.fromarray(np.array([[0, 128 * 257, 65535, 300]], np.uint16)).save(path)
+    assert read_rgb(path).tolist() == [[[0] * 3, [128] * 3, [255] * 3, [1] * 3]]
 
 
 def test_a_corrupt_picture_is_named(dataset):
@@ -120,6 +134,19 @@ def test_a_bad_id_list_is_refused(tmp_path, text, word):
     path = tmp_path / "ids.txt"
     path.write_text(text)
     with pytest.raises(DataError, match=word):
+        read_ids(path)
+
+
+def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
+    path = tmp_path / "ids.txt"
+    path.write_bytes("\ufeffliving room 1\r\n\r\n küche\n".encode())
+    assert read_ids(path) == ["living room 1", "küche"]
+
+
+def test_a_list_that_is_no_text_is_named(tmp_path):
+    path = tmp_path / "ids.txt"
+    path.write_text("0001\n", encoding="utf-16")
+    with pytest.raises(DataError, match=r"ids\.txt` is no list of ids in UTF-8"):
         read_ids(path)
 
 

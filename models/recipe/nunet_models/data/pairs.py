@@ -12,6 +12,7 @@ from nunet_models.classes import IGNORE, labels13_from_labels40
 from nunet_models.errors import DataError
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
+SIXTEEN_TO_EIGHT = 257  # 65535 / 255
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
 
 
@@ -90,9 +91,9 @@ class FolderPairs:
         self.description = f"{root.name}, {len(ids)} pictures"
         missing = [p for i in ids for p in self._paths(i) if not p.is_file()]
         if missing:
-            raise DataError(
-                f"`{missing[0]}` is missing, and {len(missing) - 1} more of {len(ids)} pairs' files"
-            )
+            files = sum(len(self._paths(i)) for i in ids)
+            more = f", and {len(missing) - 1} more of the {files} files of {len(ids)} pairs"
+            raise DataError(f"`{missing[0]}` is missing{more if len(missing) > 1 else ''}")
         newest = max(p.stat().st_mtime_ns for i in ids for p in self._paths(i))
         self.identity = f"{root.resolve()} {units} {window} {self.has_labels} {newest}"
 
@@ -127,8 +128,16 @@ class FolderPairs:
 
 
 def read_ids(path: Path) -> list[str]:
-    """Ids of a list file, one a line; blank lines are allowed, repeated ids are not."""
-    ids = path.read_text(encoding="utf-8").split()
+    """Ids of a list file in UTF-8, one a line; blank lines are allowed, repeated ids are not.
+
+    # Errors
+    `DataError` naming a file that is no such list.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
+    except UnicodeDecodeError as error:
+        raise DataError(f"`{path}` is no list of ids in UTF-8: {error}") from error
+    ids = [line.strip() for line in lines if line.strip()]
     if not ids:
         raise DataError(f"`{path}` holds no ids")
     if len(set(ids)) != len(ids):
@@ -154,12 +163,17 @@ def blank_outside(
 
 
 def read_rgb(path: Path) -> np.ndarray:
-    """A picture's colours, uint8 `[H, W, 3]`.
+    """A picture's colours, uint8 `[H, W, 3]`; 16 bits a channel are rounded to 8.
 
     # Errors
     `DataError` naming a file that is no picture.
     """
-    return np.array(_open(path).convert("RGB"))
+    image = _open(path)
+    if not image.mode.startswith("I"):
+        return np.array(image.convert("RGB"))
+    # 16 bits of grey, which PIL would clip at 255
+    grey = (np.array(image).astype(np.int64) + SIXTEEN_TO_EIGHT // 2) // SIXTEEN_TO_EIGHT
+    return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
 def _open(path: Path) -> Image.Image:
