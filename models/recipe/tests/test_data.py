@@ -47,6 +47,17 @@ def test_outside_of_the_window_there_is_no_truth(dataset):
     assert (pair.labels[1] == IGNORE).all()
 
 
+@pytest.mark.parametrize("window", ["9,0,9,5", "0,9,5,4", "-4,0,5,5", "0,-1,5,5"])
+def test_a_window_without_pixels_is_refused(dataset, window):
+    with pytest.raises(ConfigError, match=rf"`--window {window}` leaves nothing"):
+        opened(dataset, f"--window={window}")
+
+
+def test_a_window_beside_the_picture_is_refused_with_its_name(dataset):
+    with pytest.raises(DataError, match=r"nothing of `.*0000\.png`, which has 96 rows and 128 col"):
+        opened(dataset, "--window=96,0,200,128")[0]
+
+
 def test_labels40_fold_to_13_and_the_rest_is_ignored():
     assert labels13_from_labels40(np.array([0, 1, 38, 39, 255], np.uint8)).tolist() == [
         11,
@@ -198,6 +209,20 @@ def test_labels_are_found_where_the_first_picture_has_none(pairs, dataset, tmp_p
     for path in (dataset / "label40").iterdir():
         Image.fromarray(blank).save(path)
     assert not build_cache(pairs, tmp_path / "other").has_labels
+
+
+def test_depth_beyond_the_cache_s_reach_is_none_and_counted(dataset, tmp_path, capsys):
+    path = dataset / "depth" / "0000.png"
+    values = np.full((96, 128), 13_107, np.uint16)
+    values[2, :5] = 13_108
+    Image.fromarray(values).save(path)
+    pairs = FolderPairs(dataset, ["0000"], units=DepthUnits())
+    for _ in range(2):  # decoded, then found
+        cached = build_cache(pairs, tmp_path / "cache")
+        assert "rooms, 1 pictures: 5 pixels of depth beyond 13.1 m" in capsys.readouterr().err
+    depth_m = cached.depth_m(0)
+    assert np.isnan(depth_m[2, :5]).all()
+    assert depth_m[2, 5] == pytest.approx(13.107)
 
 
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):

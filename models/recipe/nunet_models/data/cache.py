@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -15,7 +16,8 @@ from nunet_models.classes import IGNORE
 from nunet_models.data.pairs import Pairs, read_rgb
 from nunet_models.errors import DataError
 
-UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm, reaches 13.1 m in 16 bits
+UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm
+REACH_M = np.iinfo(np.uint16).max * UNIT_M  # 13.1 m, past the 12 m that a network can give
 NONE = 0  # cached depth where there is no measurement
 VERSION = 2  # 1 could be marked as whole by one run while another wrote it anew
 
@@ -24,8 +26,8 @@ VERSION = 2  # 1 could be marked as whole by one run while another wrote it anew
 class Cached:
     """All pairs of a collection, memory-mapped.
 
-    `rgb` uint8 `[N, H, W, 3]`, `depth` uint16 `[N, H, W]` in `UNIT_M` with 0 = none, `labels`
-    uint8 `[N, H, W]` with `IGNORE` = none.
+    `rgb` uint8 `[N, H, W, 3]`, `depth` uint16 `[N, H, W]` in `UNIT_M` with 0 = none, what lies
+    beyond `REACH_M` among it, `labels` uint8 `[N, H, W]` with `IGNORE` = none.
     """
 
     ids: tuple[str, ...]
@@ -85,6 +87,12 @@ def build_cache(pairs: Pairs, folder: Path) -> Cached:
             _move(beside, place)
         finally:
             shutil.rmtree(beside, ignore_errors=True)
+    far = int((place / "done").read_text(encoding="utf-8"))
+    if far:
+        print(
+            f"{pairs.description}: {far} pixels of depth beyond {REACH_M:.1f} m count as none",
+            file=sys.stderr,
+        )
     arrays = (np.load(place / f"{name}.npy", mmap_mode="r") for name in ("rgb", "depth", "labels"))
     return Cached(tuple(pairs.ids), *arrays)
 
@@ -99,6 +107,7 @@ def _move(beside: Path, place: Path) -> None:
 
 
 def _decode(pairs: Pairs, place: Path) -> None:
+    """Decode into the empty folder `place`; its file `done` says how many pixels lay too far."""
     height, width = pairs[0].depth_m.shape
     shape = (len(pairs), height, width)
 
@@ -108,6 +117,7 @@ def _decode(pairs: Pairs, place: Path) -> None:
     rgb = array("rgb", np.uint8, (*shape, 3))
     depth = array("depth", np.uint16, shape)
     labels = array("labels", np.uint8, shape)
+    far = 0
     for index in tqdm(range(len(pairs)), desc=f"decoding {pairs.description}", unit="picture"):
         pair = pairs[index]
         if pair.depth_m.shape != (height, width):
@@ -116,9 +126,11 @@ def _decode(pairs: Pairs, place: Path) -> None:
                 "hint: resize the data to one size first"
             )
         rgb[index] = pair.rgb
-        units = np.nan_to_num(pair.depth_m, nan=0.0) / UNIT_M
-        depth[index] = np.clip(np.rint(units), NONE, np.iinfo(np.uint16).max)
+        units = np.rint(np.nan_to_num(pair.depth_m, nan=0.0) / UNIT_M)
+        beyond = units > np.iinfo(np.uint16).max
+        far += int(beyond.sum())
+        depth[index] = np.where(beyond, NONE, units.clip(min=NONE))
         labels[index] = IGNORE if pair.labels is None else pair.labels
     for memory in (rgb, depth, labels):
         memory.flush()
-    (place / "done").touch()
+    (place / "done").write_text(str(far), encoding="utf-8")

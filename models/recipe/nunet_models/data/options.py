@@ -74,4 +74,9 @@ def _parse_window(text: str | None) -> tuple[int, int, int, int] | None:
         top, left, bottom, right = (int(part) for part in text.split(","))
     except ValueError as error:
         raise ConfigError(f"`--window {text}` is not four whole numbers") from error
+    if not (0 <= top < bottom and 0 <= left < right):
+        raise ConfigError(
+            f"`--window {text}` leaves nothing; expected TOP,LEFT,BOTTOM,RIGHT in pixels from 0, "
+            "TOP less than BOTTOM and LEFT less than RIGHT"
+        )
     return top, left, bottom, right

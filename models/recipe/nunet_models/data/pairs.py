@@ -118,7 +118,8 @@ class FolderPairs:
             )
         depth_m = self.units.metres(depth)
         labels = _labels13(label_path[0], rgb.shape[:2]) if label_path else None
-        return Pair(identity, rgb, *blank_outside(depth_m, labels, self.window))
+        known = blank_outside(depth_m, labels, self.window, of=str(depth_path))
+        return Pair(identity, rgb, *known)
 
     def _paths(self, identity: str) -> list[Path]:
         candidates = [self.root / "rgb" / f"{identity}{suffix}" for suffix in RGB_SUFFIXES]
@@ -149,11 +150,23 @@ def blank_outside(
     depth_m: np.ndarray,
     labels: np.ndarray | None,
     window: tuple[int, int, int, int] | None,
+    *,
+    of: str,
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Depth and labels `[H, W]` with no truth outside of `window` (top, left, bottom, right)."""
+    """Depth and labels `[H, W]` with no truth outside of `window` (top, left, bottom, right).
+
+    # Errors
+    `DataError` naming the picture, `of`, of which nothing would be left.
+    """
     if window is None:
         return depth_m, labels
     top, left, bottom, right = window
+    if not depth_m[top:bottom, left:right].size:
+        height, width = depth_m.shape
+        raise DataError(
+            f"`--window {top},{left},{bottom},{right}` leaves nothing of `{of}`, which has "
+            f"{height} rows and {width} columns"
+        )
     outside = np.ones(depth_m.shape, dtype=bool)
     outside[top:bottom, left:right] = False
     depth_m[outside] = np.nan
