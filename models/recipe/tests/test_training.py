@@ -9,13 +9,17 @@ import pytest
 import torch
 from PIL import Image
 
+from nunet_models.classes import IGNORE
 from nunet_models.cli import main
+from nunet_models.data.cache import Cached
+from nunet_models.errors import ConfigError
 from nunet_models.export.collections import tiny_spec
 from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.trainer import Trainer
+from nunet_models.training.validate import validate
 from nunet_models.zoo import SerialGraph
 
 
@@ -156,6 +160,43 @@ def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
     shutil.rmtree(dataset / "label40")
     assert train(dataset, tmp_path / "run") == 1
     assert "no labels" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("component", ["segmentation", "depth"])
+@pytest.mark.parametrize(("ids", "name"), [(range(4), "training"), (range(4, 6), "validation")])
+def test_data_without_truth_is_refused_before_the_first_step(
+    dataset, tmp_path, capsys, component, ids, name
+):
+    folder, blank = ("label40", 255) if component == "segmentation" else ("depth", 0)
+    for index in ids:
+        picture = Image.fromarray(np.full((96, 128), blank, np.uint16))
+        picture.save(dataset / folder / f"{index:04d}.png")
+    assert train(dataset, tmp_path / "run", component=component) == 1
+    what = "labels" if component == "segmentation" else "depth"
+    assert f"the {name} data has no {what}; hint: " in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_truth_that_no_crop_shows_is_said_to_be_so():
+    depth = np.zeros((1, 480, 640), np.uint16)
+    depth[0, :4, :4] = 10_000
+    labels = np.full(depth.shape, IGNORE, np.uint8)
+    data = Cached(("corner",), np.zeros((1, 480, 640, 3), np.uint8), depth, labels)
+    graph = SerialGraph(tiny_spec("unet")).eval()
+    with pytest.raises(ConfigError, match="no pixel of the validation pictures"):
+        validate(graph, data, component=0, batch=1, bf16=False, workers=0)
+
+
+def test_the_best_epoch_is_on_disk_before_the_run_goes_past_it(dataset, tmp_path, monkeypatch):
+    saved = []
+
+    def save(self, path, whole=Checkpoint.save):
+        saved.append(path.name)
+        whole(self, path)
+
+    monkeypatch.setattr(Checkpoint, "save", save)
+    assert train(dataset, tmp_path, epochs=1) == 0
+    assert saved == ["best.pt", "last.pt"]
 
 
 def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):

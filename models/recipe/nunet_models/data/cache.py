@@ -65,6 +65,11 @@ class Cached:
         """Whether any pixel of any pair is labelled."""
         return any(bool((picture != IGNORE).any()) for picture in self.labels)
 
+    @property
+    def has_depth(self) -> bool:
+        """Whether any pixel of any pair has depth."""
+        return any(bool((picture != NONE).any()) for picture in self.depth)
+
 
 def metres(cached: np.ndarray) -> np.ndarray:
     """Cached depth (uint16) to float32 metres, NaN = none; same shape."""

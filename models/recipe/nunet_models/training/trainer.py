@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from nunet_models.classes import IGNORE
 from nunet_models.data.batches import Batch, epoch_batches
-from nunet_models.data.cache import Cached
+from nunet_models.data.cache import REACH_M, Cached
 from nunet_models.data.encode import encoded_depth
 from nunet_models.errors import ConfigError
 from nunet_models.export.deploy import normalise
@@ -61,8 +61,7 @@ class Trainer:
         self.component = graph.component(settings.component)
         self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
-        if self.segments and not train.has_labels:
-            raise ConfigError("the training data has no labels; hint: it needs a folder `label40`")
+        self._check_truth()
         torch.manual_seed(settings.seed)
         torch.set_num_threads(settings.threads)
         graph.to(memory_format=torch.channels_last)
@@ -83,6 +82,19 @@ class Trainer:
         self.losses: list[float] = []
         self.history: list[dict[str, float]] = []
         self.before = before or Checkpoint(graph.spec, {})
+
+    def _check_truth(self) -> None:
+        for data, name in ((self.data, "training"), (self.val, "validation")):
+            if self.segments and not data.has_labels:
+                raise ConfigError(
+                    f"the {name} data has no labels; hint: it needs a folder `label40`, "
+                    "with classes from 0 to 38"
+                )
+            if not self.segments and not data.has_depth:
+                raise ConfigError(
+                    f"the {name} data has no depth; hint: every pixel of `depth` is 0, outside of "
+                    f"`--window`, or beyond {REACH_M:.1f} m by `--depth-scale`"
+                )
 
     @property
     def batches(self) -> int:
@@ -231,9 +243,9 @@ class Trainer:
             tqdm.write(f"epoch {self.epoch}: {shown}")
         self.history.append({"epoch": self.epoch, **figures})
         score = [_score(row) for row in self.history]
-        self.save()
         if score[-1] == max(score):
-            self.save(best=True)
+            self.save(best=True)  # first: a run that ends in between repeats the epoch from `LAST`
+        self.save()
 
     def averaged_graph(self) -> SerialGraph:
         """A copy of the graph with the averaged weights of the components in training."""
