@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.trainer import Trainer
 from nunet_models.training.validate import validate
 from nunet_models.zoo import SerialGraph
+from nunet_models.zoo.backbones import build_unet, check_drop_path
+from nunet_models.zoo.spec import LITE_DECODER
 
 
 def train(dataset, run, *more, component="segmentation", epochs=2):
@@ -197,6 +200,34 @@ def test_the_best_epoch_is_on_disk_before_the_run_goes_past_it(dataset, tmp_path
     monkeypatch.setattr(Checkpoint, "save", save)
     assert train(dataset, tmp_path, epochs=1) == 0
     assert saved == ["best.pt", "last.pt"]
+
+
+@pytest.mark.parametrize("backbone", ["tiny", "resnet18", "dla34"])
+def test_drop_path_is_refused_where_it_would_do_nothing(dataset, tmp_path, capsys, backbone):
+    options = ("--backbone", backbone, "--drop-path", "0.1", "--architecture", "unet", "--resume")
+    assert train(dataset, tmp_path, *options, component="depth") == 1
+    assert f"backbone `{backbone}` knows no drop path" in capsys.readouterr().err
+
+
+def test_drop_path_is_taken_where_a_backbone_knows_it():
+    check_drop_path("efficientnet_lite0")
+    unet = build_unet(
+        "efficientnet_lite0",
+        in_channels=3,
+        out_channels=1,
+        decoder_channels=LITE_DECODER,
+        drop_path=0.1,
+    )
+    assert any(type(module).__name__ == "DropPath" for module in unet.modules())
+
+
+def test_a_run_that_had_a_drop_path_to_no_effect_is_resumed(dataset, tmp_path):
+    assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
+    checkpoint = Checkpoint.load(tmp_path / "last.pt")
+    first, second = checkpoint.spec.components
+    had = (first.changed(drop_path=0.1), second)
+    replace(checkpoint, spec=replace(checkpoint.spec, components=had)).save(tmp_path / "last.pt")
+    assert train(dataset, tmp_path, "--resume", "--drop-path", "0.1", epochs=1) == 0
 
 
 def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):

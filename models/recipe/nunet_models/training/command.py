@@ -15,6 +15,7 @@ from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo.backbones import check_drop_path
 from nunet_models.zoo.spec import LITE_DECODER
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
@@ -62,7 +63,7 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
     group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")
     group.add_argument("--dropout", type=float, default=0.0)
-    group.add_argument("--drop-path", type=float, default=0.0)
+    group.add_argument("--drop-path", type=float, default=0.0, help="for timm's backbones alone")
     group.add_argument("--start", type=Path, help="checkpoint to take the whole graph from")
     group.add_argument(
         "--plug",
@@ -160,6 +161,11 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     spec = before.spec if before is not None else _spec(options)
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
+    if options.drop_path and not (options.folder / Trainer.LAST).exists():
+        # (a run to resume may be of a version that took it for any backbone)
+        for component in spec.components:
+            if component.name == options.component:
+                check_drop_path(component.backbone)
     components = tuple(
         c.changed(dropout=options.dropout, drop_path=options.drop_path)
         if c.name == options.component
