@@ -1,11 +1,13 @@
 """Losses: each a function of prediction and truth, with its formula and its source.
 
 Depth losses take float `[B, 1, h, w]` prediction and truth of one encoding (metres, or 0..1) and
-skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain. Where
-a loss works in logarithms, `log_depth` tensors are its arguments.
+skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain; where none
+does, every loss is at its least and moves no weight. Where a loss works in logarithms, `log_depth`
+tensors are its arguments.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import torch
 import torch.nn.functional as F
@@ -16,6 +18,9 @@ from nunet_models.errors import ConfigError
 CLIP = 1e-7
 """Least number of which a logarithm is taken, as in the paper's code (Keras' epsilon)."""
 
+LAMBDA = 0.5
+"""Of the scale-invariant loss, in the paper's code."""
+
 GRADIENT_SCALES = 4
 
 
@@ -24,26 +29,43 @@ def _valid(predicted: torch.Tensor, truth: torch.Tensor) -> tuple[torch.Tensor, 
     return predicted[mask].float(), truth[mask].float()
 
 
+def _mean(values: torch.Tensor) -> torch.Tensor:
+    """Mean, 0 of nothing (torch's own is NaN there)."""
+    return values.sum() / max(values.numel(), 1)
+
+
 def mse(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Mean squared error, `sum((p - t)^2) / n`: the paper's own training loss."""
     p, t = _valid(predicted, truth)
-    return (p - t).square().mean()
+    return _mean((p - t).square())
 
 
 def scale_invariant(
-    predicted: torch.Tensor, truth: torch.Tensor, *, lam: float = 0.5
+    predicted: torch.Tensor, truth: torch.Tensor, *, lam: float = LAMBDA
 ) -> torch.Tensor:
-    """Scale-invariant error, `sum(d^2) / n - lam * (sum(d) / n)^2`, `d = log p - log t`.
+    """The paper's scale-invariant loss, `sum(d^2) / n - lam * (sum(d) / n)^2`.
 
-    Eigen, Puhrsch, Fergus, "Depth map prediction from a single image using a multi-scale deep
-    network", 2014, equation 4, one value an image, averaged over the batch; both sides clipped at
-    1e-7 before the logarithm as in the paper's code. `lam` lies in [0, 1): at 1 the scale of the
-    whole picture would be free.
+    `d = log(1 + max(p, 1e-7)) - log(1 + max(t, 1e-7))`, one value an image, averaged over the
+    batch. From the code of Cantrell, Miller, Morato, "Practical depth estimation with image
+    segmentation and serial U-Nets", 2020 (`losses.py`, `sil`, where n is every pixel of a picture
+    and lambda 0.5), after Eigen, Puhrsch, Fergus, 2014, equation 4, which has `log p - log t`:
+    `silog` is of that form. `lam` lies in [0, 1): at 1 the scale of the whole picture would be
+    free.
+
+    # Errors
+    `ConfigError` for another `lam`.
     """
-    if not 0.0 <= lam < 1.0:
-        raise ConfigError(f"lambda of the scale-invariant loss is {lam}; expected 0 <= lambda < 1")
-    d = predicted.float().clamp(min=CLIP).log() - truth.clamp(min=CLIP).log()
+    _check_lambda(lam)
+    d = predicted.float().clamp(min=CLIP).log1p() - truth.clamp(min=CLIP).log1p()
     return _scale_invariant_of(d, lam).mean()
+
+
+def _check_lambda(lam: float) -> None:
+    if not 0.0 <= lam < 1.0:
+        raise ConfigError(
+            f"lambda of the loss `scale_invariant` is {lam}; expected 0 <= lambda < 1; "
+            f"hint: the paper's is {LAMBDA}"
+        )
 
 
 def _scale_invariant_of(d: torch.Tensor, lam: float) -> torch.Tensor:
@@ -60,7 +82,7 @@ def msle(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     Both sides are clipped at 1e-7 first.
     """
     p, t = _valid(predicted, truth)
-    return (p.clamp(min=CLIP).log1p() - t.clamp(min=CLIP).log1p()).square().mean()
+    return _mean((p.clamp(min=CLIP).log1p() - t.clamp(min=CLIP).log1p()).square())
 
 
 def berhu(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
@@ -71,14 +93,16 @@ def berhu(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """
     p, t = _valid(predicted, truth)
     e = (p - t).abs()
+    if not e.numel():
+        return _mean(e)
     c = (e.max() / 5.0).detach().clamp(min=CLIP)
-    return torch.where(e <= c, e, (e.square() + c.square()) / (2.0 * c)).mean()
+    return _mean(torch.where(e <= c, e, (e.square() + c.square()) / (2.0 * c)))
 
 
 def l1(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Mean absolute error, `sum(|p - t|) / n`, in the encoding of its arguments."""
     p, t = _valid(predicted, truth)
-    return (p - t).abs().mean()
+    return _mean((p - t).abs())
 
 
 def silog(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
@@ -119,6 +143,8 @@ def cross_entropy(
     `weights` `[C]` weighs classes; `smoothing` gives that share of the truth to all classes alike
     (Szegedy et al., "Rethinking the Inception architecture", 2016).
     """
+    if not (labels != IGNORE).any():
+        return logits.float().sum() * 0.0
     return F.cross_entropy(
         logits.float(), labels, weight=weights, ignore_index=IGNORE, label_smoothing=smoothing
     )
@@ -145,18 +171,44 @@ IN_LOG: dict[str, Loss] = {
 
 
 def parse_loss(text: str) -> dict[str, float]:
-    """`"l1_log=1,silog=0.5"` to weights by name; a name alone weighs 1."""
+    """`"l1_log=1,silog=0.5"` to weights by name; a name alone weighs 1.
+
+    `scale_invariant:0.85=1` is the scale-invariant loss with a lambda of its own.
+
+    # Errors
+    `ConfigError` for an unknown name, a weight that is no number, or a lambda outside [0, 1).
+    """
     weights = {}
     for part in text.split(","):
         name, _, weight = part.strip().partition("=")
-        if name not in IN_LINEAR and name not in IN_LOG:
-            known = ", ".join([*IN_LINEAR, *IN_LOG])
-            raise ConfigError(f"no loss `{name}`; hint: one of {known}")
+        _loss_of(name)
         try:
             weights[name] = float(weight or 1.0)
         except ValueError as error:
             raise ConfigError(f"weight `{weight}` of loss `{name}` is not a number") from error
     return weights
+
+
+def _loss_of(text: str) -> tuple[Loss, bool]:
+    """A loss by its name, with its lambda behind a colon, and whether it works in logarithms."""
+    name, colon, number = text.partition(":")
+    if name not in IN_LINEAR and name not in IN_LOG:
+        known = ", ".join([*IN_LINEAR, *IN_LOG])
+        raise ConfigError(f"no loss `{name}`; hint: one of {known}")
+    if not colon:
+        return (IN_LINEAR.get(name) or IN_LOG[name]), name in IN_LOG
+    if name != "scale_invariant":
+        raise ConfigError(
+            f"loss `{name}` has no lambda, got `{text}`; hint: `scale_invariant` alone has one"
+        )
+    try:
+        lam = float(number)
+    except ValueError as error:
+        raise ConfigError(
+            f"lambda `{number}` of loss `{name}` is not a number; hint: `{name}:{LAMBDA}=1`"
+        ) from error
+    _check_lambda(lam)
+    return partial(scale_invariant, lam=lam), False
 
 
 def weighted_depth_loss(
@@ -172,8 +224,6 @@ def weighted_depth_loss(
     log_truth = truth.clamp(min=CLIP).log()
     total = raw.new_zeros(())
     for name, weight in weights.items():
-        if name in IN_LINEAR:
-            total = total + weight * IN_LINEAR[name](linear, truth)
-        else:
-            total = total + weight * IN_LOG[name](log_raw, log_truth)
+        loss, in_log = _loss_of(name)
+        total = total + weight * (loss(log_raw, log_truth) if in_log else loss(linear, truth))
     return total

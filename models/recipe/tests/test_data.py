@@ -1,5 +1,8 @@
 """Reading, caching and augmenting pairs, and what is said of bad data."""
 
+import argparse
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -10,8 +13,15 @@ from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
 from nunet_models.data.nyu_mat import NyuMatPairs
-from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids
-from nunet_models.errors import DataError
+from nunet_models.data.options import add_data_options, open_pairs
+from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids, read_rgb
+from nunet_models.errors import ConfigError, DataError
+
+
+def opened(dataset, *options):
+    parser = argparse.ArgumentParser()
+    add_data_options(parser)
+    return open_pairs(parser.parse_args(["--data", str(dataset), *options]), dataset / "train.txt")
 
 
 def test_a_pair_is_metres_with_nan_where_there_is_none(dataset):
@@ -37,6 +47,17 @@ def test_outside_of_the_window_there_is_no_truth(dataset):
     assert (pair.labels[1] == IGNORE).all()
 
 
+@pytest.mark.parametrize("window", ["9,0,9,5", "0,9,5,4", "-4,0,5,5", "0,-1,5,5"])
+def test_a_window_without_pixels_is_refused(dataset, window):
+    with pytest.raises(ConfigError, match=rf"`--window {window}` leaves nothing"):
+        opened(dataset, f"--window={window}")
+
+
+def test_a_window_beside_the_picture_is_refused_with_its_name(dataset):
+    with pytest.raises(DataError, match=r"nothing of `.*0000\.png`, which has 96 rows and 128 col"):
+        opened(dataset, "--window=96,0,200,128")[0]
+
+
 def test_labels40_fold_to_13_and_the_rest_is_ignored():
     assert labels13_from_labels40(np.array([0, 1, 38, 39, 255], np.uint8)).tolist() == [
         11,
@@ -51,6 +72,20 @@ def test_a_missing_file_is_named(dataset):
     (dataset / "depth" / "0002.png").unlink()
     with pytest.raises(DataError, match=r"depth/0002\.png` is missing"):
         FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
+
+
+def test_missing_files_are_counted_by_the_file(dataset):
+    for folder in ("depth", "label40"):
+        for name in ("0001", "0002"):
+            (dataset / folder / f"{name}.png").unlink()
+    with pytest.raises(DataError, match=r"missing, and 3 more of the 6 files of 2 pairs$"):
+        FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
+
+
+def test_grey_pictures_of_16_bits_keep_their_shades(tmp_path):
+    path = tmp_path / "grey.png"
+    Image.fromarray(np.array([[0, 128 * 257, 65535, 300]], np.uint16)).save(path)
+    assert read_rgb(path).tolist() == [[[0] * 3, [128] * 3, [255] * 3, [1] * 3]]
 
 
 def test_a_corrupt_picture_is_named(dataset):
@@ -71,11 +106,58 @@ def test_depth_with_colour_channels_is_refused(dataset):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
 
 
+def test_depth_of_8_bits_needs_to_be_told_its_unit(dataset):
+    Image.new("L", (128, 96), 100).save(dataset / "depth" / "0001.png")
+    with pytest.raises(DataError, match=r"0001\.png` has 8 bits, .*hint: `--depth-scale"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+    pair = FolderPairs(dataset, ["0001"], units=DepthUnits(0.04))[0]
+    assert pair.depth_m[3, 3] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("folder", ["depth", "label40"])
+def test_one_bit_a_pixel_is_neither_depth_nor_label(dataset, folder):
+    Image.new("1", (128, 96), 1).save(dataset / folder / "0001.png")
+    with pytest.raises(DataError, match=rf"{folder}/0001\.png` has 1 bit a pixel; expected"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+def test_a_label_that_no_set_has_is_named(dataset):
+    path = dataset / "label40" / "0001.png"
+    labels = np.full((96, 128), 255, np.uint16)
+    Image.fromarray(labels).save(path)
+    assert (FolderPairs(dataset, ["0001"], units=DepthUnits())[0].labels == IGNORE).all()
+    labels[4, 4] = 894
+    Image.fromarray(labels).save(path)
+    with pytest.raises(DataError, match=r"0001\.png` has the label 894; expected"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+
+
+@pytest.mark.parametrize(
+    "option", ["--depth-scale=-1", "--depth-scale=0", "--depth-scale=nan", "--depth-offset=inf"]
+)
+def test_units_that_give_no_depth_are_refused(dataset, option):
+    with pytest.raises(ConfigError, match=rf"`{option.replace('=', ' ')}.*; expected"):
+        opened(dataset, option)
+
+
 @pytest.mark.parametrize(("text", "word"), [("", "no ids"), ("a\nb\na", "twice")])
 def test_a_bad_id_list_is_refused(tmp_path, text, word):
     path = tmp_path / "ids.txt"
     path.write_text(text)
     with pytest.raises(DataError, match=word):
+        read_ids(path)
+
+
+def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
+    path = tmp_path / "ids.txt"
+    path.write_bytes("\ufeffliving room 1\r\n\r\n küche\n".encode())
+    assert read_ids(path) == ["living room 1", "küche"]
+
+
+def test_a_list_that_is_no_text_is_named(tmp_path):
+    path = tmp_path / "ids.txt"
+    path.write_text("0001\n", encoding="utf-16")
+    with pytest.raises(DataError, match=r"ids\.txt` is no list of ids in UTF-8"):
         read_ids(path)
 
 
@@ -91,6 +173,56 @@ def test_a_second_run_decodes_nothing(pairs, tmp_path, monkeypatch):
     build_cache(pairs, tmp_path / "cache")
     monkeypatch.setattr(FolderPairs, "__getitem__", lambda *_: pytest.fail("decoded again"))
     assert len(build_cache(pairs, tmp_path / "cache")) == len(pairs)
+
+
+def test_a_run_that_meets_another_while_decoding_uses_what_was_whole_first(
+    pairs, tmp_path, monkeypatch
+):
+    read, theirs = FolderPairs.__getitem__, []
+
+    def met(self, index):
+        if index == 2 and not theirs:
+            theirs.append(None)
+            theirs[0] = build_cache(self, tmp_path / "cache")
+        return read(self, index)
+
+    monkeypatch.setattr(FolderPairs, "__getitem__", met)
+    ours = build_cache(pairs, tmp_path / "cache")
+    (place,) = (tmp_path / "cache").iterdir()
+    for cached in (ours, theirs[0]):
+        assert Path(cached.rgb.filename) == (place / "rgb.npy").resolve()
+        assert np.array_equal(cached.rgb[1], read(pairs, 1).rgb)
+        assert np.array_equal(cached.rgb[5], read(pairs, 5).rgb)
+
+
+def test_a_decoding_that_fails_leaves_nothing_to_be_taken_for_whole(pairs, dataset, tmp_path):
+    (dataset / "rgb" / "0003.png").write_bytes(b"\x89PNG no more")
+    with pytest.raises(DataError):
+        build_cache(pairs, tmp_path / "cache")
+    assert not list((tmp_path / "cache").iterdir())
+
+
+def test_labels_are_found_where_the_first_picture_has_none(pairs, dataset, tmp_path):
+    blank = np.full((96, 128), IGNORE, np.uint8)
+    Image.fromarray(blank).save(dataset / "label40" / "0000.png")
+    assert build_cache(pairs, tmp_path / "cache").has_labels
+    for path in (dataset / "label40").iterdir():
+        Image.fromarray(blank).save(path)
+    assert not build_cache(pairs, tmp_path / "other").has_labels
+
+
+def test_depth_beyond_the_cache_s_reach_is_none_and_counted(dataset, tmp_path, capsys):
+    path = dataset / "depth" / "0000.png"
+    values = np.full((96, 128), 13_107, np.uint16)
+    values[2, :5] = 13_108
+    Image.fromarray(values).save(path)
+    pairs = FolderPairs(dataset, ["0000"], units=DepthUnits())
+    for _ in range(2):  # decoded, then found
+        cached = build_cache(pairs, tmp_path / "cache")
+        assert "rooms, 1 pictures: 5 pixels of depth beyond 13.1 m" in capsys.readouterr().err
+    depth_m = cached.depth_m(0)
+    assert np.isnan(depth_m[2, :5]).all()
+    assert depth_m[2, 5] == pytest.approx(13.107)
 
 
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):

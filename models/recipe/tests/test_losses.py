@@ -25,28 +25,63 @@ def test_l1_is_the_mean_absolute_error():
     assert losses.l1(picture(1, 3), picture(2, 5)).item() == pytest.approx(1.5)
 
 
-def test_scale_invariant_with_lambda_zero_is_the_squared_log_error():
-    # d = ln 2, 0: (ln2^2 + 0) / 2
+def test_scale_invariant_with_lambda_zero_is_the_squared_error_of_log1p():
+    # d = ln 3 - ln 2, 0
     value = losses.scale_invariant(picture(2, 3), picture(1, 3), lam=0.0).item()
-    assert value == pytest.approx(math.log(2) ** 2 / 2)
+    assert value == pytest.approx(math.log(3 / 2) ** 2 / 2, rel=1e-6)
 
 
-def test_scale_invariant_subtracts_lambda_times_the_squared_mean():
-    # d = ln 2 everywhere: ln2^2 - 0.5 ln2^2
-    value = losses.scale_invariant(picture(2, 4), picture(1, 2), lam=0.5).item()
-    assert value == pytest.approx(0.5 * math.log(2) ** 2, rel=1e-6)
+def test_scale_invariant_is_the_paper_s_published_formula():
+    # n = 3, lambda 0.5; d = ln 2 - ln 4, ln 5 - ln 3, 0
+    d = (math.log(2 / 4), math.log(5 / 3), 0.0)
+    expected = sum(x * x for x in d) / 3 - 0.5 / (3 * 3) * sum(d) ** 2
+    value = losses.scale_invariant(picture(1, 4, 2), picture(3, 2, 2)).item()
+    assert value == pytest.approx(expected, rel=1e-6)
 
 
-def test_scale_invariant_clips_at_1e_7():
-    # prediction 0 counts as 1e-7: d = ln 1e-7
-    value = losses.scale_invariant(picture(0), picture(1), lam=0.0).item()
-    assert value == pytest.approx(math.log(1e-7) ** 2, rel=1e-5)
+def test_scale_invariant_takes_each_picture_alone_and_its_known_pixels():
+    # d = ln 2 everywhere in the one, and in the one known pixel of the other
+    predicted = torch.cat([picture(1, 3), picture(5, 9)])
+    truth = torch.cat([picture(0, 1), picture(2, NAN)])
+    value = losses.scale_invariant(predicted, truth, lam=0.5).item()
+    assert value == pytest.approx(0.5 * math.log(2) ** 2, rel=1e-5)
 
 
-@pytest.mark.parametrize("lam", [-0.1, 1.0])
+def test_scale_invariant_clips_at_1e_7_and_adds_one():
+    # a prediction below 0 counts as 1e-7: d = ln(1 + 1e-7) - ln 2
+    value = losses.scale_invariant(picture(-3), picture(1), lam=0.0).item()
+    assert value == pytest.approx(math.log(2 / (1 + 1e-7)) ** 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("lam", [-0.1, 1.0, NAN])
 def test_scale_invariant_refuses_lambda_outside_its_range(lam):
     with pytest.raises(ConfigError, match="0 <= lambda < 1"):
         losses.scale_invariant(picture(1), picture(1), lam=lam)
+
+
+def test_a_loss_may_say_its_lambda():
+    weights = losses.parse_loss("scale_invariant:0.85=2, mse")
+    assert weights == {"scale_invariant:0.85": 2.0, "mse": 1.0}
+    weights = {"scale_invariant:0.85": 2.0}
+    value = losses.weighted_depth_loss(
+        picture(1, 3), picture(0, 1), weights=weights, log_network=False
+    )
+    # d = ln 2 everywhere
+    assert value.item() == pytest.approx(2 * 0.15 * math.log(2) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("scale_invariant:1=1", "is 1.0; expected 0 <= lambda < 1"),
+        ("scale_invariant:-0.1", "is -0.1; expected 0 <= lambda < 1"),
+        ("scale_invariant:much", "lambda `much`"),
+        ("l1:0.5", "loss `l1` has no lambda"),
+    ],
+)
+def test_a_lambda_that_does_not_fit_is_refused(text, word):
+    with pytest.raises(ConfigError, match=word):
+        losses.parse_loss(text)
 
 
 def test_msle_is_the_squared_difference_of_log1p():
@@ -124,3 +159,21 @@ def test_every_loss_has_a_finite_gradient_with_holes_in_the_truth(name):
     losses.weighted_depth_loss(raw, truth, weights={name: 1.0}, log_network=True).backward()
     assert raw.grad.isfinite().all()
     assert raw.grad.abs().sum() > 0
+
+
+@pytest.mark.parametrize("name", [*losses.IN_LINEAR, *losses.IN_LOG])
+def test_a_batch_without_truth_moves_nothing(name):
+    raw = torch.rand(2, 1, 8, 8, requires_grad=True)
+    truth = torch.full((2, 1, 8, 8), NAN)
+    loss = losses.weighted_depth_loss(raw, truth, weights={name: 1.0}, log_network=False)
+    loss.backward()
+    assert loss.item() == pytest.approx(0.0, abs=1e-3)  # `silog` has the root of its least value
+    assert not raw.grad.any()
+
+
+def test_a_batch_without_labels_moves_nothing():
+    logits = torch.rand(2, 3, 4, 4, requires_grad=True)
+    labels = torch.full((2, 4, 4), IGNORE)
+    loss = losses.cross_entropy(logits, labels, weights=torch.ones(3), smoothing=0.05)
+    loss.backward()
+    assert loss.item() == 0.0 and not logits.grad.any()

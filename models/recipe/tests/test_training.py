@@ -3,19 +3,27 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 from PIL import Image
 
+from nunet_models.classes import IGNORE
 from nunet_models.cli import main
+from nunet_models.data.cache import Cached
+from nunet_models.errors import ConfigError
 from nunet_models.export.collections import tiny_spec
 from nunet_models.export.onnx_file import read_metadata
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
+from nunet_models.training.trainer import Trainer
+from nunet_models.training.validate import validate
 from nunet_models.zoo import SerialGraph
+from nunet_models.zoo.backbones import build_unet, check_drop_path
+from nunet_models.zoo.spec import LITE_DECODER
 
 
 def train(dataset, run, *more, component="segmentation", epochs=2):
@@ -77,6 +85,21 @@ def test_a_stopped_run_resumes_to_the_same_losses(dataset, tmp_path):
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
+@pytest.mark.parametrize(("every", "steps"), [(4, ["4"]), (3, ["3", "4"]), (20, ["4"])])
+def test_rows_of_several_steps_are_the_same_after_any_stop(
+    dataset, tmp_path, monkeypatch, every, steps
+):
+    monkeypatch.setattr("nunet_models.training.trainer.LOG_EVERY", every)
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    how = ("--batch", "1", "--workers", "0", "--architecture", "wnet")
+    assert train(dataset, whole, *how, epochs=1) == 0
+    for _ in range(4):
+        assert train(dataset, halved, "--minutes", "1e-9", "--resume", *how, epochs=1) == 0
+    assert train(dataset, halved, "--resume", *how, epochs=1) == 0
+    assert [row["step"] for row in rows(halved, "steps.csv")] == steps
+    assert rows(halved, "steps.csv") == rows(whole, "steps.csv")
+
+
 def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     assert train(dataset, first, epochs=1) == 0
@@ -97,10 +120,114 @@ def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
     assert "hint: `--resume`" in capsys.readouterr().err
 
 
+def test_lists_that_share_ids_are_refused_with_some_of_them(dataset, tmp_path, capsys):
+    (dataset / "val.txt").write_text("0005\n0003\n0001\n0000\n0002\n")
+    assert train(dataset, tmp_path) == 1
+    said = capsys.readouterr().err
+    assert "val.txt` share 4 ids: `0000`, `0001`, `0002` ...; hint: " in said
+    assert not (dataset / "cache").exists()
+
+
+@pytest.mark.parametrize(
+    ("batch", "word"),
+    [("5", "names 4 pictures; expected at least `--batch 5`"), ("0", "--batch 0")],
+)
+def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys, batch, word):
+    assert train(dataset, tmp_path, "--batch", batch) == 1
+    assert word in capsys.readouterr().err
+
+
+def test_a_loss_that_is_no_number_stops_before_any_weight_is_lost(dataset, tmp_path, monkeypatch):
+    before, after = [], []
+
+    def broken(raw, labels, **_):
+        return raw.sum() * float("nan")
+
+    def trained(component):
+        return [p.detach().clone() for p in component.parameters()]
+
+    def step(self, batch, forward, whole=Trainer._step):
+        before.extend(trained(self.component))
+        try:
+            return whole(self, batch, forward)
+        finally:
+            after.extend(trained(self.component))
+
+    monkeypatch.setattr("nunet_models.training.trainer.cross_entropy", broken)
+    monkeypatch.setattr(Trainer, "_step", step)
+    assert train(dataset, tmp_path, epochs=1) == 1
+    assert before and all(torch.equal(*two) for two in zip(before, after, strict=True))
+
+
 def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
     shutil.rmtree(dataset / "label40")
     assert train(dataset, tmp_path / "run") == 1
     assert "no labels" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("component", ["segmentation", "depth"])
+@pytest.mark.parametrize(("ids", "name"), [(range(4), "training"), (range(4, 6), "validation")])
+def test_data_without_truth_is_refused_before_the_first_step(
+    dataset, tmp_path, capsys, component, ids, name
+):
+    folder, blank = ("label40", 255) if component == "segmentation" else ("depth", 0)
+    for index in ids:
+        picture = Image.fromarray(np.full((96, 128), blank, np.uint16))
+        picture.save(dataset / folder / f"{index:04d}.png")
+    assert train(dataset, tmp_path / "run", component=component) == 1
+    what = "labels" if component == "segmentation" else "depth"
+    assert f"the {name} data has no {what}; hint: " in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_truth_that_no_crop_shows_is_said_to_be_so():
+    depth = np.zeros((1, 480, 640), np.uint16)
+    depth[0, :4, :4] = 10_000
+    labels = np.full(depth.shape, IGNORE, np.uint8)
+    data = Cached(("corner",), np.zeros((1, 480, 640, 3), np.uint8), depth, labels)
+    graph = SerialGraph(tiny_spec("unet")).eval()
+    with pytest.raises(ConfigError, match="no pixel of the validation pictures"):
+        validate(graph, data, component=0, batch=1, bf16=False, workers=0)
+
+
+def test_the_best_epoch_is_on_disk_before_the_run_goes_past_it(dataset, tmp_path, monkeypatch):
+    saved = []
+
+    def save(self, path, whole=Checkpoint.save):
+        saved.append(path.name)
+        whole(self, path)
+
+    monkeypatch.setattr(Checkpoint, "save", save)
+    assert train(dataset, tmp_path, epochs=1) == 0
+    assert saved == ["best.pt", "last.pt"]
+
+
+@pytest.mark.parametrize("backbone", ["tiny", "resnet18", "dla34"])
+def test_drop_path_is_refused_where_it_would_do_nothing(dataset, tmp_path, capsys, backbone):
+    options = ("--backbone", backbone, "--drop-path", "0.1", "--architecture", "unet", "--resume")
+    assert train(dataset, tmp_path, *options, component="depth") == 1
+    assert f"backbone `{backbone}` knows no drop path" in capsys.readouterr().err
+
+
+def test_drop_path_is_taken_where_a_backbone_knows_it():
+    check_drop_path("efficientnet_lite0")
+    unet = build_unet(
+        "efficientnet_lite0",
+        in_channels=3,
+        out_channels=1,
+        decoder_channels=LITE_DECODER,
+        drop_path=0.1,
+    )
+    assert any(type(module).__name__ == "DropPath" for module in unet.modules())
+
+
+def test_a_run_that_had_a_drop_path_to_no_effect_is_resumed(dataset, tmp_path):
+    assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
+    checkpoint = Checkpoint.load(tmp_path / "last.pt")
+    first, second = checkpoint.spec.components
+    had = (first.changed(drop_path=0.1), second)
+    replace(checkpoint, spec=replace(checkpoint.spec, components=had)).save(tmp_path / "last.pt")
+    assert train(dataset, tmp_path, "--resume", "--drop-path", "0.1", epochs=1) == 0
 
 
 def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
@@ -113,6 +240,44 @@ def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, epochs=1) == 0
     assert train(dataset, tmp_path, "--resume", "--architecture", "wnet", epochs=2) == 1
     assert "trains another graph" in capsys.readouterr().err
+
+
+def test_a_run_resumed_with_other_options_is_told_each_of_them(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--minutes", "1e-9", "--lr", "0.002") == 0
+    other = ("--lr", "0.001", "--no-bf16", "--loss", "mse", "--threads", "1", "--workers", "0")
+    assert train(dataset, tmp_path, "--resume", *other, epochs=3) == 1
+    said = capsys.readouterr().err
+    assert "`--lr 0.002`, given `--lr 0.001`; `--loss l1_log=1,silog=0.5,gradient=0.5`, " in said
+    assert "; `--bf16`, given `--no-bf16`; hint: " in said
+    assert f"`--start {tmp_path / 'best.pt'}`" in said
+    assert not any(word in said for word in ("workers", "epochs", "threads"))
+
+
+def test_a_run_is_not_resumed_on_other_pictures(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, epochs=1) == 0
+    (dataset / "val.txt").write_text("0005\n0004\n")
+    assert train(dataset, tmp_path, "--resume", epochs=1) == 1
+    said = capsys.readouterr().err
+    assert "another list than that of `--val-ids`" in said and "train-ids" not in said
+
+
+def test_a_run_may_be_resumed_for_more_epochs_and_validate_more_rarely(dataset, tmp_path):
+    assert train(dataset, tmp_path, epochs=1) == 0
+    assert train(dataset, tmp_path, "--resume", "--validate-every", "2", epochs=3) == 0
+    assert [row["epoch"] for row in rows(tmp_path, "epochs.csv")] == ["1", "2", "3"]
+    assert Checkpoint.load(tmp_path / "last.pt").settings["segmentation"]["epochs"] == 3
+
+
+def test_a_checkpoint_of_an_earlier_version_is_resumed(dataset, tmp_path):
+    assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
+    checkpoint = Checkpoint.load(tmp_path / "last.pt")
+    for name in ("losses", "trains", "ids"):
+        del checkpoint.progress[name]
+    for name in ("workers", "validate_every", "joint_noise"):
+        del checkpoint.settings["segmentation"][name]
+    checkpoint.save(tmp_path / "last.pt")
+    assert train(dataset, tmp_path, "--resume", epochs=1) == 0
+    assert len(rows(tmp_path, "epochs.csv")) == 1
 
 
 def test_an_average_follows_its_module_slowly():

@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
+from uuid import uuid4
 
 import numpy as np
 from tqdm import tqdm
@@ -13,17 +16,18 @@ from nunet_models.classes import IGNORE
 from nunet_models.data.pairs import Pairs, read_rgb
 from nunet_models.errors import DataError
 
-UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm, reaches 13.1 m in 16 bits
+UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm
+REACH_M = np.iinfo(np.uint16).max * UNIT_M  # 13.1 m, past the 12 m that a network can give
 NONE = 0  # cached depth where there is no measurement
-VERSION = 1
+VERSION = 2  # 1 could be marked as whole by one run while another wrote it anew
 
 
 @dataclass(frozen=True)
 class Cached:
     """All pairs of a collection, memory-mapped.
 
-    `rgb` uint8 `[N, H, W, 3]`, `depth` uint16 `[N, H, W]` in `UNIT_M` with 0 = none, `labels`
-    uint8 `[N, H, W]` with `IGNORE` = none.
+    `rgb` uint8 `[N, H, W, 3]`, `depth` uint16 `[N, H, W]` in `UNIT_M` with 0 = none, what lies
+    beyond `REACH_M` among it, `labels` uint8 `[N, H, W]` with `IGNORE` = none.
     """
 
     ids: tuple[str, ...]
@@ -52,9 +56,19 @@ class Cached:
         return metres(self.depth[index])
 
     @property
+    def fingerprint(self) -> str:
+        """Tells lists of ids apart, their order included."""
+        return hashlib.sha256(json.dumps(self.ids).encode()).hexdigest()
+
+    @property
     def has_labels(self) -> bool:
-        """Whether any pixel of the first pair is labelled."""
-        return bool((self.labels[0] != IGNORE).any())
+        """Whether any pixel of any pair is labelled."""
+        return any(bool((picture != IGNORE).any()) for picture in self.labels)
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether any pixel of any pair has depth."""
+        return any(bool((picture != NONE).any()) for picture in self.depth)
 
 
 def metres(cached: np.ndarray) -> np.ndarray:
@@ -65,18 +79,40 @@ def metres(cached: np.ndarray) -> np.ndarray:
 def build_cache(pairs: Pairs, folder: Path) -> Cached:
     """Decode `pairs` once under `folder`, or open what an earlier run decoded.
 
-    All pictures must have one size: batches and evaluation crops depend on it.
+    All pictures must have one size: batches and evaluation crops depend on it. Any number of runs
+    may share `folder`: each decodes beside what it shall be, and what is whole first stays.
     """
     key = json.dumps([VERSION, pairs.identity, list(pairs.ids)])
     place = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
     if not (place / "done").exists():
-        _decode(pairs, place)
+        beside = folder / f"{place.name}.{uuid4().hex}"
+        beside.mkdir(parents=True)
+        try:
+            _decode(pairs, beside)
+            _move(beside, place)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+    far = int((place / "done").read_text(encoding="utf-8"))
+    if far:
+        print(
+            f"{pairs.description}: {far} pixels of depth beyond {REACH_M:.1f} m count as none",
+            file=sys.stderr,
+        )
     arrays = (np.load(place / f"{name}.npy", mmap_mode="r") for name in ("rgb", "depth", "labels"))
     return Cached(tuple(pairs.ids), *arrays)
 
 
+def _move(beside: Path, place: Path) -> None:
+    """Give a decoded folder its name, unless another run was first."""
+    try:
+        beside.rename(place)  # takes the place of nothing but an empty folder
+    except OSError:
+        if not (place / "done").exists():
+            raise
+
+
 def _decode(pairs: Pairs, place: Path) -> None:
-    place.mkdir(parents=True, exist_ok=True)
+    """Decode into the empty folder `place`; its file `done` says how many pixels lay too far."""
     height, width = pairs[0].depth_m.shape
     shape = (len(pairs), height, width)
 
@@ -86,6 +122,7 @@ def _decode(pairs: Pairs, place: Path) -> None:
     rgb = array("rgb", np.uint8, (*shape, 3))
     depth = array("depth", np.uint16, shape)
     labels = array("labels", np.uint8, shape)
+    far = 0
     for index in tqdm(range(len(pairs)), desc=f"decoding {pairs.description}", unit="picture"):
         pair = pairs[index]
         if pair.depth_m.shape != (height, width):
@@ -94,9 +131,11 @@ def _decode(pairs: Pairs, place: Path) -> None:
                 "hint: resize the data to one size first"
             )
         rgb[index] = pair.rgb
-        units = np.nan_to_num(pair.depth_m, nan=0.0) / UNIT_M
-        depth[index] = np.clip(np.rint(units), NONE, np.iinfo(np.uint16).max)
+        units = np.rint(np.nan_to_num(pair.depth_m, nan=0.0) / UNIT_M)
+        beyond = units > np.iinfo(np.uint16).max
+        far += int(beyond.sum())
+        depth[index] = np.where(beyond, NONE, units.clip(min=NONE))
         labels[index] = IGNORE if pair.labels is None else pair.labels
     for memory in (rgb, depth, labels):
         memory.flush()
-    (place / "done").touch()
+    (place / "done").write_text(str(far), encoding="utf-8")

@@ -25,7 +25,7 @@ class NyuMatPairs:
         *,
         window: tuple[int, int, int, int] | None = None,
     ) -> None:
-        self.ids, self.window = ids, window
+        self.path, self.ids, self.window = path, ids, window
         self.description = f"{path.name}, {len(ids)} pictures"
         self.identity = f"{path.resolve()} {window}"
         try:
@@ -49,4 +49,5 @@ class NyuMatPairs:
         rgb = np.ascontiguousarray(self.file["images"][number].transpose(2, 1, 0))
         depth_m = np.ascontiguousarray(self.file["depths"][number].T.astype(np.float32))
         depth_m[depth_m <= 0] = np.nan
-        return Pair(self.ids[index], rgb, *blank_outside(depth_m, None, self.window))
+        name = f"{self.path}, picture {number}"
+        return Pair(self.ids[index], rgb, *blank_outside(depth_m, None, self.window, of=name))

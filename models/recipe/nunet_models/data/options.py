@@ -1,6 +1,7 @@
 """Command-line options that say where the data is and in which units."""
 
 import argparse
+import math
 from pathlib import Path
 
 from nunet_models.data.cache import Cached, build_cache
@@ -21,8 +22,7 @@ def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) 
     group.add_argument(
         "--depth-scale",
         type=float,
-        default=MILLIMETRE_M,
-        help="metres a unit of the depth pictures (default %(default)s)",
+        help=f"metres a unit of the depth pictures (default {MILLIMETRE_M}, for 16 bits alone)",
     )
     group.add_argument(
         "--depth-offset",
@@ -42,6 +42,7 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     window = _parse_window(options.window)
     if options.data.suffix == ".mat":
         return NyuMatPairs(options.data, read_ids(ids), window=window)
+    _check_units(options)
     units = DepthUnits(
         options.depth_scale, options.depth_offset, zero_is_none=options.depth_offset == 0.0
     )
@@ -58,6 +59,14 @@ def open_cached(options: argparse.Namespace, ids: Path) -> Cached:
     return build_cache(open_pairs(options, ids), options.cache)
 
 
+def _check_units(options: argparse.Namespace) -> None:
+    scale, offset = options.depth_scale, options.depth_offset
+    if scale is not None and not 0.0 < scale < math.inf:
+        raise ConfigError(f"`--depth-scale {scale}`; expected metres a unit, more than 0")
+    if not math.isfinite(offset):
+        raise ConfigError(f"`--depth-offset {offset}`; expected a number")
+
+
 def _parse_window(text: str | None) -> tuple[int, int, int, int] | None:
     if text is None:
         return None
@@ -65,4 +74,9 @@ def _parse_window(text: str | None) -> tuple[int, int, int, int] | None:
         top, left, bottom, right = (int(part) for part in text.split(","))
     except ValueError as error:
         raise ConfigError(f"`--window {text}` is not four whole numbers") from error
+    if not (0 <= top < bottom and 0 <= left < right):
+        raise ConfigError(
+            f"`--window {text}` leaves nothing; expected TOP,LEFT,BOTTOM,RIGHT in pixels from 0, "
+            "TOP less than BOTTOM and LEFT less than RIGHT"
+        )
     return top, left, bottom, right

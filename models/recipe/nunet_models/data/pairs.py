@@ -12,6 +12,7 @@ from nunet_models.classes import IGNORE, labels13_from_labels40
 from nunet_models.errors import DataError
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
+SIXTEEN_TO_EIGHT = 257  # 65535 / 255
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
 
 
@@ -50,16 +51,18 @@ class Pairs(Protocol):
 class DepthUnits:
     """How the numbers of a depth picture become metres: `(value + offset) * scale_m`.
 
-    0 is no measurement where `zero_is_none`.
+    0 is no measurement where `zero_is_none`. Without a `scale_m` 16 bits are millimetres, and
+    pictures of 8 bits are refused.
     """
 
-    scale_m: float = MILLIMETRE_M
+    scale_m: float | None = None
     offset: float = 0.0
     zero_is_none: bool = True
 
     def metres(self, values: np.ndarray) -> np.ndarray:
         """Picture values (integers, any shape) to float32 metres, NaN = none."""
-        depth = ((values.astype(np.float64) + self.offset) * self.scale_m).astype(np.float32)
+        scale_m = MILLIMETRE_M if self.scale_m is None else self.scale_m
+        depth = ((values.astype(np.float64) + self.offset) * scale_m).astype(np.float32)
         if self.zero_is_none:
             depth[values == 0] = np.nan
         return depth
@@ -88,9 +91,9 @@ class FolderPairs:
         self.description = f"{root.name}, {len(ids)} pictures"
         missing = [p for i in ids for p in self._paths(i) if not p.is_file()]
         if missing:
-            raise DataError(
-                f"`{missing[0]}` is missing, and {len(missing) - 1} more of {len(ids)} pairs' files"
-            )
+            files = sum(len(self._paths(i)) for i in ids)
+            more = f", and {len(missing) - 1} more of the {files} files of {len(ids)} pairs"
+            raise DataError(f"`{missing[0]}` is missing{more if len(missing) > 1 else ''}")
         newest = max(p.stat().st_mtime_ns for i in ids for p in self._paths(i))
         self.identity = f"{root.resolve()} {units} {window} {self.has_labels} {newest}"
 
@@ -107,11 +110,16 @@ class FolderPairs:
         identity = self.ids[index]
         rgb_path, depth_path, *label_path = self._paths(identity)
         rgb = read_rgb(rgb_path)
-        depth_m = self.units.metres(_single_channel(depth_path, rgb.shape[:2]))
-        labels = None
-        if label_path:
-            labels = labels13_from_labels40(_single_channel(label_path[0], rgb.shape[:2]))
-        return Pair(identity, rgb, *blank_outside(depth_m, labels, self.window))
+        depth = _single_channel(depth_path, rgb.shape[:2])
+        if depth.dtype == np.uint8 and self.units.scale_m is None:
+            raise DataError(
+                f"`{depth_path}` has 8 bits, which cannot be millimetres; "
+                "hint: `--depth-scale METRES` says what a unit is"
+            )
+        depth_m = self.units.metres(depth)
+        labels = _labels13(label_path[0], rgb.shape[:2]) if label_path else None
+        known = blank_outside(depth_m, labels, self.window, of=str(depth_path))
+        return Pair(identity, rgb, *known)
 
     def _paths(self, identity: str) -> list[Path]:
         candidates = [self.root / "rgb" / f"{identity}{suffix}" for suffix in RGB_SUFFIXES]
@@ -121,8 +129,16 @@ class FolderPairs:
 
 
 def read_ids(path: Path) -> list[str]:
-    """Ids of a list file, one a line; blank lines are allowed, repeated ids are not."""
-    ids = path.read_text(encoding="utf-8").split()
+    """Ids of a list file in UTF-8, one a line; blank lines are allowed, repeated ids are not.
+
+    # Errors
+    `DataError` naming a file that is no such list.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
+    except UnicodeDecodeError as error:
+        raise DataError(f"`{path}` is no list of ids in UTF-8: {error}") from error
+    ids = [line.strip() for line in lines if line.strip()]
     if not ids:
         raise DataError(f"`{path}` holds no ids")
     if len(set(ids)) != len(ids):
@@ -134,11 +150,23 @@ def blank_outside(
     depth_m: np.ndarray,
     labels: np.ndarray | None,
     window: tuple[int, int, int, int] | None,
+    *,
+    of: str,
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Depth and labels `[H, W]` with no truth outside of `window` (top, left, bottom, right)."""
+    """Depth and labels `[H, W]` with no truth outside of `window` (top, left, bottom, right).
+
+    # Errors
+    `DataError` naming the picture, `of`, of which nothing would be left.
+    """
     if window is None:
         return depth_m, labels
     top, left, bottom, right = window
+    if not depth_m[top:bottom, left:right].size:
+        height, width = depth_m.shape
+        raise DataError(
+            f"`--window {top},{left},{bottom},{right}` leaves nothing of `{of}`, which has "
+            f"{height} rows and {width} columns"
+        )
     outside = np.ones(depth_m.shape, dtype=bool)
     outside[top:bottom, left:right] = False
     depth_m[outside] = np.nan
@@ -148,12 +176,17 @@ def blank_outside(
 
 
 def read_rgb(path: Path) -> np.ndarray:
-    """A picture's colours, uint8 `[H, W, 3]`.
+    """A picture's colours, uint8 `[H, W, 3]`; 16 bits a channel are rounded to 8.
 
     # Errors
     `DataError` naming a file that is no picture.
     """
-    return np.array(_open(path).convert("RGB"))
+    image = _open(path)
+    if not image.mode.startswith("I"):
+        return np.array(image.convert("RGB"))
+    # 16 bits of grey, which PIL would clip at 255
+    grey = (np.array(image).astype(np.int64) + SIXTEEN_TO_EIGHT // 2) // SIXTEEN_TO_EIGHT
+    return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
 def _open(path: Path) -> Image.Image:
@@ -165,10 +198,24 @@ def _open(path: Path) -> Image.Image:
     return image
 
 
+def _labels13(path: Path, size: tuple[int, int]) -> np.ndarray:
+    labels40 = _single_channel(path, size)
+    if labels40.max() > IGNORE:
+        raise DataError(
+            f"`{path}` has the label {labels40.max()}; expected NYU40's from 0 to 38, "
+            f"or up to {IGNORE} for what is ignored"
+        )
+    return labels13_from_labels40(labels40)
+
+
 def _single_channel(path: Path, size: tuple[int, int]) -> np.ndarray:
+    """Whole numbers `[H, W]`."""
     values = np.array(_open(path))
     if values.ndim != 2:
         raise DataError(f"`{path}` has {values.shape[-1]} channels; expected one")
+    if values.dtype.kind not in "iu":
+        kind = "1 bit" if values.dtype == np.bool_ else values.dtype
+        raise DataError(f"`{path}` has {kind} a pixel; expected whole numbers of 8 or 16 bits")
     if values.shape != size:
         raise DataError(f"`{path}` is {values.shape}, but its colour picture is {size}")
     return values

@@ -8,16 +8,19 @@ import torch
 
 from nunet_models.data.cache import Cached
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
+from nunet_models.data.pairs import read_ids
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo.backbones import check_drop_path
 from nunet_models.zoo.spec import LITE_DECODER
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
+SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
     "augmentation": sorted(AUGMENTATIONS),
     "optimiser": sorted(OPTIMISERS),
@@ -29,7 +32,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     """Register `train` and its options."""
     parser = verbs.add_parser("train", help="train one component of a serial graph")
     parser.add_argument("--run", type=Path, required=True, dest="folder", help="the run's folder")
-    parser.add_argument("--resume", action="store_true", help="go on with the run in the folder")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the run in the folder, with the options it was started with; other "
+        "`--epochs`, `--threads`, `--workers` and `--validate-every` are taken as given now",
+    )
     parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     add_data_options(parser)
@@ -55,7 +63,7 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
     group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")
     group.add_argument("--dropout", type=float, default=0.0)
-    group.add_argument("--drop-path", type=float, default=0.0)
+    group.add_argument("--drop-path", type=float, default=0.0, help="for timm's backbones alone")
     group.add_argument("--start", type=Path, help="checkpoint to take the whole graph from")
     group.add_argument(
         "--plug",
@@ -77,7 +85,12 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
 def _add_settings(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("settings")
     group.add_argument("--component", required=True, help="the component to train")
-    group.add_argument("--epochs", type=int, required=True)
+    group.add_argument(
+        "--epochs",
+        type=int,
+        required=True,
+        help="a run resumed with more goes on along the schedule of the new length",
+    )
     for setting in fields(Settings):
         if setting.name in {"component", "epochs"}:
             continue
@@ -102,6 +115,7 @@ def run(options: argparse.Namespace) -> int:
     last = options.folder / Trainer.LAST
     if last.exists() and not options.resume:
         raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
+    _check_ids(options)
     torch.manual_seed(settings.seed)
     graph, before = _graph(options)
     trainer = Trainer(
@@ -120,12 +134,38 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _check_ids(options: argparse.Namespace) -> None:
+    """Refuse lists of ids that cannot be trained or validated on, before anything is decoded."""
+    train, val = read_ids(options.train_ids), read_ids(options.val_ids)
+    shared = sorted(set(train) & set(val))
+    if shared:
+        some = ", ".join(f"`{name}`" for name in shared[:SHARED_SHOWN])
+        raise ConfigError(
+            f"`{options.train_ids}` and `{options.val_ids}` share {len(shared)} ids: {some}"
+            f"{' ...' if len(shared) > SHARED_SHOWN else ''}; hint: what was trained on tells "
+            "nothing in validation, so keep these in one list alone"
+        )
+    if options.batch < 1:
+        raise ConfigError(f"`--batch {options.batch}`; expected at least 1")
+    if len(train) < options.batch:
+        raise ConfigError(
+            f"`{options.train_ids}` names {len(train)} pictures; expected at least "
+            f"`--batch {options.batch}` of them, as an epoch has whole batches only; "
+            f"hint: `--batch {len(train)}` or less"
+        )
+
+
 def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     """The graph to train, and the checkpoint whose history goes on."""
     before = Checkpoint.load(options.start) if options.start else None
     spec = before.spec if before is not None else _spec(options)
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
+    if options.drop_path and not (options.folder / Trainer.LAST).exists():
+        # (a run to resume may be of a version that took it for any backbone)
+        for component in spec.components:
+            if component.name == options.component:
+                check_drop_path(component.backbone)
     components = tuple(
         c.changed(dropout=options.dropout, drop_path=options.drop_path)
         if c.name == options.component

@@ -1,7 +1,7 @@
 """Everything that decides a training run, as plain data kept in its checkpoints."""
 
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import MISSING, asdict, dataclass, fields
+from typing import Any
 
 from nunet_models.data.augment import BALANCED, NO_AUGMENTATION, STRONG, Augmentation
 
@@ -11,12 +11,16 @@ AUGMENTATIONS: dict[str, Augmentation] = {
     "balanced": BALANCED,
 }
 
+MAY_CHANGE = frozenset({"epochs", "threads", "workers", "validate_every"})
+"""Settings that a resumed run may be given anew: none of them changes a step already made."""
+
 
 @dataclass(frozen=True)
 class Settings:
     """Settings of the training of one component of a serial graph.
 
-    `loss` is for depth components (see `losses.parse_loss`); `smoothing` and `class_power` for
+    `loss` is for depth components (see `losses.parse_loss`: weights by name, and
+    `scale_invariant:LAMBDA=WEIGHT`); `smoothing` and `class_power` for
     segmentation: classes weigh as their frequency to the power `-class_power`. `joint_noise` is
     the probability that a picture's features from the component before are withheld, and sets how
     much they are scaled: a frozen component is surer of pictures it was trained on than it will
@@ -25,6 +29,9 @@ class Settings:
     lie between two validations; the last epoch is always validated. `workers` prepare batches in
     processes of their own; with 0 the training does it itself, which is quicker where augmentation
     is little work: a fork breaks the parent's huge pages.
+
+    A run resumed with more `epochs` goes on along the schedule of the new length: `cosine` rises
+    at once to where the longer curve is at that step; `constant` does not change.
     """
 
     component: str
@@ -56,7 +63,24 @@ class Settings:
         """Plain JSON types."""
         return asdict(self)
 
-    @classmethod
-    def from_json(cls, values: dict[str, Any]) -> Self:
-        """Rebuild settings from `to_json`'s answer."""
-        return cls(**values)
+    def differences(self, started: dict[str, Any]) -> list[str]:
+        """What differs from the settings that a run was started with (`to_json`'s answer).
+
+        A phrase an option, those of `MAY_CHANGE` left out. A setting that `started` lacks is of a
+        later version than the run, which had its default.
+        """
+        found = []
+        for setting in fields(self):
+            name, given = setting.name, getattr(self, setting.name)
+            before = started.get(name, given if setting.default is MISSING else setting.default)
+            if name not in MAY_CHANGE and given != before:
+                found.append(f"`{_option(name, before)}`, given `{_option(name, given)}`")
+        return found
+
+
+def _option(name: str, value: object) -> str:
+    """A setting as it is written on the command line."""
+    dashed = name.replace("_", "-")
+    if isinstance(value, bool):
+        return f"--{dashed}" if value else f"--no-{dashed}"
+    return f"--{dashed} {value}"

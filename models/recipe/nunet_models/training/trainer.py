@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +14,7 @@ from tqdm import tqdm
 
 from nunet_models.classes import IGNORE
 from nunet_models.data.batches import Batch, epoch_batches
-from nunet_models.data.cache import Cached
+from nunet_models.data.cache import REACH_M, Cached
 from nunet_models.data.encode import encoded_depth
 from nunet_models.errors import ConfigError
 from nunet_models.export.deploy import normalise
@@ -28,7 +29,7 @@ from nunet_models.training.validate import predictions, validate
 from nunet_models.zoo import Component, SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
-LOG_EVERY = 20
+LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer
 VALIDATION_BATCH = 8
 OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
@@ -60,8 +61,7 @@ class Trainer:
         self.component = graph.component(settings.component)
         self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
-        if self.segments and not train.has_labels:
-            raise ConfigError("the training data has no labels; hint: it needs a folder `label40`")
+        self._check_truth()
         torch.manual_seed(settings.seed)
         torch.set_num_threads(settings.threads)
         graph.to(memory_format=torch.channels_last)
@@ -79,8 +79,22 @@ class Trainer:
         self.weights = _class_weights(train, graph, settings) if self.segments else None
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
+        self.losses: list[float] = []
         self.history: list[dict[str, float]] = []
         self.before = before or Checkpoint(graph.spec, {})
+
+    def _check_truth(self) -> None:
+        for data, name in ((self.data, "training"), (self.val, "validation")):
+            if self.segments and not data.has_labels:
+                raise ConfigError(
+                    f"the {name} data has no labels; hint: it needs a folder `label40`, "
+                    "with classes from 0 to 38"
+                )
+            if not self.segments and not data.has_depth:
+                raise ConfigError(
+                    f"the {name} data has no depth; hint: every pixel of `depth` is 0, outside of "
+                    f"`--window`, or beyond {REACH_M:.1f} m by `--depth-scale`"
+                )
 
     @property
     def batches(self) -> int:
@@ -108,7 +122,7 @@ class Trainer:
         return [torch.compile(c) for c in self.frozen], [torch.compile(c) for c in self.trained]
 
     def _train_epoch(self, forward: tuple, log: RunLog, deadline: float, quiet: bool) -> bool:
-        saved, losses = time.monotonic(), []
+        saved = time.monotonic()
         progress = tqdm(
             self._epoch_batches(),
             total=self.batches,
@@ -117,20 +131,26 @@ class Trainer:
             disable=quiet,
         )
         for batch in progress:
-            losses.append(self._step(batch, forward))
+            self.losses.append(self._step(batch, forward))
             self.batch += 1
             if self.step % LOG_EVERY == 0:
-                rate = self.optimiser.param_groups[-1]["lr"]
-                log.step(self.step, {"loss": float(np.mean(losses)), "lr": rate})
-                progress.set_postfix(loss=f"{np.mean(losses):.4f}")
-                losses = []
+                progress.set_postfix(loss=f"{np.mean(self.losses):.4f}")
+                self._log_losses(log)
             now = time.monotonic()
             if now > deadline or now - saved > SAVE_EVERY_S:
                 self.save()
                 saved = now
             if now > deadline:
                 return False
+        self._log_losses(log)
         return True
+
+    def _log_losses(self, log: RunLog) -> None:
+        """Log the mean loss of the steps since the last time, if there were any."""
+        if self.losses:
+            rate = self.optimiser.param_groups[-1]["lr"]
+            log.step(self.step, {"loss": float(np.mean(self.losses)), "lr": rate})
+        self.losses = []
 
     def _epoch_batches(self) -> Iterator[Batch]:
         return epoch_batches(
@@ -156,6 +176,12 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["lr"] = group["base_lr"] * factor
         loss = self._loss(batch, *forward)
+        value = loss.item()
+        if not np.isfinite(value):  # before any weight is lost to it
+            raise ConfigError(
+                f"the loss is {value} at step {self.step + 1}; hint: lower `--lr` "
+                "in another `--run`"
+            )
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         if settings.clip:
@@ -165,9 +191,6 @@ class Trainer:
         self.step += 1
         for averaged in self.averages:
             averaged.update(self.step)
-        value = loss.item()
-        if not np.isfinite(value):
-            raise ConfigError(f"the loss is {value} at step {self.step}; hint: lower `--lr`")
         return value
 
     def _loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
@@ -220,9 +243,9 @@ class Trainer:
             tqdm.write(f"epoch {self.epoch}: {shown}")
         self.history.append({"epoch": self.epoch, **figures})
         score = [_score(row) for row in self.history]
-        self.save()
         if score[-1] == max(score):
-            self.save(best=True)
+            self.save(best=True)  # first: a run that ends in between repeats the epoch from `LAST`
+        self.save()
 
     def averaged_graph(self) -> SerialGraph:
         """A copy of the graph with the averaged weights of the components in training."""
@@ -243,6 +266,9 @@ class Trainer:
             "step": self.step,
             "epoch": self.epoch,
             "batch": self.batch,
+            "losses": self.losses,
+            "trains": name,
+            "ids": self._fingerprints(),
         }
         Checkpoint(
             self.graph.spec,
@@ -256,17 +282,20 @@ class Trainer:
         """Go on from `LAST`: the same losses follow as if nothing had happened.
 
         # Errors
-        `ConfigError` when the run in the folder is of another graph or another component.
+        `ConfigError` when the run in the folder is of another graph or another component, or was
+        started with other settings or other lists of ids.
         """
         checkpoint = Checkpoint.load(self.folder / self.LAST)
         progress, name = checkpoint.progress, self.settings.component
         if progress is None:
             raise ConfigError(f"`{self.folder / self.LAST}` holds no training to resume")
-        if checkpoint.spec != self.graph.spec or name not in checkpoint.settings:
+        known = name in checkpoint.settings and progress.get("trains", name) == name
+        if checkpoint.spec != self.graph.spec or not known:
             raise ConfigError(
                 f"the run in `{self.folder}` trains another graph or component than `{name}` of "
                 f"`{self.graph.spec.architecture}`; hint: the options it was started with"
             )
+        self._check_same_run(checkpoint.settings[name], progress)
         self.graph.load_state_dict(checkpoint.weights)
         live = [*progress.get("unfrozen", []), progress["component"]]
         for component, averaged, weights in zip(self.trained, self.averages, live, strict=True):
@@ -275,8 +304,27 @@ class Trainer:
         self.optimiser.load_state_dict(progress["optimiser"])
         torch.set_rng_state(progress["torch_rng"])
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
+        self.losses = list(progress.get("losses", []))  # absent in files of earlier versions
         self.history = checkpoint.history[name]
         self.before = checkpoint
+
+    def _check_same_run(self, started: dict[str, Any], progress: dict[str, Any]) -> None:
+        """Refuse options that the run in the folder was not started with."""
+        other = self.settings.differences(started)
+        before = progress.get("ids", {})  # absent in files of earlier versions
+        for option, fingerprint in self._fingerprints().items():
+            if before.get(option, fingerprint) != fingerprint:
+                other.append(f"another list than that of `{option}`")
+        if other:
+            raise ConfigError(
+                f"the run in `{self.folder}` was started with {'; '.join(other)}; "
+                "hint: the options it was started with, or another `--run` with "
+                f"`--start {self.folder / self.BEST}`"
+            )
+
+    def _fingerprints(self) -> dict[str, str]:
+        """Of the lists of ids, by the option that names them."""
+        return {"--train-ids": self.data.fingerprint, "--val-ids": self.val.fingerprint}
 
 
 def _score(figures: dict[str, float]) -> float:
@@ -309,4 +357,5 @@ def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torc
         counts += np.bincount(picture[::4, ::4].ravel(), minlength=256)
     share = counts[: len(graph.spec.classes)] / max(1.0, counts[:IGNORE].sum())
     weights = np.maximum(share, 1e-3) ** -settings.class_power
-    return torch.tensor(weights / (weights * share).sum(), dtype=torch.float32)
+    mean = (weights * share).sum() or 1.0  # 0 where no label is among those looked at
+    return torch.tensor(weights / mean, dtype=torch.float32)

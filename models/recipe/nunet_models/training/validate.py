@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from nunet_models.data.augment import NO_AUGMENTATION
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import Cached
+from nunet_models.errors import ConfigError
 from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.export.deploy import decode_depth, normalise
@@ -23,6 +24,9 @@ def validate(
 
     Metric depth is cropped as `EIGEN` where the size fits; labels, and depth of a network that
     gives it stretched, are compared over the whole picture.
+
+    # Errors
+    `ConfigError` where no pixel has both truth and an answer.
     """
     spec = graph.spec
     segments = spec.components[component].task == "segmentation"
@@ -35,9 +39,14 @@ def validate(
             labels.add(picture, data.labels[index])
         else:
             depth.add_depth(picture, data.depth_m(index))
-    if segments:
-        return labels.figures()
-    return depth.depth.figures() if depth.metric else depth.minmax.figures()
+    metrics = labels if segments else depth.depth if depth.metric else depth.minmax
+    figures = metrics.figures()
+    if not figures:
+        raise ConfigError(
+            "no pixel of the validation pictures has both truth and an answer; hint: of pictures "
+            f"of {EIGEN.size}, metric depth is compared within Eigen's crop alone"
+        )
+    return figures
 
 
 def predictions(

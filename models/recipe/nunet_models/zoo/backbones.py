@@ -6,6 +6,7 @@ from segmentation_models_pytorch.encoders._base import EncoderMixin
 from torch import nn
 
 from nunet_models.errors import ConfigError
+from nunet_models.zoo.dense import DENSE
 
 TINY = "tiny"
 """Backbone of the test models: five strided convolutions, some kilobytes."""
@@ -68,6 +69,19 @@ def library_name(backbone: str) -> str:
     )
 
 
+def check_drop_path(backbone: str) -> None:
+    """Refuse stochastic depth where it would do nothing.
+
+    # Errors
+    `ConfigError` for a backbone that is not timm's.
+    """
+    if backbone in DENSE or not library_name(backbone).startswith("tu-"):
+        raise ConfigError(
+            f"backbone `{backbone}` knows no drop path; expected one of timm's; hint: "
+            "`efficientnet_lite0`..`4`, `tu-NAME` for another, or no `--drop-path`"
+        )
+
+
 def build_unet(
     backbone: str,
     *,
@@ -79,13 +93,24 @@ def build_unet(
     """A U-Net with random weights and a linear head: `[B, in, h, w]` to `[B, out, h, w]`.
 
     `drop_path` is for timm's backbones (Huang et al., "Deep networks with stochastic depth",
-    2016); segmentation_models_pytorch's own know none and refuse it.
+    2016). segmentation_models_pytorch's own know none and take no notice, so that checkpoints which
+    name one still load: `check_drop_path` is for new ones.
+
+    # Errors
+    `ConfigError` for an unknown backbone, or one of timm's without stochastic depth.
     """
-    return smp.Unet(
-        library_name(backbone),
-        encoder_weights=None,
-        drop_path_rate=drop_path or None,
-        in_channels=in_channels,
-        classes=out_channels,
-        decoder_channels=decoder_channels,
-    )
+    try:
+        return smp.Unet(
+            library_name(backbone),
+            encoder_weights=None,
+            drop_path_rate=drop_path or None,
+            in_channels=in_channels,
+            classes=out_channels,
+            decoder_channels=decoder_channels,
+        )
+    except TypeError as error:
+        if not drop_path:
+            raise
+        raise ConfigError(
+            f"backbone `{backbone}` knows no drop path: {error}; hint: no `--drop-path`"
+        ) from error
