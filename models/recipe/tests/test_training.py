@@ -165,6 +165,34 @@ def test_a_trained_run_becomes_a_model_file_that_says_how_it_was_trained(dataset
     assert json.loads(values["nunet.accuracy"]) == {"metrics": {"rmse": 0.6}}
 
 
+def test_a_graph_with_an_untrained_component_is_not_exported_as_trained(dataset, tmp_path, capsys):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    assert train(dataset, run, epochs=1) == 0
+    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 1
+    said = capsys.readouterr().err
+    assert "component `depth` of" in said and "is untrained, its weights are random" in said
+    assert f"hint: `train --component depth --start {run / 'best.pt'}`" in said
+    assert not model.exists()
+
+
+def test_a_run_without_a_validated_epoch_is_not_exported(dataset, tmp_path, capsys):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    unet = ("--architecture", "unet", "--minutes", "1e-9")
+    assert train(dataset, run, *unet, component="depth") == 0
+    assert main(["export", "--checkpoint", str(run / "last.pt"), "--out", str(model)]) == 1
+    assert "component `depth` of" in (said := capsys.readouterr().err)
+    assert "has no validated epoch yet; hint: train on with `--resume`" in said
+
+
+def test_what_learnt_along_with_a_later_component_counts_as_trained():
+    spec = tiny_spec("wnet_c")
+    history = {"depth": [{"epoch": 1}]}
+    alone = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": False}})
+    along = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": True}})
+    assert alone.untrained_component() == "segmentation"
+    assert along.untrained_component() is None
+
+
 def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(dataset, tmp_path):
     paper = ("--encoding", "minmax", "--loss", "mse", "--ema", "0", "--schedule", "constant")
     options = ("--architecture", "unet", "--optimiser", "adam", *paper)

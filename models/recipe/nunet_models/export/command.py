@@ -101,9 +101,26 @@ def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = Checkpoint.load(options.checkpoint)
+    _require_trained(checkpoint, options.checkpoint)
     accuracy = json.loads(options.accuracy.read_text()) if options.accuracy else {}
     training = {
         component: {**settings, "epochs_done": checkpoint.history[component][-1]["epoch"]}
         for component, settings in checkpoint.settings.items()
+        if checkpoint.history.get(component)
     }
     return checkpoint.graph(), Provenance(trained=True, training=training, accuracy=accuracy)
+
+
+def _require_trained(checkpoint: Checkpoint, path: Path) -> None:
+    untrained = checkpoint.untrained_component()
+    if untrained is None:
+        return
+    if untrained in checkpoint.settings:
+        raise ConfigError(
+            f"component `{untrained}` of `{path}` has no validated epoch yet; hint: train on with "
+            "`--resume`, an epoch or as many as `--validate-every` says, then export `best.pt`"
+        )
+    raise ConfigError(
+        f"component `{untrained}` of `{path}` is untrained, its weights are random; hint: `train "
+        f"--component {untrained} --start {path}`, then export that run's `best.pt`"
+    )

@@ -40,6 +40,19 @@ class Checkpoint:
         }
         return replace(self, weights=weights, progress=None)
 
+    def untrained_component(self) -> str | None:
+        """The first component that no validated epoch of any training has changed, if there is one.
+
+        A component learns in its own training, and in that of a later one which left it unfrozen.
+        """
+        names = [component.name for component in self.spec.components]
+        learnt: set[str] = set()
+        for index, name in enumerate(names):
+            if self.history.get(name):
+                unfrozen = self.settings.get(name, {}).get("unfrozen", False)
+                learnt.update(names[: index + 1] if unfrozen else [name])
+        return next((name for name in names if name not in learnt), None)
+
     def component_weights(self, name: str) -> dict[str, torch.Tensor]:
         """The averaged weights of the component called `name`, by its own keys."""
         names = [component.name for component in self.spec.components]
