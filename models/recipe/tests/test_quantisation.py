@@ -1,5 +1,6 @@
 """Quantisation of a test model: integers inside, nearly the same depth, its own self-test."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -58,7 +59,10 @@ def test_a_quantised_file_is_a_model_file_with_its_own_selftest(quantised):
     predictor = Predictor(quantised[1])
     selftest = json.loads(predictor.metadata["nunet.selftest"])
     assert selftest["precision"] == "int8" and "int8" in selftest["tolerance"]
-    assert json.loads(predictor.metadata["nunet.training"])["quantisation"]["method"] == "minmax"
+    how = json.loads(predictor.metadata["nunet.training"])["quantisation"]
+    assert how["method"] == "minmax"
+    digest = hashlib.sha256(b"0000\n0001\n0002\n0003\n").hexdigest()
+    assert how["calibration"] == {"used": 4, "pictures": 4, "ids_sha256": digest}
 
 
 def test_quantised_depth_stays_near(quantised):

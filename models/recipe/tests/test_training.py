@@ -1,6 +1,7 @@
 """Training of tiny networks: it learns, stops in time, and resumes to the same losses."""
 
 import csv
+import hashlib
 import json
 import shutil
 
@@ -161,7 +162,15 @@ def test_a_trained_run_becomes_a_model_file_that_says_how_it_was_trained(dataset
     assert main([*export, "--out", str(model)]) == 0
     values = read_metadata(model)
     assert values["nunet.trained"] == "true"
-    assert json.loads(values["nunet.training"])["depth"]["epochs_done"] == 1
+    training = json.loads(values["nunet.training"])["depth"]
+    assert training["epochs_done"] == 1
+    ids = "0000\n0001\n0002\n0003\n"
+    assert training["data"]["train"] == {
+        "pictures": 4,
+        "ids_sha256": hashlib.sha256(ids.encode()).hexdigest(),
+    }
+    assert (training["data"]["name"], training["data"]["depth_scale"]) == ("rooms", 0.001)
+    assert (training["dropout"], training["origin"]) == (0.0, {})
     assert json.loads(values["nunet.accuracy"]) == {"metrics": {"rmse": 0.6}}
 
 
@@ -209,6 +218,10 @@ def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, ca
     one, other = (c.component_weights("segmentation") for c in (theirs, ours))
     assert all(torch.equal(one[name], other[name]) for name in one)
     assert ours.history["segmentation"] == theirs.history["segmentation"]
+    assert ours.provenance["segmentation"] == theirs.provenance["segmentation"]
+    plugged = ours.provenance["depth"]["origin"]["plug"]["segmentation"]
+    digest = hashlib.sha256((seg / "best.pt").read_bytes()).hexdigest()
+    assert plugged == {"file": "best.pt", "sha256": digest}
     wrong = ("--architecture", "wnet_c", "--plug", f"depth={seg / 'best.pt'}")
     assert train(dataset, tmp_path / "wrong", *wrong, component="depth", epochs=1) == 1
     assert "do not fit component `depth`" in capsys.readouterr().err
@@ -226,6 +239,20 @@ def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset,
     start = SerialGraph(one.spec).state_dict()
     name = "components.0.unet.segmentation_head.0.weight"
     assert not torch.equal(start[name], one.weights[name])
+
+
+def test_a_checkpoint_that_knows_no_provenance_still_loads_resumes_and_exports(dataset, tmp_path):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    unet = ("--architecture", "unet")
+    assert train(dataset, run, *unet, component="depth", epochs=1) == 0
+    for name in ("last.pt", "best.pt"):
+        values = torch.load(run / name, weights_only=True)
+        del values["provenance"]
+        torch.save(values, run / name)
+    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 0
+    assert "data" not in json.loads(read_metadata(model)["nunet.training"])["depth"]
+    assert train(dataset, run, *unet, "--resume", component="depth", epochs=2) == 0
+    assert Checkpoint.load(run / "last.pt").provenance == {}
 
 
 def test_weights_to_go_on_from_are_half_the_size_and_nearly_the_same(dataset, tmp_path):

@@ -104,7 +104,11 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     _require_trained(checkpoint, options.checkpoint)
     accuracy = json.loads(options.accuracy.read_text()) if options.accuracy else {}
     training = {
-        component: {**settings, "epochs_done": checkpoint.history[component][-1]["epoch"]}
+        component: {
+            **settings,
+            "epochs_done": checkpoint.history[component][-1]["epoch"],
+            **checkpoint.provenance.get(component, {}),
+        }
         for component, settings in checkpoint.settings.items()
         if checkpoint.history.get(component)
     }
@@ -115,7 +119,7 @@ def _require_trained(checkpoint: Checkpoint, path: Path) -> None:
     untrained = checkpoint.untrained_component()
     if untrained is None:
         return
-    if untrained in checkpoint.settings:
+    if checkpoint.settings.get(untrained):
         raise ConfigError(
             f"component `{untrained}` of `{path}` has no validated epoch yet; hint: train on with "
             "`--resume`, an epoch or as many as `--validate-every` says, then export `best.pt`"

@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -62,8 +63,17 @@ class _Pictures(CalibrationDataReader):
         return None if rgb is None else self.predictor.inputs(rgb)
 
 
-def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) -> dict[str, str]:
+def quantise(
+    path: Path,
+    out: Path,
+    pictures: Iterator[np.ndarray],
+    plan: Plan,
+    *,
+    calibration: dict[str, Any] | None = None,
+) -> dict[str, str]:
     """Write the quantised file of `path` to `out`, self-test measured anew; gives its metadata.
+
+    `calibration` says which `pictures` they are, for the metadata.
 
     # Errors
     `ConfigError` for a file that is quantised already.
@@ -110,6 +120,7 @@ def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) 
         "float_nodes": keep,
         "joints": factors,
         "margin": INT8_MARGIN,
+        "calibration": {"used": len(shown), **(calibration or {})},
     }
     values["nunet.training"] = to_json(training)
     write_metadata(out, values)

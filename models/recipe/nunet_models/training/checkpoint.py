@@ -17,7 +17,8 @@ class Checkpoint:
     """A serial graph and what is needed to go on training it.
 
     `weights` are the averaged ones, `progress` the trainer's own state (None in a file made only
-    to be exported), `history` the figures of each epoch by component name.
+    to be exported), `history` the figures of each epoch by component name. `provenance` says by
+    component what its run was made from (see `training.provenance`); older files have none.
     """
 
     spec: GraphSpec
@@ -25,6 +26,7 @@ class Checkpoint:
     progress: dict[str, Any] | None = None
     history: dict[str, list[dict[str, float]]] = field(default_factory=dict)
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def graph(self) -> SerialGraph:
         """The network with the averaged weights, ready to evaluate."""
@@ -72,6 +74,7 @@ class Checkpoint:
                 "progress": self.progress,
                 "history": self.history,
                 "settings": self.settings,
+                "provenance": self.provenance,
             },
             beside,
         )

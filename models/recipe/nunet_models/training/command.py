@@ -10,6 +10,7 @@ from nunet_models.data.cache import Cached
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.errors import ConfigError
 from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
@@ -104,11 +105,13 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
     torch.manual_seed(settings.seed)
     graph, before = _graph(options)
+    train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
+    before.provenance[settings.component] = run_provenance(options, train=train.ids, val=val.ids)
     trainer = Trainer(
         graph,
         settings,
-        train=open_cached(options, options.train_ids),
-        val=open_cached(options, options.val_ids),
+        train=train,
+        val=val,
         shown=Cached.of_picture(options.show) if options.show else None,
         folder=options.folder,
         before=before,
@@ -142,6 +145,7 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
         graph.component(name).load_weights(other.component_weights(name))
         before.history[name] = other.history.get(name, [])
         before.settings[name] = other.settings.get(name, {})
+        before.provenance[name] = other.provenance.get(name, {})
     component = graph.component(options.component)
     if options.begin_with:
         begin_with(

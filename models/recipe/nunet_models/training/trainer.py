@@ -38,7 +38,8 @@ class Trainer:
 
     `LAST` in the run's folder holds what `resume` needs, `BEST` the averaged weights of the best
     epoch. `shown` holds the picture whose prediction each validation keeps, the first one of `val`
-    by default. `before` is the checkpoint that the graph came from: its history is carried on.
+    by default. `before` is the checkpoint that the graph came from: its history is carried on, and
+    its provenance, which says where this run comes from too.
     """
 
     LAST = "last.pt"
@@ -250,6 +251,7 @@ class Trainer:
             None if best else progress,
             {**self.before.history, name: self.history},
             {**self.before.settings, name: self.settings.to_json()},
+            self.before.provenance,
         ).save(self.folder / (self.BEST if best else self.LAST))
 
     def resume(self) -> None:
