@@ -1,10 +1,10 @@
 """The verb `export`."""
 
 import argparse
-import json
 from pathlib import Path
 
 from nunet_models.errors import ConfigError
+from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
@@ -102,7 +102,7 @@ def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = Checkpoint.load(options.checkpoint)
     _require_trained(checkpoint, options.checkpoint)
-    accuracy = json.loads(options.accuracy.read_text()) if options.accuracy else {}
+    accuracy = read_accuracy(options.accuracy) if options.accuracy else {}
     training = {
         component: {
             **settings,

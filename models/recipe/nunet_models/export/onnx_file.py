@@ -37,7 +37,8 @@ def export_onnx(module: nn.Module, examples: tuple[torch.Tensor, ...], path: Pat
 def write_metadata(path: Path, values: dict[str, str]) -> None:
     """Set the file's `metadata_props` to `values`, and drop what the exporter left of its own.
 
-    Doc strings and stack traces of the exporter would carry the exporting machine's paths.
+    Doc strings and stack traces of the exporter would carry the exporting machine's paths. The file
+    is replaced as a whole: a crash meanwhile leaves the one that was there.
     """
     model = onnx.load(path)
     for part in (model, model.graph, *model.graph.node):
@@ -50,7 +51,17 @@ def write_metadata(path: Path, values: dict[str, str]) -> None:
     onnx.helper.set_model_props(model, values)
     model.producer_name, model.producer_version = "nunet_models", ""
     onnx.checker.check_model(model, full_check=True)
-    onnx.save(model, path)
+    save_whole(model, path)
+
+
+def save_whole(model: onnx.ModelProto, path: Path) -> None:
+    """Write `model` beside `path` and rename it: there is never half a file at `path`."""
+    beside = path.with_name(f"{path.name}.partial")
+    try:
+        onnx.save(model, beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def read_metadata(path: Path) -> dict[str, str]:
