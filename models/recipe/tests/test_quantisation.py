@@ -99,6 +99,10 @@ def test_a_quantised_file_awaits_an_accuracy_of_its_own(quantised, tmp_path, cap
     assert json.loads(values["nunet.selftest"])["precision"] == "int8"
     names = {"accuracy.json", "int8.onnx", TINY.name}
     assert {path.name for path in tmp_path.iterdir()} == names
+    assert main(["annotate", "--model", str(out), "--license", "CC0"]) == 0
+    assert read_metadata(out) == {**values, "nunet.license": "CC0"}
+    assert main(["annotate", "--model", str(out)]) == 1
+    assert "nothing to write; hint: `--accuracy FILE`" in capsys.readouterr().err
 
 
 def test_a_failed_quantisation_leaves_the_file_that_was_there(tmp_path, monkeypatch):

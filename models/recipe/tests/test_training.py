@@ -255,6 +255,39 @@ def test_a_checkpoint_that_knows_no_provenance_still_loads_resumes_and_exports(d
     assert Checkpoint.load(run / "last.pt").provenance == {}
 
 
+def test_a_network_of_another_camera_says_so_and_whose_pictures_they_are(dataset, tmp_path, capsys):
+    run, onward, model = tmp_path / "run", tmp_path / "onward", tmp_path / "model.onnx"
+    camera = ("--intrinsics", "600,601.5,320,240@640x480")
+    assert train(dataset, run, "--architecture", "unet", *camera, component="depth", epochs=1) == 0
+    export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
+    assert main(export) == 1
+    assert "hint: `--license TEXT` says whose pictures they are" in capsys.readouterr().err
+    assert main([*export, "--license", "CC0, our own pictures"]) == 0
+    values = read_metadata(model)
+    known = {"width": 640, "height": 480, "fx": 600.0, "fy": 601.5}
+    assert json.loads(values["nunet.camera"]) == known
+    assert values["nunet.license"] == "CC0, our own pictures"
+    best = str(run / "best.pt")
+    for more, fx in (((), 600.0), (("--intrinsics", "300,300,160,120@320x240"), 300.0)):
+        shutil.rmtree(onward, ignore_errors=True)
+        assert train(dataset, onward, "--start", best, *more, component="depth", epochs=1) == 0
+        assert Checkpoint.load(onward / "best.pt").spec.camera.fx == fx
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("600,600,320,240", "expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are"),
+        ("0,600,320,240@640x480", "expected fx,fy,cx,cy@WxH in pixels"),
+        ("600,600,320,180@640x360", "of 640x360; the training pictures are 128x96; hint:"),
+    ],
+)
+def test_intrinsics_that_cannot_be_are_refused(dataset, tmp_path, capsys, text, word):
+    assert train(dataset, tmp_path, "--intrinsics", text, epochs=1) == 1
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "last.pt").exists()
+
+
 def test_weights_to_go_on_from_are_half_the_size_and_nearly_the_same(dataset, tmp_path):
     run, halved = tmp_path / "run", tmp_path / "weights.pt"
     assert train(dataset, run, "--architecture", "wnet_c", epochs=1) == 0

@@ -1,4 +1,4 @@
-"""The verb `annotate`: what is measured of a finished model file, written into it."""
+"""The verb `annotate`: what is known of a finished model file, written into it."""
 
 import argparse
 import json
@@ -12,31 +12,43 @@ from nunet_models.export.onnx_file import read_metadata, write_metadata
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
     """Register `annotate` and its options."""
-    parser = verbs.add_parser("annotate", help="write a model file's accuracy into it")
+    parser = verbs.add_parser("annotate", help="write accuracy or licence into a model file")
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
+    parser.add_argument("--accuracy", type=Path, help="answer of `evaluate` for this very file")
     parser.add_argument(
-        "--accuracy", type=Path, required=True, help="answer of `evaluate` for this very file"
+        "--license", metavar="TEXT", help="licence of the weights, attribution of their data"
     )
     parser.set_defaults(carry_out=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `annotate`; prints the file written."""
+    if not (options.accuracy or options.license):
+        raise ConfigError("nothing to write; hint: `--accuracy FILE` or `--license TEXT`")
     if not options.model.is_file():
         raise ConfigError(f"no model file `{options.model}`")
     values = read_metadata(options.model)
     if values.get("nunet.version") != "1":
         raise ConfigError(f"`{options.model}` is no nunet model file of version 1")
-    accuracy = read_accuracy(options.accuracy)
-    measured = accuracy.get("model", options.model.name)
-    if measured != options.model.name:
-        raise ConfigError(
-            f"`{options.accuracy}` is of the model `{measured}`; expected `{options.model.name}`; "
-            f"hint: `evaluate --model {options.model}`"
-        )
-    write_metadata(options.model, {**values, "nunet.accuracy": to_json(accuracy)})
+    if options.license:
+        values["nunet.license"] = options.license
+    if options.accuracy:
+        values["nunet.accuracy"] = to_json(_accuracy_of(options.model, options.accuracy))
+    write_metadata(options.model, values)
     print(options.model)
     return 0
+
+
+def _accuracy_of(model: Path, path: Path) -> dict[str, Any]:
+    """What was measured of this file and not of another one."""
+    accuracy = read_accuracy(path)
+    measured = accuracy.get("model", model.name)
+    if measured != model.name:
+        raise ConfigError(
+            f"`{path}` is of the model `{measured}`; expected `{model.name}`; "
+            f"hint: `evaluate --model {model}`"
+        )
+    return accuracy
 
 
 def read_accuracy(path: Path) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from nunet_models.export.model_file import Provenance, export_fused, export_stag
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.training.checkpoint import Checkpoint
-from nunet_models.zoo import SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_spec
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -49,6 +49,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     )
     parser.add_argument(
         "--accuracy", type=Path, help="answer of `evaluate`, to be kept in the file's metadata"
+    )
+    parser.add_argument(
+        "--license",
+        metavar="TEXT",
+        help="licence of the weights and attribution of their data, for the metadata (default: "
+        "that of the model that ships, trained on NYU Depth V2)",
     )
     parser.set_defaults(carry_out=run)
 
@@ -96,12 +102,17 @@ def _export_one(options: argparse.Namespace) -> Path:
 
 def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     spec = graph_spec(options.untrained, backbone=options.backbone)
-    return untrained_graph(spec, seed=options.seed), Provenance()
+    return untrained_graph(spec, seed=options.seed), Provenance(license_text=options.license)
 
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = Checkpoint.load(options.checkpoint)
     _require_trained(checkpoint, options.checkpoint)
+    if checkpoint.spec.camera != NYU_CAMERA and not options.license:
+        raise ConfigError(
+            f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
+            "licence text is the default; hint: `--license TEXT` says whose pictures they are"
+        )
     accuracy = read_accuracy(options.accuracy) if options.accuracy else {}
     training = {
         component: {
@@ -112,7 +123,9 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
         for component, settings in checkpoint.settings.items()
         if checkpoint.history.get(component)
     }
-    return checkpoint.graph(), Provenance(trained=True, training=training, accuracy=accuracy)
+    return checkpoint.graph(), Provenance(
+        trained=True, training=training, accuracy=accuracy, license_text=options.license
+    )
 
 
 def _require_trained(checkpoint: Checkpoint, path: Path) -> None:

@@ -15,7 +15,7 @@ from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
-from nunet_models.zoo.spec import LITE_DECODER
+from nunet_models.zoo.spec import LITE_DECODER, Camera
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
@@ -55,6 +55,12 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--decoder", choices=sorted(DECODERS), default="lite")
     group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
     group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")
+    group.add_argument(
+        "--intrinsics",
+        metavar="fx,fy,cx,cy@WxH",
+        help="camera of the training pictures, for nunetd's focal scaling (default: that of "
+        "`--start`, else NYU Depth V2's)",
+    )
     group.add_argument("--dropout", type=float, default=0.0)
     group.add_argument("--drop-path", type=float, default=0.0)
     group.add_argument("--start", type=Path, help="checkpoint to take the whole graph from")
@@ -106,6 +112,8 @@ def run(options: argparse.Namespace) -> int:
     torch.manual_seed(settings.seed)
     graph, before = _graph(options)
     train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
+    if options.intrinsics:
+        _require_shape(graph.spec.camera, train)
     before.provenance[settings.component] = run_provenance(options, train=train.ids, val=val.ids)
     trainer = Trainer(
         graph,
@@ -127,6 +135,8 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     """The graph to train, and the checkpoint whose history goes on."""
     before = Checkpoint.load(options.start) if options.start else None
     spec = before.spec if before is not None else _spec(options)
+    if options.intrinsics:
+        spec = replace(spec, camera=Camera.from_intrinsics(options.intrinsics))
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
     components = tuple(
@@ -156,6 +166,16 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     if options.like:
         like_component(component, graph.component(options.like))
     return graph, before
+
+
+def _require_shape(camera: Camera, train: Cached) -> None:
+    """The camera's pictures and those of the data may differ in size, not in shape."""
+    height, width = train.depth.shape[1:]
+    if camera.width * height != camera.height * width:
+        raise ConfigError(
+            f"`--intrinsics` is of pictures of {camera.width}x{camera.height}; the training "
+            f"pictures are {width}x{height}; hint: intrinsics at that size, scaled or cropped"
+        )
 
 
 def _spec(options: argparse.Namespace) -> GraphSpec:
