@@ -234,3 +234,10 @@ def test_a_graph_without_a_connected_joint_is_not_cut(tmp_path):
     with pytest.raises(ExportError, match="has 0 connected joints"):
         split(plain, tmp_path / "plain.toml")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_graph_with_a_memory_is_not_cut(tmp_path, capsys):
+    fused, out = TINY.with_name("tiny_wnet_c_lstm.onnx"), tmp_path / "new" / "staged.toml"
+    assert main(["export", "--split", str(fused), "--out", str(out)]) == 1
+    assert "`tiny_wnet_c_lstm.onnx` remembers earlier frames" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

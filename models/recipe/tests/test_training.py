@@ -153,12 +153,18 @@ def test_a_frozen_component_keeps_its_batch_norm_statistics():
     assert all(torch.equal(before[k], after[k]) for k in before)
 
 
-def test_a_trained_run_becomes_a_model_file_that_says_how_it_was_trained(dataset, tmp_path):
+def test_a_trained_run_becomes_a_file_that_says_how_it_was_trained(dataset, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     accuracy = tmp_path / "accuracy.json"
     accuracy.write_text('{"metrics": {"rmse": 0.6}}')
     assert train(dataset, run, "--architecture", "unet", component="depth", epochs=1) == 0
     export = ["export", "--checkpoint", str(run / "best.pt"), "--accuracy", str(accuracy)]
+    whole = accuracy.read_text()
+    for text, word in ((whole[:-1], "is no JSON: "), ("[]", "is no JSON object")):
+        accuracy.write_text(text)
+        assert main([*export, "--out", str(model)]) == 1
+        assert f"`{accuracy}` {word}" in capsys.readouterr().err and not model.exists()
+    accuracy.write_text(whole)
     assert main([*export, "--out", str(model)]) == 0
     values = read_metadata(model)
     assert values["nunet.trained"] == "true"

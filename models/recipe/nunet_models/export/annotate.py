@@ -25,8 +25,6 @@ def run(options: argparse.Namespace) -> int:
     """Carry out `annotate`; prints the file written."""
     if not (options.accuracy or options.license):
         raise ConfigError("nothing to write; hint: `--accuracy FILE` or `--license TEXT`")
-    if not options.model.is_file():
-        raise ConfigError(f"no model file `{options.model}`")
     values = read_metadata(options.model)
     if values.get("nunet.version") != "1":
         raise ConfigError(f"`{options.model}` is no nunet model file of version 1")

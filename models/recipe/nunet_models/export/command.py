@@ -78,7 +78,6 @@ def _split(options: argparse.Namespace) -> Path:
     out: Path | None = options.out
     if out is None or out.suffix != ".toml":
         raise ConfigError("`--split` needs `--out NAME.toml`")
-    out.parent.mkdir(parents=True, exist_ok=True)
     split(options.split, out)
     return out
 

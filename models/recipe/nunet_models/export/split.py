@@ -7,7 +7,7 @@ from onnx.utils import Extractor
 
 from nunet_models.errors import ExportError
 from nunet_models.export.model_file import graph_toml
-from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.onnx_file import describe, load_model, read_metadata, save_whole
 
 FEATURES, LOGITS = "features", "logits"
 OF_AN_INNER_STAGE = ("nunet.version", "nunet.classes", "nunet.inner_size")
@@ -22,10 +22,16 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
     that factor: the labels are the same, the logits are scaled.)
 
     # Errors
-    `ExportError` where the file has no connected joint, or more than one.
+    `ExportError` where the file has no connected joint, more than one, or a memory; nothing is
+    written then.
     """
-    model = onnx.load(fused)
+    model = load_model(fused)
     values = read_metadata(fused)
+    if "nunet.state" in values:
+        raise ExportError(
+            f"`{fused.name}` remembers earlier frames, and stages carry no state; hint: run the "
+            "one `.onnx`"
+        )
     features = _features(model, fused)
     first = _part(model, ["rgb"], [features, "labels"])
     second = _part(model, ["rgb", features], ["depth"])
@@ -33,10 +39,11 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
     _rename(second, features, FEATURES)
     _as_integers_again(second, model, features)
     inner = {key: values[key] for key in OF_AN_INNER_STAGE if key in values}
-    for part, name, said in ((first, names[0], inner), (second, names[1], values)):
-        path = out.with_name(f"{out.stem}.{name}.onnx")
-        onnx.save(part, path)
-        write_metadata(path, said)
+    describe(first, inner)
+    describe(second, values)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for part, name in ((first, names[0]), (second, names[1])):
+        save_whole(part, out.with_name(f"{out.stem}.{name}.onnx"))
     wires = {"rgb": "image", FEATURES: f"{names[0]}.{LOGITS}"}
     stages = [(names[0], {"rgb": "image"}), (names[1], wires)]
     results = {"depth": f"{names[1]}.depth", "labels": f"{names[0]}.labels"}

@@ -23,7 +23,7 @@ from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.export.measure import INT8_MARGIN, quantised_selftest
 from nunet_models.export.metadata import to_json
-from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.onnx_file import load_model, read_metadata, write_metadata
 from nunet_models.export.selftest import selftest_picture
 from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
 
@@ -84,7 +84,7 @@ def quantise(
     values = read_metadata(path)
     if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
         raise ConfigError(f"`{path}` is no fp32 model file")
-    model = onnx.load(path)
+    model = load_model(path)
     keep = [*plan.float_nodes, *(heads(model) if plan.float_heads else ())]
     known = {node.name for node in model.graph.node}
     unknown = [name for name in keep if name not in known]
