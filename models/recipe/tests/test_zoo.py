@@ -100,6 +100,17 @@ def test_a_memory_without_training_changes_nothing_and_is_carried_on():
     assert not torch.allclose(fresh[-1], again[-1])
 
 
+def test_a_memory_fits_a_backbone_whose_pools_round_down():
+    spec = graph_spec("wnet_c_lstm", backbone="tiny,vgg16")
+    spec = spec.with_sizes(input_size=(112, 144), inner_size=(112, 144))
+    graph = SerialGraph(spec).eval()
+    state = graph.components[-1].no_state()
+    assert state[0].shape == (1, 64, 3, 4)  # 112 / 32 and 144 / 32, rounded down
+    with torch.no_grad():
+        outputs, left = graph.remembering(torch.zeros(1, 3, 112, 144), state)
+    assert outputs[-1].shape == (1, 1, 112, 144) and left[0].shape == state[0].shape
+
+
 def test_imagenet_weights_leave_further_input_channels_at_zero():
     graph = SerialGraph(graph_spec("wnet_c"))
     for component in graph.components:
