@@ -215,6 +215,25 @@ def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(da
     assert 0.0 < float(rows(tmp_path, "epochs.csv")[0]["rmse"]) < 1.0
 
 
+def test_the_paper_s_own_w_net_trains_as_a_whole_and_is_exported(dataset, tmp_path, capsys):
+    """One channel, its sigmoid kept, crosses the joint; the loss of the second U-Net alone."""
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    paper = ("--tasks", "depth,depth", "--sigmoid-joint", "depth1", "--encoding", "minmax")
+    options = ("--architecture", "wnet", *paper, "--loss", "mse", "--unfrozen")
+    assert train(dataset, run, *options, component="depth", epochs=1) == 0
+    spec = Checkpoint.load(run / "best.pt").spec
+    assert [(c.name, c.task, c.sigmoid_joint) for c in spec.components] == [
+        ("depth1", "depth", True),
+        ("depth", "depth", False),
+    ]
+    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 0
+    values = read_metadata(model)
+    assert values["nunet.trained"] == "true" and "nunet.classes" not in values
+    onward = ("--start", str(run / "best.pt"), "--sigmoid-joint", "depth1")
+    assert train(dataset, tmp_path / "on", *onward, component="depth") == 1
+    assert "`--start` takes tasks and sigmoids from its checkpoint" in capsys.readouterr().err
+
+
 def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, capsys):
     seg, depth = tmp_path / "seg", tmp_path / "depth"
     assert train(dataset, seg, "--architecture", "wnet", epochs=1) == 0

@@ -69,6 +69,33 @@ def test_each_component_has_its_own_backbone():
     assert [c.task for c in spec.components] == ["segmentation", "depth", "depth"]
 
 
+def test_tasks_and_kept_sigmoids_are_the_caller_s():
+    spec = graph_spec("nunet4_c", tasks=("segmentation", "segmentation", "depth", "depth"))
+    assert [c.name for c in spec.components] == [
+        "segmentation",
+        "segmentation2",
+        "coarse2",
+        "depth",
+    ]
+    paper = graph_spec("wnet", tasks=("depth", "depth"), sigmoid_joints=["depth1"])
+    assert [paper.outputs_of(c) for c in paper.components] == [1, 1]
+    assert [c.sigmoid_joint for c in paper.components] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"tasks": ("depth",)}, "`depth` do not fit `wnet` of 2 components; hint: a list by comma"),
+        ({"tasks": ("colour", "depth")}, "of segmentation or depth, one a component"),
+        ({"tasks": ("depth", "segmentation")}, "must be of task `depth`"),
+        ({"sigmoid_joints": ["depth"]}, "no component `depth` whose numbers another one reads"),
+    ],
+)
+def test_tasks_and_sigmoids_that_do_not_fit_are_refused(changes, word):
+    with pytest.raises(ConfigError, match=word):
+        graph_spec("wnet", **changes)
+
+
 @pytest.mark.parametrize(
     ("architecture", "backbone", "word"),
     [

@@ -53,6 +53,19 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--architecture", default="wnet_c", help=architecture_names())
     group.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
     group.add_argument("--decoder", choices=sorted(DECODERS), default="lite")
+    group.add_argument(
+        "--tasks",
+        metavar="TASK,TASK...",
+        help="one a component, `segmentation` or `depth`, instead of the architecture's own; a "
+        "component whose task changes is called by task and place, such as `depth1`",
+    )
+    group.add_argument(
+        "--sigmoid-joint",
+        action="append",
+        default=[],
+        metavar="COMPONENT",
+        help="keep the final sigmoid on what the next component reads, as the paper's code does",
+    )
     group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
     group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")
     group.add_argument(
@@ -133,6 +146,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     """The graph to train, and the checkpoint whose history goes on."""
+    if options.start and (options.tasks or options.sigmoid_joint):
+        raise ConfigError(
+            "`--start` takes tasks and sigmoids from its checkpoint; hint: leave `--tasks` and "
+            "`--sigmoid-joint` out, or `--plug` components into a graph that has them"
+        )
     before = Checkpoint.load(options.start) if options.start else None
     spec = before.spec if before is not None else _spec(options)
     if options.intrinsics:
@@ -185,4 +203,6 @@ def _spec(options: argparse.Namespace) -> GraphSpec:
         decoder=DECODERS[options.decoder],
         inner_size=tuple(options.inner_size),
         encoding=options.encoding,
+        tasks=options.tasks.split(",") if options.tasks else (),
+        sigmoid_joints=options.sigmoid_joint,
     )
