@@ -1,6 +1,7 @@
 """Evaluation: protocols, baselines and the command, on numbers worked out by hand."""
 
 import json
+import shutil
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from nunet_models.classes import labels13_from_labels40
 from nunet_models.cli import main
 from nunet_models.data.pairs import Pair
 from nunet_models.errors import ConfigError, DataError
@@ -150,6 +152,28 @@ def test_a_file_that_cannot_be_measured_is_named(dataset, tmp_path, capsys, name
     assert evaluate(dataset, model=path) == 1
     said = capsys.readouterr().err
     assert f"`{path}`" in said and all(word in said for word in words)
+
+
+def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):
+    assert evaluate(dataset) == 0
+    expected = json.loads(capsys.readouterr().out)["labels"]
+    (dataset / "labels").mkdir()
+    for path in (dataset / "label40").iterdir():
+        own = labels13_from_labels40(np.array(Image.open(path)))
+        Image.fromarray(own).save(dataset / "labels" / path.name)
+        Image.fromarray(np.zeros_like(own)).save(path)  # `labels` comes first
+    assert evaluate(dataset) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["labels"] == expected
+    assert "no label figures" not in said.err
+
+
+def test_a_folder_without_labels_is_said_once(dataset, capsys):
+    shutil.rmtree(dataset / "label40")
+    assert evaluate(dataset) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["labels"] == {}
+    assert said.err.count(f"no label figures: `{dataset}` has no folder `labels`") == 1
 
 
 def test_eigen_s_crop_names_the_picture_of_another_size(dataset, capsys):

@@ -3,6 +3,7 @@
 import argparse
 import csv
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -46,6 +47,11 @@ def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
     predictor = Predictor(options.model, threads=options.threads)
     pairs = open_pairs(options, options.ids)
+    if predictor.classes and not pairs.has_labels:
+        print(
+            f"nunet_models: no label figures: `{options.data}` has no folder `labels` or `label40`",
+            file=sys.stderr,
+        )
     if options.clip and len(pairs) < 2:
         raise DataError(
             f"`{options.ids}` names one picture; expected two frames or more of a video; hint: "

@@ -62,7 +62,9 @@ class Trainer:
         self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
         if self.segments and not train.has_labels:
-            raise ConfigError("the training data has no labels; hint: it needs a folder `label40`")
+            raise ConfigError(
+                "the training data has no labels; hint: it needs a folder `labels` or `label40`"
+            )
         torch.manual_seed(settings.seed)
         torch.set_num_threads(settings.threads)
         graph.to(memory_format=torch.channels_last)
