@@ -6,6 +6,7 @@ import onnx
 from onnx.utils import Extractor
 
 from nunet_models.errors import ExportError
+from nunet_models.export.joints import connected_joints
 from nunet_models.export.model_file import graph_toml
 from nunet_models.export.onnx_file import describe, load_model, read_metadata, save_whole
 
@@ -52,26 +53,13 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
 
 def _features(model: onnx.ModelProto, path: Path) -> str:
     """The tensor that crosses the joint: what is concatenated with the image, behind it."""
-    makers = {output: node for node in model.graph.node for output in node.output}
-    found = [
-        node.input[1]
-        for node in model.graph.node
-        if node.op_type == "Concat" and len(node.input) == 2 and _is_image(makers, node.input[0])
-    ]
+    found = [features for _, features in connected_joints(model)]
     if len(found) != 1:
         raise ExportError(
             f"`{path.name}` has {len(found)} connected joints; hint: only a graph of two connected "
             "components can be cut in two"
         )
     return found[0]
-
-
-def _is_image(makers: dict[str, onnx.NodeProto], name: str) -> bool:
-    """Whether a tensor is the normalised picture, integers or not."""
-    node = makers.get(name)
-    while node is not None and node.op_type in {"DequantizeLinear", "QuantizeLinear"}:
-        node = makers.get(node.input[0])
-    return node is not None and node.op_type == "Div"
 
 
 def _part(model: onnx.ModelProto, inputs: list[str], outputs: list[str]) -> onnx.ModelProto:
