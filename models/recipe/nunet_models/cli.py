@@ -5,6 +5,7 @@ import sys
 
 from nunet_models.errors import RecipeError
 from nunet_models.evaluation import command as evaluate_command
+from nunet_models.export import annotate as annotate_command
 from nunet_models.export import command as export_command
 from nunet_models.quantisation import command as quantize_command
 from nunet_models.reporting import command as report_command
@@ -13,7 +14,14 @@ from nunet_models.training import command as train_command
 EXIT_FAILURE = 1
 EXIT_INTERRUPTED = 130
 
-VERBS = (train_command, evaluate_command, quantize_command, export_command, report_command)
+VERBS = (
+    train_command,
+    evaluate_command,
+    quantize_command,
+    export_command,
+    annotate_command,
+    report_command,
+)
 
 
 def parser() -> argparse.ArgumentParser:

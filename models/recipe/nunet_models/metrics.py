@@ -12,6 +12,12 @@ from nunet_models.classes import IGNORE
 
 DELTA = 1.25
 
+FIGURES = (
+    *("mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"),
+    *("delta1", "delta2", "delta3"),
+)
+"""Names of the figures of depth, in the order of every table."""
+
 
 @dataclass
 class DepthMetrics:
@@ -33,6 +39,13 @@ class DepthMetrics:
         for name, value in _pixel_sums(p, t).items():
             self.sums[name] = self.sums.get(name, 0.0) + value
         self.pixels += p.size
+
+    def merge(self, other: "DepthMetrics") -> None:
+        """Count the pictures that `other` counted as well."""
+        for name, value in other.sums.items():
+            self.sums[name] = self.sums.get(name, 0.0) + value
+        self.pixels += other.pixels
+        self.missing += other.missing
 
     def figures(self) -> dict[str, float]:
         """Every metric by name; see the module's functions for the formulas.

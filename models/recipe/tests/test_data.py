@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from nunet_models.classes import IGNORE, labels13_from_labels40
+from nunet_models.classes import IGNORE, labels13, labels13_from_labels40
 from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented, zoomed
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
@@ -66,6 +66,20 @@ def test_labels40_fold_to_13_and_the_rest_is_ignored():
         IGNORE,
         IGNORE,
     ]
+
+
+def test_the_clip_s_labels_are_its_own_classes():
+    clip = Path(__file__).parents[2] / "clip"
+    pair = FolderPairs(clip, ["study_00"], units=DepthUnits())[0]
+    assert np.array_equal(pair.labels, np.array(Image.open(clip / "labels" / "study_00.png")))
+    values = np.array([[0, 12], [13, 255]], np.uint8)
+    assert labels13(values).tolist() == [[0, 12], [IGNORE, IGNORE]]
+
+
+def test_a_label_of_more_than_eight_bits_is_refused(dataset):
+    Image.fromarray(np.full((96, 128), 300, np.uint16)).save(dataset / "label40" / "0001.png")
+    with pytest.raises(DataError, match=r"label40/0001\.png` has the label 300; expected NYU40's"):
+        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
 
 
 def test_a_missing_file_is_named(dataset):

@@ -1,11 +1,15 @@
 """Evaluation: protocols, baselines and the command, on numbers worked out by hand."""
 
 import json
+import shutil
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from nunet_models.classes import labels13_from_labels40
 from nunet_models.cli import main
 from nunet_models.data.pairs import Pair
 from nunet_models.errors import ConfigError, DataError
@@ -121,3 +125,101 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert set(found["labels"]) == {"miou", "accuracy"}
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
     assert found["clip"]["flicker_m"] >= 0
+
+
+def evaluate(dataset, *more, model=TINY, protocol="full"):
+    data = ("--data", str(dataset), "--ids", str(dataset / "val.txt"))
+    return main(["evaluate", "--model", str(model), "--protocol", protocol, *data, *more])
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("cut.onnx", ("cannot be read as an ONNX file", "hint: is it whole?")),
+        ("tiny_wnet_c.toml", ("is a staged graph", "hint: the fused `.onnx`")),
+        (
+            "tiny_wnet_c.segmentation.onnx",
+            ("gives `logits`, `labels`; expected `rgb` and `depth`",),
+        ),
+        ("tiny_wnet_c.depth.onnx", ("takes `rgb`, `features` and gives `depth`; expected `rgb`",)),
+    ],
+)
+def test_a_file_that_cannot_be_measured_is_named(dataset, tmp_path, capsys, name, words):
+    path = TINY.with_name(name)
+    if name == "cut.onnx":
+        path = tmp_path / name
+        path.write_bytes(TINY.read_bytes()[:-1000])
+    assert evaluate(dataset, model=path) == 1
+    said = capsys.readouterr().err
+    assert f"`{path}`" in said and all(word in said for word in words)
+
+
+def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):
+    assert evaluate(dataset) == 0
+    expected = json.loads(capsys.readouterr().out)["labels"]
+    (dataset / "labels").mkdir()
+    for path in (dataset / "label40").iterdir():
+        own = labels13_from_labels40(np.array(Image.open(path)))
+        Image.fromarray(own).save(dataset / "labels" / path.name)
+        Image.fromarray(np.zeros_like(own)).save(path)  # `labels` comes first
+    assert evaluate(dataset) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["labels"] == expected
+    assert "no label figures" not in said.err
+
+
+def test_a_folder_without_labels_is_said_once(dataset, capsys):
+    shutil.rmtree(dataset / "label40")
+    assert evaluate(dataset) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["labels"] == {}
+    assert said.err.count(f"no label figures: `{dataset}` has no folder `labels`") == 1
+
+
+def test_eigen_s_crop_names_the_picture_of_another_size(dataset, capsys):
+    assert evaluate(dataset, protocol="eigen") == 1
+    said = capsys.readouterr().err
+    assert "picture `0004`: protocol `eigen` is for pictures of (480, 640)" in said
+    assert "hint: `--protocol full`" in said
+
+
+def test_a_mean_image_of_another_size_is_said_before_the_network_runs(dataset, capsys, monkeypatch):
+    monkeypatch.setattr(Predictor, "__call__", lambda *_: pytest.fail("the network has run"))
+    for folder in ("rgb", "depth", "label40"):
+        for number in range(4):
+            path = dataset / folder / f"{number:04d}.png"
+            Image.open(path).resize((64, 48), Image.Resampling.NEAREST).save(path)
+    baseline = ("--baseline-ids", str(dataset / "train.txt"))
+    assert evaluate(dataset, *baseline) == 1
+    assert "picture `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
+    (dataset / "train.txt").write_text("0000\n0005\n")
+    assert evaluate(dataset, *baseline) == 1
+    assert "picture `0005` is (96, 128), the first one (48, 64)" in capsys.readouterr().err
+
+
+def test_a_row_of_a_picture_without_depth_is_empty_and_the_others_are_not(dataset, tmp_path):
+    Image.fromarray(np.zeros((96, 128), np.uint16)).save(dataset / "depth" / "0004.png")
+    assert evaluate(dataset, "--csv", str(tmp_path / "rows.csv")) == 0
+    head, empty, full = (tmp_path / "rows.csv").read_text().splitlines()
+    assert head.startswith("id,mse,rmse,") and head.endswith(",delta3,minmax_mse,minmax_rmse")
+    assert empty == "0004" + "," * head.count(",")
+    assert all(float(cell) >= 0 for cell in full.split(",")[1:])
+
+
+def test_a_stretched_network_s_rows_hold_the_stretched_error():
+    compared = compare(
+        [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
+    )
+    assert compared.per_picture == [{"id": "0", "minmax_mse": ANY, "minmax_rmse": ANY}]
+    assert compared.per_picture[0]["minmax_rmse"] == pytest.approx(0.5, rel=1e-5)
+
+
+def test_one_frame_is_no_clip(dataset, capsys):
+    (dataset / "val.txt").write_text("0004\n")
+    assert evaluate(dataset, "--clip") == 1
+    assert "names one picture; expected two frames or more" in capsys.readouterr().err
+
+
+def test_frames_without_depth_have_no_clip_figures():
+    frames = [a_pair(np.full((8, 8), np.nan))] * 2
+    assert set(clip_figures(frames, answering(np.ones((8, 8)))).values()) == {None}

@@ -1,6 +1,8 @@
 """Quantisation of a test model: integers inside, nearly the same depth, its own self-test."""
 
+import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +60,10 @@ def test_a_quantised_file_is_a_model_file_with_its_own_selftest(quantised):
     predictor = Predictor(quantised[1])
     selftest = json.loads(predictor.metadata["nunet.selftest"])
     assert selftest["precision"] == "int8" and "int8" in selftest["tolerance"]
-    assert json.loads(predictor.metadata["nunet.training"])["quantisation"]["method"] == "minmax"
+    how = json.loads(predictor.metadata["nunet.training"])["quantisation"]
+    assert how["method"] == "minmax"
+    digest = hashlib.sha256(b"0000\n0001\n0002\n0003\n").hexdigest()
+    assert how["calibration"] == {"used": 4, "pictures": 4, "ids_sha256": digest}
 
 
 def test_quantised_depth_stays_near(quantised):
@@ -71,6 +76,55 @@ def test_quantised_depth_stays_near(quantised):
 def test_what_is_quantised_is_not_quantised_again(quantised):
     with pytest.raises(ConfigError, match="no fp32 model file"):
         quantise(quantised[1], quantised[0] / "again.onnx", iter(()), Plan())
+
+
+def test_a_quantised_file_awaits_an_accuracy_of_its_own(quantised, tmp_path, capsys):
+    out, found = tmp_path / "int8.onnx", tmp_path / "accuracy.json"
+    measured = tmp_path / TINY.name
+    shutil.copy(TINY, measured)
+    found.write_text('{"model": "tiny_wnet_c.onnx", "metrics": {"rmse": 0.5}}')
+    note = ["annotate", "--accuracy", str(found), "--model"]
+    assert main([*note, str(measured)]) == 0
+    assert json.loads(read_metadata(measured)["nunet.accuracy"])["metrics"] == {"rmse": 0.5}
+    quantise(measured, out, iter([np.zeros((96, 128, 3), np.uint8)]), Plan())
+    assert read_metadata(out)["nunet.accuracy"] == "{}"
+    before = out.read_bytes()
+    assert main([*note, str(out)]) == 1
+    assert "is of the model `tiny_wnet_c.onnx`; expected `int8.onnx`" in capsys.readouterr().err
+    assert out.read_bytes() == before
+    found.write_text('{"model": "int8.onnx", "metrics": {"rmse": 0.6}}')
+    assert main([*note, str(out)]) == 0
+    values = read_metadata(out)
+    assert json.loads(values["nunet.accuracy"])["metrics"] == {"rmse": 0.6}
+    assert json.loads(values["nunet.selftest"])["precision"] == "int8"
+    names = {"accuracy.json", "int8.onnx", TINY.name}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert main(["annotate", "--model", str(out), "--license", "CC0"]) == 0
+    assert read_metadata(out) == {**values, "nunet.license": "CC0"}
+    assert main(["annotate", "--model", str(out)]) == 1
+    assert "nothing to write; hint: `--accuracy FILE`" in capsys.readouterr().err
+
+
+def test_a_failed_quantisation_leaves_the_file_that_was_there(tmp_path, monkeypatch):
+    def fails(*_):
+        raise ExportError("a self-test cell has depth in one run and none in another")
+
+    monkeypatch.setattr("nunet_models.quantisation.static.quantised_selftest", fails)
+    out = tmp_path / "int8.onnx"
+    out.write_text("the old one")
+    with pytest.raises(ExportError):
+        quantise(TINY, out, iter([np.zeros((96, 128, 3), np.uint8)]), Plan())
+    assert [path.name for path in tmp_path.iterdir()] == ["int8.onnx"]
+    assert out.read_text() == "the old one"
+
+
+@pytest.mark.parametrize("count", ["0", "-1"])
+def test_no_pictures_to_calibrate_on_is_said(dataset, tmp_path, capsys, count):
+    out = tmp_path / "int8.onnx"
+    data = ("--data", str(dataset), "--ids", str(dataset / "train.txt"), "--pictures", count)
+    assert main(["quantize", "--model", str(TINY), "--out", str(out), *data]) == 1
+    assert f"`--pictures {count}`: expected one or more" in capsys.readouterr().err
+    assert not out.exists()
 
 
 def test_balanced_joints_compute_the_same_and_cross_within_one():
@@ -179,4 +233,11 @@ def test_a_graph_without_a_connected_joint_is_not_cut(tmp_path):
     plain = TINY.with_name("tiny_wnet.onnx")
     with pytest.raises(ExportError, match="has 0 connected joints"):
         split(plain, tmp_path / "plain.toml")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_graph_with_a_memory_is_not_cut(tmp_path, capsys):
+    fused, out = TINY.with_name("tiny_wnet_c_lstm.onnx"), tmp_path / "new" / "staged.toml"
+    assert main(["export", "--split", str(fused), "--out", str(out)]) == 1
+    assert "`tiny_wnet_c_lstm.onnx` remembers earlier frames" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

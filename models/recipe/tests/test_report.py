@@ -20,14 +20,20 @@ EVALUATION = {
     "pictures": 323,
     "metrics": {"rmse": 0.611, "abs_rel": 0.19, "delta1": 0.719},
     "minmax": {"mse": 0.03, "rmse": 0.1732},
+    "labels": {"accuracy": 0.7041},
     "baseline": {"metrics": {"rmse": 1.203}, "minmax": {"mse": 0.0527, "rmse": 0.23}},
 }
 
 
 def test_the_metric_table_ends_with_the_mean_image():
     lines = metric_table([EVALUATION]).splitlines()
-    assert lines[2].startswith("| wnet_c.onnx | 323 | 0.6110 | 0.1900 | 0.7190 |")
-    assert lines[3].startswith("| mean image | 323 | 1.2030 |")
+    head, _, ours, mean = ([cell.strip() for cell in line.split("|")[1:-1]] for line in lines)
+    errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
+    names = [*errors, "delta1", "delta2", "delta3", "mIoU", "accuracy"]
+    assert head == ["model", "pictures", *names]
+    known = {"rmse": "0.6110", "abs_rel": "0.1900", "delta1": "0.7190", "accuracy": "0.7041"}
+    assert ours == ["wnet_c.onnx", "323", *(known.get(name, "-") for name in names)]
+    assert mean[:4] == ["mean image", "323", "-", "1.2030"]
 
 
 def test_the_paper_s_figure_stands_beside_ours():

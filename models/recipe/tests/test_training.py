@@ -1,6 +1,7 @@
 """Training of tiny networks: it learns, stops in time, and resumes to the same losses."""
 
 import csv
+import hashlib
 import json
 import shutil
 from dataclasses import replace
@@ -317,17 +318,59 @@ def test_a_frozen_component_keeps_its_batch_norm_statistics():
     assert all(torch.equal(before[k], after[k]) for k in before)
 
 
-def test_a_trained_run_becomes_a_model_file_that_says_how_it_was_trained(dataset, tmp_path):
+def test_a_trained_run_becomes_a_file_that_says_how_it_was_trained(dataset, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     accuracy = tmp_path / "accuracy.json"
     accuracy.write_text('{"metrics": {"rmse": 0.6}}')
     assert train(dataset, run, "--architecture", "unet", component="depth", epochs=1) == 0
     export = ["export", "--checkpoint", str(run / "best.pt"), "--accuracy", str(accuracy)]
+    whole = accuracy.read_text()
+    for text, word in ((whole[:-1], "is no JSON: "), ("[]", "is no JSON object")):
+        accuracy.write_text(text)
+        assert main([*export, "--out", str(model)]) == 1
+        assert f"`{accuracy}` {word}" in capsys.readouterr().err and not model.exists()
+    accuracy.write_text(whole)
     assert main([*export, "--out", str(model)]) == 0
     values = read_metadata(model)
     assert values["nunet.trained"] == "true"
-    assert json.loads(values["nunet.training"])["depth"]["epochs_done"] == 1
+    training = json.loads(values["nunet.training"])["depth"]
+    assert training["epochs_done"] == 1
+    ids = "0000\n0001\n0002\n0003\n"
+    assert training["data"]["train"] == {
+        "pictures": 4,
+        "ids_sha256": hashlib.sha256(ids.encode()).hexdigest(),
+    }
+    assert (training["data"]["name"], training["data"]["depth_scale"]) == ("rooms", 0.001)
+    assert (training["dropout"], training["origin"]) == (0.0, {})
     assert json.loads(values["nunet.accuracy"]) == {"metrics": {"rmse": 0.6}}
+
+
+def test_a_graph_with_an_untrained_component_is_not_exported_as_trained(dataset, tmp_path, capsys):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    assert train(dataset, run, epochs=1) == 0
+    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 1
+    said = capsys.readouterr().err
+    assert "component `depth` of" in said and "is untrained, its weights are random" in said
+    assert f"hint: `train --component depth --start {run / 'best.pt'}`" in said
+    assert not model.exists()
+
+
+def test_a_run_without_a_validated_epoch_is_not_exported(dataset, tmp_path, capsys):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    unet = ("--architecture", "unet", "--minutes", "1e-9")
+    assert train(dataset, run, *unet, component="depth") == 0
+    assert main(["export", "--checkpoint", str(run / "last.pt"), "--out", str(model)]) == 1
+    assert "component `depth` of" in (said := capsys.readouterr().err)
+    assert "has no validated epoch yet; hint: train on with `--resume`" in said
+
+
+def test_what_learnt_along_with_a_later_component_counts_as_trained():
+    spec = tiny_spec("wnet_c")
+    history = {"depth": [{"epoch": 1}]}
+    alone = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": False}})
+    along = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": True}})
+    assert alone.untrained_component() == "segmentation"
+    assert along.untrained_component() is None
 
 
 def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(dataset, tmp_path):
@@ -335,6 +378,25 @@ def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(da
     options = ("--architecture", "unet", "--optimiser", "adam", *paper)
     assert train(dataset, tmp_path, *options, component="depth", epochs=1) == 0
     assert 0.0 < float(rows(tmp_path, "epochs.csv")[0]["rmse"]) < 1.0
+
+
+def test_the_paper_s_own_w_net_trains_as_a_whole_and_is_exported(dataset, tmp_path, capsys):
+    """One channel, its sigmoid kept, crosses the joint; the loss of the second U-Net alone."""
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    paper = ("--tasks", "depth,depth", "--sigmoid-joint", "depth1", "--encoding", "minmax")
+    options = ("--architecture", "wnet", *paper, "--loss", "mse", "--unfrozen")
+    assert train(dataset, run, *options, component="depth", epochs=1) == 0
+    spec = Checkpoint.load(run / "best.pt").spec
+    assert [(c.name, c.task, c.sigmoid_joint) for c in spec.components] == [
+        ("depth1", "depth", True),
+        ("depth", "depth", False),
+    ]
+    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 0
+    values = read_metadata(model)
+    assert values["nunet.trained"] == "true" and "nunet.classes" not in values
+    onward = ("--start", str(run / "best.pt"), "--sigmoid-joint", "depth1")
+    assert train(dataset, tmp_path / "on", *onward, component="depth") == 1
+    assert "`--start` takes tasks and sigmoids from its checkpoint" in capsys.readouterr().err
 
 
 def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, capsys):
@@ -346,6 +408,10 @@ def test_a_trained_component_is_plugged_into_another_graph(dataset, tmp_path, ca
     one, other = (c.component_weights("segmentation") for c in (theirs, ours))
     assert all(torch.equal(one[name], other[name]) for name in one)
     assert ours.history["segmentation"] == theirs.history["segmentation"]
+    assert ours.provenance["segmentation"] == theirs.provenance["segmentation"]
+    plugged = ours.provenance["depth"]["origin"]["plug"]["segmentation"]
+    digest = hashlib.sha256((seg / "best.pt").read_bytes()).hexdigest()
+    assert plugged == {"file": "best.pt", "sha256": digest}
     wrong = ("--architecture", "wnet_c", "--plug", f"depth={seg / 'best.pt'}")
     assert train(dataset, tmp_path / "wrong", *wrong, component="depth", epochs=1) == 1
     assert "do not fit component `depth`" in capsys.readouterr().err
@@ -363,6 +429,53 @@ def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset,
     start = SerialGraph(one.spec).state_dict()
     name = "components.0.unet.segmentation_head.0.weight"
     assert not torch.equal(start[name], one.weights[name])
+
+
+def test_a_checkpoint_that_knows_no_provenance_still_loads_resumes_and_exports(dataset, tmp_path):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    unet = ("--architecture", "unet")
+    assert train(dataset, run, *unet, component="depth", epochs=1) == 0
+    for name in ("last.pt", "best.pt"):
+        values = torch.load(run / name, weights_only=True)
+        del values["provenance"]
+        torch.save(values, run / name)
+    assert main(["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]) == 0
+    assert "data" not in json.loads(read_metadata(model)["nunet.training"])["depth"]
+    assert train(dataset, run, *unet, "--resume", component="depth", epochs=2) == 0
+    assert Checkpoint.load(run / "last.pt").provenance == {}
+
+
+def test_a_network_of_another_camera_says_so_and_whose_pictures_they_are(dataset, tmp_path, capsys):
+    run, onward, model = tmp_path / "run", tmp_path / "onward", tmp_path / "model.onnx"
+    camera = ("--intrinsics", "600,601.5,320,240@640x480")
+    assert train(dataset, run, "--architecture", "unet", *camera, component="depth", epochs=1) == 0
+    export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
+    assert main(export) == 1
+    assert "hint: `--license TEXT` says whose pictures they are" in capsys.readouterr().err
+    assert main([*export, "--license", "CC0, our own pictures"]) == 0
+    values = read_metadata(model)
+    known = {"width": 640, "height": 480, "fx": 600.0, "fy": 601.5}
+    assert json.loads(values["nunet.camera"]) == known
+    assert values["nunet.license"] == "CC0, our own pictures"
+    best = str(run / "best.pt")
+    for more, fx in (((), 600.0), (("--intrinsics", "300,300,160,120@320x240"), 300.0)):
+        shutil.rmtree(onward, ignore_errors=True)
+        assert train(dataset, onward, "--start", best, *more, component="depth", epochs=1) == 0
+        assert Checkpoint.load(onward / "best.pt").spec.camera.fx == fx
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("600,600,320,240", "expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are"),
+        ("0,600,320,240@640x480", "expected fx,fy,cx,cy@WxH in pixels"),
+        ("600,600,320,180@640x360", "of 640x360; the training pictures are 128x96; hint:"),
+    ],
+)
+def test_intrinsics_that_cannot_be_are_refused(dataset, tmp_path, capsys, text, word):
+    assert train(dataset, tmp_path, "--intrinsics", text, epochs=1) == 1
+    assert word in capsys.readouterr().err
+    assert not (tmp_path / "last.pt").exists()
 
 
 def test_weights_to_go_on_from_are_half_the_size_and_nearly_the_same(dataset, tmp_path):

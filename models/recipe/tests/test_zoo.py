@@ -69,6 +69,33 @@ def test_each_component_has_its_own_backbone():
     assert [c.task for c in spec.components] == ["segmentation", "depth", "depth"]
 
 
+def test_tasks_and_kept_sigmoids_are_the_caller_s():
+    spec = graph_spec("nunet4_c", tasks=("segmentation", "segmentation", "depth", "depth"))
+    assert [c.name for c in spec.components] == [
+        "segmentation",
+        "segmentation2",
+        "coarse2",
+        "depth",
+    ]
+    paper = graph_spec("wnet", tasks=("depth", "depth"), sigmoid_joints=["depth1"])
+    assert [paper.outputs_of(c) for c in paper.components] == [1, 1]
+    assert [c.sigmoid_joint for c in paper.components] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"tasks": ("depth",)}, "`depth` do not fit `wnet` of 2 components; hint: a list by comma"),
+        ({"tasks": ("colour", "depth")}, "of segmentation or depth, one a component"),
+        ({"tasks": ("depth", "segmentation")}, "must be of task `depth`"),
+        ({"sigmoid_joints": ["depth"]}, "no component `depth` whose numbers another one reads"),
+    ],
+)
+def test_tasks_and_sigmoids_that_do_not_fit_are_refused(changes, word):
+    with pytest.raises(ConfigError, match=word):
+        graph_spec("wnet", **changes)
+
+
 @pytest.mark.parametrize(
     ("architecture", "backbone", "word"),
     [
@@ -98,6 +125,17 @@ def test_a_memory_without_training_changes_nothing_and_is_carried_on():
     fresh, _ = graph.remembering(image, graph.components[-1].no_state())
     again, _ = graph.remembering(image, state)
     assert not torch.allclose(fresh[-1], again[-1])
+
+
+def test_a_memory_fits_a_backbone_whose_pools_round_down():
+    spec = graph_spec("wnet_c_lstm", backbone="tiny,vgg16")
+    spec = spec.with_sizes(input_size=(112, 144), inner_size=(112, 144))
+    graph = SerialGraph(spec).eval()
+    state = graph.components[-1].no_state()
+    assert state[0].shape == (1, 64, 3, 4)  # 112 / 32 and 144 / 32, rounded down
+    with torch.no_grad():
+        outputs, left = graph.remembering(torch.zeros(1, 3, 112, 144), state)
+    assert outputs[-1].shape == (1, 1, 112, 144) and left[0].shape == state[0].shape
 
 
 def test_imagenet_weights_leave_further_input_channels_at_zero():

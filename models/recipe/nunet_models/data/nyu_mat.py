@@ -18,6 +18,8 @@ class NyuMatPairs:
     the authors: such pairs have no labels.
     """
 
+    has_labels = False
+
     def __init__(
         self,
         path: Path,

@@ -17,7 +17,7 @@ def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) 
         "--data",
         type=Path,
         required=required,
-        help="folder of rgb/, depth/, label40/, or NYU's .mat",
+        help="folder of rgb/, depth/ and labels/ or label40/, or NYU's .mat",
     )
     group.add_argument(
         "--depth-scale",

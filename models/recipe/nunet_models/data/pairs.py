@@ -8,11 +8,13 @@ from typing import Protocol
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from nunet_models.classes import IGNORE, labels13_from_labels40
+from nunet_models.classes import IGNORE, labels13, labels13_from_labels40
 from nunet_models.errors import DataError
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
 SIXTEEN_TO_EIGHT = 257  # 65535 / 255
+LABEL_FOLDERS = {"labels": labels13, "label40": labels13_from_labels40}
+"""What a folder's numbers become; the first folder that is there counts, as in nunetd."""
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
 
 
@@ -37,6 +39,7 @@ class Pairs(Protocol):
     description: str
     identity: str
     """Everything that decides what `__getitem__` gives: another identity, other pairs."""
+    has_labels: bool
 
     def __len__(self) -> int:
         """How many pairs."""
@@ -69,8 +72,9 @@ class DepthUnits:
 
 
 class FolderPairs:
-    """A folder with `rgb/ID.jpg|png`, `depth/ID.png` and, perhaps, `label40/ID.png`.
+    """A folder with `rgb/ID.jpg|png`, `depth/ID.png` and, perhaps, labels.
 
+    They are `labels/ID.png` of the 13 classes or `label40/ID.png` of NYU's 40; others are ignored.
     `window` is (top, left, bottom, right) in pixels: outside of it depth and labels count as
     none, for data with a frame around each picture.
     """
@@ -87,7 +91,8 @@ class FolderPairs:
         self.ids = ids
         self.units = units
         self.window = window
-        self.has_labels = (root / "label40").is_dir()
+        self.label_folder = next((name for name in LABEL_FOLDERS if (root / name).is_dir()), None)
+        self.has_labels = self.label_folder is not None
         self.description = f"{root.name}, {len(ids)} pictures"
         missing = [p for i in ids for p in self._paths(i) if not p.is_file()]
         if missing:
@@ -95,7 +100,9 @@ class FolderPairs:
             more = f", and {len(missing) - 1} more of the {files} files of {len(ids)} pairs"
             raise DataError(f"`{missing[0]}` is missing{more if len(missing) > 1 else ''}")
         newest = max(p.stat().st_mtime_ns for i in ids for p in self._paths(i))
-        self.identity = f"{root.resolve()} {units} {window} {self.has_labels} {newest}"
+        # `label40` is not named: caches of before there was another folder stay what they are.
+        labels = self.label_folder if self.label_folder == "labels" else self.has_labels
+        self.identity = f"{root.resolve()} {units} {window} {labels} {newest}"
 
     def __len__(self) -> int:
         """How many pairs."""
@@ -117,7 +124,7 @@ class FolderPairs:
                 "hint: `--depth-scale METRES` says what a unit is"
             )
         depth_m = self.units.metres(depth)
-        labels = _labels13(label_path[0], rgb.shape[:2]) if label_path else None
+        labels = self._labels(label_path[0], rgb.shape[:2]) if label_path else None
         known = blank_outside(depth_m, labels, self.window, of=str(depth_path))
         return Pair(identity, rgb, *known)
 
@@ -125,7 +132,18 @@ class FolderPairs:
         candidates = [self.root / "rgb" / f"{identity}{suffix}" for suffix in RGB_SUFFIXES]
         rgb = next((p for p in candidates if p.is_file()), candidates[0])
         paths = [rgb, self.root / "depth" / f"{identity}.png"]
-        return paths + [self.root / "label40" / f"{identity}.png"] * self.has_labels
+        folder = self.label_folder
+        return paths + ([self.root / folder / f"{identity}.png"] if folder else [])
+
+    def _labels(self, path: Path, size: tuple[int, int]) -> np.ndarray:
+        values = _single_channel(path, size)
+        if values.max() > IGNORE:
+            own = "0 to 12" if self.label_folder == "labels" else "NYU40's from 0 to 38"
+            raise DataError(
+                f"`{path}` has the label {values.max()}; expected {own}, or up to {IGNORE} for "
+                "what is ignored"
+            )
+        return LABEL_FOLDERS[self.label_folder](values.astype(np.uint8))
 
 
 def read_ids(path: Path) -> list[str]:
@@ -196,16 +214,6 @@ def _open(path: Path) -> Image.Image:
     except (UnidentifiedImageError, OSError, SyntaxError) as error:
         raise DataError(f"`{path}` cannot be read as a picture: {error}") from error
     return image
-
-
-def _labels13(path: Path, size: tuple[int, int]) -> np.ndarray:
-    labels40 = _single_channel(path, size)
-    if labels40.max() > IGNORE:
-        raise DataError(
-            f"`{path}` has the label {labels40.max()}; expected NYU40's from 0 to 38, "
-            f"or up to {IGNORE} for what is ignored"
-        )
-    return labels13_from_labels40(labels40)
 
 
 def _single_channel(path: Path, size: tuple[int, int]) -> np.ndarray:

@@ -3,6 +3,7 @@
 import argparse
 import csv
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,10 @@ from tqdm import tqdm
 
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pair, Pairs
+from nunet_models.errors import DataError
 from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
+    ROW,
     Comparison,
     Predict,
     Prediction,
@@ -44,7 +47,19 @@ def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
     predictor = Predictor(options.model, threads=options.threads)
     pairs = open_pairs(options, options.ids)
+    if predictor.classes and not pairs.has_labels:
+        print(
+            f"nunet_models: no label figures: `{options.data}` has no folder `labels` or `label40`",
+            file=sys.stderr,
+        )
+    if options.clip and len(pairs) < 2:
+        raise DataError(
+            f"`{options.ids}` names one picture; expected two frames or more of a video; hint: "
+            "leave `--clip` out"
+        )
     predict = _focal_scaled(predictor, options.fx)
+    # First, since its pictures may not fit and a network takes minutes.
+    baseline = _baseline(options, pairs) if options.baseline_ids else None
     comparison = compare(
         _progress(pairs, predictor.path.name),
         predict,
@@ -59,8 +74,8 @@ def run(options: argparse.Namespace) -> int:
         "protocol": options.protocol,
         **comparison.figures(),
     }
-    if options.baseline_ids:
-        found["baseline"] = _baseline(options, pairs)
+    if baseline:
+        found["baseline"] = baseline
     if options.clip:
         found["clip"] = clip_figures(_progress(pairs, "as a clip"), predict)
     if options.csv:
@@ -106,8 +121,8 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
 
 
 def _write_csv(path: Path, comparison: Comparison) -> None:
-    rows = comparison.per_picture
+    """A row a picture; a figure that could not be measured is left empty."""
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer = csv.DictWriter(file, fieldnames=ROW)
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows(comparison.per_picture)

@@ -1,13 +1,18 @@
 """Predictions against truth over a collection of pairs, with the trivial baseline beside them."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from nunet_models.data.pairs import Pair, Pairs
+from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import Protocol
-from nunet_models.metrics import DepthMetrics, LabelMetrics
+from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics
+
+MINMAX_FIGURES = ("mse", "rmse")  # what the paper measures of stretched depth
+ROW = ("id", *FIGURES, *(f"minmax_{name}" for name in MINMAX_FIGURES))
+"""Columns of a row a picture, the same as `nunetd eval --csv` writes."""
 
 
 @dataclass(frozen=True)
@@ -37,22 +42,41 @@ class Comparison:
     per_picture: list[dict[str, float | str]] = field(default_factory=list)
 
     def add(self, pair: Pair, prediction: Prediction) -> None:
-        """Count one picture."""
-        figures = self.add_depth(prediction.depth, pair.depth_m)
+        """Count one picture.
+
+        # Errors
+        `DataError` naming a picture of another size than the prediction or the protocol's.
+        """
+        if prediction.depth.shape != pair.depth_m.shape:
+            raise DataError(
+                f"picture `{pair.id}` is {pair.depth_m.shape}; expected "
+                f"{prediction.depth.shape}, the size of what it is compared with; hint: a mean "
+                "image is for pictures of its own size"
+            )
+        try:
+            figures = self.add_depth(prediction.depth, pair.depth_m)
+        except DataError as error:
+            raise DataError(f"picture `{pair.id}`: {error}") from error
         if self.labels is not None and pair.labels is not None and prediction.labels is not None:
             self.labels.add(prediction.labels, pair.labels)
         self.per_picture.append({"id": pair.id, **figures})
 
     def add_depth(self, predicted: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
-        """Count the depth of one picture, both `[H, W]`; gives this picture's own figures."""
-        alone = DepthMetrics()
+        """Count the depth of one picture, both `[H, W]`; gives this picture's own figures.
+
+        They are empty where the picture has no depth, and without metres where the network has
+        none.
+        """
+        alone, alone_minmax = DepthMetrics(), DepthMetrics()
         if self.metric:
-            for metrics in (self.depth, alone):
-                metrics.add(self.protocol.depth(predicted), self.protocol.depth(truth_m))
+            alone.add(self.protocol.depth(predicted), self.protocol.depth(truth_m))
+            self.depth.merge(alone)
         known = np.isfinite(truth_m)
         guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
-        self.minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
-        return alone.figures()
+        alone_minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
+        self.minmax.merge(alone_minmax)
+        minmax = alone_minmax.figures()
+        return alone.figures() | {f"minmax_{k}": minmax[k] for k in MINMAX_FIGURES if minmax}
 
     def figures(self) -> dict[str, object]:
         """All figures, shaped as `nunetd eval --json` shapes them."""
@@ -61,7 +85,7 @@ class Comparison:
             "pictures": len(self.per_picture),
             "pixels_without_prediction": self.minmax.missing,
             "metrics": self.depth.figures(),
-            "minmax": {name: minmax[name] for name in ("mse", "rmse")} if minmax else {},
+            "minmax": {name: minmax[name] for name in MINMAX_FIGURES} if minmax else {},
         }
         if self.labels is not None:
             found["labels"] = self.labels.figures()
@@ -93,10 +117,13 @@ def compare(
 
 
 def mean_image(pairs: Pairs) -> np.ndarray:
-    """Mean depth of every pixel over `pairs`, float32 metres `[H, W]`: the trivial prediction."""
+    """Mean depth of every pixel over `pairs`, float32 metres `[H, W]`: the trivial prediction.
+
+    # Errors
+    `DataError` naming a picture of another size than the first.
+    """
     total, count = 0.0, 0
-    for index in range(len(pairs)):
-        depth = pairs[index].depth_m
+    for depth in _depths(pairs):
         total = total + np.nan_to_num(depth.astype(np.float64))
         count = count + np.isfinite(depth)
     known = np.maximum(count, 1)
@@ -107,9 +134,22 @@ def mean_image(pairs: Pairs) -> np.ndarray:
 def mean_stretched_image(pairs: Pairs) -> np.ndarray:
     """The same of depth stretched to 0..1 picture by picture: the paper's trivial prediction."""
     total, count = 0.0, 0
-    for index in range(len(pairs)):
-        depth = pairs[index].depth_m
+    for depth in _depths(pairs):
         known = np.isfinite(depth)
         total = total + np.nan_to_num(stretched(depth, known).astype(np.float64))
         count = count + known
     return np.where(count > 0, total / np.maximum(count, 1), 0.5).astype(np.float32)
+
+
+def _depths(pairs: Pairs) -> Iterator[np.ndarray]:
+    """Depth of every pair, all of one size."""
+    first: tuple[int, ...] | None = None
+    for index in range(len(pairs)):
+        pair = pairs[index]
+        first = first or pair.depth_m.shape
+        if pair.depth_m.shape != first:
+            raise DataError(
+                f"picture `{pair.id}` is {pair.depth_m.shape}, the first one {first}; hint: a mean "
+                "image needs pictures of one size"
+            )
+        yield pair.depth_m

@@ -16,23 +16,35 @@ class Predictor:
     """Runs a model file with ONNX Runtime on the CPU, one picture at a time.
 
     A graph with a memory starts anew for each picture: pictures of a dataset are no stream.
+
+    # Errors
+    `ConfigError` naming a file that is none, damaged, or one stage of a graph.
     """
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
-        if not path.is_file():
-            raise ConfigError(f"no model file `{path}`")
         self.path = path
         self.metadata = read_metadata(path)
         if self.metadata.get("nunet.version") != "1":
             raise ConfigError(f"`{path}` is no nunet model file of version 1")
         self.session = session(path, threads=threads)
         inputs = {tensor.name: tensor.shape for tensor in self.session.get_inputs()}
+        self.outputs = [tensor.name for tensor in self.session.get_outputs()]
+        self._require_whole(list(inputs))
         self.size: tuple[int, int] = tuple(inputs.pop("rgb")[1:3])
         self.state = {name: np.zeros(shape, np.float32) for name, shape in inputs.items()}
         self.encoding = self.metadata["nunet.depth.encoding"]
         self.min_m = float(self.metadata["nunet.depth.min_m"])
         self.max_m = float(self.metadata["nunet.depth.max_m"])
-        self.outputs = [tensor.name for tensor in self.session.get_outputs()]
+
+    def _require_whole(self, inputs: list[str]) -> None:
+        """A picture goes in and depth comes out, which a stage of a graph alone does not do."""
+        state = [s["input"] for s in json.loads(self.metadata.get("nunet.state", "[]"))]
+        if sorted(inputs) != sorted(["rgb", *state]) or "depth" not in self.outputs:
+            raise ConfigError(
+                f"`{self.path}` takes {_listed(inputs)} and gives {_listed(self.outputs)}; "
+                f"expected {_listed(['rgb', *state])} and `depth`; hint: a stage of a graph is "
+                "measured in the fused `.onnx` that computes the same"
+            )
 
     @property
     def classes(self) -> list[str]:
@@ -72,6 +84,10 @@ class Predictor:
         if labels is not None:
             labels = _resized(labels[0], picture_size, Image.Resampling.NEAREST)
         return Prediction(decoded(depth, self), labels)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def _resized(array: np.ndarray, size: tuple[int, int], how: Image.Resampling) -> np.ndarray:

@@ -33,7 +33,8 @@ class Protocol:
             return image
         if image.shape != self.size:
             raise DataError(
-                f"protocol `{self.name}` is for pictures of {self.size}; this one is {image.shape}"
+                f"protocol `{self.name}` is for pictures of {self.size}; this one is "
+                f"{image.shape}; hint: `--protocol full`"
             )
         top, left, bottom, right = self.crop
         return image[top:bottom, left:right]

@@ -1,16 +1,16 @@
 """The verb `export`."""
 
 import argparse
-import json
 from pathlib import Path
 
 from nunet_models.errors import ConfigError
+from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.training.checkpoint import Checkpoint
-from nunet_models.zoo import SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_spec
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -50,6 +50,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--accuracy", type=Path, help="answer of `evaluate`, to be kept in the file's metadata"
     )
+    parser.add_argument(
+        "--license",
+        metavar="TEXT",
+        help="licence of the weights and attribution of their data, for the metadata (default: "
+        "that of the model that ships, trained on NYU Depth V2)",
+    )
     parser.set_defaults(carry_out=run)
 
 
@@ -72,7 +78,6 @@ def _split(options: argparse.Namespace) -> Path:
     out: Path | None = options.out
     if out is None or out.suffix != ".toml":
         raise ConfigError("`--split` needs `--out NAME.toml`")
-    out.parent.mkdir(parents=True, exist_ok=True)
     split(options.split, out)
     return out
 
@@ -96,14 +101,42 @@ def _export_one(options: argparse.Namespace) -> Path:
 
 def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     spec = graph_spec(options.untrained, backbone=options.backbone)
-    return untrained_graph(spec, seed=options.seed), Provenance()
+    return untrained_graph(spec, seed=options.seed), Provenance(license_text=options.license)
 
 
 def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     checkpoint = Checkpoint.load(options.checkpoint)
-    accuracy = json.loads(options.accuracy.read_text()) if options.accuracy else {}
+    _require_trained(checkpoint, options.checkpoint)
+    if checkpoint.spec.camera != NYU_CAMERA and not options.license:
+        raise ConfigError(
+            f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
+            "licence text is the default; hint: `--license TEXT` says whose pictures they are"
+        )
+    accuracy = read_accuracy(options.accuracy) if options.accuracy else {}
     training = {
-        component: {**settings, "epochs_done": checkpoint.history[component][-1]["epoch"]}
+        component: {
+            **settings,
+            "epochs_done": checkpoint.history[component][-1]["epoch"],
+            **checkpoint.provenance.get(component, {}),
+        }
         for component, settings in checkpoint.settings.items()
+        if checkpoint.history.get(component)
     }
-    return checkpoint.graph(), Provenance(trained=True, training=training, accuracy=accuracy)
+    return checkpoint.graph(), Provenance(
+        trained=True, training=training, accuracy=accuracy, license_text=options.license
+    )
+
+
+def _require_trained(checkpoint: Checkpoint, path: Path) -> None:
+    untrained = checkpoint.untrained_component()
+    if untrained is None:
+        return
+    if checkpoint.settings.get(untrained):
+        raise ConfigError(
+            f"component `{untrained}` of `{path}` has no validated epoch yet; hint: train on with "
+            "`--resume`, an epoch or as many as `--validate-every` says, then export `best.pt`"
+        )
+    raise ConfigError(
+        f"component `{untrained}` of `{path}` is untrained, its weights are random; hint: `train "
+        f"--component {untrained} --start {path}`, then export that run's `best.pt`"
+    )

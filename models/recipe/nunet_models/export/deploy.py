@@ -82,7 +82,8 @@ class FusedModel(nn.Module):
         self.to_inner = ToInner(graph.spec)
         self.from_inner = FromInner(graph.spec)
         tasks = [c.task for c in graph.spec.components]
-        self.segments = tasks.index("segmentation") if "segmentation" in tasks else None
+        segmenting = [index for index, task in enumerate(tasks) if task == "segmentation"]
+        self.segments = segmenting[-1] if segmenting else None  # the last one has seen the most
 
     def forward(self, rgb: torch.Tensor, *state: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Tensors in the order of `input_names` to tensors in the order of `output_names`.

@@ -24,9 +24,13 @@ def metadata(
     trained: bool,
     training: dict[str, Any],
     accuracy: dict[str, Any],
+    license_text: str | None = None,
     targets: str = "cpu,openvino",
 ) -> dict[str, str]:
-    """Every key of the contract; JSON values without spaces to spare."""
+    """Every key of the contract; JSON values without spaces to spare.
+
+    Without a `license_text` it is NYU Depth V2's, or that of random weights.
+    """
     spec = graph.spec
     values: dict[str, Any] = {
         "nunet.version": "1",
@@ -40,7 +44,7 @@ def metadata(
         "nunet.trained": "true" if trained else "false",
         "nunet.training": training,
         "nunet.accuracy": accuracy,
-        "nunet.license": DATA_LICENSE if trained else UNTRAINED_LICENSE,
+        "nunet.license": license_text or (DATA_LICENSE if trained else UNTRAINED_LICENSE),
         "nunet.targets": targets,
         "nunet.selftest": selftest,
     }

@@ -29,6 +29,7 @@ class Provenance:
     trained: bool = False
     training: dict[str, Any] = field(default_factory=dict)
     accuracy: dict[str, Any] = field(default_factory=dict)
+    license_text: str | None = None
 
 
 def export_fused(graph: SerialGraph, path: Path, provenance: Provenance) -> None:
@@ -125,4 +126,5 @@ def _metadata(model: FusedModel, path: Path, provenance: Provenance) -> dict[str
         trained=provenance.trained,
         training={**provenance.training, **measured},
         accuracy=provenance.accuracy,
+        license_text=provenance.license_text,
     )

@@ -9,6 +9,8 @@ import onnxruntime as ort
 import torch
 from torch import nn
 
+from nunet_models.errors import ConfigError
+
 OPSET = 18  # the exporter's own set: nothing is converted, and ONNX Runtime 1.24 to 1.31 run it
 
 
@@ -37,9 +39,16 @@ def export_onnx(module: nn.Module, examples: tuple[torch.Tensor, ...], path: Pat
 def write_metadata(path: Path, values: dict[str, str]) -> None:
     """Set the file's `metadata_props` to `values`, and drop what the exporter left of its own.
 
-    Doc strings and stack traces of the exporter would carry the exporting machine's paths.
+    Doc strings and stack traces of the exporter would carry the exporting machine's paths. The file
+    is replaced as a whole: a crash meanwhile leaves the one that was there.
     """
-    model = onnx.load(path)
+    model = load_model(path)
+    describe(model, values)
+    save_whole(model, path)
+
+
+def describe(model: onnx.ModelProto, values: dict[str, str]) -> None:
+    """Do the same to a model that is no file yet."""
     for part in (model, model.graph, *model.graph.node):
         part.doc_string = ""
         del part.metadata_props[:]
@@ -50,12 +59,42 @@ def write_metadata(path: Path, values: dict[str, str]) -> None:
     onnx.helper.set_model_props(model, values)
     model.producer_name, model.producer_version = "nunet_models", ""
     onnx.checker.check_model(model, full_check=True)
-    onnx.save(model, path)
+
+
+def save_whole(model: onnx.ModelProto, path: Path) -> None:
+    """Write `model` beside `path` and rename it: there is never half a file at `path`."""
+    beside = path.with_name(f"{path.name}.partial")
+    try:
+        onnx.save(model, beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def load_model(path: Path) -> onnx.ModelProto:
+    """An ONNX file, its weights inside it.
+
+    # Errors
+    `ConfigError` naming a file that is missing, cut or none.
+    """
+    if not path.is_file():
+        raise ConfigError(f"no model file `{path}`")
+    if path.suffix == ".toml":
+        raise ConfigError(
+            f"`{path}` is a staged graph; expected an ONNX file; hint: the fused `.onnx` that it "
+            "was made from or with computes the same"
+        )
+    try:
+        return onnx.load(path, load_external_data=False)
+    except Exception as error:  # protobuf's own, of several modules
+        raise ConfigError(
+            f"`{path}` cannot be read as an ONNX file: {error}; hint: is it whole?"
+        ) from error
 
 
 def read_metadata(path: Path) -> dict[str, str]:
-    """The file's `metadata_props`."""
-    model = onnx.load(path, load_external_data=False)
+    """The file's `metadata_props`; errors as of `load_model`."""
+    model = load_model(path)
     return {prop.key: prop.value for prop in model.metadata_props}
 
 
@@ -65,12 +104,19 @@ def session(
     threads: int = 1,
     level: ort.GraphOptimizationLevel = ort.GraphOptimizationLevel.ORT_ENABLE_ALL,
 ) -> ort.InferenceSession:
-    """A session on the CPU provider that does not spin while it waits."""
+    """A session on the CPU provider that does not spin while it waits.
+
+    # Errors
+    `ConfigError` naming a file that ONNX Runtime cannot open.
+    """
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.graph_optimization_level = level
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    return ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    try:
+        return ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # ONNX Runtime's own, a class a kind without a common one
+        raise ConfigError(f"ONNX Runtime cannot open `{path}`: {error}") from error
 
 
 def run(path: Path, inputs: dict[str, np.ndarray], **how: object) -> dict[str, np.ndarray]:

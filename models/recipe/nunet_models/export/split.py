@@ -6,8 +6,9 @@ import onnx
 from onnx.utils import Extractor
 
 from nunet_models.errors import ExportError
+from nunet_models.export.joints import connected_joints
 from nunet_models.export.model_file import graph_toml
-from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.onnx_file import describe, load_model, read_metadata, save_whole
 
 FEATURES, LOGITS = "features", "logits"
 OF_AN_INNER_STAGE = ("nunet.version", "nunet.classes", "nunet.inner_size")
@@ -22,10 +23,16 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
     that factor: the labels are the same, the logits are scaled.)
 
     # Errors
-    `ExportError` where the file has no connected joint, or more than one.
+    `ExportError` where the file has no connected joint, more than one, or a memory; nothing is
+    written then.
     """
-    model = onnx.load(fused)
+    model = load_model(fused)
     values = read_metadata(fused)
+    if "nunet.state" in values:
+        raise ExportError(
+            f"`{fused.name}` remembers earlier frames, and stages carry no state; hint: run the "
+            "one `.onnx`"
+        )
     features = _features(model, fused)
     first = _part(model, ["rgb"], [features, "labels"])
     second = _part(model, ["rgb", features], ["depth"])
@@ -33,10 +40,11 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
     _rename(second, features, FEATURES)
     _as_integers_again(second, model, features)
     inner = {key: values[key] for key in OF_AN_INNER_STAGE if key in values}
-    for part, name, said in ((first, names[0], inner), (second, names[1], values)):
-        path = out.with_name(f"{out.stem}.{name}.onnx")
-        onnx.save(part, path)
-        write_metadata(path, said)
+    describe(first, inner)
+    describe(second, values)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for part, name in ((first, names[0]), (second, names[1])):
+        save_whole(part, out.with_name(f"{out.stem}.{name}.onnx"))
     wires = {"rgb": "image", FEATURES: f"{names[0]}.{LOGITS}"}
     stages = [(names[0], {"rgb": "image"}), (names[1], wires)]
     results = {"depth": f"{names[1]}.depth", "labels": f"{names[0]}.labels"}
@@ -45,26 +53,13 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
 
 def _features(model: onnx.ModelProto, path: Path) -> str:
     """The tensor that crosses the joint: what is concatenated with the image, behind it."""
-    makers = {output: node for node in model.graph.node for output in node.output}
-    found = [
-        node.input[1]
-        for node in model.graph.node
-        if node.op_type == "Concat" and len(node.input) == 2 and _is_image(makers, node.input[0])
-    ]
+    found = [features for _, features in connected_joints(model)]
     if len(found) != 1:
         raise ExportError(
             f"`{path.name}` has {len(found)} connected joints; hint: only a graph of two connected "
             "components can be cut in two"
         )
     return found[0]
-
-
-def _is_image(makers: dict[str, onnx.NodeProto], name: str) -> bool:
-    """Whether a tensor is the normalised picture, integers or not."""
-    node = makers.get(name)
-    while node is not None and node.op_type in {"DequantizeLinear", "QuantizeLinear"}:
-        node = makers.get(node.input[0])
-    return node is not None and node.op_type == "Div"
 
 
 def _part(model: onnx.ModelProto, inputs: list[str], outputs: list[str]) -> onnx.ModelProto:

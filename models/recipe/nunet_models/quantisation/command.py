@@ -9,7 +9,9 @@ import numpy as np
 
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pairs
+from nunet_models.errors import ConfigError
 from nunet_models.quantisation.static import METHODS, Plan, quantise
+from nunet_models.training.provenance import list_of_ids
 
 PICTURES = 64  # for calibration: more change no range that matters
 
@@ -37,6 +39,10 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `quantize`; prints the file written."""
+    if options.pictures < 1:
+        raise ConfigError(
+            f"`--pictures {options.pictures}`: expected one or more; hint: {PICTURES} do"
+        )
     pairs = open_pairs(options, options.ids)
     plan = Plan(
         options.method,
@@ -44,7 +50,13 @@ def run(options: argparse.Namespace) -> int:
         float_nodes=tuple(options.float_node),
         reduce_range=options.reduce_range,
     )
-    quantise(options.model, options.out, _spread(pairs, options.pictures), plan)
+    quantise(
+        options.model,
+        options.out,
+        _spread(pairs, options.pictures),
+        plan,
+        calibration=list_of_ids(pairs.ids),
+    )
     before, after = (path.stat().st_size / 1e6 for path in (options.model, options.out))
     print(f"{options.out}: {before:.1f} MB to {after:.1f} MB")
     return 0

@@ -6,7 +6,7 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-IMAGE_CHANNELS = 3
+from nunet_models.export.joints import IMAGE_CHANNELS, connected_joints
 
 Ranges = Callable[[list[str]], dict[str, float]]
 """The largest magnitude of named tensors over the calibration pictures."""
@@ -42,25 +42,18 @@ def _joints(model: onnx.ModelProto) -> Iterator[Joint]:
     """Every connected joint whose features may be rescaled."""
     makers = {output: node for node in model.graph.node for output in node.output}
     consumers = _consumers(model)
-    for concat in model.graph.node:
-        if concat.op_type != "Concat" or len(concat.input) != 2:
-            continue
-        heads = [makers.get(name) for name in concat.input]
-        image = [head is not None and head.op_type == "Div" for head in heads]
+    for concat, features in connected_joints(model):
         readers = consumers.get(concat.output[0], [])
-        if image.count(True) != 1 or any(reader.op_type != "Conv" for reader in readers):
-            continue
-        if not image[0]:
-            continue  # the image comes first in every graph of ours
-        head = heads[1]
-        others = [n for n in consumers.get(concat.input[1], []) if n is not concat]
+        head = makers.get(features)
+        others = [n for n in consumers.get(features, []) if n is not concat]
         # Whoever else reads the features must not notice a positive factor.
         if (
             head is not None
             and head.op_type == "Conv"
             and all(n.op_type == "ArgMax" for n in others)
+            and all(n.op_type == "Conv" for n in readers)
         ):
-            yield concat, concat.input[1], head, readers
+            yield concat, features, head, readers
 
 
 def double_by_copies(model: onnx.ModelProto) -> int:

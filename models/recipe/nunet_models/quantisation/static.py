@@ -2,9 +2,10 @@
 
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -16,12 +17,13 @@ from onnxruntime.quantization import (
     QuantType,
     quantize_static,
 )
+from tqdm import tqdm
 
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.export.measure import INT8_MARGIN, quantised_selftest
 from nunet_models.export.metadata import to_json
-from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.onnx_file import load_model, read_metadata, write_metadata
 from nunet_models.export.selftest import selftest_picture
 from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
 
@@ -62,30 +64,74 @@ class _Pictures(CalibrationDataReader):
         return None if rgb is None else self.predictor.inputs(rgb)
 
 
-def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) -> dict[str, str]:
+def quantise(
+    path: Path,
+    out: Path,
+    pictures: Iterator[np.ndarray],
+    plan: Plan,
+    *,
+    calibration: dict[str, Any] | None = None,
+) -> dict[str, str]:
     """Write the quantised file of `path` to `out`, self-test measured anew; gives its metadata.
 
+    `calibration` says which `pictures` they are, for the metadata. Accuracy is not taken over from
+    `path`: it is to be measured anew (see `annotate`). A file that was at `out` stays until all is
+    done.
+
     # Errors
-    `ConfigError` for a file that is quantised already.
+    `ConfigError` for a file that is quantised already, and without a picture.
     """
     values = read_metadata(path)
     if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
         raise ConfigError(f"`{path}` is no fp32 model file")
-    model = onnx.load(path)
+    model = load_model(path)
     keep = [*plan.float_nodes, *(heads(model) if plan.float_heads else ())]
     known = {node.name for node in model.graph.node}
     unknown = [name for name in keep if name not in known]
     if unknown:
         raise ConfigError(f"`{path.name}` has no node `{unknown[0]}` to keep in float")
     shown = list(pictures)
+    if not shown:
+        raise ConfigError("no picture to calibrate on; expected one or more")
     factors = balance_joints(model, lambda names: _magnitudes(model, names, shown, Predictor(path)))
+    quantised = _quantised(model, shown, plan, keep)
+    double_by_copies(quantised)
+    training = json.loads(values["nunet.training"])
+    training["quantisation"] = {
+        "method": plan.method,
+        "float_nodes": keep,
+        "joints": factors,
+        "margin": INT8_MARGIN,
+        "calibration": {"used": len(shown), **(calibration or {})},
+    }
+    values["nunet.training"] = to_json(training)
+    values["nunet.accuracy"] = to_json({})  # the float file's figures are not this one's
+    beside = out.with_suffix(".partial.onnx")
+    try:
+        onnx.save(quantised, beside)
+        write_metadata(beside, values)
+        predictor = Predictor(beside)
+        picture = selftest_picture(*predictor.size[::-1])
+        selftest = quantised_selftest(beside, predictor.inputs(picture), predictor)
+        values["nunet.selftest"] = to_json(selftest)
+        write_metadata(beside, values)
+        beside.replace(out)
+    finally:
+        beside.unlink(missing_ok=True)
+    return values
+
+
+def _quantised(
+    model: onnx.ModelProto, pictures: list[np.ndarray], plan: Plan, keep: list[str]
+) -> onnx.ModelProto:
+    """`model` in integers, ranges taken over `pictures`, nodes named in `keep` left in float."""
     with tempfile.TemporaryDirectory() as scratch:
         raw, balanced = Path(scratch) / "quantised.onnx", Path(scratch) / "balanced.onnx"
         onnx.save(model, balanced)
         quantize_static(
             str(balanced),
             str(raw),
-            _Pictures(iter(shown), Predictor(balanced)),
+            _Pictures(iter(_shown("calibration", pictures)), Predictor(balanced)),
             quant_format=QuantFormat.QDQ,
             op_types_to_quantize=list(QUANTISED),
             nodes_to_exclude=keep,
@@ -96,24 +142,12 @@ def quantise(path: Path, out: Path, pictures: Iterator[np.ndarray], plan: Plan) 
             calibrate_method=METHODS[plan.method],
             calibration_cache_path=None,
         )
-        quantised = onnx.load(raw)
-        double_by_copies(quantised)
-        onnx.save(quantised, out)
-    write_metadata(out, values)
-    predictor = Predictor(out)
-    picture = selftest_picture(*predictor.size[::-1])
-    selftest = quantised_selftest(out, predictor.inputs(picture), predictor)
-    values["nunet.selftest"] = to_json(selftest)
-    training = json.loads(values["nunet.training"])
-    training["quantisation"] = {
-        "method": plan.method,
-        "float_nodes": keep,
-        "joints": factors,
-        "margin": INT8_MARGIN,
-    }
-    values["nunet.training"] = to_json(training)
-    write_metadata(out, values)
-    return values
+        return onnx.load(raw)
+
+
+def _shown(what: str, pictures: list[np.ndarray]) -> Iterable[np.ndarray]:
+    """`pictures` with a progress bar, where somebody watches."""
+    return tqdm(pictures, desc=what, unit="picture", disable=None)
 
 
 def _magnitudes(
@@ -128,7 +162,7 @@ def _magnitudes(
     )
     session = ort.InferenceSession(probe.SerializeToString(), providers=["CPUExecutionProvider"])
     largest = dict.fromkeys(names, 0.0)
-    for rgb in pictures:
+    for rgb in _shown("ranges at the joint", pictures):
         for name, values in zip(names, session.run(names, predictor.inputs(rgb)), strict=True):
             largest[name] = max(largest[name], float(np.abs(values).max()))
     return largest

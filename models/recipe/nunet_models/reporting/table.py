@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from nunet_models.errors import DataError
+from nunet_models.metrics import FIGURES
 
 PAPER_MSE = {
     "unet": 0.0436,
@@ -13,8 +14,6 @@ PAPER_MSE = {
 }
 """Table 1 of "Practical Depth Estimation with Image Segmentation and Serial U-Nets": mean squared
 error of depth stretched to 0..1 picture by picture."""
-
-METRIC_COLUMNS = ("rmse", "abs_rel", "delta1", "delta2", "delta3", "rmse_log", "silog")
 
 
 def read_evaluation(path: Path) -> dict[str, Any]:
@@ -33,17 +32,17 @@ def read_evaluation(path: Path) -> dict[str, Any]:
 
 def metric_table(evaluations: list[dict[str, Any]]) -> str:
     """A row a model in metres, then the mean image where an evaluation has it."""
-    rows = [("model", "pictures", *METRIC_COLUMNS, "mIoU")]
+    rows = [("model", "pictures", *FIGURES, "mIoU", "accuracy")]
     for found in evaluations:
         if found["metrics"]:
-            miou = found.get("labels", {}).get("miou")
-            rows.append(
-                (found["model"], str(found["pictures"]), *_cells(found["metrics"]), _n(miou))
-            )
+            labels = [_n(found.get("labels", {}).get(name)) for name in ("miou", "accuracy")]
+            figures = _cells(found["metrics"])
+            rows.append((found["model"], str(found["pictures"]), *figures, *labels))
     for found in evaluations:
         baseline = found.get("baseline", {}).get("metrics")
         if baseline:
-            rows.append(("mean image", str(found["pictures"]), *_cells(baseline), _n(None)))
+            none = [_n(None)] * 2
+            rows.append(("mean image", str(found["pictures"]), *_cells(baseline), *none))
             break
     return markdown(rows)
 
@@ -72,7 +71,7 @@ def markdown(rows: list[tuple[str, ...]]) -> str:
 
 
 def _cells(figures: dict[str, float]) -> list[str]:
-    return [_n(figures.get(name)) for name in METRIC_COLUMNS]
+    return [_n(figures.get(name)) for name in FIGURES]
 
 
 def _n(value: float | None) -> str:

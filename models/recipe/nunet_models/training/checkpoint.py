@@ -17,7 +17,8 @@ class Checkpoint:
     """A serial graph and what is needed to go on training it.
 
     `weights` are the averaged ones, `progress` the trainer's own state (None in a file made only
-    to be exported), `history` the figures of each epoch by component name.
+    to be exported), `history` the figures of each epoch by component name. `provenance` says by
+    component what its run was made from (see `training.provenance`); older files have none.
     """
 
     spec: GraphSpec
@@ -25,6 +26,7 @@ class Checkpoint:
     progress: dict[str, Any] | None = None
     history: dict[str, list[dict[str, float]]] = field(default_factory=dict)
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def graph(self) -> SerialGraph:
         """The network with the averaged weights, ready to evaluate."""
@@ -39,6 +41,19 @@ class Checkpoint:
             for name, tensor in self.weights.items()
         }
         return replace(self, weights=weights, progress=None)
+
+    def untrained_component(self) -> str | None:
+        """The first component that no validated epoch of any training has changed, if there is one.
+
+        A component learns in its own training, and in that of a later one which left it unfrozen.
+        """
+        names = [component.name for component in self.spec.components]
+        learnt: set[str] = set()
+        for index, name in enumerate(names):
+            if self.history.get(name):
+                unfrozen = self.settings.get(name, {}).get("unfrozen", False)
+                learnt.update(names[: index + 1] if unfrozen else [name])
+        return next((name for name in names if name not in learnt), None)
 
     def component_weights(self, name: str) -> dict[str, torch.Tensor]:
         """The averaged weights of the component called `name`, by its own keys."""
@@ -59,6 +74,7 @@ class Checkpoint:
                 "progress": self.progress,
                 "history": self.history,
                 "settings": self.settings,
+                "provenance": self.provenance,
             },
             beside,
         )

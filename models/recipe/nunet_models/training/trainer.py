@@ -39,7 +39,8 @@ class Trainer:
 
     `LAST` in the run's folder holds what `resume` needs, `BEST` the averaged weights of the best
     epoch. `shown` holds the picture whose prediction each validation keeps, the first one of `val`
-    by default. `before` is the checkpoint that the graph came from: its history is carried on.
+    by default. `before` is the checkpoint that the graph came from: its history is carried on, and
+    its provenance, which says where this run comes from too.
     """
 
     LAST = "last.pt"
@@ -87,8 +88,8 @@ class Trainer:
         for data, name in ((self.data, "training"), (self.val, "validation")):
             if self.segments and not data.has_labels:
                 raise ConfigError(
-                    f"the {name} data has no labels; hint: it needs a folder `label40`, "
-                    "with classes from 0 to 38"
+                    f"the {name} data has no labels; hint: it needs a folder `labels` (classes "
+                    "from 0 to 12) or `label40` (from 0 to 38)"
                 )
             if not self.segments and not data.has_depth:
                 raise ConfigError(
@@ -276,6 +277,7 @@ class Trainer:
             None if best else progress,
             {**self.before.history, name: self.history},
             {**self.before.settings, name: self.settings.to_json()},
+            self.before.provenance,
         ).save(self.folder / (self.BEST if best else self.LAST))
 
     def resume(self) -> None:

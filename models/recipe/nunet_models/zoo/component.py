@@ -1,7 +1,10 @@
 """One component of a serial graph: a U-Net, or one of the paper's dense systems."""
 
+from itertools import chain
+
 import torch
 from torch import nn
+from torch.func import functional_call
 
 from nunet_models.errors import ConfigError
 from nunet_models.zoo.backbones import build_unet
@@ -9,10 +12,8 @@ from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.memory import ConvLstm
 from nunet_models.zoo.spec import ComponentSpec
 
-STRIDE = 32  # of a U-Net's bottleneck, where its memory lies
-
 State = tuple[torch.Tensor, torch.Tensor]
-"""Hidden and cell of a component's memory, each `[B, units, h / 32, w / 32]`."""
+"""Hidden and cell of a component's memory, each `[B, units, h, w]` of the encoder's last map."""
 
 
 class Component(nn.Module):
@@ -47,6 +48,7 @@ class Component(nn.Module):
         self.dropout = nn.Dropout2d(spec.dropout) if spec.dropout else nn.Identity()
         if spec.memory:
             self.memory = ConvLstm(self.unet.encoder.out_channels[-1], spec.memory)
+            self.bottleneck = _last_map(self.unet.encoder, in_channels, size)
 
     @property
     def head(self) -> nn.Conv2d | nn.Linear:
@@ -69,8 +71,7 @@ class Component(nn.Module):
 
     def no_state(self, batch: int = 1) -> State:
         """The state before the first picture: zeros."""
-        height, width = (-(-side // STRIDE) for side in self.size)  # rounded up, as strides round
-        shape = (batch, self.spec.memory, height, width)
+        shape = (batch, self.spec.memory, *self.bottleneck)
         return torch.zeros(shape), torch.zeros(shape)
 
     def _decoded(self, maps: list[torch.Tensor]) -> torch.Tensor:
@@ -103,3 +104,17 @@ class Component(nn.Module):
     def train(self, mode: bool = True) -> "Component":
         """Enter or leave training; a frozen component stays as it is evaluated."""
         return super().train(mode and not self.frozen)
+
+
+def _last_map(encoder: nn.Module, in_channels: int, size: tuple[int, int]) -> tuple[int, int]:
+    """Height and width of an encoder's last map: some round a side up that 32 does not divide.
+
+    Found by a pass without numbers, on torch's meta device.
+    """
+    everything = chain(encoder.named_parameters(), encoder.named_buffers())
+    shapes = {name: torch.empty_like(tensor, device="meta") for name, tensor in everything}
+    encoder.eval()  # batch norm refuses to learn from one value a channel
+    picture = torch.empty(1, in_channels, *size, device="meta")
+    last = functional_call(encoder, shapes, (picture,))[-1]
+    encoder.train()
+    return tuple(last.shape[2:])

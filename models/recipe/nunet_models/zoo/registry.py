@@ -1,7 +1,8 @@
 """Architectures by name."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import get_args
 
 from nunet_models.errors import ConfigError
 from nunet_models.zoo.spec import LITE_DECODER, ComponentSpec, GraphSpec, Task
@@ -48,13 +49,20 @@ def graph_spec(
     *,
     backbone: str = "efficientnet_lite0",
     decoder: tuple[int, ...] = LITE_DECODER,
+    tasks: Sequence[str] = (),
+    sigmoid_joints: Sequence[str] = (),
     **fields: object,
 ) -> GraphSpec:
     """The spec of a named architecture; `fields` overrides those of `GraphSpec`.
 
     `backbone` may name one for each component, separated by commas. `nunetN` is a segmentation
     U-Net and N - 1 depth U-Nets, each refining the one before (N = 1: one depth U-Net);
-    `nunetN_c` shows the image to all of them.
+    `nunetN_c` shows the image to all of them. `tasks` gives every component its own instead; one
+    whose task changes is named by task and place, such as `depth1`. `sigmoid_joints` names the
+    components whose final sigmoid the next one reads, as in the paper's code.
+
+    # Errors
+    `ConfigError` for a name that there is not, or another number of backbones or tasks.
     """
     backbones = backbone.split(",")
     series = _SERIES.fullmatch(architecture)
@@ -72,8 +80,34 @@ def graph_spec(
     if len(backbones) > 1:
         pairs = zip(components, backbones, strict=True)
         components = tuple(c.changed(backbone=b) for c, b in pairs)
-    components = tuple(c.changed(decoder_channels=decoder) for c in components)
+    if tasks:
+        components = _with_tasks(architecture, components, tasks)
+    joints = [c.name for c in components[:-1]]
+    for name in sigmoid_joints:
+        if name not in joints:
+            raise ConfigError(
+                f"`{architecture}` has no component `{name}` whose numbers another one reads; "
+                f"hint: {', '.join(joints) or 'it has a single component'}"
+            )
+    components = tuple(
+        c.changed(decoder_channels=decoder, sigmoid_joint=c.name in sigmoid_joints)
+        for c in components
+    )
     return GraphSpec(architecture, components, **fields)
+
+
+def _with_tasks(
+    architecture: str, components: tuple[ComponentSpec, ...], tasks: Sequence[str]
+) -> tuple[ComponentSpec, ...]:
+    if len(tasks) != len(components) or not set(tasks) <= set(get_args(Task)):
+        raise ConfigError(
+            f"tasks `{','.join(tasks)}` do not fit `{architecture}` of {len(components)} "
+            f"components; hint: a list by comma of {' or '.join(get_args(Task))}, one a component"
+        )
+    return tuple(
+        c if c.task == task else c.changed(task=task, name=f"{task}{place}")
+        for place, (c, task) in enumerate(zip(components, tasks, strict=True), start=1)
+    )
 
 
 def _series(count: int, connected: bool, backbone: str) -> tuple[ComponentSpec, ...]:

@@ -1,5 +1,6 @@
 """What a serial graph is made of, as plain data: kept in checkpoints and in the model file."""
 
+import re
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, Self
 
@@ -42,6 +43,10 @@ class ComponentSpec:
         return replace(self, **fields)
 
 
+_LENGTH, _PLACE = r"(\d+(?:\.\d*)?)", r"(-?\d+(?:\.\d*)?)"
+_INTRINSICS = re.compile(rf"{_LENGTH},{_LENGTH},{_PLACE},{_PLACE}@(\d+)x(\d+)")
+
+
 @dataclass(frozen=True)
 class Camera:
     """Pinhole camera that the training pictures were taken with: pixels at `width` x `height`."""
@@ -50,6 +55,25 @@ class Camera:
     height: int
     fx: float
     fy: float
+
+    @classmethod
+    def from_intrinsics(cls, text: str) -> Self:
+        """Read `fx,fy,cx,cy@WxH` in pixels, as nunetd's `--intrinsics` is written.
+
+        The principal point decides no depth and is not kept.
+
+        # Errors
+        `ConfigError` for another text, and for lengths that are not positive.
+        """
+        found = _INTRINSICS.fullmatch(text)
+        numbers = [float(number) for number in found.groups()] if found else [0.0]
+        if min(numbers[:2] + numbers[4:]) <= 0.0:
+            raise ConfigError(
+                f"`--intrinsics {text}`: expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are "
+                "518.858,519.470,325.582,253.736@640x480"
+            )
+        fx, fy, _, _, width, height = numbers
+        return cls(int(width), int(height), fx, fy)
 
 
 NYU_CAMERA = Camera(width=640, height=480, fx=518.858, fy=519.470)

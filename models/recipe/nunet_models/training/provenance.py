@@ -1,0 +1,55 @@
+"""What a run was made from, as plain data kept in its checkpoints and in the model file."""
+
+import argparse
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from nunet_models.data.pairs import MILLIMETRE_M
+
+
+def run_provenance(
+    options: argparse.Namespace, *, train: Sequence[str], val: Sequence[str]
+) -> dict[str, Any]:
+    """Data, where the weights began, and what the settings do not hold, of one component's run.
+
+    `origin` names what the options gave and is empty where all weights began at random. Files and
+    folders are named without the way to them, which is a matter of the machine.
+    """
+    return {
+        "data": {
+            "name": options.data.resolve().name,
+            "depth_scale": MILLIMETRE_M if options.depth_scale is None else options.depth_scale,
+            "depth_offset": options.depth_offset,
+            "window": options.window,
+            "train": list_of_ids(train),
+            "val": list_of_ids(val),
+        },
+        "origin": _origin(options),
+        "dropout": options.dropout,
+        "drop_path": options.drop_path,
+    }
+
+
+def list_of_ids(ids: Sequence[str]) -> dict[str, Any]:
+    """How many ids, and the SHA-256 of them in order, each followed by a newline."""
+    text = "".join(f"{identity}\n" for identity in ids)
+    return {"pictures": len(ids), "ids_sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+
+def _origin(options: argparse.Namespace) -> dict[str, Any]:
+    plugs = dict(plug.split("=", 1) for plug in options.plug)
+    origin = {
+        "start": options.start and _file(options.start),
+        "plug": {component: _file(Path(path)) for component, path in plugs.items()},
+        "begin_with": options.begin_with and _file(options.begin_with),
+        "imagenet": options.imagenet,
+        "like": options.like,
+    }
+    return {name: value for name, value in origin.items() if value}
+
+
+def _file(path: Path) -> dict[str, str]:
+    with path.open("rb") as file:
+        return {"file": path.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
