@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::bail;
-use nunet_core::camera::{CalibrationError, Camera, Distortion, Intrinsics};
+use nunet_core::camera::{Camera, Distortion, Intrinsics};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Clock;
 use nunet_mcap::{CameraDescription, Encoding, Next, Picture, Recording, RecordingError};
@@ -155,7 +155,10 @@ fn pixel_format(encoding: Option<Encoding>) -> Option<PixelFormat> {
     }
 }
 
-fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<Camera, CalibrationError> {
+fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> anyhow::Result<Camera> {
+    if let Some(fault) = &described.fault {
+        bail!("{fault}\nhint: --calibration FILE.yaml or --intrinsics fx,fy,cx,cy says what the camera is");
+    }
     let [fx, fy, cx, cy] = described.intrinsics;
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, described.width, described.height)?;
     // Four zeros of a fisheye are an ideal fisheye, not a pinhole.
@@ -166,4 +169,23 @@ fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<
         Distortion::from_ros(&described.distortion_model, &described.coefficients)?
     };
     Ok(Camera { intrinsics, distortion }.fitted_to(width, height)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_contradicts_itself_is_not_used_and_says_why() {
+        let described = CameraDescription {
+            width: 640,
+            height: 480,
+            intrinsics: [500.0, 500.0, 320.0, 240.0],
+            ..CameraDescription::default()
+        };
+        assert_eq!(camera(&described, (320, 240)).unwrap().intrinsics.fx_px, 250.0);
+        let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
+        let error = camera(&faulty, (320, 240)).unwrap_err().to_string();
+        assert!(error.starts_with("its region of interest is none\nhint: --calibration"), "{error}");
+    }
 }
