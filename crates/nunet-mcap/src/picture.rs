@@ -267,7 +267,8 @@ impl Picture {
         let (encoding, bytes_per_pixel, change) = layout(raw.encoding)
             .ok_or_else(|| format!("encoding `{:.60}` cannot be read; expected {KNOWN}", raw.encoding))?;
         let (width, height, step) = (raw.width, raw.height, raw.step);
-        let rows = if encoding == Encoding::Nv12 { u64::from(height) * 3 / 2 } else { u64::from(height) };
+        let colour_rows = if encoding == Encoding::Nv12 { height.div_ceil(2) } else { 0 };
+        let rows = u64::from(height) + u64::from(colour_rows);
         let (row, needed) = (u64::from(width) * bytes_per_pixel, u64::from(step) * rows);
         if width == 0 || height == 0 || u64::from(step) < row || (raw.data.len() as u64) < needed {
             return Err(format!(
@@ -358,6 +359,14 @@ mod tests {
     #[test]
     fn uyvy_becomes_yuyv() {
         assert_eq!(set("uyvy", (2, 1), 4, &[10, 20, 30, 40]).unwrap().data, [20, 10, 40, 30]);
+    }
+
+    #[test]
+    fn nv12_of_an_odd_height_keeps_the_colour_of_its_last_row() {
+        let picture = set("nv12", (2, 3), 2, &[1, 2, 3, 4, 5, 6, 128, 127, 126, 125, 99]).unwrap();
+        assert_eq!(picture.data, [1, 2, 3, 4, 5, 6, 128, 127, 126, 125]);
+        let error = set("nv12", (2, 3), 2, &[0; 9]).unwrap_err();
+        assert_eq!(error, "2x3 `nv12` with 2 bytes a row needs rows of 2 bytes and 10 in all, got 9");
     }
 
     #[test]
