@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use nunet_ipc::{Clock, monotonic_nanos};
@@ -28,18 +28,32 @@ pub(super) struct Files {
     sequence: u64,
     stretch: u64,
     repeat: bool,
+    /// Whether any picture of this round could be read.
+    any_good: bool,
 }
 
 impl Files {
     /// Lists the pictures; they are decoded one at a time, when their turn comes.
     pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
-        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat })
+        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat, any_good: false })
     }
+}
+
+/// Rounds without a picture would only fill the log, as fast as it takes lines.
+pub(super) fn nothing_good_to_repeat() -> Fill {
+    Fill::Broken(anyhow!(
+        "a whole round gave no picture that can be read, and --loop would repeat it for ever\nhint: look whether the \
+         pictures are still there; the lost ones are named above"
+    ))
 }
 
 impl Source for Files {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         if self.next == self.paths.len() && self.repeat {
+            if !self.any_good {
+                return nothing_good_to_repeat();
+            }
+            self.any_good = false;
             self.next = 0;
             self.stretch += 1;
         }
@@ -54,6 +68,7 @@ impl Source for Files {
         frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
         frame.camera = None;
         frame.stretch = self.stretch;
+        self.any_good = true;
         Fill::Frame
     }
 }
@@ -295,6 +310,29 @@ mod tests {
             }
         }
         assert_eq!(seen, [(0, 0), (2, 0), (3, 1), (5, 1), (6, 2)]);
+    }
+
+    #[test]
+    fn a_loop_ends_with_a_round_without_a_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let pictures = ["a.png", "b.png"].map(|name| folder.path().join(name));
+        for path in &pictures {
+            picture([1, 0, 0]).save(path).unwrap();
+        }
+        let mut source = Files::open(folder.path().to_str().unwrap(), true).unwrap();
+        let mut frame = Frame::default();
+        assert!(matches!(source.fill(&mut frame), Fill::Frame));
+        for path in &pictures {
+            std::fs::remove_file(path).unwrap();
+        }
+        for _ in 0..3 {
+            assert!(
+                matches!(source.fill(&mut frame), Fill::Failed(_)),
+                "the rest of a round, and a whole one"
+            );
+        }
+        let Fill::Broken(error) = source.fill(&mut frame) else { panic!("there is nothing to repeat") };
+        assert!(error.to_string().starts_with("a whole round gave no picture that can be read"), "{error}");
     }
 
     #[test]
