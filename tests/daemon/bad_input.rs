@@ -252,9 +252,24 @@ fn calibration_with_more_coefficients_than_its_model_has() {
 }
 
 #[test]
-fn calibration_that_never_ends() {
+fn calibration_that_is_no_plain_file() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--source", "demo", "--calibration", "/dev/zero"]));
+}
+
+#[test]
+fn calibration_that_never_ends() {
+    let bench = Bench::new();
+    std::fs::File::create(bench.path("camera.yaml")).unwrap().set_len(1 << 36).unwrap();
+    snapshot!(arguments(&bench, &["--source", "demo", "--calibration", &bench.arg("camera.yaml")]));
+}
+
+#[test]
+fn figures_into_a_named_pipe() {
+    let bench = Bench::new();
+    let pipe = bench.arg("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    snapshot!(arguments(&bench, &["--source", "demo", "--stats-json", &pipe]));
 }
 
 #[test]

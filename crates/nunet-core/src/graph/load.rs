@@ -1,7 +1,6 @@
 //! From a path to loaded model files: a fused `.onnx`, a foreign one with its sidecar, or a staged `.toml`.
 
-use std::fs::File;
-use std::io::Read;
+use std::io::Read as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +11,7 @@ use crate::graph::onnx::{Model, Runtime};
 use crate::graph::wiring::{Contract, Unwired, Wired};
 use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider};
 use crate::model::{ModelDescription, ModelError, Sidecar, StateTensor};
+use crate::plain_file;
 use crate::preprocess::TensorFormat;
 
 /// The most bytes of a model file: what a protobuf can be.
@@ -201,12 +201,10 @@ fn sidecar_of(model: &Path) -> Result<Sidecar, GraphError> {
 /// A whole file, if it is a plain one of reasonable size.
 fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
     let failed = |source| GraphError::Read { path: path.to_owned(), source };
-    // Looked at before it is opened: opening a pipe waits for a writer.
-    let metadata = path.metadata().map_err(failed)?;
-    if !metadata.is_file() {
+    let Some(mut file) = plain_file::open(path, most).map_err(failed)? else {
         return Err(GraphError::NotAFile { path: path.to_owned() });
-    }
-    match metadata.len() {
+    };
+    match file.get_ref().metadata().map_err(failed)?.len() {
         0 => {
             return Err(GraphError::Empty { path: path.to_owned() });
         }
@@ -217,7 +215,7 @@ fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
     }
     let mut bytes = Vec::new();
     // A file that grows meanwhile is cut, and then refused for what it is.
-    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(failed)?;
+    file.read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
 }
 

@@ -1,12 +1,12 @@
 //! Pictures of a folder or a glob, in the order of their names.
 
-use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use nunet_core::plain_file;
 use nunet_ipc::{Clock, monotonic_nanos};
 
 use super::{Capture, Fill, Frame, Source};
@@ -155,8 +155,10 @@ pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
 }
 
 fn read(path: &Path, bytes: &mut Vec<u8>) -> anyhow::Result<()> {
-    let file = File::open(path)?;
-    file.take(MAX_FILE_BYTES + 1).read_to_end(bytes)?;
+    let Some(mut file) = plain_file::open(path, MAX_FILE_BYTES + 1)? else {
+        bail!("it is not a plain file\nhint: pictures from a pipe are read from stdin, by --source -");
+    };
+    file.read_to_end(bytes)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         bail!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
     }
@@ -253,6 +255,10 @@ fn no_pictures(path: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::process::Command;
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
     use image::{Rgb, RgbImage};
 
     use super::*;
@@ -293,6 +299,20 @@ mod tests {
         assert_eq!(colours, [[10, 0, 0], [30, 0, 0]]);
         assert_eq!(errors.len(), 1);
         assert!(errors[0].contains("b.jpg`"), "{errors:?}");
+    }
+
+    #[test]
+    fn a_pipe_among_the_pictures_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(Command::new("mkfifo").arg(folder.path().join("a.png")).status().unwrap().success());
+        picture([10, 0, 0]).save(folder.path().join("b.png")).unwrap();
+        let mut source = Files::open(folder.path().join("*").to_str().unwrap(), false).unwrap();
+        let (send, drained) = channel();
+        // On a thread of its own: a pipe that is opened waits for ever.
+        std::thread::spawn(move || send.send(drain(&mut source)));
+        let (colours, errors) = drained.recv_timeout(Duration::from_secs(60)).unwrap();
+        assert_eq!(colours, [[10, 0, 0]]);
+        assert!(errors[0].contains("a.png`: it is not a plain file\nhint: "), "{errors:?}");
     }
 
     #[test]
