@@ -97,6 +97,26 @@ fn model_is_a_folder() {
 }
 
 #[test]
+fn model_that_never_ends() {
+    let bench = Bench::new();
+    std::fs::File::create(bench.path("huge.onnx")).unwrap().set_len(1 << 36).unwrap();
+    snapshot!(model(&bench, "huge.onnx"));
+}
+
+/// What the child process does when the file is another than the one whose hash it was given.
+#[test]
+fn model_that_changed_after_it_was_hashed() {
+    let bench = Bench::new();
+    let output = run(nunetd(&["-q", "vet", &bench.arg("model.onnx"), "--hash", &"0".repeat(64)]));
+    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(1), "model"));
+    let stderr = text(&output.stderr);
+    assert!(
+        stderr.contains("model.onnx` is not the file that was tested: it has changed since\nhint: "),
+        "{stderr}"
+    );
+}
+
+#[test]
 fn model_of_another_metadata_version() {
     let bench = Bench::new();
     bench.add_model("v2.onnx", &models::unet(SIZE).metadata("nunet.version", "2"));
