@@ -97,6 +97,26 @@ fn model_is_a_folder() {
 }
 
 #[test]
+fn model_that_never_ends() {
+    let bench = Bench::new();
+    std::fs::File::create(bench.path("huge.onnx")).unwrap().set_len(1 << 36).unwrap();
+    snapshot!(model(&bench, "huge.onnx"));
+}
+
+/// What the child process does when the file is another than the one whose hash it was given.
+#[test]
+fn model_that_changed_after_it_was_hashed() {
+    let bench = Bench::new();
+    let output = run(nunetd(&["-q", "vet", &bench.arg("model.onnx"), "--hash", &"0".repeat(64)]));
+    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(1), "model"));
+    let stderr = text(&output.stderr);
+    assert!(
+        stderr.contains("model.onnx` is not the file that was tested: it has changed since\nhint: "),
+        "{stderr}"
+    );
+}
+
+#[test]
 fn model_of_another_metadata_version() {
     let bench = Bench::new();
     bench.add_model("v2.onnx", &models::unet(SIZE).metadata("nunet.version", "2"));
@@ -252,9 +272,24 @@ fn calibration_with_more_coefficients_than_its_model_has() {
 }
 
 #[test]
-fn calibration_that_never_ends() {
+fn calibration_that_is_no_plain_file() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--source", "demo", "--calibration", "/dev/zero"]));
+}
+
+#[test]
+fn calibration_that_never_ends() {
+    let bench = Bench::new();
+    std::fs::File::create(bench.path("camera.yaml")).unwrap().set_len(1 << 36).unwrap();
+    snapshot!(arguments(&bench, &["--source", "demo", "--calibration", &bench.arg("camera.yaml")]));
+}
+
+#[test]
+fn figures_into_a_named_pipe() {
+    let bench = Bench::new();
+    let pipe = bench.arg("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    snapshot!(arguments(&bench, &["--source", "demo", "--stats-json", &pipe]));
 }
 
 #[test]

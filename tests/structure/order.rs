@@ -19,6 +19,7 @@ const CORE: Order = Order {
     journey: &[
         "clock",
         "text",
+        "plain_file",
         "frame",
         "camera",
         "preprocess",

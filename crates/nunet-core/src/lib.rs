@@ -13,5 +13,6 @@ pub mod frame;
 pub mod graph;
 pub mod model;
 pub mod pipeline;
+pub mod plain_file;
 pub mod preprocess;
 pub mod text;

@@ -287,8 +287,19 @@ pub struct BenchArgs {
 pub struct VetArgs {
     /// The model file
     pub model: PathBuf,
+    /// SHA-256 of a file that may be loaded, hexadecimal; any file where none is given
+    #[arg(long, value_name = "SHA256", value_parser = parse_hash)]
+    pub hash: Vec<[u8; 32]>,
     #[command(flatten)]
     pub engine: EngineArgs,
+}
+
+fn parse_hash(text: &str) -> Result<[u8; 32], String> {
+    let digits = |index: usize| text.get(2 * index..2 * index + 2);
+    let byte = |index: usize| u8::from_str_radix(digits(index)?, 16).ok();
+    let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
+    let hash = bytes.and_then(|bytes| bytes.try_into().ok());
+    hash.ok_or_else(|| format!("expected 64 hexadecimal digits, got `{text}`"))
 }
 
 #[cfg(test)]
@@ -297,6 +308,14 @@ mod tests {
 
     fn parse(line: &str) -> Cli {
         Cli::parse_line(line.split(' ').map(OsString::from)).unwrap()
+    }
+
+    #[test]
+    fn hashes_are_64_hexadecimal_digits() {
+        assert_eq!(parse_hash(&"0f".repeat(32)), Ok([15; 32]));
+        for wrong in ["", "0f", &"0".repeat(63), &"0".repeat(66), &"0g".repeat(32), &"ß".repeat(32)] {
+            assert!(parse_hash(wrong).unwrap_err().ends_with(&format!("got `{wrong}`")));
+        }
     }
 
     #[test]

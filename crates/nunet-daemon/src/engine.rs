@@ -52,20 +52,22 @@ impl Engine {
     /// Finds a model, has it vetted in a child process where it is new, and loads it.
     pub(crate) fn load(&self, model: &Path, every: &[(String, NonZeroU32)]) -> anyhow::Result<Loaded> {
         let path = models::find(model)?;
-        vetting::vet(&path, &self.arguments, &self.library)?;
-        self.load_trusted(path, every)
+        let vetted = vetting::vet(&path, &self.arguments, &self.library)?;
+        self.load_trusted(path, every, vetted)
     }
 
-    /// Loads a model file without a child process.
+    /// Loads a model file without a child process, if its files have these hashes; any file where there are none.
     pub(crate) fn load_trusted(
         &self,
         path: PathBuf,
         every: &[(String, NonZeroU32)],
+        only: Vec<[u8; 32]>,
     ) -> anyhow::Result<Loaded> {
         let options = GraphOptions {
             provider: self.arguments.provider,
             threads: self.arguments.threads,
             every: every.iter().map(|(stage, count)| (stage.clone(), count.get())).collect(),
+            only,
         };
         let graph = SerialGraph::load(&path, &self.runtime, &options).map_err(blame_every)?;
         Ok(Loaded { path, graph })

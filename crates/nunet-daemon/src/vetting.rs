@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use nunet_core::graph::{Provider, model_files};
+use nunet_core::graph::{Provider, model_files, model_hashes};
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, set_parent_process_death_signal, setrlimit};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -43,23 +43,24 @@ enum Verdict {
     Crashed(String),
 }
 
-/// Makes sure that `model` can be loaded into this process.
+/// Makes sure that `model` can be loaded into this process; returns the hashes of its files, for these alone have been
+/// tested.
 ///
 /// # Errors
-/// What the child said of the file, or how it ended.
-pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<()> {
+/// A file that is none; what the child said of it, or how it ended.
+pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<Vec<[u8; 32]>> {
     let record = Record::of(model, engine, library)?;
     let verdict = match record.recall() {
         Some(verdict) => verdict,
         None => {
             info!("first use of `{}` on this machine: testing it in a child process", model.display());
-            let verdict = try_in_child(model, engine, library)?;
+            let verdict = try_in_child(model, &record.files, engine, library)?;
             record.keep(&verdict);
             verdict
         }
     };
     match verdict {
-        Verdict::Passed => Ok(()),
+        Verdict::Passed => Ok(record.files),
         Verdict::Crashed(how) => bail!(
             "`{}` is refused: loading it in a child process {how}\nhint: the file is damaged or hostile; get it \
              again from a source you trust, or remove `{}` to have it tested again",
@@ -96,9 +97,17 @@ pub(crate) fn limit_this_process(model: &Path, provider: Provider) -> anyhow::Re
     Ok(())
 }
 
-fn try_in_child(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<Verdict> {
+fn try_in_child(
+    model: &Path,
+    files: &[[u8; 32]],
+    engine: &EngineArgs,
+    library: &Found,
+) -> anyhow::Result<Verdict> {
     let mut command = installation::nunetd()?;
     command.arg("vet").arg(model).arg("--onnxruntime").arg(&library.path);
+    for hash in files {
+        command.arg("--hash").arg(hexadecimal(hash));
+    }
     command.arg("--provider").arg(engine.provider.to_string());
     if let Some(threads) = engine.threads {
         command.arg("--threads").arg(threads.to_string());
@@ -175,25 +184,23 @@ fn refusal(messages: &str) -> &str {
 struct Record {
     /// `None` where there is no folder of this user's own: in a common one anybody could plant a verdict.
     path: Option<PathBuf>,
+    /// SHA-256 of each file of the model.
+    files: Vec<[u8; 32]>,
 }
 
 impl Record {
     fn of(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<Self> {
-        let mut hash = Sha256::new();
-        for file in model_files(model)? {
-            let bytes = std::fs::read(&file).with_context(|| format!("cannot read `{}`", file.display()))?;
-            hash.update((bytes.len() as u64).to_le_bytes());
-            hash.update(&bytes);
-        }
+        let files = model_hashes(model)?;
+        let mut hash = Sha256::new_with_prefix(files.as_flattened());
         let about =
             library.path.metadata().with_context(|| format!("cannot read `{}`", library.path.display()))?;
         let changed = about.modified().ok();
         let rest =
             (env!("CARGO_PKG_VERSION"), &library.path, about.len(), changed, engine.provider, engine.threads);
         hash.update(format!("{rest:?}"));
-        let name: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let name = hexadecimal(hash.finalize().as_slice());
         let path = library::cache_folder().map(|folder| folder.join("verdicts").join(name + ".json"));
-        Ok(Self { path })
+        Ok(Self { path, files })
     }
 
     fn recall(&self) -> Option<Verdict> {
@@ -207,6 +214,10 @@ impl Record {
             debug!("the verdict is not kept in `{}`: {error}", path.display());
         }
     }
+}
+
+fn hexadecimal(hash: &[u8]) -> String {
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn try_keep(path: &Path, verdict: &Verdict) -> std::io::Result<()> {
@@ -260,7 +271,7 @@ mod tests {
     fn a_verdict_is_kept_and_recalled_and_half_of_one_is_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deeper/verdict.json");
-        let record = Record { path: Some(path.clone()) };
+        let record = Record { path: Some(path.clone()), files: Vec::new() };
         assert_eq!(record.recall(), None);
         record.keep(&Verdict::Crashed("badly".into()));
         assert_eq!(record.recall(), Some(Verdict::Crashed("badly".into())));

@@ -2,7 +2,7 @@
 
 use serde_bytes::Bytes;
 
-use crate::messages::{CameraInfo, CompressedImage, Header, Image};
+use crate::messages::{CameraInfo, CompressedImage, Header, Image, RegionOfInterest};
 
 /// How a recorded picture's bytes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,6 +67,8 @@ pub struct CameraDescription {
     pub distortion_model: String,
     /// Its coefficients, in the model's order.
     pub coefficients: Vec<f64>,
+    /// Why the numbers above must not be used, where the message contradicts itself.
+    pub fault: Option<String>,
 }
 
 impl CameraDescription {
@@ -74,10 +76,32 @@ impl CameraDescription {
     /// the projection P, which has no lens; K and D are of the picture before.
     pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Option<Self> {
         let size = (info.width, info.height);
-        if rectified {
-            return Self::of_projection(size, &info.p);
-        }
-        Self::new(size, &info.k, &info.distortion_model, info.d.clone())
+        let whole = if rectified {
+            Self::of_projection(size, &info.p)
+        } else {
+            Self::new(size, &info.k, &info.distortion_model, info.d.clone())
+        };
+        whole.map(|camera| camera.captured(info))
+    }
+
+    /// From the camera of the whole sensor, which K, P, width and height of ROS 2's message are of, to that of the pictures:
+    /// the region of interest, in pixels of the whole, whose blocks of `binning` pixels are one each.
+    fn captured(mut self, info: &CameraInfo<'_>) -> Self {
+        let RegionOfInterest { x_offset, y_offset, width, height, .. } = info.roi;
+        let x = Side::captured(self.width, x_offset, width, info.binning_x);
+        let y = Side::captured(self.height, y_offset, height, info.binning_y);
+        let (Some(x), Some(y)) = (x, y) else {
+            self.fault = Some(format!(
+                "its region of interest of {width}x{height} pixels from column {x_offset} and row {y_offset} on is not \
+                 within the sensor's {}x{}",
+                self.width, self.height
+            ));
+            return self;
+        };
+        let [fx, fy, cx, cy] = self.intrinsics;
+        self.intrinsics = [x.focal(fx), y.focal(fy), x.centre(cx), y.centre(cy)];
+        (self.width, self.height) = (x.pixels, y.pixels);
+        self
     }
 
     /// From the matrix P of rectified pictures, row by row.
@@ -103,6 +127,7 @@ impl CameraDescription {
             intrinsics: [fx, fy, cx, cy],
             distortion_model: model.to_owned(),
             coefficients,
+            fault: None,
         })
     }
 
@@ -127,6 +152,38 @@ impl CameraDescription {
             binning_y: 0,
             roi: crate::messages::RegionOfInterest::default(),
         }
+    }
+}
+
+/// Width or height of what a camera gives of its sensor.
+struct Side {
+    /// Where it begins, pixels of the sensor.
+    offset: f64,
+    /// Pixels of the sensor that are one of the picture.
+    binning: f64,
+    /// Of the picture.
+    pixels: u32,
+}
+
+impl Side {
+    /// ROS' zeros are the whole sensor, and no binning; `None` of a region that reaches beyond the sensor.
+    fn captured(sensor: u32, offset: u32, size: u32, binning: u32) -> Option<Self> {
+        let size = if (offset, size) == (0, 0) { sensor } else { size };
+        let binning = binning.max(1);
+        let within = (size > 0 || sensor == 0) && offset.checked_add(size)? <= sensor;
+        within.then(|| Self { offset: offset.into(), binning: binning.into(), pixels: size / binning })
+    }
+
+    fn focal(&self, pixels: f64) -> f64 {
+        pixels / self.binning
+    }
+
+    /// The middle of a block becomes the middle of a pixel. (ROS' own `image_geometry` divides alone, which is off by
+    /// less than half a pixel.)
+    fn centre(&self, pixels: f64) -> f64 {
+        let within = pixels - self.offset;
+        // Not the same to the last bit, and almost nobody bins.
+        if self.binning > 1.0 { (within + 0.5) / self.binning - 0.5 } else { within }
     }
 }
 
@@ -210,7 +267,8 @@ impl Picture {
         let (encoding, bytes_per_pixel, change) = layout(raw.encoding)
             .ok_or_else(|| format!("encoding `{:.60}` cannot be read; expected {KNOWN}", raw.encoding))?;
         let (width, height, step) = (raw.width, raw.height, raw.step);
-        let rows = if encoding == Encoding::Nv12 { u64::from(height) * 3 / 2 } else { u64::from(height) };
+        let colour_rows = if encoding == Encoding::Nv12 { height.div_ceil(2) } else { 0 };
+        let rows = u64::from(height) + u64::from(colour_rows);
         let (row, needed) = (u64::from(width) * bytes_per_pixel, u64::from(step) * rows);
         if width == 0 || height == 0 || u64::from(step) < row || (raw.data.len() as u64) < needed {
             return Err(format!(
@@ -304,6 +362,14 @@ mod tests {
     }
 
     #[test]
+    fn nv12_of_an_odd_height_keeps_the_colour_of_its_last_row() {
+        let picture = set("nv12", (2, 3), 2, &[1, 2, 3, 4, 5, 6, 128, 127, 126, 125, 99]).unwrap();
+        assert_eq!(picture.data, [1, 2, 3, 4, 5, 6, 128, 127, 126, 125]);
+        let error = set("nv12", (2, 3), 2, &[0; 9]).unwrap_err();
+        assert_eq!(error, "2x3 `nv12` with 2 bytes a row needs rows of 2 bytes and 10 in all, got 9");
+    }
+
+    #[test]
     fn a_size_that_contradicts_its_data_is_an_error_with_both() {
         let error = set("rgb8", (4, 2), 12, &[0; 23]).unwrap_err();
         assert_eq!(error, "4x2 `rgb8` with 12 bytes a row needs rows of 12 bytes and 24 in all, got 23");
@@ -340,6 +406,63 @@ mod tests {
         let p = [400.0, 0.0, 310.0, 0.0, 0.0, 401.0, 230.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         let camera = CameraDescription::of_projection((640, 480), &p).unwrap();
         assert_eq!((camera.intrinsics, camera.coefficients.len()), ([400.0, 401.0, 310.0, 230.0], 0));
+    }
+
+    /// Of 640x480 pixels of which the region of interest is 320x240 in the middle, and the camera of its pictures.
+    fn cropped(change: impl Fn(&mut CameraInfo<'_>), rectified: bool) -> CameraDescription {
+        let whole = CameraDescription {
+            width: 640,
+            height: 480,
+            intrinsics: [500.0, 510.0, 320.0, 240.0],
+            ..CameraDescription::default()
+        };
+        let header = Header { stamp: crate::messages::Time::default(), frame_id: "eye".into() };
+        let mut info = whole.ros_message(header);
+        info.p[0] = 400.0;
+        info.roi =
+            RegionOfInterest { x_offset: 200, y_offset: 100, width: 320, height: 240, do_rectify: true };
+        change(&mut info);
+        CameraDescription::of_ros(&info, rectified).unwrap()
+    }
+
+    #[test]
+    fn a_region_of_interest_moves_the_principal_point() {
+        let camera = cropped(|_| {}, false);
+        assert_eq!((camera.width, camera.height, camera.fault.as_deref()), (320, 240, None));
+        assert_eq!(camera.intrinsics, [500.0, 510.0, 120.0, 140.0]);
+        assert_eq!(cropped(|_| {}, true).intrinsics, [400.0, 510.0, 120.0, 140.0], "of the projection too");
+    }
+
+    #[test]
+    fn binning_makes_one_pixel_of_a_block_of_the_region() {
+        let camera = cropped(|info| (info.binning_x, info.binning_y) = (2, 4), false);
+        assert_eq!((camera.width, camera.height), (160, 60));
+        assert_eq!(camera.intrinsics, [250.0, 127.5, 120.5 / 2.0 - 0.5, 140.5 / 4.0 - 0.5]);
+    }
+
+    #[test]
+    fn zeros_are_the_whole_sensor_on_either_side() {
+        let whole = cropped(|info| info.roi = RegionOfInterest::default(), false);
+        assert_eq!((whole.width, whole.height, whole.intrinsics), (640, 480, [500.0, 510.0, 320.0, 240.0]));
+        let wide = cropped(|info| (info.roi.x_offset, info.roi.width) = (0, 0), false);
+        assert_eq!((wide.width, wide.height, wide.intrinsics), (640, 240, [500.0, 510.0, 320.0, 140.0]));
+    }
+
+    #[test]
+    fn a_region_beyond_the_sensor_makes_the_camera_useless() {
+        let camera = cropped(|info| info.roi.x_offset = 321, false);
+        assert_eq!(
+            camera.fault.as_deref(),
+            Some(
+                "its region of interest of 320x240 pixels from column 321 and row 100 on is not within the sensor's \
+                 640x480"
+            )
+        );
+        let changes: [fn(&mut CameraInfo<'_>); 3] =
+            [|info| info.roi.height = 0, |info| info.roi.height = 381, |info| info.roi.y_offset = u32::MAX];
+        for change in changes {
+            assert!(cropped(change, true).fault.is_some());
+        }
     }
 
     #[test]

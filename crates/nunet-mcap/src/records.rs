@@ -107,7 +107,12 @@ fn guarded<T>(next: impl FnOnce() -> Option<Result<T, McapError>>) -> Option<Res
 }
 
 fn open(path: &Path) -> Result<File, RecordingError> {
-    File::open(path).map_err(|source| io("open", path, source))
+    let failed = |source| io("open", path, source);
+    // Looked at before it is opened: opening a pipe waits for a writer.
+    if !path.metadata().map_err(failed)?.is_file() {
+        return Err(RecordingError::NotMcap { path: path.to_owned(), reason: "it is not a plain file" });
+    }
+    File::open(path).map_err(failed)
 }
 
 pub(crate) fn io(what: &'static str, path: &Path, source: std::io::Error) -> RecordingError {

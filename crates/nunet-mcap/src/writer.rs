@@ -110,6 +110,8 @@ pub struct FrameRecord<'a> {
 /// Writes a recording.
 pub struct RecordingWriter {
     path: PathBuf,
+    /// The writer's file once more: its name may be another file's by now.
+    file: File,
     writer: Option<Writer<BufWriter<File>>>,
     channels: BTreeMap<String, u16>,
     camera: String,
@@ -138,6 +140,7 @@ impl RecordingWriter {
             ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_owned() },
             _ => io("create", path, source),
         })?;
+        let same_file = file.try_clone().map_err(|source| io("create", path, source))?;
         let write = WriteOptions::new()
             .profile("ros2")
             .library("nunet")
@@ -147,6 +150,7 @@ impl RecordingWriter {
             .chunk_size(Some(CHUNK_BYTES));
         let mut recording = Self {
             path: path.to_owned(),
+            file: same_file,
             writer: None,
             channels: BTreeMap::new(),
             camera: options.camera,
@@ -224,11 +228,8 @@ impl RecordingWriter {
     /// The disk is full.
     pub fn sync(&mut self) -> Result<(), RecordingError> {
         self.with(Writer::flush)?;
-        let path = self.path.clone();
-        let mut file =
-            File::options().append(true).open(&path).map_err(|source| io("write", &path, source))?;
-        file.sync_data().map_err(|source| io("write", &path, source))?;
-        self.whole = file.seek(SeekFrom::End(0)).map_err(|source| io("write", &path, source))?;
+        let synced = self.file.sync_data().and_then(|()| self.file.metadata());
+        self.whole = synced.map_err(|source| io("write", &self.path, source))?.len();
         Ok(())
     }
 
@@ -307,10 +308,11 @@ impl RecordingWriter {
         if self.whole == 0 {
             return;
         }
-        let ended = File::options().append(true).open(&self.path).and_then(|mut file| {
-            file.set_len(self.whole)?;
-            file.write_all(&END)?;
-            file.sync_data()
+        let ended = self.file.set_len(self.whole).and_then(|()| {
+            // The position is the writer's too, which is gone.
+            self.file.seek(SeekFrom::Start(self.whole))?;
+            self.file.write_all(&END)?;
+            self.file.sync_data()
         });
         // It could be read without an end as well, by readers that are less strict.
         let _ = ended;
@@ -398,6 +400,46 @@ fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_recording_that_was_moved_is_mended_and_what_took_its_name_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, moved) = (folder.path().join("a.mcap"), folder.path().join("moved.mcap"));
+        let options = WriterOptions {
+            camera: "front".to_owned(),
+            frame_id: "eye".to_owned(),
+            mount: None,
+            about: BTreeMap::new(),
+            force: false,
+        };
+        let mut writer = RecordingWriter::create(&path, options).unwrap();
+        let frame = FrameRecord {
+            log_nanos: 1,
+            stamp_nanos: 1,
+            picture: None,
+            camera: None,
+            depth: DepthRecord { width: 1, height: 1, bytes: &1_f32.to_le_bytes() },
+            depth_camera: None,
+            labels: None,
+            cloud: None,
+        };
+        writer.write(&frame).unwrap();
+        std::fs::rename(&path, &moved).unwrap();
+        std::fs::write(&path, b"precious").unwrap();
+        writer.sync().unwrap();
+        let synced = std::fs::metadata(&moved).unwrap().len();
+        assert_eq!(writer.whole, synced);
+        writer.write(&frame).unwrap();
+        writer.with(Writer::flush).unwrap();
+        assert!(std::fs::metadata(&moved).unwrap().len() > synced, "it grows under its new name");
+
+        writer.cut_back();
+        let bytes = std::fs::read(&moved).unwrap();
+        assert_eq!(bytes.len() as u64, synced + END.len() as u64);
+        let messages = mcap::MessageStream::new(&bytes).unwrap().collect::<Result<Vec<_>, _>>().unwrap();
+        assert_eq!(messages.len(), 1, "what was synced, with an end");
+        assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+    }
 
     fn rotated(by: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
         let [qx, qy, qz, qw] = by;

@@ -4,6 +4,9 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions};
@@ -97,6 +100,18 @@ fn every_picture_of_a_whole_file_is_read_however_it_is_compressed() {
         assert_eq!(values, (1..=PICTURES).collect::<Vec<_>>(), "{name}");
         assert!(matches!(end, Next::End), "{name}");
     }
+}
+
+#[test]
+fn a_pipe_is_no_recording_and_is_not_waited_for() {
+    let folder = Folder::new();
+    let pipe = folder.0.path().join("pipe.mcap");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let (send, opened) = channel();
+    // On a thread of its own: a pipe that is opened waits for ever.
+    std::thread::spawn(move || send.send(Recording::open(&pipe, None).map(drop).unwrap_err().to_string()));
+    let error = opened.recv_timeout(Duration::from_secs(60)).unwrap();
+    assert!(error.ends_with("pipe.mcap` is no MCAP file: it is not a plain file"), "{error}");
 }
 
 #[test]

@@ -77,6 +77,22 @@ impl Intrinsics {
         })
     }
 
+    /// The same intrinsics for a picture of another size and the same shape.
+    ///
+    /// # Errors
+    /// A size whose sides have another ratio, by more than the rounding to whole pixels: such a picture was cropped or
+    /// stretched, and nobody said where.
+    pub fn fitted_to(&self, width: u32, height: u32) -> Result<Self, CameraError> {
+        let Self { width: calibrated_width, height: calibrated_height, .. } = *self;
+        let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
+        let off = cross(width, calibrated_height).abs_diff(cross(calibrated_width, height));
+        // One side follows from the other to less than a pixel: |W - w H / h| < 1, or |H - h W / w| < 1.
+        if off >= u64::from(calibrated_width.max(calibrated_height)) {
+            return Err(CameraError::Aspect { calibrated_width, calibrated_height, width, height });
+        }
+        self.scaled_to(width, height)
+    }
+
     /// The intrinsics of the picture made of columns and rows 0, `stride`, 2 `stride`, ... of this one.
     ///
     /// Unlike [`Intrinsics::scaled_to`] the kept pixels stay where they are, so the principal point is divided alone.
@@ -163,11 +179,11 @@ impl IntrinsicsSpec {
     /// meant for this size where none was.
     ///
     /// # Errors
-    /// As [`Intrinsics::new`].
+    /// As [`Intrinsics::new`]; a picture of another shape than that of the size that was written.
     pub fn at_size(&self, width: u32, height: u32) -> Result<Intrinsics, CameraError> {
         let [fx_px, fy_px, cx_px, cy_px] = self.numbers;
         let (own_width, own_height) = self.size.unwrap_or((width, height));
-        Intrinsics::new(fx_px, fy_px, cx_px, cy_px, own_width, own_height)?.scaled_to(width, height)
+        Intrinsics::new(fx_px, fy_px, cx_px, cy_px, own_width, own_height)?.fitted_to(width, height)
     }
 
     /// What can be known to be wrong before the picture's size is, so that a bad argument is refused as one.
@@ -412,6 +428,18 @@ mod tests {
     fn numbers_without_a_size_are_taken_as_meant_for_the_picture() {
         let spec: IntrinsicsSpec = "500, 501, 320, 240".parse().unwrap();
         assert_eq!(spec.at_size(640, 480), Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480));
+    }
+
+    #[test]
+    fn numbers_for_pictures_of_another_shape_are_refused_with_both_named() {
+        let spec: IntrinsicsSpec = "1037,1038,651,507@1280x960".parse().unwrap();
+        assert_eq!(spec.at_size(640, 480).unwrap().fx_px, 518.5);
+        assert!(spec.at_size(213, 160).is_ok(), "rounded to whole pixels");
+        let error = spec.at_size(640, 360).unwrap_err().to_string();
+        assert!(
+            error.starts_with("a calibration for pictures of `1280x960` does not fit pictures of `640x360`"),
+            "{error}"
+        );
     }
 
     proptest! {

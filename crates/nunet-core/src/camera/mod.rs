@@ -88,14 +88,7 @@ impl Camera {
     /// A size whose sides have another ratio, by more than the rounding to whole pixels: such a picture was cropped or
     /// stretched, and nobody said where.
     pub fn fitted_to(&self, width: u32, height: u32) -> Result<Self, CameraError> {
-        let Intrinsics { width: calibrated_width, height: calibrated_height, .. } = self.intrinsics;
-        let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
-        let off = cross(width, calibrated_height).abs_diff(cross(calibrated_width, height));
-        // One side follows from the other to less than a pixel: |W - w H / h| < 1, or |H - h W / w| < 1.
-        if off >= u64::from(calibrated_width.max(calibrated_height)) {
-            return Err(CameraError::Aspect { calibrated_width, calibrated_height, width, height });
-        }
-        self.scaled_to(width, height)
+        Ok(Self { intrinsics: self.intrinsics.fitted_to(width, height)?, distortion: self.distortion })
     }
 
     /// The same camera with its picture stretched to `width` x `height` pixels; the lens does not change.

@@ -39,6 +39,15 @@ pub enum GraphError {
         /// The limit.
         most: u64,
     },
+    /// The file is none of those that may be loaded.
+    #[error(
+        "`{}` is not the file that was tested: it has changed since\nhint: start again when nothing writes it any more",
+        path.display()
+    )]
+    Changed {
+        /// The file.
+        path: PathBuf,
+    },
     /// ONNX Runtime does not take the file.
     #[error("cannot load the model `{}`: {reason}{hint}", path.display())]
     Model {

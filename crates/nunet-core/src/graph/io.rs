@@ -16,6 +16,8 @@ pub struct GraphOptions {
     pub threads: Option<NonZeroUsize>,
     /// `(stage, n)`: run that stage each n-th frame, whatever the manifest says.
     pub every: Vec<(String, u32)>,
+    /// SHA-256 of the files that may be loaded, see [`model_hashes`](crate::graph::model_hashes); empty where any may.
+    pub only: Vec<[u8; 32]>,
 }
 
 /// What a stage is, as `inspect` shows it.

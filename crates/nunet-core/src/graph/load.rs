@@ -1,7 +1,6 @@
 //! From a path to loaded model files: a fused `.onnx`, a foreign one with its sidecar, or a staged `.toml`.
 
-use std::fs::File;
-use std::io::Read;
+use std::io::Read as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +11,7 @@ use crate::graph::onnx::{Model, Runtime};
 use crate::graph::wiring::{Contract, Unwired, Wired};
 use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider};
 use crate::model::{ModelDescription, ModelError, Sidecar, StateTensor};
+use crate::plain_file;
 use crate::preprocess::TensorFormat;
 
 /// The most bytes of a model file: what a protobuf can be.
@@ -49,6 +49,23 @@ pub fn model_files(path: &Path) -> Result<Vec<PathBuf>, GraphError> {
     Ok(std::iter::once(path.to_owned()).chain(sidecar).collect())
 }
 
+/// The SHA-256 of each of [`model_files`], in their order: what [`GraphOptions::only`] takes.
+///
+/// # Errors
+/// A manifest that cannot be read or is wrong; a file that is no plain one, is empty or larger than a model can be.
+pub fn model_hashes(path: &Path) -> Result<Vec<[u8; 32]>, GraphError> {
+    let hash = |file: PathBuf| -> Result<[u8; 32], GraphError> {
+        let most = if is_manifest(&file) { MAX_TOML_BYTES } else { MAX_MODEL_BYTES };
+        match read(&file, most) {
+            Ok(bytes) => Ok(Sha256::digest(&bytes).into()),
+            // A sidecar that is none: only a network that needs it is refused.
+            Err(_) if is_manifest(&file) && !is_manifest(path) => Ok([0; 32]),
+            Err(error) => Err(error),
+        }
+    };
+    model_files(path)?.into_iter().map(hash).collect()
+}
+
 fn is_manifest(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
 }
@@ -70,12 +87,13 @@ fn file_of(manifest: &Path, model: &str) -> PathBuf {
 
 struct Loader<'a> {
     runtime: &'a Runtime,
+    only: &'a [[u8; 32]],
     provider: Provider,
     threads: NonZeroUsize,
 }
 
 impl<'a> Loader<'a> {
-    fn new(runtime: &'a Runtime, options: &GraphOptions) -> Result<Self, GraphError> {
+    fn new(runtime: &'a Runtime, options: &'a GraphOptions) -> Result<Self, GraphError> {
         let threads = options
             .threads
             .or_else(|| std::thread::available_parallelism().ok())
@@ -84,7 +102,7 @@ impl<'a> Loader<'a> {
             .provider
             .resolve(runtime, threads)
             .map_err(|error| GraphError::Provider { provider: error.provider, reason: error.reason })?;
-        Ok(Self { runtime, provider, threads })
+        Ok(Self { runtime, only: &options.only, provider, threads })
     }
 
     /// A fused file, or a foreign network with its sidecar: a graph of one stage.
@@ -99,7 +117,7 @@ impl<'a> Loader<'a> {
             let models = vec![(path.to_owned(), model)];
             return self.prove(path, manifest, models, description, Contract::Nunet, options);
         }
-        let sidecar = sidecar_of(path)?;
+        let sidecar = self.sidecar_of(path)?;
         let manifest = Manifest::fused(&file, &sidecar.input, &sidecar.depth, None);
         let contract = Contract::Foreign {
             element: if sidecar.format.is_some() { ElementType::Float32 } else { ElementType::Uint8 },
@@ -115,6 +133,7 @@ impl<'a> Loader<'a> {
     /// A manifest and the files that it names.
     fn staged(&self, path: &Path, options: &GraphOptions) -> Result<Loaded, GraphError> {
         let (bytes, manifest) = read_manifest(path)?;
+        self.hash(path, &bytes)?;
         let mut hash = Sha256::new_with_prefix(&bytes);
         let mut models = Vec::with_capacity(manifest.stages.len());
         for stage in &manifest.stages {
@@ -135,11 +154,37 @@ impl<'a> Loader<'a> {
 
     fn model(&self, path: &Path) -> Result<(Model, [u8; 32]), GraphError> {
         let bytes = read(path, MAX_MODEL_BYTES)?;
+        // Before ONNX Runtime sees anything of it.
+        let hash = self.hash(path, &bytes)?;
         let model = Model::load(&bytes, self.runtime, self.provider, self.threads).map_err(|reason| {
             let hint = hint(&reason);
             GraphError::Model { path: path.to_owned(), reason, hint }
         })?;
-        Ok((model, Sha256::digest(&bytes).into()))
+        Ok((model, hash))
+    }
+
+    /// The hash of a file that may be loaded.
+    fn hash(&self, path: &Path, bytes: &[u8]) -> Result<[u8; 32], GraphError> {
+        let hash: [u8; 32] = Sha256::digest(bytes).into();
+        if self.only.is_empty() || self.only.contains(&hash) {
+            Ok(hash)
+        } else {
+            Err(GraphError::Changed { path: path.to_owned() })
+        }
+    }
+
+    /// The sidecar beside a model file without metadata.
+    fn sidecar_of(&self, model: &Path) -> Result<Sidecar, GraphError> {
+        let path = model.with_extension("toml");
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let wrong = |source| GraphError::Description { path: model.to_owned(), source };
+        if !path.exists() {
+            return Err(wrong(ModelError::Undescribed { sidecar: name }));
+        }
+        let bytes = read(&path, MAX_TOML_BYTES)?;
+        self.hash(&path, &bytes)?;
+        let parsed = std::str::from_utf8(&bytes).map_err(|error| error.to_string()).and_then(Sidecar::parse);
+        parsed.map_err(|reason| wrong(ModelError::Sidecar { sidecar: name, reason }))
     }
 
     fn prove(
@@ -185,28 +230,13 @@ fn override_every(manifest: &mut Manifest, options: &GraphOptions) -> Result<(),
     Ok(())
 }
 
-/// The sidecar beside a model file without metadata.
-fn sidecar_of(model: &Path) -> Result<Sidecar, GraphError> {
-    let path = model.with_extension("toml");
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let wrong = |source| GraphError::Description { path: model.to_owned(), source };
-    if !path.exists() {
-        return Err(wrong(ModelError::Undescribed { sidecar: name }));
-    }
-    let bytes = read(&path, MAX_TOML_BYTES)?;
-    let parsed = std::str::from_utf8(&bytes).map_err(|error| error.to_string()).and_then(Sidecar::parse);
-    parsed.map_err(|reason| wrong(ModelError::Sidecar { sidecar: name, reason }))
-}
-
 /// A whole file, if it is a plain one of reasonable size.
 fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
     let failed = |source| GraphError::Read { path: path.to_owned(), source };
-    // Looked at before it is opened: opening a pipe waits for a writer.
-    let metadata = path.metadata().map_err(failed)?;
-    if !metadata.is_file() {
+    let Some(mut file) = plain_file::open(path, most).map_err(failed)? else {
         return Err(GraphError::NotAFile { path: path.to_owned() });
-    }
-    match metadata.len() {
+    };
+    match file.get_ref().metadata().map_err(failed)?.len() {
         0 => {
             return Err(GraphError::Empty { path: path.to_owned() });
         }
@@ -217,7 +247,7 @@ fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
     }
     let mut bytes = Vec::new();
     // A file that grows meanwhile is cut, and then refused for what it is.
-    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(failed)?;
+    file.read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
 }
 

@@ -16,7 +16,7 @@ mod wiring;
 
 pub use error::GraphError;
 pub use io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, StageInfo, TensorView};
-pub use load::model_files;
+pub use load::{model_files, model_hashes};
 pub use manifest::{MAX_STAGES, Manifest, ManifestError};
 pub use onnx::{Provider, Runtime, RuntimeError, UnknownProvider};
 pub use serial::SerialGraph;

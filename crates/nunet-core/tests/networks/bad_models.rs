@@ -1,9 +1,12 @@
 //! Files that are no models, and models that are not what they should be.
 
+use std::path::Path;
+
+use nunet_core::graph::{GraphError, GraphOptions, SerialGraph, model_hashes};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
-use crate::{Folder, SIZE, refusal};
+use crate::{Folder, SIZE, options, refusal, runtime};
 
 const F32: ElementType = ElementType::F32;
 
@@ -34,6 +37,41 @@ fn a_missing_file_is_named() {
 #[test]
 fn a_folder_is_not_a_model() {
     assert!(refusal(Folder::new().load("")).ends_with("is not a file"));
+}
+
+#[test]
+fn a_file_without_an_end_is_not_read() {
+    let error = model_hashes(Path::new("/dev/zero")).unwrap_err();
+    assert!(matches!(error, GraphError::NotAFile { .. }), "{error}");
+}
+
+#[test]
+fn a_file_that_changed_after_it_was_hashed_is_not_loaded() {
+    let folder = Folder::new().model("m.onnx", &models::unet(SIZE));
+    let path = folder.path("m.onnx");
+    let only = |only| GraphOptions { only, ..options() };
+    let hashes = model_hashes(&path).unwrap();
+    SerialGraph::load(&path, &runtime(), &only(hashes.clone())).unwrap();
+    let folder = folder.model("m.onnx", &models::wnet(SIZE, true));
+    let message = refusal(SerialGraph::load(&path, &runtime(), &only(hashes)));
+    assert!(
+        message.contains("m.onnx` is not the file that was tested: it has changed since\nhint: "),
+        "{message}"
+    );
+    drop(folder);
+}
+
+#[test]
+fn a_sidecar_is_hashed_too_and_one_that_is_none_harms_nobody() {
+    let folder = Folder::new().model("m.onnx", &models::unet(SIZE));
+    let path = folder.path("m.onnx");
+    let alone = model_hashes(&path).unwrap();
+    let folder = folder.text("m.toml", "");
+    let beside = model_hashes(&path).unwrap();
+    assert_eq!((alone.len(), beside.len(), beside[0]), (1, 2, alone[0]));
+    SerialGraph::load(&path, &runtime(), &GraphOptions { only: beside.clone(), ..options() }).unwrap();
+    let _folder = folder.text("m.toml", "x = 1");
+    assert_ne!(model_hashes(&path).unwrap(), beside);
 }
 
 #[test]

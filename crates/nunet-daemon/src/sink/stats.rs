@@ -1,8 +1,9 @@
 //! `stats.json`: what a stream did, in figures.
 
+use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use nunet_core::depth::Scale;
 use serde::{Serialize, Serializer};
 
@@ -123,13 +124,24 @@ impl From<&Latencies> for LatencyMs {
 
 /// Makes sure before a long run that its figures can be written at the end.
 pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
+    if is_named_pipe(path) {
+        bail!("cannot write `{}`: it is a named pipe\nhint: name a plain file", path.display());
+    }
     let existed = path.exists();
-    let opened = std::fs::OpenOptions::new().create(true).append(true).open(path);
+    let mut how = std::fs::OpenOptions::new();
+    // Not to wait for the reader of a pipe that has none any more.
+    let opened = how.create(true).append(true).custom_flags(libc::O_NONBLOCK).open(path);
     opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))?;
     if !existed {
         std::fs::remove_file(path).with_context(|| format!("cannot write `{}`", path.display()))?;
     }
     Ok(())
+}
+
+/// Whoever reads a named pipe is sent away when it is closed after the trial. A pipe without a name, as `/dev/stdout` may
+/// be, is kept open by whoever gave it to this process.
+fn is_named_pipe(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| found.file_type().is_fifo()) && path.canonicalize().is_ok()
 }
 
 /// Writes `value` as JSON.

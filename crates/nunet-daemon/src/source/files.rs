@@ -1,12 +1,12 @@
 //! Pictures of a folder or a glob, in the order of their names.
 
-use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use nunet_core::plain_file;
 use nunet_ipc::{Clock, monotonic_nanos};
 
 use super::{Capture, Fill, Frame, Source};
@@ -28,18 +28,32 @@ pub(super) struct Files {
     sequence: u64,
     stretch: u64,
     repeat: bool,
+    /// Whether any picture of this round could be read.
+    any_good: bool,
 }
 
 impl Files {
     /// Lists the pictures; they are decoded one at a time, when their turn comes.
     pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
-        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat })
+        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat, any_good: false })
     }
+}
+
+/// Rounds without a picture would only fill the log, as fast as it takes lines.
+pub(super) fn nothing_good_to_repeat() -> Fill {
+    Fill::Broken(anyhow!(
+        "a whole round gave no picture that can be read, and --loop would repeat it for ever\nhint: look whether the \
+         pictures are still there; the lost ones are named above"
+    ))
 }
 
 impl Source for Files {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         if self.next == self.paths.len() && self.repeat {
+            if !self.any_good {
+                return nothing_good_to_repeat();
+            }
+            self.any_good = false;
             self.next = 0;
             self.stretch += 1;
         }
@@ -54,6 +68,7 @@ impl Source for Files {
         frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
         frame.camera = None;
         frame.stretch = self.stretch;
+        self.any_good = true;
         Fill::Frame
     }
 }
@@ -140,8 +155,10 @@ pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
 }
 
 fn read(path: &Path, bytes: &mut Vec<u8>) -> anyhow::Result<()> {
-    let file = File::open(path)?;
-    file.take(MAX_FILE_BYTES + 1).read_to_end(bytes)?;
+    let Some(mut file) = plain_file::open(path, MAX_FILE_BYTES + 1)? else {
+        bail!("it is not a plain file\nhint: pictures from a pipe are read from stdin, by --source -");
+    };
+    file.read_to_end(bytes)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         bail!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
     }
@@ -238,6 +255,10 @@ fn no_pictures(path: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::process::Command;
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
     use image::{Rgb, RgbImage};
 
     use super::*;
@@ -281,6 +302,20 @@ mod tests {
     }
 
     #[test]
+    fn a_pipe_among_the_pictures_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(Command::new("mkfifo").arg(folder.path().join("a.png")).status().unwrap().success());
+        picture([10, 0, 0]).save(folder.path().join("b.png")).unwrap();
+        let mut source = Files::open(folder.path().join("*").to_str().unwrap(), false).unwrap();
+        let (send, drained) = channel();
+        // On a thread of its own: a pipe that is opened waits for ever.
+        std::thread::spawn(move || send.send(drain(&mut source)));
+        let (colours, errors) = drained.recv_timeout(Duration::from_secs(60)).unwrap();
+        assert_eq!(colours, [[10, 0, 0]]);
+        assert!(errors[0].contains("a.png`: it is not a plain file\nhint: "), "{errors:?}");
+    }
+
+    #[test]
     fn each_round_of_a_loop_is_a_stretch_of_its_own() {
         let folder = tempfile::tempdir().unwrap();
         picture([1, 0, 0]).save(folder.path().join("a.png")).unwrap();
@@ -295,6 +330,29 @@ mod tests {
             }
         }
         assert_eq!(seen, [(0, 0), (2, 0), (3, 1), (5, 1), (6, 2)]);
+    }
+
+    #[test]
+    fn a_loop_ends_with_a_round_without_a_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let pictures = ["a.png", "b.png"].map(|name| folder.path().join(name));
+        for path in &pictures {
+            picture([1, 0, 0]).save(path).unwrap();
+        }
+        let mut source = Files::open(folder.path().to_str().unwrap(), true).unwrap();
+        let mut frame = Frame::default();
+        assert!(matches!(source.fill(&mut frame), Fill::Frame));
+        for path in &pictures {
+            std::fs::remove_file(path).unwrap();
+        }
+        for _ in 0..3 {
+            assert!(
+                matches!(source.fill(&mut frame), Fill::Failed(_)),
+                "the rest of a round, and a whole one"
+            );
+        }
+        let Fill::Broken(error) = source.fill(&mut frame) else { panic!("there is nothing to repeat") };
+        assert!(error.to_string().starts_with("a whole round gave no picture that can be read"), "{error}");
     }
 
     #[test]

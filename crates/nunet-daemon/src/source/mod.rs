@@ -48,6 +48,13 @@ pub enum Fill {
     Broken(anyhow::Error),
 }
 
+impl Fill {
+    /// Whether there was a frame, readable or not: what a schedule of frames counts.
+    pub(crate) fn had_frame(&self) -> bool {
+        matches!(self, Self::Frame | Self::Failed(_))
+    }
+}
+
 /// A source of frames. It runs on a thread of its own and is asked for one frame after the other.
 pub trait Source: Send {
     /// Fills `frame` with the next picture, reusing its memory.

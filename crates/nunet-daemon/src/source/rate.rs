@@ -14,6 +14,8 @@ pub enum Rate {
 
 /// A rate above this is a mistake: no camera is that fast.
 pub(super) const MAX_HZ: f64 = 10_000.0;
+/// A frame in three hours: below, periods leave what a [`Duration`] holds.
+const MIN_HZ: f64 = 0.0001;
 
 impl FromStr for Rate {
     type Err = String;
@@ -23,8 +25,8 @@ impl FromStr for Rate {
             return Ok(Self::Max);
         }
         match text.parse::<f64>() {
-            Ok(hz) if hz > 0.0 && hz <= MAX_HZ => Ok(Self::Hz(hz)),
-            _ => Err(format!("expected `max` or frames a second above 0 and up to {MAX_HZ}, got `{text}`")),
+            Ok(hz) if (MIN_HZ..=MAX_HZ).contains(&hz) => Ok(Self::Hz(hz)),
+            _ => Err(format!("expected `max` or frames a second from {MIN_HZ} to {MAX_HZ}, got `{text}`")),
         }
     }
 }
@@ -68,10 +70,21 @@ mod tests {
     fn a_rate_is_max_or_a_sensible_number() {
         assert_eq!("max".parse(), Ok(Rate::Max));
         assert_eq!("29.97".parse(), Ok(Rate::Hz(29.97)));
-        for wrong in ["0", "-1", "nan", "inf", "1e9", "", "fast"] {
+        for wrong in ["0", "-1", "nan", "inf", "1e9", "", "fast", "1e-20", "0.00009"] {
             let error = wrong.parse::<Rate>().unwrap_err();
-            assert!(error.contains(&format!("got `{wrong}`")), "{error}");
+            assert_eq!(
+                error,
+                format!("expected `max` or frames a second from 0.0001 to 10000, got `{wrong}`")
+            );
         }
+    }
+
+    #[test]
+    fn the_slowest_rate_has_a_schedule() {
+        let start = Instant::now();
+        let mut pacer = Pacer::new("0.0001".parse().unwrap(), start).unwrap();
+        assert_eq!(pacer.wait(start), Duration::ZERO);
+        assert_eq!(pacer.wait(start), Duration::from_secs(10_000));
     }
 
     #[test]

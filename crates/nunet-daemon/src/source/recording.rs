@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use anyhow::bail;
-use nunet_core::camera::{CalibrationError, Camera, Distortion, Intrinsics};
+use nunet_core::camera::{Camera, Distortion, Intrinsics};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Clock;
 use nunet_mcap::{CameraDescription, Encoding, Next, Picture, Recording, RecordingError};
 use tracing::warn;
 
+use super::files::nothing_good_to_repeat;
 use super::{Capture, Fill, Frame, Opening, Source, decode_file};
 use crate::exit::BadArguments;
 
@@ -19,6 +20,8 @@ pub(crate) struct RecordingSource {
     sequence: u64,
     stretch: u64,
     repeat: bool,
+    /// Whether any picture of this round could be read.
+    any_good: bool,
     /// What `camera` was made of, and for which size.
     described: Option<(CameraDescription, (u32, u32))>,
     camera: Option<Camera>,
@@ -29,7 +32,7 @@ impl RecordingSource {
         let recording = Recording::open(path, how.topic).map_err(sorted)?;
         let picture = Picture::default();
         let (described, camera, repeat) = (None, None, how.repeat);
-        Ok(Self { recording, picture, sequence: 0, stretch: 0, repeat, described, camera })
+        Ok(Self { recording, picture, sequence: 0, stretch: 0, repeat, any_good: false, described, camera })
     }
 
     /// The coordinate frame of the last picture.
@@ -51,9 +54,15 @@ impl RecordingSource {
         if !self.repeat || self.sequence == 0 {
             return Fill::End;
         }
+        if !self.any_good {
+            return nothing_good_to_repeat();
+        }
+        self.any_good = false;
         self.stretch += 1;
-        match self.recording.rewind() {
-            Ok(()) => self.take(frame),
+        match self.recording.rewind().map(|()| self.take(frame)) {
+            // Another file has the recording's name by now.
+            Ok(Fill::End) => nothing_good_to_repeat(),
+            Ok(fill) => fill,
             Err(error) => Fill::Broken(error.into()),
         }
     }
@@ -65,7 +74,10 @@ impl RecordingSource {
             Next::Picture => {
                 self.sequence += 1;
                 match self.fill_frame(frame) {
-                    Ok(()) => Fill::Frame,
+                    Ok(()) => {
+                        self.any_good = true;
+                        Fill::Frame
+                    }
                     Err(error) => Fill::Failed(error),
                 }
             }
@@ -155,7 +167,10 @@ fn pixel_format(encoding: Option<Encoding>) -> Option<PixelFormat> {
     }
 }
 
-fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<Camera, CalibrationError> {
+fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> anyhow::Result<Camera> {
+    if let Some(fault) = &described.fault {
+        bail!("{fault}\nhint: --calibration FILE.yaml or --intrinsics fx,fy,cx,cy says what the camera is");
+    }
     let [fx, fy, cx, cy] = described.intrinsics;
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, described.width, described.height)?;
     // Four zeros of a fisheye are an ideal fisheye, not a pinhole.
@@ -166,4 +181,61 @@ fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> Result<
         Distortion::from_ros(&described.distortion_model, &described.coefficients)?
     };
     Ok(Camera { intrinsics, distortion }.fitted_to(width, height)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use nunet_mcap::{DepthRecord, EncodedPicture, FrameRecord, RecordingWriter, WriterOptions};
+
+    use super::*;
+
+    #[test]
+    fn a_loop_ends_with_a_round_without_a_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let options = WriterOptions {
+            camera: "front".into(),
+            frame_id: "eye".into(),
+            mount: None,
+            about: BTreeMap::new(),
+            force: false,
+        };
+        let mut writer = RecordingWriter::create(&path, options).unwrap();
+        for log_nanos in 1..=2 {
+            let frame = FrameRecord {
+                log_nanos,
+                stamp_nanos: 1,
+                picture: Some(EncodedPicture { format: "png", data: b"\x89PNG\r\n\x1a\n no more" }),
+                camera: None,
+                depth: DepthRecord { width: 1, height: 1, bytes: &[0; 4] },
+                depth_camera: None,
+                labels: None,
+                cloud: None,
+            };
+            writer.write(&frame).unwrap();
+        }
+        writer.finish().unwrap();
+        let how = Opening { repeat: true, ..Opening::default() };
+        let (mut source, mut frame) = (RecordingSource::open(&path, how).unwrap(), Frame::default());
+        for _ in 0..2 {
+            assert!(matches!(source.fill(&mut frame), Fill::Failed(_)));
+        }
+        assert!(matches!(source.fill(&mut frame), Fill::Broken(_)), "there is nothing to repeat");
+    }
+
+    #[test]
+    fn a_camera_that_contradicts_itself_is_not_used_and_says_why() {
+        let described = CameraDescription {
+            width: 640,
+            height: 480,
+            intrinsics: [500.0, 500.0, 320.0, 240.0],
+            ..CameraDescription::default()
+        };
+        assert_eq!(camera(&described, (320, 240)).unwrap().intrinsics.fx_px, 250.0);
+        let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
+        let error = camera(&faulty, (320, 240)).unwrap_err().to_string();
+        assert!(error.starts_with("its region of interest is none\nhint: --calibration"), "{error}");
+    }
 }

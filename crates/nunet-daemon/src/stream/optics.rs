@@ -1,13 +1,13 @@
 //! Which camera a frame was taken with: what the user said, else what the source knows.
 
-use std::fs::File;
-use std::io::{self, Read as _};
+use std::io::{self, ErrorKind, Read as _};
 use std::path::Path;
 
 use anyhow::Context as _;
 use nunet_core::camera::{Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
 use nunet_core::pipeline::Pipeline;
+use nunet_core::plain_file;
 use tracing::warn;
 
 use crate::cli::GeometryArgs;
@@ -106,7 +106,10 @@ pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
 
 /// No more than tells that a file is too long, whatever it is. What is not UTF-8 is for the parser to refuse.
 fn read_start(path: &Path) -> io::Result<String> {
+    let Some(mut file) = plain_file::open(path, Calibration::MAX_BYTES as u64 + 1)? else {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a plain file"));
+    };
     let mut bytes = Vec::new();
-    File::open(path)?.take(Calibration::MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    file.read_to_end(&mut bytes)?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

@@ -79,12 +79,14 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
     let latest_wins = source.is_live() || pace.rate != Rate::Max;
     let mut pacer = Pacer::new(pace.rate, Instant::now()).filter(|_| !source.is_live());
     let mut left = pace.limit.map_or(u64::MAX, NonZeroU64::get);
+    let mut next_is_due = true;
     while left > 0 && !lane.stop.requested() && !lane.mailbox.wait_closed(Duration::ZERO) {
-        if let Some(pacer) = &mut pacer {
+        if next_is_due && let Some(pacer) = &mut pacer {
             lane.stop.sleep(pacer.wait(Instant::now()));
         }
         let mut frame = lane.mailbox.used().unwrap_or_default();
         let fill = source.fill(&mut frame);
+        next_is_due = fill.had_frame();
         lane.waiting.store(source.is_waiting(), Ordering::Relaxed);
         match fill {
             Fill::Frame => {
@@ -230,6 +232,29 @@ mod tests {
         assert!(counts.superseded > 0);
         assert_eq!(counts.published + counts.superseded, 1000);
         assert!(counts.balances() && counts.in_flight == 0);
+    }
+
+    /// Frames with a silence before each, as between the pictures of a recording with many topics.
+    struct Sparse(u64);
+
+    impl Source for Sparse {
+        fn fill(&mut self, _frame: &mut Frame) -> Fill {
+            self.0 += 1;
+            if self.0.is_multiple_of(10) { Fill::Frame } else { Fill::Nothing }
+        }
+    }
+
+    #[test]
+    fn a_rate_is_of_frames_and_silence_costs_no_turn() {
+        let lane = Lane::default();
+        // Nobody waits for a second turn of this rate.
+        let pace = Pace { rate: Rate::Hz(0.001), limit: NonZeroU64::new(1) };
+        std::thread::scope(|scope| {
+            scope.spawn(|| pump(&mut Sparse(0), pace, &lane).unwrap());
+            let taken = lane.mailbox.take(Duration::from_secs(60));
+            lane.stop.request();
+            assert!(matches!(taken, Taken::Item(_)), "the first frame is due at once");
+        });
     }
 
     #[test]

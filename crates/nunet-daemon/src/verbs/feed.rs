@@ -66,11 +66,14 @@ impl Feeder {
     ) -> anyhow::Result<()> {
         let mut frame = Frame::default();
         let limit = limit.map_or(u64::MAX, NonZeroU64::get);
+        let mut next_is_due = true;
         while self.sent + self.failed < limit && !stop.requested() {
-            if let Some(pacer) = &mut pacer {
+            if next_is_due && let Some(pacer) = &mut pacer {
                 stop.sleep(pacer.wait(Instant::now()));
             }
-            match source.fill(&mut frame) {
+            let fill = source.fill(&mut frame);
+            next_is_due = fill.had_frame();
+            match fill {
                 Fill::Frame => self.send(&frame)?,
                 Fill::Failed(error) => self.lose(&frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
@@ -146,5 +149,45 @@ fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera
     header.row_stride_bytes = frame.row_stride;
     if let Some(camera) = camera {
         words::set_camera(header, &camera);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Silence before each picture, none of which can be read: they need no shared memory.
+    struct Sparse(u64);
+
+    impl Source for Sparse {
+        fn fill(&mut self, _frame: &mut Frame) -> Fill {
+            self.0 += 1;
+            if self.0.is_multiple_of(10) {
+                Fill::Failed(anyhow::anyhow!("unreadable"))
+            } else {
+                Fill::Nothing
+            }
+        }
+    }
+
+    #[test]
+    fn a_rate_is_of_frames_and_silence_costs_no_turn() {
+        let stop = Stop::default();
+        let (send, failed) = channel();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let mut feeder = Feeder::new(camera_name("sparse").unwrap(), Optics::default());
+                // Nobody waits for a second turn of this rate.
+                let pacer = Pacer::new(Rate::Hz(0.001), Instant::now());
+                feeder.run(&mut Sparse(0), pacer, NonZeroU64::new(1), &stop).unwrap();
+                send.send(feeder.failed).unwrap();
+            });
+            let failed = failed.recv_timeout(Duration::from_secs(60));
+            stop.request();
+            assert_eq!(failed, Ok(1), "the first frame is due at once");
+        });
     }
 }

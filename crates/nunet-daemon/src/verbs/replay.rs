@@ -16,7 +16,7 @@ use crate::engine::{Engine, tested_pipeline};
 use crate::exit::camera_name;
 use crate::sink::recording::{About, FrameWriter, Record, Results, refuse_output};
 use crate::sink::stats::ModelName;
-use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _};
+use crate::source::{Fill, Frame, Opening, RecordingSource, Source};
 use crate::stream::{Continuity, Optics, Stop};
 use crate::telemetry::MonotonicClock;
 
@@ -37,7 +37,7 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let pipeline = tested_pipeline(loaded, &arguments.optics)?;
 
     let mut frame = Frame::default();
-    let first = source.fill(&mut frame);
+    let first = first_fill(&mut source, &mut frame, &stop);
     let frame_id = arguments.frame_id.clone().or_else(|| Some(source.frame_id().to_owned()));
     let about = About {
         camera: camera.as_str(),
@@ -51,6 +51,17 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let mut replay = Replay::new(pipeline, optics, writer, &arguments.publish);
     replay.run(&mut source, frame, first, &stop)?;
     replay.finish(arguments)
+}
+
+/// The first that is more than nothing: other topics may have had many messages before, and the pictures' coordinate frame is
+/// known with the first picture alone.
+fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
+    loop {
+        match source.fill(frame) {
+            Fill::Nothing | Fill::Crowded if !stop.requested() => {}
+            fill => return fill,
+        }
+    }
 }
 
 /// The pipeline and both recordings.
@@ -194,4 +205,71 @@ impl Replay {
 enum Trouble {
     Frame(anyhow::Error),
     Output(anyhow::Error),
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::io::Cursor;
+    use std::path::Path;
+
+    use image::{ImageFormat, RgbImage};
+    use nunet_mcap::{DepthRecord, EncodedPicture, FrameRecord, RecordingWriter, WriterOptions};
+
+    use super::*;
+
+    /// A recording with one picture behind `others` messages of another topic.
+    fn write_recording(path: &Path, others: u64) {
+        let options = WriterOptions {
+            camera: "left".into(),
+            frame_id: "left_camera_optical".into(),
+            mount: None,
+            about: BTreeMap::new(),
+            force: false,
+        };
+        let mut writer = RecordingWriter::create(path, options).unwrap();
+        let mut png = Cursor::new(Vec::new());
+        RgbImage::new(2, 2).write_to(&mut png, ImageFormat::Png).unwrap();
+        let png = png.into_inner();
+        for index in 0..=others {
+            let frame = FrameRecord {
+                log_nanos: index,
+                stamp_nanos: 1,
+                picture: (index == others).then_some(EncodedPicture { format: "png", data: &png }),
+                camera: None,
+                depth: DepthRecord { width: 1, height: 1, bytes: &[0; 4] },
+                depth_camera: None,
+                labels: None,
+                cloud: None,
+            };
+            writer.write(&frame).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    #[test]
+    fn the_coordinate_frame_is_the_pictures_however_many_other_messages_come_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        write_recording(&path, 600);
+        let mut source = RecordingSource::open(&path, Opening::default()).unwrap();
+        let first = first_fill(&mut source, &mut Frame::default(), &Stop::default());
+        assert!(matches!(first, Fill::Frame), "{first:?}");
+        assert_eq!(source.frame_id(), "left_camera_optical");
+    }
+
+    struct Silent;
+
+    impl Source for Silent {
+        fn fill(&mut self, _frame: &mut Frame) -> Fill {
+            Fill::Nothing
+        }
+    }
+
+    #[test]
+    fn a_stop_is_seen_before_the_first_picture() {
+        let stop = Stop::default();
+        stop.request();
+        assert!(matches!(first_fill(&mut Silent, &mut Frame::default(), &stop), Fill::Nothing));
+    }
 }

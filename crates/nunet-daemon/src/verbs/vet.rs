@@ -19,7 +19,7 @@ pub(super) fn vet(arguments: &VetArgs) -> anyhow::Result<Outcome> {
 fn within_limits(arguments: &VetArgs) -> anyhow::Result<Outcome> {
     vetting::limit_this_process(&arguments.model, arguments.engine.provider)?;
     let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load_trusted(arguments.model.clone(), &[])?;
+    let loaded = engine.load_trusted(arguments.model.clone(), &[], arguments.hash.clone())?;
     tested_pipeline(loaded, &CameraArgs::default())?;
     Ok(Outcome::Done)
 }

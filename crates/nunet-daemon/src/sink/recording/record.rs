@@ -115,5 +115,6 @@ fn describe(camera: &Camera) -> CameraDescription {
         intrinsics: [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px],
         distortion_model: model.to_owned(),
         coefficients,
+        fault: None,
     }
 }

@@ -1,0 +1,54 @@
+//! Files of others: opening a pipe waits for its writer, and a device may have no end.
+
+use std::fs::File;
+use std::io::{self, Read as _, Take};
+use std::path::Path;
+
+/// Opens a plain file for reading, its first `most` bytes; `None` of a folder, a pipe, a socket or a device, none of which
+/// is touched.
+///
+/// # Errors
+/// As [`File::open`].
+pub fn open(path: &Path, most: u64) -> io::Result<Option<Take<File>>> {
+    // Looked at before it is opened: that alone would wait.
+    if !path.metadata()?.is_file() {
+        return Ok(None);
+    }
+    File::open(path).map(|file| Some(file.take(most)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_plain_file_is_read_up_to_the_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, b"12345").unwrap();
+        for (most, expected) in [(3, "123"), (9, "12345")] {
+            let mut text = String::new();
+            open(&path, most).unwrap().unwrap().read_to_string(&mut text).unwrap();
+            assert_eq!(text, expected);
+        }
+        assert_eq!(open(&folder.path().join("b"), 1).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn a_pipe_a_device_and_a_folder_are_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for path in [pipe, "/dev/zero".into(), folder.path().to_owned()] {
+            let (send, opened) = channel();
+            let shown = path.display().to_string();
+            // On a thread of its own: a pipe that is opened waits for ever.
+            std::thread::spawn(move || send.send(open(&path, 1).unwrap().is_some()));
+            assert_eq!(opened.recv_timeout(Duration::from_secs(60)), Ok(false), "{shown}");
+        }
+    }
+}
