@@ -3,6 +3,7 @@
 pub(crate) mod collect;
 pub mod files;
 pub(crate) mod metrics;
+pub(crate) mod patience;
 mod points;
 pub(crate) mod recording;
 pub(crate) mod shm;

@@ -120,7 +120,11 @@ fn hand_over(mut frame: Frame, latest_wins: bool, lane: &Lane) -> bool {
     lane.ledger.captured();
     frame.ready_nanos = MonotonicClock.nanos();
     frame.in_real_time = latest_wins;
-    let put = if latest_wins { lane.mailbox.put_latest(frame) } else { lane.mailbox.put_waiting(frame) };
+    let put = if latest_wins {
+        lane.mailbox.put_latest(frame)
+    } else {
+        lane.mailbox.put_waiting(frame, || lane.stop.requested())
+    };
     if put != Put::Accepted {
         lane.ledger.ended(End::Superseded);
     }
@@ -249,6 +253,28 @@ mod tests {
         let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
         pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane).unwrap();
         assert_eq!(lane.ledger.counts(), Counts { captured: 1, superseded: 1, ..Counts::default() });
+        assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
+    }
+
+    #[test]
+    fn a_stop_while_the_source_waits_for_room_supersedes_the_frame_that_waits_and_the_one_behind_it() {
+        let lane = Lane::default();
+        let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
+        let (done, ended) = std::sync::mpsc::channel();
+        std::thread::scope(|scope| {
+            let _closed = CloseOnDrop(&lane); // a test that fails comes to its end as well
+            let lane = &lane;
+            scope.spawn(move || done.send(pump(&mut source, Pace { rate: Rate::Max, limit: None }, lane)));
+            let start = Instant::now();
+            while lane.ledger.counts().captured < 2 {
+                assert!(start.elapsed() < Duration::from_secs(60), "the second frame was never asked for");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            lane.stop.request();
+            let end = ended.recv_timeout(Duration::from_secs(60)).expect("the stop was not seen");
+            assert_eq!(end.unwrap(), SourceEnd::Whole);
+        });
+        assert_eq!(lane.ledger.counts(), Counts { captured: 2, superseded: 2, ..Counts::default() });
         assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
     }
 

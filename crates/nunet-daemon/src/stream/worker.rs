@@ -73,9 +73,15 @@ impl Player for Worker {
     /// Takes the frame that waits, if there is one. It goes on waiting while the recording has no room for it, so that
     /// nobody else's turn does.
     fn turn(&mut self, lane: &Lane) -> Turn {
-        if self.sinks.recorder.as_ref().is_some_and(|recorder| !recorder.has_room()) {
-            self.rest(lane);
-            return Turn::Nothing;
+        if lane.stop.requested() {
+            return self.wind_up(lane);
+        }
+        if let Some(recorder) = &mut self.sinks.recorder {
+            recorder.look_after_the_disk();
+            if !recorder.has_room() {
+                self.rest(lane);
+                return Turn::Nothing;
+            }
         }
         match lane.mailbox.take(Duration::ZERO) {
             Taken::Item(frame) => Turn::Frame(self.take_through(frame, lane)),
@@ -102,6 +108,21 @@ impl Player for Worker {
 }
 
 impl Worker {
+    /// A stop finishes the frame in work, not the one that waits, whatever that one waits for. The source's thread
+    /// supersedes it as well: who comes first counts it.
+    fn wind_up(&mut self, lane: &Lane) -> Turn {
+        // Asked first: once it is closed, nothing comes into it any more.
+        let closed = lane.mailbox.wait_closed(Duration::ZERO);
+        if lane.mailbox.recall() {
+            lane.ledger.ended(End::Superseded);
+        }
+        if closed {
+            return Turn::Over;
+        }
+        self.rest(lane);
+        Turn::Nothing
+    }
+
     /// The source stands still: now and then somebody may have come to read, and frames may have failed on their way here.
     fn rest(&mut self, lane: &Lane) {
         if self.served.elapsed() < LATE_JOINER_PERIOD {

@@ -15,7 +15,8 @@ use crate::cli::{AccessArgs, RunArgs};
 use crate::engine::{Engine, tested_pipelines};
 use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{Ending, Tally};
+use crate::sink::patience::Patience;
+use crate::sink::recording::Tally;
 use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
 use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop};
 use crate::telemetry::Counts;
@@ -50,7 +51,8 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
     let ended = stream::run(streams, &bell, &stop)?;
-    finish(&names, ended, common, arguments.stats_json.as_deref())
+    let stopped = || stop.requested();
+    finish(&names, ended, common, arguments.stats_json.as_deref(), &mut Patience::new(&stopped))
 }
 
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
@@ -79,8 +81,9 @@ fn finish(
     ended: Vec<Ended>,
     common: Common<'_>,
     stats_json: Option<&Path>,
+    patience: &mut Patience<'_>,
 ) -> anyhow::Result<Outcome> {
-    let (ends, outcome) = conclude(names, ended);
+    let (ends, outcome) = conclude(names, ended, patience);
     let written = stats_json.map_or(Ok(()), |path| write_json(path, &figures(&ends, common)?));
     let files = ends.into_iter().map(|end| end.remains.files);
     let mut problems = std::iter::once(written).chain(files).filter_map(Result::err);
@@ -94,13 +97,17 @@ fn finish(
 }
 
 /// Says how each camera ended. One whose source failed leaves the others; where none is left, that is the failure.
-fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Result<Outcome>) {
+fn conclude<'a>(
+    names: &'a [String],
+    ended: Vec<Ended>,
+    patience: &mut Patience<'_>,
+) -> (Vec<End<'a>>, anyhow::Result<Outcome>) {
     let several = names.len() > 1;
     let all_failed = ended.iter().all(|ended| ended.source.is_err());
     let (mut ends, mut outcome, mut failure) = (Vec::new(), Outcome::Done, None);
     for (camera, Ended { counts, mut remains, source }) in names.iter().zip(ended) {
         let _camera = span_of(camera, several).entered();
-        let recording = remains.recording.take().map(Ending::tally);
+        let recording = remains.recording.take().map(|ending| ending.tally(patience));
         let (source, reason) = match source {
             Ok(end) => (end, None),
             Err(reason) => (SourceEnd::Cut, Some(reason)),
@@ -170,6 +177,17 @@ mod tests {
         Ended { counts, remains, source: Err(anyhow!(why)) }
     }
 
+    /// As `run` has it, without a stop.
+    fn finished(
+        names: &[&str],
+        ended: Vec<Ended>,
+        common: Common<'_>,
+        path: &Path,
+    ) -> anyhow::Result<Outcome> {
+        let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+        finish(&names, ended, common, Some(path), &mut Patience::new(&|| false))
+    }
+
     #[test]
     fn the_figures_of_cameras_that_all_broke_on_the_way_are_written_before_that_is_the_failure() {
         let folder = tempfile::tempdir().unwrap();
@@ -177,14 +195,14 @@ mod tests {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
         let common = Common { model: &model, provider: "cpu" };
         let ended = vec![broken(7, "another contract"), broken(5, "stdin's thread has failed")];
-        let failure = finish(&["front".into(), "rear".into()], ended, common, Some(&path)).unwrap_err();
+        let failure = finished(&["front", "rear"], ended, common, &path).unwrap_err();
         assert_eq!(failure.to_string(), "another contract");
         let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!((&stats["frames"]["published"], &stats["frames"]["failed"]), (&12.into(), &2.into()));
         assert_eq!(stats["cameras"][0]["error"], "another contract");
         assert_eq!(stats["cameras"][1]["error"], "stdin's thread has failed");
 
-        let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(&path)).unwrap_err();
+        let failure = finished(&["front"], vec![broken(7, "gone")], common, &path).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
         let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!((&stats["camera"], &stats["error"]), (&"front".into(), &"gone".into()));
@@ -195,7 +213,7 @@ mod tests {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
         let common = Common { model: &model, provider: "cpu" };
         let path = Path::new("/nonexistent/stats.json");
-        let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(path)).unwrap_err();
+        let failure = finished(&["front"], vec![broken(7, "gone")], common, path).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
     }
 }
