@@ -95,6 +95,31 @@ fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
 }
 
 #[test]
+fn results_whose_disk_hangs_hold_up_neither_a_stop_nor_the_figures() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("out")).unwrap();
+    // Nobody reads it, so that opening it for writing never returns: a mount that has died.
+    let pipe = Command::new("mkfifo").arg(bench.path("out/depth.npy")).status().unwrap();
+    assert!(pipe.success());
+    let (model, out, stats, name) =
+        (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"), camera("unwritten"));
+    let mut command =
+        nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", &name]);
+    command.args(["--out", &out, "--stats-json", &stats]);
+    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
+    let mut daemon = Guarded::start(command);
+    drop(await_frame(&name));
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(1));
+    let log = std::fs::read_to_string(bench.path("log")).unwrap();
+    assert!(log.contains(&format!("error: cannot write the files in `{out}`: it was not done 5 s")), "{log}");
+    assert!(log.contains("\nhint: "), "{log}");
+    let stats: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["frames"]["in_flight"], 0);
+}
+
+#[test]
 fn a_second_signal_ends_the_process_at_once_with_exit_code_130() {
     let bench = Bench::new();
     let name = camera("twice_interrupted");

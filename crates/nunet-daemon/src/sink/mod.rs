@@ -8,3 +8,4 @@ mod points;
 pub(crate) mod recording;
 pub(crate) mod shm;
 pub(crate) mod stats;
+pub(crate) mod writing;

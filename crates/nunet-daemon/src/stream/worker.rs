@@ -16,6 +16,7 @@ use crate::sink::collect::Collector;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Recorder};
 use crate::sink::shm::{Outlet, stage_names};
+use crate::sink::writing::Writing;
 use crate::source::Frame;
 use crate::telemetry::{Counts, End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
 
@@ -49,8 +50,8 @@ pub(crate) struct Remains {
     pub(crate) latencies: Latencies,
     /// The recording, where there is one; its last records may still be on their way to the disk.
     pub(crate) recording: Option<Ending>,
-    /// Whether the last frame's files were written, where they were wanted.
-    pub(crate) files: anyhow::Result<()>,
+    /// The last frame's files, where they are wanted; they may still be on their way to the disk.
+    pub(crate) files: anyhow::Result<Option<Writing>>,
 }
 
 impl Worker {
@@ -93,7 +94,7 @@ impl Player for Worker {
         }
     }
 
-    /// Files are written, and the memory is given back.
+    /// The writing of files begins, and the memory is given back. No disk is waited for: other cameras go on.
     fn end(mut self, lane: &Lane) -> Remains {
         let counts = lane.ledger.counts();
         self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
@@ -102,7 +103,7 @@ impl Player for Worker {
         }
         let scale = self.pipeline.scale();
         let recording = self.sinks.recorder.map(Recorder::end);
-        let files = self.sinks.collector.map_or(Ok(()), |collector| collector.write(&self.outlet));
+        let files = self.sinks.collector.map_or(Ok(None), |collector| collector.write(&self.outlet));
         Remains { scale, totals: self.totals, latencies: self.latencies, recording, files }
     }
 }

@@ -18,6 +18,7 @@ use crate::sink::metrics::Metrics;
 use crate::sink::patience::Patience;
 use crate::sink::recording::Tally;
 use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
+use crate::sink::writing::Writing;
 use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop};
 use crate::telemetry::Counts;
 
@@ -84,16 +85,26 @@ fn finish(
     patience: &mut Patience<'_>,
 ) -> anyhow::Result<Outcome> {
     let (ends, outcome) = conclude(names, ended, patience);
-    let written = stats_json.map_or(Ok(()), |path| write_json(path, &figures(&ends, common)?));
-    let files = ends.into_iter().map(|end| end.remains.files);
-    let mut problems = std::iter::once(written).chain(files).filter_map(Result::err);
-    match outcome {
+    let written = stats_json.map_or(Ok(()), |path| write_figures(path, figures(&ends, common)?, patience));
+    let files = ends.into_iter().map(|end| {
+        let writing = end.remains.files?;
+        writing.map_or(Ok(()), |writing| writing.end(patience))
+    });
+    let problems = std::iter::once(written).chain(files).filter_map(Result::err);
+    // All of them, before anything is returned: what is not waited for is not written.
+    let mut problems = problems.collect::<Vec<_>>().into_iter();
+    let result = match outcome {
         Ok(outcome) => problems.next().map_or(Ok(outcome), Err),
-        Err(failure) => {
-            problems.for_each(|problem| error!("{problem:#}"));
-            Err(failure)
-        }
-    }
+        failure => failure,
+    };
+    problems.for_each(|problem| error!("{problem:#}"));
+    result
+}
+
+/// The disk of the figures may be the one that hangs.
+fn write_figures(path: &Path, stats: Stats, patience: &mut Patience<'_>) -> anyhow::Result<()> {
+    let (what, path) = (format!("the figures in `{}`", path.display()), path.to_owned());
+    Writing::start(what, move || write_json(&path, &stats))?.end(patience)
 }
 
 /// Says how each camera ended. One whose source failed leaves the others; where none is left, that is the failure.
@@ -158,6 +169,8 @@ fn figures(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use anyhow::anyhow;
     use nunet_core::depth::{Scale, ScaleSource, Units};
     use serde_json::Value;
@@ -171,7 +184,7 @@ mod tests {
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
             recording: None,
-            files: Ok(()),
+            files: Ok(None),
         };
         let counts = Counts { captured: published + 1, published, failed: 1, ..Counts::default() };
         Ended { counts, remains, source: Err(anyhow!(why)) }
@@ -215,5 +228,33 @@ mod tests {
         let path = Path::new("/nonexistent/stats.json");
         let failure = finished(&["front"], vec![broken(7, "gone")], common, path).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
+    }
+
+    #[test]
+    fn files_whose_disk_hangs_are_told_of_after_the_figures_and_do_not_keep_those_of_other_cameras() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, slow) = (folder.path().join("stats.json"), folder.path().join("slow"));
+        let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
+        let common = Common { model: &model, provider: "cpu" };
+        let (let_go, hangs) = std::sync::mpsc::channel::<()>();
+        let hanging = Writing::start("the files in `o`".into(), move || Ok(hangs.recv()?));
+        let file = slow.clone();
+        let slowly = Writing::start("the files in `p`".into(), move || {
+            std::thread::sleep(Duration::from_millis(100));
+            Ok(std::fs::write(file, "")?)
+        });
+        let ended = [hanging, slowly].map(|writing| {
+            let ended = broken(7, "");
+            let remains = Remains { files: writing.map(Some), ..ended.remains };
+            Ended { remains, source: Ok(SourceEnd::Whole), ..ended }
+        });
+        let mut patience = Patience::with(&|| true, Duration::ZERO, Duration::from_secs(60));
+        let names = ["front".to_owned(), "rear".to_owned()];
+        let failure = finish(&names, ended.into(), common, Some(&path), &mut patience).unwrap_err();
+        assert!(failure.to_string().starts_with("cannot write the files in `o`: "), "{failure}");
+        let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(stats["frames"]["published"], 14);
+        assert!(slow.is_file(), "the other camera's files were not waited for");
+        drop(let_go);
     }
 }
