@@ -144,6 +144,7 @@ fn stream_with(name: &CameraName, source: Grey, sinks: impl FnOnce(&Outlet) -> S
         publish: &[Publish::Depth],
         limits: Limits::default(),
         model: "model.onnx",
+        given_up: &|| false,
     };
     let outlet = Outlet::open(&pipeline, &options).unwrap();
     let sinks = sinks(&outlet);

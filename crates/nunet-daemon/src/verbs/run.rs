@@ -19,20 +19,33 @@ use crate::sink::patience::Patience;
 use crate::sink::recording::Tally;
 use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
 use crate::sink::writing::Writing;
-use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop};
+use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop, Stopped};
 use crate::telemetry::Counts;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    match start(&arguments, &stop) {
+        Err(error) if error.is::<Stopped>() => {
+            info!("{error}");
+            Ok(Outcome::Done)
+        }
+        outcome => outcome,
+    }
+}
+
+/// Everything before the first frame may take long, so that a stop is asked for before each step.
+fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments.streams())?)?;
+    let cameras = camera::prepare(camera::plans(arguments.streams())?, stop)?;
     // Nothing was made before all arguments had passed. The figures often go into the folder of the results.
     camera::make_folders(&cameras)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
 
+    stop.check()?;
     let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load(&arguments.model, &arguments.every)?;
+    let loaded = engine.load_unless(&arguments.model, &arguments.every, stop)?;
+    stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipelines = tested_pipelines(loaded, arguments.streams().map(|stream| &stream.optics))?;
     let provider = pipelines.first().context("one camera at least")?.graph().provider().to_string();
@@ -42,16 +55,17 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
     let several = names.len() > 1;
     let cameras = cameras.into_iter().zip(pipelines);
-    let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several));
+    let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
     let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
     let mut metrics = metrics.into_iter().flatten();
-    // Last of all: a start that fails leaves no recordings.
+    // Last of all: a start that fails leaves no recordings. After the first of them a stop is one of the stream's.
+    stop.check()?;
     let bell = Arc::new(Bell::default());
     let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.next(), &bell));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
-    let ended = stream::run(streams, &bell, &stop)?;
+    let ended = stream::run(streams, &bell, stop)?;
     let stopped = || stop.requested();
     finish(&names, ended, common, arguments.stats_json.as_deref(), &mut Patience::new(&stopped))
 }
