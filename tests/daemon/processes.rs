@@ -28,12 +28,22 @@ fn await_frame(name: &str) -> Reader {
     panic!("no frame of `{name}` within {PATIENCE:?}")
 }
 
+/// The same command with a signal treated as `env` says, whatever the tests were started with.
+fn under_env(how: &str, command: &Command) -> Command {
+    let mut wrapped = Command::new("env");
+    wrapped.arg(how).arg(command.get_program()).args(command.get_args()).stdin(Stdio::null());
+    for (name, value) in command.get_envs() {
+        wrapped.env(name, value.unwrap());
+    }
+    wrapped
+}
+
 #[test]
-fn sigterm_and_sigint_end_a_run_cleanly_with_its_figures() {
-    for name in ["TERM", "INT"] {
+fn sigterm_sigint_and_sighup_end_a_run_cleanly_with_its_figures() {
+    for name in ["TERM", "INT", "HUP"] {
         let bench = Bench::new();
         let (model, stats, camera) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("ended"));
-        let mut daemon = Guarded::start(nunetd(&[
+        let command = nunetd(&[
             "-q",
             "--model",
             &model,
@@ -43,7 +53,8 @@ fn sigterm_and_sigint_end_a_run_cleanly_with_its_figures() {
             &camera,
             "--stats-json",
             &stats,
-        ]));
+        ]);
+        let mut daemon = Guarded::start(under_env(&format!("--default-signal={name}"), &command));
         drop(await_frame(&camera));
         signal(daemon.pid(), name);
         assert_eq!(daemon.wait(), Some(0), "SIG{name}");
@@ -52,6 +63,51 @@ fn sigterm_and_sigint_end_a_run_cleanly_with_its_figures() {
         assert_eq!(stats["frames"]["in_flight"], 0);
         assert!(stats["frames"]["published"].as_u64().unwrap() > 0);
     }
+}
+
+#[test]
+fn a_daemon_that_was_started_to_outlive_its_terminal_does() {
+    let bench = Bench::new();
+    let (model, name) = (bench.arg("model.onnx"), camera("nohup"));
+    let command = nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", &name]);
+    let mut daemon = Guarded::start(under_env("--ignore-signal=HUP", &command));
+    let reader = await_frame(&name);
+    signal(daemon.pid(), "HUP");
+    let newest = || reader.latest(Topic::Depth).unwrap().map(|frame| frame.header().sequence);
+    let (mut first, start) = (None, Instant::now());
+    while newest().is_none_or(|now| now < *first.get_or_insert(now) + 20) {
+        assert!(start.elapsed() < PATIENCE, "it does not go on");
+        reader.wait(Duration::from_millis(50)).unwrap();
+    }
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0));
+}
+
+#[test]
+fn a_stop_before_the_first_frame_is_seen_while_other_owners_have_their_turn() {
+    let bench = Bench::new();
+    let (model, name, record) = (bench.arg("model.onnx"), camera("early"), bench.arg("early.mcap"));
+    let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 64 };
+    let other = CameraName::new(&camera("other")).unwrap();
+    let _owner = Publisher::create(&other, &[plan], &Limits::default()).unwrap();
+    // What an owner holds while it creates its services.
+    let folder = std::fs::File::open("/tmp/iceoryx2").unwrap();
+    folder.lock().unwrap();
+    let mut command =
+        nunetd(&["--model", &model, "--source", "demo", "--camera", &name, "--record", &record]);
+    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
+    let mut daemon = Guarded::start(command);
+    let log = || std::fs::read_to_string(bench.path("log")).unwrap();
+    let start = Instant::now();
+    while !log().contains("self-test passed") {
+        assert!(start.elapsed() < PATIENCE, "{}", log());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(0), "{}", log());
+    drop(folder);
+    assert!(log().contains("stopped before the first frame"), "{}", log());
+    assert!(!bench.path("early.mcap").exists(), "{}", log());
 }
 
 #[test]
@@ -92,6 +148,31 @@ fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
     let stats: serde_json::Value =
         serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
     assert_eq!(stats["frames"]["captured"], 0);
+}
+
+#[test]
+fn results_whose_disk_hangs_hold_up_neither_a_stop_nor_the_figures() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("out")).unwrap();
+    // Nobody reads it, so that opening it for writing never returns: a mount that has died.
+    let pipe = Command::new("mkfifo").arg(bench.path("out/depth.npy")).status().unwrap();
+    assert!(pipe.success());
+    let (model, out, stats, name) =
+        (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"), camera("unwritten"));
+    let mut command =
+        nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", &name]);
+    command.args(["--out", &out, "--stats-json", &stats]);
+    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
+    let mut daemon = Guarded::start(command);
+    drop(await_frame(&name));
+    signal(daemon.pid(), "TERM");
+    assert_eq!(daemon.wait(), Some(1));
+    let log = std::fs::read_to_string(bench.path("log")).unwrap();
+    assert!(log.contains(&format!("error: cannot write the files in `{out}`: it was not done 5 s")), "{log}");
+    assert!(log.contains("\nhint: "), "{log}");
+    let stats: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["frames"]["in_flight"], 0);
 }
 
 #[test]

@@ -48,11 +48,34 @@ def test_ready_comes_after_the_selftest_and_frames_feed_the_watchdog(nunetd, man
     assert daemon.returncode == 0
 
 
-def test_a_stalled_source_does_not_feed_the_watchdog(nunetd, manager):
+def test_a_camera_that_is_waited_for_feeds_the_watchdog(nunetd, manager):
     ear, environment = manager
-    name = f"pytest-stalled-{os.getpid()}"
+    name = f"pytest-waited-{os.getpid()}"
     command = [nunetd, "-q", "--model", str(MODEL), "--source", f"shm:{name}-nobody", "--camera", name]
     with subprocess.Popen(command, env={**os.environ, **environment}) as daemon:
+        heard(ear, "READY=1")
+        for _ in range(3):
+            heard(ear, "WATCHDOG=1")
+        daemon.terminate()
+        assert daemon.wait(timeout=30) == 0
+
+
+def silent_pipe(_):
+    return ["--source", "-"]
+
+
+def damaged_pictures(folder):
+    (folder / "pictures").mkdir()
+    (folder / "pictures" / "0.png").write_bytes(b"no picture")
+    return ["--source", str(folder / "pictures"), "--loop", "--rate", "20"]
+
+
+@pytest.mark.parametrize("source", [silent_pipe, damaged_pictures])
+def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watchdog(nunetd, manager, tmp_path, source):
+    ear, environment = manager
+    name = f"pytest-{source.__name__}-{os.getpid()}"
+    command = [nunetd, "-q", "--model", str(MODEL), *source(tmp_path), "--camera", name]
+    with subprocess.Popen(command, env={**os.environ, **environment}, stdin=subprocess.PIPE) as daemon:
         heard(ear, "READY=1")
         ear.settimeout(1.5)
         with pytest.raises(TimeoutError):

@@ -13,6 +13,7 @@ use tracing::{info, warn};
 use crate::cli::{CameraArgs, EngineArgs, FilterArgs, FocalArg};
 use crate::exit::BadArguments;
 use crate::library::{self, Found};
+use crate::stream::Stop;
 use crate::telemetry::MonotonicClock;
 use crate::{models, pages, vetting};
 
@@ -51,8 +52,19 @@ impl Engine {
 
     /// Finds a model, has it vetted in a child process where it is new, and loads it.
     pub(crate) fn load(&self, model: &Path, every: &[(String, NonZeroU32)]) -> anyhow::Result<Loaded> {
+        self.load_unless(model, every, &Stop::default())
+    }
+
+    /// The same, unless a stop is requested before it is loaded: [`Stopped`](crate::stream::Stopped).
+    pub(crate) fn load_unless(
+        &self,
+        model: &Path,
+        every: &[(String, NonZeroU32)],
+        stop: &Stop,
+    ) -> anyhow::Result<Loaded> {
         let path = models::find(model)?;
-        let vetted = vetting::vet(&path, &self.arguments, &self.library)?;
+        let vetted = vetting::vet(&path, &self.arguments, &self.library, stop)?;
+        stop.check()?;
         self.load_trusted(path, every, vetted)
     }
 

@@ -21,6 +21,7 @@ use crate::cli::EngineArgs;
 use crate::fault::{Fault, Refused};
 use crate::installation;
 use crate::library::{self, Found};
+use crate::stream::Stop;
 
 /// Loading and one prediction on a slow board; a file that takes longer is refused.
 const TIME_LIMIT: Duration = Duration::from_secs(120);
@@ -47,14 +48,20 @@ enum Verdict {
 /// tested.
 ///
 /// # Errors
-/// A file that is none; what the child said of it, or how it ended.
-pub(crate) fn vet(model: &Path, engine: &EngineArgs, library: &Found) -> anyhow::Result<Vec<[u8; 32]>> {
+/// A file that is none; what the child said of it, or how it ended; [`Stopped`](crate::stream::Stopped) where `stop` was
+/// requested.
+pub(crate) fn vet(
+    model: &Path,
+    engine: &EngineArgs,
+    library: &Found,
+    stop: &Stop,
+) -> anyhow::Result<Vec<[u8; 32]>> {
     let record = Record::of(model, engine, library)?;
     let verdict = match record.recall() {
         Some(verdict) => verdict,
         None => {
             info!("first use of `{}` on this machine: testing it in a child process", model.display());
-            let verdict = try_in_child(model, &record.files, engine, library)?;
+            let verdict = try_in_child(model, &record.files, engine, library, stop)?;
             record.keep(&verdict);
             verdict
         }
@@ -102,6 +109,7 @@ fn try_in_child(
     files: &[[u8; 32]],
     engine: &EngineArgs,
     library: &Found,
+    stop: &Stop,
 ) -> anyhow::Result<Verdict> {
     let mut command = installation::nunetd()?;
     command.arg("vet").arg(model).arg("--onnxruntime").arg(&library.path);
@@ -118,7 +126,7 @@ fn try_in_child(
     let mut child = child.context("cannot start a child process to test the model in")?;
     let messages = child.stderr.take().map(|stderr| std::thread::spawn(move || read_messages(stderr)));
     let kind = child.stdout.take().map(|stdout| std::thread::spawn(move || read_messages(stdout)));
-    let Some(status) = wait(&mut child)? else {
+    let Some(status) = wait(&mut child, stop)? else {
         bail!(
             "testing `{}` in a child process took longer than {} s\nhint: try again when the machine is less busy",
             model.display(),
@@ -138,9 +146,10 @@ fn read_messages(stderr: impl std::io::Read) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-fn wait(child: &mut std::process::Child) -> anyhow::Result<Option<ExitStatus>> {
+/// `None` of a child that took too long. It is ended then, and by a stop.
+fn wait(child: &mut std::process::Child, stop: &Stop) -> anyhow::Result<Option<ExitStatus>> {
     let start = Instant::now();
-    while start.elapsed() < TIME_LIMIT {
+    while start.elapsed() < TIME_LIMIT && !stop.requested() {
         if let Some(status) = child.try_wait().context("cannot wait for the child process")? {
             return Ok(Some(status));
         }
@@ -148,6 +157,7 @@ fn wait(child: &mut std::process::Child) -> anyhow::Result<Option<ExitStatus>> {
     }
     child.kill().context("cannot end the child process")?;
     child.wait().context("cannot wait for the child process")?;
+    stop.check()?;
     Ok(None)
 }
 
@@ -285,6 +295,16 @@ mod tests {
         let first = record(folder.path(), b"model", b"library");
         assert_ne!(record(folder.path(), b"other", b"library"), first);
         assert_ne!(record(folder.path(), b"model", b"another library"), first);
+    }
+
+    #[test]
+    fn a_stop_ends_the_child_and_says_nothing_of_the_file() {
+        let stop = Stop::default();
+        let mut child = std::process::Command::new("sleep").arg("300").spawn().unwrap();
+        stop.request();
+        let error = wait(&mut child, &stop).unwrap_err();
+        assert!(error.is::<crate::stream::Stopped>(), "{error:#}");
+        assert!(child.try_wait().unwrap().is_some(), "the child goes on");
     }
 
     #[test]

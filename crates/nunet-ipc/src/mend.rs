@@ -44,8 +44,8 @@ pub(crate) struct Turn {
 }
 
 impl Turn {
-    /// Waits for the turn. A node must exist, because the folder comes with it.
-    pub(crate) fn take() -> Result<Self, IpcError> {
+    /// Waits for the turn, until `given_up` says so. A node must exist, because the folder comes with it.
+    pub(crate) fn take(given_up: &dyn Fn() -> bool) -> Result<Self, IpcError> {
         let path = PathBuf::from(config().global.root_path().to_string());
         let failed = |source| IpcError::Locked { folder: path.clone(), source };
         let folder = File::open(&path).map_err(failed)?;
@@ -53,7 +53,7 @@ impl Turn {
         loop {
             match rustix::fs::flock(&folder, FlockOperation::NonBlockingLockExclusive) {
                 Ok(()) => return Ok(Self { _folder: folder }),
-                Err(Errno::WOULDBLOCK | Errno::INTR) if start.elapsed() < TURN_TIMEOUT => {
+                Err(Errno::WOULDBLOCK | Errno::INTR) if start.elapsed() < TURN_TIMEOUT && !given_up() => {
                     std::thread::sleep(TURN_PERIOD);
                 }
                 Err(errno) => return Err(failed(errno.into())),

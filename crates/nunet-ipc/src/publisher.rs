@@ -60,6 +60,20 @@ impl Publisher {
         Self::create_within(camera, plans, limits, free_shared_memory_bytes()?)
     }
 
+    /// [`create`](Self::create) for a program that may be asked to stop meanwhile: `given_up` is asked while other owners
+    /// have their turn, which may take a minute where one of them hangs.
+    ///
+    /// # Errors
+    /// Those of [`create`](Self::create), and [`IpcError::Locked`] when it was given up.
+    pub fn create_unless(
+        camera: &CameraName,
+        plans: &[TopicPlan],
+        limits: &Limits,
+        given_up: &dyn Fn() -> bool,
+    ) -> Result<Self, IpcError> {
+        Self::create_with(camera, plans, limits, free_shared_memory_bytes()?, given_up)
+    }
+
     /// [`create`](Self::create) with the free shared memory told instead of asked for.
     ///
     /// # Errors
@@ -70,11 +84,21 @@ impl Publisher {
         limits: &Limits,
         free_bytes: u64,
     ) -> Result<Self, IpcError> {
+        Self::create_with(camera, plans, limits, free_bytes, &|| false)
+    }
+
+    fn create_with(
+        camera: &CameraName,
+        plans: &[TopicPlan],
+        limits: &Limits,
+        free_bytes: u64,
+        given_up: &dyn Fn() -> bool,
+    ) -> Result<Self, IpcError> {
         limits.check()?;
         refuse_repetition(plans)?;
         let reservation = Reservation::new(plans, limits);
         let node = node::create()?;
-        let turn = Turn::take()?;
+        let turn = Turn::take(given_up)?;
         let mut services = Vec::with_capacity(plans.len());
         for plan in plans {
             let service = create_topic(&turn, &node, camera, plan.topic, limits)?;

@@ -390,3 +390,19 @@ fn an_owner_with_other_limits_hears_of_the_one_that_lives() {
         assert!(matches!(error, IpcError::AlreadyOwned { .. }), "{max_readers}: {error}");
     }
 }
+
+#[test]
+fn an_owner_whose_turn_does_not_come_gives_up_when_it_is_asked_to() {
+    let camera = camera();
+    drop(owner(&camera, &[Topic::Depth])); // the folder is there from now on
+    let folder = std::fs::File::open("/tmp/iceoryx2").unwrap();
+    folder.lock().unwrap();
+    let asked = std::cell::Cell::new(0);
+    let third_time = || asked.replace(asked.get() + 1) == 2;
+    let refused = Publisher::create_unless(&camera, &[plan(Topic::Depth)], &Limits::default(), &third_time);
+    drop(folder);
+    assert!(matches!(refused, Err(IpcError::Locked { .. })));
+    assert_eq!(asked.get(), 3, "it waited until then");
+    let again = Publisher::create_unless(&camera, &[plan(Topic::Depth)], &Limits::default(), &|| false);
+    assert!(again.is_ok(), "nothing is left of the first try");
+}

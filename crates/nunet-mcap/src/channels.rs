@@ -84,8 +84,9 @@ pub(crate) struct Channels {
 }
 
 impl Channels {
-    /// Those of the whole file: from its index, else by reading it to its end or to where it was cut.
-    pub(crate) fn of_file(path: &Path) -> Result<Self, RecordingError> {
+    /// Those of the whole file: from its index, else by reading it to its end or to where it was cut, unless `given_up` says
+    /// so before.
+    pub(crate) fn of_file(path: &Path, given_up: &dyn Fn() -> bool) -> Result<Self, RecordingError> {
         let mut channels = Self::default();
         if let Some(summary) = summary(path)?.filter(|summary| !summary.channels.is_empty()) {
             for (&id, channel) in &summary.channels {
@@ -97,7 +98,7 @@ impl Channels {
             return Ok(channels);
         }
         let mut records = Records::open(path)?;
-        loop {
+        while !given_up() {
             match records.next(|record| channels.learn(&record)) {
                 Ok(Some(())) => {}
                 Err(error @ (RecordingError::NotMcap { .. } | RecordingError::Io { .. })) => {
@@ -106,6 +107,7 @@ impl Channels {
                 Ok(None) | Err(_) => return Ok(channels),
             }
         }
+        Err(RecordingError::GivenUp { path: path.to_owned() })
     }
 
     /// Takes note of a schema or a channel.

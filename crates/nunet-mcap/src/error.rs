@@ -38,6 +38,12 @@ pub enum RecordingError {
         /// What was found.
         source: mcap::McapError,
     },
+    /// The file has no index, and was not read to its end to find its topics, because the program was asked to stop.
+    #[error("the recording `{}` was not read to its end: a stop was requested", path.display())]
+    GivenUp {
+        /// The file.
+        path: PathBuf,
+    },
     /// No topic carries pictures.
     #[error(
         "`{}` has no topic with pictures\nhint: sensor_msgs/msg/Image and CompressedImage in CDR, foxglove.RawImage and \

@@ -51,7 +51,20 @@ impl Recording {
     /// # Errors
     /// No file, no MCAP, no topic or several topics with pictures.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
-        let channels = Channels::of_file(path)?;
+        Self::open_unless(path, topic, &|| false)
+    }
+
+    /// [`open`](Self::open) for a program that may be asked to stop meanwhile: a file without an index is read to its end,
+    /// which takes long where it is large, and `given_up` is asked at each record.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open), and [`RecordingError::GivenUp`].
+    pub fn open_unless(
+        path: &Path,
+        topic: Option<&str>,
+        given_up: &dyn Fn() -> bool,
+    ) -> Result<Self, RecordingError> {
+        let channels = Channels::of_file(path, given_up)?;
         let topic = channels.picture_topic(path, topic)?;
         Self::of_topic(path, &channels, topic)
     }
@@ -61,7 +74,7 @@ impl Recording {
     /// # Errors
     /// As [`Recording::open`].
     pub fn open_depth(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
-        let channels = Channels::of_file(path)?;
+        let channels = Channels::of_file(path, &|| false)?;
         let topic = channels.depth_topic(path, topic)?;
         Self::of_topic(path, &channels, topic)
     }

@@ -178,6 +178,19 @@ fn flipped_bytes_never_panic_and_never_mix_pictures() {
 }
 
 #[test]
+fn the_search_of_a_file_without_an_index_ends_when_it_is_given_up() {
+    let folder = Folder::new();
+    let whole = recording(WriteOptions::new().use_chunks(false), &pictures());
+    let path = folder.file(&whole[..whole.len() - 30]);
+    let asked = std::cell::Cell::new(0);
+    let third_time = || asked.replace(asked.get() + 1) == 2;
+    let refused = Recording::open_unless(&path, None, &third_time).map(drop);
+    assert!(matches!(refused, Err(RecordingError::GivenUp { .. })), "{refused:?}");
+    assert_eq!(asked.get(), 3, "it was read until then");
+    assert!(Recording::open_unless(&path, None, &|| false).is_ok());
+}
+
+#[test]
 fn a_wrong_checksum_ends_the_reading() {
     let folder = Folder::new();
     let mut whole = recording(WriteOptions::new().compression(None), &pictures());

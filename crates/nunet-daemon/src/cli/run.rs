@@ -120,6 +120,7 @@ impl SourceArgs {
             size: self.size.map(|PictureSize(width, height)| (width, height)),
             format: self.format,
             rate: self.rate,
+            stopped: None,
         }
     }
 }

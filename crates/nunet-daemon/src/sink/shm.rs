@@ -38,6 +38,8 @@ pub(crate) struct OutletOptions<'a> {
     pub(crate) publish: &'a [Publish],
     pub(crate) limits: Limits,
     pub(crate) model: &'a str,
+    /// Asked while other owners are waited for.
+    pub(crate) given_up: &'a dyn Fn() -> bool,
 }
 
 /// The owner of a camera's results.
@@ -90,7 +92,7 @@ impl Outlet {
     pub(crate) fn open(pipeline: &Pipeline, options: &OutletOptions<'_>) -> anyhow::Result<Self> {
         let frame_id = frame_id(options)?;
         let plans = plans(pipeline, options.publish);
-        let publisher = Publisher::create(options.camera, &plans, &options.limits)?;
+        let publisher = Publisher::create_unless(options.camera, &plans, &options.limits, options.given_up)?;
         info!("camera `{}` reserves {} of shared memory", options.camera, publisher.reservation());
         let description = pipeline.graph().description();
         let mut header = FrameHeader { model_hash: description.hash, ..FrameHeader::default() };

@@ -21,6 +21,7 @@ pub(crate) use v4l2::cameras;
 use std::io::Read;
 use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::bail;
 use nunet_core::frame::PixelFormat;
@@ -138,6 +139,8 @@ pub struct Opening<'a> {
     pub format: Option<PixelFormat>,
     /// The rate that is wished of a camera; of other sources their caller keeps it.
     pub rate: Option<Rate>,
+    /// Set when the caller wants the source no longer: opening may take long.
+    pub stopped: Option<&'a AtomicBool>,
 }
 
 impl Opening<'_> {
@@ -148,6 +151,10 @@ impl Opening<'_> {
             Rate::Hz(hz) => hz,
         });
         Wish { size: self.size.unwrap_or(usual.size), hz }
+    }
+
+    fn is_given_up(&self) -> bool {
+        self.stopped.is_some_and(|stopped| stopped.load(Ordering::Relaxed))
     }
 
     fn layout(&self) -> Option<RawLayout> {

@@ -29,7 +29,7 @@ pub(crate) struct RecordingSource {
 
 impl RecordingSource {
     pub(crate) fn open(path: &Path, how: Opening<'_>) -> anyhow::Result<Self> {
-        let recording = Recording::open(path, how.topic).map_err(sorted)?;
+        let recording = Recording::open_unless(path, how.topic, &|| how.is_given_up()).map_err(sorted)?;
         let picture = Picture::default();
         let (described, camera, repeat) = (None, None, how.repeat);
         Ok(Self { recording, picture, sequence: 0, stretch: 0, repeat, any_good: false, described, camera })

@@ -12,6 +12,8 @@ use crate::words;
 
 /// How long one call may wait, so that a stop is seen.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// A camera that is connected and sends nothing for so long is waited for.
+const SILENCE: Duration = Duration::from_secs(5);
 /// How often the user is told that the camera is not there.
 const REMINDER: Duration = Duration::from_secs(10);
 
@@ -20,26 +22,61 @@ const REMINDER: Duration = Duration::from_secs(10);
 pub(super) struct SharedMemory {
     camera: CameraName,
     reader: Option<Reader>,
-    last_sign: Option<Instant>,
-    waiting: bool,
+    silence: Silence,
     bad_camera: bool,
+}
+
+/// Since when nothing came, and what the user knows of it.
+#[derive(Debug, Default)]
+struct Silence {
+    /// The last frame, or when the camera was connected to.
+    since: Option<Instant>,
+    reminded: Option<Instant>,
+    waiting: bool,
+}
+
+impl Silence {
+    /// A camera that has only just been connected to has had no time to send.
+    fn begins(&mut self, now: Instant) {
+        self.since = Some(now);
+    }
+
+    /// A frame came.
+    fn ends(&mut self, now: Instant) {
+        *self = Self { since: Some(now), reminded: None, waiting: false };
+    }
+
+    fn is_long(&self, now: Instant) -> bool {
+        self.since.is_none_or(|since| now.duration_since(since) >= SILENCE)
+    }
+
+    /// The camera is waited for. Whether the user is to be told, which is now and then.
+    fn is_news(&mut self, now: Instant) -> bool {
+        self.waiting = true;
+        let news = self.reminded.is_none_or(|told| now.duration_since(told) >= REMINDER);
+        if news {
+            self.reminded = Some(now);
+        }
+        news
+    }
 }
 
 impl SharedMemory {
     pub(super) fn open(camera: &str) -> anyhow::Result<Self> {
         let camera = camera_name(camera)?;
-        Ok(Self { camera, reader: None, last_sign: None, waiting: false, bad_camera: false })
+        Ok(Self { camera, reader: None, silence: Silence::default(), bad_camera: false })
     }
 
     fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, IpcError> {
         let Some(reader) = self.connect()? else { return Ok(Fill::Nothing) };
         // The event is a hint: a frame that came before we listened has no event any more.
         if let Some(sample) = latest_or_wait(reader)? {
-            self.last_sign = Some(Instant::now());
-            self.waiting = false;
+            self.silence.ends(Instant::now());
             return Ok(self.describe(sample, frame));
         }
-        self.remind("it sends no frames");
+        if self.silence.is_long(Instant::now()) {
+            self.remind("it sends no frames");
+        }
         Ok(Fill::Nothing)
     }
 
@@ -50,6 +87,7 @@ impl SharedMemory {
                 Ok(reader) => {
                     info!("connected to camera `{}`", self.camera);
                     self.reader = Some(reader);
+                    self.silence.begins(Instant::now());
                 }
                 Err(IpcError::NobodyPublishes { .. }) => self.remind("it is not there yet"),
                 Err(error @ IpcError::ContractVersion { .. }) => return Err(error),
@@ -63,9 +101,7 @@ impl SharedMemory {
     }
 
     fn remind(&mut self, what: &str) {
-        if self.last_sign.is_none_or(|last| last.elapsed() >= REMINDER) {
-            self.last_sign = Some(Instant::now());
-            self.waiting = true;
+        if self.silence.is_news(Instant::now()) {
             warn!("waiting for camera `{}`: {what}", self.camera);
         }
     }
@@ -121,7 +157,7 @@ impl Source for SharedMemory {
     }
 
     fn is_waiting(&self) -> bool {
-        self.waiting
+        self.silence.waiting
     }
 }
 
@@ -131,4 +167,34 @@ fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Frame>, IpcError>
     }
     reader.wait(PATIENCE)?;
     reader.latest(Topic::Rgb)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_has_just_been_connected_to_is_not_silent_yet_and_later_is_told_of_now_and_then() {
+        let (mut silence, start) = (Silence::default(), Instant::now());
+        let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
+        silence.begins(start);
+        assert!(!silence.is_long(at(0.1)) && !silence.waiting);
+        assert!(silence.is_long(at(5.0)));
+        assert!(silence.is_news(at(5.0)) && silence.waiting);
+        assert!(!silence.is_news(at(14.0)));
+        assert!(silence.is_news(at(15.0)));
+        silence.ends(at(16.0));
+        assert!(!silence.is_long(at(20.0)) && !silence.waiting);
+        assert!(silence.is_news(at(21.0)), "a new silence is told of at once");
+    }
+
+    #[test]
+    fn a_camera_that_was_waited_for_is_not_back_before_its_first_frame() {
+        let (mut silence, start) = (Silence::default(), Instant::now());
+        assert!(silence.is_news(start), "it is not there");
+        silence.begins(start);
+        assert!(silence.waiting, "it is there and has not sent anything");
+        silence.ends(start);
+        assert!(!silence.waiting);
+    }
 }

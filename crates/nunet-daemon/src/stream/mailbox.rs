@@ -32,7 +32,7 @@ pub enum Put {
     Accepted,
     /// It waits for the receiver; an older one was replaced and lies on the shelf.
     Replaced,
-    /// Nobody will take it: the mailbox is closed.
+    /// Nobody will take it: the mailbox is closed, or its sender gave up.
     Refused,
 }
 
@@ -49,6 +49,8 @@ pub enum Taken<T> {
 
 /// How many used items are kept: one being filled, one waiting, one in work.
 const SHELF: usize = 3;
+/// How long a sender that waits may not see that it is to give up.
+const GLANCE: Duration = Duration::from_millis(50);
 
 impl<T: Reuse> Default for Mailbox<T> {
     fn default() -> Self {
@@ -77,11 +79,16 @@ impl<T: Reuse> Mailbox<T> {
         put
     }
 
-    /// Waits until there is room, then puts `item` in.
-    pub fn put_waiting(&self, item: T) -> Put {
+    /// Waits until there is room, then puts `item` in. Refused also when `given_up` says so, which is asked while there is
+    /// none: whoever makes room may be waiting for something that never comes.
+    pub fn put_waiting(&self, item: T, given_up: impl Fn() -> bool) -> Put {
         let mut state = self.lock();
         while state.waiting.is_some() && !state.closed {
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            if given_up() {
+                return Put::Refused;
+            }
+            let waited = self.changed.wait_timeout(state, GLANCE);
+            (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         }
         if state.closed {
             return Put::Refused;
@@ -193,7 +200,7 @@ mod tests {
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 for item in 0..100 {
-                    assert_eq!(mailbox.put_waiting(item), Put::Accepted);
+                    assert_eq!(mailbox.put_waiting(item, || false), Put::Accepted);
                 }
                 mailbox.close();
             });
@@ -209,12 +216,22 @@ mod tests {
         let mailbox = Mailbox::default();
         mailbox.put_latest(1);
         std::thread::scope(|scope| {
-            let sender = scope.spawn(|| mailbox.put_waiting(2));
+            let sender = scope.spawn(|| mailbox.put_waiting(2, || false));
             assert!(mailbox.close_and_empty());
             assert_eq!(sender.join().unwrap(), Put::Refused);
             assert_eq!(scope.spawn(|| mailbox.take(LONG)).join().unwrap(), Taken::Closed);
         });
         assert_eq!(mailbox.put_latest(3), Put::Refused);
+    }
+
+    #[test]
+    fn a_sender_that_gives_up_is_refused_and_the_item_that_waits_stays() {
+        let mailbox = Mailbox::default();
+        assert_eq!(mailbox.put_waiting(1, || true), Put::Accepted, "there is room");
+        let asked = std::cell::Cell::new(0);
+        let third_time = || asked.replace(asked.get() + 1) == 2;
+        assert_eq!(mailbox.put_waiting(2, third_time), Put::Refused);
+        assert_eq!(mailbox.take(Duration::ZERO), Taken::Item(1));
     }
 
     #[test]
@@ -236,7 +253,7 @@ mod tests {
             for (number, mailbox) in (0..).zip(&mailboxes) {
                 scope.spawn(move || {
                     for item in 0..50 {
-                        mailbox.put_waiting(100 * number + item);
+                        mailbox.put_waiting(100 * number + item, || false);
                     }
                     mailbox.close();
                 });

@@ -21,7 +21,7 @@ pub(crate) use continuity::Continuity;
 pub use mailbox::{Mailbox, Put, Taken};
 pub(crate) use optics::{Optics, read_calibration};
 pub(crate) use pump::{CloseOnDrop, Lane, Pace, SourceEnd, pump};
-pub(crate) use stop::Stop;
+pub(crate) use stop::{Stop, Stopped};
 pub(crate) use worker::{Remains, Sinks, Worker};
 
 use std::sync::Arc;

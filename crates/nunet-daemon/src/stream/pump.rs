@@ -35,17 +35,35 @@ pub(crate) struct Lane {
     /// Says in log lines which camera is meant, where there are several.
     pub(crate) span: Span,
     waiting: AtomicBool,
+    said: AtomicBool,
 }
 
 impl Lane {
     pub(crate) fn new(stop: Stop, bell: Arc<Bell>, span: Span) -> Self {
         let mailbox = Mailbox::with_bell(bell);
-        Self { mailbox, ledger: Ledger::default(), stop, span, waiting: AtomicBool::new(false) }
+        let (waiting, said) = (false.into(), false.into());
+        Self { mailbox, ledger: Ledger::default(), stop, span, waiting, said }
     }
 
     /// Whether the source has lost what gives it frames, and waits for it.
     pub(crate) fn is_waiting(&self) -> bool {
         self.waiting.load(Ordering::Relaxed)
+    }
+
+    /// Whether the source has said since [`Lane::ask_anew`] that it waits, and nothing else later: one that hangs says
+    /// nothing.
+    pub(super) fn says_it_waits(&self) -> bool {
+        self.said.load(Ordering::Relaxed)
+    }
+
+    /// What was said is to be said again.
+    pub(super) fn ask_anew(&self) {
+        self.said.store(false, Ordering::Relaxed);
+    }
+
+    fn hear(&self, waiting: bool) {
+        self.waiting.store(waiting, Ordering::Relaxed);
+        self.said.store(waiting, Ordering::Relaxed);
     }
 }
 
@@ -87,7 +105,7 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
         let mut frame = lane.mailbox.used().unwrap_or_default();
         let fill = source.fill(&mut frame);
         next_is_due = fill.had_frame();
-        lane.waiting.store(source.is_waiting(), Ordering::Relaxed);
+        lane.hear(source.is_waiting());
         match fill {
             Fill::Frame => {
                 left -= 1;
@@ -122,7 +140,11 @@ fn hand_over(mut frame: Frame, latest_wins: bool, lane: &Lane) -> bool {
     lane.ledger.captured();
     frame.ready_nanos = MonotonicClock.nanos();
     frame.in_real_time = latest_wins;
-    let put = if latest_wins { lane.mailbox.put_latest(frame) } else { lane.mailbox.put_waiting(frame) };
+    let put = if latest_wins {
+        lane.mailbox.put_latest(frame)
+    } else {
+        lane.mailbox.put_waiting(frame, || lane.stop.requested())
+    };
     if put != Put::Accepted {
         lane.ledger.ended(End::Superseded);
     }
@@ -275,6 +297,41 @@ mod tests {
         pump(&mut source, Pace { rate: Rate::Max, limit: None }, &lane).unwrap();
         assert_eq!(lane.ledger.counts(), Counts { captured: 1, superseded: 1, ..Counts::default() });
         assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
+    }
+
+    #[test]
+    fn a_stop_while_the_source_waits_for_room_supersedes_the_frame_that_waits_and_the_one_behind_it() {
+        let lane = Lane::default();
+        let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
+        let (done, ended) = std::sync::mpsc::channel();
+        std::thread::scope(|scope| {
+            let _closed = CloseOnDrop(&lane); // a test that fails comes to its end as well
+            let lane = &lane;
+            scope.spawn(move || done.send(pump(&mut source, Pace { rate: Rate::Max, limit: None }, lane)));
+            let start = Instant::now();
+            while lane.ledger.counts().captured < 2 {
+                assert!(start.elapsed() < Duration::from_secs(60), "the second frame was never asked for");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            lane.stop.request();
+            let end = ended.recv_timeout(Duration::from_secs(60)).expect("the stop was not seen");
+            assert_eq!(end.unwrap(), SourceEnd::Whole);
+        });
+        assert_eq!(lane.ledger.counts(), Counts { captured: 2, superseded: 2, ..Counts::default() });
+        assert!(matches!(lane.mailbox.take(Duration::ZERO), Taken::Closed));
+    }
+
+    #[test]
+    fn what_a_source_says_of_its_waiting_counts_until_it_is_asked_anew() {
+        let lane = Lane::default();
+        lane.hear(true);
+        assert!(lane.is_waiting() && lane.says_it_waits());
+        lane.ask_anew();
+        assert!(lane.is_waiting() && !lane.says_it_waits(), "it may hang by now");
+        lane.hear(true);
+        assert!(lane.says_it_waits());
+        lane.hear(false);
+        assert!(!lane.is_waiting() && !lane.says_it_waits());
     }
 
     /// Fails in one way or the other at the first frame.

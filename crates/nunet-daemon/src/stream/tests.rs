@@ -1,6 +1,8 @@
 //! Streams beside each other, with sources and disks that do what a test wants.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::channel;
 use std::sync::{Condvar, Mutex};
 use std::time::Instant;
 
@@ -11,6 +13,8 @@ use nunet_testkit::models;
 
 use super::*;
 use crate::cli::Publish;
+use crate::sink::collect::Collector;
+use crate::sink::patience::Patience;
 use crate::sink::recording::{Archive, Record, Recorder, Tally};
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::source::{Fill, Frame, Rate};
@@ -76,6 +80,10 @@ impl Disk {
 }
 
 impl Archive for Arc<Disk> {
+    fn path(&self) -> &Path {
+        Path::new("disk of a test")
+    }
+
     fn write(&mut self, record: &Record) -> anyhow::Result<()> {
         self.set(|state| state.asked = true);
         anyhow::ensure!(self.wait(|state| state.free), "nobody let the disk go");
@@ -119,6 +127,16 @@ fn pipeline() -> Pipeline {
 }
 
 fn stream(name: &CameraName, source: Grey, recording: Option<(&Arc<Disk>, &Arc<Bell>)>) -> Stream {
+    stream_with(name, source, |outlet| {
+        let recorder = recording.map(|(disk, bell)| {
+            let bell = Arc::clone(bell);
+            Recorder::start(Arc::clone(disk), name, outlet, move || bell.ring()).unwrap()
+        });
+        Sinks { recorder, ..Sinks::default() }
+    })
+}
+
+fn stream_with(name: &CameraName, source: Grey, sinks: impl FnOnce(&Outlet) -> Sinks) -> Stream {
     let pipeline = pipeline();
     let options = OutletOptions {
         camera: name,
@@ -126,13 +144,11 @@ fn stream(name: &CameraName, source: Grey, recording: Option<(&Arc<Disk>, &Arc<B
         publish: &[Publish::Depth],
         limits: Limits::default(),
         model: "model.onnx",
+        given_up: &|| false,
     };
     let outlet = Outlet::open(&pipeline, &options).unwrap();
-    let recorder = recording.map(|(disk, bell)| {
-        let bell = Arc::clone(bell);
-        Recorder::start(Arc::clone(disk), name, &outlet, move || bell.ring()).unwrap()
-    });
-    let worker = Worker::new(pipeline, Optics::default(), outlet, Sinks { recorder, ..Sinks::default() });
+    let sinks = sinks(&outlet);
+    let worker = Worker::new(pipeline, Optics::default(), outlet, sinks);
     let pace = Pace { rate: Rate::Max, limit: None };
     Stream { source: Box::new(source), pace, worker, span: Span::none() }
 }
@@ -180,6 +196,74 @@ fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_o
     let Ended { counts, remains, source } = ended.remove(0);
     assert_eq!((counts.captured, counts.published), (FRAMES, FRAMES));
     assert_eq!(source.unwrap(), SourceEnd::Whole);
-    let tally = remains.recording.unwrap().tally();
+    let tally = remains.recording.unwrap().tally(&mut Patience::new(&|| false));
     assert_eq!(tally, Tally { recorded: FRAMES, left_out: 0, whole: true });
+}
+
+#[test]
+fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_out() {
+    // As many frames as there is room for in front of the disk; then the source waits, and so does its next frame.
+    const UNDER_WAY: u64 = 8;
+    let (disk, bell, stop) = (Arc::new(Disk::default()), Arc::new(Bell::default()), Stop::default());
+    let name = camera("held");
+    let source = Grey { left: u64::MAX, sequence: 0, live: false };
+    let streams = vec![stream(&name, source, Some((&disk, &bell)))];
+    let reader = Reader::open(&name, &[Topic::Depth], PATIENCE).unwrap();
+    std::thread::scope(|scope| {
+        let (done, ended) = channel();
+        let (bell, stop) = (&bell, &stop);
+        let _let_go = LetGo(&disk, stop);
+        scope.spawn(move || done.send(run(streams, bell, stop).unwrap()));
+        wait_for_frame(&reader, UNDER_WAY - 1);
+        stop.request();
+        let mut ended = ended.recv_timeout(PATIENCE).expect("the stop was not seen");
+        let Ended { counts, remains, source } = ended.remove(0);
+        assert_eq!((counts.published, counts.failed, counts.in_flight), (UNDER_WAY, 0, 0));
+        assert_eq!(counts.captured, UNDER_WAY + counts.superseded, "nothing is lost from the ledger");
+        assert_eq!(source.unwrap(), SourceEnd::Whole);
+        let stopped = || stop.requested();
+        let mut patience = Patience::with(&stopped, Duration::from_millis(50), PATIENCE);
+        let tally = remains.recording.unwrap().tally(&mut patience);
+        assert_eq!(tally, Tally { recorded: 0, left_out: UNDER_WAY, whole: false });
+        assert!(!tally.say(), "that is a loss");
+    });
+}
+
+#[test]
+fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
+    const TURNS: u64 = 50;
+    let folder = tempfile::tempdir().unwrap();
+    // Nobody reads it, so that opening it for writing never returns: a mount that has died.
+    let pipe = std::process::Command::new("mkfifo").arg(folder.path().join("depth.npy")).status().unwrap();
+    assert!(pipe.success());
+    let (disk, bell, stop) = (Arc::new(Disk::default()), Arc::new(Bell::default()), Stop::default());
+    let (over, live) = (camera("over"), camera("beside"));
+    let streams = vec![
+        stream_with(&over, Grey { left: 3, sequence: 0, live: false }, |outlet| {
+            let collector = Collector::attach(folder.path().to_owned(), &over, outlet).unwrap();
+            Sinks { collector: Some(collector), ..Sinks::default() }
+        }),
+        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, None),
+    ];
+    let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
+    std::thread::scope(|scope| {
+        let (done, ended) = channel();
+        let (bell, stop) = (&bell, &stop);
+        let _let_go = LetGo(&disk, stop);
+        scope.spawn(move || done.send(run(streams, bell, stop).unwrap()));
+        let start = Instant::now();
+        while Reader::open(&over, &[Topic::Depth], Duration::ZERO).is_ok() {
+            assert!(start.elapsed() < PATIENCE, "the camera that has ended keeps its memory");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let now = wait_for_frame(&reader, 0);
+        wait_for_frame(&reader, now + TURNS);
+        stop.request();
+        let mut ended = ended.recv_timeout(PATIENCE).expect("the stop was not seen");
+        let Ended { counts, remains, .. } = ended.remove(0);
+        assert_eq!((counts.captured, counts.published), (3, 3));
+        let mut patience = Patience::with(&|| true, Duration::ZERO, PATIENCE);
+        let error = remains.files.unwrap().expect("they are wanted").end(&mut patience).unwrap_err();
+        assert!(error.to_string().starts_with("cannot write the files in `"), "{error}");
+    });
 }

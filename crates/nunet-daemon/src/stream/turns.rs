@@ -60,11 +60,22 @@ pub(super) fn take_turns<P: Player>(workers: Vec<P>, lanes: &[Lane], bell: &Bell
             }
         }
         if idle && workers.iter().any(Option::is_some) {
+            let left = lanes.iter().zip(&workers).filter(|(_, worker)| worker.is_some());
+            rest(&mut supervisor, left.map(|(lane, _)| lane));
             bell.wait(LATE_JOINER_PERIOD);
         }
     }
     Supervisor::stopping();
     remains.into_iter().flatten().collect()
+}
+
+/// No camera of those that are left had a frame; perhaps since each of them waits for its source.
+fn rest<'a>(supervisor: &mut Supervisor, lanes: impl Iterator<Item = &'a Lane> + Clone) {
+    let captured = lanes.clone().map(|lane| lane.ledger.counts().captured).sum();
+    let waiting = lanes.clone().all(Lane::says_it_waits);
+    if supervisor.nothing_to_do(waiting, captured) {
+        lanes.for_each(Lane::ask_anew);
+    }
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use crate::sink::collect::Collector;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Recorder};
 use crate::sink::shm::{Outlet, stage_names};
+use crate::sink::writing::Writing;
 use crate::source::Frame;
 use crate::telemetry::{Counts, End, Latencies, MonotonicClock, Totals, allocations_of_this_thread};
 
@@ -49,8 +50,8 @@ pub(crate) struct Remains {
     pub(crate) latencies: Latencies,
     /// The recording, where there is one; its last records may still be on their way to the disk.
     pub(crate) recording: Option<Ending>,
-    /// Whether the last frame's files were written, where they were wanted.
-    pub(crate) files: anyhow::Result<()>,
+    /// The last frame's files, where they are wanted; they may still be on their way to the disk.
+    pub(crate) files: anyhow::Result<Option<Writing>>,
 }
 
 impl Worker {
@@ -73,9 +74,15 @@ impl Player for Worker {
     /// Takes the frame that waits, if there is one. It goes on waiting while the recording has no room for it, so that
     /// nobody else's turn does.
     fn turn(&mut self, lane: &Lane) -> Turn {
-        if self.sinks.recorder.as_ref().is_some_and(|recorder| !recorder.has_room()) {
-            self.rest(lane);
-            return Turn::Nothing;
+        if lane.stop.requested() {
+            return self.wind_up(lane);
+        }
+        if let Some(recorder) = &mut self.sinks.recorder {
+            recorder.look_after_the_disk();
+            if !recorder.has_room() {
+                self.rest(lane);
+                return Turn::Nothing;
+            }
         }
         match lane.mailbox.take(Duration::ZERO) {
             Taken::Item(frame) => Turn::Frame(self.take_through(frame, lane)),
@@ -87,7 +94,7 @@ impl Player for Worker {
         }
     }
 
-    /// Files are written, and the memory is given back.
+    /// The writing of files begins, and the memory is given back. No disk is waited for: other cameras go on.
     fn end(mut self, lane: &Lane) -> Remains {
         let counts = lane.ledger.counts();
         self.outlet.publish_stats(&counts, &self.totals, &self.latencies);
@@ -96,12 +103,27 @@ impl Player for Worker {
         }
         let scale = self.pipeline.scale();
         let recording = self.sinks.recorder.map(Recorder::end);
-        let files = self.sinks.collector.map_or(Ok(()), |collector| collector.write(&self.outlet));
+        let files = self.sinks.collector.map_or(Ok(None), |collector| collector.write(&self.outlet));
         Remains { scale, totals: self.totals, latencies: self.latencies, recording, files }
     }
 }
 
 impl Worker {
+    /// A stop finishes the frame in work, not the one that waits, whatever that one waits for. The source's thread
+    /// supersedes it as well: who comes first counts it.
+    fn wind_up(&mut self, lane: &Lane) -> Turn {
+        // Asked first: once it is closed, nothing comes into it any more.
+        let closed = lane.mailbox.wait_closed(Duration::ZERO);
+        if lane.mailbox.recall() {
+            lane.ledger.ended(End::Superseded);
+        }
+        if closed {
+            return Turn::Over;
+        }
+        self.rest(lane);
+        Turn::Nothing
+    }
+
     /// The source stands still: now and then somebody may have come to read, and frames may have failed on their way here.
     fn rest(&mut self, lane: &Lane) {
         if self.served.elapsed() < LATE_JOINER_PERIOD {

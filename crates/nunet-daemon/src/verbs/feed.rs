@@ -12,7 +12,7 @@ use tracing::{info, warn};
 use crate::Outcome;
 use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
-use crate::source::{self, Fill, Frame, Kind, Pacer, Rate, Source};
+use crate::source::{self, Fill, Frame, Kind, Opening, Pacer, Rate, Source};
 use crate::stream::{Optics, Stop};
 use crate::words;
 
@@ -26,7 +26,12 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
         ));
     }
     let optics = Optics::new(&arguments.geometry)?;
-    let mut source = source::open(&kind, arguments.pace.opening())?;
+    let opening = Opening { stopped: Some(stop.flag()), ..arguments.pace.opening() };
+    let source = source::open(&kind, opening);
+    if stop.requested() {
+        return Ok(Outcome::Done);
+    }
+    let mut source = source?;
     let mut feeder = Feeder::new(camera_name(&arguments.camera)?, optics);
     // A camera was asked for the rate; it keeps it by itself.
     let pacer =
@@ -74,7 +79,7 @@ impl Feeder {
             let fill = source.fill(&mut frame);
             next_is_due = fill.had_frame();
             match fill {
-                Fill::Frame => self.send(&frame)?,
+                Fill::Frame => self.send(&frame, stop)?,
                 Fill::Failed(error) => self.lose(&frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
                 Fill::End => break,
@@ -89,10 +94,13 @@ impl Feeder {
         Ok(())
     }
 
-    fn send(&mut self, frame: &Frame) -> anyhow::Result<()> {
+    fn send(&mut self, frame: &Frame, stop: &Stop) -> anyhow::Result<()> {
         let port = match self.port.take() {
             Some(port) => self.port.insert(port),
-            None => self.port.insert(Port::open(&self.camera, frame)?),
+            None => match Port::open(&self.camera, frame, stop) {
+                Err(_) if stop.requested() => return Ok(()),
+                port => self.port.insert(port?),
+            },
         };
         if port.size != frame.size {
             let error = anyhow::anyhow!(
@@ -120,9 +128,9 @@ impl Feeder {
 }
 
 impl Port {
-    fn open(camera: &CameraName, frame: &Frame) -> anyhow::Result<Self> {
+    fn open(camera: &CameraName, frame: &Frame, stop: &Stop) -> anyhow::Result<Self> {
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: frame.view()?.bytes().len() };
-        let publisher = Publisher::create(camera, &[plan], &Limits::default())?;
+        let publisher = Publisher::create_unless(camera, &[plan], &Limits::default(), &|| stop.requested())?;
         let (width, height) = frame.size;
         info!("camera `{camera}`: {width}x{height}, {} of shared memory", publisher.reservation());
         Ok(Self { publisher, size: frame.size })

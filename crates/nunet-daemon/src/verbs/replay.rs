@@ -17,7 +17,7 @@ use crate::exit::camera_name;
 use crate::sink::recording::{About, FrameWriter, Record, Results, refuse_output};
 use crate::sink::stats::ModelName;
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source};
-use crate::stream::{Continuity, Optics, Stop};
+use crate::stream::{Continuity, Optics, Stop, Stopped};
 use crate::telemetry::MonotonicClock;
 
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
@@ -26,16 +26,30 @@ const SYNC_FRAMES: u64 = 50;
 /// Replays until the recording ends, is cut off, or a signal comes.
 pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    match replay_unless(arguments, &stop) {
+        Err(error) if error.is::<Stopped>() => {
+            warn!("{error}: there is no `{}`", arguments.output.display());
+            Ok(Outcome::Lost)
+        }
+        outcome => outcome,
+    }
+}
+
+fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     refuse_output(&arguments.output, Some(&arguments.input), arguments.force)?;
     let camera = camera_name(&arguments.camera)?;
     let optics = Optics::new(&arguments.optics.lens.geometry)?;
-    let how = Opening { topic: arguments.topic.as_deref(), ..Opening::default() };
-    let mut source = RecordingSource::open(&arguments.input, how)?;
+    let how = Opening { topic: arguments.topic.as_deref(), stopped: Some(stop.flag()), ..Opening::default() };
+    let source = RecordingSource::open(&arguments.input, how);
+    stop.check()?;
+    let mut source = source?;
     let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load(&arguments.model, &[])?;
+    let loaded = engine.load_unless(&arguments.model, &[], stop)?;
+    stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipeline = tested_pipeline(loaded, &arguments.optics)?;
 
+    stop.check()?;
     let mut frame = Frame::default();
     let first = first_fill(&mut source, &mut frame, &stop);
     let frame_id = arguments.frame_id.clone().or_else(|| Some(source.frame_id().to_owned()));
@@ -49,7 +63,7 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
     };
     let writer = FrameWriter::create(&arguments.output, &about)?;
     let mut replay = Replay::new(pipeline, optics, writer, &arguments.publish);
-    replay.run(&mut source, frame, first, &stop)?;
+    replay.run(&mut source, frame, first, stop)?;
     replay.finish(arguments)
 }
 

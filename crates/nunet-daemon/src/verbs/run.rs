@@ -15,22 +15,37 @@ use crate::cli::{AccessArgs, RunArgs};
 use crate::engine::{Engine, tested_pipelines};
 use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{Ending, Tally};
+use crate::sink::patience::Patience;
+use crate::sink::recording::Tally;
 use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
-use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop};
+use crate::sink::writing::Writing;
+use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop, Stopped};
 use crate::telemetry::Counts;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    match start(&arguments, &stop) {
+        Err(error) if error.is::<Stopped>() => {
+            info!("{error}");
+            Ok(Outcome::Done)
+        }
+        outcome => outcome,
+    }
+}
+
+/// Everything before the first frame may take long, so that a stop is asked for before each step.
+fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments.streams())?)?;
+    let cameras = camera::prepare(camera::plans(arguments.streams())?, stop)?;
     // Nothing was made before all arguments had passed. The figures often go into the folder of the results.
     camera::make_folders(&cameras)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
 
+    stop.check()?;
     let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load(&arguments.model, &arguments.every)?;
+    let loaded = engine.load_unless(&arguments.model, &arguments.every, stop)?;
+    stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipelines = tested_pipelines(loaded, arguments.streams().map(|stream| &stream.optics))?;
     let provider = pipelines.first().context("one camera at least")?.graph().provider().to_string();
@@ -40,17 +55,19 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
     let several = names.len() > 1;
     let cameras = cameras.into_iter().zip(pipelines);
-    let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several));
+    let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
     let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
     let mut metrics = metrics.into_iter().flatten();
-    // Last of all: a start that fails leaves no recordings.
+    // Last of all: a start that fails leaves no recordings. After the first of them a stop is one of the stream's.
+    stop.check()?;
     let bell = Arc::new(Bell::default());
     let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.next(), &bell));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
-    let ended = stream::run(streams, &bell, &stop)?;
-    finish(&names, ended, common, arguments.stats_json.as_deref())
+    let ended = stream::run(streams, &bell, stop)?;
+    let stopped = || stop.requested();
+    finish(&names, ended, common, arguments.stats_json.as_deref(), &mut Patience::new(&stopped))
 }
 
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
@@ -79,28 +96,43 @@ fn finish(
     ended: Vec<Ended>,
     common: Common<'_>,
     stats_json: Option<&Path>,
+    patience: &mut Patience<'_>,
 ) -> anyhow::Result<Outcome> {
-    let (ends, outcome) = conclude(names, ended);
-    let written = stats_json.map_or(Ok(()), |path| write_json(path, &figures(&ends, common)?));
-    let files = ends.into_iter().map(|end| end.remains.files);
-    let mut problems = std::iter::once(written).chain(files).filter_map(Result::err);
-    match outcome {
+    let (ends, outcome) = conclude(names, ended, patience);
+    let written = stats_json.map_or(Ok(()), |path| write_figures(path, figures(&ends, common)?, patience));
+    let files = ends.into_iter().map(|end| {
+        let writing = end.remains.files?;
+        writing.map_or(Ok(()), |writing| writing.end(patience))
+    });
+    let problems = std::iter::once(written).chain(files).filter_map(Result::err);
+    // All of them, before anything is returned: what is not waited for is not written.
+    let mut problems = problems.collect::<Vec<_>>().into_iter();
+    let result = match outcome {
         Ok(outcome) => problems.next().map_or(Ok(outcome), Err),
-        Err(failure) => {
-            problems.for_each(|problem| error!("{problem:#}"));
-            Err(failure)
-        }
-    }
+        failure => failure,
+    };
+    problems.for_each(|problem| error!("{problem:#}"));
+    result
+}
+
+/// The disk of the figures may be the one that hangs.
+fn write_figures(path: &Path, stats: Stats, patience: &mut Patience<'_>) -> anyhow::Result<()> {
+    let (what, path) = (format!("the figures in `{}`", path.display()), path.to_owned());
+    Writing::start(what, move || write_json(&path, &stats))?.end(patience)
 }
 
 /// Says how each camera ended. One whose source failed leaves the others; where none is left, that is the failure.
-fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Result<Outcome>) {
+fn conclude<'a>(
+    names: &'a [String],
+    ended: Vec<Ended>,
+    patience: &mut Patience<'_>,
+) -> (Vec<End<'a>>, anyhow::Result<Outcome>) {
     let several = names.len() > 1;
     let all_failed = ended.iter().all(|ended| ended.source.is_err());
     let (mut ends, mut outcome, mut failure) = (Vec::new(), Outcome::Done, None);
     for (camera, Ended { counts, mut remains, source }) in names.iter().zip(ended) {
         let _camera = span_of(camera, several).entered();
-        let recording = remains.recording.take().map(Ending::tally);
+        let recording = remains.recording.take().map(|ending| ending.tally(patience));
         let (source, reason) = match source {
             Ok(end) => (end, None),
             Err(reason) => (SourceEnd::Cut, Some(reason)),
@@ -151,6 +183,8 @@ fn figures(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use anyhow::anyhow;
     use nunet_core::depth::{Scale, ScaleSource, Units};
     use serde_json::Value;
@@ -164,10 +198,21 @@ mod tests {
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
             recording: None,
-            files: Ok(()),
+            files: Ok(None),
         };
         let counts = Counts { captured: published + 1, published, failed: 1, ..Counts::default() };
         Ended { counts, remains, source: Err(anyhow!(why)) }
+    }
+
+    /// As `run` has it, without a stop.
+    fn finished(
+        names: &[&str],
+        ended: Vec<Ended>,
+        common: Common<'_>,
+        path: &Path,
+    ) -> anyhow::Result<Outcome> {
+        let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+        finish(&names, ended, common, Some(path), &mut Patience::new(&|| false))
     }
 
     #[test]
@@ -177,14 +222,14 @@ mod tests {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
         let common = Common { model: &model, provider: "cpu" };
         let ended = vec![broken(7, "another contract"), broken(5, "stdin's thread has failed")];
-        let failure = finish(&["front".into(), "rear".into()], ended, common, Some(&path)).unwrap_err();
+        let failure = finished(&["front", "rear"], ended, common, &path).unwrap_err();
         assert_eq!(failure.to_string(), "another contract");
         let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!((&stats["frames"]["published"], &stats["frames"]["failed"]), (&12.into(), &2.into()));
         assert_eq!(stats["cameras"][0]["error"], "another contract");
         assert_eq!(stats["cameras"][1]["error"], "stdin's thread has failed");
 
-        let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(&path)).unwrap_err();
+        let failure = finished(&["front"], vec![broken(7, "gone")], common, &path).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
         let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!((&stats["camera"], &stats["error"]), (&"front".into(), &"gone".into()));
@@ -195,7 +240,35 @@ mod tests {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
         let common = Common { model: &model, provider: "cpu" };
         let path = Path::new("/nonexistent/stats.json");
-        let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(path)).unwrap_err();
+        let failure = finished(&["front"], vec![broken(7, "gone")], common, path).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
+    }
+
+    #[test]
+    fn files_whose_disk_hangs_are_told_of_after_the_figures_and_do_not_keep_those_of_other_cameras() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, slow) = (folder.path().join("stats.json"), folder.path().join("slow"));
+        let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
+        let common = Common { model: &model, provider: "cpu" };
+        let (let_go, hangs) = std::sync::mpsc::channel::<()>();
+        let hanging = Writing::start("the files in `o`".into(), move || Ok(hangs.recv()?));
+        let file = slow.clone();
+        let slowly = Writing::start("the files in `p`".into(), move || {
+            std::thread::sleep(Duration::from_millis(100));
+            Ok(std::fs::write(file, "")?)
+        });
+        let ended = [hanging, slowly].map(|writing| {
+            let ended = broken(7, "");
+            let remains = Remains { files: writing.map(Some), ..ended.remains };
+            Ended { remains, source: Ok(SourceEnd::Whole), ..ended }
+        });
+        let mut patience = Patience::with(&|| true, Duration::ZERO, Duration::from_secs(60));
+        let names = ["front".to_owned(), "rear".to_owned()];
+        let failure = finish(&names, ended.into(), common, Some(&path), &mut patience).unwrap_err();
+        assert!(failure.to_string().starts_with("cannot write the files in `o`: "), "{failure}");
+        let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(stats["frames"]["published"], 14);
+        assert!(slow.is_file(), "the other camera's files were not waited for");
+        drop(let_go);
     }
 }

@@ -1,5 +1,6 @@
 //! `--record FILE.mcap` and `nunetd replay`: frames and their results as a recording.
 
+mod disk;
 mod record;
 mod recorder;
 mod writer;

@@ -7,18 +7,21 @@
 //! Both queues are bounded. A live frame that finds one full is left out of the recording and counted. A source that waits
 //! is not asked for its next frame before there is room for it, while other cameras go on: nobody blocks on a queue.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_ipc::{CameraName, FrameSet, Reader, Topic};
-use tracing::{error, info, warn};
+use tracing::{info, warn};
 
+use super::disk::{Disk, Progress, Watch};
 use super::{Archive, Record};
+use crate::sink::patience::Patience;
 use crate::sink::shm::Outlet;
 use crate::source::Frame;
 
@@ -26,8 +29,6 @@ use crate::source::Frame;
 const OFFERED: usize = 2;
 /// Records that wait for the disk: with clouds 6 MB each.
 const WAITING: usize = 8;
-/// The most that is lost when the process or the machine dies.
-const SYNC_PERIOD: Duration = Duration::from_secs(1);
 /// The services are ours and exist: no waiting.
 const NO_WAIT: Duration = Duration::ZERO;
 
@@ -37,6 +38,10 @@ pub(crate) struct Recorder {
     room: Arc<Room>,
     listener: JoinHandle<u64>,
     disk: JoinHandle<Disk>,
+    path: PathBuf,
+    progress: Arc<Progress>,
+    watch: Watch,
+    offered: u64,
     refused: u64,
 }
 
@@ -47,13 +52,13 @@ struct Offer {
 }
 
 /// Whether a frame may be left out: not of a source that waits, since it will not send another instead.
-fn waits(frame: &Frame) -> bool {
+pub(super) fn waits(frame: &Frame) -> bool {
     !frame.in_real_time
 }
 
 /// Where the frames of a source that waits are. Those of a live one are not counted: for them there is always room, or
 /// they are left out.
-struct Room {
+pub(super) struct Room {
     /// One was offered and is not joined with its results yet, which the next frame would overwrite.
     joining: AtomicBool,
     /// Offered, and not written yet.
@@ -63,6 +68,10 @@ struct Room {
 }
 
 impl Room {
+    pub(super) fn new(changed: impl Fn() + Send + Sync + 'static) -> Self {
+        Self { joining: false.into(), under_way: 0.into(), changed: Box::new(changed) }
+    }
+
     fn is_free(&self) -> bool {
         !self.joining.load(Ordering::Acquire) && self.under_way.load(Ordering::Acquire) < WAITING
     }
@@ -77,7 +86,7 @@ impl Room {
         (self.changed)();
     }
 
-    fn leave(&self) {
+    pub(super) fn leave(&self) {
         self.under_way.fetch_sub(1, Ordering::AcqRel);
         (self.changed)();
     }
@@ -105,21 +114,46 @@ impl Recorder {
         let (frames, offered) = sync_channel(OFFERED);
         let (records, waiting) = sync_channel(WAITING);
         let (used, shelf) = channel();
-        let changed = Box::new(changed);
-        let room = Arc::new(Room { joining: false.into(), under_way: 0.into(), changed });
-        let listener = Listener { reader, records, shelf, room: Arc::clone(&room), newer: None, left_out: 0 };
-        let of_disk = Arc::clone(&room);
+        let (room, progress) = (Arc::new(Room::new(changed)), Arc::new(Progress::default()));
+        let path = archive.path().to_owned();
+        let disk = Disk::new(Box::new(archive), Arc::clone(&room), Arc::clone(&progress));
+        let listener = Listener {
+            reader,
+            records,
+            shelf,
+            room: Arc::clone(&room),
+            progress: Arc::clone(&progress),
+            newer: None,
+            left_out: 0,
+        };
         let named = |name: &str| std::thread::Builder::new().name(name.into());
         let listener = named("listener").spawn(move || listener.run(&offered));
-        let disk = named("disk").spawn(move || Disk::new(Box::new(archive), of_disk).run(&waiting, &used));
+        let disk = named("disk").spawn(move || disk.run(&waiting, &used));
         let context = "cannot start the recording's threads";
         Ok(Self {
             frames,
             room,
             listener: listener.context(context)?,
             disk: disk.context(context)?,
+            path,
+            progress,
+            watch: Watch::new(Instant::now()),
+            offered: 0,
             refused: 0,
         })
+    }
+
+    /// Tells the user once of a disk that stands still: otherwise frames would be left out, or not be asked for, in silence.
+    pub(crate) fn look_after_the_disk(&mut self) {
+        if let Some(still) = self.watch.news(&self.progress, Instant::now()) {
+            warn!(
+                "the recording `{}` stands still: its disk has taken nothing for {} s, and {} frames wait\nhint: see \
+                 whether the disk or mount of the file answers",
+                self.path.display(),
+                still.as_secs(),
+                self.progress.records_waiting()
+            );
+        }
     }
 
     /// Whether the next frame may be taken on; always of a live source. Nobody waits for threads that are gone: what they
@@ -131,6 +165,7 @@ impl Recorder {
     /// Hands over a frame whose results have just been published; never waits. It comes back when there is no room for
     /// it.
     pub(crate) fn offer(&mut self, frame: Frame, camera: Option<Camera>) -> Option<Frame> {
+        self.offered += 1;
         if waits(&frame) {
             self.room.enter();
         }
@@ -146,8 +181,9 @@ impl Recorder {
     /// No more frames. Those that were offered are joined with their results before this returns, so that shared memory
     /// may go; they are written, and the file is ended, meanwhile.
     pub(crate) fn end(self) -> Ending {
-        drop(self.frames);
-        Ending { missed: self.listener.join(), disk: self.disk, refused: self.refused }
+        let Self { frames, listener, disk, path, progress, offered, refused, .. } = self;
+        drop(frames);
+        Ending { missed: listener.join(), disk, path, progress, offered, refused }
     }
 }
 
@@ -155,19 +191,38 @@ impl Recorder {
 pub(crate) struct Ending {
     missed: std::thread::Result<u64>,
     disk: JoinHandle<Disk>,
+    path: PathBuf,
+    progress: Arc<Progress>,
+    offered: u64,
     refused: u64,
 }
 
 impl Ending {
-    /// Waits for the end of the file.
-    pub(crate) fn tally(self) -> Tally {
-        match (self.missed, self.disk.join()) {
-            (Ok(missed), Ok(disk)) => Tally {
+    /// Waits for the end of the file, within `patience`. A disk that does not come to it is left alone, and what is not
+    /// known to be on it is left out.
+    pub(crate) fn tally(self, patience: &mut Patience<'_>) -> Tally {
+        let Self { missed, disk, path, progress, offered, refused } = self;
+        let what = format!("the recording `{}`", path.display());
+        let joined = match patience.wait(&what, || disk.is_finished(), || progress.records_taken()) {
+            Ok(()) => disk.join().ok(),
+            Err(why) => {
+                warn!(
+                    "{what} is left without its end: {why}\nhint: see whether its disk or mount answers; readers that take \
+                     such files see what was on the disk before"
+                );
+                None
+            }
+        };
+        match (missed, joined) {
+            (Ok(missed), Some(disk)) => Tally {
                 recorded: disk.recorded,
-                left_out: self.refused + missed + disk.lost,
-                whole: disk.archive.is_none() && !disk.failed,
+                left_out: refused + missed + disk.lost,
+                whole: disk.is_whole(),
             },
-            _ => Tally { recorded: 0, left_out: self.refused, whole: false },
+            _ => {
+                let recorded = progress.frames_on_disk();
+                Tally { recorded, left_out: offered.saturating_sub(recorded), whole: false }
+            }
         }
     }
 }
@@ -190,6 +245,7 @@ struct Listener {
     records: SyncSender<Record>,
     shelf: Receiver<Record>,
     room: Arc<Room>,
+    progress: Arc<Progress>,
     /// Results that came before their frame.
     newer: Option<FrameSet>,
     left_out: u64,
@@ -220,7 +276,11 @@ impl Listener {
         record.take(frame, camera);
         record.copy_set(&set);
         // Of a source that waits there are never more records than the queue takes.
-        self.records.try_send(record).is_ok()
+        let passed = self.records.try_send(record).is_ok();
+        if passed {
+            self.progress.give();
+        }
+        passed
     }
 
     /// The results of a frame; `None` when newer ones have taken their place already. Not by the sequence alone: not
@@ -241,92 +301,5 @@ impl Listener {
             }
         }
         set
-    }
-}
-
-/// The file's thread.
-struct Disk {
-    archive: Option<Box<dyn Archive>>,
-    room: Arc<Room>,
-    recorded: u64,
-    lost: u64,
-    failed: bool,
-    synced: Instant,
-    since_sync: u64,
-}
-
-impl Disk {
-    fn new(archive: Box<dyn Archive>, room: Arc<Room>) -> Self {
-        Self {
-            archive: Some(archive),
-            room,
-            recorded: 0,
-            lost: 0,
-            failed: false,
-            synced: Instant::now(),
-            since_sync: 0,
-        }
-    }
-
-    fn run(mut self, waiting: &Receiver<Record>, used: &Sender<Record>) -> Self {
-        loop {
-            let patience = SYNC_PERIOD.saturating_sub(self.synced.elapsed());
-            match waiting.recv_timeout(patience) {
-                Ok(record) => {
-                    self.write(&record);
-                    if waits(&record.frame) {
-                        self.room.leave();
-                    }
-                    // Nobody takes it back at the end.
-                    let _ = used.send(record);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
-            }
-            if self.synced.elapsed() >= SYNC_PERIOD {
-                self.sync();
-            }
-        }
-        if let Some(archive) = self.archive.take() {
-            self.judge(archive.finish());
-        }
-        self
-    }
-
-    fn write(&mut self, record: &Record) {
-        let Some(archive) = &mut self.archive else {
-            self.lost += 1;
-            return;
-        };
-        let written = archive.write(record);
-        if self.judge(written) {
-            self.recorded += 1;
-            self.since_sync += 1;
-        } else {
-            self.lost += 1;
-        }
-    }
-
-    fn sync(&mut self) {
-        self.synced = Instant::now();
-        if self.since_sync == 0 {
-            return;
-        }
-        let synced = self.archive.as_mut().map_or(Ok(()), |archive| archive.sync());
-        if self.judge(synced) {
-            self.since_sync = 0;
-        }
-    }
-
-    /// The first failure is told and ends the recording; the stream goes on. What came after the last sync is lost.
-    fn judge(&mut self, done: anyhow::Result<()>) -> bool {
-        let Err(failure) = done else { return true };
-        error!("the recording ends here: {failure:#}");
-        self.failed = true;
-        self.recorded -= self.since_sync;
-        self.lost += self.since_sync;
-        self.since_sync = 0;
-        self.archive = None;
-        false
     }
 }

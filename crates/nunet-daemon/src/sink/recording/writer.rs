@@ -91,6 +91,9 @@ fn utc(unix_nanos: i64) -> String {
 
 /// What a recorder writes to.
 pub(crate) trait Archive: Send + 'static {
+    /// Where it is.
+    fn path(&self) -> &Path;
+
     /// Adds a frame.
     fn write(&mut self, record: &Record) -> anyhow::Result<()>;
 
@@ -102,6 +105,10 @@ pub(crate) trait Archive: Send + 'static {
 }
 
 impl Archive for FrameWriter {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
     fn write(&mut self, record: &Record) -> anyhow::Result<()> {
         Self::write(self, record)
     }
@@ -117,6 +124,7 @@ impl Archive for FrameWriter {
 
 /// A file that takes records.
 pub(crate) struct FrameWriter {
+    path: PathBuf,
     writer: RecordingWriter,
     pictures: PictureEncoder,
 }
@@ -124,7 +132,7 @@ pub(crate) struct FrameWriter {
 impl FrameWriter {
     pub(crate) fn create(path: &Path, about: &About<'_>) -> anyhow::Result<Self> {
         let writer = RecordingWriter::create(path, about.options())?;
-        Ok(Self { writer, pictures: PictureEncoder::default() })
+        Ok(Self { path: path.to_owned(), writer, pictures: PictureEncoder::default() })
     }
 
     pub(crate) fn write(&mut self, record: &Record) -> anyhow::Result<()> {

@@ -16,8 +16,8 @@ use crate::sink::metrics::Metrics;
 use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
 use crate::sink::shm::{Outlet, OutletOptions};
 use crate::sink::stats::{Common, check_writable};
-use crate::source::{self, Kind, Rate, Source};
-use crate::stream::{Bell, Optics, Pace, Sinks, Stream, Worker};
+use crate::source::{self, Kind, Opening, Rate, Source};
+use crate::stream::{Bell, Optics, Pace, Sinks, Stop, Stream, Worker};
 use crate::telemetry::unix_nanos;
 
 /// A camera's arguments, checked as far as they can be without the machine.
@@ -125,12 +125,15 @@ pub(super) struct Prepared<'a> {
 
 /// Opens the sources of all cameras. Bad arguments of one camera are an error, and so is a source that cannot be opened
 /// where no other can; beside others its camera is waited for, or fails alone.
-pub(super) fn prepare(plans: Vec<Plan<'_>>) -> anyhow::Result<Vec<Prepared<'_>>> {
+pub(super) fn prepare<'a>(plans: Vec<Plan<'a>>, stop: &Stop) -> anyhow::Result<Vec<Prepared<'a>>> {
     let several = plans.len() > 1;
     let inputs: Vec<PathBuf> = plans.iter().filter_map(Plan::input).map(Into::into).collect();
     let mut opened = Vec::new();
     for plan in plans {
-        let source = match source::open(&plan.kind, plan.arguments.pace.opening()) {
+        let opening = Opening { stopped: Some(stop.flag()), ..plan.arguments.pace.opening() };
+        let source = source::open(&plan.kind, opening);
+        stop.check()?;
+        let source = match source {
             Err(error) if error.is::<BadArguments>() => {
                 return Err(in_camera(error, plan.name.as_str(), several));
             }
@@ -192,7 +195,9 @@ impl<'a> Prepared<'a> {
         pipeline: Pipeline,
         common: Common<'_>,
         several: bool,
+        stop: &Stop,
     ) -> anyhow::Result<Opened<'a>> {
+        stop.check()?;
         let Plan { arguments, name, .. } = &self.plan;
         let span = span_of(name.as_str(), several);
         let open = || {
@@ -205,13 +210,16 @@ impl<'a> Prepared<'a> {
                     publish: &arguments.publish,
                     limits: limits(arguments),
                     model: &common.model.name,
+                    given_up: &|| stop.requested(),
                 },
             )?;
             let folder = arguments.out.clone();
             let collector = folder.map(|folder| Collector::attach(folder, name, &outlet)).transpose()?;
             Ok((outlet, collector))
         };
-        let (outlet, collector) = open().map_err(|error| in_camera(error, name.as_str(), several))?;
+        let opened = open();
+        stop.check()?;
+        let (outlet, collector) = opened.map_err(|error| in_camera(error, name.as_str(), several))?;
         Ok(Opened { prepared: self, pipeline, outlet, collector, span })
     }
 }
