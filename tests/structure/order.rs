@@ -52,6 +52,7 @@ const DAEMON: Order = Order {
         "library",
         "models",
         "vetting",
+        "pages",
         "engine",
         "buffers",
         "logging",

@@ -419,7 +419,7 @@ mod tests {
             "publish = []",
             "`publish` is an empty list; expected one value at least\nhint: leave",
         );
-        assert_refused("rate = -3", "expected `max` or frames a second above 0");
+        assert_refused("rate = -3", "expected `max` or frames a second from 0.0001 to 10000");
         assert_refused("intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'", "cannot be used with");
     }
 

@@ -51,7 +51,7 @@ fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome>
 
     stop.check()?;
     let mut frame = Frame::default();
-    let first = first_fill(&mut source, &mut frame, &stop);
+    let first = first_fill(&mut source, &mut frame, stop);
     let frame_id = arguments.frame_id.clone().or_else(|| Some(source.frame_id().to_owned()));
     let about = About {
         camera: camera.as_str(),
