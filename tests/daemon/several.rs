@@ -266,8 +266,11 @@ fn a_camera_that_is_not_plugged_in_is_waited_for_and_its_health_says_so() {
 fn frames_that_fail_before_their_turn_are_told_while_they_fail_and_a_camera_that_has_ended_is_down() {
     let bench = Bench::new();
     bench.add_picture("good/0.png", 0);
-    std::fs::create_dir(bench.path("bad")).unwrap();
-    std::fs::write(bench.path("bad/0.png"), "no picture").unwrap();
+    // The last one is good: a round without one would end the source.
+    bench.add_picture("bad/zz.png", 0);
+    for number in 0..400 {
+        std::fs::write(bench.path(&format!("bad/{number:03}.png")), "no picture").unwrap();
+    }
     let (bad, over) = (camera("bad"), camera("over"));
     let sections = [
         section(&bad, &bench.arg("bad"), "loop = true\nrate = 20"),
