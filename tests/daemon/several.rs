@@ -340,6 +340,24 @@ fn what_two_cameras_cannot_both_have_is_refused() {
 }
 
 #[test]
+fn a_file_without_a_source_does_not_publish_the_demo_scene_under_the_cameras_name() {
+    let bench = Bench::new();
+    let hint = "\nhint: `source = \"/dev/video0\"`, or `source = \"demo\"` if";
+    for (lines, camera) in [
+        ("[[camera]]\nname = \"a\"".to_owned(), " for camera `a`"),
+        (format!("{}[[camera]]\nname = \"b\"", section("a", "demo", "")), " for camera `b`"),
+        ("camera = \"front\"\n# source = \"shm:front\"".to_owned(), " for camera `front`"),
+        (String::new(), ""),
+    ] {
+        let error = refused(&bench, &lines);
+        let expected = format!("`[DIR]/nunetd.toml` nor the command line names a source{camera}{hint}");
+        assert!(error.starts_with("error: neither ") && error.contains(&expected), "{lines}\n{error}");
+    }
+    let config = bench.configure(&format!("camera = \"{}\"", camera("named_on_the_line")));
+    run_well(nunetd(&["-q", "--config", &config, "--source", "demo", "--frames", "1"]));
+}
+
+#[test]
 fn a_start_that_fails_half_way_leaves_no_recordings() {
     let bench = Bench::new();
     let (first, taken) = (camera("first"), camera("taken"));

@@ -24,7 +24,7 @@ use crate::telemetry::Counts;
 pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments.streams())?)?;
+    let cameras = camera::prepare(camera::plans(&arguments)?)?;
     // Nothing was made before all arguments had passed. The figures often go into the folder of the results.
     camera::make_folders(&cameras)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
