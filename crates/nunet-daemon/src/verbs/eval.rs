@@ -32,9 +32,11 @@ use metrics::LabelMetrics;
 use report::{PictureRow, Report};
 use resized::Fit;
 use sheet::{Row, Sheet, chosen};
+use unpack::refuse_own_depth;
 
 /// Measures every picture; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
+    refuse_own_depth(arguments)?;
     let optics = Optics::new(&arguments.lens.geometry)?;
     if let Some(out) = &arguments.out {
         make_folder(out)?;

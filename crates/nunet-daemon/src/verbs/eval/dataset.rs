@@ -9,7 +9,7 @@ use nunet_core::camera::Camera;
 use tempfile::TempDir;
 
 use super::metrics::IGNORE;
-use super::unpack::{Unpacked, unpack};
+use super::unpack::{Unpacked, is_recording, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::BadArguments;
 use crate::source::demo::CLASS_NAMES;
@@ -48,7 +48,7 @@ pub(super) struct Truth {
 impl Dataset {
     /// Lists the pairs; with `with_labels` true labels are read too, where there are some.
     pub(super) fn open(arguments: &EvalArgs, classes: &[String]) -> anyhow::Result<Self> {
-        if arguments.dataset.extension().is_some_and(|ending| ending == "mcap") {
+        if is_recording(&arguments.dataset) {
             let Unpacked { folder, camera, unpaired } = unpack(arguments)?;
             let inside = EvalArgs { dataset: folder.path().to_owned(), ..arguments.clone() };
             let dataset = Self::open(&inside, classes)?;
