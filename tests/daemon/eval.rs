@@ -126,6 +126,18 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
+    let bench = dataset(0);
+    let (code, stderr) = outcome(&bench, &["--depth-scale", "1"]);
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(
+        stderr.starts_with("error: no true depth lies between 0.001 and 10 m, where depth is"),
+        "{stderr}"
+    );
+    assert!(stderr.contains("\nhint: --depth-scale METRES"), "{stderr}");
+}
+
+#[test]
 fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
     let bench = Bench::new();
     let (model, own, camera) = (bench.arg("model.onnx"), bench.arg("own.mcap"), camera("own"));

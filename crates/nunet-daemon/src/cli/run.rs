@@ -60,7 +60,7 @@ pub struct AccessArgs {
 #[derive(Debug, Args, Clone)]
 pub struct StreamArgs {
     /// demo, a folder, a glob of pictures, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, or - for stdin
-    /// [default: demo, unless a file is given: it must name one]
+    /// [default: demo; with --config it must be said]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
     /// Name of the camera in shared memory [default: demo for the demo scene, else camera]

@@ -54,6 +54,7 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     let baseline = baseline(arguments, &dataset)?;
     let mut work = Work::new(arguments, pipeline, optics, baseline);
     let skipped = dataset.unpaired + work.measure_all(&dataset)?;
+    work.comparison.check_truth()?;
     let report = work.report(arguments, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;

@@ -13,6 +13,7 @@ from nunet_models.errors import DataError
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
+NO_DEPTH = 65535  # written by sensors that measured nothing, besides 0: 7-Scenes has both
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Pairs(Protocol):
 class DepthUnits:
     """How the numbers of a depth picture become metres: `(value + offset) * scale_m`.
 
-    0 is no measurement where `zero_is_none`.
+    0 is no measurement where `zero_is_none`, 65535 never is one.
     """
 
     scale_m: float = MILLIMETRE_M
@@ -62,6 +63,7 @@ class DepthUnits:
         depth = ((values.astype(np.float64) + self.offset) * self.scale_m).astype(np.float32)
         if self.zero_is_none:
             depth[values == 0] = np.nan
+        depth[values == NO_DEPTH] = np.nan
         return depth
 
 

@@ -108,6 +108,7 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
 def _write_csv(path: Path, comparison: Comparison) -> None:
     rows = comparison.per_picture
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        # A picture without truth within the cap has no figures.
+        writer = csv.DictWriter(file, fieldnames=list(max(rows, key=len)))
         writer.writeheader()
         writer.writerows(rows)

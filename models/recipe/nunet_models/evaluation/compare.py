@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nunet_models.data.pairs import Pair, Pairs
-from nunet_models.evaluation.protocol import Protocol
+from nunet_models.errors import DataError
+from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
 from nunet_models.metrics import DepthMetrics, LabelMetrics
 
 
@@ -48,7 +49,7 @@ class Comparison:
         alone = DepthMetrics()
         if self.metric:
             for metrics in (self.depth, alone):
-                metrics.add(self.protocol.depth(predicted), self.protocol.depth(truth_m))
+                metrics.add(self.protocol.predicted(predicted), self.protocol.truth(truth_m))
         known = np.isfinite(truth_m)
         guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
         self.minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
@@ -85,10 +86,19 @@ def _positive(stretched_depth: np.ndarray) -> np.ndarray:
 def compare(
     pairs: Iterable[Pair], predict: Predict, *, protocol: Protocol, metric: bool, classes: int
 ) -> Comparison:
-    """Predict every pair and gather the figures; `classes` 0 leaves labels out."""
+    """Predict every pair and gather the figures; `classes` 0 leaves labels out.
+
+    # Errors
+    `DataError` when metres are compared and no pair has truth within the protocol's cap.
+    """
     comparison = Comparison(protocol, metric, LabelMetrics(classes) if classes else None)
     for pair in pairs:
         comparison.add(pair, predict(pair.rgb))
+    if metric and not comparison.depth.pixels + comparison.depth.missing:
+        raise DataError(
+            f"no true depth lies between {MIN_DEPTH_M} and {protocol.cap_m} m, where depth is "
+            "compared: does --depth-scale say what a unit of the depth pictures is?"
+        )
     return comparison
 
 
