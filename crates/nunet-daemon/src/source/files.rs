@@ -20,6 +20,9 @@ const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 48 megapixels and its RGB.
 const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
 
+/// As many bytes of a file as tell what it is.
+const MAGIC_BYTES: u64 = 32;
+
 /// A list of pictures.
 #[derive(Debug)]
 pub(super) struct Files {
@@ -33,6 +36,7 @@ pub(super) struct Files {
 impl Files {
     /// Lists the pictures; they are decoded one at a time, when their turn comes.
     pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
+        refuse_no_picture(Path::new(pattern))?;
         Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat })
     }
 }
@@ -197,6 +201,29 @@ fn list(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
     }
     paths.sort();
     Ok(paths)
+}
+
+/// A file that is named alone is a picture, or a mistake that is told before anything is made ready. Of several one may
+/// be bad.
+fn refuse_no_picture(path: &Path) -> anyhow::Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let (shown, mut start) = (path.display(), Vec::new());
+    let read = File::open(path).and_then(|file| file.take(MAGIC_BYTES).read_to_end(&mut start));
+    read.with_context(|| format!("cannot read `{shown}`"))?;
+    let hint = match image::guess_format(&start) {
+        Ok(ImageFormat::Jpeg | ImageFormat::Png) => return Ok(()),
+        Ok(_) => "save it as JPEG or PNG".to_owned(),
+        Err(_) if start.starts_with(b"\x89MCAP0") => "the name of a recording ends in `.mcap`".to_owned(),
+        Err(_) if start.starts_with(b"YUV4MPEG2") => format!("nunetd --source - < {shown}"),
+        Err(_) => format!(
+            "a video comes through a pipe: ffmpeg -i {shown} -f yuv4mpegpipe -pix_fmt yuv420p - | nunetd --source -"
+        ),
+    };
+    bail!(BadArguments(format!(
+        "`{shown}` is no source: neither a JPEG nor a PNG picture nor a recording\nhint: {hint}"
+    )))
 }
 
 fn pictures_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
@@ -364,6 +391,31 @@ mod tests {
         assert_eq!(frame.size, (16, 32), "what lay is standing");
         let bytes = frame.view().unwrap().bytes();
         assert!(bytes[0] < 20 && bytes[bytes.len() - 1] > 235, "the left edge is the upper one now");
+    }
+
+    #[test]
+    fn a_single_file_that_is_no_picture_is_a_bad_argument_with_the_way_that_would_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clip.any");
+        let refused = |content: &[u8]| {
+            std::fs::write(&path, content).unwrap();
+            let error = Files::open(path.to_str().unwrap(), false).unwrap_err();
+            assert!(error.is::<BadArguments>(), "{error:#}");
+            error.to_string().replace(path.to_str().unwrap(), "CLIP")
+        };
+        let what = "`CLIP` is no source: neither a JPEG nor a PNG picture nor a recording\nhint: ";
+        let video = "a video comes through a pipe: ffmpeg -i CLIP -f yuv4mpegpipe -pix_fmt yuv420p - | nunetd --source -";
+        assert_eq!(refused(b"\0\0\0\x20ftypisom"), format!("{what}{video}"));
+        assert_eq!(refused(b""), format!("{what}{video}"));
+        assert_eq!(refused(b"YUV4MPEG2 W4 H2 F25:1\n"), format!("{what}nunetd --source - < CLIP"));
+        assert_eq!(refused(b"\x89MCAP0\r\n"), format!("{what}the name of a recording ends in `.mcap`"));
+        assert_eq!(refused(b"BM\x46\0\0\0"), format!("{what}save it as JPEG or PNG"));
+        picture([1, 2, 3]).save_with_format(&path, ImageFormat::Png).unwrap();
+        assert_eq!(
+            drain(&mut Files::open(path.to_str().unwrap(), false).unwrap()).0,
+            [[1, 2, 3]],
+            "whatever its name"
+        );
     }
 
     #[test]
