@@ -127,7 +127,7 @@ pub enum Verb {
     Replay(Box<ReplayArgs>),
     /// Measure a model against pictures with true depth
     Eval(Box<EvalArgs>),
-    /// Print what `run` would do with these flags and this file, as a file
+    /// Check what `run` would do with these flags and this file, and print it with all defaults, as a file
     Config(Box<ConfigArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
     #[command(hide = true)]

@@ -12,9 +12,11 @@ use std::path::{Path, PathBuf};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command};
 use nunet_core::text::shortened;
+use nunet_ipc::Limits;
 use toml::{Table, Value};
 
 use super::{RunArgs, StreamArgs};
+use crate::source::Kind;
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;
@@ -318,9 +320,34 @@ fn said(argument: &Arg, matches: &ArgMatches, name: Option<&str>) -> String {
     let values = matches.get_raw(id).into_iter().flatten();
     let values: Vec<_> = values.map(|value| Value::String(value.to_string_lossy().into_owned())).collect();
     match (argument.get_action(), values.as_slice()) {
-        (_, []) => format!("# {name} is not set\n"),
+        (_, []) => match resolved(argument.get_long().unwrap_or_default(), matches) {
+            Some(value) => format!("{name} = {}  # default\n", Value::String(value)),
+            None => format!("# {name} is not set\n"),
+        },
         (ArgAction::Append, values) => said(Value::Array(values.to_vec())),
         (_, [value, ..]) => said(value.clone()),
+    }
+}
+
+/// What `run` takes where a flag is not given whose default depends on others.
+fn resolved(flag: &str, matches: &ArgMatches) -> Option<String> {
+    let given = |id: &str| {
+        let value = matches.get_raw(id).into_iter().flatten().next();
+        value.map(|value| value.to_string_lossy().into_owned())
+    };
+    let kind = given("source").map_or(Kind::Demo, |source| Kind::parse(&source));
+    match flag {
+        "source" => Some("demo".to_owned()),
+        "camera" => Some(kind.default_camera().to_owned()),
+        "frame-id" => {
+            let camera = given("camera").unwrap_or_else(|| kind.default_camera().to_owned());
+            Some(format!("{camera}_optical_frame"))
+        }
+        "rate" => kind.default_rate(),
+        "size" => kind.default_size(),
+        "readers" => Some(Limits::DEFAULT.max_readers.to_string()),
+        "access-mode" => given("access_group").map(|_| "0640".to_owned()),
+        _ => None,
     }
 }
 
@@ -449,6 +476,32 @@ mod tests {
         let Ok(Verb::Config(second)) = parse(&first.effective, "config") else { panic!() };
         let plain = |text: &str| text.replace("  # default", "");
         assert_eq!(plain(&first.effective), plain(&second.effective));
+    }
+
+    #[test]
+    fn defaults_that_depend_on_other_flags_are_shown_as_run_takes_them() {
+        let shown = |rest: &str| match parse("access-group = 'video'", &format!("config {rest}")) {
+            Ok(Verb::Config(config)) => config.effective,
+            other => panic!("{other:?}"),
+        };
+        let demo = shown("");
+        for line in [
+            "source = \"demo\"  # default\n",
+            "camera = \"demo\"  # default\n",
+            "frame-id = \"demo_optical_frame\"  # default\n",
+            "rate = \"max\"  # default\n",
+            "readers = \"4\"  # default\n",
+            "access-mode = \"0640\"  # default\n",
+            "# size is not set\n",
+        ] {
+            assert!(demo.contains(line), "{line}{demo}");
+        }
+        let video = shown("--source /dev/video7 --camera front");
+        for line in ["frame-id = \"front_optical_frame\"", "rate = \"30\"", "size = \"640x480\""] {
+            assert!(video.contains(&format!("{line}  # default\n")), "{line}\n{video}");
+        }
+        assert!(shown("--source shm:front").contains("camera = \"camera\"  # default\n"));
+        assert!(shown("--source shm:front").contains("# rate is not set\n"), "its publisher has the pace");
     }
 
     const TWO: &str = "model = 'a.onnx'\nframes = 7\nintrinsics = '500,500,320,240'\n\

@@ -53,16 +53,22 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     finish(&names, ended, common, arguments.stats_json.as_deref())
 }
 
+/// What can be said of the arguments before anything is opened or made. `nunetd config` says it too.
+pub(super) fn check(arguments: &RunArgs) -> anyhow::Result<()> {
+    access(&arguments.access)?;
+    camera::plans(arguments).map(drop)
+}
+
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
 fn share(arguments: &AccessArgs) -> anyhow::Result<()> {
-    let Some(group) = &arguments.access_group else { return Ok(()) };
+    Ok(access(arguments)?.map_or(Ok(()), share_with)?)
+}
+
+fn access(arguments: &AccessArgs) -> Result<Option<Access>, BadArguments> {
+    let Some(group) = &arguments.access_group else { return Ok(None) };
     let bad = |error: IpcError| BadArguments(error.to_string());
     let access = Access::of_group(group).map_err(bad)?;
-    let access = match arguments.access_mode {
-        Some(mode) => access.with_mode(mode).map_err(bad)?,
-        None => access,
-    };
-    Ok(share_with(access)?)
+    arguments.access_mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
 }
 
 /// A camera's end, told.

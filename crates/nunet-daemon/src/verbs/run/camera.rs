@@ -14,7 +14,7 @@ use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
-use crate::sink::shm::{Outlet, OutletOptions};
+use crate::sink::shm::{Outlet, OutletOptions, frame_id};
 use crate::sink::stats::{Common, check_writable};
 use crate::source::{self, Kind, Rate, Source};
 use crate::stream::{Bell, Optics, Pace, Sinks, Stream, Worker};
@@ -49,7 +49,9 @@ impl<'a> Plan<'a> {
     /// `folders` are those that will be made.
     fn new(arguments: &'a StreamArgs, name: &str, kind: Kind, folders: &[PathBuf]) -> anyhow::Result<Self> {
         refuse_pace_of_live_source(&kind, &arguments.pace)?;
+        arguments.pace.opening().check(&kind)?;
         let name = camera_name(name)?;
+        frame_id(&name, arguments.frame_id.as_deref())?;
         let record = arguments.recording.record.as_deref().map(|path| {
             let is_folder = path.is_dir() || folders.iter().any(|folder| folder.starts_with(place(path)));
             recording_path(path, is_folder, name.as_str(), unix_nanos())
