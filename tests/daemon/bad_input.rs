@@ -423,7 +423,9 @@ fn pictures_of_one_name() {
 #[test]
 fn camera_that_nobody_publishes() {
     let bench = Bench::new();
-    snapshot!(outcome(&bench, nunetd(&["watch", "nobody_is_here", "--timeout", "0.2"])));
+    let mut command = nunetd(&["watch", "nobody_is_here", "--timeout", "0.2"]);
+    bench.enclose(&mut command);
+    snapshot!(outcome(&bench, command));
 }
 
 /// The checksum of PNG chunks (PNG specification, annex D), bit by bit.
