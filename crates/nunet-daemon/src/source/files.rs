@@ -4,22 +4,24 @@ use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
+use image::error::LimitErrorKind;
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use nunet_core::frame::MAX_SIDE_PX;
 use nunet_ipc::{Clock, monotonic_nanos};
 
 use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
 use crate::telemetry::unix_nanos;
 
-/// The longest side of a picture that is decoded, pixels.
-const MAX_SIDE_PX: u32 = 16_384;
 /// The most bytes of a picture's file.
 const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 48 megapixels and its RGB.
 const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
 
+/// The hint for pictures beyond the limits.
+const SMALLER: &str = "make it smaller: a network sees some hundred pixels a side";
 /// As many bytes of a file as tell what it is.
 const MAGIC_BYTES: u64 = 32;
 
@@ -91,12 +93,10 @@ pub(crate) fn decode_file(frame: &mut Frame) -> anyhow::Result<()> {
 }
 
 fn decode_bytes(file: &[u8], frame: &mut Frame) -> anyhow::Result<Orientation> {
-    let mut reader = ImageReader::new(Cursor::new(file)).with_guessed_format()?;
-    if reader.format() == Some(ImageFormat::Jpeg) {
+    if format_of(file)? == ImageFormat::Jpeg {
         refuse_cut_off_jpeg(file)?;
     }
-    reader.limits(limits());
-    let mut decoder = reader.into_decoder()?;
+    let mut decoder = decoder_of(file)?;
     let (size, orientation) = (decoder.dimensions(), decoder.orientation()?);
     let as_it_is = decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms;
     check_memory(&decoder, as_it_is)?;
@@ -129,9 +129,7 @@ pub(crate) struct Numbers {
 pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
     let mut file = Vec::new();
     read(path, &mut file)?;
-    let mut reader = ImageReader::new(Cursor::new(file.as_slice())).with_guessed_format()?;
-    reader.limits(limits());
-    let decoder = reader.into_decoder()?;
+    let decoder = decoder_of(&file)?;
     check_memory(&decoder, false)?;
     let size = decoder.dimensions();
     match DynamicImage::from_decoder(decoder)? {
@@ -147,9 +145,49 @@ fn read(path: &Path, bytes: &mut Vec<u8>) -> anyhow::Result<()> {
     let file = File::open(path)?;
     file.take(MAX_FILE_BYTES + 1).read_to_end(bytes)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
-        bail!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
+        bail!("the file is larger than {} MB\nhint: {SMALLER}", MAX_FILE_BYTES >> 20);
     }
     Ok(())
+}
+
+/// What a file is, by its first bytes.
+fn format_of(file: &[u8]) -> anyhow::Result<ImageFormat> {
+    const EXPECTED: &str = "expected JPEG or PNG\nhint: save it as one of them";
+    match image::guess_format(file) {
+        Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png)) => Ok(format),
+        Ok(other) => bail!("the picture is {other:?}; {EXPECTED}"),
+        Err(_) if file.is_empty() => {
+            bail!("the file is empty; expected JPEG or PNG\nhint: copy or record it again")
+        }
+        Err(_) => bail!("the file is no picture of a known format; {EXPECTED}"),
+    }
+}
+
+fn decoder_of(file: &[u8]) -> anyhow::Result<impl ImageDecoder + '_> {
+    let mut reader = ImageReader::with_format(Cursor::new(file), format_of(file)?);
+    reader.limits(limits());
+    reader.into_decoder().map_err(|error| match error {
+        ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::DimensionError) => {
+            let size = claimed_size(file).map(|(width, height)| format!(" of {width}x{height} pixels"));
+            let size = size.unwrap_or_default();
+            anyhow!("a picture{size}; expected at most {MAX_SIDE_PX} a side\nhint: {SMALLER}")
+        }
+        error => error.into(),
+    })
+}
+
+/// What the header says of a picture that the decoder refuses.
+fn claimed_size(file: &[u8]) -> Option<(u32, u32)> {
+    let side = |at: usize| Some(u32::from_be_bytes(file.get(at..at + 4)?.try_into().ok()?));
+    match format_of(file).ok()? {
+        // The first chunk is IHDR, which begins with both (PNG specification, 11.2.2).
+        ImageFormat::Png => side(16).zip(side(20)),
+        format => {
+            let mut reader = ImageReader::with_format(Cursor::new(file), format);
+            reader.no_limits();
+            reader.into_dimensions().ok()
+        }
+    }
 }
 
 /// The decoder fills what is missing of a JPEG with grey; grey is not what the camera saw.
@@ -171,7 +209,7 @@ fn check_memory(decoder: &impl ImageDecoder, as_it_is: bool) -> anyhow::Result<(
     let needed = if as_it_is { rgb } else { decoder.total_bytes().saturating_add(rgb) };
     if needed > MAX_DECODE_BYTES {
         bail!(
-            "a picture of {width}x{height} takes {} MB to decode, over the limit of {} MB",
+            "a picture of {width}x{height} takes {} MB to decode, over the limit of {} MB\nhint: {SMALLER}",
             needed >> 20,
             MAX_DECODE_BYTES >> 20
         );
@@ -349,8 +387,32 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("wide.png");
         image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
-        let error = decode(&path, &mut Frame::default()).unwrap_err();
-        assert!(format!("{error:#}").to_lowercase().contains("limit"), "{error:#}");
+        let expected = "a picture of 32769x1 pixels; expected at most 32768 a side\nhint: make it smaller";
+        let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+        image::GrayImage::new(1, MAX_SIDE_PX + 1).save(path.with_extension("jpg")).unwrap();
+        let error = decode(&path.with_extension("jpg"), &mut Frame::default()).unwrap_err().to_string();
+        assert!(error.starts_with("a picture of 1x32769 pixels; expected at most 32768 a side\n"), "{error}");
+        image::GrayImage::new(MAX_SIDE_PX, 1).save(&path).unwrap();
+        decode(&path, &mut Frame::default()).unwrap();
+    }
+
+    #[test]
+    fn what_is_no_jpeg_and_no_png_is_told_with_what_it_is_and_what_would_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let refused = |content: &[u8]| {
+            std::fs::write(&path, content).unwrap();
+            decode(&path, &mut Frame::default()).unwrap_err().to_string()
+        };
+        let hint = "expected JPEG or PNG\nhint: save it as one of them";
+        assert_eq!(refused(b"BM\x46\0\0\0"), format!("the picture is Bmp; {hint}"));
+        assert_eq!(refused(b"no picture"), format!("the file is no picture of a known format; {hint}"));
+        assert!(refused(b"").starts_with("the file is empty; expected JPEG or PNG\nhint: "));
+        std::fs::write(&path, b"GIF89a").unwrap();
+        assert!(
+            decode_numbers(&path).unwrap_err().to_string().starts_with("the picture is Gif; expected JPEG")
+        );
     }
 
     #[test]
