@@ -417,7 +417,10 @@ fn picture_that_claims_to_be_giant() {
 #[test]
 fn pictures_of_one_name() {
     let bench = Bench::new();
-    snapshot!(outcome(&bench, nunetd(&["-q", "infer", "a/1.png", "b/1.png", "--out", "out"])));
+    bench.add_picture("a/1.png", 0);
+    bench.add_picture("b/1.png", 1);
+    let (one, other, out) = (bench.arg("a/1.png"), bench.arg("b/1.png"), bench.arg("out"));
+    snapshot!(outcome(&bench, nunetd(&["-q", "infer", &one, &other, "--out", &out])));
 }
 
 #[test]

@@ -185,8 +185,8 @@ pub struct EngineArgs {
 /// `nunetd infer`
 #[derive(Debug, Args, Clone)]
 pub struct InferArgs {
-    /// JPEG or PNG pictures
-    #[arg(required = true, value_name = "IMAGE")]
+    /// JPEG or PNG pictures, folders of them, or globs
+    #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
     pub images: Vec<PathBuf>,
     /// Folder for the results (with several pictures: one folder below it for each)
     #[arg(long, value_name = "DIR")]

@@ -38,8 +38,13 @@ pub(super) struct Files {
 impl Files {
     /// Lists the pictures; they are decoded one at a time, when their turn comes.
     pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
-        refuse_no_picture(Path::new(pattern))?;
-        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat })
+        let path = Path::new(pattern);
+        refuse_no_picture(path)?;
+        let paths = list(path)?;
+        if paths.is_empty() {
+            bail!(BadArguments(no_pictures(path)));
+        }
+        Ok(Self { paths, next: 0, sequence: 0, stretch: 0, repeat })
     }
 }
 
@@ -150,6 +155,19 @@ fn read(path: &Path, bytes: &mut Vec<u8>) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Whether a file looks like a picture, without decoding it. A pipe does: what is read of it is gone.
+///
+/// # Errors
+/// It cannot be read, or is neither JPEG nor PNG.
+pub(crate) fn glance(path: &Path) -> anyhow::Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let mut start = Vec::new();
+    File::open(path)?.take(MAGIC_BYTES).read_to_end(&mut start)?;
+    format_of(&start).map(drop)
+}
+
 /// What a file is, by its first bytes.
 fn format_of(file: &[u8]) -> anyhow::Result<ImageFormat> {
     const EXPECTED: &str = "expected JPEG or PNG\nhint: save it as one of them";
@@ -225,18 +243,18 @@ fn limits() -> Limits {
     limits
 }
 
-fn list(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
-    let path = Path::new(pattern);
+/// The pictures of a folder, those that a glob matches, or a single one; sorted, and perhaps none.
+///
+/// # Errors
+/// It is no glob, or a folder cannot be read.
+pub(crate) fn list(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut paths = if path.is_dir() {
         pictures_in(path)?
     } else if path.is_file() {
         vec![path.to_owned()]
     } else {
-        matches(pattern)?
+        matches(&path.to_string_lossy())?
     };
-    if paths.is_empty() {
-        bail!(BadArguments(no_pictures(path)));
-    }
     paths.sort();
     Ok(paths)
 }
