@@ -63,6 +63,9 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
         report::write_csv(&out.join("pictures.csv"), &work.rows)?;
         work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
     }
+    if skipped > 0 {
+        error!("{skipped} pictures were skipped");
+    }
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use nunet_ipc::{Access, IpcError, share_with};
-use tracing::{error, info, warn};
+use tracing::{error, info};
 
 use self::camera::span_of;
 use crate::Outcome;
@@ -125,12 +125,13 @@ fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Resul
     (ends, failure.map_or(Ok(outcome), Err))
 }
 
-/// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
+/// Frames that a newer one replaced are the policy of a live source; failed ones are a loss. What sets the exit code is an
+/// error, so that it is told with `-q` as well.
 fn say_how_it_ended(counts: &Counts, source: SourceEnd, recording: Option<Tally>) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
     info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
     if *failed > 0 {
-        warn!("{failed} frames were lost");
+        error!("{failed} of {captured} frames were lost");
     }
     let recorded = recording.is_none_or(Tally::say);
     if *failed == 0 && source == SourceEnd::Whole && recorded { Outcome::Done } else { Outcome::Lost }
