@@ -332,6 +332,14 @@ fn rate_that_is_none() {
     snapshot!(arguments(&bench, &["--source", "demo", "--rate", "0"]));
 }
 
+/// The child that tests the model would not come to an end.
+#[test]
+fn threads_that_the_machine_cannot_run() {
+    let bench = Bench::new();
+    let outcome = arguments(&bench, &["--source", "demo", "--threads", "99999"]);
+    assert!(outcome.starts_with("exit code 2\nerror: 99999 threads on "), "{outcome}");
+}
+
 #[test]
 fn filter_that_is_none() {
     let bench = Bench::new();

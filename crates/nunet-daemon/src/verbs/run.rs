@@ -12,7 +12,7 @@ use tracing::{error, info};
 use self::camera::span_of;
 use crate::Outcome;
 use crate::cli::{AccessArgs, RunArgs};
-use crate::engine::{Engine, tested_pipelines};
+use crate::engine::{Engine, check_threads, tested_pipelines};
 use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Tally};
@@ -56,6 +56,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 /// What can be said of the arguments before anything is opened or made. `nunetd config` says it too.
 pub(super) fn check(arguments: &RunArgs) -> anyhow::Result<()> {
     access(&arguments.access)?;
+    check_threads(arguments.engine.threads)?;
     camera::plans(arguments).map(drop)
 }
 
