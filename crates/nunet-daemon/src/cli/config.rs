@@ -189,7 +189,14 @@ fn read(path: &Path) -> Result<Table, String> {
     if text.len() as u64 > MAX_BYTES {
         return Err(format!("a file of more than {MAX_BYTES} bytes is no configuration"));
     }
-    text.parse::<Table>().map_err(|error| format!("it is no TOML: {}", error.to_string().trim_end()))
+    text.parse::<Table>().map_err(|error| match error.to_string() {
+        // The line that it shows is the first section's.
+        error if error.contains("duplicate key") && error.contains("[[camera]]") => {
+            "`camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section says its own `name`"
+                .to_owned()
+        }
+        error => format!("it is no TOML: {}", error.trim_end()),
+    })
 }
 
 fn setting_of<'a>(run: &'a Command, key: &str, value: &Value) -> Result<Setting<'a>, String> {
@@ -272,13 +279,17 @@ fn text_of(key: &str, value: &Value) -> Result<String, String> {
         Value::String(text) => Ok(text.clone()),
         Value::Integer(number) => Ok(number.to_string()),
         Value::Float(number) => Ok(number.to_string()),
-        other => Err(format!("`{key}` is {}; expected a text or a number", shown(other))),
+        other => Err(format!(
+            "`{key}` is {}; expected a text or a number\nhint: write it in quotes, as its flag takes it",
+            shown(other)
+        )),
     }
 }
 
 fn shown(value: &Value) -> String {
     match value {
         Value::Boolean(_) | Value::Integer(_) | Value::Float(_) | Value::String(_) => format!("`{value}`"),
+        Value::Array(_) => "a list".to_owned(),
         other => format!("a {}", other.type_str()),
     }
 }
@@ -442,6 +453,11 @@ mod tests {
         assert_refused("model = true", "`model` is `true`; expected a text or a number");
         assert_refused("model = {a = 1}", "`model` is a table; expected a text or a number");
         assert_refused("model = ", "`[FILE]`: it is no TOML");
+        assert_refused("model = 'a'\nmodel = 'b'", "`[FILE]`: it is no TOML");
+        assert_refused(
+            "intrinsics = [500, 500, 320, 240]",
+            "`intrinsics` is a list; expected a text or a number\nhint: write it in quotes",
+        );
         assert_refused(
             "publish = []",
             "`publish` is an empty list; expected one value at least\nhint: leave",
@@ -550,6 +566,10 @@ mod tests {
         assert_refused(
             &format!("source = 'demo'\n{}", section("")),
             "`source` stands above the `[[camera]]`",
+        );
+        assert_refused(
+            "camera = 'front'\n[[camera]]\nname = 'front'\nsource = 'demo'",
+            "`[FILE]`: `camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section",
         );
         assert_refused("camera = []", "`camera` is an empty list\nhint: a `[[camera]]` section for each");
         assert_refused("camera = ['a', 'b']", "`camera` has `\"a\"` in it; expected sections\nhint: ");
