@@ -20,6 +20,14 @@ fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
         assert_eq!(labels.as_raw()[index], models::label(pixel.0), "pixel {index}");
         assert_eq!(f32::from(millimetres.as_raw()[index]), (expected * 1000.0).round(), "pixel {index}");
     }
+    let stats: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("out/stats.json")).unwrap()).unwrap();
+    let classes = stats["classes"].as_array().unwrap();
+    assert!(
+        classes.len() > usize::from(*labels.as_raw().iter().max().unwrap()),
+        "a name for each label: {stats}"
+    );
+    assert!(classes.iter().all(|name| name.as_str().is_some_and(|name| !name.is_empty())), "{stats}");
 }
 
 #[test]

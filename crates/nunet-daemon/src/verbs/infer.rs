@@ -167,8 +167,9 @@ impl Work {
         totals.add_published(done, report.bytes_copied);
         let counts = Counts { captured: 1, published: 1, ..Counts::default() };
         let camera = image.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let provider = self.pipeline.graph().provider().to_string();
-        let common = Common { model: &self.model, provider: &provider };
+        let graph = self.pipeline.graph();
+        let (provider, classes) = (graph.provider().to_string(), &graph.description().classes);
+        let common = Common { model: &self.model, provider: &provider, classes };
         Stats::new(camera, common, self.pipeline.scale(), counts, &totals, &latencies)
     }
 }

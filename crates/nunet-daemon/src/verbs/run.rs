@@ -33,8 +33,9 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
     let loaded = engine.load(&arguments.model, &arguments.every)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipelines = tested_pipelines(loaded, arguments.streams().map(|stream| &stream.optics))?;
-    let provider = pipelines.first().context("one camera at least")?.graph().provider().to_string();
-    let common = Common { model: &model, provider: &provider };
+    let graph = pipelines.first().context("one camera at least")?.graph();
+    let (provider, classes) = (graph.provider().to_string(), graph.description().classes.clone());
+    let common = Common { model: &model, provider: &provider, classes: &classes };
 
     let names: Vec<String> = cameras.iter().map(|camera| camera.plan.name.to_string()).collect();
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -183,7 +184,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("stats.json");
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
-        let common = Common { model: &model, provider: "cpu" };
+        let common = Common { model: &model, provider: "cpu", classes: &[] };
         let ended = vec![broken(7, "another contract"), broken(5, "stdin's thread has failed")];
         let failure = finish(&["front".into(), "rear".into()], ended, common, Some(&path)).unwrap_err();
         assert_eq!(failure.to_string(), "another contract");
@@ -201,7 +202,7 @@ mod tests {
     #[test]
     fn figures_that_cannot_be_written_do_not_hide_why_the_cameras_failed() {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
-        let common = Common { model: &model, provider: "cpu" };
+        let common = Common { model: &model, provider: "cpu", classes: &[] };
         let path = Path::new("/nonexistent/stats.json");
         let failure = finish(&["front".into()], vec![broken(7, "gone")], common, Some(path)).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
