@@ -367,6 +367,14 @@ fn rate_that_is_none() {
     snapshot!(arguments(&bench, &["--source", "demo", "--rate", "0"]));
 }
 
+/// The child that tests the model would not come to an end.
+#[test]
+fn threads_that_the_machine_cannot_run() {
+    let bench = Bench::new();
+    let outcome = arguments(&bench, &["--source", "demo", "--threads", "99999"]);
+    assert!(outcome.starts_with("exit code 2\nerror: 99999 threads on "), "{outcome}");
+}
+
 #[test]
 fn filter_that_is_none() {
     let bench = Bench::new();
@@ -452,13 +460,18 @@ fn picture_that_claims_to_be_giant() {
 #[test]
 fn pictures_of_one_name() {
     let bench = Bench::new();
-    snapshot!(outcome(&bench, nunetd(&["-q", "infer", "a/1.png", "b/1.png", "--out", "out"])));
+    bench.add_picture("a/1.png", 0);
+    bench.add_picture("b/1.png", 1);
+    let (one, other, out) = (bench.arg("a/1.png"), bench.arg("b/1.png"), bench.arg("out"));
+    snapshot!(outcome(&bench, nunetd(&["-q", "infer", &one, &other, "--out", &out])));
 }
 
 #[test]
 fn camera_that_nobody_publishes() {
     let bench = Bench::new();
-    snapshot!(outcome(&bench, nunetd(&["watch", "nobody_is_here", "--timeout", "0.2"])));
+    let mut command = nunetd(&["watch", "nobody_is_here", "--timeout", "0.2"]);
+    bench.enclose(&mut command);
+    snapshot!(outcome(&bench, command));
 }
 
 /// The checksum of PNG chunks (PNG specification, annex D), bit by bit.

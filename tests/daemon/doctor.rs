@@ -1,18 +1,15 @@
 //! `nunetd doctor --json`, in a world of its own: what others left behind is none of its business.
 
+use std::time::Instant;
+
 use serde_json::Value;
 
-use crate::support::{Bench, nunetd, run, text};
+use crate::support::{Bench, Guarded, PATIENCE, nunetd, run, text};
 
 /// Exit code and report.
 fn doctor(bench: &Bench, model: &str) -> (Option<i32>, Value) {
-    std::fs::create_dir_all(bench.path("config")).unwrap();
-    let root = bench.arg("shared");
-    let config =
-        format!("[global]\nroot-path = \"{root}\"\nprefix = \"nunetdoctor{}_\"\n", std::process::id());
-    std::fs::write(bench.path("config/iceoryx2.toml"), config).unwrap();
     let mut command = nunetd(&["-q", "doctor", "--json", "--provider", "cpu", "--model", &bench.arg(model)]);
-    command.current_dir(bench.path(""));
+    bench.enclose(&mut command);
     let output = run(command);
     let report = serde_json::from_slice(&output.stdout);
     (output.status.code(), report.unwrap_or_else(|error| panic!("{error}: {}", text(&output.stderr))))
@@ -36,7 +33,9 @@ fn the_report_names_every_check_and_says_who_computes_how_many_nodes() {
         assert!(found["detail"].as_str().is_some_and(|detail| !detail.is_empty()), "{found}");
         assert!(found["ok"] == false || found["hint"].is_null(), "{found}");
     }
-    for name in ["library", "model", "provider", "self-test", "shared memory", "orphans", "cache"] {
+    for name in
+        ["library", "model", "provider", "self-test", "shared memory", "orphans", "cache", "published"]
+    {
         assert_eq!(check(&report, name)["ok"], true, "{report:#}");
     }
     for name in ["sticky bits", "permissions", "overcommit", "clock", "logout"] {
@@ -59,4 +58,34 @@ fn a_model_that_is_missing_is_a_problem_with_its_mend_and_the_other_checks_go_on
     assert!(model["hint"].as_str().is_some_and(|hint| !hint.is_empty()), "{model}");
     assert_eq!(check(&report, "library")["ok"], true);
     check(&report, "clock");
+}
+
+#[test]
+fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none() {
+    let bench = Bench::new();
+    let model = bench.arg("model.onnx");
+    let daemon = |camera: &str| {
+        let mut command =
+            nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "5", "--camera", camera]);
+        bench.enclose(&mut command);
+        Guarded::start(command)
+    };
+    let _daemons = ["rear", "front"].map(daemon);
+    let start = Instant::now();
+    let published = loop {
+        let (_, report) = doctor(&bench, "model.onnx");
+        let published = check(&report, "published")["detail"].as_str().unwrap().to_owned();
+        if published.contains("rear") && published.contains("front") {
+            break published;
+        }
+        assert!(start.elapsed() < PATIENCE, "{published}");
+    };
+    assert_eq!(published, "depth of `front`, `rear`; no pictures");
+    let mut command = nunetd(&["watch", "fornt", "--timeout", "0.2"]);
+    bench.enclose(&mut command);
+    let output = run(command);
+    assert_eq!(output.status.code(), Some(1));
+    let expected =
+        "error: no `nunet/fornt/depth` after 0.2 s\nhint: cameras that are published now: `front`, `rear`\n";
+    assert_eq!(text(&output.stderr), expected);
 }

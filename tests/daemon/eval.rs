@@ -6,7 +6,7 @@ use image::{ImageBuffer, Luma};
 use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Bench, SIZE, nunetd, run, run_well, text};
+use crate::support::{Bench, SIZE, camera, nunetd, run, run_well, text};
 
 /// The test network's own answers for two pictures of the demo scene as truth, off by `error_mm`.
 fn dataset(error_mm: u16) -> Bench {
@@ -123,6 +123,37 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
     for part in parts {
         assert!(stderr.contains(part), "{part} is not in\n{stderr}");
     }
+}
+
+#[test]
+fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
+    let bench = dataset(0);
+    let (code, stderr) = outcome(&bench, &["--depth-scale", "1"]);
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(
+        stderr.starts_with("error: no true depth lies between 0.001 and 10 m, where depth is"),
+        "{stderr}"
+    );
+    assert!(stderr.contains("\nhint: --depth-scale METRES"), "{stderr}");
+}
+
+#[test]
+fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
+    let bench = Bench::new();
+    let (model, own, camera) = (bench.arg("model.onnx"), bench.arg("own.mcap"), camera("own"));
+    let record = ["-q", "--model", &model, "--source", "demo", "--frames", "3", "--camera", &camera];
+    run_well(nunetd(&[&record[..], &["--record", &own]].concat()));
+    let output = run(nunetd(&eval(&own, &model, &[])));
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    let expected = format!(
+        "error: `{own}` was written by nunetd: its depth is what `model.onnx` said, not truth\nhint: "
+    );
+    assert!(stderr.starts_with(&expected), "{stderr}");
+    let topic = format!("/{camera}/depth/image_raw");
+    let output = run_well(nunetd(&eval(&own, &model, &["--depth-topic", &topic, "--json"])));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["pictures"], 3, "{found}");
 }
 
 #[test]

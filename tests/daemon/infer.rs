@@ -2,7 +2,7 @@
 
 use nunet_testkit::models;
 
-use crate::support::{Bench, SIZE, nunetd, run_well};
+use crate::support::{Bench, SIZE, nunetd, run, run_well, text};
 
 #[test]
 fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
@@ -20,6 +20,14 @@ fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
         assert_eq!(labels.as_raw()[index], models::label(pixel.0), "pixel {index}");
         assert_eq!(f32::from(millimetres.as_raw()[index]), (expected * 1000.0).round(), "pixel {index}");
     }
+    let stats: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("out/stats.json")).unwrap()).unwrap();
+    let classes = stats["classes"].as_array().unwrap();
+    assert!(
+        classes.len() > usize::from(*labels.as_raw().iter().max().unwrap()),
+        "a name for each label: {stats}"
+    );
+    assert!(classes.iter().all(|name| name.as_str().is_some_and(|name| !name.is_empty())), "{stats}");
 }
 
 #[test]
@@ -32,4 +40,64 @@ fn a_small_photograph_is_enlarged_to_the_networks_size() {
     let depth = bench.depth("out");
     assert_eq!(depth[0], models::connected_depth([10, 0, 0]));
     assert_eq!(depth[SIZE.0 as usize - 1], models::connected_depth([200, 0, 0]));
+}
+
+#[test]
+fn folders_and_globs_are_taken_like_everywhere_else() {
+    let bench = Bench::new();
+    for (name, frame) in [("folder/a.png", 0), ("folder/b.jpg", 1), ("more/c.png", 2), ("more/d.png", 3)] {
+        bench.add_picture(name, frame);
+    }
+    std::fs::write(bench.path("folder/notes.txt"), "no picture").unwrap();
+    let (model, folder, glob, out) =
+        (bench.arg("model.onnx"), bench.arg("folder"), bench.arg("more/c*.png"), bench.arg("out"));
+    run_well(nunetd(&["-q", "infer", &folder, &glob, "--out", &out, "--model", &model]));
+    let mut made: Vec<_> = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    made.sort();
+    assert_eq!(made, ["a", "b", "c"]);
+}
+
+#[test]
+fn what_is_no_picture_is_told_before_the_network_is_looked_for_and_leaves_no_folder() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("photo.bmp"), b"BM\x46\0\0\0").unwrap();
+    let (bmp, missing, out) = (bench.arg("photo.bmp"), bench.arg("missing.png"), bench.arg("out"));
+    let infer = |image: &str| {
+        let output = run(nunetd(&["-q", "infer", image, "--out", &out, "--model", "no_such_model.onnx"]));
+        (output.status.code(), text(&output.stderr))
+    };
+    let (code, stderr) = infer(&bmp);
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(
+        stderr.contains("photo.bmp`\n  because: the picture is Bmp; expected JPEG or PNG\nhint: "),
+        "{stderr}"
+    );
+    let (code, stderr) = infer(&missing);
+    assert_eq!(code, Some(2), "{stderr}");
+    assert!(
+        stderr.contains("missing.png`: neither a file nor a folder with JPEG or PNG pictures, and"),
+        "{stderr}"
+    );
+    assert!(!bench.path("out").exists(), "a folder of results without a result");
+}
+
+#[test]
+fn a_picture_that_cannot_be_decoded_leaves_no_folder() {
+    let bench = Bench::new();
+    bench.add_picture("whole.png", 0);
+    let whole = std::fs::read(bench.path("whole.png")).unwrap();
+    std::fs::write(bench.path("cut.png"), &whole[..whole.len() / 3]).unwrap();
+    let (model, cut, out) = (bench.arg("model.onnx"), bench.arg("cut.png"), bench.arg("new/out"));
+    let output = run(nunetd(&["-q", "infer", &cut, "--out", &out, "--model", &model]));
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(!bench.path("new").exists());
+    let taken = bench.arg("cut.png/out");
+    let output =
+        run(nunetd(&["-q", "infer", &bench.arg("whole.png"), "--out", &taken, "--model", "missing"]));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output.stderr).contains("cut.png`"),
+        "it is told before the model: {}",
+        text(&output.stderr)
+    );
 }

@@ -69,3 +69,28 @@ fn frames_that_a_newer_one_replaced_are_no_loss() {
     let count = |key: &str| stats["frames"][key].as_u64().unwrap();
     assert_eq!(count("captured"), count("published") + count("superseded"));
 }
+
+#[test]
+fn what_sets_the_exit_code_is_told_with_q_as_well() {
+    let bench = Bench::new();
+    bench.add_picture("pictures/0.png", 0);
+    std::fs::write(bench.path("pictures/1.png"), "no picture").unwrap();
+    let (model, pictures, name) = (bench.arg("model.onnx"), bench.arg("pictures"), camera("quiet"));
+    let quiet = |verb: &[&str]| {
+        let output = run(nunetd(&[&["-q"][..], verb].concat()));
+        assert_eq!(output.status.code(), Some(3), "{verb:?}");
+        text(&output.stderr)
+    };
+    let stderr = quiet(&["run", "--model", &model, "--source", &pictures, "--camera", &name]);
+    assert!(stderr.contains("1 of 2 frames were lost"), "{stderr}");
+    let stderr = quiet(&["feed", &pictures, "--camera", &name]);
+    assert!(stderr.contains("1 of 2 frames were lost"), "{stderr}");
+
+    let (whole, cut) = (bench.arg("whole.mcap"), bench.arg("cut.mcap"));
+    let record = ["run", "--model", &model, "--source", "demo", "--frames", "4", "--camera", &name];
+    assert_eq!(run(nunetd(&[&record[..], &["--record", &whole]].concat())).status.code(), Some(0));
+    let bytes = std::fs::read(&whole).unwrap();
+    std::fs::write(&cut, &bytes[..bytes.len() - 40]).unwrap();
+    let stderr = quiet(&["run", "--model", &model, "--source", &cut, "--camera", &name]);
+    assert!(stderr.contains("the source ends early: "), "{stderr}");
+}

@@ -343,6 +343,57 @@ fn what_two_cameras_cannot_both_have_is_refused() {
 }
 
 #[test]
+fn a_file_without_a_source_does_not_publish_the_demo_scene_under_the_cameras_name() {
+    let bench = Bench::new();
+    let hint = "\nhint: `source = \"/dev/video0\"`, or `source = \"demo\"` if";
+    for (lines, camera) in [
+        ("[[camera]]\nname = \"a\"".to_owned(), " for camera `a`"),
+        (format!("{}[[camera]]\nname = \"b\"", section("a", "demo", "")), " for camera `b`"),
+        ("camera = \"front\"\n# source = \"shm:front\"".to_owned(), " for camera `front`"),
+        (String::new(), ""),
+    ] {
+        let error = refused(&bench, &lines);
+        let expected = format!("`[DIR]/nunetd.toml` nor the command line names a source{camera}{hint}");
+        assert!(error.starts_with("error: neither ") && error.contains(&expected), "{lines}\n{error}");
+    }
+    let config = bench.configure(&format!("camera = \"{}\"", camera("named_on_the_line")));
+    run_well(nunetd(&["-q", "--config", &config, "--source", "demo", "--frames", "1"]));
+}
+
+#[test]
+fn config_refuses_what_run_refuses_and_prints_what_it_would_take() {
+    let bench = Bench::new();
+    let config = |lines: &str, rest: &[&str]| {
+        let file = bench.configure(lines);
+        let output = run(nunetd(&[&["config", "--config", &file][..], rest].concat()));
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    for (lines, rest, part) in [
+        (
+            [section("a", "demo", ""), section("a", "demo", "")].concat(),
+            &[][..],
+            "1 and 2 are both named `a`",
+        ),
+        ("source = \"demo\"".to_owned(), &["--camera", "a/b"], "camera name `a/b` has '/'"),
+        ("source = \"demo\"".to_owned(), &["--size", "640x480"], "--size is for cameras and raw pictures"),
+        ("source = \"shm:a\"".to_owned(), &["--rate", "5"], "--rate and --loop are for files"),
+        ("camera = \"a\"".to_owned(), &[], "nor the command line names a source for camera `a`"),
+        (
+            "source = \"demo\"".to_owned(),
+            &["--access-group", "nobody-is-in-it"],
+            "no group `nobody-is-in-it`",
+        ),
+    ] {
+        let (code, stdout, stderr) = config(&lines, rest);
+        assert_eq!((code, &stdout[..]), (Some(2), ""), "{lines}\n{stderr}");
+        assert!(stderr.contains(part), "{part} is not in\n{stderr}");
+    }
+    let (code, stdout, stderr) = config("source = \"demo\"", &[]);
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(stdout.contains("source = \"demo\"\ncamera = \"demo\"  # default\n"), "{stdout}");
+}
+
+#[test]
 fn a_start_that_fails_half_way_leaves_no_recordings() {
     let bench = Bench::new();
     let (first, taken) = (camera("first"), camera("taken"));

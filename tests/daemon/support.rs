@@ -134,6 +134,19 @@ impl Bench {
         self.path(name).to_str().unwrap().to_owned()
     }
 
+    /// Lets a command see no shared memory but that of this bench, in which nobody else is.
+    pub(crate) fn enclose(&self, command: &mut Command) {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        std::fs::create_dir_all(self.path("config")).unwrap();
+        let (root, process) = (self.arg("shared"), std::process::id());
+        if !self.path("config/iceoryx2.toml").exists() {
+            let prefix = format!("nunetbench{process}x{}_", COUNT.fetch_add(1, Ordering::Relaxed));
+            let config = format!("[global]\nroot-path = \"{root}\"\nprefix = \"{prefix}\"\n");
+            std::fs::write(self.path("config/iceoryx2.toml"), config).unwrap();
+        }
+        command.current_dir(self.path(""));
+    }
+
     /// The depth map in a folder of results.
     pub(crate) fn depth(&self, folder: &str) -> Vec<f32> {
         let file = std::fs::read(self.path(folder).join("depth.npy")).unwrap();

@@ -42,6 +42,7 @@ def dataset(session, tmp_path_factory):
         rgb = random.integers(0, 256, (height, width, 3), np.uint8)
         depth = random.integers(500, 12000, (height, width)).astype(np.uint16)
         depth[random.random((height, width)) < 0.1] = 0
+        depth[random.random((height, width)) < 0.1] = 65535
         labels = random.integers(0, 42, (height, width), np.uint8)
         Image.fromarray(rgb).save(root / "rgb" / f"{index}.png")
         Image.fromarray(depth).save(root / "depth" / f"{index}.png")

@@ -260,6 +260,10 @@ def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
     """The network against what it said itself: no error but the millimetres, and its own camera scales it."""
     command = [nunetd, "-q", "eval", str(replayed[0]), *ONCE, "--json"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, "its own depth is no truth"
+    assert "was written by nunetd" in done.stderr
+    command += ["--depth-topic", "/camera/depth/image_raw"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1, "depth of another size than its picture is not compared"
     assert "its depth" in done.stderr
     size = messages(replayed[0])["/camera/depth/image_raw"][0][1]

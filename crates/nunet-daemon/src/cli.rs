@@ -4,6 +4,7 @@
 use std::ffi::OsString;
 use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
@@ -127,7 +128,7 @@ pub enum Verb {
     Replay(Box<ReplayArgs>),
     /// Measure a model against pictures with true depth
     Eval(Box<EvalArgs>),
-    /// Print what `run` would do with these flags and this file, as a file
+    /// Check what `run` would do with these flags and this file, and print it with all defaults, as a file
     Config(Box<ConfigArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
     #[command(hide = true)]
@@ -168,14 +169,19 @@ pub enum LogFormat {
     Json,
 }
 
+/// A count; what the standard library says of a bad one speaks of its types.
+fn count<N: FromStr>(text: &str) -> Result<N, String> {
+    text.parse().map_err(|_| format!("expected a whole number of 1 or more, got `{text}`"))
+}
+
 /// What runs the networks.
 #[derive(Debug, Args, Clone)]
 pub struct EngineArgs {
     /// What computes: auto, cpu, openvino, cuda or tensorrt
     #[arg(long, default_value_t = Provider::Auto)]
     pub provider: Provider,
-    /// Threads of one prediction [default: one a core]
-    #[arg(long, value_name = "N")]
+    /// Threads of one prediction, at most four a core [default: one a core]
+    #[arg(long, value_name = "N", value_parser = count::<NonZeroUsize>)]
     pub threads: Option<NonZeroUsize>,
     /// ONNX Runtime's shared library
     #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH", value_parser = OsStringValueParser::new().map(PathBuf::from))]
@@ -185,8 +191,8 @@ pub struct EngineArgs {
 /// `nunetd infer`
 #[derive(Debug, Args, Clone)]
 pub struct InferArgs {
-    /// JPEG or PNG pictures
-    #[arg(required = true, value_name = "IMAGE")]
+    /// JPEG or PNG pictures, folders of them, or globs
+    #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
     pub images: Vec<PathBuf>,
     /// Folder for the results (with several pictures: one folder below it for each)
     #[arg(long, value_name = "DIR")]
@@ -223,7 +229,7 @@ pub struct WatchArgs {
     #[arg(long)]
     pub json: bool,
     /// Stop after N frames
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
     /// Seconds to wait for the camera, and for each frame of it
     #[arg(long, value_name = "SECONDS", default_value = "10")]
@@ -273,7 +279,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "IMAGE")]
     pub image: Option<PathBuf>,
     /// Predictions to measure
-    #[arg(long, value_name = "N", default_value = "100")]
+    #[arg(long, value_name = "N", default_value = "100", value_parser = count::<NonZeroU32>)]
     pub runs: NonZeroU32,
     /// The result as JSON
     #[arg(long)]
@@ -351,6 +357,26 @@ mod tests {
             "{error}"
         );
         assert!(!error.contains("vet"), "{error}");
+    }
+
+    #[test]
+    fn numbers_and_addresses_that_are_none_are_told_with_what_is_expected() {
+        let count = "expected a whole number of 1 or more, got `0`";
+        for (line, part) in [
+            ("nunetd --frames 0", count),
+            ("nunetd --cloud-stride 0", count),
+            ("nunetd --threads 0", count),
+            ("nunetd bench --runs 0", count),
+            ("nunetd watch front --frames 0", count),
+            ("nunetd --readers 0", "expected 1 to 62, got `0`"),
+            ("nunetd --metrics 9477", "expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `9477`"),
+        ] {
+            let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{line}");
+            assert!(error.to_string().contains(part), "{error}");
+        }
+        let address = "nunetd --metrics [::1]:9477".split(' ').map(OsString::from);
+        assert!(Cli::parse_line(address).is_ok());
     }
 
     #[test]

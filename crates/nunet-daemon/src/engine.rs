@@ -1,7 +1,8 @@
 //! From `--model`, `--provider`, `--threads`, `--onnxruntime` to a pipeline that has passed its self-test.
 
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
 
 use anyhow::Context as _;
 use nunet_core::filter::FilterOptions;
@@ -45,6 +46,7 @@ impl Loaded {
 impl Engine {
     /// Finds and loads the library.
     pub(crate) fn start(arguments: &EngineArgs) -> anyhow::Result<Self> {
+        check_threads(arguments.threads)?;
         let library = library::find(arguments.onnxruntime.as_deref())?;
         let runtime = Runtime::load(&library.path)?;
         Ok(Self { library, runtime, arguments: arguments.clone() })
@@ -84,6 +86,22 @@ impl Engine {
         let graph = SerialGraph::load(&path, &self.runtime, &options).map_err(blame_every)?;
         Ok(Loaded { path, graph })
     }
+}
+
+/// ONNX Runtime's threads spin while they wait for each other: far more of them than cores do not get through one
+/// prediction.
+const MOST_THREADS_A_CORE: usize = 4;
+
+/// Refuses threads that this machine could not run.
+pub(crate) fn check_threads(threads: Option<NonZeroUsize>) -> Result<(), BadArguments> {
+    let (Some(threads), Ok(cores)) = (threads, available_parallelism()) else { return Ok(()) };
+    let most = cores.get().saturating_mul(MOST_THREADS_A_CORE);
+    if threads.get() <= most {
+        return Ok(());
+    }
+    Err(BadArguments(format!(
+        "{threads} threads on {cores} cores; expected at most {most}\nhint: one a core is fastest, and the default"
+    )))
 }
 
 /// A stage that the graph does not have was named on the command line.
@@ -161,5 +179,20 @@ fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport)
     }
     if graph.description().selftest.is_none() {
         warn!("`{}` carries no self-test: nobody knows whether its numbers are right here", path.display());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_four_threads_a_core_are_a_bad_argument() {
+        let most = 4 * available_parallelism().unwrap().get();
+        for threads in [None, NonZeroUsize::new(1), NonZeroUsize::new(most)] {
+            assert!(check_threads(threads).is_ok(), "{threads:?}");
+        }
+        let error = check_threads(NonZeroUsize::new(most + 1)).unwrap_err().to_string();
+        assert!(error.contains(&format!("expected at most {most}\nhint: one a core")), "{error}");
     }
 }

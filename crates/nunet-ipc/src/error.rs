@@ -109,7 +109,7 @@ pub enum IpcError {
     /// There are as many readers as the owner allows.
     #[error(
         "topic `{topic}` of camera `{camera}` has no room for another reader: all {limit} places are taken\n\
-         hint: stop one, or start the owner with a higher limit"
+         hint: stop one, or let the owner allow more: `nunetd --readers N`"
     )]
     TooManyReaders {
         /// The camera.

@@ -15,6 +15,7 @@
 //! | [`name`], [`plan`] | a camera's name, and how much memory it needs |
 //! | [`publisher`], [`loan`] | the owner's side |
 //! | [`reader`], [`frame`] | the reader's side |
+//! | [`cameras`] | which cameras there are |
 //! | [`access`] | who besides the own user may read |
 //! | [`orphans`] | what killed processes left behind |
 //! | [`clock`] | the time that all of them share |
@@ -28,6 +29,7 @@
 
 pub mod access;
 pub mod block;
+pub mod cameras;
 pub mod clock;
 pub mod contract;
 pub mod error;

@@ -6,12 +6,14 @@ mod support;
 
 use std::time::Duration;
 
-use nunet_ipc::{Frame, IpcError, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake};
+use nunet_ipc::{
+    CameraName, Frame, IpcError, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake, cameras,
+};
 use support::{HEIGHT, PATIENCE, WIDTH, camera, eventually, owner, plan, publish_depth};
 
 const SHORT: Duration = Duration::from_millis(50);
 
-fn depth_reader(camera: &nunet_ipc::CameraName) -> Reader {
+fn depth_reader(camera: &CameraName) -> Reader {
     Reader::open(camera, &[Topic::Depth], PATIENCE).unwrap()
 }
 
@@ -205,6 +207,19 @@ fn one_reader_more_than_planned_is_refused() {
 fn a_camera_that_nobody_publishes_is_an_error_after_the_timeout() {
     let error = Reader::open(&camera(), &[Topic::Depth], SHORT).unwrap_err();
     assert!(matches!(error, IpcError::NobodyPublishes { .. }), "{error}");
+}
+
+#[test]
+fn cameras_are_listed_by_topic_while_a_living_process_publishes_them() {
+    let (depth, pictures) = (camera(), camera());
+    let of_depth = owner(&depth, &[Topic::Depth]);
+    let _of_pictures = owner(&pictures, &[Topic::Rgb]);
+    let has = |topic, camera: &CameraName| cameras::list(topic).unwrap().contains(camera);
+    assert!(has(Topic::Depth, &depth) && has(Topic::Rgb, &pictures));
+    assert!(!has(Topic::Rgb, &depth) && !has(Topic::Depth, &pictures));
+    let _reader = depth_reader(&depth);
+    drop(of_depth);
+    assert!(!has(Topic::Depth, &depth), "a reader that waits keeps the service, not the camera");
 }
 
 #[test]

@@ -18,7 +18,7 @@ mod writer;
 
 pub use error::RecordingError;
 pub use picture::{CameraDescription, Encoding, Picture};
-pub use reader::{Next, Recording};
+pub use reader::{Next, Recording, model_of_results};
 pub use writer::{
     CloudRecord, DepthRecord, EncodedPicture, FrameRecord, Mount, RecordingWriter, WriterOptions,
 };

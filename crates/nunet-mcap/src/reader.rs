@@ -16,6 +16,29 @@ const LOOK_AHEAD_BYTES: usize = 64 << 20;
 /// How many records without a picture are read before the caller is asked again.
 const PATIENCE: usize = 256;
 
+/// The name of the metadata in which [`RecordingWriter`](crate::RecordingWriter) says whose results a recording holds.
+const ABOUT: &str = "nunet";
+
+/// The model whose results stand in a recording that nunetd has written; `None` of every other recording, and of what is
+/// no recording.
+#[must_use]
+pub fn model_of_results(path: &Path) -> Option<String> {
+    let mut records = Records::open(path).ok()?;
+    for _ in 0..LOOK_AHEAD {
+        let found = records.next(|record| match record {
+            Record::Metadata(about) if about.name == ABOUT => Some(about.metadata.get("model").cloned()),
+            Record::Message { .. } => Some(None), // it stands before the first one
+            _ => None,
+        });
+        match found {
+            Ok(Some(None)) => {}
+            Ok(Some(Some(model))) => return model,
+            Ok(None) | Err(_) => return None,
+        }
+    }
+    None
+}
+
 /// A recording that is read from its beginning.
 pub struct Recording {
     path: PathBuf,

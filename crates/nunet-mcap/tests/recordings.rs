@@ -12,7 +12,7 @@ use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions};
 use nunet_mcap::{
     CameraDescription, DepthRecord, EncodedPicture, FrameRecord, Next, Picture, Recording, RecordingError,
-    RecordingWriter, WriterOptions,
+    RecordingWriter, WriterOptions, model_of_results,
 };
 
 const PICTURES: u8 = 6;
@@ -287,6 +287,24 @@ fn what_was_synced_is_read_while_the_file_still_grows() {
     assert_eq!(count(&path), (3, false));
     writer.finish().unwrap();
     assert_eq!(count(&path), (3, true));
+}
+
+#[test]
+fn whose_results_a_recording_holds_is_told_of_our_own_alone() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("own.mcap");
+    let options = WriterOptions {
+        camera: "front".to_owned(),
+        frame_id: "eye".to_owned(),
+        mount: None,
+        about: BTreeMap::from([("model".to_owned(), "wnet_c.onnx".to_owned())]),
+        force: true,
+    };
+    RecordingWriter::create(&path, options).unwrap().finish().unwrap();
+    assert_eq!(model_of_results(&path).as_deref(), Some("wnet_c.onnx"));
+    assert_eq!(model_of_results(&folder.file(&recording(WriteOptions::new(), &pictures()))), None);
+    assert_eq!(model_of_results(&folder.file(b"no recording")), None);
+    assert_eq!(model_of_results(&folder.0.path().join("missing.mcap")), None);
 }
 
 #[test]

@@ -40,6 +40,14 @@ def test_eight_bit_depth_with_an_offset_has_no_holes():
     assert units.metres(np.array([0, 255], np.uint8)) == pytest.approx([0.0196, 10.0151], abs=1e-4)
 
 
+def test_65535_of_16_bit_pictures_is_no_measurement_whatever_the_offset():
+    values = np.array([0, 1500, 65535], np.uint16)
+    found = DepthUnits().metres(values)
+    assert np.isnan(found[[0, 2]]).all() and found[1] == np.float32(1.5)
+    found = DepthUnits(offset=500.0, zero_is_none=False).metres(values)
+    assert found[:2].tolist() == [0.5, 2.0] and np.isnan(found[2])
+
+
 def test_outside_of_the_window_there_is_no_truth(dataset):
     pair = FolderPairs(dataset, ["0000"], units=DepthUnits(), window=(2, 4, 90, 120))[0]
     assert np.isnan(pair.depth_m[1]).all() and np.isnan(pair.depth_m[:, 3]).all()

@@ -39,14 +39,16 @@ def answering(depth):
 def test_eigen_s_crop_and_cap():
     depth = np.full((480, 640), 20.0, np.float32)
     depth[45, 41] = np.nan
-    cropped = EIGEN.depth(depth)
+    cropped = EIGEN.predicted(depth)
     assert cropped.shape == (426, 560)
     assert np.isnan(cropped[0, 0]) and cropped[1, 1] == 10.0
+    assert np.isnan(EIGEN.truth(depth)).all(), "truth beyond the cap is no truth"
+    assert EIGEN.truth(depth / 4)[1, 1] == 5.0
 
 
 def test_eigen_s_crop_refuses_another_size():
     with pytest.raises(DataError, match=r"\(480, 640\); this one is \(96, 128\)"):
-        EIGEN.depth(np.zeros((96, 128)))
+        EIGEN.truth(np.zeros((96, 128)))
 
 
 def test_a_comparison_gives_metres_and_the_paper_s_stretched_error():
@@ -60,6 +62,27 @@ def test_a_comparison_gives_metres_and_the_paper_s_stretched_error():
     assert found["metrics"]["mse"] == pytest.approx((1 + 0 + 1 + 1) / 4)
     # truth 0 .25 .5 1, prediction 0 0 1 1
     assert found["minmax"]["mse"] == pytest.approx((0 + 0.0625 + 0.25 + 0) / 4, rel=1e-5)
+
+
+def test_truth_beyond_ten_metres_is_none_and_predictions_end_there():
+    pairs = [a_pair([[9.0, 1.0, 1.0]]), a_pair([[12.0, 10.0, 1e-3]])]
+    answers = iter([[[50.0, 0.0, np.nan]], [[2.0, 2.0, 2.0]]])
+    comparison = compare(
+        pairs, lambda _: answering(next(answers))(None), protocol=FULL, metric=True, classes=0
+    )
+    assert comparison.depth.figures()["mse"] == pytest.approx((1 + 0.999**2) / 2, rel=1e-6)
+    assert (comparison.depth.pixels, comparison.depth.missing) == (2, 1)
+
+
+def test_truth_of_another_scale_is_told():
+    with pytest.raises(DataError, match=r"between 0\.001 and 10\.0 m.*--depth-scale"):
+        compare(
+            [a_pair([[1250.0, 4000.0]])],
+            answering([[1, 4]]),
+            protocol=FULL,
+            metric=True,
+            classes=0,
+        )
 
 
 def test_a_minmax_network_is_not_stretched_again():

@@ -12,9 +12,11 @@ use std::path::{Path, PathBuf};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command};
 use nunet_core::text::shortened;
+use nunet_ipc::Limits;
 use toml::{Table, Value};
 
 use super::{RunArgs, StreamArgs};
+use crate::source::Kind;
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;
@@ -187,7 +189,14 @@ fn read(path: &Path) -> Result<Table, String> {
     if text.len() as u64 > MAX_BYTES {
         return Err(format!("a file of more than {MAX_BYTES} bytes is no configuration"));
     }
-    text.parse::<Table>().map_err(|error| format!("it is no TOML: {}", error.to_string().trim_end()))
+    text.parse::<Table>().map_err(|error| match error.to_string() {
+        // The line that it shows is the first section's.
+        error if error.contains("duplicate key") && error.contains("[[camera]]") => {
+            "`camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section says its own `name`"
+                .to_owned()
+        }
+        error => format!("it is no TOML: {}", error.trim_end()),
+    })
 }
 
 fn setting_of<'a>(run: &'a Command, key: &str, value: &Value) -> Result<Setting<'a>, String> {
@@ -270,13 +279,17 @@ fn text_of(key: &str, value: &Value) -> Result<String, String> {
         Value::String(text) => Ok(text.clone()),
         Value::Integer(number) => Ok(number.to_string()),
         Value::Float(number) => Ok(number.to_string()),
-        other => Err(format!("`{key}` is {}; expected a text or a number", shown(other))),
+        other => Err(format!(
+            "`{key}` is {}; expected a text or a number\nhint: write it in quotes, as its flag takes it",
+            shown(other)
+        )),
     }
 }
 
 fn shown(value: &Value) -> String {
     match value {
         Value::Boolean(_) | Value::Integer(_) | Value::Float(_) | Value::String(_) => format!("`{value}`"),
+        Value::Array(_) => "a list".to_owned(),
         other => format!("a {}", other.type_str()),
     }
 }
@@ -318,9 +331,34 @@ fn said(argument: &Arg, matches: &ArgMatches, name: Option<&str>) -> String {
     let values = matches.get_raw(id).into_iter().flatten();
     let values: Vec<_> = values.map(|value| Value::String(value.to_string_lossy().into_owned())).collect();
     match (argument.get_action(), values.as_slice()) {
-        (_, []) => format!("# {name} is not set\n"),
+        (_, []) => match resolved(argument.get_long().unwrap_or_default(), matches) {
+            Some(value) => format!("{name} = {}  # default\n", Value::String(value)),
+            None => format!("# {name} is not set\n"),
+        },
         (ArgAction::Append, values) => said(Value::Array(values.to_vec())),
         (_, [value, ..]) => said(value.clone()),
+    }
+}
+
+/// What `run` takes where a flag is not given whose default depends on others.
+fn resolved(flag: &str, matches: &ArgMatches) -> Option<String> {
+    let given = |id: &str| {
+        let value = matches.get_raw(id).into_iter().flatten().next();
+        value.map(|value| value.to_string_lossy().into_owned())
+    };
+    let kind = given("source").map_or(Kind::Demo, |source| Kind::parse(&source));
+    match flag {
+        "source" => Some("demo".to_owned()),
+        "camera" => Some(kind.default_camera().to_owned()),
+        "frame-id" => {
+            let camera = given("camera").unwrap_or_else(|| kind.default_camera().to_owned());
+            Some(format!("{camera}_optical_frame"))
+        }
+        "rate" => kind.default_rate(),
+        "size" => kind.default_size(),
+        "readers" => Some(Limits::DEFAULT.max_readers.to_string()),
+        "access-mode" => given("access_group").map(|_| "0640".to_owned()),
+        _ => None,
     }
 }
 
@@ -415,6 +453,11 @@ mod tests {
         assert_refused("model = true", "`model` is `true`; expected a text or a number");
         assert_refused("model = {a = 1}", "`model` is a table; expected a text or a number");
         assert_refused("model = ", "`[FILE]`: it is no TOML");
+        assert_refused("model = 'a'\nmodel = 'b'", "`[FILE]`: it is no TOML");
+        assert_refused(
+            "intrinsics = [500, 500, 320, 240]",
+            "`intrinsics` is a list; expected a text or a number\nhint: write it in quotes",
+        );
         assert_refused(
             "publish = []",
             "`publish` is an empty list; expected one value at least\nhint: leave",
@@ -449,6 +492,32 @@ mod tests {
         let Ok(Verb::Config(second)) = parse(&first.effective, "config") else { panic!() };
         let plain = |text: &str| text.replace("  # default", "");
         assert_eq!(plain(&first.effective), plain(&second.effective));
+    }
+
+    #[test]
+    fn defaults_that_depend_on_other_flags_are_shown_as_run_takes_them() {
+        let shown = |rest: &str| match parse("access-group = 'video'", &format!("config {rest}")) {
+            Ok(Verb::Config(config)) => config.effective,
+            other => panic!("{other:?}"),
+        };
+        let demo = shown("");
+        for line in [
+            "source = \"demo\"  # default\n",
+            "camera = \"demo\"  # default\n",
+            "frame-id = \"demo_optical_frame\"  # default\n",
+            "rate = \"max\"  # default\n",
+            "readers = \"4\"  # default\n",
+            "access-mode = \"0640\"  # default\n",
+            "# size is not set\n",
+        ] {
+            assert!(demo.contains(line), "{line}{demo}");
+        }
+        let video = shown("--source /dev/video7 --camera front");
+        for line in ["frame-id = \"front_optical_frame\"", "rate = \"30\"", "size = \"640x480\""] {
+            assert!(video.contains(&format!("{line}  # default\n")), "{line}\n{video}");
+        }
+        assert!(shown("--source shm:front").contains("camera = \"camera\"  # default\n"));
+        assert!(shown("--source shm:front").contains("# rate is not set\n"), "its publisher has the pace");
     }
 
     const TWO: &str = "model = 'a.onnx'\nframes = 7\nintrinsics = '500,500,320,240'\n\
@@ -497,6 +566,10 @@ mod tests {
         assert_refused(
             &format!("source = 'demo'\n{}", section("")),
             "`source` stands above the `[[camera]]`",
+        );
+        assert_refused(
+            "camera = 'front'\n[[camera]]\nname = 'front'\nsource = 'demo'",
+            "`[FILE]`: `camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section",
         );
         assert_refused("camera = []", "`camera` is an empty list\nhint: a `[[camera]]` section for each");
         assert_refused("camera = ['a', 'b']", "`camera` has `\"a\"` in it; expected sections\nhint: ");

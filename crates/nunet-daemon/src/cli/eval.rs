@@ -28,7 +28,8 @@ pub struct EvalArgs {
     /// Pictures of the dataset whose mean image is the baseline [default: those that are measured]
     #[arg(long, value_name = "FILE")]
     pub baseline_ids: Option<PathBuf>,
-    /// What is compared: whole pictures, or the crop of Eigen et al. for NYU Depth V2; depth up to 10 m
+    /// What is compared: whole pictures, or the crop of Eigen et al. for NYU Depth V2. Truth from 10 m on
+    /// counts as none, and predictions end at 10 m
     #[arg(long, value_enum, default_value_t = ProtocolArg::Full)]
     pub protocol: ProtocolArg,
     #[command(flatten)]
@@ -53,7 +54,8 @@ pub struct EvalArgs {
 /// What the numbers of a depth picture mean: metres = (value + offset) * scale.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct DepthUnitArgs {
-    /// Metres a unit of the depth pictures [default: 0.001, for 16-bit pictures]
+    /// Metres a unit of the depth pictures [default: 0.001, for 16-bit pictures]. There 65535 is no measurement, and so is 0
+    /// without an offset
     #[arg(long, value_name = "METRES", value_parser = parse_scale)]
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; other than 0 it says that the value 0 is a measurement

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 
-use super::FilterArgs;
+use super::{FilterArgs, count};
 
 /// Where the camera's rays go, where the user knows it.
 #[derive(Debug, Args, Clone, Default)]
@@ -44,7 +44,7 @@ pub struct CameraArgs {
     #[command(flatten)]
     pub filters: FilterArgs,
     /// Every N-th row and column of depth become points of the cloud
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = count::<NonZeroU32>)]
     pub cloud_stride: NonZeroU32,
 }
 

@@ -1,12 +1,13 @@
 //! The arguments of `nunetd run`: those of a camera, of which there may be several, and those of all.
 
+use std::net::SocketAddr;
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use nunet_core::frame::PixelFormat;
 
-use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, RecordArgs};
+use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, RecordArgs, count};
 use crate::source::{Opening, PictureSize};
 
 /// `nunetd run`
@@ -31,8 +32,8 @@ pub struct RunArgs {
     #[command(flatten)]
     pub access: AccessArgs,
     /// Serve the frame ledger and the latencies to Prometheus, at http://ADDRESS:PORT/metrics
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    pub metrics: Option<std::net::SocketAddr>,
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = parse_address)]
+    pub metrics: Option<SocketAddr>,
     /// Write the frame ledger and the latencies into this file at the end
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
@@ -60,7 +61,7 @@ pub struct AccessArgs {
 #[derive(Debug, Args, Clone)]
 pub struct StreamArgs {
     /// demo, a folder, a glob of pictures, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, or - for stdin
-    /// [default: demo]
+    /// [default: demo; with --config it must be said]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
     /// Name of the camera in shared memory [default: demo for the demo scene, else camera]
@@ -106,7 +107,7 @@ pub struct SourceArgs {
     #[arg(long, value_name = "FORMAT", requires = "size")]
     pub format: Option<PixelFormat>,
     /// Stop after N frames
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
 }
 
@@ -153,6 +154,10 @@ pub(super) fn parse_frame_id(text: &str) -> Result<String, String> {
         return Err(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len()));
     }
     Ok(text.to_owned())
+}
+
+fn parse_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| format!("expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `{text}`"))
 }
 
 fn parse_mode(text: &str) -> Result<u32, String> {

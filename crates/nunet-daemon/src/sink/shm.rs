@@ -74,9 +74,11 @@ impl Loans {
 }
 
 /// The coordinate frame of depth and cloud: the one asked for, else the camera's own.
-fn frame_id(options: &OutletOptions<'_>) -> Result<String, BadArguments> {
-    let camera = options.camera;
-    let frame_id = options.frame_id.map_or_else(|| format!("{camera}_optical_frame"), str::to_owned);
+///
+/// # Errors
+/// One that would be cut.
+pub(crate) fn frame_id(camera: &CameraName, asked: Option<&str>) -> Result<String, BadArguments> {
+    let frame_id = asked.map_or_else(|| format!("{camera}_optical_frame"), str::to_owned);
     if frame_id.len() <= MAX_FRAME_ID {
         return Ok(frame_id);
     }
@@ -90,7 +92,7 @@ fn frame_id(options: &OutletOptions<'_>) -> Result<String, BadArguments> {
 impl Outlet {
     /// Becomes the owner of the camera's results; all memory is reserved and touched here.
     pub(crate) fn open(pipeline: &Pipeline, options: &OutletOptions<'_>) -> anyhow::Result<Self> {
-        let frame_id = frame_id(options)?;
+        let frame_id = frame_id(options.camera, options.frame_id)?;
         let plans = plans(pipeline, options.publish);
         let publisher = Publisher::create_unless(options.camera, &plans, &options.limits, options.given_up)?;
         info!("camera `{}` reserves {} of shared memory", options.camera, publisher.reservation());

@@ -17,6 +17,8 @@ pub(crate) struct Stats {
     pub(crate) camera: String,
     pub(crate) model: ModelName,
     pub(crate) provider: String,
+    /// The names that the numbers of `labels.png` stand for, from 0; empty where there are no labels.
+    pub(crate) classes: Vec<String>,
     /// Unit of the depth maps.
     pub(crate) units: &'static str,
     /// Where their scale comes from.
@@ -44,12 +46,13 @@ pub(crate) struct Stats {
 pub(crate) struct Common<'a> {
     pub(crate) model: &'a ModelName,
     pub(crate) provider: &'a str,
+    pub(crate) classes: &'a [String],
 }
 
 impl Stats {
     pub(crate) fn new(
         camera: String,
-        Common { model, provider }: Common<'_>,
+        Common { model, provider, classes }: Common<'_>,
         scale: Scale,
         frames: Counts,
         totals: &Totals,
@@ -60,6 +63,7 @@ impl Stats {
             camera,
             model: model.clone(),
             provider: provider.to_owned(),
+            classes: classes.to_vec(),
             units: words::units(scale.units).name(),
             scale_source: words::scale_source(scale.source).name(),
             frames,

@@ -4,8 +4,10 @@ use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
+use image::error::LimitErrorKind;
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use nunet_core::frame::MAX_SIDE_PX;
 use nunet_core::plain_file;
 use nunet_ipc::{Clock, monotonic_nanos};
 
@@ -13,12 +15,15 @@ use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
 use crate::telemetry::unix_nanos;
 
-/// The longest side of a picture that is decoded, pixels.
-const MAX_SIDE_PX: u32 = 16_384;
 /// The most bytes of a picture's file.
 const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 48 megapixels and its RGB.
 const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
+
+/// The hint for pictures beyond the limits.
+const SMALLER: &str = "make it smaller: a network sees some hundred pixels a side";
+/// As many bytes of a file as tell what it is.
+const MAGIC_BYTES: u64 = 32;
 
 /// A list of pictures.
 #[derive(Debug)]
@@ -35,7 +40,13 @@ pub(super) struct Files {
 impl Files {
     /// Lists the pictures; they are decoded one at a time, when their turn comes.
     pub(super) fn open(pattern: &str, repeat: bool) -> anyhow::Result<Self> {
-        Ok(Self { paths: list(pattern)?, next: 0, sequence: 0, stretch: 0, repeat, any_good: false })
+        let path = Path::new(pattern);
+        refuse_no_picture(path)?;
+        let paths = list(path)?;
+        if paths.is_empty() {
+            bail!(BadArguments(no_pictures(path)));
+        }
+        Ok(Self { paths, next: 0, sequence: 0, stretch: 0, repeat, any_good: false })
     }
 }
 
@@ -102,12 +113,10 @@ pub(crate) fn decode_file(frame: &mut Frame) -> anyhow::Result<()> {
 }
 
 fn decode_bytes(file: &[u8], frame: &mut Frame) -> anyhow::Result<Orientation> {
-    let mut reader = ImageReader::new(Cursor::new(file)).with_guessed_format()?;
-    if reader.format() == Some(ImageFormat::Jpeg) {
+    if format_of(file)? == ImageFormat::Jpeg {
         refuse_cut_off_jpeg(file)?;
     }
-    reader.limits(limits());
-    let mut decoder = reader.into_decoder()?;
+    let mut decoder = decoder_of(file)?;
     let (size, orientation) = (decoder.dimensions(), decoder.orientation()?);
     let as_it_is = decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms;
     check_memory(&decoder, as_it_is)?;
@@ -140,9 +149,7 @@ pub(crate) struct Numbers {
 pub(crate) fn decode_numbers(path: &Path) -> anyhow::Result<Numbers> {
     let mut file = Vec::new();
     read(path, &mut file)?;
-    let mut reader = ImageReader::new(Cursor::new(file.as_slice())).with_guessed_format()?;
-    reader.limits(limits());
-    let decoder = reader.into_decoder()?;
+    let decoder = decoder_of(&file)?;
     check_memory(&decoder, false)?;
     let size = decoder.dimensions();
     match DynamicImage::from_decoder(decoder)? {
@@ -160,9 +167,65 @@ fn read(path: &Path, bytes: &mut Vec<u8>) -> anyhow::Result<()> {
     };
     file.read_to_end(bytes)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
-        bail!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
+        bail!("the file is larger than {} MB\nhint: {SMALLER}", MAX_FILE_BYTES >> 20);
     }
     Ok(())
+}
+
+/// Whether a file looks like a picture, without decoding it. What is no plain file does: what is read of a pipe is gone.
+///
+/// # Errors
+/// It cannot be read, or is neither JPEG nor PNG.
+pub(crate) fn glance(path: &Path) -> anyhow::Result<()> {
+    first_bytes(path)?.map_or(Ok(()), |start| format_of(&start).map(drop))
+}
+
+/// What tells a file's format; `None` of what is no plain file.
+fn first_bytes(path: &Path) -> std::io::Result<Option<Vec<u8>>> {
+    let Some(mut file) = plain_file::open(path, MAGIC_BYTES)? else { return Ok(None) };
+    let mut start = Vec::new();
+    file.read_to_end(&mut start)?;
+    Ok(Some(start))
+}
+
+/// What a file is, by its first bytes.
+fn format_of(file: &[u8]) -> anyhow::Result<ImageFormat> {
+    const EXPECTED: &str = "expected JPEG or PNG\nhint: save it as one of them";
+    match image::guess_format(file) {
+        Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png)) => Ok(format),
+        Ok(other) => bail!("the picture is {other:?}; {EXPECTED}"),
+        Err(_) if file.is_empty() => {
+            bail!("the file is empty; expected JPEG or PNG\nhint: copy or record it again")
+        }
+        Err(_) => bail!("the file is no picture of a known format; {EXPECTED}"),
+    }
+}
+
+fn decoder_of(file: &[u8]) -> anyhow::Result<impl ImageDecoder + '_> {
+    let mut reader = ImageReader::with_format(Cursor::new(file), format_of(file)?);
+    reader.limits(limits());
+    reader.into_decoder().map_err(|error| match error {
+        ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::DimensionError) => {
+            let size = claimed_size(file).map(|(width, height)| format!(" of {width}x{height} pixels"));
+            let size = size.unwrap_or_default();
+            anyhow!("a picture{size}; expected at most {MAX_SIDE_PX} a side\nhint: {SMALLER}")
+        }
+        error => error.into(),
+    })
+}
+
+/// What the header says of a picture that the decoder refuses.
+fn claimed_size(file: &[u8]) -> Option<(u32, u32)> {
+    let side = |at: usize| Some(u32::from_be_bytes(file.get(at..at + 4)?.try_into().ok()?));
+    match format_of(file).ok()? {
+        // The first chunk is IHDR, which begins with both (PNG specification, 11.2.2).
+        ImageFormat::Png => side(16).zip(side(20)),
+        format => {
+            let mut reader = ImageReader::with_format(Cursor::new(file), format);
+            reader.no_limits();
+            reader.into_dimensions().ok()
+        }
+    }
 }
 
 /// The decoder fills what is missing of a JPEG with grey; grey is not what the camera saw.
@@ -184,7 +247,7 @@ fn check_memory(decoder: &impl ImageDecoder, as_it_is: bool) -> anyhow::Result<(
     let needed = if as_it_is { rgb } else { decoder.total_bytes().saturating_add(rgb) };
     if needed > MAX_DECODE_BYTES {
         bail!(
-            "a picture of {width}x{height} takes {} MB to decode, over the limit of {} MB",
+            "a picture of {width}x{height} takes {} MB to decode, over the limit of {} MB\nhint: {SMALLER}",
             needed >> 20,
             MAX_DECODE_BYTES >> 20
         );
@@ -200,20 +263,42 @@ fn limits() -> Limits {
     limits
 }
 
-fn list(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
-    let path = Path::new(pattern);
+/// The pictures of a folder, those that a glob matches, or a single one; sorted, and perhaps none.
+///
+/// # Errors
+/// It is no glob, or a folder cannot be read.
+pub(crate) fn list(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut paths = if path.is_dir() {
         pictures_in(path)?
     } else if path.is_file() {
         vec![path.to_owned()]
     } else {
-        matches(pattern)?
+        matches(&path.to_string_lossy())?
     };
-    if paths.is_empty() {
-        bail!(BadArguments(no_pictures(path)));
-    }
     paths.sort();
     Ok(paths)
+}
+
+/// A file that is named alone is a picture, or a mistake that is told before anything is made ready. Of several one may
+/// be bad.
+fn refuse_no_picture(path: &Path) -> anyhow::Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let shown = path.display();
+    let start = first_bytes(path).with_context(|| format!("cannot read `{shown}`"))?.unwrap_or_default();
+    let hint = match image::guess_format(&start) {
+        Ok(ImageFormat::Jpeg | ImageFormat::Png) => return Ok(()),
+        Ok(_) => "save it as JPEG or PNG".to_owned(),
+        Err(_) if start.starts_with(b"\x89MCAP0") => "the name of a recording ends in `.mcap`".to_owned(),
+        Err(_) if start.starts_with(b"YUV4MPEG2") => format!("nunetd --source - < {shown}"),
+        Err(_) => format!(
+            "a video comes through a pipe: ffmpeg -i {shown} -f yuv4mpegpipe -pix_fmt yuv420p - | nunetd --source -"
+        ),
+    };
+    bail!(BadArguments(format!(
+        "`{shown}` is no source: neither a JPEG nor a PNG picture nor a recording\nhint: {hint}"
+    )))
 }
 
 fn pictures_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
@@ -380,8 +465,32 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("wide.png");
         image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
-        let error = decode(&path, &mut Frame::default()).unwrap_err();
-        assert!(format!("{error:#}").to_lowercase().contains("limit"), "{error:#}");
+        let expected = "a picture of 32769x1 pixels; expected at most 32768 a side\nhint: make it smaller";
+        let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+        image::GrayImage::new(1, MAX_SIDE_PX + 1).save(path.with_extension("jpg")).unwrap();
+        let error = decode(&path.with_extension("jpg"), &mut Frame::default()).unwrap_err().to_string();
+        assert!(error.starts_with("a picture of 1x32769 pixels; expected at most 32768 a side\n"), "{error}");
+        image::GrayImage::new(MAX_SIDE_PX, 1).save(&path).unwrap();
+        decode(&path, &mut Frame::default()).unwrap();
+    }
+
+    #[test]
+    fn what_is_no_jpeg_and_no_png_is_told_with_what_it_is_and_what_would_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let refused = |content: &[u8]| {
+            std::fs::write(&path, content).unwrap();
+            decode(&path, &mut Frame::default()).unwrap_err().to_string()
+        };
+        let hint = "expected JPEG or PNG\nhint: save it as one of them";
+        assert_eq!(refused(b"BM\x46\0\0\0"), format!("the picture is Bmp; {hint}"));
+        assert_eq!(refused(b"no picture"), format!("the file is no picture of a known format; {hint}"));
+        assert!(refused(b"").starts_with("the file is empty; expected JPEG or PNG\nhint: "));
+        std::fs::write(&path, b"GIF89a").unwrap();
+        assert!(
+            decode_numbers(&path).unwrap_err().to_string().starts_with("the picture is Gif; expected JPEG")
+        );
     }
 
     #[test]
@@ -422,6 +531,31 @@ mod tests {
         assert_eq!(frame.size, (16, 32), "what lay is standing");
         let bytes = frame.view().unwrap().bytes();
         assert!(bytes[0] < 20 && bytes[bytes.len() - 1] > 235, "the left edge is the upper one now");
+    }
+
+    #[test]
+    fn a_single_file_that_is_no_picture_is_a_bad_argument_with_the_way_that_would_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clip.any");
+        let refused = |content: &[u8]| {
+            std::fs::write(&path, content).unwrap();
+            let error = Files::open(path.to_str().unwrap(), false).unwrap_err();
+            assert!(error.is::<BadArguments>(), "{error:#}");
+            error.to_string().replace(path.to_str().unwrap(), "CLIP")
+        };
+        let what = "`CLIP` is no source: neither a JPEG nor a PNG picture nor a recording\nhint: ";
+        let video = "a video comes through a pipe: ffmpeg -i CLIP -f yuv4mpegpipe -pix_fmt yuv420p - | nunetd --source -";
+        assert_eq!(refused(b"\0\0\0\x20ftypisom"), format!("{what}{video}"));
+        assert_eq!(refused(b""), format!("{what}{video}"));
+        assert_eq!(refused(b"YUV4MPEG2 W4 H2 F25:1\n"), format!("{what}nunetd --source - < CLIP"));
+        assert_eq!(refused(b"\x89MCAP0\r\n"), format!("{what}the name of a recording ends in `.mcap`"));
+        assert_eq!(refused(b"BM\x46\0\0\0"), format!("{what}save it as JPEG or PNG"));
+        picture([1, 2, 3]).save_with_format(&path, ImageFormat::Png).unwrap();
+        assert_eq!(
+            drain(&mut Files::open(path.to_str().unwrap(), false).unwrap()).0,
+            [[1, 2, 3]],
+            "whatever its name"
+        );
     }
 
     #[test]

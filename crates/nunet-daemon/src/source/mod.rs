@@ -11,7 +11,7 @@ mod scene;
 mod shm;
 mod v4l2;
 
-pub(crate) use files::{Numbers, decode, decode_file, decode_numbers};
+pub(crate) use files::{Numbers, decode, decode_file, decode_numbers, glance, list};
 pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use pipe::PictureSize;
 pub use rate::{Pacer, Rate};
@@ -23,7 +23,6 @@ use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::bail;
 use nunet_core::frame::PixelFormat;
 
 use self::pipe::RawLayout;
@@ -114,6 +113,21 @@ impl Kind {
         }
     }
 
+    /// The rate where the user gives none, as a flag says it; `None` where there is none to give.
+    pub(crate) fn default_rate(&self) -> Option<String> {
+        match self {
+            Self::Demo | Self::Files(_) | Self::Pipe | Self::Recording(_) => Some("max".to_owned()),
+            Self::Video(_) => Some(Wish::default().hz.to_string()),
+            Self::SharedMemory(_) => None,
+        }
+    }
+
+    /// The size that is wished of a camera where the user gives none, as a flag says it.
+    pub(crate) fn default_size(&self) -> Option<String> {
+        let (width, height) = Wish::default().size;
+        matches!(self, Self::Video(_)).then(|| format!("{width}x{height}"))
+    }
+
     /// The camera's name where the user gives none.
     pub fn default_camera(&self) -> &'static str {
         if *self == Self::Demo { "demo" } else { "camera" }
@@ -162,8 +176,11 @@ impl Opening<'_> {
     }
 
     /// Arguments that the source would not obey are refused, not ignored.
-    fn check(&self, kind: &Kind) -> Result<(), BadArguments> {
+    pub(crate) fn check(&self, kind: &Kind) -> Result<(), BadArguments> {
         let bad = |text: &str| Err(BadArguments(text.into()));
+        if let (Some(topic), false) = (self.topic, matches!(kind, Kind::Recording(_))) {
+            return bad(&format!("--topic {topic} is for recordings: no other source has topics"));
+        }
         match (kind, self.size, self.format) {
             (Kind::Pipe, Some(_), None) => bad("--size without --format: raw pictures on stdin need both"),
             (Kind::Video(_), _, Some(_)) => bad(
@@ -189,9 +206,6 @@ impl Opening<'_> {
 /// Nothing of that name, no pictures in a folder or a recording, a glob that is none, a camera that cannot be used,
 /// arguments for another kind of source.
 pub fn open(kind: &Kind, how: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
-    if let (Some(topic), false) = (how.topic, matches!(kind, Kind::Recording(_))) {
-        bail!(BadArguments(format!("--topic {topic} is for recordings: no other source has topics")));
-    }
     how.check(kind)?;
     Ok(match kind {
         Kind::Pipe => open_pipe(std::io::stdin(), how)?,

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use nunet_core::clock::Clock as _;
-use tracing::{Span, info, warn};
+use tracing::{Span, error, info, warn};
 
 use super::bell::Bell;
 use super::mailbox::{Mailbox, Put};
@@ -124,7 +124,7 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
             Fill::Crowded => make_room(frame, lane),
             Fill::End => break,
             Fill::Cut(error) => {
-                warn!("the source ends early: {error:#}");
+                error!("the source ends early: {error:#}");
                 end = SourceEnd::Cut;
                 break;
             }

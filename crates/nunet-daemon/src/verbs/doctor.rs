@@ -5,7 +5,7 @@ use std::io::Write as _;
 use nunet_core::graph::{Provider, SerialGraph};
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::orphans::{self, Cleaning};
-use nunet_ipc::{Limits, Reservation, free_shared_memory_bytes};
+use nunet_ipc::{Limits, Reservation, Topic, cameras, free_shared_memory_bytes};
 use serde::Serialize;
 use serde_json::json;
 
@@ -31,6 +31,7 @@ pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
             Err(problem) => checks.bad(name, &problem),
         }
     }
+    check_published(&mut checks);
     check_cameras(&mut checks);
     let text = if arguments.json { checks.json() } else { checks.text() };
     writeln!(std::io::stdout(), "{}", text.trim_end())?;
@@ -203,6 +204,20 @@ fn check_cache(checks: &mut Checks) {
             "cache",
             &format!("`{}` cannot be written: {error}\nhint: give this user the folder", folder.display()),
         ),
+    }
+}
+
+/// What readers find at the moment: a name that is not among these is mistyped, or another user's.
+fn check_published(checks: &mut Checks) {
+    let list = |what: &str, topic| {
+        cameras::list(topic).map(|there| {
+            let names: Vec<_> = there.iter().map(|name| format!("`{name}`")).collect();
+            if names.is_empty() { format!("no {what}") } else { format!("{what} of {}", names.join(", ")) }
+        })
+    };
+    match list("depth", Topic::Depth).and_then(|depth| Ok((depth, list("pictures", Topic::Rgb)?))) {
+        Ok((depth, pictures)) => checks.good("published", format!("{depth}; {pictures}")),
+        Err(error) => checks.bad("published", &error.to_string()),
     }
 }
 

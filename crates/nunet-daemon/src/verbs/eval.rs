@@ -32,9 +32,11 @@ use metrics::LabelMetrics;
 use report::{PictureRow, Report};
 use resized::Fit;
 use sheet::{Row, Sheet, chosen};
+use unpack::refuse_own_depth;
 
 /// Measures every picture; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
+    refuse_own_depth(arguments)?;
     let optics = Optics::new(&arguments.lens.geometry)?;
     if let Some(out) = &arguments.out {
         make_folder(out)?;
@@ -52,6 +54,7 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     let baseline = baseline(arguments, &dataset)?;
     let mut work = Work::new(arguments, pipeline, optics, baseline);
     let skipped = dataset.unpaired + work.measure_all(&dataset)?;
+    work.comparison.check_truth()?;
     let report = work.report(arguments, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
@@ -59,6 +62,9 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
         write_json(&out.join("eval.json"), &report)?;
         report::write_csv(&out.join("pictures.csv"), &work.rows)?;
         work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
+    }
+    if skipped > 0 {
+        error!("{skipped} pictures were skipped");
     }
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
 }

@@ -7,7 +7,7 @@ use anyhow::bail;
 use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos};
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 use crate::Outcome;
 use crate::cli::FeedArgs;
@@ -38,6 +38,9 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
         Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now()).filter(|_| !source.is_live());
     feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop)?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
+    if feeder.failed > 0 {
+        error!("{} of {} frames were lost", feeder.failed, feeder.sent + feeder.failed);
+    }
     Ok(if feeder.failed == 0 && !feeder.cut { Outcome::Done } else { Outcome::Lost })
 }
 
@@ -84,7 +87,7 @@ impl Feeder {
                 Fill::Nothing | Fill::Crowded => {}
                 Fill::End => break,
                 Fill::Cut(error) => {
-                    warn!("the source ends early: {error:#}");
+                    error!("the source ends early: {error:#}");
                     self.cut = true;
                     break;
                 }

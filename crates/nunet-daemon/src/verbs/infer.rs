@@ -14,17 +14,19 @@ use crate::buffers::Buffers;
 use crate::cli::InferArgs;
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::BadArguments;
-use crate::sink::files::{self, Results, make_folder};
+use crate::sink::files::{self, Results, check_folder};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
-use crate::source::{Frame, decode};
+use crate::source::{Frame, decode, glance, list};
 use crate::stream::Optics;
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 
 /// Infers one picture after the other; a bad one does not end it.
 pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
-    let folders = result_folders(&arguments.images, &arguments.out)?;
+    let images: Vec<PathBuf> = pictures(&arguments.images)?;
+    let folders = result_folders(&images, &arguments.out)?;
     let optics = Optics::new(&arguments.optics.lens.geometry)?;
-    make_folder(&arguments.out)?;
+    check_folder(&arguments.out)?;
+    refuse_no_pictures(&images)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
@@ -32,13 +34,46 @@ pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     let mut work = Work::new(pipeline, optics, model);
 
     let mut failures = Vec::new();
-    for (image, folder) in arguments.images.iter().zip(&folders) {
+    for (image, folder) in images.iter().zip(&folders) {
         match work.infer(image, folder) {
             Ok(()) => info!("`{}` -> `{}`", image.display(), folder.display()),
             Err(error) => failures.push(error),
         }
     }
-    judge(failures, arguments.images.len())
+    judge(failures, images.len())
+}
+
+/// All pictures that are named, in that order: those of a folder or a glob by their names.
+fn pictures(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut images = Vec::new();
+    for name in named {
+        let found = list(name)?;
+        if found.is_empty() {
+            bail!(BadArguments(format!(
+                "no picture `{}`: neither a file nor a folder with JPEG or PNG pictures, and no file matches it as a glob\n\
+                 hint: name a picture, a folder of pictures, or a glob such as 'frames/*.jpg' (quoted)",
+                name.display()
+            )));
+        }
+        images.extend(found);
+    }
+    Ok(images)
+}
+
+/// Where nothing looks like a picture, the network need not be loaded.
+fn refuse_no_pictures(images: &[PathBuf]) -> anyhow::Result<()> {
+    let mut failures = Vec::new();
+    for image in images {
+        match glance(image) {
+            Ok(()) => return Ok(()),
+            Err(error) => failures.push(unreadable(error, image)),
+        }
+    }
+    judge(failures, images.len()).map(drop)
+}
+
+fn unreadable(error: anyhow::Error, image: &Path) -> anyhow::Error {
+    error.context(format!("cannot read the picture `{}`", image.display()))
 }
 
 /// Nothing done is a failure; some of many undone are a loss.
@@ -99,8 +134,7 @@ impl Work {
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
-        decode(image, &mut self.frame)
-            .with_context(|| format!("cannot read the picture `{}`", image.display()))?;
+        decode(image, &mut self.frame).map_err(|error| unreadable(error, image))?;
         let ready_nanos = MonotonicClock.nanos();
         self.optics.follow(&self.frame, &mut self.pipeline)?;
         // Single pictures are no stream.
@@ -133,8 +167,9 @@ impl Work {
         totals.add_published(done, report.bytes_copied);
         let counts = Counts { captured: 1, published: 1, ..Counts::default() };
         let camera = image.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let provider = self.pipeline.graph().provider().to_string();
-        let common = Common { model: &self.model, provider: &provider };
+        let graph = self.pipeline.graph();
+        let (provider, classes) = (graph.provider().to_string(), &graph.description().classes);
+        let common = Common { model: &self.model, provider: &provider, classes };
         Stats::new(camera, common, self.pipeline.scale(), counts, &totals, &latencies)
     }
 }

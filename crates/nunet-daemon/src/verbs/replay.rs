@@ -6,7 +6,7 @@ use nunet_core::pipeline::Pipeline;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use std::io::Write as _;
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 use super::progress::progress;
 use crate::Outcome;
@@ -135,7 +135,7 @@ impl Replay {
                     break;
                 }
                 Fill::Cut(error) => {
-                    progress.suspend(|| warn!("the source ends early: {error:#}"));
+                    progress.suspend(|| error!("the source ends early: {error:#}"));
                     self.cut = true;
                     break;
                 }
@@ -146,7 +146,7 @@ impl Replay {
         }
         progress.finish_and_clear();
         if stop.requested() && !over {
-            warn!("stopped before the recording's end");
+            error!("stopped before the recording's end");
             self.cut = true;
         }
         Ok(())

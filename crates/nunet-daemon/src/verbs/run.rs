@@ -7,12 +7,12 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use nunet_ipc::{Access, IpcError, share_with};
-use tracing::{error, info, warn};
+use tracing::{error, info};
 
 use self::camera::span_of;
 use crate::Outcome;
 use crate::cli::{AccessArgs, RunArgs};
-use crate::engine::{Engine, tested_pipelines};
+use crate::engine::{Engine, check_threads, tested_pipelines};
 use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
 use crate::sink::patience::Patience;
@@ -37,7 +37,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 /// Everything before the first frame may take long, so that a stop is asked for before each step.
 fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments.streams())?, stop)?;
+    let cameras = camera::prepare(camera::plans(arguments)?, stop)?;
     // Nothing was made before all arguments had passed. The figures often go into the folder of the results.
     camera::make_folders(&cameras)?;
     arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
@@ -48,8 +48,9 @@ fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipelines = tested_pipelines(loaded, arguments.streams().map(|stream| &stream.optics))?;
-    let provider = pipelines.first().context("one camera at least")?.graph().provider().to_string();
-    let common = Common { model: &model, provider: &provider };
+    let graph = pipelines.first().context("one camera at least")?.graph();
+    let (provider, classes) = (graph.provider().to_string(), graph.description().classes.clone());
+    let common = Common { model: &model, provider: &provider, classes: &classes };
 
     let names: Vec<String> = cameras.iter().map(|camera| camera.plan.name.to_string()).collect();
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -70,16 +71,23 @@ fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     finish(&names, ended, common, arguments.stats_json.as_deref(), &mut Patience::new(&stopped))
 }
 
+/// What can be said of the arguments before anything is opened or made. `nunetd config` says it too.
+pub(super) fn check(arguments: &RunArgs) -> anyhow::Result<()> {
+    access(&arguments.access)?;
+    check_threads(arguments.engine.threads)?;
+    camera::plans(arguments).map(drop)
+}
+
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
 fn share(arguments: &AccessArgs) -> anyhow::Result<()> {
-    let Some(group) = &arguments.access_group else { return Ok(()) };
+    Ok(access(arguments)?.map_or(Ok(()), share_with)?)
+}
+
+fn access(arguments: &AccessArgs) -> Result<Option<Access>, BadArguments> {
+    let Some(group) = &arguments.access_group else { return Ok(None) };
     let bad = |error: IpcError| BadArguments(error.to_string());
     let access = Access::of_group(group).map_err(bad)?;
-    let access = match arguments.access_mode {
-        Some(mode) => access.with_mode(mode).map_err(bad)?,
-        None => access,
-    };
-    Ok(share_with(access)?)
+    arguments.access_mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
 }
 
 /// A camera's end, told.
@@ -151,12 +159,13 @@ fn conclude<'a>(
     (ends, failure.map_or(Ok(outcome), Err))
 }
 
-/// Frames that a newer one replaced are the policy of a live source; failed ones are a loss.
+/// Frames that a newer one replaced are the policy of a live source; failed ones are a loss. What sets the exit code is an
+/// error, so that it is told with `-q` as well.
 fn say_how_it_ended(counts: &Counts, source: SourceEnd, recording: Option<Tally>) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
     info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
     if *failed > 0 {
-        warn!("{failed} frames were lost");
+        error!("{failed} of {captured} frames were lost");
     }
     let recorded = recording.is_none_or(Tally::say);
     if *failed == 0 && source == SourceEnd::Whole && recorded { Outcome::Done } else { Outcome::Lost }
@@ -220,7 +229,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("stats.json");
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
-        let common = Common { model: &model, provider: "cpu" };
+        let common = Common { model: &model, provider: "cpu", classes: &[] };
         let ended = vec![broken(7, "another contract"), broken(5, "stdin's thread has failed")];
         let failure = finished(&["front", "rear"], ended, common, &path).unwrap_err();
         assert_eq!(failure.to_string(), "another contract");
@@ -238,7 +247,7 @@ mod tests {
     #[test]
     fn figures_that_cannot_be_written_do_not_hide_why_the_cameras_failed() {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
-        let common = Common { model: &model, provider: "cpu" };
+        let common = Common { model: &model, provider: "cpu", classes: &[] };
         let path = Path::new("/nonexistent/stats.json");
         let failure = finished(&["front"], vec![broken(7, "gone")], common, path).unwrap_err();
         assert_eq!(failure.to_string(), "gone");
@@ -249,7 +258,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (path, slow) = (folder.path().join("stats.json"), folder.path().join("slow"));
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
-        let common = Common { model: &model, provider: "cpu" };
+        let common = Common { model: &model, provider: "cpu", classes: &[] };
         let (let_go, hangs) = std::sync::mpsc::channel::<()>();
         let hanging = Writing::start("the files in `o`".into(), move || Ok(hangs.recv()?));
         let file = slow.clone();

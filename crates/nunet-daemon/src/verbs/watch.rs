@@ -4,9 +4,9 @@ use std::io::{IsTerminal as _, Write as _};
 use std::num::NonZeroU64;
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use console::Term;
-use nunet_ipc::{CameraName, Frame, IpcError, Reader, StatsRecord, Topic, Units};
+use nunet_ipc::{CameraName, Frame, IpcError, Reader, StatsRecord, Topic, Units, cameras};
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
@@ -21,6 +21,8 @@ const GLANCE: Duration = Duration::from_millis(100);
 const FIRST_STATS: Duration = Duration::from_millis(500);
 /// How often it looks for them.
 const FIRST_STATS_PERIOD: Duration = Duration::from_millis(5);
+/// As many cameras as an error names.
+const MOST_NAMES: usize = 8;
 /// How often the view is drawn anew.
 const REDRAW: Duration = Duration::from_millis(200);
 
@@ -52,12 +54,28 @@ fn open(camera: &CameraName, timeout: Duration, stop: &Stop) -> anyhow::Result<O
             Ok(reader) => return Ok(Some(reader)),
             Err(IpcError::NobodyPublishes { .. }) if start.elapsed() < timeout => {}
             Err(IpcError::NobodyPublishes { service, .. }) => {
-                return Err(IpcError::NobodyPublishes { service, timeout }.into());
+                return Err(nobody(camera, &IpcError::NobodyPublishes { service, timeout }));
             }
             Err(error) => return Err(error.into()),
         }
     }
     Ok(None)
+}
+
+/// Nobody publishes the camera: with the cameras that there are, the name most alike first.
+fn nobody(camera: &CameraName, error: &IpcError) -> anyhow::Error {
+    let text = error.to_string();
+    let mut there = cameras::list(Topic::Depth).unwrap_or_default();
+    there.retain(|other| other != camera);
+    if there.is_empty() {
+        return anyhow!(text);
+    }
+    let likeness = |other: &CameraName| strsim::jaro_winkler(other.as_str(), camera.as_str());
+    there.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
+    let names: Vec<_> = there.iter().take(MOST_NAMES).map(|name| format!("`{name}`")).collect();
+    let more = if there.len() > names.len() { " and others" } else { "" };
+    let what = text.split("\nhint: ").next().unwrap_or_default();
+    anyhow!("{what}\nhint: cameras that are published now: {}{more}", names.join(", "))
 }
 
 struct Watcher {

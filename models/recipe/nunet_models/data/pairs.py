@@ -16,6 +16,7 @@ SIXTEEN_TO_EIGHT = 257  # 65535 / 255
 LABEL_FOLDERS = {"labels": labels13, "label40": labels13_from_labels40}
 """What a folder's numbers become; the first folder that is there counts, as in nunetd."""
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
+NO_DEPTH = 65535  # written by sensors that measured nothing, besides 0: 7-Scenes has both
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,8 @@ class Pairs(Protocol):
 class DepthUnits:
     """How the numbers of a depth picture become metres: `(value + offset) * scale_m`.
 
-    0 is no measurement where `zero_is_none`. Without a `scale_m` 16 bits are millimetres, and
-    pictures of 8 bits are refused.
+    0 is no measurement where `zero_is_none`, 65535 never is one. Without a `scale_m` 16 bits are
+    millimetres, and pictures of 8 bits are refused.
     """
 
     scale_m: float | None = None
@@ -68,6 +69,7 @@ class DepthUnits:
         depth = ((values.astype(np.float64) + self.offset) * scale_m).astype(np.float32)
         if self.zero_is_none:
             depth[values == 0] = np.nan
+        depth[values == NO_DEPTH] = np.nan
         return depth
 
 

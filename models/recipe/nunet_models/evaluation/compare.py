@@ -7,7 +7,7 @@ import numpy as np
 
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import DataError
-from nunet_models.evaluation.protocol import Protocol
+from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
 from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics
 
 MINMAX_FIGURES = ("mse", "rmse")  # what the paper measures of stretched depth
@@ -69,7 +69,7 @@ class Comparison:
         """
         alone, alone_minmax = DepthMetrics(), DepthMetrics()
         if self.metric:
-            alone.add(self.protocol.depth(predicted), self.protocol.depth(truth_m))
+            alone.add(self.protocol.predicted(predicted), self.protocol.truth(truth_m))
             self.depth.merge(alone)
         known = np.isfinite(truth_m)
         guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
@@ -109,10 +109,19 @@ def _positive(stretched_depth: np.ndarray) -> np.ndarray:
 def compare(
     pairs: Iterable[Pair], predict: Predict, *, protocol: Protocol, metric: bool, classes: int
 ) -> Comparison:
-    """Predict every pair and gather the figures; `classes` 0 leaves labels out."""
+    """Predict every pair and gather the figures; `classes` 0 leaves labels out.
+
+    # Errors
+    `DataError` when metres are compared and no pair has truth within the protocol's cap.
+    """
     comparison = Comparison(protocol, metric, LabelMetrics(classes) if classes else None)
     for pair in pairs:
         comparison.add(pair, predict(pair.rgb))
+    if metric and not comparison.depth.pixels + comparison.depth.missing:
+        raise DataError(
+            f"no true depth lies between {MIN_DEPTH_M} and {protocol.cap_m} m, where depth is "
+            "compared: does --depth-scale say what a unit of the depth pictures is?"
+        )
     return comparison
 
 

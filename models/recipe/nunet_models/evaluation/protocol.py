@@ -7,7 +7,7 @@ import numpy as np
 from nunet_models.errors import DataError
 
 MIN_DEPTH_M = 1e-3  # predictions below would make relative errors meaningless; the field's figure
-MAX_DEPTH_M = 10.0
+MAX_DEPTH_M = 10.0  # truth beyond is no truth, as in the code of BTS, AdaBins and ZoeDepth
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,14 @@ class Protocol:
     size: tuple[int, int] | None = None
     cap_m: float = MAX_DEPTH_M
 
-    def depth(self, depth_m: np.ndarray) -> np.ndarray:
-        """Depth `[H, W]` in metres, cropped and capped; NaN stays NaN."""
+    def predicted(self, depth_m: np.ndarray) -> np.ndarray:
+        """Predicted depth `[H, W]` in metres, cropped and capped; NaN stays NaN."""
         return np.clip(self.cropped(depth_m), MIN_DEPTH_M, self.cap_m)
+
+    def truth(self, depth_m: np.ndarray) -> np.ndarray:
+        """True depth `[H, W]` in metres, cropped; NaN where it is not within the cap."""
+        truth = self.cropped(depth_m)
+        return np.where((truth > MIN_DEPTH_M) & (truth < self.cap_m), truth, np.float32(np.nan))
 
     def cropped(self, image: np.ndarray) -> np.ndarray:
         """`[H, W]` cropped.

@@ -33,6 +33,17 @@ pub struct Results<'a> {
 pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
+    probe(folder)
+}
+
+/// Makes sure that files can be made in `folder`, which may have to be made first. Nothing is left behind.
+pub(crate) fn check_folder(folder: &Path) -> anyhow::Result<()> {
+    // A relative path ends in nothing, which is the current folder.
+    let there = folder.ancestors().find(|part| part.exists()).unwrap_or(Path::new("."));
+    probe(there)
+}
+
+fn probe(folder: &Path) -> anyhow::Result<()> {
     let probe = folder.join(format!(".nunetd-{}", std::process::id()));
     let written = std::fs::write(&probe, "").and_then(|()| std::fs::remove_file(&probe));
     written.with_context(|| format!("cannot write into the folder `{}`", folder.display()))

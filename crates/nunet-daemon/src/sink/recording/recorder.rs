@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_ipc::{CameraName, FrameSet, Reader, Topic};
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 use super::disk::{Disk, Progress, Watch};
 use super::{Archive, Record};
@@ -233,7 +233,9 @@ impl Tally {
         let Self { recorded, left_out, whole } = self;
         info!("recording: {recorded} frames");
         if left_out > 0 {
-            warn!("{left_out} frames are not in the recording: it did not keep up, or the disk refused them");
+            error!(
+                "{left_out} frames are not in the recording: it did not keep up, or the disk refused them"
+            );
         }
         left_out == 0 && whole
     }

@@ -7,7 +7,8 @@ use crate::cli::ProtocolArg;
 
 /// Predictions below would make relative errors meaningless; the field's figure.
 const MIN_DEPTH_M: f32 = 1e-3;
-/// The cap of all protocols here.
+/// The cap of all protocols here: truth beyond is no truth, and predictions end there, as in the code of `BTS`, `AdaBins`
+/// and `ZoeDepth`.
 const MAX_DEPTH_M: f32 = 10.0;
 /// What is left of 0 where a logarithm is taken; squared errors, all that is read of stretched depth, do not notice.
 const CLIP: f32 = 1e-7;
@@ -38,6 +39,8 @@ pub(super) struct Comparison {
     pub(super) depth: DepthMetrics,
     /// Whole pictures, each stretched from its nearest to its farthest point, as the paper did.
     pub(super) minmax: DepthMetrics,
+    /// The nearest and the farthest truth under the protocol, metres, whether it is compared or not.
+    truth_m: Option<(f32, f32)>,
 }
 
 /// What predictions are.
@@ -53,7 +56,27 @@ pub(super) enum Kind {
 
 impl Comparison {
     pub(super) fn new(protocol: ProtocolArg, kind: Kind) -> Self {
-        Self { protocol, kind, depth: DepthMetrics::default(), minmax: DepthMetrics::default() }
+        let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
+        Self { protocol, kind, depth, minmax, truth_m: None }
+    }
+
+    /// Whether there was truth to compare metres with.
+    ///
+    /// # Errors
+    /// There was none within the cap, so that every figure would be missing.
+    pub(super) fn check_truth(&self) -> anyhow::Result<()> {
+        if self.kind != Kind::Metric || self.depth.pixels + self.depth.missing > 0 {
+            return Ok(());
+        }
+        let Some((near, far)) = self.truth_m else {
+            bail!(
+                "no picture has true depth where depth is compared\nhint: 0 and NaN mean none; --window and --protocol leave parts out"
+            );
+        };
+        bail!(
+            "no true depth lies between {MIN_DEPTH_M} and {MAX_DEPTH_M} m, where depth is compared: it is {near} to {far} m\n\
+             hint: --depth-scale METRES says what a unit of the depth pictures is"
+        )
     }
 
     /// What predictions are.
@@ -72,11 +95,13 @@ impl Comparison {
         let [rows, columns] = self.protocol.crop(size)?;
         if self.kind == Kind::Metric {
             let capped = |depth_m: f32| depth_m.clamp(MIN_DEPTH_M, MAX_DEPTH_M);
+            let is_compared = |depth_m: f32| MIN_DEPTH_M < depth_m && depth_m < MAX_DEPTH_M;
             let width = size.0 as usize;
             let lines = predicted.chunks_exact(width).zip(truth_m.chunks_exact(width));
             for (predicted, truth) in lines.take(rows.end).skip(rows.start) {
                 for (&p, &t) in predicted.iter().zip(truth).take(columns.end).skip(columns.start) {
-                    alone.depth.add(capped(p), capped(t));
+                    alone.depth.add(capped(p), if is_compared(t) { t } else { f32::NAN });
+                    alone.see(t);
                 }
             }
         }
@@ -89,7 +114,18 @@ impl Comparison {
         }
         self.depth.merge(&alone.depth);
         self.minmax.merge(&alone.minmax);
+        for end in alone.truth_m.map_or([f32::NAN; 2], |(near, far)| [near, far]) {
+            self.see(end);
+        }
         Ok(alone)
+    }
+
+    /// Takes note of a pixel's truth, NaN = none.
+    fn see(&mut self, truth_m: f32) {
+        if truth_m.is_finite() {
+            let (near, far) = self.truth_m.unwrap_or((truth_m, truth_m));
+            self.truth_m = Some((near.min(truth_m), far.max(truth_m)));
+        }
     }
 }
 
@@ -222,12 +258,32 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_compared_up_to_ten_metres() {
+    fn truth_beyond_ten_metres_is_none_and_predictions_end_there() {
         let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
-        comparison.add(&[50.0, 0.0, f32::NAN], &[12.0, 1e-3, 1.0], SIZE).unwrap();
+        comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
+        comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
         let figures = comparison.depth.figures().unwrap();
-        assert!(figures.rmse < 1e-6, "{figures:?}");
+        // 50 m are taken for 10 m where there are 9, and 0 m for a millimetre where there is 1 m; no other pixel counts.
+        assert!((figures.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{figures:?}");
         assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
+        assert!(comparison.check_truth().is_ok());
+    }
+
+    #[test]
+    fn truth_of_another_scale_is_told_with_the_scale_that_it_seems_to_have() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
+        assert!(comparison.check_truth().unwrap_err().to_string().starts_with("no picture has true depth"));
+        comparison.add(&[1.0; 3], &[1250.0, f32::NAN, 4000.0], SIZE).unwrap();
+        let error = comparison.check_truth().unwrap_err().to_string();
+        assert!(
+            error.contains(
+                "between 0.001 and 10 m, where depth is compared: it is 1250 to 4000 m\nhint: --depth-scale"
+            ),
+            "{error}"
+        );
+        comparison.add(&[1.0; 3], &[f32::NAN, f32::NAN, 4.0], SIZE).unwrap();
+        assert!(comparison.check_truth().is_ok(), "one pixel is enough");
+        assert!(Comparison::new(ProtocolArg::Full, Kind::Relative).check_truth().is_ok(), "it has no metres");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use nunet_core::camera::Camera;
 use tempfile::TempDir;
 
 use super::metrics::IGNORE;
-use super::unpack::{Unpacked, unpack};
+use super::unpack::{Unpacked, is_recording, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::BadArguments;
 use crate::source::demo::CLASS_NAMES;
@@ -17,6 +17,8 @@ use crate::source::{Frame, Numbers, decode, decode_numbers};
 
 const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
 const MILLIMETRE_M: f64 = 0.001;
+/// What sensors write into 16-bit pictures where they measured nothing, besides 0: 7-Scenes has both.
+const NO_DEPTH: u16 = u16::MAX;
 
 /// A folder of pairs, read one at a time.
 #[derive(Debug)]
@@ -48,7 +50,7 @@ pub(super) struct Truth {
 impl Dataset {
     /// Lists the pairs; with `with_labels` true labels are read too, where there are some.
     pub(super) fn open(arguments: &EvalArgs, classes: &[String]) -> anyhow::Result<Self> {
-        if arguments.dataset.extension().is_some_and(|ending| ending == "mcap") {
+        if is_recording(&arguments.dataset) {
             let Unpacked { folder, camera, unpaired } = unpack(arguments)?;
             let inside = EvalArgs { dataset: folder.path().to_owned(), ..arguments.clone() };
             let dataset = Self::open(&inside, classes)?;
@@ -136,9 +138,10 @@ fn metres(depth: &Numbers, units: DepthUnitArgs) -> anyhow::Result<Vec<f32>> {
         }
     };
     let zero_is_none = units.depth_offset == 0.0;
+    let is_none = |value: u16| (value == 0 && zero_is_none) || value == NO_DEPTH;
     let metres = |value: u16| ((f64::from(value) + units.depth_offset) * scale) as f32;
     let depth_m = depth.values.iter();
-    Ok(depth_m.map(|&value| if value == 0 && zero_is_none { f32::NAN } else { metres(value) }).collect())
+    Ok(depth_m.map(|&value| if is_none(value) { f32::NAN } else { metres(value) }).collect())
 }
 
 /// Where true labels lie and what their numbers mean.
@@ -210,4 +213,24 @@ fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
         bail!(BadArguments(format!("`{}` holds no pictures", root.display())));
     }
     Ok(ids.into_iter().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_depth_is_0_unless_there_is_an_offset_and_65535_always() {
+        let metres = |depth_offset| {
+            let depth = Numbers { size: (3, 1), values: vec![0, 1500, 65535], bits: 16 };
+            metres(&depth, DepthUnitArgs { depth_scale: None, depth_offset }).unwrap()
+        };
+        let millimetres = metres(0.0);
+        assert!(
+            millimetres[0].is_nan() && millimetres[1] == 1.5 && millimetres[2].is_nan(),
+            "{millimetres:?}"
+        );
+        let offset = metres(500.0);
+        assert!(offset[0] == 0.5 && offset[1] == 2.0 && offset[2].is_nan(), "{offset:?}");
+    }
 }

@@ -6,11 +6,12 @@ use anyhow::{Context as _, bail};
 use image::ExtendedColorType;
 use nunet_core::camera::Camera;
 use nunet_core::preprocess::Preprocessor;
-use nunet_mcap::{Next, Picture, Recording};
+use nunet_mcap::{Next, Picture, Recording, model_of_results};
 use tempfile::TempDir;
 use tracing::warn;
 
 use crate::cli::EvalArgs;
+use crate::exit::BadArguments;
 use crate::sink::files::write_depth_mm;
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _, sorted};
 
@@ -23,6 +24,25 @@ pub(super) struct Unpacked {
     pub(super) camera: Option<Camera>,
     /// Pictures without depth beside them, or unreadable.
     pub(super) unpaired: u64,
+}
+
+/// A recording that nunetd has written holds a network's depth: measured against it, the same network would be perfect.
+pub(super) fn refuse_own_depth(arguments: &EvalArgs) -> Result<(), BadArguments> {
+    let path = &arguments.dataset;
+    if arguments.depth_topic.is_some() || !is_recording(path) {
+        return Ok(());
+    }
+    let Some(model) = model_of_results(path) else { return Ok(()) };
+    Err(BadArguments(format!(
+        "`{}` was written by nunetd: its depth is what `{model:.60}` said, not truth\nhint: --depth-topic TOPIC, if that is \
+         what the model is to be compared with",
+        path.display()
+    )))
+}
+
+/// Whether a dataset is a recording, and no folder.
+pub(super) fn is_recording(dataset: &Path) -> bool {
+    dataset.extension().is_some_and(|ending| ending == "mcap")
 }
 
 /// Writes each picture with the depth nearest to it in time. Both topics are in the order of their stamps.

@@ -8,13 +8,13 @@ use nunet_core::pipeline::Pipeline;
 use nunet_ipc::{CameraName, Limits};
 use tracing::{Span, error, error_span, warn};
 
-use crate::cli::{SourceArgs, StreamArgs};
+use crate::cli::{RunArgs, SourceArgs, StreamArgs};
 use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
-use crate::sink::shm::{Outlet, OutletOptions};
+use crate::sink::shm::{Outlet, OutletOptions, frame_id};
 use crate::sink::stats::{Common, check_writable};
 use crate::source::{self, Kind, Opening, Rate, Source};
 use crate::stream::{Bell, Optics, Pace, Sinks, Stop, Stream, Worker};
@@ -30,8 +30,9 @@ pub(super) struct Plan<'a> {
 }
 
 /// The cameras' arguments, each of them and beside each other. Nothing is made yet.
-pub(super) fn plans<'a>(streams: impl Iterator<Item = &'a StreamArgs>) -> anyhow::Result<Vec<Plan<'a>>> {
-    let streams: Vec<_> = streams.collect();
+pub(super) fn plans<'a>(arguments: &'a RunArgs) -> anyhow::Result<Vec<Plan<'a>>> {
+    refuse_no_source(arguments)?;
+    let streams: Vec<_> = arguments.streams().collect();
     let several = streams.len() > 1;
     let folders: Vec<_> = streams.iter().filter_map(|stream| stream.out.as_deref()).map(place).collect();
     let plan = |stream: &&'a StreamArgs| {
@@ -48,7 +49,9 @@ impl<'a> Plan<'a> {
     /// `folders` are those that will be made.
     fn new(arguments: &'a StreamArgs, name: &str, kind: Kind, folders: &[PathBuf]) -> anyhow::Result<Self> {
         refuse_pace_of_live_source(&kind, &arguments.pace)?;
+        arguments.pace.opening().check(&kind)?;
         let name = camera_name(name)?;
+        frame_id(&name, arguments.frame_id.as_deref())?;
         let record = arguments.recording.record.as_deref().map(|path| {
             let is_folder = path.is_dir() || folders.iter().any(|folder| folder.starts_with(place(path)));
             recording_path(path, is_folder, name.as_str(), unix_nanos())
@@ -268,6 +271,19 @@ fn limits(arguments: &StreamArgs) -> Limits {
     let own = usize::from(arguments.recording.record.is_some()) + usize::from(arguments.out.is_some());
     let readers = arguments.readers.map_or(Limits::DEFAULT.max_readers, |readers| readers.get() as usize);
     Limits { max_readers: readers + own, max_cloud_readers: readers.div_ceil(2) + own, ..Limits::default() }
+}
+
+/// A file is written for a robot: depth of an invented room must not go out under a camera's name because a line is
+/// missing. The bare command line may leave it out.
+fn refuse_no_source(arguments: &RunArgs) -> Result<(), BadArguments> {
+    let Some(config) = &arguments.config else { return Ok(()) };
+    let Some(stream) = arguments.streams().find(|stream| stream.source.is_none()) else { return Ok(()) };
+    let camera = stream.camera.as_ref().map(|name| format!(" for camera `{name}`")).unwrap_or_default();
+    Err(BadArguments(format!(
+        "neither `{}` nor the command line names a source{camera}\nhint: `source = \"/dev/video0\"`, or \
+         `source = \"demo\"` if the demo scene is meant",
+        config.display()
+    )))
 }
 
 /// Without `--source`, the demo scene; someone who forgot the flag is told.
