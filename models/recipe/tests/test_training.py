@@ -298,6 +298,19 @@ def test_an_average_without_decay_is_the_module_itself():
     assert averaged.module.weight.item() == 1.0 and module.training
 
 
+def test_a_lone_depth_network_starts_as_a_checkpoint_s_segmentation(dataset, tmp_path):
+    seg, depth = tmp_path / "seg", tmp_path / "depth"
+    assert train(dataset, seg, "--architecture", "wnet", epochs=1) == 0
+    like = ("--architecture", "unet", "--like", f"segmentation={seg / 'best.pt'}", "--lr", "0")
+    assert train(dataset, depth, *like, component="depth", epochs=1) == 0
+    theirs = Checkpoint.load(seg / "best.pt").component_weights("segmentation")
+    ours = Checkpoint.load(depth / "best.pt").component_weights("depth")
+    name = next(name for name, weights in ours.items() if weights.dim() == 4)
+    assert torch.equal(ours[name], theirs[name])
+    origin = Checkpoint.load(depth / "best.pt").provenance["depth"]["origin"]["like"]
+    assert (origin["component"], origin["file"]) == ("segmentation", "best.pt")
+
+
 def test_the_schedule_rises_falls_and_ends_at_its_final_share():
     def factor(step):
         return learning_rate_factor(step, steps=100, warmup=0.1, final=0.01, schedule="cosine")

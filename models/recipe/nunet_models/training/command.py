@@ -15,7 +15,14 @@ from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
-from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo import (
+    PAPER_DECODER,
+    Component,
+    GraphSpec,
+    SerialGraph,
+    architecture_names,
+    graph_spec,
+)
 from nunet_models.zoo.backbones import check_drop_path
 from nunet_models.zoo.spec import LITE_DECODER, Camera
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
@@ -99,7 +106,11 @@ def _add_graph_options(parser: argparse.ArgumentParser) -> None:
         help="start from the component of this name in another graph",
     )
     group.add_argument("--imagenet", action="store_true", help="start the encoder from ImageNet")
-    group.add_argument("--like", metavar="COMPONENT", help="start as an earlier component is")
+    group.add_argument(
+        "--like",
+        metavar="COMPONENT[=CHECKPOINT]",
+        help="start as an earlier component is, of this graph or of a checkpoint",
+    )
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
@@ -227,8 +238,14 @@ def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     if options.imagenet:
         imagenet_encoder(component)
     if options.like:
-        like_component(component, graph.component(options.like))
+        like_component(component, _earlier(graph, options.like))
     return graph, before
+
+
+def _earlier(graph: SerialGraph, like: str) -> Component:
+    """The component that `--like` names."""
+    name, _, path = like.partition("=")
+    return (Checkpoint.load(Path(path)).graph() if path else graph).component(name)
 
 
 def _require_shape(camera: Camera, train: Cached) -> None:

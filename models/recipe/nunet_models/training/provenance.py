@@ -45,9 +45,14 @@ def _origin(options: argparse.Namespace) -> dict[str, Any]:
         "plug": {component: _file(Path(path)) for component, path in plugs.items()},
         "begin_with": options.begin_with and _file(options.begin_with),
         "imagenet": options.imagenet,
-        "like": options.like,
+        "like": options.like and _like(options.like),
     }
     return {name: value for name, value in origin.items() if value}
+
+
+def _like(like: str) -> str | dict[str, str]:
+    name, _, path = like.partition("=")
+    return {"component": name, **_file(Path(path))} if path else name
 
 
 def _file(path: Path) -> dict[str, str]:
