@@ -22,6 +22,12 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
+    /// Another recording is being written into the file.
+    #[error("`{}` is being written by another process\nhint: stop that one, or choose another name", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file does not begin as MCAP files do.
     #[error("`{}` is no MCAP file: {reason}", path.display())]
     NotMcap {

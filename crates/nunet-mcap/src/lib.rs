@@ -11,14 +11,14 @@ mod channels;
 mod error;
 mod foxglove_messages;
 mod messages;
+mod mount;
 mod picture;
 mod reader;
 mod records;
 mod writer;
 
 pub use error::RecordingError;
+pub use mount::Mount;
 pub use picture::{CameraDescription, Encoding, Picture};
 pub use reader::{Next, Recording, model_of_results};
-pub use writer::{
-    CloudRecord, DepthRecord, EncodedPicture, FrameRecord, Mount, RecordingWriter, WriterOptions,
-};
+pub use writer::{CloudRecord, DepthRecord, EncodedPicture, FrameRecord, RecordingWriter, WriterOptions};

@@ -1,7 +1,7 @@
 //! Results as ROS 2 messages in an MCAP file that opens wherever it was cut.
 
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{BufWriter, ErrorKind, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -10,8 +10,9 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 
 use crate::messages::{
     CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, Header, IMAGE, Image, POINT_CLOUD, PointCloud2,
-    PointField, Schema, TF_MESSAGE, TfMessage, Time, TransformStamped,
+    PointField, Schema, TF_MESSAGE, TfMessage, Time,
 };
+use crate::mount::Mount;
 use crate::picture::bytes;
 use crate::records::io;
 use crate::{CameraDescription, RecordingError, cdr};
@@ -44,15 +45,6 @@ pub struct WriterOptions {
     pub about: BTreeMap<String, String>,
     /// Overwrite a file that is there.
     pub force: bool,
-}
-
-/// A camera's place on the robot: the body frame (x forward, y left, z up) of the camera in the robot's `base_link`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mount {
-    /// Metres.
-    pub translation_m: [f64; 3],
-    /// Radians about the fixed axes x, y and z, in this order.
-    pub roll_pitch_yaw_rad: [f64; 3],
 }
 
 /// A JPEG or PNG file in memory.
@@ -123,23 +115,36 @@ pub struct RecordingWriter {
     whole: u64,
 }
 
+/// An empty file at `path`, locked for as long as it is open: two writers of one file would leave neither's recording.
+fn own_file(path: &Path, force: bool) -> Result<File, RecordingError> {
+    let mut how = File::options();
+    how.write(true);
+    if force {
+        how.create(true).truncate(false)
+    } else {
+        how.create_new(true)
+    };
+    let file = how.open(path).map_err(|source| match source.kind() {
+        ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_owned() },
+        _ => io("create", path, source),
+    })?;
+    // Where a file system has no locks, nobody can be asked.
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        return Err(RecordingError::InUse { path: path.to_owned() });
+    }
+    if force && file.metadata().is_ok_and(|file| file.is_file()) {
+        file.set_len(0).map_err(|source| io("empty", path, source))?;
+    }
+    Ok(file)
+}
+
 impl RecordingWriter {
     /// Makes the file.
     ///
     /// # Errors
-    /// A file that is there already, or a place where none can be made.
+    /// A file that is there already or is being written by somebody, or a place where none can be made.
     pub fn create(path: &Path, options: WriterOptions) -> Result<Self, RecordingError> {
-        let mut how = File::options();
-        how.write(true);
-        if options.force {
-            how.create(true).truncate(true)
-        } else {
-            how.create_new(true)
-        };
-        let file = how.open(path).map_err(|source| match source.kind() {
-            ErrorKind::AlreadyExists => RecordingError::Exists { path: path.to_owned() },
-            _ => io("create", path, source),
-        })?;
+        let file = own_file(path, options.force)?;
         let same_file = file.try_clone().map_err(|source| io("create", path, source))?;
         let write = WriteOptions::new()
             .profile("ros2")
@@ -364,39 +369,6 @@ impl<'a> CloudRecord<'a> {
     }
 }
 
-impl Mount {
-    /// From the robot's base to the camera's optical frame (REP 103: x right, y down, z forward).
-    fn transform<'a>(&self, header: &Header<'a>) -> TransformStamped<'a> {
-        let [roll, pitch, yaw] = self.roll_pitch_yaw_rad;
-        let about = |axis: [f64; 3], angle: f64| {
-            let (sin, cos) = (angle / 2.0).sin_cos();
-            [axis[0] * sin, axis[1] * sin, axis[2] * sin, cos]
-        };
-        let body = product(
-            product(about([0.0, 0.0, 1.0], yaw), about([0.0, 1.0, 0.0], pitch)),
-            about([1.0, 0.0, 0.0], roll),
-        );
-        const OPTICAL_IN_BODY: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
-        TransformStamped {
-            header: Header { stamp: header.stamp, frame_id: "base_link".into() },
-            child_frame_id: header.frame_id.clone(),
-            translation: self.translation_m,
-            rotation: product(body, OPTICAL_IN_BODY),
-        }
-    }
-}
-
-/// The rotation `b` followed by `a`; quaternions x, y, z, w.
-fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a, b);
-    [
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -439,35 +411,5 @@ mod tests {
         let messages = mcap::MessageStream::new(&bytes).unwrap().collect::<Result<Vec<_>, _>>().unwrap();
         assert_eq!(messages.len(), 1, "what was synced, with an end");
         assert_eq!(std::fs::read(&path).unwrap(), b"precious");
-    }
-
-    fn rotated(by: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
-        let [qx, qy, qz, qw] = by;
-        let [x, y, z, _] = product(product(by, [x, y, z, 0.0]), [-qx, -qy, -qz, qw]);
-        [x, y, z].map(|value| (value * 1e9).round() / 1e9)
-    }
-
-    fn forward(roll_pitch_yaw_rad: [f64; 3]) -> [f64; 3] {
-        let mount = Mount { translation_m: [0.0; 3], roll_pitch_yaw_rad };
-        let header = Header { stamp: Time::default(), frame_id: "eye".into() };
-        rotated(mount.transform(&header).rotation, [0.0, 0.0, 1.0])
-    }
-
-    #[test]
-    fn a_camera_without_rotation_looks_forward_and_its_rows_run_to_the_right() {
-        assert_eq!(forward([0.0; 3]), [1.0, 0.0, 0.0]);
-        let mount = Mount { translation_m: [0.0; 3], roll_pitch_yaw_rad: [0.0; 3] };
-        let header = Header { stamp: Time::default(), frame_id: "eye".into() };
-        let rotation = mount.transform(&header).rotation;
-        assert_eq!(rotated(rotation, [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0], "right is -y of the body");
-        assert_eq!(rotated(rotation, [0.0, 1.0, 0.0]), [0.0, 0.0, -1.0], "down is -z");
-    }
-
-    #[test]
-    fn yaw_turns_left_and_pitch_looks_down() {
-        let quarter = std::f64::consts::FRAC_PI_2;
-        assert_eq!(forward([0.0, 0.0, quarter]), [0.0, 1.0, 0.0]);
-        assert_eq!(forward([0.0, quarter, 0.0]), [0.0, 0.0, -1.0]);
-        assert_eq!(forward([0.0, quarter, quarter]), [0.0, 0.0, -1.0], "pitch comes before yaw");
     }
 }

@@ -323,6 +323,26 @@ fn a_file_that_is_there_is_not_overwritten() {
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
 }
 
+#[test]
+fn a_recording_that_is_being_written_is_not_overwritten_even_by_force() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("live.mcap");
+    let mut first = write_frames(&path, 2);
+    let options = WriterOptions {
+        camera: "other".to_owned(),
+        frame_id: String::new(),
+        mount: None,
+        about: BTreeMap::new(),
+        force: true,
+    };
+    first.sync().unwrap();
+    let written = std::fs::metadata(&path).unwrap().len();
+    let error = RecordingWriter::create(&path, options).map(drop).unwrap_err();
+    assert!(matches!(error, RecordingError::InUse { .. }), "{error}");
+    assert_eq!(std::fs::metadata(&path).unwrap().len(), written);
+    first.finish().unwrap();
+}
+
 /// `/dev/full` takes no byte. A disk that fills up later is tried with the daemon.
 #[test]
 fn a_disk_that_takes_nothing_is_told() {
