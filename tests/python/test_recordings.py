@@ -452,7 +452,7 @@ def test_a_folder_that_may_only_be_read_is_told_before_anything_is_made(nunetd, 
         ([*run, "--out", str(folder / "out")], folder / "out"),
         ([*run, "--out", str(folder)], folder),
         ([*run, "--stats-json", str(folder / "stats.json")], folder / "stats.json"),
-        ([*infer, str(tmp_path / "picture.png")], folder / "out"),
+        ([*infer, str(tmp_path / "picture.png")], folder),
         ([*meek, nunetd, "-q", "replay", str(bag), str(folder / "a.mcap"), *ONCE], folder / "a.mcap"),
     ]:
         done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
