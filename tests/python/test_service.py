@@ -65,8 +65,10 @@ def silent_pipe(_):
 
 
 def damaged_pictures(folder):
+    # More than come in the test's time: a round without a good one would end the source.
     (folder / "pictures").mkdir()
-    (folder / "pictures" / "0.png").write_bytes(b"no picture")
+    for number in range(1000):
+        (folder / "pictures" / f"{number:03}.png").write_bytes(b"no picture")
     return ["--source", str(folder / "pictures"), "--loop", "--rate", "20"]
 
 
@@ -80,6 +82,7 @@ def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watc
         ear.settimeout(1.5)
         with pytest.raises(TimeoutError):
             heard(ear, "WATCHDOG=1")
+        assert daemon.poll() is None, "it ended by itself"
         daemon.terminate()
         daemon.wait(timeout=30)
 
