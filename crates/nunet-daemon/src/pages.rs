@@ -3,7 +3,7 @@
 //! Huge pages for what a network works in.
 //!
 //! A network walks through its weights and activations for each frame: tens of megabytes, tens of thousands of pages of
-//! 4 KiB. In a virtual machine whose host is busy, finding those pages costs a third of the frame. Most
+//! 4 KiB. In a virtual machine, finding those pages costs a twentieth of the frame, and a third where its host is busy. Most
 //! distributions give huge pages on request only, and ONNX Runtime does not ask. So nunetd asks once, when the first
 //! run has shown what is used. It is advice: where the kernel does not follow, all works as before.
 
