@@ -16,6 +16,7 @@ use crate::exit::BadArguments;
 use crate::library::{self, Found};
 use crate::stream::Stop;
 use crate::telemetry::MonotonicClock;
+use crate::words::hexadecimal;
 use crate::{models, pages, vetting};
 
 /// ONNX Runtime, loaded, and how graphs are to run in it.
@@ -39,7 +40,7 @@ impl Loaded {
 
     /// The model file's SHA-256, hexadecimal.
     pub(crate) fn hash(&self) -> String {
-        self.graph.description().hash.iter().map(|byte| format!("{byte:02x}")).collect()
+        hexadecimal(&self.graph.description().hash)
     }
 }
 

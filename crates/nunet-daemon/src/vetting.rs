@@ -22,6 +22,7 @@ use crate::fault::{Fault, Refused};
 use crate::installation;
 use crate::library::{self, Found};
 use crate::stream::Stop;
+use crate::words::hexadecimal;
 
 /// Loading and one prediction on a slow board; a file that takes longer is refused.
 const TIME_LIMIT: Duration = Duration::from_secs(120);
@@ -224,10 +225,6 @@ impl Record {
             debug!("the verdict is not kept in `{}`: {error}", path.display());
         }
     }
-}
-
-fn hexadecimal(hash: &[u8]) -> String {
-    hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn try_keep(path: &Path, verdict: &Verdict) -> std::io::Result<()> {

@@ -1,10 +1,20 @@
-//! The pipeline's words as the contract's.
+//! The pipeline's words as the contract's, and what is written in one way everywhere.
 
 use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics, KannalaBrandt};
 use nunet_core::depth;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph;
 use nunet_ipc::{DistortionModel, Encoding, FrameHeader, Quality, ScaleSource, Units};
+
+/// The coordinate frame of a camera whose user names none.
+pub(crate) fn default_frame_id(camera: &str) -> String {
+    format!("{camera}_optical_frame")
+}
+
+/// A hash as people and files write it.
+pub(crate) fn hexadecimal(hash: &[u8]) -> String {
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
+}
 
 pub(crate) fn units(units: depth::Units) -> Units {
     match units {

@@ -8,6 +8,7 @@ use crate::channels::{Channels, Kind};
 use crate::foxglove_messages::{self, Said};
 use crate::messages::{CameraInfo, CompressedImage, Image};
 use crate::records::Records;
+use crate::writer::ABOUT;
 use crate::{CameraDescription, Picture, RecordingError, cdr};
 
 /// How many records are looked through for the camera of the first pictures, and how many bytes of messages.
@@ -15,9 +16,6 @@ const LOOK_AHEAD: usize = 10_000;
 const LOOK_AHEAD_BYTES: usize = 64 << 20;
 /// How many records without a picture are read before the caller is asked again.
 const PATIENCE: usize = 256;
-
-/// The name of the metadata in which [`RecordingWriter`](crate::RecordingWriter) says whose results a recording holds.
-const ABOUT: &str = "nunet";
 
 /// The model whose results stand in a recording that nunetd has written; `None` of every other recording, and of what is
 /// no recording.

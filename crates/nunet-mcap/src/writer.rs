@@ -17,6 +17,8 @@ use crate::picture::bytes;
 use crate::records::io;
 use crate::{CameraDescription, RecordingError, cdr};
 
+/// The name of the metadata that says whose results a recording holds.
+pub(crate) const ABOUT: &str = "nunet";
 /// Messages that are compressed together.
 const CHUNK_BYTES: u64 = 4 << 20;
 /// Depth is noise to a compressor: more effort takes time and saves nothing.
@@ -167,7 +169,7 @@ impl RecordingWriter {
         };
         let writer = write.create(BufWriter::new(file)).map_err(|source| recording.failed(source))?;
         recording.writer = Some(writer);
-        let about = Metadata { name: "nunet".to_owned(), metadata: options.about };
+        let about = Metadata { name: ABOUT.to_owned(), metadata: options.about };
         recording.with(|writer| writer.write_metadata(&about))?;
         Ok(recording)
     }

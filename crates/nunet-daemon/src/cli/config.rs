@@ -17,6 +17,7 @@ use toml::{Table, Value};
 
 use super::{RunArgs, StreamArgs};
 use crate::source::Kind;
+use crate::words::default_frame_id;
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;
@@ -352,7 +353,7 @@ fn resolved(flag: &str, matches: &ArgMatches) -> Option<String> {
         "camera" => Some(kind.default_camera().to_owned()),
         "frame-id" => {
             let camera = given("camera").unwrap_or_else(|| kind.default_camera().to_owned());
-            Some(format!("{camera}_optical_frame"))
+            Some(default_frame_id(&camera))
         }
         "rate" => kind.default_rate(),
         "size" => kind.default_size(),

@@ -78,7 +78,7 @@ impl Loans {
 /// # Errors
 /// One that would be cut.
 pub(crate) fn frame_id(camera: &CameraName, asked: Option<&str>) -> Result<String, BadArguments> {
-    let frame_id = asked.map_or_else(|| format!("{camera}_optical_frame"), str::to_owned);
+    let frame_id = asked.map_or_else(|| words::default_frame_id(camera.as_str()), str::to_owned);
     if frame_id.len() <= MAX_FRAME_ID {
         return Ok(frame_id);
     }

@@ -19,6 +19,7 @@ use crate::sink::stats::ModelName;
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source};
 use crate::stream::{Continuity, Optics, Stop, Stopped};
 use crate::telemetry::MonotonicClock;
+use crate::words::hexadecimal;
 
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
 const SYNC_FRAMES: u64 = 50;
@@ -196,7 +197,7 @@ impl Replay {
     fn finish(self, arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
         let Self { frames, failed, cut, .. } = self;
         self.writer.finish()?;
-        let hash: String = self.hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let hash = hexadecimal(self.hash.finalize().as_slice());
         let text = if arguments.json {
             json!({
                 "contract": nunet_ipc::CONTRACT_VERSION,

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 
 use crate::cli::{CameraArgs, VetArgs};
-use crate::engine::{Engine, tested_pipeline};
+use crate::engine::{Engine, tested};
 use crate::fault::Fault;
 use crate::{Outcome, vetting};
 
@@ -20,6 +20,6 @@ fn within_limits(arguments: &VetArgs) -> anyhow::Result<Outcome> {
     vetting::limit_this_process(&arguments.model, arguments.engine.provider)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load_trusted(arguments.model.clone(), &[], arguments.hash.clone())?;
-    tested_pipeline(loaded, &CameraArgs::default())?;
+    tested(loaded, &CameraArgs::default())?;
     Ok(Outcome::Done)
 }

@@ -15,6 +15,7 @@ use crate::cli::MountArg;
 use crate::exit::BadArguments;
 use crate::sink::stats::ModelName;
 use crate::source::Frame;
+use crate::words;
 
 /// Of pictures that did not come as files; losses below are hardly seen and the file is a tenth of the raw picture.
 const JPEG_QUALITY: u8 = 92;
@@ -43,7 +44,7 @@ impl About<'_> {
         });
         WriterOptions {
             camera: self.camera.to_owned(),
-            frame_id: self.frame_id.map_or_else(|| format!("{}_optical_frame", self.camera), str::to_owned),
+            frame_id: self.frame_id.map_or_else(|| words::default_frame_id(self.camera), str::to_owned),
             mount,
             about: about.map(|(key, value)| (key.to_owned(), value.to_owned())).into(),
             force: self.force,
