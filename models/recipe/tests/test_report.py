@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from nunet_models.cli import main
-from nunet_models.reporting.figures import evolution
+from nunet_models.reporting.figures import Answer, comparable_panels, evolution
 from nunet_models.reporting.table import metric_table, paper_table
 from nunet_models.training.log import RunLog
 
@@ -65,6 +66,23 @@ def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):
     assert "| mean image |" in (out / "report.md").read_text()
     for name in ("losses.png", "evolution.png", "pictures.png"):
         assert min(Image.open(out / name).size) > 200
+
+
+def test_networks_with_and_without_metres_are_shown_in_one_unit():
+    """Else the colours of the truth's metres would show a depth of 0..1 as one near wall."""
+    truth_m = np.array([[1.0, 3.0], [5.0, np.nan]], np.float32)
+    relative = Answer("relative", np.array([[0.0, 0.5], [1.0, 1.0]], np.float32), metric=False)
+    metric = Answer("metric", np.array([[2.0, 4.0], [6.0, 60.0]], np.float32), metric=True)
+
+    def shown(*answers):
+        return {caption: depth.tolist() for caption, depth in comparable_panels(truth_m, answers)}
+
+    assert shown(metric) == {"truth": ANY, "metric": metric.depth.tolist()}
+    of_both = shown(relative, metric)
+    assert list(of_both) == ["truth, 0..1", "relative", "metric"]
+    for caption, depth in of_both.items():
+        assert depth[0] == [0.0, 0.5], caption
+        assert depth[1][0] == 1.0, caption
 
 
 @pytest.mark.parametrize(

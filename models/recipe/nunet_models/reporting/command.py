@@ -3,12 +3,17 @@
 import argparse
 from pathlib import Path
 
-import numpy as np
-
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.reporting.figures import Panel, evolution, loss_curves, side_by_side
+from nunet_models.reporting.figures import (
+    Answer,
+    Panel,
+    comparable_panels,
+    evolution,
+    loss_curves,
+    side_by_side,
+)
 from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
 
 
@@ -61,8 +66,9 @@ def _panels(options: argparse.Namespace) -> list[list[Panel]]:
     rows = []
     for index in range(len(pairs)):
         pair = pairs[index]
-        row: list[Panel] = [(pair.id, pair.rgb), ("truth", pair.depth_m)]
-        for predictor in predictors:
-            row.append((predictor.path.stem, predictor(pair.rgb).depth.astype(np.float32)))
-        rows.append(row)
+        answers = [
+            Answer(p.path.stem, p(pair.rgb).depth, metric=p.encoding == "metric")
+            for p in predictors
+        ]
+        rows.append([(pair.id, pair.rgb), *comparable_panels(pair.depth_m, answers)])
     return rows

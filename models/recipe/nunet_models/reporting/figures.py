@@ -1,12 +1,15 @@
 """Figures: loss curves, a picture evolving over epochs, networks side by side."""
 
 import csv
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from nunet_models.errors import DataError
+from nunet_models.evaluation.compare import stretched
 from nunet_models.training.log import EVOLUTION
 
 DPI = 120
@@ -14,6 +17,15 @@ EPOCHS_SHOWN = 6  # as many as fit side by side on a page
 
 Panel = tuple[str, np.ndarray]
 """A caption, and a picture: colour uint8 `[H, W, 3]`, or depth float `[H, W]` with NaN = none."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A network's depth `[H, W]`, metres if `metric`, else 0 (nearest) to 1 of the picture."""
+
+    caption: str
+    depth: np.ndarray
+    metric: bool
 
 
 def loss_curves(runs: list[Path], out: Path) -> None:
@@ -30,8 +42,10 @@ def loss_curves(runs: list[Path], out: Path) -> None:
         name = "miou" if "miou" in epochs[0] else "rmse"
         values = [r[name] for r in epochs]
         right.plot([r["epoch"] for r in epochs], values, label=f"{run.name}: {name}", marker=".")
-    left.set(xlabel="step", ylabel="training loss")
+    # The first steps lose ten times what all others do: on an even scale these are one flat line.
+    left.set(xlabel="step", ylabel="training loss", yscale="log")
     right.set(xlabel="epoch", ylabel="validation")
+    right.xaxis.set_major_locator(MaxNLocator(integer=True))
     for axes in (left, right):
         axes.legend(fontsize="small")
         axes.grid(alpha=0.3)
@@ -42,14 +56,15 @@ def side_by_side(rows: list[list[Panel]], out: Path) -> None:
     """Rows of panels as one picture; the depth panels of a row share one colour scale.
 
     The scale is that of the row's first depth panel, the truth where there is one: another for
-    each network would hide an error of scale.
+    each network would hide an error of scale. It ends at the panel's 1st and 99th percentile, since
+    a network's few odd pixels at a picture's edge would take all colours from the rest.
     """
     columns = max(len(row) for row in rows)
     figure = Figure(figsize=(2.6 * columns, 2.1 * len(rows)), layout="constrained")
     axes = figure.subplots(len(rows), columns, squeeze=False)
     for line, row in zip(axes, rows, strict=True):
         depths = [picture for _, picture in row if picture.ndim == 2]
-        limits = (np.nanmin(depths[0]), np.nanmax(depths[0])) if depths else (0.0, 1.0)
+        limits = np.nanpercentile(depths[0], (1.0, 99.0)) if depths else (0.0, 1.0)
         for place, (caption, picture) in zip(line, row, strict=False):
             if picture.ndim == 2:
                 place.imshow(picture, cmap="turbo_r", vmin=limits[0], vmax=limits[1])
@@ -59,6 +74,21 @@ def side_by_side(rows: list[list[Panel]], out: Path) -> None:
         for place in line:
             place.axis("off")
     figure.savefig(out, dpi=DPI)
+
+
+def comparable_panels(truth_m: np.ndarray, answers: list[Answer]) -> list[Panel]:
+    """The truth and every answer in one unit: metres, or all 0..1 where one answer has no metres.
+
+    What is in metres is then stretched from its nearest to its farthest point, as the paper does.
+    """
+    if all(answer.metric for answer in answers):
+        return [("truth", truth_m)] + [(answer.caption, answer.depth) for answer in answers]
+    known = np.isfinite(truth_m)
+    panels: list[Panel] = [("truth, 0..1", stretched(truth_m, known))]
+    for answer in answers:
+        depth = stretched(answer.depth, known) if answer.metric else answer.depth
+        panels.append((answer.caption, depth))
+    return panels
 
 
 def evolution(run: Path) -> list[Panel]:
