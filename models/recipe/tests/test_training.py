@@ -1,6 +1,5 @@
 """Training of tiny networks: it learns, stops in time, and resumes to the same losses."""
 
-import csv
 import hashlib
 import json
 import shutil
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from runs import rows, train
 
 from nunet_models.classes import IGNORE
 from nunet_models.cli import main
@@ -25,23 +25,6 @@ from nunet_models.training.validate import validate
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.backbones import build_unet, check_drop_path
 from nunet_models.zoo.spec import LITE_DECODER
-
-
-def train(dataset, run, *more, component="segmentation", epochs=2):
-    return main(
-        [
-            "train",
-            *("--run", str(run), "--data", str(dataset), "--cache", str(dataset / "cache")),
-            *("--train-ids", str(dataset / "train.txt"), "--val-ids", str(dataset / "val.txt")),
-            *("--backbone", "tiny", "--inner-size", "96", "128", "--component", component),
-            *("--epochs", str(epochs), "--batch", "2", "--threads", "1", "--quiet", *more),
-        ]
-    )
-
-
-def rows(run, name):
-    with (run / name).open() as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,6 @@ from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
 from nunet_models.zoo import (
-    PAPER_DECODER,
     Component,
     GraphSpec,
     SerialGraph,
@@ -24,10 +23,9 @@ from nunet_models.zoo import (
     graph_spec,
 )
 from nunet_models.zoo.backbones import check_drop_path
-from nunet_models.zoo.spec import LITE_DECODER, Camera
+from nunet_models.zoo.spec import DECODERS, Camera
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
-DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
 SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
     "augmentation": sorted(AUGMENTATIONS),

@@ -23,6 +23,7 @@ from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.depthwise import quicken
 from nunet_models.training.ema import Averaged
 from nunet_models.training.log import RunLog
+from nunet_models.training.same_run import graph_differences, provenance_differences
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.validate import predictions, validate
@@ -285,19 +286,13 @@ class Trainer:
 
         # Errors
         `ConfigError` when the run in the folder is of another graph or another component, or was
-        started with other settings or other lists of ids.
+        started with other settings, other data or from other weights.
         """
         checkpoint = Checkpoint.load(self.folder / self.LAST)
         progress, name = checkpoint.progress, self.settings.component
         if progress is None:
             raise ConfigError(f"`{self.folder / self.LAST}` holds no training to resume")
-        known = name in checkpoint.settings and progress.get("trains", name) == name
-        if checkpoint.spec != self.graph.spec or not known:
-            raise ConfigError(
-                f"the run in `{self.folder}` trains another graph or component than `{name}` of "
-                f"`{self.graph.spec.architecture}`; hint: the options it was started with"
-            )
-        self._check_same_run(checkpoint.settings[name], progress)
+        self._check_same_run(checkpoint, progress)
         self.graph.load_state_dict(checkpoint.weights)
         live = [*progress.get("unfrozen", []), progress["component"]]
         for component, averaged, weights in zip(self.trained, self.averages, live, strict=True):
@@ -310,13 +305,25 @@ class Trainer:
         self.history = checkpoint.history[name]
         self.before = checkpoint
 
-    def _check_same_run(self, started: dict[str, Any], progress: dict[str, Any]) -> None:
+    def _check_same_run(self, started: Checkpoint, progress: dict[str, Any]) -> None:
         """Refuse options that the run in the folder was not started with."""
-        other = self.settings.differences(started)
+        name, spec = self.settings.component, self.graph.spec
+        known = name in started.settings and progress.get("trains", name) == name
+        other = graph_differences(started.spec, spec, name) if known else []
+        same_architecture = started.spec.architecture == spec.architecture
+        if not (known and same_architecture and (other or started.spec == spec)):
+            raise ConfigError(
+                f"the run in `{self.folder}` trains another graph or component than `{name}` of "
+                f"`{spec.architecture}`; hint: the options it was started with"
+            )
+        other += self.settings.differences(started.settings[name])
         before = progress.get("ids", {})  # absent in files of earlier versions
         for option, fingerprint in self._fingerprints().items():
             if before.get(option, fingerprint) != fingerprint:
                 other.append(f"another list than that of `{option}`")
+        other += provenance_differences(
+            started.provenance.get(name, {}), self.before.provenance.get(name, {})
+        )
         if other:
             raise ConfigError(
                 f"the run in `{self.folder}` was started with {'; '.join(other)}; "

@@ -14,6 +14,8 @@ PAPER_DECODER = (256, 128, 64, 32, 16)
 """Filters of the paper's decoder, deepest first."""
 LITE_DECODER = (128, 64, 48, 32, 16)
 """Filters that keep the decoder's cost in proportion to EfficientNet-Lite0's."""
+DECODERS = {"lite": LITE_DECODER, "paper": PAPER_DECODER}
+"""By the name that `train --decoder` takes."""
 
 
 @dataclass(frozen=True)

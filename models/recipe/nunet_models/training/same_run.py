@@ -1,0 +1,104 @@
+"""Whether the options describe the very run that is to be resumed."""
+
+from typing import Any
+
+from nunet_models.zoo.spec import DECODERS, Camera, GraphSpec
+
+_DATA_OPTIONS = {
+    "name": "--data",
+    "depth_scale": "--depth-scale",
+    "depth_offset": "--depth-offset",
+    "window": "--window",
+}
+_ORIGIN_OPTIONS = {
+    "start": "--start",
+    "begin_with": "--begin-with",
+    "imagenet": "--imagenet",
+    "like": "--like",
+}
+_DIGITS = 12  # of a SHA-256 that tell two files apart for a reader
+
+
+def graph_differences(started: GraphSpec, given: GraphSpec, component: str) -> list[str]:
+    """A phrase for each option that makes the graph to train `component` another one."""
+    before, now = (_graph_options(spec, component) for spec in (started, given))
+    return [
+        f"{_said(option, value)}, given {_said(option, now[option])}"
+        for option, value in before.items()
+        if value != now[option]
+    ]
+
+
+def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> list[str]:
+    """A phrase for each difference of data and of where the weights began (`run_provenance`).
+
+    The lists of ids are told apart elsewhere. Files are the same whose content is, wherever they
+    lie and however they are called. What `started` lacks is of an earlier version: it is not told.
+    """
+    found = []
+    before, now = started.get("data", {}), given.get("data", {})
+    for name, option in _DATA_OPTIONS.items():
+        if name in before and name in now and _plain(before[name]) != _plain(now[name]):
+            found.append(f"{_said(option, before[name])}, given {_said(option, now[name])}")
+    if "origin" in started and "origin" in given:
+        before, now = _origins(started["origin"]), _origins(given["origin"])
+        for option in before | now:
+            one, other = before.get(option), now.get(option)
+            if _content(one) != _content(other):
+                found.append(f"{_said(option, one)}, given {_said(option, other)}")
+    return found
+
+
+def _graph_options(spec: GraphSpec, component: str) -> dict[str, str]:
+    """A graph by the options that make it, as they are written on the command line."""
+    (trained,) = (c for c in spec.components if c.name == component)
+    decoders = {channels: name for name, channels in DECODERS.items()}
+    channels = [c.decoder_channels for c in spec.components]
+    return {
+        "--architecture": spec.architecture,
+        "--tasks": ",".join(c.task for c in spec.components),
+        "--sigmoid-joint": ",".join(c.name for c in spec.components if c.sigmoid_joint),
+        "--backbone": ",".join(c.backbone for c in spec.components),
+        "--decoder": ",".join(dict.fromkeys(decoders.get(c, str(c)) for c in channels)),
+        "--inner-size": "{} {}".format(*spec.inner_size),
+        "--encoding": spec.encoding,
+        "--intrinsics": _intrinsics(spec.camera),
+        "--dropout": str(trained.dropout),
+        "--drop-path": str(trained.drop_path),
+    }
+
+
+def _intrinsics(camera: Camera) -> str:
+    return f"{camera.fx:g},{camera.fy:g},cx,cy@{camera.width}x{camera.height}"
+
+
+def _origins(origin: dict[str, Any]) -> dict[str, Any]:
+    """Where weights began, by option; each plugged component apart."""
+    named = {option: origin[name] for name, option in _ORIGIN_OPTIONS.items() if name in origin}
+    plugs = origin.get("plug", {})
+    return named | {f"--plug {component}": file for component, file in plugs.items()}
+
+
+def _content(value: object) -> object:
+    """What of a value decides whether it is the same: of a file its content."""
+    if isinstance(value, dict):
+        return value.get("component"), value["sha256"]
+    return value
+
+
+def _plain(value: object) -> object:
+    return value.replace(" ", "") if isinstance(value, str) else value
+
+
+def _said(option: str, value: object) -> str:
+    """An option and its value as on the command line; `no OPTION` without one."""
+    if value is None or value == "":
+        return f"no `{option}`"
+    if value is True:
+        return f"`{option}`"
+    if isinstance(value, dict):
+        name, digest = value["file"], value["sha256"][:_DIGITS]
+        name = f"{value['component']}={name}" if "component" in value else name
+        between = "=" if option.startswith("--plug") else " "
+        return f"`{option}{between}{name}` (SHA-256 {digest}...)"
+    return f"`{option} {value}`"
