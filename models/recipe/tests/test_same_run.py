@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from conftest import write_dataset
 from runs import train
 
 from nunet_models.training.checkpoint import Checkpoint
@@ -96,3 +97,45 @@ def test_an_option_that_makes_another_graph_is_named(dataset, tmp_path, capsys, 
     assert train(dataset, tmp_path, *STOP, *UNET, component="depth") == 0
     assert train(dataset, tmp_path, "--resume", *UNET, *given, component="depth") == 1
     assert f"was started with {word}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        (
+            ("--architecture", "wnet_c"),
+            "`--architecture wnet`, given `--architecture wnet_c`; hint",
+        ),
+        (
+            ("--backbone", "resnet18"),
+            "`--backbone tiny,tiny`, given `--backbone resnet18,resnet18`;",
+        ),
+        (("--backbone", "tiny,tiny,tiny"), "tiny,tiny`, given `--backbone tiny,tiny,tiny`; hint"),
+        (("--decoder", "paper"), "`--decoder lite`, given `--decoder paper`; hint: "),
+        (("--inner-size", "48", "64"), "`--inner-size 96 128`, given `--inner-size 48 64`; hint: "),
+        (("--encoding", "minmax"), "`--encoding metric`, given `--encoding minmax`; hint: "),
+    ],
+)
+def test_an_option_that_asks_for_another_graph_than_start_s_is_refused(
+    started, tmp_path, capsys, given, word
+):
+    dataset, best = started
+    assert train(dataset, tmp_path, "--start", str(best), *given, component="depth") == 1
+    said = capsys.readouterr().err
+    assert f"`--start {best}` is a graph of " in said and word in said
+    assert "leave such options out with `--start`" in said
+    assert not (tmp_path / "last.pt").exists()
+
+
+def test_options_that_ask_for_the_graph_that_start_has_are_taken(started, tmp_path):
+    dataset, best = started
+    same = ("--architecture", "wnet", "--decoder", "lite", "--encoding", "metric")
+    assert train(dataset, tmp_path, "--start", str(best), *same, *STOP, component="depth") == 0
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("started")
+    write_dataset(folder / "rooms")
+    assert train(folder / "rooms", folder / "run", "--architecture", "wnet", epochs=1) == 0
+    return folder / "rooms", folder / "run" / "best.pt"

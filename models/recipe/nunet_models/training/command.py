@@ -1,7 +1,7 @@
 """The verb `train`."""
 
 import argparse
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import torch
@@ -10,21 +10,11 @@ from nunet_models.data.cache import Cached
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.data.pairs import read_ids
 from nunet_models.errors import ConfigError
-from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.graph import add_graph_options, build_graph, require_shape
 from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
-from nunet_models.zoo import (
-    Component,
-    GraphSpec,
-    SerialGraph,
-    architecture_names,
-    graph_spec,
-)
-from nunet_models.zoo.backbones import check_drop_path
-from nunet_models.zoo.spec import DECODERS, Camera
-from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
 
 SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
@@ -56,59 +46,9 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         metavar="PICTURE",
         help="the picture whose prediction each validation keeps (default: the first one of them)",
     )
-    _add_graph_options(parser)
+    add_graph_options(parser)
     _add_settings(parser)
     parser.set_defaults(carry_out=run)
-
-
-def _add_graph_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("graph")
-    group.add_argument("--architecture", default="wnet_c", help=architecture_names())
-    group.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
-    group.add_argument("--decoder", choices=sorted(DECODERS), default="lite")
-    group.add_argument(
-        "--tasks",
-        metavar="TASK,TASK...",
-        help="one a component, `segmentation` or `depth`, instead of the architecture's own; a "
-        "component whose task changes is called by task and place, such as `depth1`",
-    )
-    group.add_argument(
-        "--sigmoid-joint",
-        action="append",
-        default=[],
-        metavar="COMPONENT",
-        help="keep the final sigmoid on what the next component reads, as the paper's code does",
-    )
-    group.add_argument("--inner-size", type=int, nargs=2, default=(240, 320), metavar=("H", "W"))
-    group.add_argument("--encoding", choices=("metric", "minmax"), default="metric")
-    group.add_argument(
-        "--intrinsics",
-        metavar="fx,fy,cx,cy@WxH",
-        help="camera of the training pictures, for nunetd's focal scaling (default: that of "
-        "`--start`, else NYU Depth V2's)",
-    )
-    group.add_argument("--dropout", type=float, default=0.0)
-    group.add_argument("--drop-path", type=float, default=0.0, help="for timm's backbones alone")
-    group.add_argument("--start", type=Path, help="checkpoint to take the whole graph from")
-    group.add_argument(
-        "--plug",
-        action="append",
-        default=[],
-        metavar="COMPONENT=CHECKPOINT",
-        help="take a component, trained in whatever graph, from a checkpoint",
-    )
-    group.add_argument(
-        "--begin-with",
-        type=Path,
-        metavar="CHECKPOINT",
-        help="start from the component of this name in another graph",
-    )
-    group.add_argument("--imagenet", action="store_true", help="start the encoder from ImageNet")
-    group.add_argument(
-        "--like",
-        metavar="COMPONENT[=CHECKPOINT]",
-        help="start as an earlier component is, of this graph or of a checkpoint",
-    )
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
@@ -146,10 +86,10 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
     _check_ids(options)
     torch.manual_seed(settings.seed)
-    graph, before = _graph(options)
+    graph, before = build_graph(options)
     train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
     if options.intrinsics:
-        _require_shape(graph.spec.camera, train)
+        require_shape(graph.spec.camera, train)
     before.provenance[settings.component] = run_provenance(options, train=train.ids, val=val.ids)
     trainer = Trainer(
         graph,
@@ -186,83 +126,3 @@ def _check_ids(options: argparse.Namespace) -> None:
             f"`--batch {options.batch}` of them, as an epoch has whole batches only; "
             f"hint: `--batch {len(train)}` or less"
         )
-
-
-def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> GraphSpec:
-    """The graph as the options and the checkpoint to start from say."""
-    if options.start and (options.tasks or options.sigmoid_joint):
-        raise ConfigError(
-            "`--start` takes tasks and sigmoids from its checkpoint; hint: leave `--tasks` and "
-            "`--sigmoid-joint` out, or `--plug` components into a graph that has them"
-        )
-    spec = before.spec if before is not None else _spec(options)
-    if options.intrinsics:
-        spec = replace(spec, camera=Camera.from_intrinsics(options.intrinsics))
-    if options.component not in [c.name for c in spec.components]:
-        raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
-    if options.drop_path and not (options.folder / Trainer.LAST).exists():
-        # (a run to resume may be of a version that took it for any backbone)
-        for component in spec.components:
-            if component.name == options.component:
-                check_drop_path(component.backbone)
-    components = tuple(
-        c.changed(dropout=options.dropout, drop_path=options.drop_path)
-        if c.name == options.component
-        else c
-        for c in spec.components
-    )
-    return replace(spec, components=components)
-
-
-def _graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
-    """The graph to train, and the checkpoint whose history goes on."""
-    before = Checkpoint.load(options.start) if options.start else None
-    graph = SerialGraph(_graph_spec(options, before))
-    if before is not None:
-        graph.load_state_dict(before.weights)
-    before = before or Checkpoint(graph.spec, {})
-    for plug in options.plug:
-        name, _, path = plug.partition("=")
-        other = Checkpoint.load(Path(path))
-        graph.component(name).load_weights(other.component_weights(name))
-        before.history[name] = other.history.get(name, [])
-        before.settings[name] = other.settings.get(name, {})
-        before.provenance[name] = other.provenance.get(name, {})
-    component = graph.component(options.component)
-    if options.begin_with:
-        begin_with(
-            component, Checkpoint.load(options.begin_with).component_weights(options.component)
-        )
-    if options.imagenet:
-        imagenet_encoder(component)
-    if options.like:
-        like_component(component, _earlier(graph, options.like))
-    return graph, before
-
-
-def _earlier(graph: SerialGraph, like: str) -> Component:
-    """The component that `--like` names."""
-    name, _, path = like.partition("=")
-    return (Checkpoint.load(Path(path)).graph() if path else graph).component(name)
-
-
-def _require_shape(camera: Camera, train: Cached) -> None:
-    """The camera's pictures and those of the data may differ in size, not in shape."""
-    height, width = train.depth.shape[1:]
-    if camera.width * height != camera.height * width:
-        raise ConfigError(
-            f"`--intrinsics` is of pictures of {camera.width}x{camera.height}; the training "
-            f"pictures are {width}x{height}; hint: intrinsics at that size, scaled or cropped"
-        )
-
-
-def _spec(options: argparse.Namespace) -> GraphSpec:
-    return graph_spec(
-        options.architecture,
-        backbone=options.backbone,
-        decoder=DECODERS[options.decoder],
-        inner_size=tuple(options.inner_size),
-        encoding=options.encoding,
-        tasks=options.tasks.split(",") if options.tasks else (),
-        sigmoid_joints=options.sigmoid_joint,
-    )

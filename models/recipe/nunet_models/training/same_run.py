@@ -1,4 +1,4 @@
-"""Whether the options describe the very run that is to be resumed."""
+"""What of a run's graph, data and weights differs from what options describe, option by option."""
 
 from typing import Any
 
@@ -21,9 +21,9 @@ _DIGITS = 12  # of a SHA-256 that tell two files apart for a reader
 
 def graph_differences(started: GraphSpec, given: GraphSpec, component: str) -> list[str]:
     """A phrase for each option that makes the graph to train `component` another one."""
-    before, now = (_graph_options(spec, component) for spec in (started, given))
+    before, now = (_graph_options_of(spec, component) for spec in (started, given))
     return [
-        f"{_said(option, value)}, given {_said(option, now[option])}"
+        f"{said(option, value)}, given {said(option, now[option])}"
         for option, value in before.items()
         if value != now[option]
     ]
@@ -39,19 +39,18 @@ def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> li
     before, now = started.get("data", {}), given.get("data", {})
     for name, option in _DATA_OPTIONS.items():
         if name in before and name in now and _plain(before[name]) != _plain(now[name]):
-            found.append(f"{_said(option, before[name])}, given {_said(option, now[name])}")
+            found.append(f"{said(option, before[name])}, given {said(option, now[name])}")
     if "origin" in started and "origin" in given:
         before, now = _origins(started["origin"]), _origins(given["origin"])
         for option in before | now:
             one, other = before.get(option), now.get(option)
             if _content(one) != _content(other):
-                found.append(f"{_said(option, one)}, given {_said(option, other)}")
+                found.append(f"{said(option, one)}, given {said(option, other)}")
     return found
 
 
-def _graph_options(spec: GraphSpec, component: str) -> dict[str, str]:
+def graph_options(spec: GraphSpec) -> dict[str, str]:
     """A graph by the options that make it, as they are written on the command line."""
-    (trained,) = (c for c in spec.components if c.name == component)
     decoders = {channels: name for name, channels in DECODERS.items()}
     channels = [c.decoder_channels for c in spec.components]
     return {
@@ -63,9 +62,14 @@ def _graph_options(spec: GraphSpec, component: str) -> dict[str, str]:
         "--inner-size": "{} {}".format(*spec.inner_size),
         "--encoding": spec.encoding,
         "--intrinsics": _intrinsics(spec.camera),
-        "--dropout": str(trained.dropout),
-        "--drop-path": str(trained.drop_path),
     }
+
+
+def _graph_options_of(spec: GraphSpec, component: str) -> dict[str, str]:
+    """The same, with those of the component in training."""
+    (trained,) = (c for c in spec.components if c.name == component)
+    more = {"--dropout": str(trained.dropout), "--drop-path": str(trained.drop_path)}
+    return graph_options(spec) | more
 
 
 def _intrinsics(camera: Camera) -> str:
@@ -90,7 +94,7 @@ def _plain(value: object) -> object:
     return value.replace(" ", "") if isinstance(value, str) else value
 
 
-def _said(option: str, value: object) -> str:
+def said(option: str, value: object) -> str:
     """An option and its value as on the command line; `no OPTION` without one."""
     if value is None or value == "":
         return f"no `{option}`"

@@ -1,0 +1,191 @@
+"""The graph to train: the options that say which, and where its weights begin."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from nunet_models.data.cache import Cached
+from nunet_models.errors import ConfigError
+from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.training.same_run import graph_options, said
+from nunet_models.training.trainer import Trainer
+from nunet_models.zoo import Component, GraphSpec, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo.backbones import check_drop_path
+from nunet_models.zoo.dense import DENSE
+from nunet_models.zoo.spec import DECODERS, Camera
+from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component
+
+
+def add_graph_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that `build_graph` reads, all unset (None) unless they are given."""
+    group = parser.add_argument_group("graph")
+    group.add_argument("--architecture", help=f"{architecture_names()} (default wnet_c)")
+    group.add_argument("--backbone", help="one, or a list by comma (default efficientnet_lite0)")
+    group.add_argument("--decoder", choices=sorted(DECODERS), help="default lite")
+    group.add_argument(
+        "--tasks",
+        metavar="TASK,TASK...",
+        help="one a component, `segmentation` or `depth`, instead of the architecture's own; a "
+        "component whose task changes is called by task and place, such as `depth1`",
+    )
+    group.add_argument(
+        "--sigmoid-joint",
+        action="append",
+        default=[],
+        metavar="COMPONENT",
+        help="keep the final sigmoid on what the next component reads, as the paper's code does",
+    )
+    group.add_argument(
+        "--inner-size", type=int, nargs=2, metavar=("H", "W"), help="default 240 320"
+    )
+    group.add_argument("--encoding", choices=("metric", "minmax"), help="default metric")
+    group.add_argument(
+        "--intrinsics",
+        metavar="fx,fy,cx,cy@WxH",
+        help="camera of the training pictures, for nunetd's focal scaling (default: that of "
+        "`--start`, else NYU Depth V2's)",
+    )
+    group.add_argument("--dropout", type=float, default=0.0)
+    group.add_argument("--drop-path", type=float, default=0.0, help="for timm's backbones alone")
+    group.add_argument(
+        "--start",
+        type=Path,
+        help="checkpoint to take the whole graph from, with architecture, backbones and sizes",
+    )
+    group.add_argument(
+        "--plug",
+        action="append",
+        default=[],
+        metavar="COMPONENT=CHECKPOINT",
+        help="take a component, trained in whatever graph, from a checkpoint",
+    )
+    group.add_argument(
+        "--begin-with",
+        type=Path,
+        metavar="CHECKPOINT",
+        help="start from the component of this name in another graph",
+    )
+    group.add_argument("--imagenet", action="store_true", help="start the encoder from ImageNet")
+    group.add_argument(
+        "--like",
+        metavar="COMPONENT[=CHECKPOINT]",
+        help="start as an earlier component is, of this graph or of a checkpoint",
+    )
+
+
+def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> GraphSpec:
+    """The graph as the options and the checkpoint to start from say."""
+    if before is not None:
+        _check_of_start(options, before.spec)
+    spec = before.spec if before is not None else _spec(options)
+    if options.intrinsics:
+        spec = replace(spec, camera=Camera.from_intrinsics(options.intrinsics))
+    if options.component not in [c.name for c in spec.components]:
+        raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
+    if options.drop_path and not (options.folder / Trainer.LAST).exists():
+        # (a run to resume may be of a version that took it for any backbone)
+        for component in spec.components:
+            if component.name == options.component:
+                check_drop_path(component.backbone)
+    components = tuple(
+        c.changed(dropout=options.dropout, drop_path=options.drop_path)
+        if c.name == options.component
+        else c
+        for c in spec.components
+    )
+    return replace(spec, components=components)
+
+
+def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
+    """The graph to train, and the checkpoint whose history goes on.
+
+    # Errors
+    `ConfigError` for options that do not fit each other or the checkpoints that they name.
+    """
+    before = Checkpoint.load(options.start) if options.start else None
+    graph = SerialGraph(_graph_spec(options, before))
+    if before is not None:
+        graph.load_state_dict(before.weights)
+    before = before or Checkpoint(graph.spec, {})
+    for plug in options.plug:
+        name, _, path = plug.partition("=")
+        other = Checkpoint.load(Path(path))
+        graph.component(name).load_weights(other.component_weights(name))
+        before.history[name] = other.history.get(name, [])
+        before.settings[name] = other.settings.get(name, {})
+        before.provenance[name] = other.provenance.get(name, {})
+    component = graph.component(options.component)
+    if options.begin_with:
+        begin_with(
+            component, Checkpoint.load(options.begin_with).component_weights(options.component)
+        )
+    if options.imagenet:
+        imagenet_encoder(component)
+    if options.like:
+        like_component(component, _earlier(graph, options.like))
+    return graph, before
+
+
+def _earlier(graph: SerialGraph, like: str) -> Component:
+    """The component that `--like` names."""
+    name, _, path = like.partition("=")
+    return (Checkpoint.load(Path(path)).graph() if path else graph).component(name)
+
+
+def require_shape(camera: Camera, train: Cached) -> None:
+    """The camera's pictures and those of the data may differ in size, not in shape."""
+    height, width = train.depth.shape[1:]
+    if camera.width * height != camera.height * width:
+        raise ConfigError(
+            f"`--intrinsics` is of pictures of {camera.width}x{camera.height}; the training "
+            f"pictures are {width}x{height}; hint: intrinsics at that size, scaled or cropped"
+        )
+
+
+def _check_of_start(options: argparse.Namespace, spec: GraphSpec) -> None:
+    """Refuse what would make another graph than that of `--start`, which is taken whole."""
+    if options.tasks or options.sigmoid_joint:
+        raise ConfigError(
+            "`--start` takes tasks and sigmoids from its checkpoint; hint: leave `--tasks` and "
+            "`--sigmoid-joint` out, or `--plug` components into a graph that has them"
+        )
+    its = graph_options(spec)
+    other = [
+        f"{said(option, its[option])}, given {said(option, given)}"
+        for option, given in _asked(options, spec).items()
+        if given != its[option]
+    ]
+    if other:
+        raise ConfigError(
+            f"`--start {options.start}` is a graph of {'; '.join(other)}; hint: leave such options "
+            "out with `--start`, or `--plug` components into a graph that has them"
+        )
+
+
+def _asked(options: argparse.Namespace, spec: GraphSpec) -> dict[str, str]:
+    """The options that were given of those that make a graph, as `graph_options` has them."""
+    backbone = options.backbone
+    if backbone and "," not in backbone:  # of every U-Net
+        each = (c.backbone if c.backbone in DENSE else backbone for c in spec.components)
+        backbone = ",".join(each)
+    asked = {
+        "--architecture": options.architecture,
+        "--backbone": backbone,
+        "--decoder": options.decoder,
+        "--inner-size": options.inner_size and "{} {}".format(*options.inner_size),
+        "--encoding": options.encoding,
+    }
+    return {option: given for option, given in asked.items() if given}
+
+
+def _spec(options: argparse.Namespace) -> GraphSpec:
+    """The graph of a run that starts anew: what was not given is as the model that ships has it."""
+    return graph_spec(
+        options.architecture or "wnet_c",
+        backbone=options.backbone or "efficientnet_lite0",
+        decoder=DECODERS[options.decoder or "lite"],
+        inner_size=tuple(options.inner_size or (240, 320)),
+        encoding=options.encoding or "metric",
+        tasks=options.tasks.split(",") if options.tasks else (),
+        sigmoid_joints=options.sigmoid_joint,
+    )
