@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from nunet_models.errors import RecipeError
+from nunet_models.errors import OptionError, RecipeError
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import annotate as annotate_command
 from nunet_models.export import command as export_command
@@ -12,6 +12,7 @@ from nunet_models.reporting import command as report_command
 from nunet_models.training import command as train_command
 
 EXIT_FAILURE = 1
+EXIT_USAGE = 2  # argparse's own, too
 EXIT_INTERRUPTED = 130
 
 VERBS = (
@@ -40,6 +41,6 @@ def main(arguments: list[str] | None = None) -> int:
         return options.carry_out(options)
     except (RecipeError, OSError) as error:
         print(f"nunet_models: {error}", file=sys.stderr)
-        return EXIT_FAILURE
+        return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

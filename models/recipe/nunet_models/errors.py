@@ -13,5 +13,9 @@ class ConfigError(RecipeError):
     """An option, architecture or checkpoint does not fit the others."""
 
 
+class OptionError(ConfigError):
+    """An option has a value that it cannot have, whatever the files hold."""
+
+
 class ExportError(RecipeError):
     """An exported file does not compute what the trained network computes."""

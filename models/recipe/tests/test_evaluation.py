@@ -23,6 +23,7 @@ from nunet_models.evaluation.compare import (
 )
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import EIGEN, FULL
+from nunet_models.export.onnx_file import read_metadata, write_metadata
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 
@@ -134,13 +135,14 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     rows = tmp_path / "rows.csv"
     code = main(
         [
-            *("evaluate", "--model", str(TINY), "--data", str(dataset), "--protocol", "full"),
+            *("evaluate", "--model", str(TINY), "--data", str(dataset)),
             *("--ids", str(dataset / "val.txt"), "--baseline-ids", str(dataset / "train.txt")),
             *("--csv", str(rows), "--clip"),
         ]
     )
     found = json.loads(capsys.readouterr().out)
     assert code == 0
+    assert found["protocol"] == "full", "as of `nunetd eval`"
     assert found["pictures"] == 2 and len(rows.read_text().splitlines()) == 3
     deltas = ["delta1", "delta2", "delta3"]
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
@@ -150,9 +152,9 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert found["clip"]["flicker_m"] >= 0
 
 
-def evaluate(dataset, *more, model=TINY, protocol="full"):
+def evaluate(dataset, *more, model=TINY):
     data = ("--data", str(dataset), "--ids", str(dataset / "val.txt"))
-    return main(["evaluate", "--model", str(model), "--protocol", protocol, *data, *more])
+    return main(["evaluate", "--model", str(model), *data, *more])
 
 
 @pytest.mark.parametrize(
@@ -200,7 +202,7 @@ def test_a_folder_without_labels_is_said_once(dataset, capsys):
 
 
 def test_eigen_s_crop_names_the_picture_of_another_size(dataset, capsys):
-    assert evaluate(dataset, protocol="eigen") == 1
+    assert evaluate(dataset, "--protocol", "eigen") == 1
     said = capsys.readouterr().err
     assert "picture `0004`: protocol `eigen` is for pictures of (480, 640)" in said
     assert "hint: `--protocol full`" in said
@@ -246,3 +248,36 @@ def test_one_frame_is_no_clip(dataset, capsys):
 def test_frames_without_depth_have_no_clip_figures():
     frames = [a_pair(np.full((8, 8), np.nan))] * 2
     assert set(clip_figures(frames, answering(np.ones((8, 8)))).values()) == {None}
+
+
+@pytest.mark.parametrize("fx", ["0", "-500", "nan", "inf"])
+def test_a_focal_length_that_is_none_is_a_bad_argument(dataset, capsys, fx):
+    assert evaluate(dataset, f"--fx={fx}") == 2
+    said = capsys.readouterr()
+    assert f"`--fx {float(fx)}`; expected a focal length in pixels, more than 0; hint" in said.err
+    assert not said.out
+
+
+@pytest.fixture
+def stretching(tmp_path):
+    """A model file whose numbers are taken for depth stretched to 0..1."""
+    path = tmp_path / "stretching.onnx"
+    shutil.copy(TINY, path)
+    write_metadata(path, {**read_metadata(path), "nunet.depth.encoding": "minmax"})
+    return path
+
+
+def test_the_focal_length_scales_metres_and_nothing_else(dataset, stretching, capsys):
+    def figures(model, *more):
+        assert evaluate(dataset, *more, model=model) == 0
+        return json.loads(capsys.readouterr().out)
+
+    fx = ("--fx", "1000")
+    assert figures(TINY, *fx)["metrics"] != figures(TINY)["metrics"]
+    assert figures(stretching, *fx) == figures(stretching)
+
+
+def test_a_clip_of_a_network_without_metres_is_refused(dataset, stretching, capsys):
+    assert evaluate(dataset, "--clip", model=stretching) == 1
+    said = capsys.readouterr().err
+    assert f"`--clip` compares metres, but `{stretching}` gives depth as `minmax`; hint: " in said

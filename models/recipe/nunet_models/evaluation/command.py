@@ -3,6 +3,7 @@
 import argparse
 import csv
 import json
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,8 +13,8 @@ import numpy as np
 from tqdm import tqdm
 
 from nunet_models.data.options import add_data_options, open_pairs
-from nunet_models.data.pairs import Pair, Pairs
-from nunet_models.errors import DataError
+from nunet_models.data.pairs import Pair, Pairs, read_ids
+from nunet_models.errors import ConfigError, DataError, OptionError
 from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
     ROW,
@@ -35,9 +36,23 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     add_data_options(parser)
     parser.add_argument("--ids", type=Path, required=True, help="pictures to measure on")
     parser.add_argument("--baseline-ids", type=Path, help="training pictures, for the mean image")
-    parser.add_argument("--protocol", choices=sorted(PROTOCOLS), default="eigen")
-    parser.add_argument("--fx", type=float, help="focal length in pixels; scales metric depth")
-    parser.add_argument("--clip", action="store_true", help="the ids are frames of one video")
+    parser.add_argument(
+        "--protocol",
+        choices=sorted(PROTOCOLS),
+        default="full",
+        help="whole pictures, or Eigen's crop of NYU Depth V2's (default %(default)s)",
+    )
+    parser.add_argument(
+        "--fx",
+        type=float,
+        help="focal length in pixels of the pictures; scales depth of networks that give metres, "
+        "and of no other",
+    )
+    parser.add_argument(
+        "--clip",
+        action="store_true",
+        help="the ids are frames of one video; for networks that give metres",
+    )
     parser.add_argument("--csv", type=Path, help="write a row a picture")
     parser.add_argument("--threads", type=int, default=1)
     parser.set_defaults(carry_out=run)
@@ -45,17 +60,18 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
+    if options.fx is not None and not 0.0 < options.fx < math.inf:
+        raise OptionError(
+            f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
+            "number of the camera's matrix, at the pictures' size"
+        )
     predictor = Predictor(options.model, threads=options.threads)
+    _check_clip(options, predictor)
     pairs = open_pairs(options, options.ids)
     if predictor.classes and not pairs.has_labels:
         print(
             f"nunet_models: no label figures: `{options.data}` has no folder `labels` or `label40`",
             file=sys.stderr,
-        )
-    if options.clip and len(pairs) < 2:
-        raise DataError(
-            f"`{options.ids}` names one picture; expected two frames or more of a video; hint: "
-            "leave `--clip` out"
         )
     predict = _focal_scaled(predictor, options.fx)
     # First, since its pictures may not fit and a network takes minutes.
@@ -64,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
         _progress(pairs, predictor.path.name),
         predict,
         protocol=PROTOCOLS[options.protocol],
-        metric=predictor.encoding == "metric",
+        metric=predictor.metric,
         classes=len(predictor.classes),
     )
     found = {
@@ -84,13 +100,30 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _check_clip(options: argparse.Namespace, predictor: Predictor) -> None:
+    """Refuse to measure a clip without metres or without a second frame."""
+    if not options.clip:
+        return
+    if not predictor.metric:
+        raise ConfigError(
+            f"`--clip` compares metres, but `{options.model}` gives depth as "
+            f"`{predictor.encoding}`; hint: leave `--clip` out, `minmax` holds such a network's "
+            "figures"
+        )
+    if len(read_ids(options.ids)) < 2:
+        raise DataError(
+            f"`{options.ids}` names one picture; expected two frames or more of a video; hint: "
+            "leave `--clip` out"
+        )
+
+
 def _progress(pairs: Pairs, what: str) -> Iterator[Pair]:
     for index in tqdm(range(len(pairs)), desc=what, unit="picture", disable=None):
         yield pairs[index]
 
 
 def _focal_scaled(predictor: Predictor, fx_px: float | None) -> Predict:
-    if fx_px is None:
+    if fx_px is None or not predictor.metric:  # 0..1 is the same for every camera
         return predictor
 
     def predict(rgb: np.ndarray) -> Prediction:

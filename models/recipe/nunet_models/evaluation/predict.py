@@ -47,6 +47,11 @@ class Predictor:
             )
 
     @property
+    def metric(self) -> bool:
+        """Whether depth is in metres; else it is stretched from 0 to 1, picture by picture."""
+        return self.encoding == "metric"
+
+    @property
     def classes(self) -> list[str]:
         """Names of the labels; empty where the model gives none."""
         return json.loads(self.metadata.get("nunet.classes", "[]"))

@@ -66,9 +66,6 @@ def _panels(options: argparse.Namespace) -> list[list[Panel]]:
     rows = []
     for index in range(len(pairs)):
         pair = pairs[index]
-        answers = [
-            Answer(p.path.stem, p(pair.rgb).depth, metric=p.encoding == "metric")
-            for p in predictors
-        ]
+        answers = [Answer(p.path.stem, p(pair.rgb).depth, metric=p.metric) for p in predictors]
         rows.append([(pair.id, pair.rgb), *comparable_panels(pair.depth_m, answers)])
     return rows
