@@ -6,6 +6,7 @@ does, every loss is at its least and moves no weight. Where a loss works in loga
 tensors are its arguments.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -13,7 +14,7 @@ import torch
 import torch.nn.functional as F
 
 from nunet_models.classes import IGNORE
-from nunet_models.errors import ConfigError
+from nunet_models.errors import OptionError
 
 CLIP = 1e-7
 """Least number of which a logarithm is taken, as in the paper's code (Keras' epsilon)."""
@@ -53,7 +54,7 @@ def scale_invariant(
     free.
 
     # Errors
-    `ConfigError` for another `lam`.
+    `OptionError` for another `lam`.
     """
     _check_lambda(lam)
     d = predicted.float().clamp(min=CLIP).log1p() - truth.clamp(min=CLIP).log1p()
@@ -62,7 +63,7 @@ def scale_invariant(
 
 def _check_lambda(lam: float) -> None:
     if not 0.0 <= lam < 1.0:
-        raise ConfigError(
+        raise OptionError(
             f"lambda of the loss `scale_invariant` is {lam}; expected 0 <= lambda < 1; "
             f"hint: the paper's is {LAMBDA}"
         )
@@ -176,17 +177,30 @@ def parse_loss(text: str) -> dict[str, float]:
     `scale_invariant:0.85=1` is the scale-invariant loss with a lambda of its own.
 
     # Errors
-    `ConfigError` for an unknown name, a weight that is no number, or a lambda outside [0, 1).
+    `OptionError` for an unknown name, one named twice, a weight that is no number above 0, or a
+    lambda outside [0, 1).
     """
     weights = {}
     for part in text.split(","):
         name, _, weight = part.strip().partition("=")
         _loss_of(name)
-        try:
-            weights[name] = float(weight or 1.0)
-        except ValueError as error:
-            raise ConfigError(f"weight `{weight}` of loss `{name}` is not a number") from error
+        if name in weights:
+            raise OptionError(f"`--loss {text}` names `{name}` twice; hint: one weight for it")
+        weights[name] = _weight(weight, name) if weight else 1.0
     return weights
+
+
+def _weight(text: str, name: str) -> float:
+    try:
+        weight = float(text)
+    except ValueError as error:
+        raise OptionError(f"weight `{text}` of loss `{name}` is not a number") from error
+    if not 0.0 < weight < math.inf:
+        raise OptionError(
+            f"weight `{text}` of loss `{name}`; expected more than 0; hint: leave out a loss that "
+            "shall not count"
+        )
+    return weight
 
 
 def _loss_of(text: str) -> tuple[Loss, bool]:
@@ -194,17 +208,17 @@ def _loss_of(text: str) -> tuple[Loss, bool]:
     name, colon, number = text.partition(":")
     if name not in IN_LINEAR and name not in IN_LOG:
         known = ", ".join([*IN_LINEAR, *IN_LOG])
-        raise ConfigError(f"no loss `{name}`; hint: one of {known}")
+        raise OptionError(f"no loss `{name}`; hint: one of {known}")
     if not colon:
         return (IN_LINEAR.get(name) or IN_LOG[name]), name in IN_LOG
     if name != "scale_invariant":
-        raise ConfigError(
+        raise OptionError(
             f"loss `{name}` has no lambda, got `{text}`; hint: `scale_invariant` alone has one"
         )
     try:
         lam = float(number)
     except ValueError as error:
-        raise ConfigError(
+        raise OptionError(
             f"lambda `{number}` of loss `{name}` is not a number; hint: `{name}:{LAMBDA}=1`"
         ) from error
     _check_lambda(lam)

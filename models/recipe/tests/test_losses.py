@@ -7,7 +7,7 @@ import torch
 
 from nunet_models import losses
 from nunet_models.classes import IGNORE
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, OptionError
 
 NAN = float("nan")
 
@@ -137,6 +137,17 @@ def test_cross_entropy_skips_ignored_pixels():
 
 def test_a_loss_is_parsed_by_name_and_weight():
     assert losses.parse_loss("l1_log, silog=0.5") == {"l1_log": 1.0, "silog": 0.5}
+
+
+@pytest.mark.parametrize("weight", ["0", "-1", "inf", "nan"])
+def test_a_weight_that_does_not_weigh_is_refused(weight):
+    with pytest.raises(OptionError, match=rf"weight `{weight}` of loss `l1`; expected more than 0"):
+        losses.parse_loss(f"mse,l1={weight}")
+
+
+def test_a_loss_named_twice_is_refused():
+    with pytest.raises(OptionError, match="`--loss l1, mse, l1=2` names `l1` twice"):
+        losses.parse_loss("l1, mse, l1=2")
 
 
 @pytest.mark.parametrize("text", ["l3", "l1=much"])

@@ -113,12 +113,49 @@ def test_lists_that_share_ids_are_refused_with_some_of_them(dataset, tmp_path, c
 
 
 @pytest.mark.parametrize(
-    ("batch", "word"),
-    [("5", "names 4 pictures; expected at least `--batch 5`"), ("0", "--batch 0")],
+    "options",
+    [
+        ("--epochs 0", "at least 1"),
+        ("--batch 0", "at least 1"),
+        ("--validate-every 0", "at least 1"),
+        ("--threads 0", "at least 1"),
+        ("--workers -1", "0 or more"),
+        ("--seed -1", "0 to 2^64 - 1"),
+        ("--lr 0.0", "more than 0"),
+        ("--lr inf", "more than 0"),
+        ("--encoder-lr -1.0", "0 or more"),
+        ("--weight-decay nan", "0 or more"),
+        ("--warmup 1.0", "0 <= x < 1"),
+        ("--ema 1.0", "0 <= x < 1"),
+        ("--clip -1.0", "0 (none) or more"),
+        ("--joint-noise 1.5", "0 <= x <= 1"),
+        ("--dropout 1.0", "0 <= x < 1"),
+        ("--drop-path -0.1", "0 <= x < 1"),
+        ("--minutes 0.0", "more than 0; hint: no limit without it"),
+        ("--minutes nan", "more than 0"),
+    ],
 )
-def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys, batch, word):
-    assert train(dataset, tmp_path, "--batch", batch) == 1
-    assert word in capsys.readouterr().err
+def test_a_number_that_no_training_can_have_is_a_bad_argument(dataset, tmp_path, capsys, options):
+    option, expected = options
+    assert train(dataset, tmp_path, *option.split()) == 2
+    assert f"`{option}`; expected {expected}" in capsys.readouterr().err
+    assert not (dataset / "cache").exists() and not (tmp_path / "last.pt").exists()
+
+
+def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--batch", "5") == 1
+    assert "names 4 pictures; expected at least `--batch 5`" in capsys.readouterr().err
+
+
+def test_a_loss_is_refused_before_anything_is_decoded(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--loss", "mse=1,mse=2") == 2
+    assert "`--loss mse=1,mse=2` names `mse` twice; hint: " in capsys.readouterr().err
+    assert not (dataset / "cache").exists()
+
+
+def test_a_component_does_not_start_as_it_is_itself(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--like", "depth", component="depth") == 1
+    assert "`--like depth` names the component to train itself" in capsys.readouterr().err
 
 
 def test_a_loss_that_is_no_number_stops_before_any_weight_is_lost(dataset, tmp_path, monkeypatch):
@@ -284,7 +321,8 @@ def test_an_average_without_decay_is_the_module_itself():
 def test_a_lone_depth_network_starts_as_a_checkpoint_s_segmentation(dataset, tmp_path):
     seg, depth = tmp_path / "seg", tmp_path / "depth"
     assert train(dataset, seg, "--architecture", "wnet", epochs=1) == 0
-    like = ("--architecture", "unet", "--like", f"segmentation={seg / 'best.pt'}", "--lr", "0")
+    like = ("--architecture", "unet", "--like", f"segmentation={seg / 'best.pt'}")
+    like = (*like, "--lr", "1e-30")  # which moves no weight
     assert train(dataset, depth, *like, component="depth", epochs=1) == 0
     theirs = Checkpoint.load(seg / "best.pt").component_weights("segmentation")
     ours = Checkpoint.load(depth / "best.pt").component_weights("depth")
@@ -461,15 +499,15 @@ def test_a_network_of_another_camera_says_so_and_whose_pictures_they_are(dataset
 
 
 @pytest.mark.parametrize(
-    ("text", "word"),
+    ("text", "code", "word"),
     [
-        ("600,600,320,240", "expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are"),
-        ("0,600,320,240@640x480", "expected fx,fy,cx,cy@WxH in pixels"),
-        ("600,600,320,180@640x360", "of 640x360; the training pictures are 128x96; hint:"),
+        ("600,600,320,240", 2, "expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are"),
+        ("0,600,320,240@640x480", 2, "expected fx,fy,cx,cy@WxH in pixels"),
+        ("600,600,320,180@640x360", 1, "of 640x360; the training pictures are 128x96; hint:"),
     ],
 )
-def test_intrinsics_that_cannot_be_are_refused(dataset, tmp_path, capsys, text, word):
-    assert train(dataset, tmp_path, "--intrinsics", text, epochs=1) == 1
+def test_intrinsics_that_cannot_be_are_refused(dataset, tmp_path, capsys, text, code, word):
+    assert train(dataset, tmp_path, "--intrinsics", text, epochs=1) == code
     assert word in capsys.readouterr().err
     assert not (tmp_path / "last.pt").exists()
 

@@ -102,6 +102,8 @@ def test_tasks_and_sigmoids_that_do_not_fit_are_refused(changes, word):
         ("znet", "tiny", "no architecture `znet`"),
         ("wnet", "tiny,tiny,tiny", "3 backbones"),
         ("unet", "resnet9000", "no backbone `resnet9000`"),
+        ("unet", "tu-nonsense", r"backbone `tu-nonsense` makes no U-Net: .*; hint: "),
+        ("unet", "vit_tiny_patch16_224", r"backbone `vit_tiny_patch16_224` makes no U-Net: "),
     ],
 )
 def test_unknown_names_are_refused_with_a_hint(architecture, backbone, word):

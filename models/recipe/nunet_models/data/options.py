@@ -7,7 +7,7 @@ from pathlib import Path
 from nunet_models.data.cache import Cached, build_cache
 from nunet_models.data.nyu_mat import NyuMatPairs
 from nunet_models.data.pairs import MILLIMETRE_M, DepthUnits, FolderPairs, Pairs, read_ids
-from nunet_models.errors import ConfigError
+from nunet_models.errors import OptionError
 
 
 def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
@@ -62,9 +62,9 @@ def open_cached(options: argparse.Namespace, ids: Path) -> Cached:
 def _check_units(options: argparse.Namespace) -> None:
     scale, offset = options.depth_scale, options.depth_offset
     if scale is not None and not 0.0 < scale < math.inf:
-        raise ConfigError(f"`--depth-scale {scale}`; expected metres a unit, more than 0")
+        raise OptionError(f"`--depth-scale {scale}`; expected metres a unit, more than 0")
     if not math.isfinite(offset):
-        raise ConfigError(f"`--depth-offset {offset}`; expected a number")
+        raise OptionError(f"`--depth-offset {offset}`; expected a number")
 
 
 def _parse_window(text: str | None) -> tuple[int, int, int, int] | None:
@@ -73,9 +73,9 @@ def _parse_window(text: str | None) -> tuple[int, int, int, int] | None:
     try:
         top, left, bottom, right = (int(part) for part in text.split(","))
     except ValueError as error:
-        raise ConfigError(f"`--window {text}` is not four whole numbers") from error
+        raise OptionError(f"`--window {text}` is not four whole numbers") from error
     if not (0 <= top < bottom and 0 <= left < right):
-        raise ConfigError(
+        raise OptionError(
             f"`--window {text}` leaves nothing; expected TOP,LEFT,BOTTOM,RIGHT in pixels from 0, "
             "TOP less than BOTTOM and LEFT less than RIGHT"
         )

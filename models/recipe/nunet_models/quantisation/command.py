@@ -9,7 +9,7 @@ import numpy as np
 
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pairs
-from nunet_models.errors import ConfigError
+from nunet_models.errors import OptionError
 from nunet_models.quantisation.static import METHODS, Plan, quantise
 from nunet_models.training.provenance import list_of_ids
 
@@ -40,7 +40,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
 def run(options: argparse.Namespace) -> int:
     """Carry out `quantize`; prints the file written."""
     if options.pictures < 1:
-        raise ConfigError(
+        raise OptionError(
             f"`--pictures {options.pictures}`: expected one or more; hint: {PICTURES} do"
         )
     pairs = open_pairs(options, options.ids)

@@ -9,7 +9,7 @@ import torch
 from nunet_models.data.cache import Cached
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.data.pairs import read_ids
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, OptionError
 from nunet_models.training.graph import add_graph_options, build_graph, require_shape
 from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
@@ -81,6 +81,10 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Carry out `train`."""
     settings = Settings(**{s.name: getattr(options, s.name) for s in fields(Settings)})
+    if options.minutes is not None and not options.minutes > 0.0:
+        raise OptionError(
+            f"`--minutes {options.minutes}`; expected more than 0; hint: no limit without it"
+        )
     last = options.folder / Trainer.LAST
     if last.exists() and not options.resume:
         raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
@@ -118,8 +122,6 @@ def _check_ids(options: argparse.Namespace) -> None:
             f"{' ...' if len(shared) > SHARED_SHOWN else ''}; hint: what was trained on tells "
             "nothing in validation, so keep these in one list alone"
         )
-    if options.batch < 1:
-        raise ConfigError(f"`--batch {options.batch}`; expected at least 1")
     if len(train) < options.batch:
         raise ConfigError(
             f"`{options.train_ids}` names {len(train)} pictures; expected at least "

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from nunet_models.data.cache import Cached
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, OptionError
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.same_run import graph_options, said
 from nunet_models.training.trainer import Trainer
@@ -102,6 +102,9 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     # Errors
     `ConfigError` for options that do not fit each other or the checkpoints that they name.
     """
+    for name in ("dropout", "drop_path"):
+        if not 0.0 <= (share := getattr(options, name)) < 1.0:
+            raise OptionError(f"`--{name.replace('_', '-')} {share}`; expected 0 <= x < 1")
     before = Checkpoint.load(options.start) if options.start else None
     graph = SerialGraph(_graph_spec(options, before))
     if before is not None:
@@ -122,14 +125,21 @@ def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
     if options.imagenet:
         imagenet_encoder(component)
     if options.like:
-        like_component(component, _earlier(graph, options.like))
+        like_component(component, _earlier(graph, options))
     return graph, before
 
 
-def _earlier(graph: SerialGraph, like: str) -> Component:
+def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:
     """The component that `--like` names."""
-    name, _, path = like.partition("=")
-    return (Checkpoint.load(Path(path)).graph() if path else graph).component(name)
+    name, _, path = options.like.partition("=")
+    if path:
+        return Checkpoint.load(Path(path)).graph().component(name)
+    if name == options.component:
+        raise ConfigError(
+            f"`--like {name}` names the component to train itself; hint: an earlier one, or "
+            f"`--like {name}=CHECKPOINT` for another graph's"
+        )
+    return graph.component(name)
 
 
 def require_shape(camera: Camera, train: Cached) -> None:

@@ -1,9 +1,12 @@
 """Everything that decides a training run, as plain data kept in its checkpoints."""
 
+import math
 from dataclasses import MISSING, asdict, dataclass, fields
 from typing import Any
 
 from nunet_models.data.augment import BALANCED, NO_AUGMENTATION, STRONG, Augmentation
+from nunet_models.errors import OptionError
+from nunet_models.losses import parse_loss
 
 AUGMENTATIONS: dict[str, Augmentation] = {
     "none": NO_AUGMENTATION,
@@ -13,6 +16,28 @@ AUGMENTATIONS: dict[str, Augmentation] = {
 
 MAY_CHANGE = frozenset({"epochs", "threads", "workers", "validate_every"})
 """Settings that a resumed run may be given anew: none of them changes a step already made."""
+
+_SEEDS = 2**64  # what torch takes
+
+_NUMBERS = {
+    "epochs": ("at least 1", lambda n: n >= 1),
+    "batch": ("at least 1", lambda n: n >= 1),
+    "threads": ("at least 1", lambda n: n >= 1),
+    "workers": ("0 or more", lambda n: n >= 0),
+    "validate_every": ("at least 1", lambda n: n >= 1),
+    "seed": ("0 to 2^64 - 1", lambda n: 0 <= n < _SEEDS),
+    "lr": ("more than 0", lambda x: 0.0 < x < math.inf),
+    "encoder_lr": ("0 or more", lambda x: 0.0 <= x < math.inf),
+    "final_lr": ("0 or more", lambda x: 0.0 <= x < math.inf),
+    "weight_decay": ("0 or more", lambda x: 0.0 <= x < math.inf),
+    "warmup": ("0 <= x < 1", lambda x: 0.0 <= x < 1.0),
+    "ema": ("0 <= x < 1", lambda x: 0.0 <= x < 1.0),
+    "smoothing": ("0 <= x < 1", lambda x: 0.0 <= x < 1.0),
+    "class_power": ("a number", math.isfinite),
+    "clip": ("0 (none) or more", lambda x: 0.0 <= x < math.inf),
+    "joint_noise": ("0 <= x <= 1", lambda x: 0.0 <= x <= 1.0),
+}
+"""What a setting must be, in words and as a test that NaN does not pass."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +57,9 @@ class Settings:
 
     A run resumed with more `epochs` goes on along the schedule of the new length: `cosine` rises
     at once to where the longer curve is at that step; `constant` does not change.
+
+    # Errors
+    `OptionError` naming a setting that cannot be.
     """
 
     component: str
@@ -58,6 +86,12 @@ class Settings:
     threads: int = 2
     workers: int = 1
     validate_every: int = 1
+
+    def __post_init__(self) -> None:
+        for name, (expected, holds) in _NUMBERS.items():
+            if not holds(getattr(self, name)):
+                raise OptionError(f"`{_option(name, getattr(self, name))}`; expected {expected}")
+        parse_loss(self.loss)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types."""

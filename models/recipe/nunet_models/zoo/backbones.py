@@ -97,17 +97,24 @@ def build_unet(
     name one still load: `check_drop_path` is for new ones.
 
     # Errors
-    `ConfigError` for an unknown backbone, or one of timm's without stochastic depth.
+    `ConfigError` for an unknown backbone, one that the library cannot build a U-Net of, or one of
+    timm's without stochastic depth.
     """
+    name = library_name(backbone)
     try:
         return smp.Unet(
-            library_name(backbone),
+            name,
             encoder_weights=None,
             drop_path_rate=drop_path or None,
             in_channels=in_channels,
             classes=out_channels,
             decoder_channels=decoder_channels,
         )
+    except (ValueError, RuntimeError) as error:
+        raise ConfigError(
+            f"backbone `{backbone}` makes no U-Net: {error}; hint: one with feature maps at "
+            "strides 2 to 32, such as `efficientnet_lite0` or `resnet34`"
+        ) from error
     except TypeError as error:
         if not drop_path:
             raise

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, Self
 
 from nunet_models.classes import CLASSES_13
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, OptionError
 
 Task = Literal["segmentation", "depth"]
 Encoding = Literal["metric", "minmax"]
@@ -65,12 +65,12 @@ class Camera:
         The principal point decides no depth and is not kept.
 
         # Errors
-        `ConfigError` for another text, and for lengths that are not positive.
+        `OptionError` for another text, and for lengths that are not positive.
         """
         found = _INTRINSICS.fullmatch(text)
         numbers = [float(number) for number in found.groups()] if found else [0.0]
         if min(numbers[:2] + numbers[4:]) <= 0.0:
-            raise ConfigError(
+            raise OptionError(
                 f"`--intrinsics {text}`: expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are "
                 "518.858,519.470,325.582,253.736@640x480"
             )
