@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -172,6 +173,34 @@ def test_a_graph_with_a_memory_has_no_stages(tmp_path):
     graph = untrained_graph(tiny_spec("wnet_c_lstm"), seed=1)
     with pytest.raises(ExportError, match="no stages"):
         export_staged(graph, tmp_path / "staged.toml", Provenance())
+
+
+def test_figures_of_nunetd_are_written_into_the_file_that_they_are_of(tmp_path, capsys):
+    model, found = tmp_path / "model.onnx", tmp_path / "eval.json"
+    shutil.copy(TINY / "tiny_unet.onnx", model)
+    digest = hashlib.sha256(model.read_bytes()).hexdigest()
+    note = ["annotate", "--model", str(model), "--accuracy", str(found)]
+
+    def measured(name, digest, rmse=0.5):
+        answer = {"model": {"name": name, "hash": digest}, "metrics": {"rmse": rmse}}
+        found.write_text(json.dumps(answer))
+
+    measured("model.onnx", "ab" * 32)
+    before = model.read_bytes()
+    assert main(note) == 1
+    said = capsys.readouterr().err
+    assert "is of the model `model.onnx` with the SHA-256 `abab" in said and f"`{digest}`" in said
+    assert model.read_bytes() == before
+    measured("before-it-was-renamed.onnx", digest)
+    for _ in range(2):  # what is there already may be written again
+        assert main(note) == 0
+    accuracy = json.loads(read_metadata(model)["nunet.accuracy"])
+    assert accuracy == {"model": "before-it-was-renamed.onnx", "metrics": {"rmse": 0.5}}
+    measured("model.onnx", digest, rmse=0.6)
+    assert main(note) == 1, "the file is another one since something was written into it"
+    found.write_text('{"model": 3}')
+    assert main(note) == 1
+    assert "`model` is neither a name nor an object" in capsys.readouterr().err
 
 
 def test_a_failed_export_leaves_the_file_that_was_there(tmp_path, monkeypatch):

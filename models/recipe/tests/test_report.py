@@ -9,8 +9,9 @@ import pytest
 from PIL import Image
 
 from nunet_models.cli import main
+from nunet_models.errors import DataError
 from nunet_models.reporting.figures import Answer, comparable_panels, evolution
-from nunet_models.reporting.table import metric_table, paper_table
+from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
 from nunet_models.training.log import RunLog
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
@@ -41,6 +42,33 @@ def test_the_paper_s_figure_stands_beside_ours():
     lines = paper_table([EVALUATION]).splitlines()
     assert lines[2] == "| wnet_c.onnx | 12 | 0.0300 | 0.1732 | 0.0412 |"
     assert lines[3] == "| mean image | - | 0.0527 | 0.2300 | - |"
+
+
+OF_NUNETD = {
+    **{"contract": 1, "model": {"name": "wnet_c.onnx", "hash": "ab" * 32}},
+    **{"architecture": "wnet_c", "dataset": "rooms", "protocol": "full", "units": "metres"},
+    **{"pictures": 9, "skipped": 0, "metrics": {"rmse": 0.7}, "minmax": {}, "labels": {}},
+    "baseline": None,
+}
+"""As `nunetd eval --json` writes it of a folder where nothing could be stretched."""
+
+
+def test_an_answer_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp_path):
+    path = tmp_path / "eval.json"
+    path.write_text(json.dumps(OF_NUNETD))
+    found = [read_evaluation(path)]
+    assert metric_table(found).splitlines()[2:] == [
+        "| wnet_c.onnx | 9 | - | 0.7000 |" + " - |" * 10,
+    ]
+    assert paper_table(found).splitlines()[2:] == ["| wnet_c.onnx | - | - | - | 0.0412 |"]
+
+
+@pytest.mark.parametrize("model", [3, {"name": 3}, {}, None])
+def test_an_answer_whose_model_has_no_name_is_none(tmp_path, model):
+    path = tmp_path / "eval.json"
+    path.write_text(json.dumps(OF_NUNETD | {"model": model}))
+    with pytest.raises(DataError, match="is no answer of `evaluate`: "):
+        read_evaluation(path)
 
 
 def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):

@@ -1,11 +1,13 @@
 """The verb `annotate`: what is known of a finished model file, written into it."""
 
 import argparse
+import hashlib
 import json
 from pathlib import Path
 from typing import Any, NoReturn
 
 from nunet_models.errors import ConfigError
+from nunet_models.evaluation.answer import Measured, by_name, measured
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import read_metadata, write_metadata
 
@@ -14,7 +16,11 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     """Register `annotate` and its options."""
     parser = verbs.add_parser("annotate", help="write accuracy or licence into a model file")
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
-    parser.add_argument("--accuracy", type=Path, help="answer of `evaluate` for this very file")
+    parser.add_argument(
+        "--accuracy",
+        type=Path,
+        help="answer of `evaluate` or `nunetd eval --json` for this very file",
+    )
     parser.add_argument(
         "--license", metavar="TEXT", help="licence of the weights, attribution of their data"
     )
@@ -31,26 +37,35 @@ def run(options: argparse.Namespace) -> int:
     if options.license:
         values["nunet.license"] = options.license
     if options.accuracy:
-        values["nunet.accuracy"] = to_json(_accuracy_of(options.model, options.accuracy))
+        accuracy = read_accuracy(options.accuracy)
+        found = to_json(by_name(accuracy))
+        if values.get("nunet.accuracy") != found:  # (else it is there already)
+            _check_measured(options.model, options.accuracy, measured(accuracy))
+        values["nunet.accuracy"] = found
     write_metadata(options.model, values)
     print(options.model)
     return 0
 
 
-def _accuracy_of(model: Path, path: Path) -> dict[str, Any]:
-    """What was measured of this file and not of another one."""
-    accuracy = read_accuracy(path)
-    measured = accuracy.get("model", model.name)
-    if measured != model.name:
+def _check_measured(model: Path, path: Path, of: Measured) -> None:
+    """Refuse what was measured of another file than this one."""
+    if of.sha256 is not None:
+        digest = hashlib.sha256(model.read_bytes()).hexdigest()
+        if of.sha256 != digest:
+            raise ConfigError(
+                f"`{path}` is of the model `{of.name}` with the SHA-256 `{of.sha256}`; expected "
+                f"`{model.name}` with `{digest}`; hint: measure the file as it is now, since "
+                "whatever is written into it changes it"
+            )
+    elif of.name not in {None, model.name}:
         raise ConfigError(
-            f"`{path}` is of the model `{measured}`; expected `{model.name}`; "
+            f"`{path}` is of the model `{of.name}`; expected `{model.name}`; "
             f"hint: `evaluate --model {model}`"
         )
-    return accuracy
 
 
 def read_accuracy(path: Path) -> dict[str, Any]:
-    """An answer of `evaluate`, or any JSON object.
+    """An answer of `evaluate` or `nunetd eval --json`, or any JSON object.
 
     # Errors
     `ConfigError` naming a file that is none.
@@ -63,6 +78,10 @@ def read_accuracy(path: Path) -> dict[str, Any]:
         ) from error
     if not isinstance(values, dict):
         raise ConfigError(f"`{path}` is no JSON object; hint: an answer of `evaluate` is one")
+    try:
+        measured(values)
+    except TypeError as error:
+        raise ConfigError(f"`{path}`: {error}; hint: an answer of `evaluate` has one") from error
     return values
 
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from nunet_models.errors import ConfigError
+from nunet_models.evaluation.answer import by_name
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
@@ -112,7 +113,7 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
             f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
             "licence text is the default; hint: `--license TEXT` says whose pictures they are"
         )
-    accuracy = read_accuracy(options.accuracy) if options.accuracy else {}
+    accuracy = by_name(read_accuracy(options.accuracy)) if options.accuracy else {}
     training = {
         component: {
             **settings,

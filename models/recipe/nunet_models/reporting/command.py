@@ -23,7 +23,11 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for report.md and figures")
     parser.add_argument("--run", type=Path, action="append", default=[], help="a run's folder")
     parser.add_argument(
-        "--evaluation", type=Path, action="append", default=[], help="an answer of `evaluate`"
+        "--evaluation",
+        type=Path,
+        action="append",
+        default=[],
+        help="an answer of `evaluate` or of `nunetd eval --json`",
     )
     parser.add_argument("--model", type=Path, action="append", default=[], help="to show pictures")
     add_data_options(parser, required=False)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from nunet_models.errors import DataError
+from nunet_models.evaluation.answer import by_name
 from nunet_models.metrics import FIGURES
 
 PAPER_MSE = {
@@ -17,16 +18,21 @@ error of depth stretched to 0..1 picture by picture."""
 
 
 def read_evaluation(path: Path) -> dict[str, Any]:
-    """An answer of `evaluate`.
+    """An answer of `evaluate` or of `nunetd eval --json`, its `model` by name.
 
     # Errors
     `DataError` naming a file that is none.
     """
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        values["model"], values["minmax"], values["pictures"]
-    except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError) as error:
-        raise DataError(f"`{path}` is no answer of `evaluate`: {error}") from error
+        values = by_name(json.loads(path.read_text(encoding="utf-8")))
+        if values.get("model") is None:
+            raise KeyError("model")
+        values["minmax"], values["metrics"], values["pictures"]
+    except (ValueError, AttributeError, KeyError, TypeError) as error:
+        raise DataError(
+            f"`{path}` is no answer of `evaluate`: {error}; hint: `evaluate` and `nunetd eval "
+            "--json` write such answers"
+        ) from error
     return values
 
 
@@ -39,7 +45,7 @@ def metric_table(evaluations: list[dict[str, Any]]) -> str:
             figures = _cells(found["metrics"])
             rows.append((found["model"], str(found["pictures"]), *figures, *labels))
     for found in evaluations:
-        baseline = found.get("baseline", {}).get("metrics")
+        baseline = (found.get("baseline") or {}).get("metrics")
         if baseline:
             none = [_n(None)] * 2
             rows.append(("mean image", str(found["pictures"]), *_cells(baseline), *none))
@@ -55,9 +61,10 @@ def paper_table(evaluations: list[dict[str, Any]]) -> str:
         paper = PAPER_MSE.get(found.get("architecture", ""))
         epoch = found.get("epoch")
         when = "-" if epoch is None else str(epoch)
-        rows.append((found["model"], when, _n(minmax["mse"]), _n(minmax["rmse"]), _n(paper)))
+        ours = [_n(minmax.get(name)) for name in ("mse", "rmse")]
+        rows.append((found["model"], when, *ours, _n(paper)))
     for found in evaluations:
-        baseline = found.get("baseline", {}).get("minmax")
+        baseline = (found.get("baseline") or {}).get("minmax")
         if baseline:
             rows.append(("mean image", "-", _n(baseline["mse"]), _n(baseline["rmse"]), _n(None)))
             break

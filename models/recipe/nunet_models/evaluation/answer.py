@@ -1,0 +1,33 @@
+"""Answers of `evaluate` and of `nunetd eval --json`, which name their model differently."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The file that was measured: its name, and its SHA-256 where nunetd measured it."""
+
+    name: str | None
+    sha256: str | None = None
+
+
+def measured(answer: dict[str, Any]) -> Measured:
+    """Which model file an answer is of; nothing where it does not say.
+
+    # Errors
+    `TypeError` where `model` is neither a name nor nunetd's `{"name", "hash"}`.
+    """
+    model = answer.get("model")
+    found = Measured(model)
+    if isinstance(model, dict):
+        found = Measured(model["name"], model.get("hash")) if model.get("name") else None
+    if found is None or any(not isinstance(x, str | None) for x in (found.name, found.sha256)):
+        raise TypeError("`model` is neither a name nor an object of `name` and `hash`")
+    return found
+
+
+def by_name(answer: dict[str, Any]) -> dict[str, Any]:
+    """The answer with its model by name alone: a hash is of the file before anything is written."""
+    name = measured(answer).name
+    return answer if name is None else {**answer, "model": name}
