@@ -498,6 +498,29 @@ def test_a_network_of_another_camera_says_so_and_whose_pictures_they_are(dataset
         assert Checkpoint.load(onward / "best.pt").spec.camera.fx == fx
 
 
+def test_the_camera_and_the_licence_that_nobody_named_are_said(dataset, tmp_path, capsys):
+    run, model = tmp_path / "run", tmp_path / "model.onnx"
+    unet = ("--architecture", "unet")
+    camera = "taken for NYU Depth V2's camera, of fx 518.858 pixels at 640x480"
+    assert train(dataset, run, *unet, component="depth", epochs=1) == 0
+    assert capsys.readouterr().err.count(camera) == 1
+    known = (
+        (run, ("--resume", *unet)),
+        (tmp_path / "on", ("--start", str(run / "best.pt"))),
+        (tmp_path / "own", ("--intrinsics", "60,60,64,48@128x96", *unet)),
+        (tmp_path / "paper", ("--encoding", "minmax", "--loss", "mse", *unet)),
+    )
+    for folder, options in known:
+        assert train(dataset, folder, *options, component="depth", epochs=1) == 0
+        assert "camera" not in capsys.readouterr().err
+    export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
+    assert main(export) == 0
+    licence = read_metadata(model)["nunet.license"]
+    assert f"the licence is `{licence}`; hint: `--license TEXT`" in capsys.readouterr().err
+    assert main([*export, "--license", "CC0"]) == 0
+    assert "licence" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "code", "word"),
     [

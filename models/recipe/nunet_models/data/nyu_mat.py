@@ -10,6 +10,9 @@ from nunet_models.data.pairs import Pair, blank_outside
 from nunet_models.errors import DataError
 
 
+MAT_SUFFIX = ".mat"
+
+
 class NyuMatPairs:
     """Pairs of the .mat file (HDF5; arrays lie transposed, as MATLAB writes them).
 

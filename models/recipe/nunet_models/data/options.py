@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 
 from nunet_models.data.cache import Cached, build_cache
-from nunet_models.data.nyu_mat import NyuMatPairs
+from nunet_models.data.nyu_mat import MAT_SUFFIX, NyuMatPairs
 from nunet_models.data.pairs import MILLIMETRE_M, DepthUnits, FolderPairs, Pairs, read_ids
 from nunet_models.errors import OptionError
 
@@ -40,7 +40,7 @@ def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) 
 def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     """The pairs that the options and an id list name."""
     window = _parse_window(options.window)
-    if options.data.suffix == ".mat":
+    if options.data.suffix == MAT_SUFFIX:
         return NyuMatPairs(options.data, read_ids(ids), window=window)
     _check_units(options)
     units = DepthUnits(

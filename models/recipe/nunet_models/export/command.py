@@ -1,12 +1,14 @@
 """The verb `export`."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.answer import by_name
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.collections import export_paper, export_tiny
+from nunet_models.export.metadata import DATA_LICENSE
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
@@ -112,6 +114,12 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
         raise ConfigError(
             f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
             "licence text is the default; hint: `--license TEXT` says whose pictures they are"
+        )
+    if not options.license:
+        print(
+            f"nunet_models: the licence is `{DATA_LICENSE}`; hint: `--license TEXT` for other "
+            "pictures than NYU Depth V2's",
+            file=sys.stderr,
         )
     accuracy = by_name(read_accuracy(options.accuracy)) if options.accuracy else {}
     training = {

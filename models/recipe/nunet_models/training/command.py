@@ -1,12 +1,14 @@
 """The verb `train`."""
 
 import argparse
+import sys
 from dataclasses import fields
 from pathlib import Path
 
 import torch
 
 from nunet_models.data.cache import Cached
+from nunet_models.data.nyu_mat import MAT_SUFFIX
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.data.pairs import read_ids
 from nunet_models.errors import ConfigError, OptionError
@@ -15,6 +17,7 @@ from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
 from nunet_models.training.trainer import OPTIMISERS, Trainer
+from nunet_models.zoo import GraphSpec
 
 SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
@@ -94,6 +97,7 @@ def run(options: argparse.Namespace) -> int:
     train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
     if options.intrinsics:
         require_shape(graph.spec.camera, train)
+    _say_camera(options, graph.spec, resuming=last.exists())
     before.provenance[settings.component] = run_provenance(options, train=train.ids, val=val.ids)
     trainer = Trainer(
         graph,
@@ -109,6 +113,20 @@ def run(options: argparse.Namespace) -> int:
     done = trainer.run(minutes=options.minutes, quiet=options.quiet)
     print(f"{last}: {'finished' if done else 'stopped in time, to be resumed'}")
     return 0
+
+
+def _say_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool) -> None:
+    """Name the camera that is assumed where nobody named one and metres hang on it."""
+    given = options.intrinsics or options.start or resuming
+    if given or options.data.suffix == MAT_SUFFIX or spec.encoding != "metric":
+        return
+    camera = spec.camera
+    print(
+        f"nunet_models: the pictures are taken for NYU Depth V2's camera, of fx {camera.fx} pixels "
+        f"at {camera.width}x{camera.height}, by which nunetd will scale metres; hint: "
+        "`--intrinsics fx,fy,cx,cy@WxH` says which one it was",
+        file=sys.stderr,
+    )
 
 
 def _check_ids(options: argparse.Namespace) -> None:
