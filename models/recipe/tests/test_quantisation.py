@@ -4,6 +4,7 @@ import hashlib
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import onnx
@@ -16,6 +17,7 @@ from nunet_models.errors import ConfigError, ExportError
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.export.onnx_file import read_metadata, run
 from nunet_models.export.split import split
+from nunet_models.quantisation.command import _spread
 from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
 from nunet_models.quantisation.static import Plan, heads, quantise
 
@@ -125,6 +127,42 @@ def test_no_pictures_to_calibrate_on_is_said(dataset, tmp_path, capsys, count):
     assert main(["quantize", "--model", str(TINY), "--out", str(out), *data]) == 2
     assert f"`--pictures {count}`: expected one or more" in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("count", "wanted", "indices"),
+    [
+        (5, 3, [0, 2, 4]),
+        (3, 64, [0, 1, 2]),
+        (64, 64, list(range(64))),
+        (10, 1, [0]),
+    ],
+)
+def test_calibration_pictures_are_spread_over_all(count, wanted, indices):
+    assert spread(count, wanted) == indices
+
+
+def test_calibration_pictures_are_spread_where_their_number_divides_none():
+    """A whole step between them took the first 64 of 120: half of the rooms."""
+    chosen = spread(120, 64)
+    assert len(set(chosen)) == 64 and (chosen[0], chosen[-1]) == (0, 119)
+    assert set(np.diff(chosen)) == {1, 2}
+
+
+def spread(count, wanted):
+    pairs = [SimpleNamespace(rgb=index) for index in range(count)]
+    return list(_spread(pairs, wanted))
+
+
+def test_a_model_is_not_quantised_over_itself(dataset, tmp_path, capsys):
+    model, out = tmp_path / "model.onnx", tmp_path / "same.onnx"
+    shutil.copy(TINY, model)
+    out.symlink_to(model)
+    data = ("--data", str(dataset), "--ids", str(dataset / "train.txt"))
+    for name in (model, out):
+        assert main(["quantize", "--model", str(model), "--out", str(name), *data]) == 1
+        assert f"`--out {name}` is the file of `--model`" in capsys.readouterr().err
+    assert model.read_bytes() == TINY.read_bytes()
 
 
 def test_balanced_joints_compute_the_same_and_cross_within_one():

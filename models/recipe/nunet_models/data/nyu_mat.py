@@ -9,7 +9,6 @@ import numpy as np
 from nunet_models.data.pairs import Pair, blank_outside
 from nunet_models.errors import DataError
 
-
 MAT_SUFFIX = ".mat"
 
 

@@ -2,14 +2,13 @@
 
 import argparse
 from collections.abc import Iterator
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pairs
-from nunet_models.errors import OptionError
+from nunet_models.errors import ConfigError, OptionError
 from nunet_models.quantisation.static import METHODS, Plan, quantise
 from nunet_models.training.provenance import list_of_ids
 
@@ -43,6 +42,11 @@ def run(options: argparse.Namespace) -> int:
         raise OptionError(
             f"`--pictures {options.pictures}`: expected one or more; hint: {PICTURES} do"
         )
+    out, model = options.out, options.model
+    if out.exists() and model.exists() and out.samefile(model):
+        raise ConfigError(
+            f"`--out {out}` is the file of `--model`, which would be lost; hint: another name"
+        )
     pairs = open_pairs(options, options.ids)
     plan = Plan(
         options.method,
@@ -64,5 +68,5 @@ def run(options: argparse.Namespace) -> int:
 
 def _spread(pairs: Pairs, count: int) -> Iterator[np.ndarray]:
     """`count` pictures spread evenly over the collection: neighbours are of one room."""
-    step = max(1, len(pairs) // count)
-    return islice((pairs[index].rgb for index in range(0, len(pairs), step)), count)
+    chosen = np.linspace(0, len(pairs) - 1, min(count, len(pairs))).astype(int)
+    return (pairs[int(index)].rgb for index in chosen)
