@@ -1,6 +1,7 @@
 """Reading, caching and augmenting pairs, and what is said of bad data."""
 
 import argparse
+import os
 from pathlib import Path
 
 import h5py
@@ -245,6 +246,35 @@ def test_depth_beyond_the_cache_s_reach_is_none_and_counted(dataset, tmp_path, c
     depth_m = cached.depth_m(0)
     assert np.isnan(depth_m[2, :5]).all()
     assert depth_m[2, 5] == pytest.approx(13.107)
+
+
+@pytest.mark.parametrize("what", ["an older file", "another size"])
+def test_a_replaced_picture_is_not_served_from_the_cache(dataset, tmp_path, what):
+    path = dataset / "depth" / "0000.png"
+    ids = ["0000", "0001"]
+    before = build_cache(FolderPairs(dataset, ids, units=DepthUnits()), tmp_path / "cache")
+    known = path.stat()
+    Image.fromarray(np.full((96, 128), 1234, np.uint16)).save(path)
+    time_ns = known.st_mtime_ns - (10**9 if what == "an older file" else 0)
+    os.utime(path, ns=(time_ns, time_ns))
+    assert path.stat().st_size != known.st_size
+    after = build_cache(FolderPairs(dataset, ids, units=DepthUnits()), tmp_path / "cache")
+    assert before.depth_m(0)[9, 9] != after.depth_m(0)[9, 9] == pytest.approx(1.234, abs=2e-4)
+
+
+def test_a_replaced_nyu_file_is_not_served_from_the_cache(tmp_path):
+    path = tmp_path / "nyu.mat"
+
+    def depth_of(metres, time_ns):
+        with h5py.File(path, "w") as file:
+            file["images"] = np.zeros((1, 3, 8, 6), np.uint8)
+            file["depths"] = np.full((1, 8, 6), metres, np.float32)
+        os.utime(path, ns=(time_ns, time_ns))
+        return build_cache(NyuMatPairs(path, ["0"]), tmp_path / "cache").depth_m(0)[3, 3]
+
+    assert depth_of(2.0, 10**18) == pytest.approx(2.0)
+    assert depth_of(3.0, 10**18 - 5) == pytest.approx(3.0)
+    assert depth_of(2.0, 10**18) == pytest.approx(2.0)
 
 
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):

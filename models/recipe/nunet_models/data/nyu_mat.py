@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from nunet_models.data.pairs import Pair, blank_outside
+from nunet_models.data.pairs import Pair, blank_outside, file_state
 from nunet_models.errors import DataError
 
 MAT_SUFFIX = ".mat"
@@ -31,8 +31,8 @@ class NyuMatPairs:
     ) -> None:
         self.path, self.ids, self.window = path, ids, window
         self.description = f"{path.name}, {len(ids)} pictures"
-        self.identity = f"{path.resolve()} {window}"
         try:
+            self.identity = f"{path.resolve()} {window} {file_state([path])}"
             self.file = h5py.File(path, "r")
             count = min(len(self.file["images"]), len(self.file["depths"]))
         except (OSError, KeyError) as error:

@@ -101,10 +101,8 @@ class FolderPairs:
             files = sum(len(self._paths(i)) for i in ids)
             more = f", and {len(missing) - 1} more of the {files} files of {len(ids)} pairs"
             raise DataError(f"`{missing[0]}` is missing{more if len(missing) > 1 else ''}")
-        newest = max(p.stat().st_mtime_ns for i in ids for p in self._paths(i))
-        # `label40` is not named: caches of before there was another folder stay what they are.
-        labels = self.label_folder if self.label_folder == "labels" else self.has_labels
-        self.identity = f"{root.resolve()} {units} {window} {labels} {newest}"
+        state = file_state([p for i in ids for p in self._paths(i)])
+        self.identity = f"{root.resolve()} {units} {window} {self.label_folder} {state}"
 
     def __len__(self) -> int:
         """How many pairs."""
@@ -146,6 +144,16 @@ class FolderPairs:
                 "what is ignored"
             )
         return LABEL_FOLDERS[self.label_folder](values.astype(np.uint8))
+
+
+def file_state(paths: Sequence[Path]) -> str:
+    """What changes with any of the files, as far as their sizes and times tell.
+
+    Not the newest time alone: a file put in the place of another may well be older.
+    """
+    known = [path.stat() for path in paths]
+    size, times = sum(s.st_size for s in known), sum(s.st_mtime_ns for s in known)
+    return f"{len(known)} files, {size} bytes, {times} ns"
 
 
 def read_ids(path: Path) -> list[str]:
