@@ -16,13 +16,14 @@ from nunet_models.data.cache import build_cache
 from nunet_models.data.nyu_mat import NyuMatPairs
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids, read_rgb
-from nunet_models.errors import ConfigError, DataError
+from nunet_models.errors import ConfigError, DataError, OptionError
 
 
 def opened(dataset, *options):
     parser = argparse.ArgumentParser()
     add_data_options(parser)
-    return open_pairs(parser.parse_args(["--data", str(dataset), *options]), dataset / "train.txt")
+    ids = dataset / "train.txt"
+    return open_pairs(parser.parse_args(["--data", str(dataset), *options]), ids)
 
 
 def test_a_pair_is_metres_with_nan_where_there_is_none(dataset):
@@ -94,6 +95,18 @@ def test_a_label_of_more_than_eight_bits_is_refused(dataset):
 def test_a_missing_file_is_named(dataset):
     (dataset / "depth" / "0002.png").unlink()
     with pytest.raises(DataError, match=r"depth/0002\.png` is missing"):
+        FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
+
+
+@pytest.mark.parametrize(
+    ("was", "called"),
+    [("rgb/0002.png", "rgb/0002.JPG"), ("depth/0002.png", "depth/0002.PNG")],
+)
+def test_a_file_whose_ending_has_capitals_is_said_to_be_there(dataset, was, called):
+    (dataset / was).rename(dataset / called)
+    name = called.partition("/")[2]
+    word = rf"is missing, but `{name}` is there; hint: endings are lower-case, \.jpg and \.png"
+    with pytest.raises(DataError, match=word):
         FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
 
 
@@ -353,6 +366,13 @@ def test_nyu_s_own_file_is_read_with_its_axes_turned(tmp_path):
     # column 2, row 5, green of picture 1
     assert pair.rgb[5, 2, 1] == np.uint8((1 * 3 + 1) * 48 + 2 * 6 + 5)
     assert pair.labels is None
+
+
+@pytest.mark.parametrize("option", ["--depth-scale=0.001", "--depth-offset=0.5"])
+def test_units_are_refused_where_depth_is_metres(dataset, option):
+    name = option.partition("=")[0]
+    with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` holds metres; hint: leave"):
+        opened(dataset / "nyu.mat", option)
 
 
 def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path):

@@ -186,6 +186,19 @@ def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
     assert "no labels" in capsys.readouterr().err
 
 
+def test_segmentation_on_nyu_s_own_file_is_told_where_its_labels_are(dataset, tmp_path, capsys):
+    data = ("--data", str(tmp_path / "nyu.mat"))
+    assert train(dataset, tmp_path / "run", *data) == 1
+    said = capsys.readouterr().err
+    assert "nyu.mat` has no labels to train `segmentation` on: its 894 raw classes" in said
+    assert "hint: a folder with `label40`" in said
+
+
+def test_a_quiet_training_draws_no_bar(dataset, tmp_path, capsys):
+    assert train(dataset, tmp_path, "--intrinsics", "60,60,64,48@128x96", epochs=1) == 0
+    assert not capsys.readouterr().err
+
+
 @pytest.mark.parametrize("component", ["segmentation", "depth"])
 @pytest.mark.parametrize(("ids", "name"), [(range(4), "training"), (range(4, 6), "validation")])
 def test_data_without_truth_is_refused_before_the_first_step(
@@ -254,7 +267,9 @@ def test_a_run_that_had_a_drop_path_to_no_effect_is_resumed(dataset, tmp_path):
 def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
     (tmp_path / "last.pt").write_bytes(b"no checkpoint")
     assert train(dataset, tmp_path, "--resume") == 1
-    assert "last.pt` is no checkpoint" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "last.pt` is no checkpoint of this package, or damaged; hint: `train` writes" in said
+    assert "weights_only" not in said and "torch" not in said
 
 
 def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):

@@ -76,11 +76,12 @@ def metres(cached: np.ndarray) -> np.ndarray:
     return np.where(cached == NONE, np.float32(np.nan), cached.astype(np.float32) * UNIT_M)
 
 
-def build_cache(pairs: Pairs, folder: Path) -> Cached:
+def build_cache(pairs: Pairs, folder: Path, *, quiet: bool = False) -> Cached:
     """Decode `pairs` once under `folder`, or open what an earlier run decoded.
 
     All pictures must have one size: batches and evaluation crops depend on it. Any number of runs
     may share `folder`: each decodes beside what it shall be, and what is whole first stays.
+    `quiet` draws no progress bar.
     """
     key = json.dumps([VERSION, pairs.identity, list(pairs.ids)])
     place = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
@@ -88,7 +89,7 @@ def build_cache(pairs: Pairs, folder: Path) -> Cached:
         beside = folder / f"{place.name}.{uuid4().hex}"
         beside.mkdir(parents=True)
         try:
-            _decode(pairs, beside)
+            _decode(pairs, beside, quiet=quiet)
             _move(beside, place)
         finally:
             shutil.rmtree(beside, ignore_errors=True)
@@ -111,7 +112,7 @@ def _move(beside: Path, place: Path) -> None:
             raise
 
 
-def _decode(pairs: Pairs, place: Path) -> None:
+def _decode(pairs: Pairs, place: Path, *, quiet: bool) -> None:
     """Decode into the empty folder `place`; its file `done` says how many pixels lay too far."""
     height, width = pairs[0].depth_m.shape
     shape = (len(pairs), height, width)
@@ -123,7 +124,8 @@ def _decode(pairs: Pairs, place: Path) -> None:
     depth = array("depth", np.uint16, shape)
     labels = array("labels", np.uint8, shape)
     far = 0
-    for index in tqdm(range(len(pairs)), desc=f"decoding {pairs.description}", unit="picture"):
+    what = f"decoding {pairs.description}"
+    for index in tqdm(range(len(pairs)), desc=what, unit="picture", disable=quiet):
         pair = pairs[index]
         if pair.depth_m.shape != (height, width):
             raise DataError(

@@ -10,6 +10,11 @@ from nunet_models.data.pairs import Pair, blank_outside, file_state
 from nunet_models.errors import DataError
 
 MAT_SUFFIX = ".mat"
+MAT_LABELS = (
+    "its 894 raw classes are mapped to NYU40 in another file of the authors; hint: a folder with "
+    "`label40`"
+)
+"""Why such a file gives no labels."""
 
 
 class NyuMatPairs:

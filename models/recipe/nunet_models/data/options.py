@@ -41,6 +41,7 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     """The pairs that the options and an id list name."""
     window = _parse_window(options.window)
     if options.data.suffix == MAT_SUFFIX:
+        _check_no_units(options)
         return NyuMatPairs(options.data, read_ids(ids), window=window)
     _check_units(options)
     units = DepthUnits(
@@ -56,7 +57,17 @@ def add_cache_option(parser: argparse.ArgumentParser) -> None:
 
 def open_cached(options: argparse.Namespace, ids: Path) -> Cached:
     """The same, decoded into `--cache`."""
-    return build_cache(open_pairs(options, ids), options.cache)
+    return build_cache(open_pairs(options, ids), options.cache, quiet=options.quiet)
+
+
+def _check_no_units(options: argparse.Namespace) -> None:
+    given = {"--depth-scale": options.depth_scale, "--depth-offset": options.depth_offset or None}
+    for option, value in given.items():
+        if value is not None:
+            raise OptionError(
+                f"`{option} {value}` is for pictures of depth; `{options.data}` holds metres; "
+                f"hint: leave `{option}` out"
+            )
 
 
 def _check_units(options: argparse.Namespace) -> None:

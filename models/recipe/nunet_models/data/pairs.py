@@ -100,7 +100,8 @@ class FolderPairs:
         if missing:
             files = sum(len(self._paths(i)) for i in ids)
             more = f", and {len(missing) - 1} more of the {files} files of {len(ids)} pairs"
-            raise DataError(f"`{missing[0]}` is missing{more if len(missing) > 1 else ''}")
+            more = more if len(missing) > 1 else ""
+            raise DataError(f"`{missing[0]}` is missing{more}{_case_hint(missing[0])}")
         state = file_state([p for i in ids for p in self._paths(i)])
         self.identity = f"{root.resolve()} {units} {window} {self.label_folder} {state}"
 
@@ -154,6 +155,15 @@ def file_state(paths: Sequence[Path]) -> str:
     known = [path.stat() for path in paths]
     size, times = sum(s.st_size for s in known), sum(s.st_mtime_ns for s in known)
     return f"{len(known)} files, {size} bytes, {times} ns"
+
+
+def _case_hint(missing: Path) -> str:
+    """What to say where a file is there but for capitals in its ending."""
+    beside = (path for path in missing.parent.glob("*") if path.stem == missing.stem)
+    for path in beside:
+        if path.suffix != path.suffix.lower() in RGB_SUFFIXES:
+            return f", but `{path.name}` is there; hint: endings are lower-case, .jpg and .png"
+    return ""
 
 
 def read_ids(path: Path) -> list[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pair, Pairs, read_ids
 from nunet_models.errors import ConfigError, DataError, OptionError
@@ -69,10 +70,10 @@ def run(options: argparse.Namespace) -> int:
     _check_clip(options, predictor)
     pairs = open_pairs(options, options.ids)
     if predictor.classes and not pairs.has_labels:
-        print(
-            f"nunet_models: no label figures: `{options.data}` has no folder `labels` or `label40`",
-            file=sys.stderr,
-        )
+        why = "has no folder `labels` or `label40`"
+        if options.data.suffix == MAT_SUFFIX:
+            why = f"has no labels to use: {MAT_LABELS}"
+        print(f"nunet_models: no label figures: `{options.data}` {why}", file=sys.stderr)
     predict = _focal_scaled(predictor, options.fx)
     # First, since its pictures may not fit and a network takes minutes.
     baseline = _baseline(options, pairs) if options.baseline_ids else None

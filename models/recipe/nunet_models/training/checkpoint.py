@@ -92,8 +92,11 @@ class Checkpoint:
         try:
             values = torch.load(path, weights_only=True, map_location="cpu")
             version = values.pop("version")
-        except Exception as error:
-            raise ConfigError(f"`{path}` is no checkpoint of this package: {error}") from error
+        except Exception as error:  # whose text advises to load what may run code: not repeated
+            raise ConfigError(
+                f"`{path}` is no checkpoint of this package, or damaged; hint: `train` writes "
+                "`last.pt` and `best.pt`"
+            ) from error
         if version != VERSION:
             raise ConfigError(f"checkpoint `{path}` is of version {version}; expected {VERSION}")
         return cls(**{**values, "spec": GraphSpec.from_json(values["spec"])})

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from nunet_models.data.cache import Cached
-from nunet_models.data.nyu_mat import MAT_SUFFIX
+from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
 from nunet_models.data.options import add_cache_option, add_data_options, open_cached
 from nunet_models.data.pairs import read_ids
 from nunet_models.errors import ConfigError, OptionError
@@ -94,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
     _check_ids(options)
     torch.manual_seed(settings.seed)
     graph, before = build_graph(options)
+    _check_labels(options, graph.spec)
     train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
     if options.intrinsics:
         require_shape(graph.spec.camera, train)
@@ -113,6 +114,15 @@ def run(options: argparse.Namespace) -> int:
     done = trainer.run(minutes=options.minutes, quiet=options.quiet)
     print(f"{last}: {'finished' if done else 'stopped in time, to be resumed'}")
     return 0
+
+
+def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
+    """Refuse to train segmentation on data that can have no labels, before it is decoded."""
+    (component,) = (c for c in spec.components if c.name == options.component)
+    if component.task == "segmentation" and options.data.suffix == MAT_SUFFIX:
+        raise ConfigError(
+            f"`{options.data}` has no labels to train `{component.name}` on: {MAT_LABELS}"
+        )
 
 
 def _say_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool) -> None:
