@@ -89,9 +89,27 @@ fn figures_table_and_sheet_are_written() {
         "{table}"
     );
     assert!(table.contains("\nrmse              0.1000"), "{table}");
+    assert!(table.contains("the mean image is that of these very pictures"), "{table}");
     assert_eq!(std::fs::read_to_string(bench.path("out/pictures.csv")).unwrap().lines().count(), 3);
     let sheet = image::open(bench.path("out/contact_sheet.png")).unwrap();
     assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two pictures, once each");
+}
+
+/// That of the measured pictures beats networks that have not seen them.
+#[test]
+fn it_is_said_whose_mean_the_mean_image_is() {
+    let bench = dataset(100);
+    for (name, id) in [("one.txt", "a"), ("other.txt", "b")] {
+        std::fs::write(bench.path(name), id).unwrap();
+    }
+    let (one, other) = (bench.arg("one.txt"), bench.arg("other.txt"));
+    assert_eq!(figures(&bench, &["--ids", &one])["baseline"]["of"], "measured pictures");
+    let named = figures(&bench, &["--ids", &one, "--baseline-ids", &other]);
+    assert_eq!(named["baseline"]["of"], "baseline-ids");
+    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    let arguments = eval(&data, &model, &["--ids", &one, "--baseline-ids", &other]);
+    let table = text(&run_well(nunetd(&arguments)).stdout);
+    assert!(table.contains("mean image") && !table.contains("very pictures"), "{table}");
 }
 
 #[test]

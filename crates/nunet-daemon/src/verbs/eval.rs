@@ -29,7 +29,7 @@ mod unpack;
 use comparison::{Baseline, Comparison, Kind, MeanImage};
 use dataset::{Dataset, Truth, read_ids, same_size};
 use metrics::LabelMetrics;
-use report::{PictureRow, Report};
+use report::{OF_MEASURED, OF_NAMED, PictureRow, Report};
 use resized::Fit;
 use sheet::{Row, Sheet, chosen};
 use unpack::refuse_own_depth;
@@ -189,11 +189,7 @@ impl Work {
                 model,
                 dataset: name_of(&arguments.dataset),
                 protocol: arguments.protocol,
-                baseline_of: if arguments.baseline_ids.is_some() {
-                    "baseline-ids"
-                } else {
-                    "measured pictures"
-                },
+                baseline_of: if arguments.baseline_ids.is_some() { OF_NAMED } else { OF_MEASURED },
                 pictures: self.rows.len() as u64,
                 skipped,
             },

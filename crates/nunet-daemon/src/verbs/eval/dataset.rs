@@ -7,6 +7,7 @@ use anyhow::{Context as _, bail};
 
 use nunet_core::camera::Camera;
 use tempfile::TempDir;
+use tracing::warn;
 
 use super::metrics::IGNORE;
 use super::unpack::{Unpacked, is_recording, unpack};
@@ -14,6 +15,9 @@ use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::BadArguments;
 use crate::source::demo::CLASS_NAMES;
 use crate::source::{Frame, Numbers, decode, decode_numbers};
+
+/// What some editors begin a text with.
+const BYTE_ORDER_MARK: char = '\u{feff}';
 
 const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
 const MILLIMETRE_M: f64 = 0.001;
@@ -185,7 +189,8 @@ impl LabelFolder {
 /// Ids of a list, one a line.
 pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
     let text = std::fs::read_to_string(list).with_context(|| format!("cannot read `{}`", list.display()))?;
-    let ids: Vec<String> = text.split_whitespace().map(str::to_owned).collect();
+    let lines = text.trim_start_matches(BYTE_ORDER_MARK).lines().map(str::trim);
+    let ids: Vec<String> = lines.filter(|id| !id.is_empty()).map(str::to_owned).collect();
     let mut seen = HashSet::new();
     if let Some(twice) = ids.iter().find(|id| !seen.insert(id.as_str())) {
         bail!(BadArguments(format!("`{}` names the picture `{twice}` twice", list.display())));
@@ -196,17 +201,24 @@ pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
     Ok(ids)
 }
 
-/// Ids of all pictures and of all depth, sorted: whose partner is missing is found when its turn comes.
+/// Ids of all pictures and of all depth, sorted: whose partner is missing is found when its turn comes. Files of other
+/// formats are counted.
 fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut ids = BTreeSet::new();
     for (folder, endings) in [("rgb", &RGB_ENDINGS[..]), ("depth", &["png"])] {
         let folder = root.join(folder);
         let unreadable = || format!("cannot list the folder `{}`", folder.display());
+        let mut others = 0;
         for entry in folder.read_dir().with_context(unreadable)? {
             let path = entry.with_context(unreadable)?.path();
             let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned());
             let known = ending.is_some_and(|ending| endings.contains(&ending.as_str()));
+            others += u64::from(!known);
             ids.extend(path.file_stem().filter(|_| known).map(|stem| stem.to_string_lossy().into_owned()));
+        }
+        if others > 0 {
+            let expected = endings.iter().map(|ending| format!("`.{ending}`")).collect::<Vec<_>>().join(", ");
+            warn!("`{}` holds {others} files that do not end in {expected}: passed over", folder.display());
         }
     }
     if ids.is_empty() {
@@ -218,6 +230,13 @@ fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_id_is_a_line_of_a_list_and_may_have_spaces() {
+        let list = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(list.path(), "\u{feff}kitchen 1\r\n\n  b  \n").unwrap();
+        assert_eq!(read_ids(list.path()).unwrap(), ["kitchen 1", "b"]);
+    }
 
     #[test]
     fn no_depth_is_0_unless_there_is_an_offset_and_65535_always() {

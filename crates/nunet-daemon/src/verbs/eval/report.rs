@@ -60,10 +60,15 @@ impl Stretched {
     }
 }
 
+/// Of a mean image that has seen what it is measured on, and so is better than one can be on other pictures.
+pub(super) const OF_MEASURED: &str = "measured pictures";
+/// Of a mean image of pictures that the user named.
+pub(super) const OF_NAMED: &str = "baseline-ids";
+
 /// The same of the mean image.
 #[derive(Debug, Serialize)]
 struct BaselineReport {
-    /// Whose mean it is.
+    /// Whose mean it is: [`OF_MEASURED`] or [`OF_NAMED`].
     of: &'static str,
     metrics: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
@@ -152,6 +157,9 @@ impl Report {
         if let Figures::Measured(labels) = self.labels {
             text += &line("labels miou", labels.miou, None);
             text += &line("labels acc.", labels.accuracy, None);
+        }
+        if trivial.is_some_and(|baseline| baseline.of == OF_MEASURED) {
+            text += "the mean image is that of these very pictures: `--baseline-ids` takes one that has not seen them";
         }
         text.truncate(text.trim_end().len());
         text
