@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
 from nunet_models.data.options import add_data_options, open_pairs
-from nunet_models.data.pairs import Pair, Pairs, read_ids
+from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import ConfigError, DataError, OptionError
 from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
@@ -67,8 +67,9 @@ def run(options: argparse.Namespace) -> int:
             "number of the camera's matrix, at the pictures' size"
         )
     predictor = Predictor(options.model, threads=options.threads)
-    _check_clip(options, predictor)
     pairs = open_pairs(options, options.ids)
+    if options.clip:
+        _check_clip(options, predictor, pairs)
     if predictor.classes and not pairs.has_labels:
         why = "has no folder `labels` or `label40`"
         if options.data.suffix == MAT_SUFFIX:
@@ -101,17 +102,15 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _check_clip(options: argparse.Namespace, predictor: Predictor) -> None:
+def _check_clip(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
     """Refuse to measure a clip without metres or without a second frame."""
-    if not options.clip:
-        return
     if not predictor.metric:
         raise ConfigError(
             f"`--clip` compares metres, but `{options.model}` gives depth as "
             f"`{predictor.encoding}`; hint: leave `--clip` out, `minmax` holds such a network's "
             "figures"
         )
-    if len(read_ids(options.ids)) < 2:
+    if len(pairs) < 2:
         raise DataError(
             f"`{options.ids}` names one picture; expected two frames or more of a video; hint: "
             "leave `--clip` out"

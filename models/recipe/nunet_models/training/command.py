@@ -118,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
     """Refuse to train segmentation on data that can have no labels, before it is decoded."""
-    (component,) = (c for c in spec.components if c.name == options.component)
+    component = spec.component(options.component)
     if component.task == "segmentation" and options.data.suffix == MAT_SUFFIX:
         raise ConfigError(
             f"`{options.data}` has no labels to train `{component.name}` on: {MAT_LABELS}"

@@ -7,7 +7,7 @@ from pathlib import Path
 from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError, OptionError
 from nunet_models.training.checkpoint import Checkpoint
-from nunet_models.training.same_run import graph_options, said
+from nunet_models.training.same_run import difference, graph_options
 from nunet_models.training.trainer import Trainer
 from nunet_models.zoo import Component, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.backbones import check_drop_path
@@ -84,9 +84,7 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
     if options.drop_path and not (options.folder / Trainer.LAST).exists():
         # (a run to resume may be of a version that took it for any backbone)
-        for component in spec.components:
-            if component.name == options.component:
-                check_drop_path(component.backbone)
+        check_drop_path(spec.component(options.component).backbone)
     components = tuple(
         c.changed(dropout=options.dropout, drop_path=options.drop_path)
         if c.name == options.component
@@ -161,7 +159,7 @@ def _check_of_start(options: argparse.Namespace, spec: GraphSpec) -> None:
         )
     its = graph_options(spec)
     other = [
-        f"{said(option, its[option])}, given {said(option, given)}"
+        difference(option, its[option], given)
         for option, given in _asked(options, spec).items()
         if given != its[option]
     ]

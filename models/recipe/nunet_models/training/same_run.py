@@ -23,7 +23,7 @@ def graph_differences(started: GraphSpec, given: GraphSpec, component: str) -> l
     """A phrase for each option that makes the graph to train `component` another one."""
     before, now = (_graph_options_of(spec, component) for spec in (started, given))
     return [
-        f"{said(option, value)}, given {said(option, now[option])}"
+        difference(option, value, now[option])
         for option, value in before.items()
         if value != now[option]
     ]
@@ -39,13 +39,13 @@ def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> li
     before, now = started.get("data", {}), given.get("data", {})
     for name, option in _DATA_OPTIONS.items():
         if name in before and name in now and _plain(before[name]) != _plain(now[name]):
-            found.append(f"{said(option, before[name])}, given {said(option, now[name])}")
+            found.append(difference(option, before[name], now[name]))
     if "origin" in started and "origin" in given:
         before, now = _origins(started["origin"]), _origins(given["origin"])
         for option in before | now:
             one, other = before.get(option), now.get(option)
             if _content(one) != _content(other):
-                found.append(f"{said(option, one)}, given {said(option, other)}")
+                found.append(difference(option, one, other))
     return found
 
 
@@ -67,7 +67,7 @@ def graph_options(spec: GraphSpec) -> dict[str, str]:
 
 def _graph_options_of(spec: GraphSpec, component: str) -> dict[str, str]:
     """The same, with those of the component in training."""
-    (trained,) = (c for c in spec.components if c.name == component)
+    trained = spec.component(component)
     more = {"--dropout": str(trained.dropout), "--drop-path": str(trained.drop_path)}
     return graph_options(spec) | more
 
@@ -94,7 +94,12 @@ def _plain(value: object) -> object:
     return value.replace(" ", "") if isinstance(value, str) else value
 
 
-def said(option: str, value: object) -> str:
+def difference(option: str, value: object, given: object) -> str:
+    """An option as it was and as it is given now."""
+    return f"{_said(option, value)}, given {_said(option, given)}"
+
+
+def _said(option: str, value: object) -> str:
     """An option and its value as on the command line; `no OPTION` without one."""
     if value is None or value == "":
         return f"no `{option}`"

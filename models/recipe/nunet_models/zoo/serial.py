@@ -3,7 +3,6 @@
 import torch
 from torch import nn
 
-from nunet_models.errors import ConfigError
 from nunet_models.zoo.component import Component, State
 from nunet_models.zoo.spec import GraphSpec
 
@@ -36,11 +35,7 @@ class SerialGraph(nn.Module):
 
     def component(self, name: str) -> Component:
         """The component called `name`."""
-        for component in self.components:
-            if component.spec.name == name:
-                return component
-        names = ", ".join(component.name for component in self.spec.components)
-        raise ConfigError(f"no component `{name}` in `{self.spec.architecture}`; hint: {names}")
+        return self.components[self.spec.components.index(self.spec.component(name))]
 
     def forward(self, image: torch.Tensor) -> list[torch.Tensor]:
         """Image `[B, 3, h, w]`, normalised, to the raw numbers of every component in order."""

@@ -123,6 +123,18 @@ class GraphSpec:
             self.input_size[1] // self.inner_size[1],
         )
 
+    def component(self, name: str) -> ComponentSpec:
+        """The component called `name`.
+
+        # Errors
+        `ConfigError` with the names that there are.
+        """
+        for component in self.components:
+            if component.name == name:
+                return component
+        names = ", ".join(component.name for component in self.components)
+        raise ConfigError(f"no component `{name}` in `{self.architecture}`; hint: {names}")
+
     def outputs_of(self, component: ComponentSpec) -> int:
         """Channels that a component gives: a logit a class, or one number of depth."""
         return len(self.classes) if component.task == "segmentation" else 1
