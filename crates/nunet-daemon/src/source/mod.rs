@@ -15,6 +15,8 @@ pub(crate) use files::{Numbers, decode, decode_file, decode_numbers, glance, lis
 pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use pipe::PictureSize;
 pub use rate::{Pacer, Rate};
+#[cfg(test)]
+pub(crate) use recording::tests::write_recording;
 pub(crate) use recording::{RecordingSource, sorted};
 pub(crate) use v4l2::cameras;
 

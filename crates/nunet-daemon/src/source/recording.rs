@@ -184,30 +184,28 @@ fn camera(described: &CameraDescription, (width, height): (u32, u32)) -> anyhow:
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::collections::BTreeMap;
 
     use nunet_mcap::{DepthRecord, EncodedPicture, FrameRecord, RecordingWriter, WriterOptions};
 
     use super::*;
 
-    #[test]
-    fn a_loop_ends_with_a_round_without_a_picture() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.mcap");
+    /// A recording with a frame a nanosecond, with the file of a PNG picture or without one.
+    pub(crate) fn write_recording(path: &Path, frame_id: &str, pictures: &[Option<&[u8]>]) {
         let options = WriterOptions {
             camera: "front".into(),
-            frame_id: "eye".into(),
+            frame_id: frame_id.into(),
             mount: None,
             about: BTreeMap::new(),
             force: false,
         };
-        let mut writer = RecordingWriter::create(&path, options).unwrap();
-        for log_nanos in 1..=2 {
+        let mut writer = RecordingWriter::create(path, options).unwrap();
+        for (log_nanos, picture) in (1..).zip(pictures) {
             let frame = FrameRecord {
                 log_nanos,
                 stamp_nanos: 1,
-                picture: Some(EncodedPicture { format: "png", data: b"\x89PNG\r\n\x1a\n no more" }),
+                picture: picture.map(|data| EncodedPicture { format: "png", data }),
                 camera: None,
                 depth: DepthRecord { width: 1, height: 1, bytes: &[0; 4] },
                 depth_camera: None,
@@ -217,6 +215,14 @@ mod tests {
             writer.write(&frame).unwrap();
         }
         writer.finish().unwrap();
+    }
+
+    #[test]
+    fn a_loop_ends_with_a_round_without_a_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let broken: &[u8] = b"\x89PNG\r\n\x1a\n no more";
+        write_recording(&path, "eye", &[Some(broken), Some(broken)]);
         let how = Opening { repeat: true, ..Opening::default() };
         let (mut source, mut frame) = (RecordingSource::open(&path, how).unwrap(), Frame::default());
         for _ in 0..2 {

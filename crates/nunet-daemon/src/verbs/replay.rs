@@ -224,49 +224,22 @@ enum Trouble {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
     use std::io::Cursor;
-    use std::path::Path;
 
     use image::{ImageFormat, RgbImage};
-    use nunet_mcap::{DepthRecord, EncodedPicture, FrameRecord, RecordingWriter, WriterOptions};
 
     use super::*;
-
-    /// A recording with one picture behind `others` messages of another topic.
-    fn write_recording(path: &Path, others: u64) {
-        let options = WriterOptions {
-            camera: "left".into(),
-            frame_id: "left_camera_optical".into(),
-            mount: None,
-            about: BTreeMap::new(),
-            force: false,
-        };
-        let mut writer = RecordingWriter::create(path, options).unwrap();
-        let mut png = Cursor::new(Vec::new());
-        RgbImage::new(2, 2).write_to(&mut png, ImageFormat::Png).unwrap();
-        let png = png.into_inner();
-        for index in 0..=others {
-            let frame = FrameRecord {
-                log_nanos: index,
-                stamp_nanos: 1,
-                picture: (index == others).then_some(EncodedPicture { format: "png", data: &png }),
-                camera: None,
-                depth: DepthRecord { width: 1, height: 1, bytes: &[0; 4] },
-                depth_camera: None,
-                labels: None,
-                cloud: None,
-            };
-            writer.write(&frame).unwrap();
-        }
-        writer.finish().unwrap();
-    }
+    use crate::source::write_recording;
 
     #[test]
     fn the_coordinate_frame_is_the_pictures_however_many_other_messages_come_before() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
-        write_recording(&path, 600);
+        let mut png = Cursor::new(Vec::new());
+        RgbImage::new(2, 2).write_to(&mut png, ImageFormat::Png).unwrap();
+        let mut pictures = vec![None; 600];
+        pictures.push(Some(png.get_ref().as_slice()));
+        write_recording(&path, "left_camera_optical", &pictures);
         let mut source = RecordingSource::open(&path, Opening::default()).unwrap();
         let first = first_fill(&mut source, &mut Frame::default(), &Stop::default());
         assert!(matches!(first, Fill::Frame), "{first:?}");
