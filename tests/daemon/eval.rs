@@ -78,6 +78,19 @@ fn a_constant_error_is_the_root_mean_square_and_none_of_stretched_depth() {
     assert_near(&found["minmax"]["rmse"], 0.0, 0.001);
 }
 
+/// Cameras write them so.
+#[test]
+fn endings_may_have_capitals() {
+    let bench = dataset(100);
+    for folder in ["rgb", "depth", "labels"] {
+        let path = |ending: &str| bench.path(&format!("data/{folder}/b.{ending}"));
+        std::fs::rename(path("png"), path("PNG")).unwrap();
+    }
+    let found = figures(&bench, &[]);
+    assert_eq!((&found["pictures"], &found["skipped"]), (&2.into(), &0.into()));
+    assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
+}
+
 #[test]
 fn figures_table_and_sheet_are_written() {
     let bench = dataset(100);

@@ -1,8 +1,10 @@
 //! From `--model NAME|PATH` to a file: an existing path first, then the bundled models.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use nunet_core::graph::model_files;
 
 use crate::exit::NotFound;
 use crate::installation;
@@ -73,13 +75,19 @@ fn not_found(name: &Path, folders: &[PathBuf]) -> String {
     text
 }
 
+/// All but the stages that a manifest beside them joins: alone they give no depth.
 fn bundled_names(folders: &[PathBuf]) -> Vec<String> {
     let files = folders.iter().filter_map(|folder| folder.read_dir().ok()).flatten().flatten();
-    let names = files.map(|file| file.file_name().to_string_lossy().into_owned());
-    let mut names: Vec<_> = names.filter(|name| name.ends_with(".onnx") || name.ends_with(".toml")).collect();
-    names.sort();
-    names.dedup();
-    names
+    let is_model =
+        |path: &PathBuf| path.extension().is_some_and(|ending| ending == "onnx" || ending == "toml");
+    let models: BTreeSet<_> = files.map(|file| file.path()).filter(is_model).collect();
+    let manifests = models.iter().filter(|path| path.extension().is_some_and(|ending| ending == "toml"));
+    let stages: BTreeSet<_> = manifests
+        .filter_map(|path| model_files(path).ok())
+        .flat_map(|files| files.into_iter().skip(1))
+        .collect();
+    let names = models.difference(&stages).filter_map(|path| path.file_name());
+    names.map(|name| name.to_string_lossy().into_owned()).collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 #[cfg(test)]
@@ -110,11 +118,16 @@ mod tests {
     #[test]
     fn an_unknown_name_lists_what_there_is() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("unet.onnx"), "").unwrap();
+        for name in ["unet.onnx", "wnet_c.onnx", "wnet_c.segmentation.onnx", "wnet_c.depth.onnx"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let manifest = include_str!("../../../models/wnet_c.toml");
+        std::fs::write(folder.path().join("wnet_c.toml"), manifest).unwrap();
         let text = not_found(Path::new("unett"), &[folder.path().to_owned()]);
         assert_eq!(
             text,
-            "no model `unett`: no such file, and no bundled model of that name\nhint: bundled models: unet.onnx"
+            "no model `unett`: no such file, and no bundled model of that name\nhint: bundled models: unet.onnx, \
+             wnet_c.onnx, wnet_c.toml"
         );
     }
 }

@@ -64,7 +64,7 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
         work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
     }
     if skipped > 0 {
-        error!("{skipped} pictures were skipped");
+        error!("pictures that were skipped: {skipped}");
     }
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
 }

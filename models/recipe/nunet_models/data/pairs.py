@@ -101,7 +101,7 @@ class FolderPairs:
             files = sum(len(self._paths(i)) for i in ids)
             more = f", and {len(missing) - 1} more of the {files} files of {len(ids)} pairs"
             more = more if len(missing) > 1 else ""
-            raise DataError(f"`{missing[0]}` is missing{more}{_case_hint(missing[0])}")
+            raise DataError(f"`{missing[0]}` is missing{more}")
         state = file_state([p for i in ids for p in self._paths(i)])
         self.identity = f"{root.resolve()} {units} {window} {self.label_folder} {state}"
 
@@ -130,11 +130,17 @@ class FolderPairs:
         return Pair(identity, rgb, *known)
 
     def _paths(self, identity: str) -> list[Path]:
-        candidates = [self.root / "rgb" / f"{identity}{suffix}" for suffix in RGB_SUFFIXES]
-        rgb = next((p for p in candidates if p.is_file()), candidates[0])
-        paths = [rgb, self.root / "depth" / f"{identity}.png"]
-        folder = self.label_folder
-        return paths + ([self.root / folder / f"{identity}.png"] if folder else [])
+        folders = ["depth", *([self.label_folder] if self.label_folder else [])]
+        return [
+            self._path("rgb", identity, RGB_SUFFIXES),
+            *(self._path(folder, identity, (".png",)) for folder in folders),
+        ]
+
+    def _path(self, folder: str, identity: str, suffixes: Sequence[str]) -> Path:
+        """The file of a picture, or what it is called where there is none; capitals are cameras' ways."""
+        names = [identity + ending for suffix in suffixes for ending in (suffix, suffix.upper())]
+        paths = [self.root / folder / name for name in names]
+        return next((path for path in paths if path.is_file()), paths[0])
 
     def _labels(self, path: Path, size: tuple[int, int]) -> np.ndarray:
         values = _single_channel(path, size)
@@ -155,15 +161,6 @@ def file_state(paths: Sequence[Path]) -> str:
     known = [path.stat() for path in paths]
     size, times = sum(s.st_size for s in known), sum(s.st_mtime_ns for s in known)
     return f"{len(known)} files, {size} bytes, {times} ns"
-
-
-def _case_hint(missing: Path) -> str:
-    """What to say where a file is there but for capitals in its ending."""
-    beside = (path for path in missing.parent.glob("*") if path.stem == missing.stem)
-    for path in beside:
-        if path.suffix != path.suffix.lower() in RGB_SUFFIXES:
-            return f", but `{path.name}` is there; hint: endings are lower-case, .jpg and .png"
-    return ""
 
 
 def read_ids(path: Path) -> list[str]:

@@ -19,7 +19,9 @@ use crate::source::{Frame, Numbers, decode, decode_numbers};
 /// What some editors begin a text with.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
+/// Endings of files; cameras write them in capitals.
 const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
+const NUMBER_ENDINGS: [&str; 1] = ["png"];
 const MILLIMETRE_M: f64 = 0.001;
 /// What sensors write into 16-bit pictures where they measured nothing, besides 0: 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;
@@ -85,10 +87,9 @@ impl Dataset {
 
     /// Reads a picture.
     pub(super) fn picture(&self, id: &str, frame: &mut Frame) -> anyhow::Result<()> {
-        let candidates = RGB_ENDINGS.map(|ending| self.root.join("rgb").join(format!("{id}.{ending}")));
-        let path = candidates.iter().find(|path| path.is_file()).unwrap_or(&candidates[0]);
+        let path = self.path("rgb", id, &RGB_ENDINGS);
         frame.camera = self.camera;
-        decode(path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
+        decode(&path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
     }
 
     /// Reads what is known of a picture.
@@ -107,10 +108,18 @@ impl Dataset {
     }
 
     fn numbers(&self, folder: &str, id: &str) -> anyhow::Result<(PathBuf, Numbers)> {
-        let path = self.root.join(folder).join(format!("{id}.png"));
+        let path = self.path(folder, id, &NUMBER_ENDINGS);
         let numbers =
             decode_numbers(&path).with_context(|| format!("cannot read the picture `{}`", path.display()))?;
         Ok((path, numbers))
+    }
+
+    /// The file of a picture, or what it is called where there is none.
+    fn path(&self, folder: &str, id: &str, endings: &[&str]) -> PathBuf {
+        let folder = self.root.join(folder);
+        let named = |ending: &str| folder.join(format!("{id}.{ending}"));
+        let mut spellings = endings.iter().flat_map(|ending| [named(ending), named(&ending.to_uppercase())]);
+        spellings.find(|path| path.is_file()).unwrap_or_else(|| named(endings[0]))
     }
 
     fn blank_outside<T: Copy>(&self, width: u32, values: &mut [T], none: T) {
@@ -205,20 +214,22 @@ pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
 /// formats are counted.
 fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut ids = BTreeSet::new();
-    for (folder, endings) in [("rgb", &RGB_ENDINGS[..]), ("depth", &["png"])] {
+    for (folder, endings) in [("rgb", &RGB_ENDINGS[..]), ("depth", &NUMBER_ENDINGS)] {
         let folder = root.join(folder);
         let unreadable = || format!("cannot list the folder `{}`", folder.display());
         let mut others = 0;
         for entry in folder.read_dir().with_context(unreadable)? {
             let path = entry.with_context(unreadable)?.path();
-            let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned());
-            let known = ending.is_some_and(|ending| endings.contains(&ending.as_str()));
+            let ending = path.extension().map(|ending| ending.to_string_lossy());
+            let spelt =
+                |known: &str| ending.as_ref().is_some_and(|is| *is == known || *is == known.to_uppercase());
+            let known = endings.iter().any(|known| spelt(known));
             others += u64::from(!known);
             ids.extend(path.file_stem().filter(|_| known).map(|stem| stem.to_string_lossy().into_owned()));
         }
         if others > 0 {
             let expected = endings.iter().map(|ending| format!("`.{ending}`")).collect::<Vec<_>>().join(", ");
-            warn!("`{}` holds {others} files that do not end in {expected}: passed over", folder.display());
+            warn!("`{}` holds files that do not end in {expected}: {others} passed over", folder.display());
         }
     }
     if ids.is_empty() {
