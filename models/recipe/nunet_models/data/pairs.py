@@ -137,7 +137,7 @@ class FolderPairs:
         ]
 
     def _path(self, folder: str, identity: str, suffixes: Sequence[str]) -> Path:
-        """The file of a picture, or what it is called where there is none; capitals are cameras' ways."""
+        """The file of a picture, or its name where there is none; cameras write endings large."""
         names = [identity + ending for suffix in suffixes for ending in (suffix, suffix.upper())]
         paths = [self.root / folder / name for name in names]
         return next((path for path in paths if path.is_file()), paths[0])

@@ -38,7 +38,9 @@ def loss_curves(runs: list[Path], out: Path) -> None:
     left, right = figure.subplots(1, 2)
     for run in runs:
         steps, epochs = _rows(run / "steps.csv"), _rows(run / "epochs.csv")
-        left.plot([r["step"] for r in steps], [r["loss"] for r in steps], label=run.name, lw=1)
+        alone = "." if len(steps) == 1 else ""  # one point makes no line
+        values = [r["loss"] for r in steps]
+        left.plot([r["step"] for r in steps], values, label=run.name, lw=1, marker=alone)
         name = "miou" if "miou" in epochs[0] else "rmse"
         values = [r[name] for r in epochs]
         right.plot([r["epoch"] for r in epochs], values, label=f"{run.name}: {name}", marker=".")
