@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 
 use anyhow::Context as _;
 use nunet_core::filter::FilterOptions;
-use nunet_core::graph::{GraphError, GraphOptions, Runtime, SerialGraph};
+use nunet_core::graph::{GraphError, GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::model::SelfTestReport;
 use nunet_core::pipeline::{Focal, Pipeline, PipelineOptions};
 use tracing::{info, warn};
@@ -45,12 +45,16 @@ impl Loaded {
 }
 
 impl Engine {
-    /// Finds and loads the library.
+    /// Finds and loads the library. What `auto` means is settled here: a model must be tried with what will run it.
     pub(crate) fn start(arguments: &EngineArgs) -> anyhow::Result<Self> {
         check_threads(arguments.threads)?;
         let library = library::find(arguments.onnxruntime.as_deref())?;
         let runtime = Runtime::load(&library.path)?;
-        Ok(Self { library, runtime, arguments: arguments.clone() })
+        let provider = match arguments.provider {
+            Provider::Auto => runtime.best_provider(),
+            named => named,
+        };
+        Ok(Self { library, runtime, arguments: EngineArgs { provider, ..arguments.clone() } })
     }
 
     /// Finds a model, has it vetted in a child process where it is new, and loads it.

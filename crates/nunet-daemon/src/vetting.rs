@@ -25,7 +25,9 @@ use crate::stream::Stop;
 use crate::words::hexadecimal;
 
 /// Loading and one prediction on a slow board; a file that takes longer is refused.
-const TIME_LIMIT: Duration = Duration::from_secs(120);
+const TIME_LIMIT: Duration = Duration::from_mins(2);
+/// The same where an engine is built for the model and the graphics card first.
+const TIME_LIMIT_OF_ENGINES: Duration = Duration::from_mins(30);
 /// Address space of the child beside what the file itself asks for, bytes.
 const MEMORY_BASE: u64 = 4 << 30;
 /// Address space for each byte of the model: optimised and packed copies of the weights.
@@ -88,21 +90,31 @@ pub(crate) fn limit_this_process(model: &Path, provider: Provider) -> anyhow::Re
     set_parent_process_death_signal(Some(Signal::KILL)).context("cannot tie this process to its parent")?;
     let bytes: u64 =
         model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
-    let memory = match provider {
-        Provider::Cuda | Provider::TensorRt => u64::MAX,
-        Provider::Auto | Provider::Cpu | Provider::OpenVino => {
-            MEMORY_BASE + bytes.saturating_mul(MEMORY_PER_MODEL_BYTE)
-        }
-    };
-    for (resource, limit) in
-        [(Resource::As, memory), (Resource::Cpu, 2 * TIME_LIMIT.as_secs()), (Resource::Core, 0)]
-    {
+    let limits = [
+        (Resource::As, memory_limit(provider, bytes)),
+        (Resource::Cpu, 2 * time_limit(provider).as_secs()),
+        (Resource::Core, 0),
+    ];
+    for (resource, limit) in limits {
         let now = getrlimit(resource);
         let limit = now.maximum.map_or(limit, |maximum| maximum.min(limit));
         setrlimit(resource, Rlimit { current: Some(limit), maximum: now.maximum })
             .with_context(|| format!("cannot limit {resource:?}"))?;
     }
     Ok(())
+}
+
+fn memory_limit(provider: Provider, model_bytes: u64) -> u64 {
+    match provider {
+        Provider::Cuda | Provider::TensorRt => u64::MAX,
+        Provider::Auto | Provider::Cpu | Provider::OpenVino => {
+            MEMORY_BASE + model_bytes.saturating_mul(MEMORY_PER_MODEL_BYTE)
+        }
+    }
+}
+
+fn time_limit(provider: Provider) -> Duration {
+    if provider == Provider::TensorRt { TIME_LIMIT_OF_ENGINES } else { TIME_LIMIT }
 }
 
 fn try_in_child(
@@ -127,11 +139,12 @@ fn try_in_child(
     let mut child = child.context("cannot start a child process to test the model in")?;
     let messages = child.stderr.take().map(|stderr| std::thread::spawn(move || read_messages(stderr)));
     let kind = child.stdout.take().map(|stdout| std::thread::spawn(move || read_messages(stdout)));
-    let Some(status) = wait(&mut child, stop)? else {
+    let limit = time_limit(engine.provider);
+    let Some(status) = wait(&mut child, limit, stop)? else {
         bail!(
             "testing `{}` in a child process took longer than {} s\nhint: try again when the machine is less busy",
             model.display(),
-            TIME_LIMIT.as_secs()
+            limit.as_secs()
         );
     };
     let said =
@@ -148,9 +161,9 @@ fn read_messages(stderr: impl std::io::Read) -> String {
 }
 
 /// `None` of a child that took too long. It is ended then, and by a stop.
-fn wait(child: &mut std::process::Child, stop: &Stop) -> anyhow::Result<Option<ExitStatus>> {
+fn wait(child: &mut std::process::Child, limit: Duration, stop: &Stop) -> anyhow::Result<Option<ExitStatus>> {
     let start = Instant::now();
-    while start.elapsed() < TIME_LIMIT && !stop.requested() {
+    while start.elapsed() < limit && !stop.requested() {
         if let Some(status) = child.try_wait().context("cannot wait for the child process")? {
             return Ok(Some(status));
         }
@@ -295,11 +308,27 @@ mod tests {
     }
 
     #[test]
+    fn a_child_that_takes_too_long_is_ended() {
+        let mut child = std::process::Command::new("sleep").arg("300").spawn().unwrap();
+        assert_eq!(wait(&mut child, Duration::ZERO, &Stop::default()).unwrap(), None);
+        assert!(child.try_wait().unwrap().is_some(), "the child goes on");
+    }
+
+    #[test]
+    fn graphics_cards_have_no_limit_of_addresses_and_engines_have_time_to_be_built() {
+        for provider in [Provider::Cuda, Provider::TensorRt] {
+            assert_eq!(memory_limit(provider, 1), u64::MAX);
+        }
+        assert_eq!(memory_limit(Provider::Cpu, 1 << 20), MEMORY_BASE + (8 << 20));
+        assert!(time_limit(Provider::TensorRt) > time_limit(Provider::Cuda));
+    }
+
+    #[test]
     fn a_stop_ends_the_child_and_says_nothing_of_the_file() {
         let stop = Stop::default();
         let mut child = std::process::Command::new("sleep").arg("300").spawn().unwrap();
         stop.request();
-        let error = wait(&mut child, &stop).unwrap_err();
+        let error = wait(&mut child, TIME_LIMIT, &stop).unwrap_err();
         assert!(error.is::<crate::stream::Stopped>(), "{error:#}");
         assert!(child.try_wait().unwrap().is_some(), "the child goes on");
     }

@@ -47,6 +47,7 @@ pub struct Recording {
     records: Records,
     channels: Channels,
     camera: Option<CameraDescription>,
+    first_camera: Option<CameraDescription>,
     pictures: u64,
     count: Option<u64>,
 }
@@ -110,6 +111,7 @@ impl Recording {
             records: Records::open(path)?,
             channels: Channels::default(),
             camera: None,
+            first_camera: None,
             pictures: 0,
         };
         recording.find_first_camera()?;
@@ -141,6 +143,7 @@ impl Recording {
     pub fn rewind(&mut self) -> Result<(), RecordingError> {
         self.records = Records::open(&self.path)?;
         self.channels = Channels::default();
+        self.camera.clone_from(&self.first_camera);
         self.pictures = 0;
         Ok(())
     }
@@ -204,7 +207,7 @@ impl Recording {
             match found {
                 // One that is not calibrated now will not be later.
                 Ok(Some(Some(camera))) => {
-                    self.camera = camera;
+                    self.first_camera = camera;
                     break;
                 }
                 Ok(Some(None)) if bytes < LOOK_AHEAD_BYTES => {}

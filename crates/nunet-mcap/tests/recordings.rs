@@ -1,7 +1,7 @@
 //! Files as robots leave them: whole, cut anywhere, damaged, and none at all.
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -169,8 +169,14 @@ fn flipped_bytes_never_panic_and_never_mix_pictures() {
             let Ok(mut recording) = Recording::open(&path, None) else { continue };
             let mut picture = Picture::default();
             for _ in 0..100 {
-                if matches!(recording.next(&mut picture), Next::End | Next::Cut(_)) {
-                    break;
+                match recording.next(&mut picture) {
+                    Next::Picture => {
+                        let ours = |value: &&u8| (1..=PICTURES).contains(*value);
+                        let of: BTreeSet<_> = picture.data.iter().filter(ours).collect();
+                        assert!(of.len() <= 1, "place {place}: {:?}", picture.data);
+                    }
+                    Next::End | Next::Cut(_) => break,
+                    Next::Bad(_) | Next::Nothing => {}
                 }
             }
         }
@@ -243,9 +249,10 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
         force: true,
     };
     let mut writer = RecordingWriter::create(path, options).unwrap();
-    let camera =
-        CameraDescription { width: 2, height: 1, intrinsics: [3.0, 4.0, 0.5, 0.0], ..Default::default() };
     for frame in 0..frames {
+        // A lens that zooms.
+        let intrinsics = [3.0 + f64::from(frame), 4.0, 0.5, 0.0];
+        let camera = CameraDescription { width: 2, height: 1, intrinsics, ..Default::default() };
         let depth: Vec<u8> =
             [f32::from(frame), f32::NAN].iter().flat_map(|metres| metres.to_le_bytes()).collect();
         writer
@@ -275,6 +282,23 @@ fn count(path: &Path) -> (usize, bool) {
             Next::Bad(error) => panic!("{error}"),
             end => return (pictures, matches!(end, Next::End)),
         }
+    }
+}
+
+#[test]
+fn a_recording_that_begins_again_has_its_first_camera_again() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("zoom.mcap");
+    write_frames(&path, 3).finish().unwrap();
+    let mut recording = Recording::open(&path, None).unwrap();
+    let focal_length = |recording: &Recording| recording.camera().unwrap().intrinsics[0];
+    for _ in 0..2 {
+        assert_eq!(focal_length(&recording), 3.0);
+        let pictures =
+            (0..10).take_while(|_| matches!(recording.next(&mut Picture::default()), Next::Picture));
+        assert_eq!(pictures.count(), 3);
+        assert_eq!(focal_length(&recording), 5.0);
+        recording.rewind().unwrap();
     }
 }
 

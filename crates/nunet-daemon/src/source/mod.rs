@@ -136,9 +136,10 @@ impl Kind {
     }
 }
 
-/// Whether it is a camera, plugged in or not. The names below `/dev/v4l` stay the same when numbers change.
+/// Whether it is a camera, plugged in or not. The names below `/dev/v4l` stay the same when numbers change, and so do
+/// those of the package's udev rule.
 fn is_device(text: &str) -> bool {
-    let named = ["/dev/video", "/dev/v4l/"].iter().any(|start| text.starts_with(start));
+    let named = ["/dev/video", "/dev/v4l/", "/dev/nunet/"].iter().any(|start| text.starts_with(start));
     named || Path::new(text).metadata().is_ok_and(|found| found.file_type().is_char_device())
 }
 
@@ -252,7 +253,9 @@ mod tests {
 
     #[test]
     fn cameras_are_told_by_their_place_or_by_being_devices() {
-        for text in ["/dev/video0", "/dev/video7", "/dev/v4l/by-path/pci-0:1.0-video-index0", "/dev/null"] {
+        for text in
+            ["/dev/video7", "/dev/v4l/by-path/pci-0:1.0-video-index0", "/dev/nunet/ACME_42", "/dev/null"]
+        {
             assert_eq!(Kind::parse(text), Kind::Video(text.into()), "{text}");
         }
         assert_eq!(Kind::parse("/dev"), Kind::Files("/dev".into()));

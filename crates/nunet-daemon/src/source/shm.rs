@@ -91,13 +91,17 @@ impl SharedMemory {
                 }
                 Err(IpcError::NobodyPublishes { .. }) => self.remind("it is not there yet"),
                 Err(error @ IpcError::ContractVersion { .. }) => return Err(error),
-                Err(error) => {
-                    self.remind(&error.to_string());
-                    std::thread::sleep(PATIENCE);
-                }
+                Err(error) => self.reconnect(&error),
             }
         }
         Ok(self.reader.as_ref())
+    }
+
+    /// No frame is lost by it. A connection that failed once is told of once and not mended by itself.
+    fn reconnect(&mut self, error: &IpcError) {
+        self.reader = None;
+        self.remind(&error.to_string());
+        std::thread::sleep(PATIENCE);
     }
 
     fn remind(&mut self, what: &str) {
@@ -148,7 +152,11 @@ impl Source for SharedMemory {
             Ok(fill) => fill,
             Err(IpcError::TooManyFramesHeld { .. }) => Fill::Crowded,
             Err(error @ IpcError::ContractVersion { .. }) => Fill::Broken(error.into()),
-            Err(error) => Fill::Failed(error.into()),
+            Err(error @ IpcError::BadMessage { .. }) => Fill::Failed(error.into()),
+            Err(error) => {
+                self.reconnect(&error);
+                Fill::Nothing
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 use std::num::NonZeroU64;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos};
@@ -58,6 +58,8 @@ struct Feeder {
 struct Port {
     publisher: Publisher,
     size: (u32, u32),
+    /// As many bytes as there is room for.
+    room: usize,
 }
 
 impl Feeder {
@@ -105,12 +107,7 @@ impl Feeder {
                 port => self.port.insert(port?),
             },
         };
-        if port.size != frame.size {
-            let error = anyhow::anyhow!(
-                "a picture of {:?} from a camera that began with {:?}: a camera has one size",
-                frame.size,
-                port.size
-            );
+        if let Err(error) = port.has_room(frame) {
             self.lose(frame, &error);
             return Ok(());
         }
@@ -132,11 +129,31 @@ impl Feeder {
 
 impl Port {
     fn open(camera: &CameraName, frame: &Frame, stop: &Stop) -> anyhow::Result<Self> {
-        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: frame.view()?.bytes().len() };
+        let room = frame.view()?.bytes().len();
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: room };
         let publisher = Publisher::create_unless(camera, &[plan], &Limits::default(), &|| stop.requested())?;
         let (width, height) = frame.size;
         info!("camera `{camera}`: {width}x{height}, {} of shared memory", publisher.reservation());
-        Ok(Self { publisher, size: frame.size })
+        Ok(Self { publisher, size: frame.size, room })
+    }
+
+    /// Shared memory is reserved once, for pictures like the first.
+    fn has_room(&self, frame: &Frame) -> anyhow::Result<()> {
+        let view = frame.view()?;
+        let bytes = view.bytes().len();
+        ensure!(
+            frame.size == self.size,
+            "a picture of {:?} from a camera that began with {:?}: a camera has one size",
+            frame.size,
+            self.size
+        );
+        ensure!(
+            bytes <= self.room,
+            "a picture of {bytes} bytes ({}) from a camera that began with {}: a camera has one format",
+            view.format(),
+            self.room
+        );
+        Ok(())
     }
 
     fn send(&self, frame: &Frame, camera: Option<Camera>) -> anyhow::Result<()> {

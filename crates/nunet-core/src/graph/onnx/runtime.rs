@@ -1,12 +1,13 @@
 //! The ONNX Runtime library: loaded by path, once for the life of the process.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ort::environment::Environment;
 use ort::logging::LogLevel;
 
-use super::library;
+use super::{Provider, library};
 
 /// The process's ONNX Runtime: ort allows one environment for the life of a process.
 static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
@@ -58,6 +59,12 @@ impl Runtime {
 
     pub(super) fn environment(&self) -> &Environment {
         &self.environment
+    }
+
+    /// What [`Provider::Auto`] means with this library on this machine.
+    #[must_use]
+    pub fn best_provider(&self) -> Provider {
+        Provider::Auto.resolve(self, NonZeroUsize::MIN).unwrap_or(Provider::Cpu)
     }
 
     /// Where the library lies, with links resolved.
