@@ -187,6 +187,24 @@ fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
     assert_eq!(found["pictures"], 3, "{found}");
 }
 
+/// It would count for the network and not for the mean image.
+#[test]
+fn a_picture_that_the_mean_image_does_not_fit_counts_for_nothing() {
+    let bench = dataset(100);
+    std::fs::write(bench.path("b.txt"), "b").unwrap();
+    for folder in ["rgb", "depth", "labels"] {
+        let path = bench.path(&format!("data/{folder}/a.png"));
+        image::open(&path).unwrap().crop_imm(0, 0, 64, 48).save(&path).unwrap();
+    }
+    let (data, model, list) = (bench.arg("data"), bench.arg("model.onnx"), bench.arg("b.txt"));
+    let output = run(nunetd(&eval(&data, &model, &["--baseline-ids", &list, "--json"])));
+    assert_eq!(output.status.code(), Some(3));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&found["pictures"], &found["skipped"]), (&1.into(), &1.into()));
+    assert_eq!(found["pixels"], SIZE.0 * SIZE.1, "those of the other alone");
+    assert_eq!(found["metrics"], found["picture_mean"], "of one picture");
+}
+
 #[test]
 fn bad_arguments_are_told_before_the_work() {
     let bench = dataset(0);
@@ -195,6 +213,7 @@ fn bad_arguments_are_told_before_the_work() {
     for (rest, part) in [
         (["--ids", twice.as_str()], "names the picture `a` twice"),
         (["--window", "8,8,4"], "expected four whole numbers"),
+        (["--ids", "/dev/zero"], "cannot read `/dev/zero`: it is no plain file"),
     ] {
         let (code, stderr) = outcome(&bench, &rest);
         assert_eq!(code, Some(2), "{stderr}");

@@ -37,6 +37,10 @@ pub struct EvalArgs {
     /// Pixels outside of it have no truth, for data with a frame around each picture
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
     pub window: Option<Window>,
+    /// The pictures are one video, in their order: what a network or a filter remembers is carried from each to the next,
+    /// as it is in a recording
+    #[arg(long)]
+    pub clip: bool,
     #[command(flatten)]
     pub lens: LensArgs,
     #[command(flatten)]

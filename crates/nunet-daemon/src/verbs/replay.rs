@@ -123,6 +123,7 @@ impl Replay {
         let progress = progress("replay", source.pictures());
         let (mut fill, mut over) = (first, false);
         while !stop.requested() {
+            let was_frame = fill.had_frame();
             match fill {
                 Fill::Frame => match self.take_through(&mut frame) {
                     Ok(()) => self.frames += 1,
@@ -142,7 +143,7 @@ impl Replay {
                 }
                 Fill::Broken(error) => return Err(error),
             }
-            progress.inc(1);
+            progress.inc(u64::from(was_frame));
             fill = source.fill(&mut frame);
         }
         progress.finish_and_clear();

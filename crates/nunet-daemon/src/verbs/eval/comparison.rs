@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 
-use super::metrics::DepthMetrics;
+use super::metrics::{DepthMetrics, PictureMean};
 use crate::cli::ProtocolArg;
 
 /// Predictions below would make relative errors meaningless; the field's figure.
@@ -37,6 +37,8 @@ pub(super) struct Comparison {
     kind: Kind,
     /// Metres under the protocol; empty where the network has none.
     pub(super) depth: DepthMetrics,
+    /// Of each picture by itself.
+    pub(super) each: PictureMean,
     /// Whole pictures, each stretched from its nearest to its farthest point, as the paper did.
     pub(super) minmax: DepthMetrics,
     /// The nearest and the farthest truth under the protocol, metres, whether it is compared or not.
@@ -57,7 +59,7 @@ pub(super) enum Kind {
 impl Comparison {
     pub(super) fn new(protocol: ProtocolArg, kind: Kind) -> Self {
         let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
-        Self { protocol, kind, depth, minmax, truth_m: None }
+        Self { protocol, kind, depth, each: PictureMean::default(), minmax, truth_m: None }
     }
 
     /// Whether there was truth to compare metres with.
@@ -113,6 +115,7 @@ impl Comparison {
             alone.minmax.add(positive(p), positive(t));
         }
         self.depth.merge(&alone.depth);
+        self.each.add(alone.depth.figures());
         self.minmax.merge(&alone.minmax);
         for end in alone.truth_m.map_or([f32::NAN; 2], |(near, far)| [near, far]) {
             self.see(end);
@@ -223,11 +226,18 @@ pub(super) struct Baseline {
 }
 
 impl Baseline {
-    /// Counts one picture.
-    pub(super) fn add(&mut self, truth_m: &[f32], size: (u32, u32)) -> anyhow::Result<()> {
+    /// # Errors
+    /// A picture of another size.
+    pub(super) fn check_size(&self, size: (u32, u32)) -> anyhow::Result<()> {
         if size != self.size {
             bail!("the mean image is {}x{}, this picture {}x{}", self.size.0, self.size.1, size.0, size.1);
         }
+        Ok(())
+    }
+
+    /// Counts one picture.
+    pub(super) fn add(&mut self, truth_m: &[f32], size: (u32, u32)) -> anyhow::Result<()> {
+        self.check_size(size)?;
         self.metric.add(&self.metres, truth_m, size)?;
         self.minmax.add(&self.stretched, truth_m, size)?;
         Ok(())
@@ -266,6 +276,11 @@ mod tests {
         // 50 m are taken for 10 m where there are 9, and 0 m for a millimetre where there is 1 m; no other pixel counts.
         assert!((figures.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{figures:?}");
         assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
+        let each = comparison.each.figures().unwrap();
+        assert!(
+            (each.mse - figures.mse).abs() < 1e-12,
+            "a picture without a pixel counts for nothing: {each:?}"
+        );
         assert!(comparison.check_truth().is_ok());
     }
 

@@ -1,11 +1,13 @@
 //! Pictures with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
 
 use std::collections::{BTreeSet, HashSet};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 
 use nunet_core::camera::Camera;
+use nunet_core::plain_file;
 use tempfile::TempDir;
 use tracing::warn;
 
@@ -22,6 +24,8 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 /// Endings of files; cameras write them in capitals.
 const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
 const NUMBER_ENDINGS: [&str; 1] = ["png"];
+/// A million ids of 64 characters.
+const MAX_LIST_BYTES: u64 = 64 << 20;
 const MILLIMETRE_M: f64 = 0.001;
 /// What sensors write into 16-bit pictures where they measured nothing, besides 0: 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;
@@ -197,7 +201,8 @@ impl LabelFolder {
 
 /// Ids of a list, one a line.
 pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
-    let text = std::fs::read_to_string(list).with_context(|| format!("cannot read `{}`", list.display()))?;
+    let unreadable = |error| BadArguments(format!("cannot read `{}`: {error:#}", list.display()));
+    let text = read_list(list).map_err(unreadable)?;
     let lines = text.trim_start_matches(BYTE_ORDER_MARK).lines().map(str::trim);
     let ids: Vec<String> = lines.filter(|id| !id.is_empty()).map(str::to_owned).collect();
     let mut seen = HashSet::new();
@@ -208,6 +213,15 @@ pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
         bail!(BadArguments(format!("`{}` names no picture", list.display())));
     }
     Ok(ids)
+}
+
+fn read_list(list: &Path) -> anyhow::Result<String> {
+    let Some(mut file) = plain_file::open(list, MAX_LIST_BYTES + 1)? else { bail!("it is no plain file") };
+    let mut text = String::new();
+    if file.read_to_string(&mut text)? as u64 > MAX_LIST_BYTES {
+        bail!("a file of more than {MAX_LIST_BYTES} bytes is no list of ids");
+    }
+    Ok(text)
 }
 
 /// Ids of all pictures and of all depth, sorted: whose partner is missing is found when its turn comes. Files of other

@@ -28,6 +28,7 @@ pub(super) struct Report {
     pixels: u64,
     pixels_without_prediction: u64,
     metrics: Figures<DepthFigures>,
+    picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
     labels: Figures<LabelFigures>,
     baseline: Option<BaselineReport>,
@@ -39,6 +40,15 @@ pub(super) struct Report {
 enum Figures<T> {
     Measured(T),
     Nothing {},
+}
+
+impl<T: Copy> Figures<T> {
+    fn measured(&self) -> Option<T> {
+        match *self {
+            Self::Measured(figures) => Some(figures),
+            Self::Nothing {} => None,
+        }
+    }
 }
 
 impl<T> From<Option<T>> for Figures<T> {
@@ -71,6 +81,7 @@ struct BaselineReport {
     /// Whose mean it is: [`OF_MEASURED`] or [`OF_NAMED`].
     of: &'static str,
     metrics: Figures<DepthFigures>,
+    picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
 }
 
@@ -110,11 +121,13 @@ impl Report {
             pixels: comparison.minmax.pixels,
             pixels_without_prediction: comparison.minmax.missing,
             metrics: comparison.depth.figures().into(),
+            picture_mean: comparison.each.figures().into(),
             minmax: Stretched::of(&comparison.minmax).into(),
             labels: labels.figures().into(),
             baseline: baseline.map(|baseline| BaselineReport {
                 of: what.baseline_of,
                 metrics: baseline.metric.depth.figures().into(),
+                picture_mean: baseline.metric.each.figures().into(),
                 minmax: Stretched::of(&baseline.minmax.minmax).into(),
             }),
         }
@@ -123,7 +136,7 @@ impl Report {
     /// For people: the network and the mean image side by side.
     pub(super) fn text(&self) -> String {
         let mut text = format!(
-            "{} ({}) on {}: {} pictures, {} skipped, protocol {}, scale {}\n{:<14}{:>10}{:>12}\n",
+            "{} ({}) on {}: {} pictures, {} skipped, protocol {}, scale {}\n{:<15}{:>9}{:>12}\n",
             self.model.name,
             self.architecture,
             self.dataset,
@@ -136,25 +149,22 @@ impl Report {
             "mean image"
         );
         let trivial = self.baseline.as_ref();
-        if let Figures::Measured(figures) = &self.metrics {
-            let beside = trivial.and_then(|baseline| match &baseline.metrics {
-                Figures::Measured(figures) => Some(figures.named()),
-                Figures::Nothing {} => None,
-            });
+        if let Some(figures) = self.metrics.measured() {
+            let beside = trivial.and_then(|baseline| baseline.metrics.measured());
             for (index, (name, value)) in figures.named().into_iter().enumerate() {
-                let beside = beside.and_then(|named| named.get(index).map(|&(_, value)| value));
-                text += &line(name, value, beside);
+                text += &line(name, value, beside.map(|figures| figures.named()[index].1));
             }
         }
-        if let Figures::Measured(figures) = self.minmax {
-            let beside = trivial.and_then(|baseline| match baseline.minmax {
-                Figures::Measured(figures) => Some(figures),
-                Figures::Nothing {} => None,
-            });
+        if let Some(figures) = self.picture_mean.measured() {
+            let beside = trivial.and_then(|baseline| baseline.picture_mean.measured());
+            text += &line("rmse, averaged", figures.rmse, beside.map(|figures| figures.rmse));
+        }
+        if let Some(figures) = self.minmax.measured() {
+            let beside = trivial.and_then(|baseline| baseline.minmax.measured());
             text += &line("minmax mse", figures.mse, beside.map(|figures| figures.mse));
             text += &line("minmax rmse", figures.rmse, beside.map(|figures| figures.rmse));
         }
-        if let Figures::Measured(labels) = self.labels {
+        if let Some(labels) = self.labels.measured() {
             text += &line("labels miou", labels.miou, None);
             text += &line("labels acc.", labels.accuracy, None);
         }
@@ -168,7 +178,7 @@ impl Report {
 
 fn line(name: &str, value: f64, beside: Option<f64>) -> String {
     let beside = beside.map(|value| format!("{value:>12.4}")).unwrap_or_default();
-    format!("{name:<14}{value:>10.4}{beside}\n")
+    format!("{name:<15}{value:>9.4}{beside}\n")
 }
 
 /// One picture's own figures.
