@@ -25,7 +25,7 @@ pub struct Results<'a> {
     pub metric: bool,
     /// `[H, W]`, class indices.
     pub labels: Option<&'a [u8]>,
-    /// Organised points in the optical frame, metres.
+    /// Organised points in the optical frame, of the unit of `depth`.
     pub cloud: Option<&'a [CloudPoint]>,
 }
 
@@ -70,7 +70,7 @@ pub fn write(folder: &Path, results: &Results<'_>) -> anyhow::Result<()> {
         write_file("labels.png", &|path| png::write_gray(path, labels, results.size))?;
     }
     if let Some(cloud) = results.cloud {
-        write_file("cloud.ply", &|path| ply::write(path, cloud))?;
+        write_file("cloud.ply", &|path| ply::write(path, cloud, results.metric))?;
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
+use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output, settings};
 use crate::sink::shm::{Outlet, OutletOptions, frame_id};
 use crate::sink::stats::{Common, check_writable};
 use crate::source::{self, Kind, Opening, Rate, Source};
@@ -253,6 +253,7 @@ impl Opened<'_> {
             mount: arguments.recording.mount.mount,
             model: common.model,
             provider: common.provider,
+            settings: settings(&pipeline),
             force: arguments.recording.force,
         };
         let bell = Arc::clone(bell);
