@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -24,8 +25,10 @@ from nunet_models.evaluation.compare import (
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.onnx_file import run as run_file
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
+RECURRENT = TINY.with_name("tiny_wnet_c_lstm.onnx")
 
 
 def a_pair(depth, identity="0"):
@@ -124,6 +127,54 @@ def test_focal_scaling_compares_cameras_at_one_size():
 def test_a_picture_of_another_size_is_answered_at_its_own():
     prediction = Predictor(TINY)(np.zeros((50, 70, 3), np.uint8))
     assert prediction.depth.shape == (50, 70) and prediction.labels.shape == (50, 70)
+
+
+def frames(dataset, count):
+    """The first pictures of the made dataset, uint8 `[96, 128, 3]` each, the tiny models' size."""
+    return [np.array(Image.open(dataset / f"rgb/{index:04d}.png")) for index in range(count)]
+
+
+def test_pictures_are_no_stream_and_the_frames_of_one_are(dataset):
+    state = json.loads(read_metadata(RECURRENT)["nunet.state"])
+    kept = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in state}
+    predictor = Predictor(RECURRENT)
+    follow = predictor.stream()
+    for index, rgb in enumerate(frames(dataset, 3)):
+        given = {"rgb": rgb[None]}
+        zeros = {name: np.zeros_like(values) for name, values in kept.items()}
+        alone = run_file(RECURRENT, given | zeros)
+        after = run_file(RECURRENT, given | kept)
+        kept = {tensor["input"]: after[tensor["output"]] for tensor in state}
+        np.testing.assert_array_equal(predictor(rgb).depth, alone["depth"][0, 0])
+        np.testing.assert_array_equal(follow(rgb).depth, after["depth"][0, 0])
+        assert (index > 0) == bool(np.abs(after["depth"] - alone["depth"]).max() > 0.01)
+
+
+def test_a_stream_of_a_network_without_a_memory_is_its_pictures(dataset):
+    predictor = Predictor(TINY)
+    follow = predictor.stream()
+    for rgb in frames(dataset, 2):
+        np.testing.assert_array_equal(follow(rgb).depth, predictor(rgb).depth)
+
+
+def test_a_clip_alone_carries_what_a_network_remembers(dataset, tmp_path, capsys):
+    def measured(*more):
+        out = tmp_path / "rows.csv"
+        assert evaluate(dataset, "--csv", str(out), *more, model=RECURRENT) == 0
+        found = json.loads(capsys.readouterr().out)
+        return out.read_text().splitlines()[1:], found
+
+    (first, second), alone = measured()
+    (also_first, followed), clip = measured("--clip")
+    assert first == also_first and second != followed
+    assert alone["metrics"] != clip["metrics"]
+    assert measured("--clip")[1] == clip, "each pass over the frames begins anew"
+    (dataset / "val.txt").write_text("0005\n0004\n")
+    assert sorted(measured()[0]) == [first, second]
+
+    pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (5, 4)]
+    pairs = [replace(p, rgb=rgb) for p, rgb in zip(pairs, frames(dataset, 6)[:3:-1], strict=True)]
+    assert measured("--clip")[1]["clip"] == clip_figures(pairs, Predictor(RECURRENT).stream())
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path):

@@ -12,7 +12,7 @@ from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics
 
 MINMAX_FIGURES = ("mse", "rmse")  # what the paper measures of stretched depth
 ROW = ("id", *FIGURES, *(f"minmax_{name}" for name in MINMAX_FIGURES))
-"""Columns of a row a picture, the same as `nunetd eval --csv` writes."""
+"""Columns of a row a picture, those of the `pictures.csv` that `nunetd eval --out DIR` writes."""
 
 
 @dataclass(frozen=True)
