@@ -1,5 +1,6 @@
 """Evaluation: protocols, baselines and the command, on numbers worked out by hand."""
 
+import csv
 import json
 import shutil
 from dataclasses import replace
@@ -89,11 +90,23 @@ def test_truth_of_another_scale_is_told():
         )
 
 
+def test_the_mean_over_pictures_stands_beside_the_pooled_figures():
+    pairs = [a_pair([[2.0, 2.0, 2.0]]), a_pair([[np.nan, np.nan, 1.0]]), a_pair([[np.nan] * 3])]
+    answers = iter([[[3.0, 3.0, 3.0]], [[4.0, 4.0, 4.0]], [[4.0, 4.0, 4.0]]])
+    found = compare(
+        pairs, lambda _: answering(next(answers))(None), protocol=FULL, metric=True, classes=0
+    ).figures()
+    assert found["metrics"]["mse"] == pytest.approx((3 * 1 + 9) / 4)
+    assert found["picture_mean"]["mse"] == pytest.approx((1 + 9) / 2)
+    assert found["picture_mean"]["rmse"] == pytest.approx((1 + 3) / 2)
+    assert list(found["picture_mean"]) == list(found["metrics"])
+
+
 def test_a_minmax_network_is_not_stretched_again():
     found = compare(
         [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
     ).figures()
-    assert found["metrics"] == {}
+    assert found["metrics"] == found["picture_mean"] == {}
     assert found["minmax"]["mse"] == pytest.approx(0.25, rel=1e-5)
 
 
@@ -197,7 +210,11 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert found["pictures"] == 2 and len(rows.read_text().splitlines()) == 3
     deltas = ["delta1", "delta2", "delta3"]
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
-    assert list(found["metrics"]) == errors + deltas
+    assert list(found["metrics"]) == list(found["picture_mean"]) == errors + deltas
+    assert list(found["baseline"]) == ["metrics", "picture_mean", "minmax"]
+    assert found["baseline"]["picture_mean"]["rmse"] < found["picture_mean"]["rmse"]
+    own = [float(row["rmse"]) for row in csv.DictReader(rows.open())]
+    assert found["picture_mean"]["rmse"] == pytest.approx(sum(own) / 2)
     assert set(found["labels"]) == {"miou", "accuracy"}
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
     assert found["clip"]["flicker_m"] >= 0

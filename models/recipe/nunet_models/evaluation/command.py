@@ -151,8 +151,8 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
             metric=metric,
             classes=0,
         ).figures()
-        figures.update({"metrics": comparison["metrics"]} if metric else {})
-        figures["minmax"] = comparison["minmax"]
+        for name in ("metrics", "picture_mean") if metric else ("minmax",):
+            figures[name] = comparison[name]
     return figures
 
 
