@@ -318,8 +318,9 @@ def test_a_run_may_be_resumed_for_more_epochs_and_validate_more_rarely(dataset, 
 def test_a_checkpoint_of_an_earlier_version_is_resumed(dataset, tmp_path):
     assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
     checkpoint = Checkpoint.load(tmp_path / "last.pt")
-    for name in ("losses", "trains", "ids"):
+    for name in ("losses", "trains"):
         del checkpoint.progress[name]
+    checkpoint.progress["ids"] = {"--train-ids": "ab" * 32, "--val-ids": "cd" * 32}
     for name in ("workers", "validate_every", "joint_noise"):
         del checkpoint.settings["segmentation"][name]
     checkpoint.save(tmp_path / "last.pt")
