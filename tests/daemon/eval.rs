@@ -157,6 +157,39 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn labels_that_are_no_class_are_named() {
+    let bench = dataset(0);
+    let path = bench.path("data/labels/b.png");
+    let mut labels = image::open(&path).unwrap().into_luma8();
+    labels.put_pixel(3, 3, Luma([20]));
+    labels.save(&path).unwrap();
+    let (code, stderr) = outcome(&bench, &[]);
+    assert_eq!(code, Some(3), "{stderr}");
+    let expected = "skipped `b`: `[DIR]/data/labels/b.png`: the label 20; expected 0 to ";
+    assert!(
+        stderr.contains(expected) && stderr.contains("hint: `labels/` holds the network's own"),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn much_truth_beyond_what_is_compared_is_told_and_counted() {
+    let bench = dataset(0);
+    let mut depth = image::open(bench.path("data/depth/a.png")).unwrap().into_luma16();
+    depth.pixels_mut().for_each(|pixel| pixel.0[0] = 11_000);
+    depth.save(bench.path("data/depth/a.png")).unwrap();
+    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    let arguments = ["eval", &data, "--model", &model, "--focal", "off", "--json"];
+    let output = run_well(nunetd(&arguments));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let pixels = u64::from(SIZE.0 * SIZE.1);
+    assert_eq!((&found["pixels"], &found["pixels_beyond"]), (&pixels.into(), &pixels.into()));
+    assert_eq!(found["labels"]["pixels"], 2 * pixels);
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains("50 % of the true depth lies at 10 m or beyond"), "{stderr}");
+}
+
+#[test]
 fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
     let bench = dataset(0);
     let (code, stderr) = outcome(&bench, &["--depth-scale", "1"]);

@@ -19,6 +19,7 @@ use crate::source::Frame;
 use crate::stream::Optics;
 use crate::telemetry::MonotonicClock;
 
+mod baseline;
 mod comparison;
 mod dataset;
 mod metrics;
@@ -27,13 +28,17 @@ mod resized;
 mod sheet;
 mod unpack;
 
-use comparison::{Baseline, Comparison, Kind, MeanImage};
-use dataset::{Dataset, Truth, read_ids, same_size};
+use baseline::Baseline;
+use comparison::{Comparison, Kind};
+use dataset::{Dataset, Truth, same_size};
 use metrics::LabelMetrics;
-use report::{OF_MEASURED, OF_NAMED, PictureRow, Report};
+use report::{PictureRow, Report};
 use resized::Fit;
 use sheet::{Row, chosen};
 use unpack::{is_recording, refuse_own_depth};
+
+/// The share of truth beyond what is compared from which on its scale looks wrong.
+const MUCH_BEYOND: f64 = 0.05;
 
 /// Measures every picture; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
@@ -53,16 +58,20 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     if pipeline.graph().has_labels() && !dataset.has_labels() {
         warn!("no true labels of this network's classes: only depth is measured");
     }
-    let baseline = baseline(arguments, &dataset)?;
+    let baseline = Baseline::of(arguments, &dataset)?;
     let mut work = Work::new(arguments.protocol, pipeline, optics, baseline, clip);
     let skipped = dataset.unpaired + work.measure_all(&dataset)?;
     work.comparison.check_truth()?;
+    warn_of_scale(work.comparison.share_beyond());
     let report = work.report(arguments, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
     if let Some(out) = &arguments.out {
         write_json(&out.join("eval.json"), &report)?;
         report::write_csv(&out.join("pictures.csv"), &work.rows)?;
+        if let Some(baseline) = &work.baseline {
+            baseline.write(&out.join("mean_image.npy"))?;
+        }
         work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
     }
     if skipped > 0 {
@@ -71,25 +80,15 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
 }
 
-/// The mean image: of the pictures that the user named, who must all be readable, else of those that are measured.
-fn baseline(arguments: &EvalArgs, dataset: &Dataset) -> anyhow::Result<Option<Baseline>> {
-    let named = arguments.baseline_ids.as_deref().map(read_ids).transpose()?;
-    let mut mean = MeanImage::default();
-    let progress = progress("mean image", Some(named.as_ref().unwrap_or(&dataset.ids).len() as u64));
-    for id in named.as_ref().unwrap_or(&dataset.ids) {
-        progress.inc(1);
-        let truth = match dataset.truth(id) {
-            Ok(truth) => truth,
-            Err(_) if named.is_none() => continue, // told when its turn to be measured comes
-            Err(error) => return Err(error),
-        };
-        if let Err(error) = mean.add(&truth.depth_m, truth.size) {
-            warn!("no baseline: {error}");
-            return Ok(None);
-        }
+/// Some truth beyond the cap is in every dataset; much of it is a wrong unit.
+fn warn_of_scale(share_beyond: f64) {
+    if share_beyond > MUCH_BEYOND {
+        warn!(
+            "{:.0} % of the true depth lies at 10 m or beyond and is not compared\nhint: --depth-scale METRES says what \
+             a unit of the depth pictures is",
+            100.0 * share_beyond
+        );
     }
-    progress.finish_and_clear();
-    Ok(mean.baseline(arguments.protocol))
 }
 
 /// The last part of the dataset's path.
@@ -206,7 +205,6 @@ impl Work {
                 model,
                 dataset: name_of(&arguments.dataset),
                 protocol: arguments.protocol,
-                baseline_of: if arguments.baseline_ids.is_some() { OF_NAMED } else { OF_MEASURED },
                 pictures: self.rows.len() as u64,
                 skipped,
             },

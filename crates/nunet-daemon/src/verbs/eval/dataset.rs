@@ -165,7 +165,8 @@ fn metres(depth: &Numbers, units: DepthUnitArgs) -> anyhow::Result<Vec<f32>> {
 #[derive(Debug)]
 struct LabelFolder {
     name: &'static str,
-    table: Vec<u8>,
+    /// The network's class of each number, [`IGNORE`] = none; `None` for numbers that mean nothing.
+    table: Vec<Option<u8>>,
 }
 
 /// The network's class of each NYU40 class, counted from 0, for the 13 classes of Couprie et al., "Indoor semantic
@@ -177,25 +178,38 @@ const NYU13_OF_NYU40: [u8; 39] = [
 impl LabelFolder {
     /// `labels/` holds the network's own classes, 255 = none; `label40/` NYU's 40 classes from 0.
     fn find(root: &Path, classes: &[String]) -> Option<Self> {
-        let own =
-            || (0..=IGNORE).map(|label| if usize::from(label) < classes.len() { label } else { IGNORE });
-        let nyu =
-            || (0..=usize::from(IGNORE)).map(|label| NYU13_OF_NYU40.get(label).copied().unwrap_or(IGNORE));
+        let is_none = |label: u8| (label == IGNORE).then_some(IGNORE);
+        let own = |label: u8| Some(label).filter(|&label| usize::from(label) < classes.len());
+        let nyu = |label: u8| NYU13_OF_NYU40.get(usize::from(label)).copied();
+        let other = |label: u8| (usize::from(label) == NYU13_OF_NYU40.len()).then_some(IGNORE);
+        let numbers = 0..=IGNORE;
         if classes.is_empty() {
             None
         } else if root.join("labels").is_dir() {
-            Some(Self { name: "labels", table: own().collect() })
+            Some(Self { name: "labels", table: numbers.map(|label| own(label).or(is_none(label))).collect() })
         } else if root.join("label40").is_dir() && classes == CLASS_NAMES {
-            Some(Self { name: "label40", table: nyu().collect() })
+            let class = |label| nyu(label).or(other(label)).or(is_none(label));
+            Some(Self { name: "label40", table: numbers.map(class).collect() })
         } else {
             None
         }
     }
 
     fn classes(&self, labels: &Numbers) -> anyhow::Result<Vec<u8>> {
-        let class = |label: u16| self.table.get(usize::from(label)).copied();
-        let classes: Option<Vec<u8>> = labels.values.iter().map(|&label| class(label)).collect();
-        classes.context("a label above 255\nhint: labels are 8-bit class indices")
+        let class = |&label: &u16| match self.table.get(usize::from(label)) {
+            Some(&Some(class)) => Ok(class),
+            _ => Err(self.no_class(label)),
+        };
+        labels.values.iter().map(class).collect()
+    }
+
+    fn no_class(&self, label: u16) -> anyhow::Error {
+        let known = self.table.iter().filter(|class| class.is_some()).count() - 1;
+        let hint = match self.name {
+            "labels" => "`labels/` holds the network's own classes; NYU's 40 belong into `label40/`",
+            _ => "NYU's classes count from 0 here, 39 is \"otherprop\" or unlabelled",
+        };
+        anyhow::anyhow!("the label {label}; expected 0 to {}, or {IGNORE} for none\nhint: {hint}", known - 1)
     }
 }
 

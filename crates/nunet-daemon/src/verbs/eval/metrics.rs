@@ -165,6 +165,8 @@ pub(super) struct LabelFigures {
     pub(super) miou: f64,
     /// Share of pixels that are right.
     pub(super) accuracy: f64,
+    /// Pixels that were compared.
+    pub(super) pixels: u64,
 }
 
 impl LabelMetrics {
@@ -195,8 +197,11 @@ impl LabelMetrics {
         let seen: Vec<_> = (0..self.classes).filter(|&class| union(class) > 0).collect();
         let iou: f64 = seen.iter().map(|&class| hit(class) as f64 / union(class) as f64).sum();
         let right: u64 = (0..self.classes).map(hit).sum();
-        (total > 0)
-            .then(|| LabelFigures { miou: iou / seen.len() as f64, accuracy: right as f64 / total as f64 })
+        (total > 0).then(|| LabelFigures {
+            miou: iou / seen.len() as f64,
+            accuracy: right as f64 / total as f64,
+            pixels: total,
+        })
     }
 }
 

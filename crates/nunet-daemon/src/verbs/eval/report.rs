@@ -6,7 +6,8 @@ use anyhow::Context as _;
 use nunet_core::pipeline::Pipeline;
 use serde::Serialize;
 
-use super::comparison::{Baseline, Comparison, Kind};
+use super::baseline::{Baseline, Of};
+use super::comparison::{Comparison, Kind};
 use super::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
 use crate::cli::ProtocolArg;
 use crate::sink::stats::ModelName;
@@ -27,6 +28,7 @@ pub(super) struct Report {
     skipped: u64,
     pixels: u64,
     pixels_without_prediction: u64,
+    pixels_beyond: u64,
     metrics: Figures<DepthFigures>,
     picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
@@ -70,16 +72,11 @@ impl Stretched {
     }
 }
 
-/// Of a mean image that has seen what it is measured on, and so is better than one can be on other pictures.
-pub(super) const OF_MEASURED: &str = "measured pictures";
-/// Of a mean image of pictures that the user named.
-pub(super) const OF_NAMED: &str = "baseline-ids";
-
 /// The same of the mean image.
 #[derive(Debug, Serialize)]
 struct BaselineReport {
-    /// Whose mean it is: [`OF_MEASURED`] or [`OF_NAMED`].
-    of: &'static str,
+    /// Whose mean it is.
+    of: Of,
     metrics: Figures<DepthFigures>,
     picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
@@ -90,7 +87,6 @@ pub(super) struct What {
     pub(super) model: ModelName,
     pub(super) dataset: String,
     pub(super) protocol: ProtocolArg,
-    pub(super) baseline_of: &'static str,
     pub(super) pictures: u64,
     pub(super) skipped: u64,
 }
@@ -118,17 +114,18 @@ impl Report {
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
             pictures: what.pictures,
             skipped: what.skipped,
-            pixels: comparison.minmax.pixels,
-            pixels_without_prediction: comparison.minmax.missing,
+            pixels: comparison.compared().pixels,
+            pixels_without_prediction: comparison.compared().missing,
+            pixels_beyond: comparison.beyond,
             metrics: comparison.depth.figures().into(),
             picture_mean: comparison.each.figures().into(),
             minmax: Stretched::of(&comparison.minmax).into(),
             labels: labels.figures().into(),
             baseline: baseline.map(|baseline| BaselineReport {
-                of: what.baseline_of,
+                of: baseline.of,
                 metrics: baseline.metric.depth.figures().into(),
                 picture_mean: baseline.metric.each.figures().into(),
-                minmax: Stretched::of(&baseline.minmax.minmax).into(),
+                minmax: Stretched::of(baseline.minmax()).into(),
             }),
         }
     }
@@ -168,7 +165,11 @@ impl Report {
             text += &line("labels miou", labels.miou, None);
             text += &line("labels acc.", labels.accuracy, None);
         }
-        if trivial.is_some_and(|baseline| baseline.of == OF_MEASURED) {
+        text += &format!(
+            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared\n",
+            self.pixels, self.pixels_without_prediction, self.pixels_beyond
+        );
+        if trivial.is_some_and(|baseline| baseline.of == Of::Measured) {
             text += "the mean image is that of these very pictures: `--baseline-ids` takes one that has not seen them";
         }
         text.truncate(text.trim_end().len());
