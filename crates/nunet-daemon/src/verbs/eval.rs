@@ -13,7 +13,7 @@ use super::progress::progress;
 use crate::Outcome;
 use crate::cli::{CameraArgs, EvalArgs, ProtocolArg};
 use crate::engine::{Engine, tested_pipeline};
-use crate::sink::files::make_folder;
+use crate::sink::files::{check_folder, make_folder};
 use crate::sink::stats::{ModelName, write_json};
 use crate::source::Frame;
 use crate::stream::Optics;
@@ -45,7 +45,7 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     refuse_own_depth(arguments)?;
     let optics = Optics::new(&arguments.lens.geometry)?;
     if let Some(out) = &arguments.out {
-        make_folder(out)?;
+        check_folder(out)?;
     }
     let clip = arguments.clip || is_recording(&arguments.dataset);
     let engine = Engine::start(&arguments.engine)?;
@@ -67,6 +67,7 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
     if let Some(out) = &arguments.out {
+        make_folder(out)?;
         write_json(&out.join("eval.json"), &report)?;
         report::write_csv(&out.join("pictures.csv"), &work.rows)?;
         if let Some(baseline) = &work.baseline {
