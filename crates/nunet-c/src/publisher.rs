@@ -99,11 +99,8 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes an array of that length or NULL.
         let coefficients = unsafe { slice(coefficients, coefficient_count, "coefficients") }?;
-        let mut header = locked(&owned).template;
-        set_lens(&mut header, word(distortion_model, "distortion_model")?, coefficients)?;
-        set_pinhole(&mut header, [fx, fy, cx, cy])?;
-        locked(&owned).template = header;
-        Ok(())
+        let model = word(distortion_model, "distortion_model")?;
+        locked(&owned).set_optics([fx, fy, cx, cy], model, coefficients)
     })
 }
 
@@ -215,6 +212,20 @@ pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> 
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Status {
     guard(|| PUBLISHERS.remove(publisher).map(drop))
+    /// All of it or nothing, under one lock: what another thread sets meanwhile stays.
+    fn set_optics(
+        &mut self,
+        pinhole: [f64; 4],
+        model: DistortionModel,
+        coefficients: &[f64],
+    ) -> Result<(), Failure> {
+        let mut header = self.template;
+        set_lens(&mut header, model, coefficients)?;
+        set_pinhole(&mut header, pinhole)?;
+        self.template = header;
+        Ok(())
+    }
+
 }
 
 impl Camera {
@@ -287,6 +298,8 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
     if let Some(bad) = coefficients.iter().find(|coefficient| !coefficient.is_finite()) {
         return Err(Failure::argument(format!(
             "`coefficients` has `{bad}`, but expected finite numbers\nhint: fill as many as `coefficient_count` says"
+    use std::ffi::CString;
+
         )));
     }
     header.set_distortion_model(model);
@@ -298,6 +311,45 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_two_threads_set_at_a_time_is_set_both() {
+        const TURNS: u32 = 20_000;
+        let name = CString::new(format!("test-{}-set", std::process::id())).unwrap();
+        let mut opened = MaybeUninit::new(std::ptr::null_mut());
+        // SAFETY: a text that outlives the call.
+        let status = unsafe {
+            nunet_publisher_open(name.as_ptr(), Encoding::Mono8.into(), 4, 4, 1, Some(&mut opened))
+        };
+        assert_eq!(status, Status::Ok);
+        // SAFETY: initialised above, and filled since.
+        let publisher = unsafe { opened.assume_init() };
+        let handle = publisher.addr();
+        let lost = std::thread::scope(|scope| {
+            scope.spawn(move || {
+                for turn in 1..=TURNS {
+                    let publisher = std::ptr::without_provenance(handle);
+                    let focal = f64::from(turn);
+                    // SAFETY: no coefficients.
+                    unsafe {
+                        nunet_publisher_set_camera(publisher, focal, focal, 0.0, 0.0, 0, std::ptr::null(), 0)
+                    };
+                }
+            });
+            let names = (0..TURNS).map(|turn| CString::new(turn.to_string()).unwrap());
+            let is_lost = |name: &CString| {
+                // SAFETY: a text that outlives the call.
+                unsafe { nunet_publisher_set_frame_id(publisher, name.as_ptr()) };
+                let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
+                locked(&camera).template.frame_id().as_bytes() != name.as_bytes()
+            };
+            names.filter(is_lost).count()
+        });
+        let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
+        assert_eq!((lost, locked(&camera).template.fx), (0, f64::from(TURNS)));
+        drop(camera);
+        assert_eq!(nunet_publisher_close(publisher), Status::Ok);
+    }
 
     #[test]
     fn pictures_have_the_bytes_that_their_encoding_needs() {
