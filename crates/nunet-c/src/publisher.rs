@@ -7,7 +7,7 @@ use std::mem::MaybeUninit;
 use std::sync::{Arc, Weak};
 
 use nunet_ipc::{
-    DistortionModel, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, Topic, TopicPlan,
+    DistortionModel, Encoding, FrameHeader, IpcError, Limits, Loan, MAX_SIDE_PX, Publisher, Topic, TopicPlan,
 };
 
 use crate::argument::{camera, place, slice, text, word};
@@ -31,9 +31,6 @@ pub(crate) struct Camera {
 }
 
 pub(crate) static PUBLISHERS: Table<Camera> = Table::new("publisher");
-
-/// The longest side of a picture that nunetd accepts.
-const MAX_SIDE_PX: u32 = 32_768;
 
 /// Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
 /// for them.
@@ -212,6 +209,9 @@ pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> 
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Status {
     guard(|| PUBLISHERS.remove(publisher).map(drop))
+}
+
+impl Camera {
     /// All of it or nothing, under one lock: what another thread sets meanwhile stays.
     fn set_optics(
         &mut self,
@@ -226,9 +226,6 @@ pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Stat
         Ok(())
     }
 
-}
-
-impl Camera {
     /// nunet-ipc lends as long as it has chunks, and has more than one while few readers hold some. Which would
     /// depend on the readers; and two open loans would have one sequence number.
     fn loan(&self) -> Result<Loan, Failure> {
@@ -251,17 +248,10 @@ fn template(encoding: Encoding, width: u32, height: u32) -> Result<FrameHeader, 
             )));
         }
     }
-    // As nunetd lays its rows: odd sides round up where two pixels share a colour.
-    let (row_bytes, rows) = match encoding {
-        Encoding::Rgb8 | Encoding::Bgr8 => (width * 3, height),
-        Encoding::Mono8 => (width, height),
-        Encoding::Yuyv => (width.div_ceil(2) * 4, height),
-        Encoding::Nv12 => (width.div_ceil(2) * 2, height + height.div_ceil(2)),
-        other => {
-            return Err(Failure::argument(format!(
-                "`encoding` is `{other}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
-            )));
-        }
+    let Some((row_bytes, rows)) = encoding.rows_of_picture(width, height) else {
+        return Err(Failure::argument(format!(
+            "`encoding` is `{encoding}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
+        )));
     };
     let mut header = FrameHeader { width, height, row_stride_bytes: row_bytes, ..FrameHeader::default() };
     header.set_topic(Topic::Rgb);
@@ -298,8 +288,6 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
     if let Some(bad) = coefficients.iter().find(|coefficient| !coefficient.is_finite()) {
         return Err(Failure::argument(format!(
             "`coefficients` has `{bad}`, but expected finite numbers\nhint: fill as many as `coefficient_count` says"
-    use std::ffi::CString;
-
         )));
     }
     header.set_distortion_model(model);
@@ -310,7 +298,19 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::CString;
+
     use super::*;
+
+    #[test]
+    fn pictures_have_the_bytes_that_their_encoding_needs() {
+        let bytes = |encoding, width, height| template(encoding, width, height).unwrap().payload_bytes;
+        assert_eq!(bytes(Encoding::Rgb8, 640, 480), 921_600);
+        assert_eq!(bytes(Encoding::Mono8, 7, 5), 35);
+        assert_eq!(bytes(Encoding::Yuyv, 7, 5), 80);
+        assert_eq!(bytes(Encoding::Nv12, 7, 5), 64);
+        assert_eq!(bytes(Encoding::Bgr8, MAX_SIDE_PX, MAX_SIDE_PX), 3 << 30);
+    }
 
     #[test]
     fn what_two_threads_set_at_a_time_is_set_both() {
@@ -349,16 +349,6 @@ mod tests {
         assert_eq!((lost, locked(&camera).template.fx), (0, f64::from(TURNS)));
         drop(camera);
         assert_eq!(nunet_publisher_close(publisher), Status::Ok);
-    }
-
-    #[test]
-    fn pictures_have_the_bytes_that_their_encoding_needs() {
-        let bytes = |encoding, width, height| template(encoding, width, height).unwrap().payload_bytes;
-        assert_eq!(bytes(Encoding::Rgb8, 640, 480), 921_600);
-        assert_eq!(bytes(Encoding::Mono8, 7, 5), 35);
-        assert_eq!(bytes(Encoding::Yuyv, 7, 5), 80);
-        assert_eq!(bytes(Encoding::Nv12, 7, 5), 64);
-        assert_eq!(bytes(Encoding::Bgr8, MAX_SIDE_PX, MAX_SIDE_PX), 3 << 30);
     }
 
     #[test]

@@ -65,5 +65,6 @@ pub use crate::publisher::Publisher;
 pub use crate::reader::{Owners, Reader};
 pub use crate::stats::StatsRecord;
 pub use crate::vocabulary::{
-    Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, UnknownValue, UnknownWord, Wake,
+    Clock, DistortionModel, Encoding, MAX_SIDE_PX, Quality, ScaleSource, Topic, Units, UnknownValue,
+    UnknownWord, Wake,
 };

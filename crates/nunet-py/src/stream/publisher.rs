@@ -213,7 +213,7 @@ impl Publisher {
         header.set_capture_clock(self.clock);
         header.set_encoding(self.layout.encoding);
         (header.width, header.height) = self.layout.size;
-        header.row_stride_bytes = self.layout.row_bytes();
+        header.row_stride_bytes = self.layout.row_bytes;
         header.set_frame_id(&self.frame_id);
         if let Some(optics) = &self.optics {
             embed::set_camera(header, optics);
