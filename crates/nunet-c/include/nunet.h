@@ -799,8 +799,9 @@ nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan,
  * Sends a picture and wakes its readers. The loan is used up, also when this fails.
  *
  * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
- * `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken. `capture_unix_nanos` is computed where it
- * was left 0 and the clock allows it.
+ * `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken; a reader of several topics joins what has one
+ * `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
+ * is the time of this call.
  *
  * Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
  */
