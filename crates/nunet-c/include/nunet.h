@@ -168,7 +168,7 @@ typedef struct nunet_header_t {
   uint32_t topic;
   /** The frame's number: the same in every topic of one frame, rising, starting anywhere. */
   uint64_t sequence;
-  /** When the picture was taken, nanoseconds of `capture_clock`. */
+  /** When the picture was taken, nanoseconds of `capture_clock`: the same in every topic of one frame. */
   int64_t capture_nanos;
   /** When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown. */
   int64_t capture_unix_nanos;
@@ -477,7 +477,7 @@ typedef struct nunet_publisher_t nunet_publisher_t;
 typedef struct nunet_reader_t nunet_reader_t;
 
 /**
- * Frames of one sequence number.
+ * Frames of one sequence number and one time of capture.
  */
 typedef struct {
   /**
@@ -566,8 +566,8 @@ nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
                                  nunet_frame_t **frame);
 
 /**
- * The newest frames of all the reader's topics (but `stats`) that belong together: all of one sequence number. Waits
- * for them as `nunet_reader_next()` does.
+ * The newest frames of all the reader's topics (but `stats`) that belong together: all of one `sequence` and one
+ * `capture_nanos`. Waits for them as `nunet_reader_next()` does.
  *
  * `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
  * failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.

@@ -35,7 +35,7 @@ contract_struct! {
         pub topic: u32,
         /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
         pub sequence: u64,
-        /// When the picture was taken, nanoseconds of `capture_clock`.
+        /// When the picture was taken, nanoseconds of `capture_clock`: the same in every topic of one frame.
         pub capture_nanos: i64,
         /// When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown.
         pub capture_unix_nanos: i64,
@@ -184,6 +184,13 @@ impl FrameHeader {
             *slot = value;
             self.stage_count += 1;
         }
+    }
+
+    /// What the messages of one frame have in common and those of others have not: `sequence` and `capture_nanos`. Not the
+    /// number alone: not every publisher counts, and one that begins again counts from 0.
+    #[must_use]
+    pub fn key(&self) -> (u64, i64) {
+        (self.sequence, self.capture_nanos)
     }
 
     /// When the picture was taken, nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or where that is 0, what

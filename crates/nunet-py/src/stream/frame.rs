@@ -13,7 +13,7 @@ use crate::camera::Camera;
 use crate::cloud::Cloud;
 use crate::error::{NunetError, failure};
 
-/// One frame of a camera: the topics that were asked for, all of one sequence number.
+/// One frame of a camera: the topics that were asked for, all of one sequence number and one time of capture.
 ///
 /// Arrays are read-only numpy views of shared memory: nothing is copied. They keep their message alive after the
 /// loop has moved on, the subscriber was closed and the daemon has ended. One reader may hold few messages (two,
