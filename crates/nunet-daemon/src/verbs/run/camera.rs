@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::bail;
 use nunet_core::pipeline::Pipeline;
-use nunet_ipc::{CameraName, Limits};
+use nunet_ipc::{CameraName, Limits, unix_nanos};
 use tracing::{Span, error, error_span, warn};
 
 use crate::cli::{RunArgs, SourceArgs, StreamArgs};
@@ -18,7 +18,6 @@ use crate::sink::shm::{Outlet, OutletOptions, frame_id};
 use crate::sink::stats::{Common, check_writable};
 use crate::source::{self, Kind, Opening, Rate, Source};
 use crate::stream::{Bell, Optics, Pace, Sinks, Stop, Stream, Worker};
-use crate::telemetry::unix_nanos;
 
 /// A camera's arguments, checked as far as they can be without the machine.
 pub(super) struct Plan<'a> {
