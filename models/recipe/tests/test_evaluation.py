@@ -79,6 +79,47 @@ def test_truth_beyond_ten_metres_is_none_and_predictions_end_there():
     assert (comparison.depth.pixels, comparison.depth.missing) == (2, 1)
 
 
+def test_what_is_compared_and_what_is_not_is_counted():
+    truth = a_pair([[12.0, 10.0, 1e-3, np.nan, 2.0, 3.0, 4.0]])
+    answer = answering([[1, 1, 1, 1, np.nan, 3, 4]])
+    found = compare([truth] * 2, answer, protocol=FULL, metric=True, classes=0).figures()
+    assert (found["pixels"], found["pixels_without_prediction"]) == (4, 2)
+    assert found["pixels_beyond"] == 6
+    found = compare([truth], answer, protocol=FULL, metric=False, classes=0).figures()
+    assert (found["pixels"], found["pixels_without_prediction"]) == (5, 1)
+    assert found["pixels_beyond"] == 0, "stretched depth has no cap"
+
+
+def test_truth_beyond_counts_within_the_crop_alone():
+    depth = np.full((480, 640), 20.0, np.float32)
+    depth[45, 41:44] = 2.0, np.nan, 1e-4
+    found = compare([a_pair(depth)], answering(depth), protocol=EIGEN, metric=True, classes=0)
+    assert found.figures()["pixels"] == 1
+    assert found.figures()["pixels_beyond"] == 426 * 560 - 2
+
+
+@pytest.mark.parametrize(("far", "said"), [(61, False), (62, True)])
+def test_much_truth_beyond_the_cap_is_told(dataset, capsys, far, said):
+    path = dataset / "depth" / "0004.png"
+    values = np.full((96, 128), 2000, np.uint16)
+    values.flat[: far * 10] = 10_000
+    values.flat[-48:] = 0
+    Image.fromarray(values).save(path)
+    (dataset / "val.txt").write_text("0004\n")
+    assert evaluate(dataset) == 0
+    answer = capsys.readouterr()
+    found = json.loads(answer.out)
+    assert found["pixels_beyond"] == far * 10
+    assert found["pixels"] == 96 * 128 - 48 - far * 10
+    lines = [line for line in answer.err.splitlines() if "not compared" in line]
+    assert len(lines) == said
+    if said:
+        assert "5.1 % of the true depth (620 of 12240 pixels)" in lines[0]
+        assert lines[0].endswith(
+            "hint: `--depth-scale METRES` says what a unit of the depth pictures is"
+        )
+
+
 def test_truth_of_another_scale_is_told():
     with pytest.raises(DataError, match=r"between 0\.001 and 10\.0 m.*--depth-scale"):
         compare(

@@ -27,7 +27,9 @@ from nunet_models.evaluation.compare import (
     mean_stretched_image,
 )
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.evaluation.protocol import PROTOCOLS
+from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
+
+MUCH_BEYOND = 0.05  # of the truth; rooms of NYU Depth V2 and 7-Scenes have next to none there
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -85,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
         metric=predictor.metric,
         classes=len(predictor.classes),
     )
+    _say_beyond(comparison)
     found = {
         "model": options.model.name,
         "architecture": predictor.metadata["nunet.architecture"],
@@ -100,6 +103,19 @@ def run(options: argparse.Namespace) -> int:
         _write_csv(options.csv, comparison)
     print(json.dumps(found, indent=1))
     return 0
+
+
+def _say_beyond(comparison: Comparison) -> None:
+    """Tell of truth that cannot be compared where it is so much that its unit may be wrong."""
+    beyond, known = comparison.beyond, comparison.known
+    if beyond <= MUCH_BEYOND * known:
+        return
+    print(
+        f"nunet_models: {100 * beyond / known:.1f} % of the true depth ({beyond} of {known} "
+        f"pixels) is not between {MIN_DEPTH_M} and {comparison.protocol.cap_m} m and so not "
+        "compared; hint: `--depth-scale METRES` says what a unit of the depth pictures is",
+        file=sys.stderr,
+    )
 
 
 def _check_clip(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
