@@ -32,7 +32,7 @@ def session():
 
 @pytest.fixture(scope="module")
 def dataset(session, tmp_path_factory):
-    """Pictures of the model's size with depth from 0.5 to 12 m, holes in it, and NYU's 40 labels."""
+    """Pictures of the model's size with depth from 0.5 to 12 m, holes in it, and NYU's 40 labels with holes."""
     _, height, width, _ = session.get_inputs()[0].shape
     root = tmp_path_factory.mktemp("dataset")
     random = np.random.default_rng(3)
@@ -43,7 +43,8 @@ def dataset(session, tmp_path_factory):
         depth = random.integers(500, 12000, (height, width)).astype(np.uint16)
         depth[random.random((height, width)) < 0.1] = 0
         depth[random.random((height, width)) < 0.1] = 65535
-        labels = random.integers(0, 42, (height, width), np.uint8)
+        labels = random.integers(0, 40, (height, width), np.uint8)
+        labels[random.random((height, width)) < 0.1] = 255
         Image.fromarray(rgb).save(root / "rgb" / f"{index}.png")
         Image.fromarray(depth).save(root / "depth" / f"{index}.png")
         Image.fromarray(labels).save(root / "label40" / f"{index}.png")

@@ -256,7 +256,8 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert found["baseline"]["picture_mean"]["rmse"] < found["picture_mean"]["rmse"]
     own = [float(row["rmse"]) for row in csv.DictReader(rows.open())]
     assert found["picture_mean"]["rmse"] == pytest.approx(sum(own) / 2)
-    assert set(found["labels"]) == {"miou", "accuracy"}
+    assert set(found["labels"]) == {"miou", "accuracy", "pixels"}
+    assert found["labels"]["pixels"] == 2 * 96 * 128
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
     assert found["clip"]["flicker_m"] >= 0
 

@@ -8,13 +8,13 @@ from typing import Protocol
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from nunet_models.classes import IGNORE, labels13, labels13_from_labels40
+from nunet_models.classes import CLASSES_13, IGNORE, labels13_from_labels40
 from nunet_models.errors import DataError
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
 SIXTEEN_TO_EIGHT = 257  # 65535 / 255
-LABEL_FOLDERS = {"labels": labels13, "label40": labels13_from_labels40}
-"""What a folder's numbers become; the first folder that is there counts, as in nunetd."""
+LABEL_FOLDERS = {"labels": len(CLASSES_13), "label40": 40}
+"""How many classes a folder's labels name; the first folder that is there counts, as in nunetd."""
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
 NO_DEPTH = 65535  # written by sensors that measured nothing, besides 0: 7-Scenes has both
 
@@ -76,7 +76,8 @@ class DepthUnits:
 class FolderPairs:
     """A folder with `rgb/ID.jpg|png`, `depth/ID.png` and, perhaps, labels.
 
-    They are `labels/ID.png` of the 13 classes or `label40/ID.png` of NYU's 40; others are ignored.
+    They are `labels/ID.png` of the 13 classes or `label40/ID.png` of NYU's 40, both from 0, with
+    `IGNORE` where nothing is known.
     `window` is (top, left, bottom, right) in pixels: outside of it depth and labels count as
     none, for data with a frame around each picture.
     """
@@ -144,13 +145,27 @@ class FolderPairs:
 
     def _labels(self, path: Path, size: tuple[int, int]) -> np.ndarray:
         values = _single_channel(path, size)
-        if values.max() > IGNORE:
-            own = "0 to 12" if self.label_folder == "labels" else "NYU40's from 0 to 38"
-            raise DataError(
-                f"`{path}` has the label {values.max()}; expected {own}, or up to {IGNORE} for "
-                "what is ignored"
-            )
-        return LABEL_FOLDERS[self.label_folder](values.astype(np.uint8))
+        _check_labels(values, path, folder=self.label_folder)
+        values = values.astype(np.uint8)
+        return labels13_from_labels40(values) if self.label_folder == "label40" else values
+
+
+def _check_labels(values: np.ndarray, path: Path, *, folder: str) -> None:
+    """Refuse numbers that are no class: left out in silence, they would be no one's mistakes."""
+    classes = LABEL_FOLDERS[folder]
+    wrong = values[(values >= classes) & (values != IGNORE)]
+    if not wrong.size:
+        return
+    worst = int(wrong.max())
+    hint = f"`{IGNORE}` says that nothing is known"
+    if worst <= LABEL_FOLDERS["label40"]:
+        hint = "NYU's 40 classes belong into `label40/`"
+        if folder == "label40":
+            hint = "`label40/` counts NYU's classes from 0, 0 is a wall"
+    raise DataError(
+        f"`{path}` has the label {worst}; expected 0 to {classes - 1}, or {IGNORE} where nothing "
+        f"is known; hint: {hint}"
+    )
 
 
 def file_state(paths: Sequence[Path]) -> str:

@@ -105,7 +105,8 @@ class Comparison:
             "minmax": {name: minmax[name] for name in MINMAX_FIGURES} if minmax else {},
         }
         if self.labels is not None:
-            found["labels"] = self.labels.figures()
+            labels = self.labels.figures()
+            found["labels"] = {**labels, "pixels": self.labels.pixels} if labels else {}
         return found
 
 
