@@ -143,6 +143,39 @@ def test_grey_pictures_of_16_bits_keep_their_shades(tmp_path):
     assert read_rgb(path).tolist() == [[[0] * 3, [128] * 3, [255] * 3, [1] * 3]]
 
 
+@pytest.mark.parametrize(("orientation", "turns"), [(1, 0), (3, 2), (6, 3), (8, 1)])
+@pytest.mark.parametrize("ending", ["jpg", "png"])
+def test_a_picture_is_turned_as_its_exif_orientation_says(tmp_path, ending, orientation, turns):
+    upright = np.zeros((32, 48, 3), np.uint8)
+    upright[:16, :24] = 250
+    path, exif = tmp_path / f"turned.{ending}", Image.Exif()
+    exif[0x0112] = orientation
+    stored = Image.fromarray(np.rot90(upright, -turns))
+    stored.save(path, exif=exif, **({"quality": 95} if ending == "jpg" else {}))
+    found = read_rgb(path)
+    assert found.shape == upright.shape
+    assert np.abs(found.astype(int) - upright).max() < 30
+
+
+def test_grey_pictures_of_16_bits_are_turned_as_well(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    values = np.array([[0, 257], [514, 65535]], np.uint16)
+    Image.fromarray(values).save(tmp_path / "grey.png", exif=exif)
+    assert read_rgb(tmp_path / "grey.png")[..., 0].tolist() == [[255, 2], [1, 0]]
+
+
+@pytest.mark.filterwarnings("ignore:Corrupt EXIF")
+@pytest.mark.parametrize("exif", [b"Exif\0\0nothing", b"Exif\0\0MM\0*\0\0\0\x08\0\x09\x01"])
+def test_a_damaged_orientation_is_none(tmp_path, exif):
+    path = tmp_path / "picture.jpg"
+    Image.new("RGB", (8, 8), (9, 9, 9)).save(path)
+    plain = path.read_bytes()
+    block = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
+    path.write_bytes(plain[:2] + block + plain[2:])
+    assert read_rgb(path).shape == (8, 8, 3)
+
+
 def test_a_corrupt_picture_is_named(dataset):
     (dataset / "rgb" / "0001.png").write_bytes(b"\x89PNG no more")
     with pytest.raises(DataError, match=r"0001\.png` cannot be read"):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from nunet_models.classes import CLASSES_13, IGNORE, labels13_from_labels40
 from nunet_models.errors import DataError
@@ -228,10 +228,12 @@ def blank_outside(
 def read_rgb(path: Path) -> np.ndarray:
     """A picture's colours, uint8 `[H, W, 3]`; 16 bits a channel are rounded to 8.
 
+    It is turned as its EXIF orientation says, as nunetd does: depth and labels lie as it is seen.
+
     # Errors
     `DataError` naming a file that is no picture.
     """
-    image = _open(path)
+    image = _upright(_open(path))
     if not image.mode.startswith("I"):
         return np.array(image.convert("RGB"))
     # 16 bits of grey, which PIL would clip at 255
@@ -246,6 +248,14 @@ def _open(path: Path) -> Image.Image:
     except (UnidentifiedImageError, OSError, SyntaxError) as error:
         raise DataError(f"`{path}` cannot be read as a picture: {error}") from error
     return image
+
+
+def _upright(image: Image.Image) -> Image.Image:
+    """Turned as its EXIF says; one that cannot be read says nothing."""
+    try:
+        return ImageOps.exif_transpose(image)
+    except Exception:  # a damaged block raises whatever PIL meets in it
+        return image
 
 
 def _single_channel(path: Path, size: tuple[int, int]) -> np.ndarray:
