@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from nunet_models.data import command as nyu_lists_command
 from nunet_models.errors import OptionError, RecipeError
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import annotate as annotate_command
@@ -22,6 +23,7 @@ VERBS = (
     export_command,
     annotate_command,
     report_command,
+    nyu_lists_command,
 )
 
 

@@ -4,7 +4,6 @@ import argparse
 import os
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,7 +12,6 @@ from nunet_models.classes import IGNORE, labels13_from_labels40
 from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented, zoomed
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
-from nunet_models.data.nyu_mat import NyuMatPairs
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids, read_rgb
 from nunet_models.errors import ConfigError, DataError, OptionError
@@ -316,21 +314,6 @@ def test_a_replaced_picture_is_not_served_from_the_cache(dataset, tmp_path, what
     assert before.depth_m(0)[9, 9] != after.depth_m(0)[9, 9] == pytest.approx(1.234, abs=2e-4)
 
 
-def test_a_replaced_nyu_file_is_not_served_from_the_cache(tmp_path):
-    path = tmp_path / "nyu.mat"
-
-    def depth_of(metres, time_ns):
-        with h5py.File(path, "w") as file:
-            file["images"] = np.zeros((1, 3, 8, 6), np.uint8)
-            file["depths"] = np.full((1, 8, 6), metres, np.float32)
-        os.utime(path, ns=(time_ns, time_ns))
-        return build_cache(NyuMatPairs(path, ["0"]), tmp_path / "cache").depth_m(0)[3, 3]
-
-    assert depth_of(2.0, 10**18) == pytest.approx(2.0)
-    assert depth_of(3.0, 10**18 - 5) == pytest.approx(3.0)
-    assert depth_of(2.0, 10**18) == pytest.approx(2.0)
-
-
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):
     one, other = (
         build_cache(FolderPairs(dataset, ["0000"], units=DepthUnits(scale)), tmp_path / "cache")
@@ -397,27 +380,8 @@ def test_another_epoch_draws_other_pictures(pairs, tmp_path):
     assert not (one.rgb == other.rgb).all()
 
 
-def test_nyu_s_own_file_is_read_with_its_axes_turned(tmp_path):
-    path = tmp_path / "nyu.mat"
-    with h5py.File(path, "w") as file:
-        file["images"] = np.arange(2 * 3 * 8 * 6, dtype=np.uint8).reshape(2, 3, 8, 6)
-        file["depths"] = np.full((2, 8, 6), 2.5, np.float32)
-    pair = NyuMatPairs(path, ["1"])[0]
-    assert pair.rgb.shape == (6, 8, 3) and pair.depth_m.shape == (6, 8)
-    # column 2, row 5, green of picture 1
-    assert pair.rgb[5, 2, 1] == np.uint8((1 * 3 + 1) * 48 + 2 * 6 + 5)
-    assert pair.labels is None
-
-
 @pytest.mark.parametrize("option", ["--depth-scale=0.001", "--depth-offset=0.5"])
 def test_units_are_refused_where_depth_is_metres(dataset, option):
     name = option.partition("=")[0]
     with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` holds metres; hint: leave"):
         opened(dataset / "nyu.mat", option)
-
-
-def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path):
-    path = tmp_path / "other.mat"
-    path.write_bytes(b"MATLAB 5.0")
-    with pytest.raises(DataError, match=r"other\.mat` is not NYU"):
-        NyuMatPairs(path, ["0"])

@@ -4,12 +4,13 @@ import csv
 import json
 import shutil
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from PIL import Image
+from runs import TINY
+from runs import evaluate_tiny as evaluate
 
 from nunet_models.classes import labels13_from_labels40
 from nunet_models.cli import main
@@ -28,7 +29,6 @@ from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.export.onnx_file import read_metadata, write_metadata
 from nunet_models.export.onnx_file import run as run_file
 
-TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 RECURRENT = TINY.with_name("tiny_wnet_c_lstm.onnx")
 
 
@@ -260,11 +260,6 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert found["labels"]["pixels"] == 2 * 96 * 128
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
     assert found["clip"]["flicker_m"] >= 0
-
-
-def evaluate(dataset, *more, model=TINY):
-    data = ("--data", str(dataset), "--ids", str(dataset / "val.txt"))
-    return main(["evaluate", "--model", str(model), *data, *more])
 
 
 @pytest.mark.parametrize(

@@ -197,14 +197,6 @@ def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
     assert "no labels" in capsys.readouterr().err
 
 
-def test_segmentation_on_nyu_s_own_file_is_told_where_its_labels_are(dataset, tmp_path, capsys):
-    data = ("--data", str(tmp_path / "nyu.mat"))
-    assert train(dataset, tmp_path / "run", *data) == 1
-    said = capsys.readouterr().err
-    assert "nyu.mat` has no labels to train `segmentation` on: its 894 raw classes" in said
-    assert "hint: a folder with `label40`" in said
-
-
 def test_a_quiet_training_draws_no_bar(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, "--intrinsics", "60,60,64,48@128x96", epochs=1) == 0
     assert not capsys.readouterr().err

@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     if predictor.classes and not pairs.has_labels:
         why = "has no folder `labels` or `label40`"
         if options.data.suffix == MAT_SUFFIX:
-            why = f"has no labels to use: {MAT_LABELS}"
+            why = f"has no labels of its own: {MAT_LABELS}"
         print(f"nunet_models: no label figures: `{options.data}` {why}", file=sys.stderr)
     # First, since its pictures may not fit and a network takes minutes.
     baseline = _baseline(options, pairs) if options.baseline_ids else None
