@@ -42,7 +42,14 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return options.carry_out(options)
     except (RecipeError, OSError) as error:
-        print(f"nunet_models: {error}", file=sys.stderr)
+        print(f"nunet_models: {_said(error)}", file=sys.stderr)
         return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
+
+
+def _said(error: RecipeError | OSError) -> str:
+    """The system's own errors as ours are: the file, then what is wrong with it."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"`{error.filename}`: {error.strerror.lower()}"
+    return str(error)

@@ -223,6 +223,23 @@ def test_a_bad_id_list_is_refused(tmp_path, text, word):
         read_ids(path)
 
 
+def test_a_list_that_is_missing_or_no_file_is_named(tmp_path):
+    absent = tmp_path / "nolist.txt"
+    with pytest.raises(DataError) as told:
+        read_ids(absent)
+    assert str(told.value) == f"`{absent}` is missing; expected a list of ids, one a line"
+    with pytest.raises(DataError) as told:
+        read_ids(tmp_path)
+    assert str(told.value) == f"`{tmp_path}` is no file; expected a list of ids, one a line"
+
+
+def test_a_folder_of_data_that_is_missing_is_named(tmp_path):
+    with pytest.raises(DataError) as told:
+        FolderPairs(tmp_path / "rooms", ["0001"], units=DepthUnits())
+    said = f"`{tmp_path / 'rooms'}` is no folder; expected one with `rgb/` and `depth/`, or "
+    assert str(told.value).startswith(said)
+
+
 def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
     path = tmp_path / "ids.txt"
     path.write_bytes("\ufeffliving room 1\r\n\r\n küche\n".encode())

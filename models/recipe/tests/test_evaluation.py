@@ -266,7 +266,14 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     ("name", "words"),
     [
         ("cut.onnx", ("cannot be read as an ONNX file", "hint: is it whole?")),
-        ("tiny_wnet_c.toml", ("is a staged graph", "hint: the fused `.onnx`")),
+        (
+            "tiny_wnet_c.toml",
+            (
+                "is a staged graph; expected an ONNX file; hint: the fused `.onnx`",
+                "`export --out FILE.onnx`",
+                "; `nunetd eval --model {path}` measures the stages themselves",
+            ),
+        ),
         (
             "tiny_wnet_c.segmentation.onnx",
             ("gives `logits`, `labels`; expected `rgb` and `depth`",),
@@ -281,7 +288,7 @@ def test_a_file_that_cannot_be_measured_is_named(dataset, tmp_path, capsys, name
         path.write_bytes(TINY.read_bytes()[:-1000])
     assert evaluate(dataset, model=path) == 1
     said = capsys.readouterr().err
-    assert f"`{path}`" in said and all(word in said for word in words)
+    assert f"`{path}`" in said and all(word.format(path=path) in said for word in words)
 
 
 def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):

@@ -90,6 +90,11 @@ class FolderPairs:
         units: DepthUnits,
         window: tuple[int, int, int, int] | None = None,
     ) -> None:
+        if not root.is_dir():
+            raise DataError(
+                f"`{root}` is no folder; expected one with `rgb/` and `depth/`, or NYU Depth V2's "
+                "own .mat file; hint: `--data` names it"
+            )
         self.root = root
         self.ids = ids
         self.units = units
@@ -182,8 +187,11 @@ def read_ids(path: Path) -> list[str]:
     """Ids of a list file in UTF-8, one a line; blank lines are allowed, repeated ids are not.
 
     # Errors
-    `DataError` naming a file that is no such list.
+    `DataError` naming a file that is missing or no such list.
     """
+    if not path.is_file():
+        what = "is no file" if path.exists() else "is missing"
+        raise DataError(f"`{path}` {what}; expected a list of ids, one a line")
     try:
         lines = path.read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
