@@ -252,7 +252,8 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     deltas = ["delta1", "delta2", "delta3"]
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
     assert list(found["metrics"]) == list(found["picture_mean"]) == errors + deltas
-    assert list(found["baseline"]) == ["metrics", "picture_mean", "minmax"]
+    assert list(found["baseline"]) == ["of", "metrics", "picture_mean", "minmax"]
+    assert found["baseline"]["of"] == "baseline-ids", "as of `nunetd eval`"
     assert found["baseline"]["picture_mean"]["rmse"] < found["picture_mean"]["rmse"]
     own = [float(row["rmse"]) for row in csv.DictReader(rows.open())]
     assert found["picture_mean"]["rmse"] == pytest.approx(sum(own) / 2)
@@ -332,6 +333,66 @@ def test_a_mean_image_of_another_size_is_said_before_the_network_runs(dataset, c
     (dataset / "train.txt").write_text("0000\n0005\n")
     assert evaluate(dataset, *baseline) == 1
     assert "picture `0005` is (96, 128), the first one (48, 64)" in capsys.readouterr().err
+
+
+def test_a_mean_image_is_kept_for_other_data(dataset, tmp_path, capsys):
+    def baseline(*more):
+        assert evaluate(dataset, *more) == 0
+        return json.loads(capsys.readouterr().out)["baseline"]
+
+    kept = tmp_path / "mean.npy"
+    ids = ("--baseline-ids", str(dataset / "train.txt"))
+    named = baseline(*ids, "--save-baseline", str(kept))
+    assert named == baseline(*ids)
+    depth = [np.array(Image.open(dataset / f"depth/{i:04d}.png")) / 1000 for i in range(4)]
+    image = np.load(kept)
+    assert image.dtype == np.float32 and np.allclose(image, np.mean(depth, axis=0))
+    # `ids` and their data are not needed any more
+    (dataset / "train.txt").unlink()
+    found = baseline("--baseline", str(kept))
+    assert found["of"] == "baseline-file"
+    assert (found["metrics"], found["picture_mean"]) == (named["metrics"], named["picture_mean"])
+    pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (4, 5)]
+    own = compare(pairs, answering(image), protocol=FULL, metric=True, classes=0).figures()
+    assert found["minmax"] == pytest.approx(own["minmax"])
+
+
+def test_a_mean_image_of_another_size_is_no_baseline(dataset, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(Predictor, "__call__", lambda *_: pytest.fail("the network has run"))
+    np.save(tmp_path / "mean.npy", np.ones((48, 64), np.float32))
+    assert evaluate(dataset, "--baseline", str(tmp_path / "mean.npy")) == 1
+    assert "picture `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        (None, "is missing; expected a mean image in metres, float32 [H, W]"),
+        (b"\x93NUMPY no more", "is no .npy file: "),
+        (b"", "is no .npy file: "),
+        (np.array(["a"], object), "is no .npy file: "),
+        (np.ones((96, 128), np.uint16), "holds uint16 [96, 128]; expected a mean image"),
+        (np.ones((1, 96, 128), np.float32), "holds float32 [1, 96, 128]; expected"),
+        (np.full((96, 128), np.nan, np.float32), "has pixels without depth; expected"),
+        (np.zeros((96, 128), np.float32), "has pixels without depth; expected"),
+    ],
+)
+def test_a_file_that_is_no_mean_image_is_named(dataset, tmp_path, capsys, image, said):
+    path = tmp_path / "mean.npy"
+    if isinstance(image, bytes):
+        path.write_bytes(image)
+    elif image is not None:
+        np.save(path, image, allow_pickle=True)
+    assert evaluate(dataset, "--baseline", str(path)) == 1
+    assert f"`{path}` {said}" in capsys.readouterr().err
+
+
+def test_options_of_the_baseline_that_do_not_go_together_are_bad_arguments(dataset, capsys):
+    assert evaluate(dataset, "--save-baseline", "mean.npy") == 2
+    assert "hint: `--baseline-ids FILE` names training pictures" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        evaluate(dataset, "--baseline", "mean.npy", "--baseline-ids", "train.txt")
+    assert ended.value.code == 2
 
 
 def test_a_row_of_a_picture_without_depth_is_empty_and_the_others_are_not(dataset, tmp_path):

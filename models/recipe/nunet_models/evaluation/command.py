@@ -16,6 +16,7 @@ from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import ConfigError, DataError, OptionError
+from nunet_models.evaluation.baseline import kept_baseline, named_baseline
 from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
     ROW,
@@ -23,8 +24,6 @@ from nunet_models.evaluation.compare import (
     Predict,
     Prediction,
     compare,
-    mean_image,
-    mean_stretched_image,
 )
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
@@ -38,7 +37,22 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
     add_data_options(parser)
     parser.add_argument("--ids", type=Path, required=True, help="pictures to measure on")
-    parser.add_argument("--baseline-ids", type=Path, help="training pictures, for the mean image")
+    baseline = parser.add_mutually_exclusive_group()
+    baseline.add_argument(
+        "--baseline-ids", type=Path, help="training pictures of this data, for the mean image"
+    )
+    baseline.add_argument(
+        "--baseline",
+        type=Path,
+        metavar="FILE.npy",
+        help="the mean image of other data (float32 [H, W], metres), of these pictures' size",
+    )
+    parser.add_argument(
+        "--save-baseline",
+        type=Path,
+        metavar="FILE.npy",
+        help="keep the mean image of --baseline-ids",
+    )
     parser.add_argument(
         "--protocol",
         choices=sorted(PROTOCOLS),
@@ -69,6 +83,11 @@ def run(options: argparse.Namespace) -> int:
             f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
             "number of the camera's matrix, at the pictures' size"
         )
+    if options.save_baseline is not None and options.baseline_ids is None:
+        raise OptionError(
+            f"`--save-baseline {options.save_baseline}` keeps the mean image of `--baseline-ids`, "
+            "which are not given; hint: `--baseline-ids FILE` names training pictures"
+        )
     predictor = Predictor(options.model, threads=options.threads)
     pairs = open_pairs(options, options.ids)
     if options.clip:
@@ -79,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
             why = f"has no labels of its own: {MAT_LABELS}"
         print(f"nunet_models: no label figures: `{options.data}` {why}", file=sys.stderr)
     # First, since its pictures may not fit and a network takes minutes.
-    baseline = _baseline(options, pairs) if options.baseline_ids else None
+    baseline = _baseline(options, pairs)
     comparison = compare(
         _progress(pairs, predictor.path.name),
         _predict(predictor, options),
@@ -153,23 +172,19 @@ def _predict(predictor: Predictor, options: argparse.Namespace) -> Predict:
     return predict
 
 
-def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
-    """Figures of the mean image of the training pictures, in metres and stretched."""
-    training = open_pairs(options, options.baseline_ids)
+def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object] | None:
+    """Figures of a mean image, that of training pictures or one that was kept."""
     protocol = PROTOCOLS[options.protocol]
-    figures = {}
-    for metric, image in ((True, mean_image(training)), (False, mean_stretched_image(training))):
-        prediction = Prediction(image, labels=None)
-        comparison = compare(
-            _progress(pairs, "mean image"),
-            lambda _, answer=prediction: answer,
-            protocol=protocol,
-            metric=metric,
-            classes=0,
-        ).figures()
-        for name in ("metrics", "picture_mean") if metric else ("minmax",):
-            figures[name] = comparison[name]
-    return figures
+
+    def pictures() -> Iterator[Pair]:
+        return _progress(pairs, "mean image")
+
+    if options.baseline is not None:
+        return kept_baseline(options.baseline, pictures, protocol=protocol)
+    if options.baseline_ids is None:
+        return None
+    training = open_pairs(options, options.baseline_ids)
+    return named_baseline(training, pictures, protocol=protocol, save=options.save_baseline)
 
 
 def _write_csv(path: Path, comparison: Comparison) -> None:
