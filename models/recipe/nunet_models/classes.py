@@ -31,15 +31,10 @@ _13_FROM_40 = (
 # fmt: on
 
 
-def labels13(labels: np.ndarray) -> np.ndarray:
-    """Labels of the 13 classes (uint8, any shape) with every other number as `IGNORE`."""
-    return np.where(labels < len(CLASSES_13), labels, np.uint8(IGNORE))
-
-
 def labels13_from_labels40(labels40: np.ndarray) -> np.ndarray:
     """Map NYU40 labels (uint8, any shape, 0-based) to the 13 classes (uint8, same shape).
 
-    Label 39 ("otherprop" or unlabelled) and everything above becomes `IGNORE`: it is a fifth of
+    Label 39 ("otherprop") and everything above becomes `IGNORE`: it is a fifth of
     NYU's pixels and names no one thing.
     """
     table = np.full(256, IGNORE, dtype=np.uint8)

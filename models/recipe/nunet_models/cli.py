@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from nunet_models.data import command as nyu_lists_command
 from nunet_models.errors import OptionError, RecipeError
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import annotate as annotate_command
@@ -22,6 +23,7 @@ VERBS = (
     export_command,
     annotate_command,
     report_command,
+    nyu_lists_command,
 )
 
 
@@ -40,7 +42,14 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return options.carry_out(options)
     except (RecipeError, OSError) as error:
-        print(f"nunet_models: {error}", file=sys.stderr)
+        print(f"nunet_models: {_said(error)}", file=sys.stderr)
         return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
+
+
+def _said(error: RecipeError | OSError) -> str:
+    """The system's own errors as ours are: the file, then what is wrong with it."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"`{error.filename}`: {error.strerror.lower()}"
+    return str(error)

@@ -122,16 +122,20 @@ class LabelMetrics:
         index = truth[known].astype(np.int64) * columns + guess
         self.confusion += np.bincount(index, minlength=classes * columns).reshape(classes, columns)
 
+    @property
+    def pixels(self) -> int:
+        """How many pixels were counted."""
+        return int(self.confusion.sum())
+
     def figures(self) -> dict[str, float]:
         """`miou`: mean of `hit / (truth + predicted - hit)` over classes seen in the truth or
         predicted; `accuracy`: share of pixels that are right."""  # noqa: D205, D209
         hit = np.diag(self.confusion).astype(np.float64)
         union = self.confusion.sum(0)[:-1] + self.confusion.sum(1) - hit
         seen = union > 0
-        total = self.confusion.sum()
-        if not total:
+        if not self.pixels:
             return {}
         return {
             "miou": float((hit[seen] / union[seen]).mean()),
-            "accuracy": float(hit.sum() / total),
+            "accuracy": float(hit.sum() / self.pixels),
         }

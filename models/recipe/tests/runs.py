@@ -1,8 +1,17 @@
-"""A small run of the verb `train`, and the logs that it leaves."""
+"""Small runs of the verbs `train` and `evaluate`, and the logs that the first one leaves."""
 
 import csv
+from pathlib import Path
 
 from nunet_models.cli import main
+
+TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
+
+
+def evaluate_tiny(dataset, *more, model=TINY, data=None):
+    """On the pictures of `val.txt` of a folder, or on those of `data`."""
+    ids = ("--ids", str(dataset / "val.txt"))
+    return main(["evaluate", "--model", str(model), "--data", str(data or dataset), *ids, *more])
 
 
 def train(dataset, run, *more, component="segmentation", epochs=2):

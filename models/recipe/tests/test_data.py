@@ -4,16 +4,14 @@ import argparse
 import os
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from PIL import Image
 
-from nunet_models.classes import IGNORE, labels13, labels13_from_labels40
+from nunet_models.classes import IGNORE, labels13_from_labels40
 from nunet_models.data.augment import NO_AUGMENTATION, STRONG, Sample, augmented, zoomed
 from nunet_models.data.batches import epoch_batches
 from nunet_models.data.cache import build_cache
-from nunet_models.data.nyu_mat import NyuMatPairs
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import DepthUnits, FolderPairs, read_ids, read_rgb
 from nunet_models.errors import ConfigError, DataError, OptionError
@@ -82,14 +80,33 @@ def test_the_clip_s_labels_are_its_own_classes():
     clip = Path(__file__).parents[2] / "clip"
     pair = FolderPairs(clip, ["study_00"], units=DepthUnits())[0]
     assert np.array_equal(pair.labels, np.array(Image.open(clip / "labels" / "study_00.png")))
-    values = np.array([[0, 12], [13, 255]], np.uint8)
-    assert labels13(values).tolist() == [[0, 12], [IGNORE, IGNORE]]
 
 
-def test_a_label_of_more_than_eight_bits_is_refused(dataset):
-    Image.fromarray(np.full((96, 128), 300, np.uint16)).save(dataset / "label40" / "0001.png")
-    with pytest.raises(DataError, match=r"label40/0001\.png` has the label 300; expected NYU40's"):
+@pytest.mark.parametrize(
+    ("folder", "value", "expected", "hint"),
+    [
+        ("labels", 13, "0 to 12, or 255", "NYU's 40 classes belong into `label40/`"),
+        ("labels", 39, "0 to 12, or 255", "NYU's 40 classes belong into `label40/`"),
+        ("labels", 254, "0 to 12, or 255", "`255` says that nothing is known"),
+        ("label40", 40, "0 to 39, or 255", "`label40/` counts NYU's classes from 0"),
+        ("label40", 300, "0 to 39, or 255", "`255` says that nothing is known"),
+    ],
+)
+def test_a_label_that_is_no_class_is_refused(dataset, folder, value, expected, hint):
+    known = (12, 255) if folder == "labels" else (39, 255)
+    labels = np.full((96, 128), known[0], np.uint16)
+    labels[2] = known[1]
+    path = dataset / folder / "0001.png"
+    path.parent.mkdir(exist_ok=True)
+    Image.fromarray(labels).save(path)
+    found = FolderPairs(dataset, ["0001"], units=DepthUnits())[0].labels
+    assert (found[2] == IGNORE).all()
+    labels[4, 4] = value
+    Image.fromarray(labels).save(path)
+    with pytest.raises(DataError) as told:
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+    said = f"`{path}` has the label {value}; expected {expected} where nothing is known; hint: "
+    assert str(told.value).startswith(said + hint)
 
 
 def test_a_missing_file_is_named(dataset):
@@ -122,6 +139,39 @@ def test_grey_pictures_of_16_bits_keep_their_shades(tmp_path):
     path = tmp_path / "grey.png"
     Image.fromarray(np.array([[0, 128 * 257, 65535, 300]], np.uint16)).save(path)
     assert read_rgb(path).tolist() == [[[0] * 3, [128] * 3, [255] * 3, [1] * 3]]
+
+
+@pytest.mark.parametrize(("orientation", "turns"), [(1, 0), (3, 2), (6, 3), (8, 1)])
+@pytest.mark.parametrize("ending", ["jpg", "png"])
+def test_a_picture_is_turned_as_its_exif_orientation_says(tmp_path, ending, orientation, turns):
+    upright = np.zeros((32, 48, 3), np.uint8)
+    upright[:16, :24] = 250
+    path, exif = tmp_path / f"turned.{ending}", Image.Exif()
+    exif[0x0112] = orientation
+    stored = Image.fromarray(np.rot90(upright, -turns))
+    stored.save(path, exif=exif, **({"quality": 95} if ending == "jpg" else {}))
+    found = read_rgb(path)
+    assert found.shape == upright.shape
+    assert np.abs(found.astype(int) - upright).max() < 30
+
+
+def test_grey_pictures_of_16_bits_are_turned_as_well(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    values = np.array([[0, 257], [514, 65535]], np.uint16)
+    Image.fromarray(values).save(tmp_path / "grey.png", exif=exif)
+    assert read_rgb(tmp_path / "grey.png")[..., 0].tolist() == [[255, 2], [1, 0]]
+
+
+@pytest.mark.filterwarnings("ignore:Corrupt EXIF")
+@pytest.mark.parametrize("exif", [b"Exif\0\0nothing", b"Exif\0\0MM\0*\0\0\0\x08\0\x09\x01"])
+def test_a_damaged_orientation_is_none(tmp_path, exif):
+    path = tmp_path / "picture.jpg"
+    Image.new("RGB", (8, 8), (9, 9, 9)).save(path)
+    plain = path.read_bytes()
+    block = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
+    path.write_bytes(plain[:2] + block + plain[2:])
+    assert read_rgb(path).shape == (8, 8, 3)
 
 
 def test_a_corrupt_picture_is_named(dataset):
@@ -157,17 +207,6 @@ def test_one_bit_a_pixel_is_neither_depth_nor_label(dataset, folder):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
 
 
-def test_a_label_that_no_set_has_is_named(dataset):
-    path = dataset / "label40" / "0001.png"
-    labels = np.full((96, 128), 255, np.uint16)
-    Image.fromarray(labels).save(path)
-    assert (FolderPairs(dataset, ["0001"], units=DepthUnits())[0].labels == IGNORE).all()
-    labels[4, 4] = 894
-    Image.fromarray(labels).save(path)
-    with pytest.raises(DataError, match=r"0001\.png` has the label 894; expected"):
-        FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
-
-
 @pytest.mark.parametrize(
     "option", ["--depth-scale=-1", "--depth-scale=0", "--depth-scale=nan", "--depth-offset=inf"]
 )
@@ -182,6 +221,23 @@ def test_a_bad_id_list_is_refused(tmp_path, text, word):
     path.write_text(text)
     with pytest.raises(DataError, match=word):
         read_ids(path)
+
+
+def test_a_list_that_is_missing_or_no_file_is_named(tmp_path):
+    absent = tmp_path / "nolist.txt"
+    with pytest.raises(DataError) as told:
+        read_ids(absent)
+    assert str(told.value) == f"`{absent}` is missing; expected a list of ids, one a line"
+    with pytest.raises(DataError) as told:
+        read_ids(tmp_path)
+    assert str(told.value) == f"`{tmp_path}` is no file; expected a list of ids, one a line"
+
+
+def test_a_folder_of_data_that_is_missing_is_named(tmp_path):
+    with pytest.raises(DataError) as told:
+        FolderPairs(tmp_path / "rooms", ["0001"], units=DepthUnits())
+    said = f"`{tmp_path / 'rooms'}` is no folder; expected one with `rgb/` and `depth/`, or "
+    assert str(told.value).startswith(said)
 
 
 def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
@@ -275,21 +331,6 @@ def test_a_replaced_picture_is_not_served_from_the_cache(dataset, tmp_path, what
     assert before.depth_m(0)[9, 9] != after.depth_m(0)[9, 9] == pytest.approx(1.234, abs=2e-4)
 
 
-def test_a_replaced_nyu_file_is_not_served_from_the_cache(tmp_path):
-    path = tmp_path / "nyu.mat"
-
-    def depth_of(metres, time_ns):
-        with h5py.File(path, "w") as file:
-            file["images"] = np.zeros((1, 3, 8, 6), np.uint8)
-            file["depths"] = np.full((1, 8, 6), metres, np.float32)
-        os.utime(path, ns=(time_ns, time_ns))
-        return build_cache(NyuMatPairs(path, ["0"]), tmp_path / "cache").depth_m(0)[3, 3]
-
-    assert depth_of(2.0, 10**18) == pytest.approx(2.0)
-    assert depth_of(3.0, 10**18 - 5) == pytest.approx(3.0)
-    assert depth_of(2.0, 10**18) == pytest.approx(2.0)
-
-
 def test_other_units_are_not_served_from_the_cache(dataset, tmp_path):
     one, other = (
         build_cache(FolderPairs(dataset, ["0000"], units=DepthUnits(scale)), tmp_path / "cache")
@@ -356,27 +397,8 @@ def test_another_epoch_draws_other_pictures(pairs, tmp_path):
     assert not (one.rgb == other.rgb).all()
 
 
-def test_nyu_s_own_file_is_read_with_its_axes_turned(tmp_path):
-    path = tmp_path / "nyu.mat"
-    with h5py.File(path, "w") as file:
-        file["images"] = np.arange(2 * 3 * 8 * 6, dtype=np.uint8).reshape(2, 3, 8, 6)
-        file["depths"] = np.full((2, 8, 6), 2.5, np.float32)
-    pair = NyuMatPairs(path, ["1"])[0]
-    assert pair.rgb.shape == (6, 8, 3) and pair.depth_m.shape == (6, 8)
-    # column 2, row 5, green of picture 1
-    assert pair.rgb[5, 2, 1] == np.uint8((1 * 3 + 1) * 48 + 2 * 6 + 5)
-    assert pair.labels is None
-
-
 @pytest.mark.parametrize("option", ["--depth-scale=0.001", "--depth-offset=0.5"])
 def test_units_are_refused_where_depth_is_metres(dataset, option):
     name = option.partition("=")[0]
     with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` holds metres; hint: leave"):
         opened(dataset / "nyu.mat", option)
-
-
-def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path):
-    path = tmp_path / "other.mat"
-    path.write_bytes(b"MATLAB 5.0")
-    with pytest.raises(DataError, match=r"other\.mat` is not NYU"):
-        NyuMatPairs(path, ["0"])

@@ -4,12 +4,13 @@ import csv
 import json
 import shutil
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from PIL import Image
+from runs import TINY
+from runs import evaluate_tiny as evaluate
 
 from nunet_models.classes import labels13_from_labels40
 from nunet_models.cli import main
@@ -28,7 +29,6 @@ from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.export.onnx_file import read_metadata, write_metadata
 from nunet_models.export.onnx_file import run as run_file
 
-TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 RECURRENT = TINY.with_name("tiny_wnet_c_lstm.onnx")
 
 
@@ -77,6 +77,47 @@ def test_truth_beyond_ten_metres_is_none_and_predictions_end_there():
     )
     assert comparison.depth.figures()["mse"] == pytest.approx((1 + 0.999**2) / 2, rel=1e-6)
     assert (comparison.depth.pixels, comparison.depth.missing) == (2, 1)
+
+
+def test_what_is_compared_and_what_is_not_is_counted():
+    truth = a_pair([[12.0, 10.0, 1e-3, np.nan, 2.0, 3.0, 4.0]])
+    answer = answering([[1, 1, 1, 1, np.nan, 3, 4]])
+    found = compare([truth] * 2, answer, protocol=FULL, metric=True, classes=0).figures()
+    assert (found["pixels"], found["pixels_without_prediction"]) == (4, 2)
+    assert found["pixels_beyond"] == 6
+    found = compare([truth], answer, protocol=FULL, metric=False, classes=0).figures()
+    assert (found["pixels"], found["pixels_without_prediction"]) == (5, 1)
+    assert found["pixels_beyond"] == 0, "stretched depth has no cap"
+
+
+def test_truth_beyond_counts_within_the_crop_alone():
+    depth = np.full((480, 640), 20.0, np.float32)
+    depth[45, 41:44] = 2.0, np.nan, 1e-4
+    found = compare([a_pair(depth)], answering(depth), protocol=EIGEN, metric=True, classes=0)
+    assert found.figures()["pixels"] == 1
+    assert found.figures()["pixels_beyond"] == 426 * 560 - 2
+
+
+@pytest.mark.parametrize(("far", "said"), [(61, False), (62, True)])
+def test_much_truth_beyond_the_cap_is_told(dataset, capsys, far, said):
+    path = dataset / "depth" / "0004.png"
+    values = np.full((96, 128), 2000, np.uint16)
+    values.flat[: far * 10] = 10_000
+    values.flat[-48:] = 0
+    Image.fromarray(values).save(path)
+    (dataset / "val.txt").write_text("0004\n")
+    assert evaluate(dataset) == 0
+    answer = capsys.readouterr()
+    found = json.loads(answer.out)
+    assert found["pixels_beyond"] == far * 10
+    assert found["pixels"] == 96 * 128 - 48 - far * 10
+    lines = [line for line in answer.err.splitlines() if "not compared" in line]
+    assert len(lines) == said
+    if said:
+        assert "5.1 % of the true depth (620 of 12240 pixels)" in lines[0]
+        assert lines[0].endswith(
+            "hint: `--depth-scale METRES` says what a unit of the depth pictures is"
+        )
 
 
 def test_truth_of_another_scale_is_told():
@@ -211,25 +252,29 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     deltas = ["delta1", "delta2", "delta3"]
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
     assert list(found["metrics"]) == list(found["picture_mean"]) == errors + deltas
-    assert list(found["baseline"]) == ["metrics", "picture_mean", "minmax"]
+    assert list(found["baseline"]) == ["of", "metrics", "picture_mean", "minmax"]
+    assert found["baseline"]["of"] == "baseline-ids", "as of `nunetd eval`"
     assert found["baseline"]["picture_mean"]["rmse"] < found["picture_mean"]["rmse"]
     own = [float(row["rmse"]) for row in csv.DictReader(rows.open())]
     assert found["picture_mean"]["rmse"] == pytest.approx(sum(own) / 2)
-    assert set(found["labels"]) == {"miou", "accuracy"}
+    assert set(found["labels"]) == {"miou", "accuracy", "pixels"}
+    assert found["labels"]["pixels"] == 2 * 96 * 128
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
     assert found["clip"]["flicker_m"] >= 0
-
-
-def evaluate(dataset, *more, model=TINY):
-    data = ("--data", str(dataset), "--ids", str(dataset / "val.txt"))
-    return main(["evaluate", "--model", str(model), *data, *more])
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         ("cut.onnx", ("cannot be read as an ONNX file", "hint: is it whole?")),
-        ("tiny_wnet_c.toml", ("is a staged graph", "hint: the fused `.onnx`")),
+        (
+            "tiny_wnet_c.toml",
+            (
+                "is a staged graph; expected an ONNX file; hint: the fused `.onnx`",
+                "`export --out FILE.onnx`",
+                "; `nunetd eval --model {path}` measures the stages themselves",
+            ),
+        ),
         (
             "tiny_wnet_c.segmentation.onnx",
             ("gives `logits`, `labels`; expected `rgb` and `depth`",),
@@ -244,7 +289,7 @@ def test_a_file_that_cannot_be_measured_is_named(dataset, tmp_path, capsys, name
         path.write_bytes(TINY.read_bytes()[:-1000])
     assert evaluate(dataset, model=path) == 1
     said = capsys.readouterr().err
-    assert f"`{path}`" in said and all(word in said for word in words)
+    assert f"`{path}`" in said and all(word.format(path=path) in said for word in words)
 
 
 def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):
@@ -288,6 +333,66 @@ def test_a_mean_image_of_another_size_is_said_before_the_network_runs(dataset, c
     (dataset / "train.txt").write_text("0000\n0005\n")
     assert evaluate(dataset, *baseline) == 1
     assert "picture `0005` is (96, 128), the first one (48, 64)" in capsys.readouterr().err
+
+
+def test_a_mean_image_is_kept_for_other_data(dataset, tmp_path, capsys):
+    def baseline(*more):
+        assert evaluate(dataset, *more) == 0
+        return json.loads(capsys.readouterr().out)["baseline"]
+
+    kept = tmp_path / "mean.npy"
+    ids = ("--baseline-ids", str(dataset / "train.txt"))
+    named = baseline(*ids, "--save-baseline", str(kept))
+    assert named == baseline(*ids)
+    depth = [np.array(Image.open(dataset / f"depth/{i:04d}.png")) / 1000 for i in range(4)]
+    image = np.load(kept)
+    assert image.dtype == np.float32 and np.allclose(image, np.mean(depth, axis=0))
+    # `ids` and their data are not needed any more
+    (dataset / "train.txt").unlink()
+    found = baseline("--baseline", str(kept))
+    assert found["of"] == "baseline-file"
+    assert (found["metrics"], found["picture_mean"]) == (named["metrics"], named["picture_mean"])
+    pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (4, 5)]
+    own = compare(pairs, answering(image), protocol=FULL, metric=True, classes=0).figures()
+    assert found["minmax"] == pytest.approx(own["minmax"])
+
+
+def test_a_mean_image_of_another_size_is_no_baseline(dataset, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(Predictor, "__call__", lambda *_: pytest.fail("the network has run"))
+    np.save(tmp_path / "mean.npy", np.ones((48, 64), np.float32))
+    assert evaluate(dataset, "--baseline", str(tmp_path / "mean.npy")) == 1
+    assert "picture `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        (None, "is missing; expected a mean image in metres, float32 [H, W]"),
+        (b"\x93NUMPY no more", "is no .npy file: "),
+        (b"", "is no .npy file: "),
+        (np.array(["a"], object), "is no .npy file: "),
+        (np.ones((96, 128), np.uint16), "holds uint16 [96, 128]; expected a mean image"),
+        (np.ones((1, 96, 128), np.float32), "holds float32 [1, 96, 128]; expected"),
+        (np.full((96, 128), np.nan, np.float32), "has pixels without depth; expected"),
+        (np.zeros((96, 128), np.float32), "has pixels without depth; expected"),
+    ],
+)
+def test_a_file_that_is_no_mean_image_is_named(dataset, tmp_path, capsys, image, said):
+    path = tmp_path / "mean.npy"
+    if isinstance(image, bytes):
+        path.write_bytes(image)
+    elif image is not None:
+        np.save(path, image, allow_pickle=True)
+    assert evaluate(dataset, "--baseline", str(path)) == 1
+    assert f"`{path}` {said}" in capsys.readouterr().err
+
+
+def test_options_of_the_baseline_that_do_not_go_together_are_bad_arguments(dataset, capsys):
+    assert evaluate(dataset, "--save-baseline", "mean.npy") == 2
+    assert "hint: `--baseline-ids FILE` names training pictures" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        evaluate(dataset, "--baseline", "mean.npy", "--baseline-ids", "train.txt")
+    assert ended.value.code == 2
 
 
 def test_a_row_of_a_picture_without_depth_is_empty_and_the_others_are_not(dataset, tmp_path):

@@ -191,18 +191,24 @@ def test_a_loss_that_is_no_number_stops_before_any_weight_is_lost(dataset, tmp_p
     assert before and all(torch.equal(*two) for two in zip(before, after, strict=True))
 
 
+def test_a_missing_list_is_said_to_be_missing(dataset, tmp_path, capsys):
+    absent = tmp_path / "nolist.txt"
+    assert train(dataset, tmp_path / "run", "--train-ids", str(absent)) == 1
+    said = capsys.readouterr().err
+    assert said == f"nunet_models: `{absent}` is missing; expected a list of ids, one a line\n"
+
+
+def test_a_file_that_the_system_refuses_is_told_without_its_number(dataset, tmp_path, capsys):
+    absent = tmp_path / "absent.pt"
+    assert train(dataset, tmp_path / "run", "--begin-with", str(absent)) == 1
+    said = capsys.readouterr().err
+    assert str(absent) in said and "[Errno" not in said
+
+
 def test_segmentation_without_labels_is_refused(dataset, tmp_path, capsys):
     shutil.rmtree(dataset / "label40")
     assert train(dataset, tmp_path / "run") == 1
     assert "no labels" in capsys.readouterr().err
-
-
-def test_segmentation_on_nyu_s_own_file_is_told_where_its_labels_are(dataset, tmp_path, capsys):
-    data = ("--data", str(tmp_path / "nyu.mat"))
-    assert train(dataset, tmp_path / "run", *data) == 1
-    said = capsys.readouterr().err
-    assert "nyu.mat` has no labels to train `segmentation` on: its 894 raw classes" in said
-    assert "hint: a folder with `label40`" in said
 
 
 def test_a_quiet_training_draws_no_bar(dataset, tmp_path, capsys):

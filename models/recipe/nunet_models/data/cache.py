@@ -19,7 +19,7 @@ from nunet_models.errors import DataError
 UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm
 REACH_M = np.iinfo(np.uint16).max * UNIT_M  # 13.1 m, past the 12 m that a network can give
 NONE = 0  # cached depth where there is no measurement
-VERSION = 2  # 1 could be marked as whole by one run while another wrote it anew
+VERSION = 3  # 1 could be whole for one run while another wrote it; 2 has pictures never turned
 
 
 @dataclass(frozen=True)

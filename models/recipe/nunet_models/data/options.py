@@ -20,6 +20,12 @@ def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) 
         help="folder of rgb/, depth/ and labels/ or label40/, or NYU's .mat",
     )
     group.add_argument(
+        "--class-map",
+        type=Path,
+        metavar="FILE",
+        help="classMapping40.mat of Gupta et al., by which NYU's .mat has labels",
+    )
+    group.add_argument(
         "--depth-scale",
         type=float,
         help=f"metres a unit of the depth pictures (default {MILLIMETRE_M}, for 16 bits alone)",
@@ -42,7 +48,12 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     window = _parse_window(options.window)
     if options.data.suffix == MAT_SUFFIX:
         _check_no_units(options)
-        return NyuMatPairs(options.data, read_ids(ids), window=window)
+        return NyuMatPairs(options.data, read_ids(ids), class_map=options.class_map, window=window)
+    if options.class_map is not None:
+        raise OptionError(
+            f"`--class-map {options.class_map}` is for the labels of NYU's .mat; `{options.data}` "
+            "is a folder, with `labels/` or `label40/`; hint: leave `--class-map` out"
+        )
     _check_units(options)
     units = DepthUnits(
         options.depth_scale, options.depth_offset, zero_is_none=options.depth_offset == 0.0

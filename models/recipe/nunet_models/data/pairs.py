@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
-from nunet_models.classes import IGNORE, labels13, labels13_from_labels40
+from nunet_models.classes import CLASSES_13, IGNORE, labels13_from_labels40
 from nunet_models.errors import DataError
 
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
 SIXTEEN_TO_EIGHT = 257  # 65535 / 255
-LABEL_FOLDERS = {"labels": labels13, "label40": labels13_from_labels40}
-"""What a folder's numbers become; the first folder that is there counts, as in nunetd."""
+LABEL_FOLDERS = {"labels": len(CLASSES_13), "label40": 40}
+"""How many classes a folder's labels name; the first folder that is there counts, as in nunetd."""
 MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
 NO_DEPTH = 65535  # written by sensors that measured nothing, besides 0: 7-Scenes has both
 
@@ -76,7 +76,8 @@ class DepthUnits:
 class FolderPairs:
     """A folder with `rgb/ID.jpg|png`, `depth/ID.png` and, perhaps, labels.
 
-    They are `labels/ID.png` of the 13 classes or `label40/ID.png` of NYU's 40; others are ignored.
+    They are `labels/ID.png` of the 13 classes or `label40/ID.png` of NYU's 40, both from 0, with
+    `IGNORE` where nothing is known.
     `window` is (top, left, bottom, right) in pixels: outside of it depth and labels count as
     none, for data with a frame around each picture.
     """
@@ -89,6 +90,11 @@ class FolderPairs:
         units: DepthUnits,
         window: tuple[int, int, int, int] | None = None,
     ) -> None:
+        if not root.is_dir():
+            raise DataError(
+                f"`{root}` is no folder; expected one with `rgb/` and `depth/`, or NYU Depth V2's "
+                "own .mat file; hint: `--data` names it"
+            )
         self.root = root
         self.ids = ids
         self.units = units
@@ -144,13 +150,27 @@ class FolderPairs:
 
     def _labels(self, path: Path, size: tuple[int, int]) -> np.ndarray:
         values = _single_channel(path, size)
-        if values.max() > IGNORE:
-            own = "0 to 12" if self.label_folder == "labels" else "NYU40's from 0 to 38"
-            raise DataError(
-                f"`{path}` has the label {values.max()}; expected {own}, or up to {IGNORE} for "
-                "what is ignored"
-            )
-        return LABEL_FOLDERS[self.label_folder](values.astype(np.uint8))
+        _check_labels(values, path, folder=self.label_folder)
+        values = values.astype(np.uint8)
+        return labels13_from_labels40(values) if self.label_folder == "label40" else values
+
+
+def _check_labels(values: np.ndarray, path: Path, *, folder: str) -> None:
+    """Refuse numbers that are no class: left out in silence, they would be no one's mistakes."""
+    classes = LABEL_FOLDERS[folder]
+    wrong = values[(values >= classes) & (values != IGNORE)]
+    if not wrong.size:
+        return
+    worst = int(wrong.max())
+    hint = f"`{IGNORE}` says that nothing is known"
+    if worst <= LABEL_FOLDERS["label40"]:
+        hint = "NYU's 40 classes belong into `label40/`"
+        if folder == "label40":
+            hint = "`label40/` counts NYU's classes from 0, 0 is a wall"
+    raise DataError(
+        f"`{path}` has the label {worst}; expected 0 to {classes - 1}, or {IGNORE} where nothing "
+        f"is known; hint: {hint}"
+    )
 
 
 def file_state(paths: Sequence[Path]) -> str:
@@ -167,8 +187,11 @@ def read_ids(path: Path) -> list[str]:
     """Ids of a list file in UTF-8, one a line; blank lines are allowed, repeated ids are not.
 
     # Errors
-    `DataError` naming a file that is no such list.
+    `DataError` naming a file that is missing or no such list.
     """
+    if not path.is_file():
+        what = "is no file" if path.exists() else "is missing"
+        raise DataError(f"`{path}` {what}; expected a list of ids, one a line")
     try:
         lines = path.read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
@@ -213,10 +236,12 @@ def blank_outside(
 def read_rgb(path: Path) -> np.ndarray:
     """A picture's colours, uint8 `[H, W, 3]`; 16 bits a channel are rounded to 8.
 
+    It is turned as its EXIF orientation says, as nunetd does: depth and labels lie as it is seen.
+
     # Errors
     `DataError` naming a file that is no picture.
     """
-    image = _open(path)
+    image = _upright(_open(path))
     if not image.mode.startswith("I"):
         return np.array(image.convert("RGB"))
     # 16 bits of grey, which PIL would clip at 255
@@ -231,6 +256,14 @@ def _open(path: Path) -> Image.Image:
     except (UnidentifiedImageError, OSError, SyntaxError) as error:
         raise DataError(f"`{path}` cannot be read as a picture: {error}") from error
     return image
+
+
+def _upright(image: Image.Image) -> Image.Image:
+    """Turned as its EXIF says; one that cannot be read says nothing."""
+    try:
+        return ImageOps.exif_transpose(image)
+    except Exception:  # a damaged block raises whatever PIL meets in it
+        return image
 
 
 def _single_channel(path: Path, size: tuple[int, int]) -> np.ndarray:

@@ -16,6 +16,7 @@ from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import ConfigError, DataError, OptionError
+from nunet_models.evaluation.baseline import kept_baseline, named_baseline
 from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
     ROW,
@@ -23,11 +24,11 @@ from nunet_models.evaluation.compare import (
     Predict,
     Prediction,
     compare,
-    mean_image,
-    mean_stretched_image,
 )
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.evaluation.protocol import PROTOCOLS
+from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
+
+MUCH_BEYOND = 0.05  # of the truth; rooms of NYU Depth V2 and 7-Scenes have next to none there
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:
@@ -36,7 +37,22 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
     add_data_options(parser)
     parser.add_argument("--ids", type=Path, required=True, help="pictures to measure on")
-    parser.add_argument("--baseline-ids", type=Path, help="training pictures, for the mean image")
+    baseline = parser.add_mutually_exclusive_group()
+    baseline.add_argument(
+        "--baseline-ids", type=Path, help="training pictures of this data, for the mean image"
+    )
+    baseline.add_argument(
+        "--baseline",
+        type=Path,
+        metavar="FILE.npy",
+        help="the mean image of other data (float32 [H, W], metres), of these pictures' size",
+    )
+    parser.add_argument(
+        "--save-baseline",
+        type=Path,
+        metavar="FILE.npy",
+        help="keep the mean image of --baseline-ids",
+    )
     parser.add_argument(
         "--protocol",
         choices=sorted(PROTOCOLS),
@@ -67,6 +83,11 @@ def run(options: argparse.Namespace) -> int:
             f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
             "number of the camera's matrix, at the pictures' size"
         )
+    if options.save_baseline is not None and options.baseline_ids is None:
+        raise OptionError(
+            f"`--save-baseline {options.save_baseline}` keeps the mean image of `--baseline-ids`, "
+            "which are not given; hint: `--baseline-ids FILE` names training pictures"
+        )
     predictor = Predictor(options.model, threads=options.threads)
     pairs = open_pairs(options, options.ids)
     if options.clip:
@@ -74,10 +95,10 @@ def run(options: argparse.Namespace) -> int:
     if predictor.classes and not pairs.has_labels:
         why = "has no folder `labels` or `label40`"
         if options.data.suffix == MAT_SUFFIX:
-            why = f"has no labels to use: {MAT_LABELS}"
+            why = f"has no labels of its own: {MAT_LABELS}"
         print(f"nunet_models: no label figures: `{options.data}` {why}", file=sys.stderr)
     # First, since its pictures may not fit and a network takes minutes.
-    baseline = _baseline(options, pairs) if options.baseline_ids else None
+    baseline = _baseline(options, pairs)
     comparison = compare(
         _progress(pairs, predictor.path.name),
         _predict(predictor, options),
@@ -85,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
         metric=predictor.metric,
         classes=len(predictor.classes),
     )
+    _say_beyond(comparison)
     found = {
         "model": options.model.name,
         "architecture": predictor.metadata["nunet.architecture"],
@@ -100,6 +122,19 @@ def run(options: argparse.Namespace) -> int:
         _write_csv(options.csv, comparison)
     print(json.dumps(found, indent=1))
     return 0
+
+
+def _say_beyond(comparison: Comparison) -> None:
+    """Tell of truth that cannot be compared where it is so much that its unit may be wrong."""
+    beyond, known = comparison.beyond, comparison.known
+    if beyond <= MUCH_BEYOND * known:
+        return
+    print(
+        f"nunet_models: {100 * beyond / known:.1f} % of the true depth ({beyond} of {known} "
+        f"pixels) is not between {MIN_DEPTH_M} and {comparison.protocol.cap_m} m and so not "
+        "compared; hint: `--depth-scale METRES` says what a unit of the depth pictures is",
+        file=sys.stderr,
+    )
 
 
 def _check_clip(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
@@ -137,23 +172,19 @@ def _predict(predictor: Predictor, options: argparse.Namespace) -> Predict:
     return predict
 
 
-def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
-    """Figures of the mean image of the training pictures, in metres and stretched."""
-    training = open_pairs(options, options.baseline_ids)
+def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object] | None:
+    """Figures of a mean image, that of training pictures or one that was kept."""
     protocol = PROTOCOLS[options.protocol]
-    figures = {}
-    for metric, image in ((True, mean_image(training)), (False, mean_stretched_image(training))):
-        prediction = Prediction(image, labels=None)
-        comparison = compare(
-            _progress(pairs, "mean image"),
-            lambda _, answer=prediction: answer,
-            protocol=protocol,
-            metric=metric,
-            classes=0,
-        ).figures()
-        for name in ("metrics", "picture_mean") if metric else ("minmax",):
-            figures[name] = comparison[name]
-    return figures
+
+    def pictures() -> Iterator[Pair]:
+        return _progress(pairs, "mean image")
+
+    if options.baseline is not None:
+        return kept_baseline(options.baseline, pictures, protocol=protocol)
+    if options.baseline_ids is None:
+        return None
+    training = open_pairs(options, options.baseline_ids)
+    return named_baseline(training, pictures, protocol=protocol, save=options.save_baseline)
 
 
 def _write_csv(path: Path, comparison: Comparison) -> None:

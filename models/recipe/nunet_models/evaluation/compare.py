@@ -32,6 +32,7 @@ class Comparison:
 
     `depth` is metres under the protocol; `minmax` compares whole pictures, each stretched from
     its nearest to its farthest point, as the paper did; `per_picture` holds a row a picture.
+    `beyond` counts pixels whose true depth in metres is too near or too far to be compared.
     """
 
     protocol: Protocol
@@ -39,6 +40,7 @@ class Comparison:
     labels: LabelMetrics | None = None
     depth: DepthMetrics = field(default_factory=DepthMetrics)
     minmax: DepthMetrics = field(default_factory=DepthMetrics)
+    beyond: int = 0
     per_picture: list[dict[str, float | str]] = field(default_factory=list)
 
     def add(self, pair: Pair, prediction: Prediction) -> None:
@@ -71,6 +73,7 @@ class Comparison:
         if self.metric:
             alone.add(self.protocol.predicted(predicted), self.protocol.truth(truth_m))
             self.depth.merge(alone)
+            self.beyond += self.protocol.beyond(truth_m)
         known = np.isfinite(truth_m)
         guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
         alone_minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
@@ -78,18 +81,32 @@ class Comparison:
         minmax = alone_minmax.figures()
         return alone.figures() | {f"minmax_{k}": minmax[k] for k in MINMAX_FIGURES if minmax}
 
+    @property
+    def counted(self) -> DepthMetrics:
+        """What is asked of the network first: metres where it gives them, else stretched depth."""
+        return self.depth if self.metric else self.minmax
+
+    @property
+    def known(self) -> int:
+        """Pixels with truth, those `beyond` too, that the protocol's crop leaves."""
+        return self.beyond + self.counted.pixels + self.counted.missing
+
     def figures(self) -> dict[str, object]:
         """All figures, shaped as `nunetd eval --json` shapes them."""
         minmax = self.minmax.figures()
+        counted = self.counted
         found: dict[str, object] = {
             "pictures": len(self.per_picture),
-            "pixels_without_prediction": self.minmax.missing,
+            "pixels": counted.pixels,
+            "pixels_without_prediction": counted.missing,
+            "pixels_beyond": self.beyond,
             "metrics": self.depth.figures(),
             "picture_mean": picture_mean(self.per_picture),
             "minmax": {name: minmax[name] for name in MINMAX_FIGURES} if minmax else {},
         }
         if self.labels is not None:
-            found["labels"] = self.labels.figures()
+            labels = self.labels.figures()
+            found["labels"] = {**labels, "pixels": self.labels.pixels} if labels else {}
         return found
 
 

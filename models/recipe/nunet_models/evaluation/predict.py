@@ -24,6 +24,7 @@ class Predictor:
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
         self.path = path
+        _refuse_stages(path)
         self.metadata = read_metadata(path)
         if self.metadata.get("nunet.version") != "1":
             raise ConfigError(f"`{path}` is no nunet model file of version 1")
@@ -114,6 +115,16 @@ class Predictor:
             labels = _resized(labels[0], picture_size, Image.Resampling.NEAREST)
         state = {given: named[output] for output, given in self.remembered.items()}
         return Prediction(decoded(depth, self), labels), state
+
+
+def _refuse_stages(path: Path) -> None:
+    """`export` writes staged graphs as well, which are run by nunetd alone."""
+    if path.suffix == ".toml" and path.is_file():
+        raise ConfigError(
+            f"`{path}` is a staged graph; expected an ONNX file; hint: the fused `.onnx` computes "
+            "the same, and `export --out FILE.onnx` writes it of the same checkpoint; `nunetd eval "
+            f"--model {path}` measures the stages themselves"
+        )
 
 
 def _listed(names: list[str]) -> str:

@@ -28,6 +28,11 @@ class Protocol:
         truth = self.cropped(depth_m)
         return np.where((truth > MIN_DEPTH_M) & (truth < self.cap_m), truth, np.float32(np.nan))
 
+    def beyond(self, depth_m: np.ndarray) -> int:
+        """How many pixels of true depth `[H, W]` in metres `truth` leaves out for their depth."""
+        known = np.isfinite(self.cropped(depth_m))
+        return int(known.sum() - np.isfinite(self.truth(depth_m)).sum())
+
     def cropped(self, image: np.ndarray) -> np.ndarray:
         """`[H, W]` cropped.
 

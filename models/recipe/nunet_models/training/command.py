@@ -119,9 +119,11 @@ def run(options: argparse.Namespace) -> int:
 def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
     """Refuse to train segmentation on data that can have no labels, before it is decoded."""
     component = spec.component(options.component)
-    if component.task == "segmentation" and options.data.suffix == MAT_SUFFIX:
+    without = options.data.suffix == MAT_SUFFIX and options.class_map is None
+    if component.task == "segmentation" and without:
         raise ConfigError(
-            f"`{options.data}` has no labels to train `{component.name}` on: {MAT_LABELS}"
+            f"`{options.data}` has no labels of its own to train `{component.name}` on: "
+            f"{MAT_LABELS}"
         )
 
 

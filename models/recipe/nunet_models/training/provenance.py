@@ -20,6 +20,7 @@ def run_provenance(
     return {
         "data": {
             "name": options.data.resolve().name,
+            "class_map": options.class_map and _file(options.class_map),
             "depth_scale": MILLIMETRE_M if options.depth_scale is None else options.depth_scale,
             "depth_offset": options.depth_offset,
             "window": options.window,

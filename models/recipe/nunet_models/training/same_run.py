@@ -6,6 +6,7 @@ from nunet_models.zoo.spec import DECODERS, Camera, GraphSpec
 
 _DATA_OPTIONS = {
     "name": "--data",
+    "class_map": "--class-map",
     "depth_scale": "--depth-scale",
     "depth_offset": "--depth-offset",
     "window": "--window",
@@ -39,7 +40,7 @@ def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> li
     found = []
     before, now = started.get("data", {}), given.get("data", {})
     for name, option in _DATA_OPTIONS.items():
-        if name in before and name in now and _plain(before[name]) != _plain(now[name]):
+        if name in before and name in now and _content(before[name]) != _content(now[name]):
             found.append(difference(option, before[name], now[name]))
     for name, option in _LIST_OPTIONS.items():
         if name in before and name in now and before[name] != now[name]:
@@ -91,10 +92,6 @@ def _content(value: object) -> object:
     """What of a value decides whether it is the same: of a file its content."""
     if isinstance(value, dict):
         return value.get("component"), value["sha256"]
-    return value
-
-
-def _plain(value: object) -> object:
     return value.replace(" ", "") if isinstance(value, str) else value
 
 

@@ -90,7 +90,7 @@ class Trainer:
             if self.segments and not data.has_labels:
                 raise ConfigError(
                     f"the {name} data has no labels; hint: it needs a folder `labels` (classes "
-                    "from 0 to 12) or `label40` (from 0 to 38)"
+                    "from 0 to 12) or `label40` (from 0 to 39)"
                 )
             if not self.segments and not data.has_depth:
                 raise ConfigError(

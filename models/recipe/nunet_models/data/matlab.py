@@ -1,0 +1,51 @@
+"""Numbers out of MATLAB's files, of any of their versions."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from nunet_models.errors import DataError
+
+
+def read_whole_numbers(path: Path, name: str, *, of: str) -> np.ndarray:
+    """The variable `name`, a row or a column of whole numbers, as int64 `[N]`.
+
+    # Errors
+    `DataError` naming a file that is missing, none of MATLAB's, or without such a variable; `of`
+    says what the file should have been.
+    """
+    if not path.is_file():
+        raise DataError(f"`{path}` is missing; expected {of}")
+    try:
+        # MATLAB 7.3 writes HDF5, which scipy leaves to h5py; all before are scipy's.
+        names, values = (_read_hdf5 if h5py.is_hdf5(path) else _read_older)(path, name)
+    except ImportError:
+        raise
+    except Exception as error:  # scipy's, zlib's and struct's own, without a common class
+        raise DataError(f"`{path}` is no MATLAB file: {error}; expected {of}") from error
+    if values is None:
+        has = ", ".join(f"`{other}`" for other in sorted(names)) or "none at all"
+        raise DataError(f"`{path}` has the variables {has}; expected `{name}` of {of}")
+    if values.dtype.kind not in "iuf" or values.size != max(values.shape, default=0):
+        raise DataError(
+            f"`{name}` of `{path}` is {values.dtype} of {values.shape}; expected one row or "
+            f"column of numbers, as of {of}"
+        )
+    flat = values.ravel()
+    if not (np.isfinite(flat).all() and np.array_equal(flat, np.rint(flat))):
+        raise DataError(f"`{name}` of `{path}` has fractions; expected whole numbers, as of {of}")
+    return flat.astype(np.int64)
+
+
+def _read_hdf5(path: Path, name: str) -> tuple[list[str], np.ndarray | None]:
+    with h5py.File(path, "r") as file:
+        names = [other for other, value in file.items() if isinstance(value, h5py.Dataset)]
+        return names, np.asarray(file[name]) if name in names else None
+
+
+def _read_older(path: Path, name: str) -> tuple[list[str], np.ndarray | None]:
+    from scipy.io import loadmat, whosmat  # noqa: PLC0415 (half a second that few runs need)
+
+    names = [other for other, _, _ in whosmat(path)]
+    return names, loadmat(path, variable_names=[name])[name] if name in names else None
