@@ -18,7 +18,7 @@ pub enum Outcome {
 #[error("{0}")]
 pub(crate) struct BadArguments(pub(crate) String);
 
-/// Something named that is not there. Only programs that this one is a part of tell it from other failures.
+/// Something named that is not there: an error of the arguments, which programs that this one is a part of tell from others.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct NotFound(pub(crate) String);
@@ -48,7 +48,7 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>) -> u8 {
         Err(error) if is_closed_pipe(&error) => DONE,
         Err(error) => {
             print_chain(&error);
-            if error.is::<BadArguments>() { BAD_ARGUMENTS } else { FAILURE }
+            if error.is::<BadArguments>() || error.is::<NotFound>() { BAD_ARGUMENTS } else { FAILURE }
         }
     }
 }

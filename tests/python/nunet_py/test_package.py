@@ -31,7 +31,7 @@ def test_the_command_is_nunetd():
         bad = subprocess.run([*command, "--no-such-flag"], check=False, capture_output=True, text=True)
         assert bad.returncode == 2 and "--no-such-flag" in bad.stderr
         missing = subprocess.run([*command, "inspect", "missing.onnx"], check=False, capture_output=True, text=True)
-        assert missing.returncode == 1 and missing.stderr.startswith("error: no model `missing.onnx`")
+        assert missing.returncode == 2 and missing.stderr.startswith("error: no model `missing.onnx`")
 
 
 def started(tmp_path, *more):
