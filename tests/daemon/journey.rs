@@ -49,28 +49,23 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     assert!(cloud_ms > 0.0, "`--out` reads the cloud, so it is computed");
 }
 
+/// The figures of 60 frames of the demo scene.
+fn steady(bench: &Bench, how: &[&str]) -> Value {
+    let (model, stats_file) = (bench.arg("model.onnx"), bench.arg("stats.json"));
+    let name = camera("steady");
+    let all = ["-q", "--model", &model, "--source", "demo", "--frames", "60", "--camera", &name];
+    run_well(nunetd(&[&all[..], &["--stats-json", &stats_file], how].concat()));
+    stats(bench, "stats.json")
+}
+
 #[test]
 fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
     let bench = Bench::new();
-    let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
-    run_well(nunetd(&[
-        "-q",
-        "--model",
-        &model,
-        "--source",
-        "demo",
-        "--frames",
-        "60",
-        "--out",
-        &out,
-        "--stats-json",
-        &stats_file,
-        "--camera",
-        &camera("steady"),
-    ]));
-    let stats = stats(&bench, "stats.json");
-    assert_eq!(stats["bytes_copied_per_frame"], 0.0);
-    assert_eq!(stats["allocations_per_frame"], 0.0);
+    for how in [&["--out", &bench.arg("out")][..], &["--publish", "depth"]] {
+        let stats = steady(&bench, how);
+        assert_eq!(stats["bytes_copied_per_frame"], 0.0, "{how:?}");
+        assert_eq!(stats["allocations_per_frame"], 0.0, "{how:?}");
+    }
 }
 
 #[test]
