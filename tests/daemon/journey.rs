@@ -1,8 +1,12 @@
 //! Frames through the whole daemon, seen from other processes.
 
+use std::io::Write as _;
+use std::time::{Duration, Instant};
+
+use nunet_ipc::{Reader, Topic};
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, camera, nunetd, repository, run, run_well, text};
+use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, repository, run, run_well, text};
 
 fn json_lines(bytes: &[u8]) -> Vec<Value> {
     text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
@@ -178,4 +182,31 @@ fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
     assert_eq!(json_lines(&early.join().unwrap().stdout).len(), 1);
     let late = run(nunetd(&["watch", &depth, "--json", "--frames", "1"]));
     assert_eq!(json_lines(&late.stdout).len(), 1, "{}", text(&late.stderr));
+}
+
+#[test]
+fn a_late_joiner_gets_the_last_picture_of_a_feeder_that_waits_for_its_next() {
+    let bench = Bench::new();
+    bench.add_picture("still.png", 0);
+    let (model, still) = (bench.arg("model.onnx"), bench.arg("still.png"));
+    let (slow, piped) = (camera("slow"), camera("paused"));
+    let _slow =
+        Guarded::start(nunetd(&["-q", "feed", &still, "--camera", &slow, "--rate", "0.01", "--loop"]));
+    let (stdin, mut pipe) = std::io::pipe().unwrap();
+    let mut feed = nunetd(&["-q", "feed", "-", "--camera", &piped, "--size", "64x48", "--format", "mono8"]);
+    feed.stdin(stdin);
+    let _piped = Guarded::start(feed);
+    pipe.write_all(&[100; 64 * 48]).unwrap();
+    for front in [&slow, &piped] {
+        // Who has seen the picture knows that it has been sent: whoever comes now is late.
+        let early = Reader::open(&front.parse().unwrap(), &[Topic::Rgb], PATIENCE).unwrap();
+        let start = Instant::now();
+        while early.latest(Topic::Rgb).unwrap().is_none() {
+            assert!(start.elapsed() < PATIENCE, "no picture of `{front}`");
+            early.wait(Duration::from_millis(50)).unwrap();
+        }
+        let (source, depth) = (format!("shm:{front}"), camera("late_depth"));
+        let how = ["-q", "--model", &model, "--source", &source, "--frames", "1", "--camera", &depth];
+        run_well(nunetd(&how));
+    }
 }
