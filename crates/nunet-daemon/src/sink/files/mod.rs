@@ -7,7 +7,7 @@ mod png;
 
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use nunet_core::cloud::CloudPoint;
 
 pub use colour::depth_picture;
@@ -40,6 +40,10 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
 pub(crate) fn check_folder(folder: &Path) -> anyhow::Result<()> {
     // A relative path ends in nothing, which is the current folder.
     let there = folder.ancestors().find(|part| part.exists()).unwrap_or(Path::new("."));
+    if !there.is_dir() {
+        let (folder, there) = (folder.display(), there.display());
+        bail!("cannot make the folder `{folder}`: `{there}` is none\nhint: name another folder");
+    }
     probe(there)
 }
 
