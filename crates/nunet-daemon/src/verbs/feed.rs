@@ -114,6 +114,7 @@ impl<'a> Feeder<'a> {
                 Fill::Failed(error) => self.lose(&frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
                 Fill::End => break,
+                Fill::Cut(_) | Fill::Broken(_) if stop.requested() => break,
                 Fill::Cut(error) => {
                     error!("the source ends early: {error:#}");
                     self.cut = true;
