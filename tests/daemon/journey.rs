@@ -4,6 +4,7 @@ use std::io::Write as _;
 use std::time::{Duration, Instant};
 
 use nunet_ipc::{Reader, Topic};
+use nunet_testkit::models;
 use serde_json::Value;
 
 use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, repository, run, run_well, text};
@@ -208,5 +209,74 @@ fn a_late_joiner_gets_the_last_picture_of_a_feeder_that_waits_for_its_next() {
         let (source, depth) = (format!("shm:{front}"), camera("late_depth"));
         let how = ["-q", "--model", &model, "--source", &source, "--frames", "1", "--camera", &depth];
         run_well(nunetd(&how));
+    }
+}
+
+/// A depth frame of a camera, and the reader that it came to.
+fn first_depth(name: &str) -> (Reader, u64) {
+    let reader = Reader::open(&name.parse().unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let start = Instant::now();
+    loop {
+        if let Some(frame) = reader.latest(Topic::Depth).unwrap() {
+            let sequence = frame.header().sequence;
+            return (reader, sequence);
+        }
+        assert!(start.elapsed() < PATIENCE, "no depth of `{name}`");
+        reader.wait(Duration::from_millis(50)).unwrap();
+    }
+}
+
+#[test]
+fn labels_and_cloud_of_the_last_frame_are_made_for_readers_who_come_while_the_source_stands_still() {
+    let bench = Bench::new();
+    bench.add_picture("still.png", 0);
+    let (model, still, name) = (bench.arg("model.onnx"), bench.arg("still.png"), camera("made_late"));
+    let _daemon = Guarded::start(nunetd(&[
+        "-q", "--model", &model, "--source", &still, "--rate", "0.01", "--loop", "--camera", &name,
+    ]));
+    let (early, sequence) = first_depth(&name);
+    for topics in
+        [&[Topic::Depth, Topic::Labels][..], &[Topic::Cloud], &[Topic::Depth, Topic::Labels, Topic::Cloud]]
+    {
+        let mut late = Reader::open(&name.parse().unwrap(), topics, PATIENCE).unwrap();
+        let start = Instant::now();
+        let set = loop {
+            if let Some(set) = late.next_set().unwrap() {
+                break set;
+            }
+            assert!(start.elapsed() < PATIENCE, "nothing for a reader of {topics:?}");
+            late.wait(Duration::from_millis(50)).unwrap();
+        };
+        for &topic in topics {
+            assert_eq!(set.get(topic).unwrap().header().sequence, sequence, "{topic}");
+        }
+        if let Some(labels) = set.get(Topic::Labels) {
+            let picture = image::open(&still).unwrap().into_rgb8();
+            let expected: Vec<_> = picture.pixels().map(|pixel| models::label(pixel.0)).collect();
+            assert!(labels.labels().unwrap() == expected);
+        }
+        if let Some(cloud) = set.get(Topic::Cloud) {
+            assert!(cloud.points().unwrap().iter().any(|point| point.z > 0.0));
+        }
+    }
+    assert!(early.latest(Topic::Depth).unwrap().is_none(), "whoever has the depth does not get it again");
+    let seen = json_lines(&run_well(nunetd(&["watch", &name, "--json", "--frames", "1"])).stdout);
+    assert_eq!((&seen[0]["frames"]["captured"], &seen[0]["frames"]["published"]), (&1.into(), &1.into()));
+}
+
+#[test]
+fn what_remembers_frames_does_not_see_one_twice_for_a_late_reader() {
+    let bench = Bench::new();
+    bench.add_picture("still.png", 0);
+    let (model, still, name) = (bench.arg("model.onnx"), bench.arg("still.png"), camera("temporal"));
+    let how = ["-q", "--model", &model, "--source", &still, "--rate", "0.01", "--loop", "--camera", &name];
+    let _daemon = Guarded::start(nunetd(&[&how[..], &["--filter", "temporal"]].concat()));
+    first_depth(&name);
+    let late = Reader::open(&name.parse().unwrap(), &[Topic::Cloud], PATIENCE).unwrap();
+    // Twice as long as a reader waits who is served.
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_millis(800) {
+        late.wait(Duration::from_millis(50)).unwrap();
+        assert!(late.latest(Topic::Cloud).unwrap().is_none());
     }
 }
