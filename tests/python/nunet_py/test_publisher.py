@@ -411,6 +411,7 @@ def test_a_late_reader_gets_the_last_picture_of_a_publisher_that_has_nothing_to_
     for _ in range(20):
         del publisher
         publisher = nunet.publisher(name, size=SIZE)
+        assert publisher.publish(noise()) == 0
 
 
 def test_the_daemon_reads_what_is_published(nunetd, tmp_path):

@@ -40,11 +40,12 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
 pub(crate) fn check_folder(folder: &Path) -> anyhow::Result<()> {
     // A relative path ends in nothing, which is the current folder.
     let there = folder.ancestors().find(|part| part.exists()).unwrap_or(Path::new("."));
+    let shown = folder.display();
     if !there.is_dir() {
-        let (folder, there) = (folder.display(), there.display());
-        bail!("cannot make the folder `{folder}`: `{there}` is none\nhint: name another folder");
+        bail!("cannot make the folder `{shown}`: `{}` is no folder\nhint: name another", there.display());
     }
-    probe(there)
+    let probed = probe(there);
+    if there == folder { probed } else { probed.with_context(|| format!("cannot make the folder `{shown}`")) }
 }
 
 fn probe(folder: &Path) -> anyhow::Result<()> {
