@@ -1,12 +1,12 @@
 //! Reads depth from a running `nunetd`: `subscribe CAMERA [FRAMES]`.
 //!
-//! Prints each frame's sequence number, how long ago it was sent, and the depth at the picture's centre.
+//! Prints each frame's sequence number, how long ago its picture was taken, and the depth at the picture's centre.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "stdout is its data, stderr is for people")]
 
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, Frame, Reader, Topic, monotonic_nanos};
+use nunet_ipc::{CameraName, Frame, Reader, Topic, monotonic_nanos, unix_nanos};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -30,13 +30,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn line(frame: &Frame) -> Result<String, Box<dyn std::error::Error>> {
     let header = frame.header();
-    let age_ms = (monotonic_nanos() - header.publish_nanos) as f64 / 1e6;
+    let age = header.age_nanos(monotonic_nanos(), unix_nanos());
+    let age =
+        age.map_or_else(|| "of unknown age".to_owned(), |nanos| format!("{:.2} ms old", nanos as f64 / 1e6));
     let depth = frame.depth()?; // a view of shared memory: `[height, width]`
     let (width, height) = (header.width as usize, header.height as usize);
     let centre = depth[height / 2 * width + width / 2];
-    Ok(format!(
-        "frame {}: sent {age_ms:.2} ms ago, centre {centre:.3} ({})",
-        header.sequence,
-        header.units()?
-    ))
+    Ok(format!("frame {}: {age}, centre {centre:.3} ({})", header.sequence, header.units()?))
 }

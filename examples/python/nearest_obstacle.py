@@ -1,10 +1,11 @@
 """How far a robot may drive: `python nearest_obstacle.py PICTURE`.
 
-Looks through a corridor of the robot's own size straight ahead, and leaves out what the robot drives on. Needs the
-package Pillow.
+Looks through a corridor of the robot's own size straight ahead, and leaves out what the robot drives on. Where too much
+of the corridor has no depth it says `unknown`: what was not seen is not free. Needs the package Pillow.
 """
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,27 +17,40 @@ TOP_M, BOTTOM_M = -0.5, 0.6  # above and below the camera's axis; y points down
 GROUND = {"floor"}
 # A single wrong pixel must not stop the robot: this share of the corridor's points may be nearer.
 OUTLIERS_PERCENT = 1.0
+# Of the pixels that look into the corridor at this distance, so many may be without depth.
+LOOK_AHEAD_M = 2.0
+UNSEEN_PERCENT = 5.0
+
+
+def judge(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camera) -> str:
+    """Cut the corridor out of the cloud; the nearest point that is no ground."""
+    x, y, z = np.moveaxis(cloud.points, -1, 0)  # metres: right, down, forward
+    row, column = np.indices(z.shape)
+    right, down = LOOK_AHEAD_M * (column - camera.cx) / camera.fx, LOOK_AHEAD_M * (row - camera.cy) / camera.fy
+    looks = (np.abs(right) < HALF_WIDTH_M) & (down > TOP_M) & (down < BOTTOM_M)
+    unseen = np.count_nonzero(looks & np.isnan(z))
+    if unseen >= max(1, UNSEEN_PERCENT / 100 * np.count_nonzero(looks)) or not looks.any():
+        return f"unknown: {unseen} of {np.count_nonzero(looks)} pixels have no depth"
+
+    ground = [index for index, name in enumerate(class_names) if name in GROUND]
+    # Comparisons with NaN are false: the few pixels without depth are no obstacle.
+    corridor = (np.abs(x) < HALF_WIDTH_M) & (y > TOP_M) & (y < BOTTOM_M) & ~np.isin(cloud.labels, ground)
+    if not corridor.any():
+        return "nothing in the way"
+    ahead = float(np.percentile(z[corridor], OUTLIERS_PERCENT))
+    nearest = corridor & (z <= ahead + 0.1)
+    names, counts = np.unique(cloud.labels[nearest], return_counts=True)
+    return f"{class_names[names[counts.argmax()]]}, {ahead:.2f} m ahead"
 
 
 def main(picture: Path) -> None:
-    """Infer, cut the corridor out of the cloud, print the nearest point that is no ground."""
+    """Infer, and print what is in the way."""
     model = nunet.Model("wnet_c.onnx")
     camera = nunet.Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
     rgb = np.array(Image.open(picture).convert("RGB"))
     result = model.infer(rgb, camera=camera)
-    cloud = result.cloud()
-
-    x, y, z = np.moveaxis(cloud.points, -1, 0)  # metres: right, down, forward
-    ground = [index for index, name in enumerate(result.class_names) if name in GROUND]
-    # Comparisons with NaN are false: a pixel without depth is no obstacle, and no free way either.
-    corridor = (np.abs(x) < HALF_WIDTH_M) & (y > TOP_M) & (y < BOTTOM_M) & ~np.isin(cloud.labels, ground)
-    if not corridor.any():
-        print("nothing in the way")
-        return
-    ahead = float(np.percentile(z[corridor], OUTLIERS_PERCENT))
-    nearest = corridor & (z <= ahead + 0.1)
-    names, counts = np.unique(cloud.labels[nearest], return_counts=True)
-    print(f"{result.class_names[names[counts.argmax()]]}, {ahead:.2f} m ahead")
+    rows, columns = result.depth.shape
+    print(judge(result.cloud(), result.class_names, camera.at_size(columns, rows)))
 
 
 if __name__ == "__main__":

@@ -81,7 +81,8 @@ static void publishing(const std::string &own) {
   HOLDS(thrown([&] { loan.header(); }) == NUNET_BAD_ARGUMENT);
   auto frame = reader.next(NUNET_TOPIC_RGB, 30s);
   HOLDS(frame && frame->bytes().size == 16 && frame->bytes().data[15] == 42);
-  HOLDS(frame && frame->header().capture_nanos == 5 && frame->header().capture_unix_nanos == 0);
+  // A position in a recording says nothing about the time of day: it is now, in this century.
+  HOLDS(frame && frame->header().capture_nanos == 5 && frame->header().capture_unix_nanos > 946684800000000000);
   HOLDS(frame && frame->header().fy == 11 && std::string(frame->header().frame_id) == "optical");
   reader.close();
   publisher.close();

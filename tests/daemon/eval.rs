@@ -157,6 +157,39 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn labels_that_are_no_class_are_named() {
+    let bench = dataset(0);
+    let path = bench.path("data/labels/b.png");
+    let mut labels = image::open(&path).unwrap().into_luma8();
+    labels.put_pixel(3, 3, Luma([20]));
+    labels.save(&path).unwrap();
+    let (code, stderr) = outcome(&bench, &[]);
+    assert_eq!(code, Some(3), "{stderr}");
+    let expected = "skipped `b`: `[DIR]/data/labels/b.png`: the label 20; expected 0 to ";
+    assert!(
+        stderr.contains(expected) && stderr.contains("hint: `labels/` holds the network's own"),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn much_truth_beyond_what_is_compared_is_told_and_counted() {
+    let bench = dataset(0);
+    let mut depth = image::open(bench.path("data/depth/a.png")).unwrap().into_luma16();
+    depth.pixels_mut().for_each(|pixel| pixel.0[0] = 11_000);
+    depth.save(bench.path("data/depth/a.png")).unwrap();
+    let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+    let arguments = ["eval", &data, "--model", &model, "--focal", "off", "--json"];
+    let output = run_well(nunetd(&arguments));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let pixels = u64::from(SIZE.0 * SIZE.1);
+    assert_eq!((&found["pixels"], &found["pixels_beyond"]), (&pixels.into(), &pixels.into()));
+    assert_eq!(found["labels"]["pixels"], 2 * pixels);
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains("50 % of the true depth lies at 10 m or beyond"), "{stderr}");
+}
+
+#[test]
 fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
     let bench = dataset(0);
     let (code, stderr) = outcome(&bench, &["--depth-scale", "1"]);
@@ -187,6 +220,24 @@ fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
     assert_eq!(found["pictures"], 3, "{found}");
 }
 
+/// It would count for the network and not for the mean image.
+#[test]
+fn a_picture_that_the_mean_image_does_not_fit_counts_for_nothing() {
+    let bench = dataset(100);
+    std::fs::write(bench.path("b.txt"), "b").unwrap();
+    for folder in ["rgb", "depth", "labels"] {
+        let path = bench.path(&format!("data/{folder}/a.png"));
+        image::open(&path).unwrap().crop_imm(0, 0, 64, 48).save(&path).unwrap();
+    }
+    let (data, model, list) = (bench.arg("data"), bench.arg("model.onnx"), bench.arg("b.txt"));
+    let output = run(nunetd(&eval(&data, &model, &["--baseline-ids", &list, "--json"])));
+    assert_eq!(output.status.code(), Some(3));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&found["pictures"], &found["skipped"]), (&1.into(), &1.into()));
+    assert_eq!(found["pixels"], SIZE.0 * SIZE.1, "those of the other alone");
+    assert_eq!(found["metrics"], found["picture_mean"], "of one picture");
+}
+
 #[test]
 fn bad_arguments_are_told_before_the_work() {
     let bench = dataset(0);
@@ -195,6 +246,7 @@ fn bad_arguments_are_told_before_the_work() {
     for (rest, part) in [
         (["--ids", twice.as_str()], "names the picture `a` twice"),
         (["--window", "8,8,4"], "expected four whole numbers"),
+        (["--ids", "/dev/zero"], "cannot read `/dev/zero`: it is no plain file"),
     ] {
         let (code, stderr) = outcome(&bench, &rest);
         assert_eq!(code, Some(2), "{stderr}");

@@ -3,7 +3,10 @@
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
-use nunet_ipc::{Reader, Topic};
+use nunet_ipc::{
+    CameraName, Clock, Encoding, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, monotonic_nanos,
+    unix_nanos,
+};
 use nunet_testkit::models;
 use serde_json::Value;
 
@@ -100,6 +103,46 @@ fn watch_follows_a_running_daemon_and_its_ledger_balances() {
         count("captured"),
         count("published") + count("superseded") + count("failed") + count("in_flight")
     );
+}
+
+/// What `watch` prints of a depth map that was taken at that time.
+fn watched(clock: Clock, capture_nanos: i64, capture_unix_nanos: i64, arguments: &[&str]) -> String {
+    let name = camera("aged");
+    let plan = |topic, payload_bytes| TopicPlan { topic, payload_bytes };
+    let plans = [plan(Topic::Depth, 4), plan(Topic::Stats, size_of::<StatsRecord>())];
+    let owner = Publisher::create(&CameraName::new(&name).unwrap(), &plans, &Limits::default()).unwrap();
+    let mut loan = owner.loan(Topic::Depth).unwrap();
+    let header = loan.header_mut();
+    (header.width, header.height) = (1, 1);
+    (header.capture_nanos, header.capture_unix_nanos) = (capture_nanos, capture_unix_nanos);
+    header.set_capture_clock(clock);
+    header.set_encoding(Encoding::DepthF32);
+    loan.publish(monotonic_nanos()).unwrap();
+    let command = nunetd(&[&["watch", &name, "--frames", "1", "--timeout", "30"], arguments].concat());
+    let watch = std::thread::spawn(move || run_well(command));
+    while !watch.is_finished() {
+        owner.refresh().unwrap(); // for the late joiner
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    text(&watch.join().unwrap().stdout)
+}
+
+#[test]
+fn watch_tells_a_frames_age_by_its_cameras_clock_and_none_where_nobody_knows_it() {
+    let age_ms = |clock, nanos, unix_nanos| {
+        let printed = watched(clock, nanos, unix_nanos, &["--json"]);
+        json_lines(printed.as_bytes())[0]["age_ms"].clone()
+    };
+    let minute = 60_000_000_000;
+    let old = age_ms(Clock::Monotonic, monotonic_nanos() - minute, 1).as_f64().unwrap();
+    assert!((60_000.0..3_600_000.0).contains(&old), "{old}");
+    let old = age_ms(Clock::Media, 5, unix_nanos() - minute).as_f64().unwrap();
+    assert!((60_000.0..3_600_000.0).contains(&old), "{old}");
+    assert!(age_ms(Clock::Media, 5, 0).is_null());
+    let hostile = age_ms(Clock::Unix, i64::MIN, i64::MIN);
+    assert_eq!(hostile.as_f64(), Some(i64::MAX as f64 / 1e6));
+    let line = watched(Clock::Media, 5, 0, &[]);
+    assert!(line.starts_with("frame 0 age unknown centre "), "{line}");
 }
 
 #[test]

@@ -176,6 +176,32 @@ fn results_whose_disk_hangs_hold_up_neither_a_stop_nor_the_figures() {
 }
 
 #[test]
+fn a_stop_of_infer_leaves_whole_folders_and_says_what_is_missing() {
+    let bench = Bench::new();
+    bench.add_picture("pictures/0.png", 0);
+    for number in 1..400 {
+        std::fs::copy(bench.path("pictures/0.png"), bench.path(&format!("pictures/{number}.png"))).unwrap();
+    }
+    let (model, pictures, out) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("out"));
+    let mut command = nunetd(&["-q", "infer", &pictures, "--out", &out, "--model", &model]);
+    command.stderr(std::fs::File::create(bench.path("log")).unwrap());
+    let mut infer = Guarded::start(command);
+    for _ in 0..600 {
+        if bench.path("out/1").is_dir() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    signal(infer.pid(), "INT");
+    assert_eq!(infer.wait(), Some(3));
+    let log = std::fs::read_to_string(bench.path("log")).unwrap();
+    assert!(log.contains("stopped before ") && log.contains(" of 400 pictures"), "{log}");
+    let files = |folder: std::fs::DirEntry| std::fs::read_dir(folder.path()).unwrap().count();
+    let folders = std::fs::read_dir(&out).unwrap().map(|folder| files(folder.unwrap()));
+    assert!(folders.inspect(|files| assert_eq!(*files, 6)).count() >= 1);
+}
+
+#[test]
 fn a_second_signal_ends_the_process_at_once_with_exit_code_130() {
     let bench = Bench::new();
     let name = camera("twice_interrupted");

@@ -78,6 +78,9 @@ def test_figures_of_depth_and_labels_agree(found, expected):
     for group in ("metrics", "minmax", "labels"):
         assert ours[group].keys() == theirs[group].keys()
         assert ours[group] == pytest.approx(theirs[group], rel=1e-6), group
+    if "picture_mean" in ours:
+        assert ours["picture_mean"].keys() == theirs["picture_mean"].keys()
+        assert ours["picture_mean"] == pytest.approx(theirs["picture_mean"], rel=1e-6)
     assert ours["pixels_without_prediction"] == theirs["pixels_without_prediction"]
     assert (ours["pictures"], ours["skipped"]) == (PICTURES, 0)
 
@@ -86,8 +89,10 @@ def test_the_mean_image_agrees(found, dataset):
     pairs = [dataset[index] for index in range(PICTURES)]
     ours = found[0]["baseline"]
     mean = Prediction(mean_image(dataset), None)
-    theirs = compare(pairs, lambda _: mean, protocol=FULL, metric=True, classes=0).figures()["metrics"]
-    assert ours["metrics"] == pytest.approx(theirs, rel=1e-6)
+    theirs = compare(pairs, lambda _: mean, protocol=FULL, metric=True, classes=0).figures()
+    for group in ("metrics", "picture_mean"):
+        if group == "metrics" or group in ours:
+            assert ours[group] == pytest.approx(theirs[group], rel=1e-6), group
     stretched = Prediction(mean_stretched_image(dataset), None)
     theirs = compare(pairs, lambda _: stretched, protocol=FULL, metric=False, classes=0).figures()["minmax"]
     assert ours["minmax"] == pytest.approx(theirs, rel=1e-6)

@@ -168,7 +168,7 @@ typedef struct nunet_header_t {
   uint32_t topic;
   /** The frame's number: the same in every topic of one frame, rising, starting anywhere. */
   uint64_t sequence;
-  /** When the picture was taken, nanoseconds of `capture_clock`. */
+  /** When the picture was taken, nanoseconds of `capture_clock`: the same in every topic of one frame. */
   int64_t capture_nanos;
   /** When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown. */
   int64_t capture_unix_nanos;
@@ -477,7 +477,7 @@ typedef struct nunet_publisher_t nunet_publisher_t;
 typedef struct nunet_reader_t nunet_reader_t;
 
 /**
- * Frames of one sequence number.
+ * Frames of one sequence number and one time of capture.
  */
 typedef struct {
   /**
@@ -566,8 +566,8 @@ nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
                                  nunet_frame_t **frame);
 
 /**
- * The newest frames of all the reader's topics (but `stats`) that belong together: all of one sequence number. Waits
- * for them as `nunet_reader_next()` does.
+ * The newest frames of all the reader's topics (but `stats`) that belong together: all of one `sequence` and one
+ * `capture_nanos`. Waits for them as `nunet_reader_next()` does.
  *
  * `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
  * failure. They are the caller's: release each with `nunet_frame_release()`, or all with `nunet_set_release()`.
@@ -799,8 +799,9 @@ nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan,
  * Sends a picture and wakes its readers. The loan is used up, also when this fails.
  *
  * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
- * `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken. `capture_unix_nanos` is computed where it
- * was left 0 and the clock allows it.
+ * `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken; a reader of several topics joins what has one
+ * `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
+ * is the time of this call.
  *
  * Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
  */

@@ -153,7 +153,7 @@ private:
   detail::Handle<nunet_frame_t, nunet_frame_release> handle_;
 };
 
-/** Frames of several topics that belong together: all of one sequence number. */
+/** Frames of several topics that belong together: all of one sequence number and one time of capture. */
 class FrameSet {
 public:
   /** Takes over the frames of a set of nunet.h's. */

@@ -15,7 +15,7 @@ use crate::status::{Failure, Status, guard};
 #[derive(Debug)]
 pub struct FrameHandle;
 
-/// Frames of one sequence number.
+/// Frames of one sequence number and one time of capture.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Set {

@@ -4,9 +4,8 @@
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
 use std::sync::{Arc, Mutex};
-use std::time::{SystemTime, UNIX_EPOCH};
 
-use nunet_ipc::{Clock, FrameHeader, Loan, Wake, monotonic_nanos};
+use nunet_ipc::{Clock, FrameHeader, Loan, Wake, monotonic_nanos, unix_nanos};
 
 use crate::argument::{fill, place, word};
 use crate::handle::{Table, locked};
@@ -91,8 +90,9 @@ pub extern "C" fn nunet_loan_bytes(
 /// Sends a picture and wakes its readers. The loan is used up, also when this fails.
 ///
 /// `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
-/// `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken. `capture_unix_nanos` is computed where it
-/// was left 0 and the clock allows it.
+/// `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken; a reader of several topics joins what has one
+/// `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
+/// is the time of this call.
 ///
 /// Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -121,41 +121,11 @@ impl Camera {
         let header = loan.header_mut();
         header.set_capture_clock(clock);
         header.capture_nanos = capture_nanos;
-        if header.capture_unix_nanos == 0 {
-            header.capture_unix_nanos = unix_of(clock, capture_nanos, monotonic_nanos(), unix_nanos());
-        }
+        header.capture_unix_nanos = header.unix_of_capture(monotonic_nanos(), unix_nanos());
         let sequence = header.sequence;
         loan.publish(monotonic_nanos())?;
         self.next_sequence = sequence.wrapping_add(1);
         self.publisher.notify(Wake::Picture)?;
         Ok(())
-    }
-}
-
-/// A time of capture on the clock that other machines share; 0 where there is no telling.
-fn unix_of(clock: Clock, capture_nanos: i64, now_monotonic: i64, now_unix: i64) -> i64 {
-    match clock {
-        Clock::Monotonic => now_unix.saturating_sub(now_monotonic.saturating_sub(capture_nanos)),
-        Clock::Unix => capture_nanos,
-        Clock::Media => 0,
-    }
-}
-
-/// Nanoseconds since 1970, 0 on a machine whose clock stands before.
-fn unix_nanos() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times_of_capture_are_carried_to_the_shared_clock_where_there_is_a_way() {
-        assert_eq!(unix_of(Clock::Monotonic, 900, 1000, 50_000), 49_900);
-        assert_eq!(unix_of(Clock::Unix, 900, 1000, 50_000), 900);
-        assert_eq!(unix_of(Clock::Media, 900, 1000, 50_000), 0);
-        assert_eq!(unix_of(Clock::Monotonic, i64::MIN, 1000, 50_000), 50_000 - i64::MAX);
     }
 }

@@ -7,7 +7,7 @@ use std::mem::MaybeUninit;
 use std::sync::{Arc, Weak};
 
 use nunet_ipc::{
-    DistortionModel, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, Topic, TopicPlan,
+    DistortionModel, Encoding, FrameHeader, IpcError, Limits, Loan, MAX_SIDE_PX, Publisher, Topic, TopicPlan,
 };
 
 use crate::argument::{camera, place, slice, text, word};
@@ -31,9 +31,6 @@ pub(crate) struct Camera {
 }
 
 pub(crate) static PUBLISHERS: Table<Camera> = Table::new("publisher");
-
-/// The longest side of a picture that nunetd accepts.
-const MAX_SIDE_PX: u32 = 32_768;
 
 /// Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
 /// for them.
@@ -99,11 +96,8 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes an array of that length or NULL.
         let coefficients = unsafe { slice(coefficients, coefficient_count, "coefficients") }?;
-        let mut header = locked(&owned).template;
-        set_lens(&mut header, word(distortion_model, "distortion_model")?, coefficients)?;
-        set_pinhole(&mut header, [fx, fy, cx, cy])?;
-        locked(&owned).template = header;
-        Ok(())
+        let model = word(distortion_model, "distortion_model")?;
+        locked(&owned).set_optics([fx, fy, cx, cy], model, coefficients)
     })
 }
 
@@ -218,6 +212,20 @@ pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Stat
 }
 
 impl Camera {
+    /// All of it or nothing, under one lock: what another thread sets meanwhile stays.
+    fn set_optics(
+        &mut self,
+        pinhole: [f64; 4],
+        model: DistortionModel,
+        coefficients: &[f64],
+    ) -> Result<(), Failure> {
+        let mut header = self.template;
+        set_lens(&mut header, model, coefficients)?;
+        set_pinhole(&mut header, pinhole)?;
+        self.template = header;
+        Ok(())
+    }
+
     /// nunet-ipc lends as long as it has chunks, and has more than one while few readers hold some. Which would
     /// depend on the readers; and two open loans would have one sequence number.
     fn loan(&self) -> Result<Loan, Failure> {
@@ -240,17 +248,10 @@ fn template(encoding: Encoding, width: u32, height: u32) -> Result<FrameHeader, 
             )));
         }
     }
-    // As nunetd lays its rows: odd sides round up where two pixels share a colour.
-    let (row_bytes, rows) = match encoding {
-        Encoding::Rgb8 | Encoding::Bgr8 => (width * 3, height),
-        Encoding::Mono8 => (width, height),
-        Encoding::Yuyv => (width.div_ceil(2) * 4, height),
-        Encoding::Nv12 => (width.div_ceil(2) * 2, height + height.div_ceil(2)),
-        other => {
-            return Err(Failure::argument(format!(
-                "`encoding` is `{other}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
-            )));
-        }
+    let Some((row_bytes, rows)) = encoding.rows_of_picture(width, height) else {
+        return Err(Failure::argument(format!(
+            "`encoding` is `{encoding}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
+        )));
     };
     let mut header = FrameHeader { width, height, row_stride_bytes: row_bytes, ..FrameHeader::default() };
     header.set_topic(Topic::Rgb);
@@ -297,6 +298,8 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::CString;
+
     use super::*;
 
     #[test]
@@ -307,6 +310,45 @@ mod tests {
         assert_eq!(bytes(Encoding::Yuyv, 7, 5), 80);
         assert_eq!(bytes(Encoding::Nv12, 7, 5), 64);
         assert_eq!(bytes(Encoding::Bgr8, MAX_SIDE_PX, MAX_SIDE_PX), 3 << 30);
+    }
+
+    #[test]
+    fn what_two_threads_set_at_a_time_is_set_both() {
+        const TURNS: u32 = 20_000;
+        let name = CString::new(format!("test-{}-set", std::process::id())).unwrap();
+        let mut opened = MaybeUninit::new(std::ptr::null_mut());
+        // SAFETY: a text that outlives the call.
+        let status = unsafe {
+            nunet_publisher_open(name.as_ptr(), Encoding::Mono8.into(), 4, 4, 1, Some(&mut opened))
+        };
+        assert_eq!(status, Status::Ok);
+        // SAFETY: initialised above, and filled since.
+        let publisher = unsafe { opened.assume_init() };
+        let handle = publisher.addr();
+        let lost = std::thread::scope(|scope| {
+            scope.spawn(move || {
+                for turn in 1..=TURNS {
+                    let publisher = std::ptr::without_provenance(handle);
+                    let focal = f64::from(turn);
+                    // SAFETY: no coefficients.
+                    unsafe {
+                        nunet_publisher_set_camera(publisher, focal, focal, 0.0, 0.0, 0, std::ptr::null(), 0)
+                    };
+                }
+            });
+            let names = (0..TURNS).map(|turn| CString::new(turn.to_string()).unwrap());
+            let is_lost = |name: &CString| {
+                // SAFETY: a text that outlives the call.
+                unsafe { nunet_publisher_set_frame_id(publisher, name.as_ptr()) };
+                let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
+                locked(&camera).template.frame_id().as_bytes() != name.as_bytes()
+            };
+            names.filter(is_lost).count()
+        });
+        let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
+        assert_eq!((lost, locked(&camera).template.fx), (0, f64::from(TURNS)));
+        drop(camera);
+        assert_eq!(nunet_publisher_close(publisher), Status::Ok);
     }
 
     #[test]

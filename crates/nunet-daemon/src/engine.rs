@@ -182,6 +182,10 @@ fn say_what_is_loaded(path: &Path, pipeline: &Pipeline, report: &SelfTestReport)
     if !graph.description().trained {
         warn!("`{}` carries untrained weights: its depth means nothing", path.display());
     }
+    let encoding = graph.description().encoding;
+    if !encoding.is_metric() {
+        warn!("`{}` gives depth without a unit ({encoding}): nothing here is metres", path.display());
+    }
     if graph.description().selftest.is_none() {
         warn!("`{}` carries no self-test: nobody knows whether its numbers are right here", path.display());
     }

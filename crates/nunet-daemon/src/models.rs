@@ -54,7 +54,7 @@ fn folders() -> Vec<PathBuf> {
     let installed = [beside.join("models"), beside.with_file_name("share").join("nunet/models")];
     // target/release/nunetd, target/debug/deps/test-0123
     let checkouts = exe.ancestors().skip(1).take(4).map(|folder| folder.join("models"));
-    installed.into_iter().chain(checkouts.skip(1)).filter(|folder| folder.is_dir()).collect()
+    installed.into_iter().chain(checkouts.skip(1)).collect()
 }
 
 fn not_found(name: &Path, folders: &[PathBuf]) -> String {
@@ -63,8 +63,10 @@ fn not_found(name: &Path, folders: &[PathBuf]) -> String {
         let names = bundled_names(folders);
         text += ", and no bundled model of that name";
         text += &if names.is_empty() {
+            let looked: Vec<_> = folders.iter().map(|folder| format!("`{}`", folder.display())).collect();
             format!(
-                "\nhint: bundled models are looked up in the folder that {FOLDER_VARIABLE} names; give a path otherwise"
+                "\nhint: {FOLDER_VARIABLE}=FOLDER says where bundled models are, or give a path; looked in {}",
+                looked.join(", ")
             )
         } else {
             format!("\nhint: bundled models: {}", names.join(", "))
@@ -113,6 +115,15 @@ mod tests {
     fn a_path_never_falls_back_to_a_bundled_model() {
         let error = find(Path::new("./wnet_c_missing/wnet_c.onnx")).unwrap_err().to_string();
         assert!(error.contains("a path is taken as it stands"), "{error}");
+    }
+
+    #[test]
+    fn where_there_is_no_model_at_all_the_folders_are_told() {
+        let folders = [PathBuf::from("/opt/none/models"), PathBuf::from("/opt/share/nunet/models")];
+        let text = not_found(Path::new("wnet_c.onnx"), &folders);
+        let expected = "\nhint: NUNET_MODELS=FOLDER says where bundled models are, or give a path; looked in \
+                        `/opt/none/models`, `/opt/share/nunet/models`";
+        assert!(text.ends_with(expected), "{text}");
     }
 
     #[test]

@@ -137,6 +137,21 @@ mod tests {
         assert_eq!(camera(&FrameHeader::default()).unwrap(), None);
     }
 
+    /// nunet-ipc knows nothing of core, and publishers nothing but nunet-ipc.
+    #[test]
+    fn publishers_lay_their_pictures_as_the_pipeline_reads_them() {
+        assert_eq!(nunet_ipc::MAX_SIDE_PX, nunet_core::frame::MAX_SIDE_PX);
+        assert_eq!(PixelFormat::ALL.map(encoding), Encoding::PICTURES);
+        for format in PixelFormat::ALL {
+            for (width, height) in [(1, 1), (7, 5), (640, 480), (nunet_ipc::MAX_SIDE_PX, 3)] {
+                let (row_bytes, rows) = encoding(format).rows_of_picture(width, height).unwrap();
+                assert_eq!(row_bytes, format.min_stride(width), "{format} {width}x{height}");
+                let bytes = row_bytes as usize * rows as usize;
+                assert_eq!(bytes, format.byte_len(width, height, row_bytes), "{format} {width}x{height}");
+            }
+        }
+    }
+
     #[test]
     fn a_lens_that_means_nothing_is_refused() {
         let message = |header: FrameHeader| camera(&header).unwrap_err().to_string();

@@ -1,4 +1,6 @@
-//! The clock that every process of a machine shares.
+//! The clocks that processes share: monotonic for durations and ages, unix for stamps that other machines read.
+
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use rustix::time::{ClockId, clock_gettime};
 
@@ -8,4 +10,11 @@ use rustix::time::{ClockId, clock_gettime};
 pub fn monotonic_nanos() -> i64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
+/// Nanoseconds since 1970-01-01 UTC: what `capture_unix_nanos` is measured in. 0 on a machine whose clock stands before.
+#[must_use]
+pub fn unix_nanos() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

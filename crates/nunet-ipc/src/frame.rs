@@ -134,7 +134,7 @@ impl Frame {
     }
 }
 
-/// Frames of several topics that belong together: all of one sequence number.
+/// Frames of several topics that belong together: all of one sequence number and one time of capture.
 #[derive(Debug)]
 pub struct FrameSet {
     pub(crate) frames: [Option<Frame>; Topic::ALL.len()],

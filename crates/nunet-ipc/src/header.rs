@@ -35,7 +35,7 @@ contract_struct! {
         pub topic: u32,
         /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
         pub sequence: u64,
-        /// When the picture was taken, nanoseconds of `capture_clock`.
+        /// When the picture was taken, nanoseconds of `capture_clock`: the same in every topic of one frame.
         pub capture_nanos: i64,
         /// When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown.
         pub capture_unix_nanos: i64,
@@ -186,6 +186,42 @@ impl FrameHeader {
         }
     }
 
+    /// What the messages of one frame have in common and those of others have not: `sequence` and `capture_nanos`. Not the
+    /// number alone: not every publisher counts, and one that begins again counts from 0.
+    #[must_use]
+    pub fn key(&self) -> (u64, i64) {
+        (self.sequence, self.capture_nanos)
+    }
+
+    /// When the picture was taken, nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or where that is 0, what
+    /// `capture_clock` says. A position in a recording says nothing about the time of day: it is now.
+    ///
+    /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
+    /// [`unix_nanos`](crate::unix_nanos).
+    #[must_use]
+    pub fn unix_of_capture(&self, now_monotonic: i64, now_unix: i64) -> i64 {
+        match self.capture_clock() {
+            _ if self.capture_unix_nanos != 0 => self.capture_unix_nanos,
+            Ok(Clock::Monotonic) => now_unix.saturating_sub(now_monotonic.saturating_sub(self.capture_nanos)),
+            Ok(Clock::Unix) => self.capture_nanos,
+            Ok(Clock::Media) | Err(_) => now_unix,
+        }
+    }
+
+    /// Nanoseconds since the picture was taken: by the monotonic clock where the camera uses it, which nobody sets, else
+    /// by the time of day. `None` where neither is known.
+    ///
+    /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
+    /// [`unix_nanos`](crate::unix_nanos).
+    #[must_use]
+    pub fn age_nanos(&self, now_monotonic: i64, now_unix: i64) -> Option<i64> {
+        match self.capture_clock() {
+            Ok(Clock::Monotonic) => Some(now_monotonic.saturating_sub(self.capture_nanos)),
+            _ if self.capture_unix_nanos != 0 => Some(now_unix.saturating_sub(self.capture_unix_nanos)),
+            _ => None,
+        }
+    }
+
     /// Whether the camera's intrinsics are known.
     #[must_use]
     pub fn has_intrinsics(&self) -> bool {
@@ -204,6 +240,34 @@ mod tests {
         assert_eq!(header.stages().len(), MAX_STAGES);
         header.stage_count = u32::MAX; // as a hostile sender might write
         assert_eq!(header.stages().len(), MAX_STAGES);
+    }
+
+    fn taken(clock: Clock, capture_nanos: i64, capture_unix_nanos: i64) -> FrameHeader {
+        let mut header = FrameHeader { capture_nanos, capture_unix_nanos, ..FrameHeader::default() };
+        header.set_capture_clock(clock);
+        header
+    }
+
+    #[test]
+    fn times_of_capture_are_carried_to_the_shared_clock() {
+        let unix = |header: FrameHeader| header.unix_of_capture(1000, 50_000);
+        assert_eq!(unix(taken(Clock::Monotonic, 900, 0)), 49_900);
+        assert_eq!(unix(taken(Clock::Unix, 900, 0)), 900);
+        assert_eq!(unix(taken(Clock::Media, 900, 0)), 50_000, "a recording is played now");
+        assert_eq!(unix(FrameHeader { capture_clock: 9, ..FrameHeader::default() }), 50_000);
+        assert_eq!(unix(taken(Clock::Media, 900, 7)), 7, "who knows better is believed");
+        assert_eq!(unix(taken(Clock::Monotonic, i64::MIN, 0)), 50_000 - i64::MAX);
+    }
+
+    #[test]
+    fn an_age_is_of_the_clock_that_nobody_sets_where_there_is_one() {
+        let age = |header: FrameHeader| header.age_nanos(1000, 50_000);
+        assert_eq!(age(taken(Clock::Monotonic, 900, 1)), Some(100));
+        assert_eq!(age(taken(Clock::Unix, 49_000, 49_000)), Some(1000));
+        assert_eq!(age(taken(Clock::Media, 900, 49_500)), Some(500));
+        assert_eq!(age(taken(Clock::Media, 900, 0)), None, "not the years since 1970");
+        assert_eq!(age(taken(Clock::Media, 900, i64::MIN)), Some(i64::MAX));
+        assert_eq!(age(taken(Clock::Monotonic, i64::MIN, 0)), Some(i64::MAX));
     }
 
     #[test]

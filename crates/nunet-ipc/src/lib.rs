@@ -18,7 +18,7 @@
 //! | [`cameras`] | which cameras there are |
 //! | [`access`] | who besides the own user may read |
 //! | [`orphans`] | what killed processes left behind |
-//! | [`clock`] | the time that all of them share |
+//! | [`clock`] | the times that all of them share |
 //!
 //! # Promises
 //! - The owner never waits for a reader; a reader never waits for another one. The newest frame wins.
@@ -51,7 +51,7 @@ mod touch;
 pub mod vocabulary;
 
 pub use crate::access::{Access, share_with};
-pub use crate::clock::monotonic_nanos;
+pub use crate::clock::{monotonic_nanos, unix_nanos};
 pub use crate::error::IpcError;
 pub use crate::frame::{Frame, FrameSet};
 pub use crate::header::{CONTRACT_VERSION, FrameHeader};
@@ -65,5 +65,6 @@ pub use crate::publisher::Publisher;
 pub use crate::reader::{Owners, Reader};
 pub use crate::stats::StatsRecord;
 pub use crate::vocabulary::{
-    Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, UnknownValue, UnknownWord, Wake,
+    Clock, DistortionModel, Encoding, MAX_SIDE_PX, Quality, ScaleSource, Topic, Units, UnknownValue,
+    UnknownWord, Wake,
 };

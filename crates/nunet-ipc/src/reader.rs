@@ -216,8 +216,9 @@ impl Reader {
         Ok(newest)
     }
 
-    /// The newest frames of all topics but `stats` that belong together, if they are all there. What came so far is
-    /// kept for the next call; what can no longer become complete is dropped.
+    /// The newest frames of all topics but `stats` that belong together, if they are all there: all of one
+    /// [`key`](crate::FrameHeader::key). What came so far is kept for the next call; what can no longer become complete is
+    /// dropped.
     ///
     /// A picture (`rgb`) is older than its results by the time they are made. So the one that came with the last
     /// results is kept until the next ones come, and newer ones are passed over: it is likely the one that is being
@@ -230,12 +231,12 @@ impl Reader {
         for index in 0..self.topics.len() {
             let topic = self.topics[index].topic;
             if !matches!(topic, Topic::Stats | Topic::Rgb) && self.follow(topic)? {
-                came = self.joining_sequence(topic);
+                came = self.joining_key(topic);
             }
         }
         if self.topics().any(|topic| topic == Topic::Rgb) {
             let alone = self.topics().all(|topic| matches!(topic, Topic::Stats | Topic::Rgb));
-            let held = self.joining_sequence(Topic::Rgb);
+            let held = self.joining_key(Topic::Rgb);
             if alone || held.is_none() || (came.is_some() && came != held) {
                 self.follow(Topic::Rgb)?;
             }
@@ -247,12 +248,12 @@ impl Reader {
         }
     }
 
-    /// Whether every topic has a frame, all of one number.
+    /// Whether every topic has a frame, all of one key.
     fn is_joined(&self) -> bool {
         let joined = self.topics().filter(|topic| *topic != Topic::Stats);
-        let mut joined = joined.map(|topic| self.joining_sequence(topic));
+        let mut joined = joined.map(|topic| self.joining_key(topic));
         let first = joined.next().flatten();
-        first.is_some() && joined.all(|sequence| sequence == first)
+        first.is_some() && joined.all(|key| key == first)
     }
 
     /// Replaces what is kept of a topic by what is newer; says whether there was anything.
@@ -265,8 +266,8 @@ impl Reader {
         Ok(more)
     }
 
-    fn joining_sequence(&self, topic: Topic) -> Option<u64> {
-        self.joining[topic as usize].as_ref().map(|frame| frame.header().sequence)
+    fn joining_key(&self, topic: Topic) -> Option<(u64, i64)> {
+        self.joining[topic as usize].as_ref().map(|frame| frame.header().key())
     }
 
     /// The process that publishes a topic: `None` when there is none, not alive when it was killed. Asks the file

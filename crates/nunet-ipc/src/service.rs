@@ -141,13 +141,24 @@ pub(crate) fn create_wake(
     created.map_err(|cause| IpcError::iceoryx(format!("create service `{name}`"), cause))
 }
 
+// Two enumerations of iceoryx2's with the same names: a service that is not there, is being made, is half of one that its
+// owner will mend, or is another user's who has not let the group in. All of that may be otherwise a moment later.
+macro_rules! not_there_yet {
+    ($error:ident) => {
+        $error::DoesNotExist
+            | $error::IsMarkedForDestruction
+            | $error::HangsInCreation
+            | $error::ServiceInCorruptedState
+            | $error::InsufficientPermissions
+    };
+}
+
 /// Opens a topic's service as a reader; `None` while there is none.
 pub(crate) fn open_topic(
     node: &Node<Iceoryx>,
     camera: &CameraName,
     topic: Topic,
 ) -> Result<Option<TopicService>, IpcError> {
-    use PublishSubscribeOpenError as E;
     let name = camera.service(topic);
     if !refuse_other_contract(&name, MessagingPattern::PublishSubscribe)? {
         return Ok(None);
@@ -159,33 +170,20 @@ pub(crate) fn open_topic(
         .open_with_attributes(&contract_attribute()?);
     match opened {
         Ok(service) => Ok(Some(service)),
-        Err(
-            E::DoesNotExist
-            | E::IsMarkedForDestruction
-            | E::HangsInCreation
-            | E::ServiceInCorruptedState
-            | E::InsufficientPermissions,
-        ) => Ok(None),
+        Err(not_there_yet!(PublishSubscribeOpenError)) => Ok(None),
         Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
     }
 }
 
 /// Opens the camera's event service as a reader; `None` while there is none.
 pub(crate) fn open_wake(node: &Node<Iceoryx>, camera: &CameraName) -> Result<Option<WakeService>, IpcError> {
-    use EventOpenError as E;
     let name = camera.wake_service();
     if !refuse_other_contract(&name, MessagingPattern::Event)? {
         return Ok(None);
     }
     match node.service_builder(&service_name(&name)?).event().open_with_attributes(&contract_attribute()?) {
         Ok(service) => Ok(Some(service)),
-        Err(
-            E::DoesNotExist
-            | E::IsMarkedForDestruction
-            | E::HangsInCreation
-            | E::ServiceInCorruptedState
-            | E::InsufficientPermissions,
-        ) => Ok(None),
+        Err(not_there_yet!(EventOpenError)) => Ok(None),
         Err(cause) => Err(IpcError::iceoryx(format!("open service `{name}`"), cause)),
     }
 }

@@ -126,6 +126,30 @@ vocabulary! {
     }
 }
 
+/// The longest side of a picture that nunetd accepts, in pixels.
+pub const MAX_SIDE_PX: u32 = 32_768;
+
+impl Encoding {
+    /// Those of a camera's pictures.
+    pub const PICTURES: [Self; 5] = [Self::Rgb8, Self::Bgr8, Self::Mono8, Self::Yuyv, Self::Nv12];
+
+    /// How a picture of `width` x `height` pixels lies without padding: bytes of a row, and rows. Odd sides round up where
+    /// pixels share a colour. `None` for what is no picture, and for sides that are not 1 to [`MAX_SIDE_PX`].
+    #[must_use]
+    pub fn rows_of_picture(self, width: u32, height: u32) -> Option<(u32, u32)> {
+        if ![width, height].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
+            return None;
+        }
+        match self {
+            Self::Rgb8 | Self::Bgr8 => Some((width * 3, height)),
+            Self::Mono8 => Some((width, height)),
+            Self::Yuyv => Some((width.next_multiple_of(2) * 2, height)),
+            Self::Nv12 => Some((width.next_multiple_of(2), height + height.div_ceil(2))),
+            Self::DepthF32 | Self::LabelsU8 | Self::Points | Self::StatsRecord => None,
+        }
+    }
+}
+
 vocabulary! {
     /// What the numbers of a depth map or a cloud are measured in.
     Units as "units" {
@@ -226,6 +250,24 @@ mod tests {
             Wake::NUMBERS,
         ] {
             check(numbers);
+        }
+    }
+
+    #[test]
+    fn pictures_have_the_rows_that_their_encoding_needs() {
+        assert_eq!(Encoding::Rgb8.rows_of_picture(640, 480), Some((1920, 480)));
+        assert_eq!(Encoding::Mono8.rows_of_picture(7, 5), Some((7, 5)));
+        assert_eq!(Encoding::Yuyv.rows_of_picture(7, 5), Some((16, 5)));
+        assert_eq!(Encoding::Nv12.rows_of_picture(7, 5), Some((8, 8)));
+        assert_eq!(Encoding::Bgr8.rows_of_picture(MAX_SIDE_PX, 1), Some((3 * MAX_SIDE_PX, 1)));
+        for encoding in Encoding::PICTURES {
+            for (width, height) in [(0, 1), (1, 0), (MAX_SIDE_PX + 1, 1), (1, u32::MAX)] {
+                assert_eq!(encoding.rows_of_picture(width, height), None, "{encoding} {width}x{height}");
+            }
+        }
+        for &encoding in Encoding::ALL {
+            let is_picture = Encoding::PICTURES.contains(&encoding);
+            assert_eq!(encoding.rows_of_picture(4, 4).is_some(), is_picture, "{encoding}");
         }
     }
 

@@ -254,7 +254,7 @@ fn an_owner_that_leaves_wakes_its_readers() {
 }
 
 #[test]
-fn a_set_is_complete_when_every_topic_has_the_same_sequence() {
+fn a_set_is_complete_when_every_topic_has_the_same_sequence_and_time_of_capture() {
     let camera = camera();
     let owner = owner(&camera, &[Topic::Labels, Topic::Depth]);
     let mut reader = Reader::open(&camera, &[Topic::Depth, Topic::Labels], PATIENCE).unwrap();
@@ -276,6 +276,40 @@ fn a_set_is_complete_when_every_topic_has_the_same_sequence() {
         |set: &nunet_ipc::FrameSet| set.iter().map(|frame| frame.header().sequence).collect::<Vec<_>>();
     assert_eq!((sequences(&first), sequences(&second)), (vec![1, 1], vec![3, 3]));
     assert!(second.get(Topic::Cloud).is_none());
+}
+
+/// Not every publisher counts its pictures, and one that begins again counts from 0.
+#[test]
+fn frames_of_one_number_that_were_taken_at_other_times_are_no_set() {
+    let camera = camera();
+    let (driver, daemon) = (owner(&camera, &[Topic::Rgb]), owner(&camera, &[Topic::Labels, Topic::Depth]));
+    let publish = |owner: &Publisher, topic, capture_nanos| {
+        let mut loan = owner.loan(topic).unwrap();
+        loan.header_mut().sequence = 7;
+        loan.header_mut().capture_nanos = capture_nanos;
+        loan.publish(0).unwrap();
+    };
+    let times = |reader: &mut Reader| {
+        let set = reader.next_set().unwrap();
+        set.map(|set| set.iter().map(|frame| frame.header().capture_nanos).collect::<Vec<_>>())
+    };
+    let mut results = Reader::open(&camera, &[Topic::Depth, Topic::Labels], PATIENCE).unwrap();
+    let mut all = Reader::open(&camera, &[Topic::Rgb, Topic::Depth, Topic::Labels], PATIENCE).unwrap();
+    publish(&driver, Topic::Rgb, 100);
+    publish(&daemon, Topic::Labels, 100);
+    publish(&daemon, Topic::Depth, 200);
+    assert_eq!((times(&mut results), times(&mut all)), (None, None));
+    publish(&driver, Topic::Rgb, 200);
+    publish(&daemon, Topic::Labels, 200);
+    assert_eq!(times(&mut results), Some(vec![200, 200]));
+    assert_eq!(times(&mut all), Some(vec![200, 200, 200]));
+    // A picture is kept for its depth, although the next one has the same number.
+    publish(&driver, Topic::Rgb, 300);
+    assert_eq!(times(&mut all), None);
+    publish(&driver, Topic::Rgb, 400);
+    publish(&daemon, Topic::Labels, 300);
+    publish(&daemon, Topic::Depth, 300);
+    assert_eq!(times(&mut all), Some(vec![300, 300, 300]));
 }
 
 #[test]

@@ -19,6 +19,8 @@ use crate::{CameraDescription, RecordingError, cdr};
 
 /// The name of the metadata that says whose results a recording holds.
 pub(crate) const ABOUT: &str = "nunet";
+/// The name of the metadata that says what depth is from a time on: ROS' messages have no place for it.
+const SCALE: &str = "nunet.scale";
 /// Messages that are compressed together.
 const CHUNK_BYTES: u64 = 4 << 20;
 /// Depth is noise to a compressor: more effort takes time and saves nothing.
@@ -58,9 +60,11 @@ pub struct EncodedPicture<'a> {
     pub data: &'a [u8],
 }
 
-/// A depth map, `[height][width]` metres, NaN = none.
+/// A depth map, `[height][width]`, NaN = none.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthRecord<'a> {
+    /// What its numbers are and where their scale comes from, in the words of shared memory: `metre` and `focal_scaled`.
+    pub scale: [&'a str; 2],
     /// Pixels.
     pub width: u32,
     /// Pixels.
@@ -113,6 +117,7 @@ pub struct RecordingWriter {
     mount: Option<Mount>,
     message: Vec<u8>,
     frames: u32,
+    scale: [String; 2],
     /// Everything before this place of the file can be read.
     whole: u64,
 }
@@ -165,6 +170,7 @@ impl RecordingWriter {
             mount: options.mount,
             message: Vec::new(),
             frames: 0,
+            scale: Default::default(),
             whole: 0,
         };
         let writer = write.create(BufWriter::new(file)).map_err(|source| recording.failed(source))?;
@@ -185,6 +191,7 @@ impl RecordingWriter {
             frame_id: self.frame_id.clone().into(),
         };
         let log = frame.log_nanos;
+        self.say_scale(frame.depth.scale, log)?;
         if let Some(mount) = self.mount.filter(|_| self.frames == 1) {
             let transform = mount.transform(&header);
             self.put("/tf_static".to_owned(), &TF_MESSAGE, log, &TfMessage { transforms: vec![transform] })?;
@@ -208,7 +215,7 @@ impl RecordingWriter {
                 &camera.ros_message(header.clone()),
             )?;
         }
-        let DepthRecord { width, height, bytes: metres } = frame.depth;
+        let DepthRecord { width, height, bytes: depth, .. } = frame.depth;
         let image = |encoding: &'static str, bytes_per_pixel: u32, data| Image {
             header: header.clone(),
             height,
@@ -226,7 +233,19 @@ impl RecordingWriter {
             self.put(self.topic("depth/points"), &POINT_CLOUD, log, &message)?;
         }
         // Depth is last of a frame, as in shared memory.
-        self.put(self.topic("depth/image_raw"), &IMAGE, log, &image("32FC1", 4, metres))
+        self.put(self.topic("depth/image_raw"), &IMAGE, log, &image("32FC1", 4, depth))
+    }
+
+    /// Where it is another than before.
+    fn say_scale(&mut self, scale: [&str; 2], log_nanos: u64) -> Result<(), RecordingError> {
+        if self.scale == scale {
+            return Ok(());
+        }
+        self.scale = scale.map(str::to_owned);
+        let [units, source] = self.scale.clone();
+        let words = [("units", units), ("scale_source", source), ("from_log_time", log_nanos.to_string())];
+        let metadata = words.map(|(key, value)| (key.to_owned(), value)).into();
+        self.with(|writer| writer.write_metadata(&Metadata { name: SCALE.to_owned(), metadata }))
     }
 
     /// Brings everything written so far onto the disk.
@@ -392,7 +411,12 @@ mod tests {
             stamp_nanos: 1,
             picture: None,
             camera: None,
-            depth: DepthRecord { width: 1, height: 1, bytes: &1_f32.to_le_bytes() },
+            depth: DepthRecord {
+                scale: ["metre", "metric"],
+                width: 1,
+                height: 1,
+                bytes: &1_f32.to_le_bytes(),
+            },
             depth_camera: None,
             labels: None,
             cloud: None,

@@ -250,7 +250,8 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
     };
     let mut writer = RecordingWriter::create(path, options).unwrap();
     for frame in 0..frames {
-        // A lens that zooms.
+        // A lens that zooms, of which something is known from the second frame on.
+        let scale = ["metre", if frame == 0 { "assumed_camera" } else { "focal_scaled" }];
         let intrinsics = [3.0 + f64::from(frame), 4.0, 0.5, 0.0];
         let camera = CameraDescription { width: 2, height: 1, intrinsics, ..Default::default() };
         let depth: Vec<u8> =
@@ -261,7 +262,7 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
                 stamp_nanos: frame.into(),
                 picture: Some(EncodedPicture { format: "png", data: b"\x89PNG\r\n\x1a\n..." }),
                 camera: Some(&camera),
-                depth: DepthRecord { width: 2, height: 1, bytes: &depth },
+                depth: DepthRecord { scale, width: 2, height: 1, bytes: &depth },
                 depth_camera: None,
                 labels: None,
                 cloud: None,
@@ -300,6 +301,24 @@ fn a_recording_that_begins_again_has_its_first_camera_again() {
         assert_eq!(focal_length(&recording), 5.0);
         recording.rewind().unwrap();
     }
+}
+
+#[test]
+fn where_the_scale_comes_from_is_said_when_it_changes() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("scale.mcap");
+    write_frames(&path, 3).finish().unwrap();
+    let file = std::fs::read(&path).unwrap();
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    let said: Vec<_> = summary
+        .metadata_indexes
+        .iter()
+        .filter(|index| index.name == "nunet.scale")
+        .map(|index| mcap::read::metadata(&file, index).unwrap().metadata)
+        .map(|said| (said["scale_source"].clone(), said["from_log_time"].clone(), said["units"].clone()))
+        .collect();
+    let expected = [("assumed_camera", "0", "metre"), ("focal_scaled", "1", "metre")];
+    assert_eq!(said, expected.map(|(source, from, units)| (source.into(), from.into(), units.into())));
 }
 
 #[test]

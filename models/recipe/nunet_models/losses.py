@@ -117,10 +117,10 @@ def silog(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
 
 
 def gradient_matching(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
-    """`sum over scales of (sum |dx d| + sum |dy d|) / n`, `d = log p - log t`, at 4 scales.
+    """Mean over 4 scales of `(sum |dx d| + sum |dy d|) / n`, `d = log p - log t`.
 
-    Li and Snavely, "MegaDepth", 2018, equation 4 (there summed over scales; here averaged over
-    them, and over the differences that are known). Scale k takes every 2^k-th pixel.
+    Li and Snavely, "MegaDepth", 2018, equation 4 (there summed over scales, and n is of pixels;
+    here n is of the differences that are known). Scale k takes every 2^k-th pixel.
     """
     d = log_predicted.float() - log_truth
     total = d.new_zeros(())

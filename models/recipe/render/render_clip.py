@@ -1,6 +1,7 @@
 """Renders the clip: `python models/recipe/render/render_clip.py --out models/clip`.
 
-Needs `pip install bpy==4.5.* pillow` (Python 3.11) and nothing of the recipe itself.
+Needs `pip install bpy==4.5.* pillow` (Python 3.11), and of the recipe, which need not be installed,
+the names of the classes alone.
 """
 
 from __future__ import annotations

@@ -6,30 +6,19 @@ Metres; x to the right, y into the room, z up. A shape's `at` is the middle of i
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from random import Random
 
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector, noise
 
-CLASSES = (
-    "bed",
-    "books",
-    "ceiling",
-    "chair",
-    "floor",
-    "furniture",
-    "objects",
-    "picture",
-    "sofa",
-    "table",
-    "tv",
-    "wall",
-    "window",
-)
-"""The 13 classes of `nunet_models.classes`, which Blender's Python cannot import without torch."""
+# The recipe need not be installed, and this module of it needs numpy alone, which Blender has.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from nunet_models.classes import CLASSES_13 as CLASSES
 
 Point = Sequence[float]
 

@@ -1,7 +1,9 @@
 """Evaluation: protocols, baselines and the command, on numbers worked out by hand."""
 
+import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -24,8 +26,10 @@ from nunet_models.evaluation.compare import (
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.export.onnx_file import run as run_file
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
+RECURRENT = TINY.with_name("tiny_wnet_c_lstm.onnx")
 
 
 def a_pair(depth, identity="0"):
@@ -86,11 +90,23 @@ def test_truth_of_another_scale_is_told():
         )
 
 
+def test_the_mean_over_pictures_stands_beside_the_pooled_figures():
+    pairs = [a_pair([[2.0, 2.0, 2.0]]), a_pair([[np.nan, np.nan, 1.0]]), a_pair([[np.nan] * 3])]
+    answers = iter([[[3.0, 3.0, 3.0]], [[4.0, 4.0, 4.0]], [[4.0, 4.0, 4.0]]])
+    found = compare(
+        pairs, lambda _: answering(next(answers))(None), protocol=FULL, metric=True, classes=0
+    ).figures()
+    assert found["metrics"]["mse"] == pytest.approx((3 * 1 + 9) / 4)
+    assert found["picture_mean"]["mse"] == pytest.approx((1 + 9) / 2)
+    assert found["picture_mean"]["rmse"] == pytest.approx((1 + 3) / 2)
+    assert list(found["picture_mean"]) == list(found["metrics"])
+
+
 def test_a_minmax_network_is_not_stretched_again():
     found = compare(
         [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
     ).figures()
-    assert found["metrics"] == {}
+    assert found["metrics"] == found["picture_mean"] == {}
     assert found["minmax"]["mse"] == pytest.approx(0.25, rel=1e-5)
 
 
@@ -126,6 +142,54 @@ def test_a_picture_of_another_size_is_answered_at_its_own():
     assert prediction.depth.shape == (50, 70) and prediction.labels.shape == (50, 70)
 
 
+def frames(dataset, count):
+    """The first pictures of the made dataset, uint8 `[96, 128, 3]` each, the tiny models' size."""
+    return [np.array(Image.open(dataset / f"rgb/{index:04d}.png")) for index in range(count)]
+
+
+def test_pictures_are_no_stream_and_the_frames_of_one_are(dataset):
+    state = json.loads(read_metadata(RECURRENT)["nunet.state"])
+    kept = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in state}
+    predictor = Predictor(RECURRENT)
+    follow = predictor.stream()
+    for index, rgb in enumerate(frames(dataset, 3)):
+        given = {"rgb": rgb[None]}
+        zeros = {name: np.zeros_like(values) for name, values in kept.items()}
+        alone = run_file(RECURRENT, given | zeros)
+        after = run_file(RECURRENT, given | kept)
+        kept = {tensor["input"]: after[tensor["output"]] for tensor in state}
+        np.testing.assert_array_equal(predictor(rgb).depth, alone["depth"][0, 0])
+        np.testing.assert_array_equal(follow(rgb).depth, after["depth"][0, 0])
+        assert (index > 0) == bool(np.abs(after["depth"] - alone["depth"]).max() > 0.01)
+
+
+def test_a_stream_of_a_network_without_a_memory_is_its_pictures(dataset):
+    predictor = Predictor(TINY)
+    follow = predictor.stream()
+    for rgb in frames(dataset, 2):
+        np.testing.assert_array_equal(follow(rgb).depth, predictor(rgb).depth)
+
+
+def test_a_clip_alone_carries_what_a_network_remembers(dataset, tmp_path, capsys):
+    def measured(*more):
+        out = tmp_path / "rows.csv"
+        assert evaluate(dataset, "--csv", str(out), *more, model=RECURRENT) == 0
+        found = json.loads(capsys.readouterr().out)
+        return out.read_text().splitlines()[1:], found
+
+    (first, second), alone = measured()
+    (also_first, followed), clip = measured("--clip")
+    assert first == also_first and second != followed
+    assert alone["metrics"] != clip["metrics"]
+    assert measured("--clip")[1] == clip, "each pass over the frames begins anew"
+    (dataset / "val.txt").write_text("0005\n0004\n")
+    assert sorted(measured()[0]) == [first, second]
+
+    pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (5, 4)]
+    pairs = [replace(p, rgb=rgb) for p, rgb in zip(pairs, frames(dataset, 6)[:3:-1], strict=True)]
+    assert measured("--clip")[1]["clip"] == clip_figures(pairs, Predictor(RECURRENT).stream())
+
+
 def test_a_file_that_is_no_model_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="no model file"):
         Predictor(tmp_path / "absent.onnx")
@@ -146,7 +210,11 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert found["pictures"] == 2 and len(rows.read_text().splitlines()) == 3
     deltas = ["delta1", "delta2", "delta3"]
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
-    assert list(found["metrics"]) == errors + deltas
+    assert list(found["metrics"]) == list(found["picture_mean"]) == errors + deltas
+    assert list(found["baseline"]) == ["metrics", "picture_mean", "minmax"]
+    assert found["baseline"]["picture_mean"]["rmse"] < found["picture_mean"]["rmse"]
+    own = [float(row["rmse"]) for row in csv.DictReader(rows.open())]
+    assert found["picture_mean"]["rmse"] == pytest.approx(sum(own) / 2)
     assert set(found["labels"]) == {"miou", "accuracy"}
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
     assert found["clip"]["flicker_m"] >= 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nunet_models.classes import IGNORE
-from nunet_models.metrics import DepthMetrics, LabelMetrics
+from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics, picture_mean
 
 
 def figures(predicted, truth):
@@ -46,6 +46,16 @@ def test_figures_are_pooled_over_pixels_not_pictures():
     assert metrics.figures()["mse"] == pytest.approx(3 / 4)
 
 
+def test_pictures_weigh_alike_in_the_mean_over_pictures():
+    alone = [figures([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]), figures([4.0], [1.0]), {}]
+    found = picture_mean(alone)
+    assert list(found) == list(FIGURES)
+    assert found["rmse"] == pytest.approx((1 + 3) / 2)
+    assert found["mse"] == pytest.approx((1 + 9) / 2)
+    assert found["abs_rel"] == pytest.approx((0.5 + 3) / 2)
+    assert picture_mean([{}]) == picture_mean([]) == {}
+
+
 def test_pixels_without_prediction_are_counted():
     metrics = DepthMetrics()
     metrics.add(np.array([1.0, np.nan, np.nan]), np.array([1.0, 2.0, np.nan]))
@@ -59,3 +69,18 @@ def test_miou_and_accuracy_of_a_small_picture():
     # class 0: hit 1, union 2; class 1: hit 1, union 2; class 2 unseen
     assert found["miou"] == pytest.approx(0.5)
     assert found["accuracy"] == pytest.approx(2 / 3)
+
+
+@pytest.mark.parametrize("beyond", [3, 4, 254, IGNORE])
+def test_a_prediction_that_is_no_class_is_wrong_and_no_other_class_s(beyond):
+    metrics = LabelMetrics(3)
+    truth = np.array([0, 0, 1, 2], np.uint8)
+    metrics.add(np.array([0, beyond, 1, beyond], np.uint8), truth)
+    # class 0: hit 1, union 2; class 1: hit 1, union 1; class 2: hit 0, union 1
+    assert metrics.figures() == pytest.approx({"miou": (0.5 + 1 + 0) / 3, "accuracy": 0.5})
+
+
+def test_truth_that_is_no_class_of_the_network_is_not_counted():
+    metrics = LabelMetrics(3)
+    metrics.add(np.array([0, 1, 2], np.uint8), np.array([0, 3, 12], np.uint8))
+    assert metrics.figures() == {"miou": 1.0, "accuracy": 1.0}

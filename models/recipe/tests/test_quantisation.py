@@ -15,6 +15,7 @@ from PIL import Image
 from nunet_models.cli import main
 from nunet_models.errors import ConfigError, ExportError
 from nunet_models.evaluation.predict import Predictor
+from nunet_models.export.joints import connected_joints
 from nunet_models.export.onnx_file import read_metadata, run
 from nunet_models.export.split import split
 from nunet_models.quantisation.command import _spread
@@ -186,6 +187,43 @@ def test_balanced_joints_compute_the_same_and_cross_within_one():
     assert (balanced_labels == labels).all()
     logits = [features_of(m, seen["names"][0], rgb) for m in (onnx.load(TINY), model)]
     np.testing.assert_allclose(logits[1], logits[0] / 8.0, rtol=1e-5, atol=1e-7)
+
+
+def test_a_joint_whose_features_are_0_is_left_alone_and_the_others_are_not():
+    """Divided by that range, the weights of the head would be no numbers."""
+    three = TINY.with_name("tiny_nunet3_c.onnx")
+    model = onnx.load(three)
+    assert balance_joints(model, lambda names: dict.fromkeys(names, 0.0)) == {}
+    assert model == onnx.load(three)
+    factors = balance_joints(model, lambda names: dict(zip(names, (0.0, 8.0), strict=True)))
+    assert list(factors.values()) == [8.0]
+    for tensor in model.graph.initializer:
+        assert np.isfinite(onnx.numpy_helper.to_array(tensor)).all(), tensor.name
+
+
+def test_a_network_whose_features_are_0_is_quantised(tmp_path):
+    model = onnx.load(TINY)
+    makers = {output: node for node in model.graph.node for output in node.output}
+    ((_, features),) = connected_joints(model)
+    for tensor in model.graph.initializer:
+        if tensor.name in makers[features].input[1:]:
+            zeros = np.zeros_like(onnx.numpy_helper.to_array(tensor))
+            tensor.CopyFrom(onnx.numpy_helper.from_array(zeros, tensor.name))
+    dull, out = tmp_path / "dull.onnx", tmp_path / "int8.onnx"
+    onnx.save(model, dull)
+    rgb = np.random.default_rng(2).integers(0, 256, (96, 128, 3), np.uint8)
+    quantise(dull, out, iter([rgb]), Plan())
+    assert json.loads(read_metadata(out)["nunet.training"])["quantisation"]["joints"] == {}
+    before, after = Predictor(dull)(rgb).depth, Predictor(out)(rgb).depth
+    assert np.nanmean(np.abs(before - after) / before) < 0.15
+
+
+def test_a_network_with_a_memory_is_not_quantised(tmp_path):
+    """Calibrated on zeros, its integers gave the answer of a network that remembers nothing."""
+    pictures = iter([np.zeros((96, 128, 3), np.uint8)])
+    with pytest.raises(ConfigError, match=r"_lstm\.onnx` remembers earlier frames; .*; hint: "):
+        quantise(TINY.with_name("tiny_wnet_c_lstm.onnx"), tmp_path / "int8.onnx", pictures, Plan())
+    assert not list(tmp_path.iterdir())
 
 
 def features_of(model, name, rgb):

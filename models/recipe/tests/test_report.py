@@ -21,9 +21,14 @@ EVALUATION = {
     "epoch": 12,
     "pictures": 323,
     "metrics": {"rmse": 0.611, "abs_rel": 0.19, "delta1": 0.719},
+    "picture_mean": {"rmse": 0.59, "abs_rel": 0.18},
     "minmax": {"mse": 0.03, "rmse": 0.1732},
     "labels": {"accuracy": 0.7041},
-    "baseline": {"metrics": {"rmse": 1.203}, "minmax": {"mse": 0.0527, "rmse": 0.23}},
+    "baseline": {
+        "metrics": {"rmse": 1.203},
+        "picture_mean": {"rmse": 1.115},
+        "minmax": {"mse": 0.0527, "rmse": 0.23},
+    },
 }
 
 
@@ -31,11 +36,13 @@ def test_the_metric_table_ends_with_the_mean_image():
     lines = metric_table([EVALUATION]).splitlines()
     head, _, ours, mean = ([cell.strip() for cell in line.split("|")[1:-1]] for line in lines)
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
+    errors.insert(2, "rmse, mean of pictures")
     names = [*errors, "delta1", "delta2", "delta3", "mIoU", "accuracy"]
     assert head == ["model", "pictures", *names]
     known = {"rmse": "0.6110", "abs_rel": "0.1900", "delta1": "0.7190", "accuracy": "0.7041"}
+    known["rmse, mean of pictures"] = "0.5900"
     assert ours == ["wnet_c.onnx", "323", *(known.get(name, "-") for name in names)]
-    assert mean[:4] == ["mean image", "323", "-", "1.2030"]
+    assert mean[:5] == ["mean image", "323", "-", "1.2030", "1.1150"]
 
 
 def test_the_paper_s_figure_stands_beside_ours():
@@ -58,7 +65,7 @@ def test_an_answer_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp
     path.write_text(json.dumps(OF_NUNETD))
     found = [read_evaluation(path)]
     assert metric_table(found).splitlines()[2:] == [
-        "| wnet_c.onnx | 9 | - | 0.7000 |" + " - |" * 10,
+        "| wnet_c.onnx | 9 | - | 0.7000 |" + " - |" * 11,
     ]
     assert paper_table(found).splitlines()[2:] == ["| wnet_c.onnx | - | - | - | 0.0412 |"]
 

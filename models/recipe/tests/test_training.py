@@ -142,6 +142,17 @@ def test_a_number_that_no_training_can_have_is_a_bad_argument(dataset, tmp_path,
     assert not (dataset / "cache").exists() and not (tmp_path / "last.pt").exists()
 
 
+def test_a_memory_is_not_trained_on_single_pictures(dataset, tmp_path, capsys):
+    """Each would begin at zeros, and the weights that read what is remembered never change."""
+    lstm = ("--architecture", "wnet_c_lstm")
+    assert train(dataset, tmp_path, *lstm, component="depth", epochs=1) == 2
+    said = capsys.readouterr().err
+    assert "`--component depth` of `wnet_c_lstm` has a memory; this recipe does not train " in said
+    assert "hint: `--architecture wnet_c`" in said
+    assert not (dataset / "cache").exists() and not (tmp_path / "last.pt").exists()
+    assert train(dataset, tmp_path, *lstm, component="segmentation", epochs=1) == 0
+
+
 def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, "--batch", "5") == 1
     assert "names 4 pictures; expected at least `--batch 5`" in capsys.readouterr().err
@@ -307,8 +318,9 @@ def test_a_run_may_be_resumed_for_more_epochs_and_validate_more_rarely(dataset, 
 def test_a_checkpoint_of_an_earlier_version_is_resumed(dataset, tmp_path):
     assert train(dataset, tmp_path, "--minutes", "1e-9", epochs=1) == 0
     checkpoint = Checkpoint.load(tmp_path / "last.pt")
-    for name in ("losses", "trains", "ids"):
+    for name in ("losses", "trains"):
         del checkpoint.progress[name]
+    checkpoint.progress["ids"] = {"--train-ids": "ab" * 32, "--val-ids": "cd" * 32}
     for name in ("workers", "validate_every", "joint_noise"):
         del checkpoint.settings["segmentation"][name]
     checkpoint.save(tmp_path / "last.pt")

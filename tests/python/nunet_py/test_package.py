@@ -5,9 +5,11 @@ import inspect
 import json
 import os
 import pathlib
+import runpy
 import signal
 import subprocess
 import sys
+import types
 
 import numpy as np
 import nunet_py as nunet
@@ -150,6 +152,31 @@ def test_the_example_numpy_depth_writes_depth_and_a_picture(tmp_path):
 def test_the_example_nearest_obstacle_says_how_far_and_what():
     said = run_example("nearest_obstacle.py", ROOT / "models/clip/rgb/bedroom_00.jpg")
     assert " m ahead" in said
+
+
+def test_the_example_nearest_obstacle_calls_nothing_free_that_it_did_not_see():
+    judge = runpy.run_path(str(EXAMPLES / "nearest_obstacle.py"))["judge"]
+    camera = nunet.Camera(fx=50, fy=50, cx=31.5, cy=23.5, size=(64, 48))
+    row, column = np.indices((48, 64))
+    ray = np.stack([(column - 31.5) / 50, (row - 23.5) / 50, np.ones((48, 64))], -1).astype(np.float32)
+
+    def said(depth, label):
+        cloud = types.SimpleNamespace(points=ray * depth[..., None], labels=np.full((48, 64), label, np.uint8))
+        return judge(cloud, ("floor", "wall"), camera)
+
+    floor, wall = 0, 1
+    wall_at_2_m = np.full((48, 64), 2, np.float32)
+    assert said(wall_at_2_m, wall) == "wall, 2.00 m ahead"
+    assert said(wall_at_2_m, floor) == "nothing in the way"
+    assert said(wall_at_2_m * np.nan, wall).startswith("unknown: ")
+    assert said(wall_at_2_m * np.nan, floor).startswith("unknown: ")
+    half = wall_at_2_m.copy()
+    half[:, 32:] = np.nan
+    assert said(half, wall).startswith("unknown: "), "the other half may be nearer"
+    aside = wall_at_2_m.copy()
+    aside[:, :16] = np.nan
+    aside[24, 32] = np.nan
+    assert said(aside, floor) == "nothing in the way", "one pixel, and what is beside the way"
 
 
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):

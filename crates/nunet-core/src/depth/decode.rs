@@ -14,7 +14,7 @@ pub enum Encoding {
     Log,
     /// Nearer or farther, without a unit: kept as it is.
     Relative,
-    /// 0 for a picture's nearest point to 1 for its farthest, without a unit: kept as it is.
+    /// 0 for a picture's nearest point to 1 for its farthest, without a unit: what a network says beyond is its end.
     MinMax,
 }
 
@@ -50,7 +50,8 @@ impl Encoding {
             Self::Metric => range.apply(values, focal_factor, |v| v),
             Self::Inverse => range.apply(values, focal_factor, |v| 1.0 / v),
             Self::Log => range.apply(values, focal_factor, f32::exp),
-            Self::Relative | Self::MinMax => replace_each(values, |v| (v, v.is_finite())),
+            Self::Relative => replace_each(values, |v| (v, v.is_finite())),
+            Self::MinMax => replace_each(values, |v| (v.clamp(0.0, 1.0), v.is_finite())),
         }
     }
 }
@@ -202,11 +203,13 @@ mod tests {
 
     #[test]
     fn numbers_without_a_unit_lose_only_what_is_not_finite() {
-        for encoding in [Encoding::Relative, Encoding::MinMax] {
-            let (depth, invalid) = decode(encoding, &[0.0, -3.0, 1000.0, NAN, f32::INFINITY], 2.0);
-            assert_same(&depth, &[0.0, -3.0, 1000.0, NAN, NAN]);
-            assert_eq!(invalid, 2);
-        }
+        let numbers = [0.0, -3.0, 0.5, 1000.0, NAN, f32::INFINITY];
+        let (depth, invalid) = decode(Encoding::Relative, &numbers, 2.0);
+        assert_same(&depth, &[0.0, -3.0, 0.5, 1000.0, NAN, NAN]);
+        assert_eq!(invalid, 2);
+        let (depth, invalid) = decode(Encoding::MinMax, &numbers, 2.0);
+        assert_same(&depth, &[0.0, 0.0, 0.5, 1.0, NAN, NAN]);
+        assert_eq!(invalid, 2);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::graph::manifest::{MAX_TOML_BYTES, Manifest};
 use crate::graph::onnx::{Model, Runtime};
 use crate::graph::wiring::{Contract, Unwired, Wired};
 use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider};
-use crate::model::{ModelDescription, ModelError, Sidecar, StateTensor};
+use crate::model::{ModelDescription, ModelError, SelfTest, Sidecar, StateTensor};
 use crate::plain_file;
 use crate::preprocess::TensorFormat;
 
@@ -147,8 +147,12 @@ impl<'a> Loader<'a> {
         let speaker =
             manifest.stages.iter().position(|stage| stage.name == depth_stage).unwrap_or(models.len() - 1);
         let (file, model) = &models[speaker];
-        let description = ModelDescription::from_metadata(model.metadata(), hash.finalize().into())
+        let mut description = ModelDescription::from_metadata(model.metadata(), hash.finalize().into())
             .map_err(|source| GraphError::Description { path: file.clone(), source })?;
+        if manifest.outputs.labels.is_none() {
+            // Those that the network has are not wanted.
+            description.selftest = description.selftest.map(SelfTest::without_labels);
+        }
         self.prove(path, manifest, models, description, Contract::Nunet, options)
     }
 

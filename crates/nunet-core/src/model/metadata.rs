@@ -31,6 +31,12 @@ pub const METADATA_KEYS: [&str; 16] = [
 ];
 
 impl ModelDescription {
+    /// Whether a sidecar describes the network, of whose training and size nothing is known.
+    #[must_use]
+    pub fn is_foreign(&self) -> bool {
+        self.architecture == super::FOREIGN
+    }
+
     /// Whether the metadata claims to follow the contract, whatever its version.
     #[must_use]
     pub fn is_in(metadata: &BTreeMap<String, String>) -> bool {

@@ -14,6 +14,9 @@ pub use selftest::{SelfTest, SelfTestGrid, SelfTestMismatch, SelfTestReport, Tol
 pub use sidecar::Sidecar;
 pub use state::StateTensor;
 
+/// The architecture of a network that a sidecar describes, of which little is known.
+const FOREIGN: &str = "foreign";
+
 /// The range of a network that names none.
 fn unlimited() -> DepthRange {
     DepthRange::new(0.0, f32::MAX).expect("0 is not negative and below the largest number")

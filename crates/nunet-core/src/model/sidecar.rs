@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{ModelDescription, unlimited};
+use super::{FOREIGN, ModelDescription, unlimited};
 use crate::depth::{DepthRange, Encoding};
 use crate::frame::MAX_SIDE_PX;
 use crate::preprocess::{ChannelOrder, TensorFormat, TensorLayout};
@@ -65,7 +65,7 @@ impl Sidecar {
     #[must_use]
     pub fn describe(&self, hash: [u8; 32]) -> ModelDescription {
         ModelDescription {
-            architecture: "foreign".to_owned(),
+            architecture: FOREIGN.to_owned(),
             components: Vec::new(),
             encoding: self.encoding,
             range: self.range,

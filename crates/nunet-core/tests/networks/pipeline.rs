@@ -42,7 +42,7 @@ fn every_encoding_is_undone_and_what_is_no_measurement_counted() {
         ("inverse", Units::Metre, |v| 1.0 / v),
         ("log", Units::Metre, f32::exp),
         ("relative", Units::Relative, |v| v),
-        ("minmax", Units::Relative, |v| v),
+        ("minmax", Units::Relative, |v| v.clamp(0.0, 1.0)),
     ] {
         let model = models::unet(SIZE)
             .metadata("nunet.depth.encoding", encoding)

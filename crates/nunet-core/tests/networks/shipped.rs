@@ -56,6 +56,21 @@ fn the_recurrent_model_sees_the_second_frame_otherwise_than_the_first_until_it_i
 }
 
 #[test]
+fn labels_may_be_left_out_of_a_staged_graph() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["tiny_wnet_c.segmentation.onnx", "tiny_wnet_c.depth.onnx"] {
+        std::fs::copy(tiny().join(name), folder.path().join(name)).unwrap();
+    }
+    let manifest = std::fs::read_to_string(tiny().join("tiny_wnet_c.toml")).unwrap();
+    let without: Vec<_> = manifest.lines().filter(|line| !line.starts_with("labels =")).collect();
+    std::fs::write(folder.path().join("depth.toml"), without.join("\n")).unwrap();
+    let graph = load(&folder.path().join("depth.toml")).unwrap();
+    assert!(!graph.has_labels());
+    let mut pipeline = Pipeline::new(graph, PipelineOptions::default()).unwrap();
+    assert!(pipeline.selftest(&|| 0).unwrap().checked, "its depth is tested");
+}
+
+#[test]
 fn fused_and_staged_w_net_connected_give_equal_depth_and_labels() {
     let load = |name: &str| load(&tiny().join(name)).unwrap();
     let (mut fused, mut staged) = (load("tiny_wnet_c.onnx"), load("tiny_wnet_c.toml"));

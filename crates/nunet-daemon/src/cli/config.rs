@@ -5,12 +5,12 @@
 //! and what a section says comes before that.
 
 use std::ffi::OsString;
-use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command};
+use nunet_core::plain_file;
 use nunet_core::text::shortened;
 use nunet_ipc::Limits;
 use toml::{Table, Value};
@@ -185,8 +185,9 @@ fn is_excluded(run: &Command, argument: &Arg, said: &[&Arg]) -> bool {
 
 fn read(path: &Path) -> Result<Table, String> {
     let mut text = String::new();
-    let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
-    read.map_err(|error| format!("cannot read it: {error}"))?;
+    let unreadable = |error| format!("cannot read it: {error}");
+    let file = plain_file::open(path, MAX_BYTES + 1).map_err(unreadable)?;
+    file.ok_or("it is no plain file")?.read_to_string(&mut text).map_err(unreadable)?;
     if text.len() as u64 > MAX_BYTES {
         return Err(format!("a file of more than {MAX_BYTES} bytes is no configuration"));
     }
@@ -469,13 +470,15 @@ mod tests {
 
     #[test]
     fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
+        let large = parse(&"#".repeat(100_000), "run").unwrap_err();
+        assert!(large.contains("a file of more than 65536 bytes is no configuration"), "{large}");
         for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
             let error = parse(&config, "run").unwrap_err();
             assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
         }
         let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
         let error = Cli::parse_line(line).unwrap_err().to_string();
-        assert!(error.contains("a file of more than 65536 bytes is no configuration"), "{error}");
+        assert!(error.contains("`/dev/zero`: it is no plain file"), "{error}");
     }
 
     #[test]

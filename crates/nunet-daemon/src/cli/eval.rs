@@ -28,6 +28,9 @@ pub struct EvalArgs {
     /// Pictures of the dataset whose mean image is the baseline [default: those that are measured]
     #[arg(long, value_name = "FILE")]
     pub baseline_ids: Option<PathBuf>,
+    /// The mean image of other pictures as the baseline: the `mean_image.npy` that another `eval --out` has written
+    #[arg(long, value_name = "FILE.npy", conflicts_with = "baseline_ids")]
+    pub baseline: Option<PathBuf>,
     /// What is compared: whole pictures, or the crop of Eigen et al. for NYU Depth V2. Truth from 10 m on
     /// counts as none, and predictions end at 10 m
     #[arg(long, value_enum, default_value_t = ProtocolArg::Full)]
@@ -37,11 +40,15 @@ pub struct EvalArgs {
     /// Pixels outside of it have no truth, for data with a frame around each picture
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
     pub window: Option<Window>,
+    /// The pictures are one video, in their order: what a network or a filter remembers is carried from each to the next,
+    /// as it is in a recording
+    #[arg(long)]
+    pub clip: bool,
     #[command(flatten)]
     pub lens: LensArgs,
     #[command(flatten)]
     pub filters: FilterArgs,
-    /// Write `eval.json`, `pictures.csv` and `contact_sheet.png` into this folder
+    /// Write `eval.json`, `pictures.csv`, `contact_sheet.png` and `mean_image.npy` into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The figures as JSON

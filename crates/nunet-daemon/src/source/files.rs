@@ -9,12 +9,11 @@ use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use nunet_core::frame::MAX_SIDE_PX;
 use nunet_core::plain_file;
-use nunet_ipc::{Clock, monotonic_nanos};
+use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
 use super::recording::recordings_in;
 use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
-use crate::telemetry::unix_nanos;
 
 /// The most bytes of a picture's file.
 const MAX_FILE_BYTES: u64 = 256 << 20;

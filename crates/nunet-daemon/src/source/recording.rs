@@ -232,7 +232,7 @@ pub(crate) mod tests {
                 stamp_nanos: 1,
                 picture: picture.map(|data| EncodedPicture { format: "png", data }),
                 camera: None,
-                depth: DepthRecord { width: 1, height: 1, bytes: &[0; 4] },
+                depth: DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] },
                 depth_camera: None,
                 labels: None,
                 cloud: None,

@@ -1,11 +1,10 @@
 //! The demo scene as a source: a walk through the ray-cast room, 30 pictures a second of its own time.
 
 use nunet_core::camera::Camera;
-use nunet_ipc::Clock;
+use nunet_ipc::{Clock, unix_nanos};
 
 use super::demo::DemoScene;
 use super::{Capture, Fill, Frame, Source};
-use crate::telemetry::unix_nanos;
 
 const SEED: u64 = 1;
 const SIZE: (u32, u32) = (640, 480);

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use nunet_core::camera::Camera;
-use nunet_ipc::{CameraName, Clock, FrameHeader, IpcError, Reader, Topic};
+use nunet_ipc::{CameraName, Clock, FrameHeader, IpcError, Reader, Topic, monotonic_nanos, unix_nanos};
 use tracing::{info, warn};
 
 use super::{Capture, Fill, Frame, Pixels, Source};
@@ -127,7 +127,8 @@ impl SharedMemory {
         frame.capture = Capture {
             nanos: header.capture_nanos,
             clock: header.capture_clock().unwrap_or(Clock::Monotonic),
-            unix_nanos: header.capture_unix_nanos,
+            // Not every publisher fills it, and a recording's stamps are made of it.
+            unix_nanos: header.unix_of_capture(monotonic_nanos(), unix_nanos()),
         };
         frame.camera = self.camera_of(header);
         frame.pixels = Pixels::Shared(sample);
@@ -179,7 +180,36 @@ fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Frame>, IpcError>
 
 #[cfg(test)]
 mod tests {
+    use nunet_ipc::{Encoding, Limits, Publisher, TopicPlan};
+
     use super::*;
+
+    #[test]
+    fn a_picture_whose_publisher_says_nothing_of_the_time_of_day_is_of_now() {
+        let name = CameraName::new(&format!("test-{}-shm-now", std::process::id())).unwrap();
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 4 };
+        let publisher = Publisher::create(&name, &[plan], &Limits::default()).unwrap();
+        let mut source = SharedMemory::open(name.as_str()).unwrap();
+        let started = unix_nanos();
+        for (sent, expected) in [(0, None), (77, Some(77))] {
+            let mut loan = publisher.loan(Topic::Rgb).unwrap();
+            let header = loan.header_mut();
+            (header.width, header.height, header.row_stride_bytes) = (2, 2, 2);
+            header.set_encoding(Encoding::Mono8);
+            header.set_capture_clock(Clock::Media);
+            (header.capture_nanos, header.capture_unix_nanos) = (5, sent);
+            loan.publish(monotonic_nanos()).unwrap();
+            let mut frame = Frame::default();
+            let came = (0..300).any(|_| {
+                publisher.refresh().unwrap(); // for the late joiner
+                matches!(source.fill(&mut frame), Fill::Frame)
+            });
+            assert!(came, "no frame of `{name}`");
+            assert_eq!((frame.capture.nanos, frame.capture.clock), (5, Clock::Media));
+            let unix = frame.capture.unix_nanos;
+            assert!(expected.map_or((started..=unix_nanos()).contains(&unix), |told| told == unix), "{unix}");
+        }
+    }
 
     #[test]
     fn a_camera_that_has_just_been_connected_to_is_not_silent_yet_and_later_is_told_of_now_and_then() {

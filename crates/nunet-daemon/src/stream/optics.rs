@@ -76,14 +76,17 @@ impl Optics {
         if self.told == Some(key) {
             return Ok(());
         }
-        pipeline.set_camera(self.camera_of(frame)?)?;
+        let camera = self.camera_of(frame)?;
+        pipeline.set_camera(camera)?;
         self.told = Some(key);
-        if pipeline.scale().source == ScaleSource::AssumedCamera && !self.warned {
-            self.warned = true;
-            warn!(
-                "no intrinsics: metres and points assume the training camera\nhint: --intrinsics fx,fy,cx,cy or \
-                 --calibration FILE.yaml"
-            );
+        if camera.is_none() && !std::mem::replace(&mut self.warned, true) {
+            let training_camera = pipeline.graph().description().camera.is_some();
+            let guess = match pipeline.scale().source {
+                ScaleSource::AssumedCamera => "metres and points assume the training camera",
+                _ if training_camera => "points assume the training camera",
+                _ => "points assume a camera of 60 degrees from left to right",
+            };
+            warn!("no intrinsics: {guess}\nhint: --intrinsics fx,fy,cx,cy or --calibration FILE.yaml");
         }
         Ok(())
     }

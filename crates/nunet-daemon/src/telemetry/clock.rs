@@ -1,6 +1,4 @@
-//! The two clocks of the daemon: monotonic for durations and ages, unix for stamps that others read.
-
-use std::time::{SystemTime, UNIX_EPOCH};
+//! The clock of the pipeline.
 
 use nunet_core::clock::Clock;
 use nunet_ipc::monotonic_nanos;
@@ -14,10 +12,4 @@ impl Clock for MonotonicClock {
         // The kernel counts from boot, so the number is positive.
         monotonic_nanos().unsigned_abs()
     }
-}
-
-/// Nanoseconds since 1970, 0 on a machine whose clock stands before.
-pub fn unix_nanos() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

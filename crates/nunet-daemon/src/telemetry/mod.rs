@@ -8,7 +8,7 @@ mod supervisor;
 mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
-pub use clock::{MonotonicClock, unix_nanos};
+pub use clock::MonotonicClock;
 pub use latency::{Latencies, Summary};
 pub use ledger::{Counts, End, Ledger};
 pub(crate) use supervisor::Supervisor;

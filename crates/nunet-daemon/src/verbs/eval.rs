@@ -4,20 +4,22 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
+use image::RgbImage;
 use nunet_core::depth::Encoding;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use tracing::{error, warn};
 
 use super::progress::progress;
 use crate::Outcome;
-use crate::cli::{CameraArgs, EvalArgs};
+use crate::cli::{CameraArgs, EvalArgs, ProtocolArg};
 use crate::engine::{Engine, tested_pipeline};
-use crate::sink::files::make_folder;
+use crate::sink::files::{check_folder, make_folder};
 use crate::sink::stats::{ModelName, write_json};
 use crate::source::Frame;
 use crate::stream::Optics;
 use crate::telemetry::MonotonicClock;
 
+mod baseline;
 mod comparison;
 mod dataset;
 mod metrics;
@@ -26,21 +28,26 @@ mod resized;
 mod sheet;
 mod unpack;
 
-use comparison::{Baseline, Comparison, Kind, MeanImage};
-use dataset::{Dataset, Truth, read_ids, same_size};
+use baseline::Baseline;
+use comparison::{Comparison, Kind};
+use dataset::{Dataset, Truth, same_size};
 use metrics::LabelMetrics;
-use report::{OF_MEASURED, OF_NAMED, PictureRow, Report};
+use report::{PictureRow, Report};
 use resized::Fit;
-use sheet::{Row, Sheet, chosen};
-use unpack::refuse_own_depth;
+use sheet::{Row, chosen};
+use unpack::{is_recording, refuse_own_depth};
+
+/// The share of truth beyond what is compared from which on its scale looks wrong.
+const MUCH_BEYOND: f64 = 0.05;
 
 /// Measures every picture; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     refuse_own_depth(arguments)?;
     let optics = Optics::new(&arguments.lens.geometry)?;
     if let Some(out) = &arguments.out {
-        make_folder(out)?;
+        check_folder(out)?;
     }
+    let clip = arguments.clip || is_recording(&arguments.dataset);
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load(&arguments.model, &[])?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
@@ -51,16 +58,21 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     if pipeline.graph().has_labels() && !dataset.has_labels() {
         warn!("no true labels of this network's classes: only depth is measured");
     }
-    let baseline = baseline(arguments, &dataset)?;
-    let mut work = Work::new(arguments, pipeline, optics, baseline);
+    let baseline = Baseline::of(arguments, &dataset)?;
+    let mut work = Work::new(arguments.protocol, pipeline, optics, baseline, clip);
     let skipped = dataset.unpaired + work.measure_all(&dataset)?;
     work.comparison.check_truth()?;
+    warn_of_scale(work.comparison.share_beyond());
     let report = work.report(arguments, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
     if let Some(out) = &arguments.out {
+        make_folder(out)?;
         write_json(&out.join("eval.json"), &report)?;
         report::write_csv(&out.join("pictures.csv"), &work.rows)?;
+        if let Some(baseline) = &work.baseline {
+            baseline.write(&out.join("mean_image.npy"))?;
+        }
         work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
     }
     if skipped > 0 {
@@ -69,25 +81,15 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
 }
 
-/// The mean image: of the pictures that the user named, who must all be readable, else of those that are measured.
-fn baseline(arguments: &EvalArgs, dataset: &Dataset) -> anyhow::Result<Option<Baseline>> {
-    let named = arguments.baseline_ids.as_deref().map(read_ids).transpose()?;
-    let mut mean = MeanImage::default();
-    let progress = progress("mean image", Some(named.as_ref().unwrap_or(&dataset.ids).len() as u64));
-    for id in named.as_ref().unwrap_or(&dataset.ids) {
-        progress.inc(1);
-        let truth = match dataset.truth(id) {
-            Ok(truth) => truth,
-            Err(_) if named.is_none() => continue, // told when its turn to be measured comes
-            Err(error) => return Err(error),
-        };
-        if let Err(error) = mean.add(&truth.depth_m, truth.size) {
-            warn!("no baseline: {error}");
-            return Ok(None);
-        }
+/// Some truth beyond the cap is in every dataset; much of it is a wrong unit.
+fn warn_of_scale(share_beyond: f64) {
+    if share_beyond > MUCH_BEYOND {
+        warn!(
+            "{:.0} % of the true depth lies at 10 m or beyond and is not compared\nhint: --depth-scale METRES says what \
+             a unit of the depth pictures is",
+            100.0 * share_beyond
+        );
     }
-    progress.finish_and_clear();
-    Ok(mean.baseline(arguments.protocol))
 }
 
 /// The last part of the dataset's path.
@@ -107,6 +109,8 @@ struct Work {
     confusion: LabelMetrics,
     baseline: Option<Baseline>,
     rows: Vec<PictureRow>,
+    /// Whether each picture follows the one before it.
+    clip: bool,
 }
 
 /// What the network says of a picture, at the picture's size.
@@ -116,7 +120,13 @@ struct Prediction {
 }
 
 impl Work {
-    fn new(arguments: &EvalArgs, pipeline: Pipeline, optics: Optics, baseline: Option<Baseline>) -> Self {
+    fn new(
+        protocol: ProtocolArg,
+        pipeline: Pipeline,
+        optics: Optics,
+        baseline: Option<Baseline>,
+        clip: bool,
+    ) -> Self {
         let (width, height) = pipeline.size();
         let pixels = width as usize * height as usize;
         let description = pipeline.graph().description();
@@ -130,10 +140,11 @@ impl Work {
             frame: Frame::default(),
             depth: vec![0.0; pixels],
             labels: if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() },
-            comparison: Comparison::new(arguments.protocol, kind),
+            comparison: Comparison::new(protocol, kind),
             confusion: LabelMetrics::new(description.classes.len()),
             baseline,
             rows: Vec::new(),
+            clip,
             pipeline,
         }
     }
@@ -160,6 +171,9 @@ impl Work {
 
     fn measure(&mut self, dataset: &Dataset, id: &str) -> anyhow::Result<()> {
         let truth = dataset.truth(id)?;
+        if let Some(baseline) = &self.baseline {
+            baseline.check_size(truth.size)?; // before anything is counted
+        }
         let prediction = self.predict(dataset, id, &truth)?;
         let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
         if let Some(labels) = &truth.labels {
@@ -175,6 +189,9 @@ impl Work {
     fn predict(&mut self, dataset: &Dataset, id: &str, truth: &Truth) -> anyhow::Result<Prediction> {
         dataset.picture(id, &mut self.frame)?;
         same_size(Path::new(id), self.frame.size, truth.size)?;
+        if !self.clip {
+            self.pipeline.reset();
+        }
         self.optics.follow(&self.frame, &mut self.pipeline)?;
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
@@ -189,7 +206,6 @@ impl Work {
                 model,
                 dataset: name_of(&arguments.dataset),
                 protocol: arguments.protocol,
-                baseline_of: if arguments.baseline_ids.is_some() { OF_NAMED } else { OF_MEASURED },
                 pictures: self.rows.len() as u64,
                 skipped,
             },
@@ -200,24 +216,40 @@ impl Work {
         )
     }
 
-    /// Predicts the chosen pictures once more: nine, where all would not fit into memory.
+    /// Predicts the chosen pictures once more, nine, where all would not fit into memory; of a clip, whatever leads up to
+    /// them as well.
     fn write_sheet(&mut self, dataset: &Dataset, path: &Path) -> anyhow::Result<()> {
         let errors: Vec<f64> = self.rows.iter().map(PictureRow::error).collect();
-        let mut sheet = Sheet::new();
-        for (group, place) in chosen(&errors) {
-            let Some(row) = self.rows.get(place) else { continue };
-            let (id, caption) = (row.id.clone(), format!("{group}: {}", row.caption()));
-            let truth = dataset.truth(&id)?;
-            let prediction = self.predict(dataset, &id, &truth)?;
-            sheet.add(&Row {
-                caption,
-                size: truth.size,
-                rgb: self.frame.view()?.bytes(),
-                truth: &truth.depth_m,
-                predicted: &prediction.depth,
-                metric: self.comparison.kind() == Kind::Metric,
-            });
+        let chosen = chosen(&errors);
+        let mut strips = vec![None; chosen.len()];
+        self.pipeline.reset();
+        for id in &dataset.ids {
+            let is_this = |&(_, place): &(&str, usize)| self.rows[place].id == *id;
+            if let Some(index) = chosen.iter().position(is_this) {
+                let (group, place) = chosen[index];
+                let caption = format!("{group}: {}", self.rows[place].caption());
+                strips[index] = Some(self.strip(dataset, id, caption)?);
+            } else if self.clip
+                && let Ok(truth) = dataset.truth(id)
+            {
+                let _told_before = self.predict(dataset, id, &truth);
+            }
         }
-        sheet.picture().save(path).with_context(|| format!("cannot write `{}`", path.display()))
+        let sheet = sheet::stacked(&strips.into_iter().flatten().collect::<Vec<_>>());
+        sheet.save(path).with_context(|| format!("cannot write `{}`", path.display()))
+    }
+
+    fn strip(&mut self, dataset: &Dataset, id: &str, caption: String) -> anyhow::Result<RgbImage> {
+        let truth = dataset.truth(id)?;
+        let prediction = self.predict(dataset, id, &truth)?;
+        let row = Row {
+            caption,
+            size: truth.size,
+            rgb: self.frame.view()?.bytes(),
+            truth: &truth.depth_m,
+            predicted: &prediction.depth,
+            metric: self.comparison.kind() == Kind::Metric,
+        };
+        Ok(row.strip())
     }
 }

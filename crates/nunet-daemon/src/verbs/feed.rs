@@ -231,6 +231,31 @@ mod tests {
         }
     }
 
+    /// A grey picture, and then a colour one.
+    struct Turning(u64);
+
+    impl Source for Turning {
+        fn fill(&mut self, frame: &mut Frame) -> Fill {
+            let format = if self.0 == 0 { PixelFormat::Mono8 } else { PixelFormat::Rgb8 };
+            frame.rgb_buffer((4, 2));
+            frame.format = Some(format);
+            frame.row_stride = format.min_stride(4);
+            frame.buffer(format.byte_len(4, 2, frame.row_stride));
+            frame.sequence = self.0;
+            self.0 += 1;
+            Fill::Frame
+        }
+    }
+
+    #[test]
+    fn a_picture_that_there_is_no_room_for_is_lost_alone() {
+        let camera = camera_name(&format!("turning_{}", std::process::id())).unwrap();
+        let port = OnceLock::new();
+        let mut feeder = Feeder::new(camera, Optics::default(), &port);
+        feeder.run(&mut Turning(0), None, NonZeroU64::new(3), &Stop::default()).unwrap();
+        assert_eq!((feeder.sent, feeder.failed), (1, 2));
+    }
+
     #[test]
     fn a_rate_is_of_frames_and_silence_costs_no_turn() {
         let stop = Stop::default();

@@ -17,30 +17,48 @@ use crate::exit::BadArguments;
 use crate::sink::files::{self, Results, check_folder};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{Frame, decode, glance, list};
-use crate::stream::Optics;
+use crate::stream::{Optics, Stop, Stopped};
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 
-/// Infers one picture after the other; a bad one does not end it.
+/// Infers one picture after the other; a bad one does not end it. A stop waits for the picture that is at work.
 pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
+    let stop = Stop::on_signals()?;
+    match infer_unless(arguments, &stop) {
+        Err(error) if error.is::<Stopped>() => {
+            error!("{error}");
+            Ok(Outcome::Lost)
+        }
+        outcome => outcome,
+    }
+}
+
+fn infer_unless(arguments: &InferArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     let images: Vec<PathBuf> = pictures(&arguments.images)?;
     let folders = result_folders(&images, &arguments.out)?;
     let optics = Optics::new(&arguments.optics.lens.geometry)?;
     check_folder(&arguments.out)?;
     refuse_no_pictures(&images)?;
     let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load(&arguments.model, &[])?;
+    let loaded = engine.load_unless(&arguments.model, &[], stop)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipeline = tested_pipeline(loaded, &arguments.optics)?;
     let mut work = Work::new(pipeline, optics, model);
 
     let mut failures = Vec::new();
-    for (image, folder) in images.iter().zip(&folders) {
+    let mut looked_at = 0;
+    for (image, folder) in images.iter().zip(&folders).take_while(|_| !stop.requested()) {
+        looked_at += 1;
         match work.infer(image, folder) {
             Ok(()) => info!("`{}` -> `{}`", image.display(), folder.display()),
             Err(error) => failures.push(error),
         }
     }
-    judge(failures, images.len())
+    let outcome = judge(failures, looked_at)?;
+    if looked_at < images.len() {
+        error!("stopped before {} of {} pictures", images.len() - looked_at, images.len());
+        return Ok(Outcome::Lost);
+    }
+    Ok(outcome)
 }
 
 /// All pictures that are named, in that order: those of a folder or a glob by their names.

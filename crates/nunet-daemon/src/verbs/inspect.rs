@@ -36,22 +36,41 @@ impl About<'_> {
         self.graph.description()
     }
 
-    fn parameters(&self) -> u64 {
-        self.description().components.iter().map(|component| component.parameters).sum()
+    /// Of all components; `None` where the file names none.
+    fn parameters(&self) -> Option<u64> {
+        let components = &self.description().components;
+        (!components.is_empty()).then(|| components.iter().map(|component| component.parameters).sum())
     }
 
-    fn gflop(&self) -> f64 {
-        self.description().components.iter().map(|component| component.gflop).sum()
+    /// The same.
+    fn gflop(&self) -> Option<f64> {
+        let components = &self.description().components;
+        (!components.is_empty()).then(|| components.iter().map(|component| component.gflop).sum())
+    }
+
+    /// `None` where nobody said.
+    fn trained(&self) -> Option<bool> {
+        let about = self.description();
+        (!about.is_foreign()).then_some(about.trained)
+    }
+
+    /// The nearest and the farthest depth that it can measure, metres; `None` where there is no such limit.
+    fn limits_m(&self) -> [Option<f64>; 2] {
+        let about = self.description();
+        let is_limit = |metres: &f32| about.encoding.is_metric() && *metres < f32::MAX;
+        [about.range.min_m(), about.range.max_m()].map(|metres| Some(metres).filter(is_limit).map(shortest))
     }
 
     /// What `inspect --json` prints.
     pub(crate) fn json(&self) -> Value {
         let about = self.description();
+        let [min_m, max_m] = self.limits_m();
+        let checked = self.report.checked;
         json!({
             "contract": nunet_ipc::CONTRACT_VERSION,
             "file": self.file,
             "hash": self.hash,
-            "trained": about.trained,
+            "trained": self.trained(),
             "architecture": about.architecture,
             "components": about.components,
             "stages": self.graph.stages().iter().map(stage_json).collect::<Vec<_>>(),
@@ -61,8 +80,8 @@ impl About<'_> {
             "gflop": self.gflop(),
             "depth": {
                 "encoding": about.encoding.name(),
-                "min_m": shortest(about.range.min_m()),
-                "max_m": shortest(about.range.max_m()),
+                "min_m": min_m,
+                "max_m": max_m,
             },
             "classes": about.classes,
             "camera": about.camera,
@@ -72,12 +91,12 @@ impl About<'_> {
             "license": about.license,
             "targets": about.targets,
             "provider": self.graph.provider().name(),
-            "selftest": self.report.checked.then(|| json!({
-                "passed": true,
-                "worst": self.report.worst_depth,
-                "tolerance": self.report.tolerance,
-                "label_cells": self.report.label_cells,
-            })),
+            "selftest": {
+                "passed": checked.then_some(true),
+                "worst": checked.then_some(self.report.worst_depth),
+                "tolerance": checked.then_some(self.report.tolerance),
+                "label_cells": checked.then_some(self.report.label_cells),
+            },
         })
     }
 
@@ -94,25 +113,26 @@ impl About<'_> {
     /// What leaves the graph.
     fn outputs(&self) -> impl Iterator<Item = &TensorSpec> {
         let all = self.graph.stages().iter().flat_map(|stage| &stage.outputs);
-        all.filter(|tensor| ["depth", "labels"].contains(&tensor.name.as_str()))
+        let foreign = self.description().is_foreign();
+        all.filter(move |tensor| foreign || ["depth", "labels"].contains(&tensor.name.as_str()))
     }
 
     fn text(&self) -> anyhow::Result<String> {
         let about = self.description();
         let (width, height) = self.graph.size();
         let mut text = String::new();
-        let trained = if about.trained { "trained" } else { "UNTRAINED: its depth means nothing" };
+        let trained = match self.trained() {
+            Some(true) => ", trained",
+            Some(false) => ", UNTRAINED: its depth means nothing",
+            None => "",
+        };
         writeln!(text, "{}\n  sha256       {}", self.file, self.hash)?;
-        writeln!(text, "  architecture {}, {trained}", about.architecture)?;
+        writeln!(text, "  architecture {}{trained}", about.architecture)?;
         writeln!(text, "  picture      {width}x{height}")?;
-        let (min_m, max_m) = (about.range.min_m(), about.range.max_m());
-        writeln!(text, "  depth        {}, {min_m} to {max_m} m", about.encoding)?;
-        writeln!(
-            text,
-            "  size         {:.1} M weights, {:.1} GFLOP",
-            self.parameters() as f64 / 1e6,
-            self.gflop()
-        )?;
+        writeln!(text, "  depth        {}{}", about.encoding, self.limits_text())?;
+        if let (Some(parameters), Some(gflop)) = (self.parameters(), self.gflop()) {
+            writeln!(text, "  size         {:.1} M weights, {gflop:.1} GFLOP", parameters as f64 / 1e6)?;
+        }
         for component in &about.components {
             let connected = if component.connected { ", connected to the picture" } else { "" };
             writeln!(
@@ -135,6 +155,14 @@ impl About<'_> {
         writeln!(text, "  self-test    {}", self.report)?;
         Ok(text)
     }
+
+    fn limits_text(&self) -> String {
+        match self.limits_m() {
+            _ if !self.description().encoding.is_metric() => ", without a unit".to_owned(),
+            [Some(min_m), Some(max_m)] => format!(", {min_m} to {max_m} m"),
+            [min_m, _] => format!(", from {} m", min_m.unwrap_or_default()),
+        }
+    }
 }
 
 /// What people compare, of the figures that the recipe writes; whatever else was written as it stands.
@@ -147,7 +175,10 @@ fn accuracy_text(accuracy: &Value) -> String {
         let labels = figures.get("labels").and_then(|labels| figure(labels, "miou"));
         Some(depth.chain(labels).collect::<Vec<_>>().join(", ")).filter(|line| !line.is_empty())
     };
-    let Some(found) = line(accuracy) else { return accuracy.to_string() };
+    let Some(found) = line(accuracy) else {
+        let is_empty = accuracy.as_object().map_or(accuracy.is_null(), serde_json::Map::is_empty);
+        return if is_empty { "not said".to_owned() } else { accuracy.to_string() };
+    };
     let trivial = accuracy.get("baseline").and_then(line).map(|line| format!("; the mean image: {line}"));
     format!("{found}{}", trivial.unwrap_or_default())
 }
@@ -204,6 +235,7 @@ mod tests {
         let expected = "rmse 0.669, abs_rel 0.172, delta1 0.741, miou 0.476; the mean image: rmse 1.223";
         assert_eq!(accuracy_text(&accuracy), expected);
         assert_eq!(accuracy_text(&json!({ "own": 1 })), "{\"own\":1}");
-        assert_eq!(accuracy_text(&Value::Null), "null");
+        assert_eq!(accuracy_text(&Value::Null), "not said");
+        assert_eq!(accuracy_text(&json!({})), "not said");
     }
 }

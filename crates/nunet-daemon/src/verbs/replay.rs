@@ -14,7 +14,7 @@ use crate::buffers::Buffers;
 use crate::cli::{Publish, ReplayArgs};
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::camera_name;
-use crate::sink::recording::{About, FrameWriter, Record, Results, refuse_output};
+use crate::sink::recording::{About, FrameWriter, Record, Results, refuse_output, settings};
 use crate::sink::stats::ModelName;
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source};
 use crate::stream::{Continuity, Optics, Stop, Stopped};
@@ -60,6 +60,7 @@ fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome>
         mount: arguments.mount.mount,
         model: &model,
         provider: pipeline.graph().provider().name(),
+        settings: settings(&pipeline),
         force: arguments.force,
     };
     let writer = FrameWriter::create(&arguments.output, &about)?;
@@ -123,6 +124,7 @@ impl Replay {
         let progress = progress("replay", source.pictures());
         let (mut fill, mut over) = (first, false);
         while !stop.requested() {
+            let was_frame = fill.had_frame();
             match fill {
                 Fill::Frame => match self.take_through(&mut frame) {
                     Ok(()) => self.frames += 1,
@@ -142,7 +144,7 @@ impl Replay {
                 }
                 Fill::Broken(error) => return Err(error),
             }
-            progress.inc(1);
+            progress.inc(u64::from(was_frame));
             fill = source.fill(&mut frame);
         }
         progress.finish_and_clear();
@@ -164,6 +166,7 @@ impl Replay {
         let camera = self.optics.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
         self.record.copy_results(&Results {
+            scale: self.pipeline.scale(),
             size: self.pipeline.size(),
             depth: self.buffers.depth(),
             labels: self.buffers.labels().filter(|_| self.labels),

@@ -6,14 +6,16 @@ use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
 use console::Term;
-use nunet_ipc::{CameraName, Frame, IpcError, Reader, StatsRecord, Topic, Units, cameras};
+use nunet_ipc::{
+    CameraName, Frame, FrameHeader, IpcError, Reader, StatsRecord, Topic, Units, cameras, monotonic_nanos,
+    unix_nanos,
+};
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
 use crate::cli::WatchArgs;
 use crate::exit::{BadArguments, camera_name};
 use crate::stream::Stop;
-use crate::telemetry::unix_nanos;
 
 /// How long one wait may take, so that a stop is seen.
 const GLANCE: Duration = Duration::from_millis(100);
@@ -158,9 +160,13 @@ impl View {
     }
 }
 
-/// Milliseconds since the picture was taken.
-fn age_ms(frame: &Frame) -> f64 {
-    (unix_nanos() - frame.header().capture_unix_nanos) as f64 / 1e6
+/// Milliseconds since the picture was taken; `None` where its sender does not say when.
+fn age_ms(header: &FrameHeader) -> Option<f64> {
+    header.age_nanos(monotonic_nanos(), unix_nanos()).map(|nanos| nanos as f64 / 1e6)
+}
+
+fn age_of(header: &FrameHeader) -> String {
+    age_ms(header).map_or_else(|| "unknown".to_owned(), |age| format!("{age:.1} ms"))
 }
 
 /// Depth in the middle of the picture; `None` where there is no measurement.
@@ -179,7 +185,7 @@ fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Value> {
         "contract": header.contract_version,
         "sequence": header.sequence,
         "capture_nanos": header.capture_nanos,
-        "age_ms": age_ms(frame),
+        "age_ms": age_ms(header),
         "quality": header.quality()?.name(),
         "units": header.units()?.name(),
         "scale_source": header.scale_source()?.name(),
@@ -205,9 +211,9 @@ fn centre_of(frame: &Frame) -> anyhow::Result<String> {
 fn line_of(frame: &Frame) -> anyhow::Result<String> {
     let header = frame.header();
     Ok(format!(
-        "frame {} age {:.1} ms centre {} quality {}",
+        "frame {} age {} centre {} quality {}",
         header.sequence,
-        age_ms(frame),
+        age_of(header),
         centre_of(frame)?,
         header.quality()?.name()
     ))
@@ -217,7 +223,7 @@ fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow:
     let header = frame.header();
     let mut text = format!(
         "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
-         frame {} · age {:.1} ms · centre {} · scale {} · quality {}\n\
+         frame {} · age {} · centre {} · scale {} · quality {}\n\
          captured {} = published {} + superseded {} + failed {} + in flight {}\n\
          copied {} bytes · without depth {} pixels\n\
          {:<14} {:>9} {:>9} {:>9} {:>9}\n",
@@ -227,7 +233,7 @@ fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow:
         header.height,
         stats.fps,
         header.sequence,
-        age_ms(frame),
+        age_of(header),
         centre_of(frame)?,
         header.scale_source()?.name(),
         header.quality()?.name(),

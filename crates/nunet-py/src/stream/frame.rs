@@ -1,9 +1,7 @@
 //! The topics of one frame that belong together.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use nunet_daemon::embed;
-use nunet_ipc::{Clock, Encoding, Point, Topic, monotonic_nanos};
+use nunet_ipc::{Encoding, Point, Topic, monotonic_nanos, unix_nanos};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -15,7 +13,7 @@ use crate::camera::Camera;
 use crate::cloud::Cloud;
 use crate::error::{NunetError, failure};
 
-/// One frame of a camera: the topics that were asked for, all of one sequence number.
+/// One frame of a camera: the topics that were asked for, all of one sequence number and one time of capture.
 ///
 /// Arrays are read-only numpy views of shared memory: nothing is copied. They keep their message alive after the
 /// loop has moved on, the subscriber was closed and the daemon has ended. One reader may hold few messages (two,
@@ -241,14 +239,9 @@ impl Frame {
     #[getter]
     fn age(&self) -> PyResult<f64> {
         let header = self.lead()?;
-        let nanos = if header.capture_clock().map_err(unknown)? == Clock::Monotonic {
-            monotonic_nanos().saturating_sub(header.capture_nanos)
-        } else if header.capture_unix_nanos != 0 {
-            unix_nanos().saturating_sub(header.capture_unix_nanos)
-        } else {
-            monotonic_nanos().saturating_sub(header.publish_nanos)
-        };
-        Ok(nanos as f64 / 1e9)
+        let now = monotonic_nanos();
+        let age = header.age_nanos(now, unix_nanos());
+        Ok(age.unwrap_or_else(|| now.saturating_sub(header.publish_nanos)) as f64 / 1e9)
     }
 
     fn __repr__(&self) -> String {
@@ -257,11 +250,6 @@ impl Frame {
             self.lead().map_or((0, 0, 0), |header| (header.sequence, header.width, header.height));
         format!("Frame({sequence}: {}, {width}x{height})", topics.join(", "))
     }
-}
-
-/// The time of day.
-pub(super) fn unix_nanos() -> i64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as i64)
 }
 
 /// The same array without the mark that it is read-only, for nobody but a capsule: its memory is read-only all the same.

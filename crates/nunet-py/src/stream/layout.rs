@@ -1,8 +1,7 @@
 //! How a camera's pictures lie in memory.
 
 use numpy::{IxDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
-use nunet_core::frame::MAX_SIDE_PX;
-use nunet_ipc::Encoding;
+use nunet_ipc::{Encoding, MAX_SIDE_PX};
 use pyo3::PyClass;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,53 +11,45 @@ use super::sample::element;
 use super::view::{Memory, Shape, array};
 use crate::picture::{check_order, check_type, read, shown, untyped};
 
-const ENCODINGS: [Encoding; 5] =
-    [Encoding::Rgb8, Encoding::Bgr8, Encoding::Mono8, Encoding::Yuyv, Encoding::Nv12];
-
 /// How a camera's pictures lie in memory.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub(super) encoding: Encoding,
     /// Width and height in pixels.
     pub(super) size: (u32, u32),
+    pub(super) row_bytes: u32,
     /// The array's shape.
     pub(super) lengths: Vec<usize>,
 }
 
 impl Layout {
     pub(super) fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
-        let known = ENCODINGS.into_iter().find(|known| known.name() == encoding);
+        let known = Encoding::PICTURES.into_iter().find(|known| known.name() == encoding);
         let Some(known) = known else {
-            let choices: Vec<_> = ENCODINGS.iter().map(|known| format!("`{known}`")).collect();
+            let choices: Vec<_> = Encoding::PICTURES.iter().map(|known| format!("`{known}`")).collect();
             return Err(PyValueError::new_err(format!(
                 "`{encoding}` is no encoding of pictures\nhint: one of {}",
                 choices.join(", ")
             )));
         };
         let (columns, rows) = size;
-        if ![columns, rows].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
+        let Some((row_bytes, lines)) = known.rows_of_picture(columns, rows) else {
             return Err(PyValueError::new_err(format!(
                 "size is `{columns}x{rows}`, but expected (width, height) of 1 to {MAX_SIDE_PX} pixels\n\
                  hint: for example size=(640, 480)"
             )));
-        }
-        let (columns, rows) = (columns as usize, rows as usize);
-        let lengths = match known {
-            Encoding::Mono8 => vec![rows, columns],
-            // As nunetd lays them: odd sides round up where pixels share a colour.
-            Encoding::Yuyv => vec![rows, columns.next_multiple_of(2), 2],
-            Encoding::Nv12 => vec![rows + rows.div_ceil(2), columns.next_multiple_of(2)],
-            _ => vec![rows, columns, 3],
         };
-        Ok(Self { encoding: known, size, lengths })
+        let (lines, bytes) = (lines as usize, row_bytes as usize);
+        let lengths = match known {
+            Encoding::Mono8 | Encoding::Nv12 => vec![lines, bytes],
+            Encoding::Yuyv => vec![lines, bytes / 2, 2],
+            _ => vec![lines, bytes / 3, 3],
+        };
+        Ok(Self { encoding: known, size, row_bytes, lengths })
     }
 
     pub(super) fn bytes(&self) -> usize {
         self.lengths.iter().product()
-    }
-
-    pub(super) fn row_bytes(&self) -> u32 {
-        self.lengths[1..].iter().product::<usize>() as u32 // at most 32768 * 3
     }
 
     /// The array of a picture in this memory.

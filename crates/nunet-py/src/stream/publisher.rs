@@ -5,12 +5,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nunet_core::camera;
 use nunet_daemon::embed;
-use nunet_ipc::{CameraName, Clock, Limits, Topic, TopicPlan, UnknownWord, Wake, monotonic_nanos};
+use nunet_ipc::{
+    CameraName, Clock, Limits, Topic, TopicPlan, UnknownWord, Wake, monotonic_nanos, unix_nanos,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::frame::unix_nanos;
 use super::late::Served;
 use super::layout::Layout;
 use super::loan::{Anchor, Loan};
@@ -204,20 +205,17 @@ impl Publisher {
         *header = nunet_ipc::FrameHeader::default();
         header.sequence = sequence;
         let (monotonic, unix) = (monotonic_nanos(), unix_nanos());
-        let (nanos, unix_nanos) = match (self.clock, capture.nanos) {
-            (Clock::Monotonic, nanos) => {
-                let nanos = nanos.unwrap_or(monotonic);
-                (nanos, unix.saturating_sub(monotonic.saturating_sub(nanos)))
-            }
-            (Clock::Unix, nanos) => (nanos.unwrap_or(unix), nanos.unwrap_or(unix)),
-            (Clock::Media, nanos) => (nanos.unwrap_or(0), unix),
+        let now = match self.clock {
+            Clock::Monotonic => monotonic,
+            Clock::Unix => unix,
+            Clock::Media => 0,
         };
-        header.capture_nanos = nanos;
-        header.capture_unix_nanos = unix_nanos;
+        header.capture_nanos = capture.nanos.unwrap_or(now);
         header.set_capture_clock(self.clock);
+        header.capture_unix_nanos = header.unix_of_capture(monotonic, unix);
         header.set_encoding(self.layout.encoding);
         (header.width, header.height) = self.layout.size;
-        header.row_stride_bytes = self.layout.row_bytes();
+        header.row_stride_bytes = self.layout.row_bytes;
         header.set_frame_id(&self.frame_id);
         if let Some(optics) = &self.optics {
             embed::set_camera(header, optics);

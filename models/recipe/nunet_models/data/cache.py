@@ -56,11 +56,6 @@ class Cached:
         return metres(self.depth[index])
 
     @property
-    def fingerprint(self) -> str:
-        """Tells lists of ids apart, their order included."""
-        return hashlib.sha256(json.dumps(self.ids).encode()).hexdigest()
-
-    @property
     def has_labels(self) -> bool:
         """Whether any pixel of any pair is labelled."""
         return any(bool((picture != IGNORE).any()) for picture in self.labels)

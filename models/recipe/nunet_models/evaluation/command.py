@@ -52,7 +52,8 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--clip",
         action="store_true",
-        help="the ids are frames of one video; for networks that give metres",
+        help="the ids are frames of one video, in order, and a network with a memory carries it "
+        "from each to the next; for networks that give metres",
     )
     parser.add_argument("--csv", type=Path, help="write a row a picture")
     parser.add_argument("--threads", type=int, default=1)
@@ -75,12 +76,11 @@ def run(options: argparse.Namespace) -> int:
         if options.data.suffix == MAT_SUFFIX:
             why = f"has no labels to use: {MAT_LABELS}"
         print(f"nunet_models: no label figures: `{options.data}` {why}", file=sys.stderr)
-    predict = _focal_scaled(predictor, options.fx)
     # First, since its pictures may not fit and a network takes minutes.
     baseline = _baseline(options, pairs) if options.baseline_ids else None
     comparison = compare(
         _progress(pairs, predictor.path.name),
-        predict,
+        _predict(predictor, options),
         protocol=PROTOCOLS[options.protocol],
         metric=predictor.metric,
         classes=len(predictor.classes),
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     if baseline:
         found["baseline"] = baseline
     if options.clip:
-        found["clip"] = clip_figures(_progress(pairs, "as a clip"), predict)
+        found["clip"] = clip_figures(_progress(pairs, "as a clip"), _predict(predictor, options))
     if options.csv:
         _write_csv(options.csv, comparison)
     print(json.dumps(found, indent=1))
@@ -122,12 +122,15 @@ def _progress(pairs: Pairs, what: str) -> Iterator[Pair]:
         yield pairs[index]
 
 
-def _focal_scaled(predictor: Predictor, fx_px: float | None) -> Predict:
+def _predict(predictor: Predictor, options: argparse.Namespace) -> Predict:
+    """What answers for one pass over the pictures: the frames of a video, or pictures alone."""
+    answer = predictor.stream() if options.clip else predictor
+    fx_px = options.fx
     if fx_px is None or not predictor.metric:  # 0..1 is the same for every camera
-        return predictor
+        return answer
 
     def predict(rgb: np.ndarray) -> Prediction:
-        prediction = predictor(rgb)
+        prediction = answer(rgb)
         scale = predictor.focal_scale(fx_px, rgb.shape[1])
         return replace(prediction, depth=prediction.depth * np.float32(scale))
 
@@ -148,8 +151,8 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object]:
             metric=metric,
             classes=0,
         ).figures()
-        figures.update({"metrics": comparison["metrics"]} if metric else {})
-        figures["minmax"] = comparison["minmax"]
+        for name in ("metrics", "picture_mean") if metric else ("minmax",):
+            figures[name] = comparison[name]
     return figures
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
-from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics
+from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics, picture_mean
 
 MINMAX_FIGURES = ("mse", "rmse")  # what the paper measures of stretched depth
 ROW = ("id", *FIGURES, *(f"minmax_{name}" for name in MINMAX_FIGURES))
-"""Columns of a row a picture, the same as `nunetd eval --csv` writes."""
+"""Columns of a row a picture, those of the `pictures.csv` that `nunetd eval --out DIR` writes."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,7 @@ class Comparison:
             "pictures": len(self.per_picture),
             "pixels_without_prediction": self.minmax.missing,
             "metrics": self.depth.figures(),
+            "picture_mean": picture_mean(self.per_picture),
             "minmax": {name: minmax[name] for name in MINMAX_FIGURES} if minmax else {},
         }
         if self.labels is not None:

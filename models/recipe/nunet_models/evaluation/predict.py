@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from nunet_models.errors import ConfigError
-from nunet_models.evaluation.compare import Prediction
+from nunet_models.evaluation.compare import Predict, Prediction
 from nunet_models.export.measure import decoded
 from nunet_models.export.onnx_file import read_metadata, session
 
@@ -15,7 +15,8 @@ from nunet_models.export.onnx_file import read_metadata, session
 class Predictor:
     """Runs a model file with ONNX Runtime on the CPU, one picture at a time.
 
-    A graph with a memory starts anew for each picture: pictures of a dataset are no stream.
+    A graph with a memory starts anew for each picture, since pictures of a dataset are no stream;
+    `stream` is for those that are one.
 
     # Errors
     `ConfigError` naming a file that is none, damaged, or one stage of a graph.
@@ -29,16 +30,18 @@ class Predictor:
         self.session = session(path, threads=threads)
         inputs = {tensor.name: tensor.shape for tensor in self.session.get_inputs()}
         self.outputs = [tensor.name for tensor in self.session.get_outputs()]
-        self._require_whole(list(inputs))
+        memory = json.loads(self.metadata.get("nunet.state", "[]"))
+        self._require_whole(list(inputs), memory)
         self.size: tuple[int, int] = tuple(inputs.pop("rgb")[1:3])
         self.state = {name: np.zeros(shape, np.float32) for name, shape in inputs.items()}
+        self.remembered = {tensor["output"]: tensor["input"] for tensor in memory}
         self.encoding = self.metadata["nunet.depth.encoding"]
         self.min_m = float(self.metadata["nunet.depth.min_m"])
         self.max_m = float(self.metadata["nunet.depth.max_m"])
 
-    def _require_whole(self, inputs: list[str]) -> None:
+    def _require_whole(self, inputs: list[str], memory: list[dict[str, str]]) -> None:
         """A picture goes in and depth comes out, which a stage of a graph alone does not do."""
-        state = [s["input"] for s in json.loads(self.metadata.get("nunet.state", "[]"))]
+        state = [tensor["input"] for tensor in memory]
         if sorted(inputs) != sorted(["rgb", *state]) or "depth" not in self.outputs:
             raise ConfigError(
                 f"`{self.path}` takes {_listed(inputs)} and gives {_listed(self.outputs)}; "
@@ -71,24 +74,46 @@ class Predictor:
         return (fx_px / width_px) / (camera["fx"] / camera["width"])
 
     def inputs(self, rgb: np.ndarray) -> dict[str, np.ndarray]:
-        """The session's inputs for a picture, uint8 `[H, W, 3]`, of any size."""
+        """The session's inputs for a picture, uint8 `[H, W, 3]`, of any size, that follows none."""
         given = _resized(rgb, self.size, Image.Resampling.BILINEAR)
         return {"rgb": given[None], **self.state}
 
     def __call__(self, rgb: np.ndarray) -> Prediction:
         """Answer for a picture, uint8 `[H, W, 3]`, at its own size.
 
-        Where the sizes differ the picture is resized by area or bilinearly, and depth back
-        bilinearly, labels to the nearest.
+        Where the sizes differ the picture is resized by PIL's `BILINEAR`, a triangle that grows
+        as wide as the picture shrinks, and depth back by the same, labels to the nearest. nunetd
+        weighs a picture's pixels by another curve (Hermite's), so that its figures of pictures of
+        another size than the model's are near these and not the same.
         """
+        return self._predicted(rgb, self.inputs(rgb))[0]
+
+    def stream(self) -> Predict:
+        """Answers for the frames of one video, asked in their order, the first one's from zeros.
+
+        As `__call__`, but what a graph remembers of a frame is given with the next.
+        """
+        state = self.state
+
+        def predict(rgb: np.ndarray) -> Prediction:
+            nonlocal state
+            prediction, state = self._predicted(rgb, {**self.inputs(rgb), **state})
+            return prediction
+
+        return predict
+
+    def _predicted(
+        self, rgb: np.ndarray, inputs: dict[str, np.ndarray]
+    ) -> tuple[Prediction, dict[str, np.ndarray]]:
+        """The answer for a picture, and what is remembered of it, by the names of the inputs."""
         picture_size = rgb.shape[:2]
-        values = self.session.run(None, self.inputs(rgb))
-        named = dict(zip(self.outputs, values, strict=True))
+        named = dict(zip(self.outputs, self.session.run(None, inputs), strict=True))
         depth = _resized(named["depth"][0, 0], picture_size, Image.Resampling.BILINEAR)
         labels = named.get("labels")
         if labels is not None:
             labels = _resized(labels[0], picture_size, Image.Resampling.NEAREST)
-        return Prediction(decoded(depth, self), labels)
+        state = {given: named[output] for output, given in self.remembered.items()}
+        return Prediction(decoded(depth, self), labels), state
 
 
 def _listed(names: list[str]) -> str:

@@ -47,6 +47,8 @@ def decoded(depth: np.ndarray, spec: DepthLimits) -> np.ndarray:
     valid = np.isfinite(depth)
     if spec.encoding == "metric":
         valid &= (depth >= spec.min_m) & (depth <= spec.max_m)
+    elif spec.encoding == "minmax":
+        depth = depth.clip(0.0, 1.0)
     return np.where(valid, depth, np.float32(np.nan))
 
 

@@ -18,7 +18,8 @@ def balance_joints(model: onnx.ModelProto, ranges: Ranges) -> dict[str, float]:
     One scale quantises what a convolution reads. Where logits up to 20 lie beside an image within
     1, a step of that scale is a seventh of the image. So the head that makes the logits is divided
     by their range, and the weights that read them are multiplied by it: labels are the same, since
-    the greatest logit stays the greatest, and so is everything behind the joint.
+    the greatest logit stays the greatest, and so is everything behind the joint. Features that are
+    0 over all calibration pictures have no range to be divided by, and are left as they are.
     """
     joints = list(_joints(model))
     if not joints:
@@ -27,6 +28,8 @@ def balance_joints(model: onnx.ModelProto, ranges: Ranges) -> dict[str, float]:
     factors = {}
     for concat, features, head, readers in joints:
         factor = found[features]
+        if not factor > 0.0:
+            continue
         _rescale(model, head.input[1:], lambda values, f=factor: values / f)
         for reader in readers:
             _rescale(model, reader.input[1:2], lambda weights, f=factor: _scaled_from(weights, f))

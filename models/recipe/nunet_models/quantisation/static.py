@@ -79,11 +79,16 @@ def quantise(
     done.
 
     # Errors
-    `ConfigError` for a file that is quantised already, and without a picture.
+    `ConfigError` for a file that is quantised already or has a memory, and without a picture.
     """
     values = read_metadata(path)
     if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
         raise ConfigError(f"`{path}` is no fp32 model file")
+    if "nunet.state" in values:
+        raise ConfigError(
+            f"`{path}` remembers earlier frames; calibration pictures follow none, so that what is "
+            "remembered would have no integers but 0; hint: the fp32 file runs as it is"
+        )
     model = load_model(path)
     keep = [*plan.float_nodes, *(heads(model) if plan.float_heads else ())]
     known = {node.name for node in model.graph.node}

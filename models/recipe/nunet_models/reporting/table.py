@@ -16,6 +16,14 @@ PAPER_MSE = {
 """Table 1 of "Practical Depth Estimation with Image Segmentation and Serial U-Nets": mean squared
 error of depth stretched to 0..1 picture by picture."""
 
+_RMSE = FIGURES.index("rmse") + 1
+_COLUMNS = (
+    *(("metrics", name) for name in FIGURES[:_RMSE]),
+    ("picture_mean", "rmse"),  # papers mean either by it, and the two differ by a tenth
+    *(("metrics", name) for name in FIGURES[_RMSE:]),
+)
+"""Group and name of the table's figures of depth."""
+
 
 def read_evaluation(path: Path) -> dict[str, Any]:
     """An answer of `evaluate` or of `nunetd eval --json`, its `model` by name.
@@ -37,16 +45,20 @@ def read_evaluation(path: Path) -> dict[str, Any]:
 
 
 def metric_table(evaluations: list[dict[str, Any]]) -> str:
-    """A row a model in metres, then the mean image where an evaluation has it."""
-    rows = [("model", "pictures", *FIGURES, "mIoU", "accuracy")]
+    """A row a model in metres, then the mean image where an evaluation has it.
+
+    Figures are pooled over all pixels; the RMSE is given as the mean over pictures as well.
+    """
+    names = [f"{n}, mean of pictures" if group == "picture_mean" else n for group, n in _COLUMNS]
+    rows = [("model", "pictures", *names, "mIoU", "accuracy")]
     for found in evaluations:
         if found["metrics"]:
             labels = [_n(found.get("labels", {}).get(name)) for name in ("miou", "accuracy")]
-            figures = _cells(found["metrics"])
+            figures = _cells(found)
             rows.append((found["model"], str(found["pictures"]), *figures, *labels))
     for found in evaluations:
-        baseline = (found.get("baseline") or {}).get("metrics")
-        if baseline:
+        baseline = found.get("baseline") or {}
+        if baseline.get("metrics"):
             none = [_n(None)] * 2
             rows.append(("mean image", str(found["pictures"]), *_cells(baseline), *none))
             break
@@ -77,8 +89,9 @@ def markdown(rows: list[tuple[str, ...]]) -> str:
     return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]]) + "\n"
 
 
-def _cells(figures: dict[str, float]) -> list[str]:
-    return [_n(figures.get(name)) for name in FIGURES]
+def _cells(found: dict[str, Any]) -> list[str]:
+    # Answers of earlier versions have no `picture_mean`.
+    return [_n((found.get(group) or {}).get(name)) for group, name in _COLUMNS]
 
 
 def _n(value: float | None) -> str:

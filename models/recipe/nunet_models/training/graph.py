@@ -82,6 +82,13 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
         spec = replace(spec, camera=Camera.from_intrinsics(options.intrinsics))
     if options.component not in [c.name for c in spec.components]:
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
+    if spec.component(options.component).memory:
+        raise OptionError(
+            f"`--component {options.component}` of `{spec.architecture}` has a memory; this recipe "
+            "does not train over sequences yet, and single pictures leave the weights that read "
+            "what is remembered as they began; hint: `--architecture wnet_c` is the same network "
+            "without one"
+        )
     if options.drop_path and not (options.folder / Trainer.LAST).exists():
         # (a run to resume may be of a version that took it for any backbone)
         check_drop_path(spec.component(options.component).backbone)

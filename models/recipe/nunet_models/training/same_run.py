@@ -10,6 +10,7 @@ _DATA_OPTIONS = {
     "depth_offset": "--depth-offset",
     "window": "--window",
 }
+_LIST_OPTIONS = {"train": "--train-ids", "val": "--val-ids"}
 _ORIGIN_OPTIONS = {
     "start": "--start",
     "begin_with": "--begin-with",
@@ -32,14 +33,17 @@ def graph_differences(started: GraphSpec, given: GraphSpec, component: str) -> l
 def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> list[str]:
     """A phrase for each difference of data and of where the weights began (`run_provenance`).
 
-    The lists of ids are told apart elsewhere. Files are the same whose content is, wherever they
-    lie and however they are called. What `started` lacks is of an earlier version: it is not told.
+    Lists of ids and other files are the same whose content is, wherever they lie and however they
+    are called. What `started` lacks is of an earlier version: it is not told.
     """
     found = []
     before, now = started.get("data", {}), given.get("data", {})
     for name, option in _DATA_OPTIONS.items():
         if name in before and name in now and _plain(before[name]) != _plain(now[name]):
             found.append(difference(option, before[name], now[name]))
+    for name, option in _LIST_OPTIONS.items():
+        if name in before and name in now and before[name] != now[name]:
+            found.append(f"another list than that of `{option}`")
     if "origin" in started and "origin" in given:
         before, now = _origins(started["origin"]), _origins(given["origin"])
         for option in before | now:

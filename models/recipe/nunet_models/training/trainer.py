@@ -270,7 +270,6 @@ class Trainer:
             "batch": self.batch,
             "losses": self.losses,
             "trains": name,
-            "ids": self._fingerprints(),
         }
         Checkpoint(
             self.graph.spec,
@@ -317,10 +316,6 @@ class Trainer:
                 f"`{spec.architecture}`; hint: the options it was started with"
             )
         other += self.settings.differences(started.settings[name])
-        before = progress.get("ids", {})  # absent in files of earlier versions
-        for option, fingerprint in self._fingerprints().items():
-            if before.get(option, fingerprint) != fingerprint:
-                other.append(f"another list than that of `{option}`")
         other += provenance_differences(
             started.provenance.get(name, {}), self.before.provenance.get(name, {})
         )
@@ -330,10 +325,6 @@ class Trainer:
                 "hint: the options it was started with, or another `--run` with "
                 f"`--start {self.folder / self.BEST}`"
             )
-
-    def _fingerprints(self) -> dict[str, str]:
-        """Of the lists of ids, by the option that names them."""
-        return {"--train-ids": self.data.fingerprint, "--val-ids": self.val.fingerprint}
 
 
 def _score(figures: dict[str, float]) -> float:

@@ -92,6 +92,13 @@ impl SelfTest {
         Ok(Self { precision: file.precision, answer, tolerance: file.tolerance })
     }
 
+    /// The same question to a graph that leaves the labels out.
+    #[must_use]
+    pub fn without_labels(mut self) -> Self {
+        self.answer.labels = None;
+        self
+    }
+
     /// Compares an answer of this machine with the one of the export, computing in the file's own precision.
     ///
     /// # Errors

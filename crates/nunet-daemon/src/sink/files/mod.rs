@@ -12,6 +12,7 @@ use nunet_core::cloud::CloudPoint;
 
 pub use colour::depth_picture;
 pub(crate) use colour::{draw_text, paint, range};
+pub(crate) use npy::{read as read_npy, write as write_npy};
 pub(crate) use png::write_depth_mm;
 
 /// One frame's results, at the network's size.
@@ -25,7 +26,7 @@ pub struct Results<'a> {
     pub metric: bool,
     /// `[H, W]`, class indices.
     pub labels: Option<&'a [u8]>,
-    /// Organised points in the optical frame, metres.
+    /// Organised points in the optical frame, of the unit of `depth`.
     pub cloud: Option<&'a [CloudPoint]>,
 }
 
@@ -75,7 +76,7 @@ pub fn write(folder: &Path, results: &Results<'_>) -> anyhow::Result<()> {
         write_file("labels.png", &|path| png::write_gray(path, labels, results.size))?;
     }
     if let Some(cloud) = results.cloud {
-        write_file("cloud.ply", &|path| ply::write(path, cloud))?;
+        write_file("cloud.ply", &|path| ply::write(path, cloud, results.metric))?;
     }
     Ok(())
 }

@@ -6,18 +6,19 @@ use std::path::Path;
 
 use nunet_core::cloud::CloudPoint;
 
-/// Writes the points that have a position, in the optical frame, metres.
-pub(super) fn write(path: &Path, points: &[CloudPoint]) -> anyhow::Result<()> {
+/// Writes the points that have a position, in the optical frame; metres where `metric`.
+pub(super) fn write(path: &Path, points: &[CloudPoint], metric: bool) -> anyhow::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
-    write_to(&mut file, points)?;
+    write_to(&mut file, points, metric)?;
     Ok(file.flush()?)
 }
 
-fn write_to(out: &mut impl Write, points: &[CloudPoint]) -> std::io::Result<()> {
+fn write_to(out: &mut impl Write, points: &[CloudPoint], metric: bool) -> std::io::Result<()> {
+    let unit = if metric { "metres" } else { "no unit" };
     let valid = || points.iter().filter(|point| point.z.is_finite());
     write!(
         out,
-        "ply\nformat binary_little_endian 1.0\ncomment optical frame: x right, y down, z forward, metres\n\
+        "ply\nformat binary_little_endian 1.0\ncomment optical frame: x right, y down, z forward, {unit}\n\
          element vertex {}\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
          property uchar green\nproperty uchar blue\nproperty uchar label\nend_header\n",
         valid().count()
@@ -40,7 +41,7 @@ mod tests {
         let valid = CloudPoint { x: 1.0, y: -2.0, z: 3.0, b: 10, g: 20, r: 30, label: 4 };
         let invalid = CloudPoint { x: f32::NAN, y: f32::NAN, z: f32::NAN, b: 1, g: 1, r: 1, label: 1 };
         let mut file = Vec::new();
-        write_to(&mut file, &[invalid, valid]).unwrap();
+        write_to(&mut file, &[invalid, valid], true).unwrap();
         let text = String::from_utf8_lossy(&file);
         assert!(text.contains("element vertex 1\n"), "{text}");
         let body = &file[file.len() - 16..];
@@ -49,5 +50,9 @@ mod tests {
         expected.extend([30, 20, 10, 4]);
         assert_eq!(body, expected);
         assert!(file[..file.len() - 16].ends_with(b"end_header\n"));
+        assert!(text.contains("z forward, metres\n"), "{text}");
+        let mut relative = Vec::new();
+        write_to(&mut relative, &[valid], false).unwrap();
+        assert!(String::from_utf8_lossy(&relative).contains("z forward, no unit\n"));
     }
 }

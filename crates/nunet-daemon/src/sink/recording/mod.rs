@@ -7,4 +7,4 @@ mod writer;
 
 pub(crate) use record::{Record, Results};
 pub(crate) use recorder::{Ending, Recorder, Tally};
-pub(crate) use writer::{About, Archive, FrameWriter, recording_path, refuse_output};
+pub(crate) use writer::{About, Archive, FrameWriter, recording_path, refuse_output, settings};

@@ -2,7 +2,8 @@
 
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
-use nunet_ipc::{FrameSet, Topic};
+use nunet_core::depth::Scale;
+use nunet_ipc::{FrameSet, Topic, Units};
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
 
 use crate::source::{Frame, Pixels};
@@ -17,6 +18,8 @@ pub(crate) struct Record {
     pub(crate) camera: Option<CameraDescription>,
     /// The camera at the size of depth.
     pub(crate) depth_camera: Option<CameraDescription>,
+    /// Units of depth, and where its scale comes from.
+    scale: [&'static str; 2],
     size: (u32, u32),
     depth: Vec<u8>,
     labels: Vec<u8>,
@@ -27,6 +30,7 @@ pub(crate) struct Record {
 /// Results as a pipeline leaves them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Results<'a> {
+    pub(crate) scale: Scale,
     pub(crate) size: (u32, u32),
     pub(crate) depth: &'a [f32],
     pub(crate) labels: Option<&'a [u8]>,
@@ -62,6 +66,10 @@ impl Record {
                     self.size = size;
                     sample.bytes().clone_into(&mut self.depth);
                     let header = sample.header();
+                    self.scale = [
+                        header.units().map_or("", |units| units.name()),
+                        header.scale_source().map_or("", |source| source.name()),
+                    ];
                     self.depth_camera = words::camera(header).ok().flatten().map(|camera| describe(&camera));
                 }
             }
@@ -71,6 +79,8 @@ impl Record {
     /// Copies results of a pipeline.
     pub(crate) fn copy_results(&mut self, results: &Results<'_>) {
         self.clear();
+        self.scale =
+            [words::units(results.scale.units).name(), words::scale_source(results.scale.source).name()];
         self.size = results.size;
         self.depth.extend(results.depth.iter().flat_map(|metres| metres.to_le_bytes()));
         self.labels.extend_from_slice(results.labels.unwrap_or_default());
@@ -92,16 +102,22 @@ impl Record {
     }
 
     pub(crate) fn depth(&self) -> DepthRecord<'_> {
-        DepthRecord { width: self.size.0, height: self.size.1, bytes: &self.depth }
+        let Self { scale, size: (width, height), depth, .. } = self;
+        DepthRecord { scale: *scale, width: *width, height: *height, bytes: depth }
     }
 
     pub(crate) fn labels(&self) -> Option<&[u8]> {
         (!self.labels.is_empty()).then_some(&self.labels)
     }
 
+    /// Points are metres to everybody who reads ROS' messages: there are none of depth without a unit.
     pub(crate) fn cloud(&self) -> Option<CloudRecord<'_>> {
         let (width, height) = self.cloud_size;
-        (!self.cloud.is_empty()).then_some(CloudRecord { width, height, bytes: &self.cloud })
+        (!self.cloud.is_empty() && self.scale[0] == Units::Metre.name()).then_some(CloudRecord {
+            width,
+            height,
+            bytes: &self.cloud,
+        })
     }
 }
 

@@ -285,13 +285,9 @@ impl Listener {
         passed
     }
 
-    /// The results of a frame; `None` when newer ones have taken their place already. Not by the sequence alone: not
-    /// every publisher counts, and one that begins again counts from 0.
+    /// The results of a frame, by their key; `None` when newer ones have taken their place already.
     fn results_of(&mut self, wanted: (u64, i64)) -> Option<FrameSet> {
-        let of = |set: &FrameSet| {
-            let header = set.get(Topic::Depth)?.header();
-            Some((header.sequence, header.capture_nanos))
-        };
+        let of = |set: &FrameSet| Some(set.get(Topic::Depth)?.header().key());
         let mut set = self.newer.take();
         while set.as_ref().and_then(of) != Some(wanted) {
             match self.reader.next_set().ok().flatten() {

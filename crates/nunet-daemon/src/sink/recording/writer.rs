@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
+use nunet_core::pipeline::Pipeline;
 use nunet_core::preprocess::Preprocessor;
 use nunet_ipc::Clock;
 use nunet_mcap::{EncodedPicture, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
@@ -27,6 +28,8 @@ pub(crate) struct About<'a> {
     pub(crate) mount: Option<MountArg>,
     pub(crate) model: &'a ModelName,
     pub(crate) provider: &'a str,
+    /// From [`settings`].
+    pub(crate) settings: [(&'static str, String); 2],
     /// Overwrite a file that is there.
     pub(crate) force: bool,
 }
@@ -34,10 +37,11 @@ pub(crate) struct About<'a> {
 impl About<'_> {
     fn options(&self) -> WriterOptions {
         let about = [
-            ("model", &self.model.name[..]),
-            ("model_sha256", &self.model.hash),
-            ("provider", self.provider),
+            ("model", self.model.name.clone()),
+            ("model_sha256", self.model.hash.clone()),
+            ("provider", self.provider.to_owned()),
         ];
+        let about = about.into_iter().chain(self.settings.clone());
         let mount = self.mount.map(|mount| Mount {
             translation_m: mount.translation_m,
             roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad,
@@ -46,10 +50,18 @@ impl About<'_> {
             camera: self.camera.to_owned(),
             frame_id: self.frame_id.map_or_else(|| words::default_frame_id(self.camera), str::to_owned),
             mount,
-            about: about.map(|(key, value)| (key.to_owned(), value.to_owned())).into(),
+            about: about.map(|(key, value)| (key.to_owned(), value)).collect(),
             force: self.force,
         }
     }
+}
+
+/// How depth is made beside the model: the filters in their order, and the stages that do not run for each frame.
+pub(crate) fn settings(pipeline: &Pipeline) -> [(&'static str, String); 2] {
+    let filters: Vec<_> = pipeline.filters().specs().map(|filter| filter.to_string()).collect();
+    let stages = pipeline.graph().stages().iter().filter(|stage| stage.every > 1);
+    let every: Vec<_> = stages.map(|stage| format!("{}={}", stage.name, stage.every)).collect();
+    [("filters", filters.join(" ")), ("every", every.join(" "))]
 }
 
 /// Refuses an output that is there, or that is the input under whatever name, before any work is done.

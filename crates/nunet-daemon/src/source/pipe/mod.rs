@@ -10,10 +10,9 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use nunet_core::frame::{MAX_SIDE_PX, PixelFormat};
-use nunet_ipc::{Clock, monotonic_nanos};
+use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
 use super::{Capture, Fill, Frame, Pixels, Source};
-use crate::telemetry::unix_nanos;
 
 /// How long one call may wait, so that a stop is seen.
 const PATIENCE: Duration = Duration::from_millis(100);

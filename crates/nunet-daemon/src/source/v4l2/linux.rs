@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::ptr::{self, NonNull};
 use std::time::Duration;
 
-use nunet_ipc::monotonic_nanos;
+use nunet_ipc::{monotonic_nanos, unix_nanos};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, Mode, OFlags, major};
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
@@ -22,7 +22,6 @@ use super::abi::{
 use super::device::{
     Buffer, Capability, Device, Errno, FourCc, Host, Interval, Intervals, Layout, Now, Result, Sizes,
 };
-use crate::telemetry::unix_nanos;
 
 const QUERY_CAPABILITIES: Opcode = opcode::read::<Capabilities>(b'V', 0);
 const DESCRIBE_FORMAT: Opcode = opcode::read_write::<Description>(b'V', 2);

@@ -1,8 +1,7 @@
 //! The machine that a figure was measured on.
 
+use nunet_ipc::unix_nanos;
 use serde_json::{Value, json};
-
-use crate::telemetry::unix_nanos;
 
 pub(super) fn json() -> Value {
     json!({

@@ -1,8 +1,8 @@
-//! Depth against truth: protocols, metres and stretched depth, and the mean image that needs no network.
+//! Depth against truth: protocols, metres and stretched depth.
 
 use anyhow::bail;
 
-use super::metrics::DepthMetrics;
+use super::metrics::{DepthMetrics, PictureMean};
 use crate::cli::ProtocolArg;
 
 /// Predictions below would make relative errors meaningless; the field's figure.
@@ -37,8 +37,12 @@ pub(super) struct Comparison {
     kind: Kind,
     /// Metres under the protocol; empty where the network has none.
     pub(super) depth: DepthMetrics,
+    /// Of each picture by itself.
+    pub(super) each: PictureMean,
     /// Whole pictures, each stretched from its nearest to its farthest point, as the paper did.
     pub(super) minmax: DepthMetrics,
+    /// Pixels of truth under the protocol that lie outside of what is compared.
+    pub(super) beyond: u64,
     /// The nearest and the farthest truth under the protocol, metres, whether it is compared or not.
     truth_m: Option<(f32, f32)>,
 }
@@ -57,7 +61,7 @@ pub(super) enum Kind {
 impl Comparison {
     pub(super) fn new(protocol: ProtocolArg, kind: Kind) -> Self {
         let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
-        Self { protocol, kind, depth, minmax, truth_m: None }
+        Self { protocol, kind, depth, each: PictureMean::default(), minmax, beyond: 0, truth_m: None }
     }
 
     /// Whether there was truth to compare metres with.
@@ -77,6 +81,17 @@ impl Comparison {
             "no true depth lies between {MIN_DEPTH_M} and {MAX_DEPTH_M} m, where depth is compared: it is {near} to {far} m\n\
              hint: --depth-scale METRES says what a unit of the depth pictures is"
         )
+    }
+
+    /// What is compared: metres where there are any.
+    pub(super) fn compared(&self) -> &DepthMetrics {
+        if self.kind == Kind::Metric { &self.depth } else { &self.minmax }
+    }
+
+    /// The share of the truth under the protocol that is not compared because it lies too far, or too near.
+    pub(super) fn share_beyond(&self) -> f64 {
+        let all = self.depth.pixels + self.depth.missing + self.beyond;
+        self.beyond as f64 / all.max(1) as f64
     }
 
     /// What predictions are.
@@ -101,6 +116,7 @@ impl Comparison {
             for (predicted, truth) in lines.take(rows.end).skip(rows.start) {
                 for (&p, &t) in predicted.iter().zip(truth).take(columns.end).skip(columns.start) {
                     alone.depth.add(capped(p), if is_compared(t) { t } else { f32::NAN });
+                    alone.beyond += u64::from(t.is_finite() && !is_compared(t));
                     alone.see(t);
                 }
             }
@@ -113,7 +129,9 @@ impl Comparison {
             alone.minmax.add(positive(p), positive(t));
         }
         self.depth.merge(&alone.depth);
+        self.each.add(alone.depth.figures());
         self.minmax.merge(&alone.minmax);
+        self.beyond += alone.beyond;
         for end in alone.truth_m.map_or([f32::NAN; 2], |(near, far)| [near, far]) {
             self.see(end);
         }
@@ -144,94 +162,6 @@ pub(super) fn stretched(depth: &[f32], truth: &[f32]) -> Vec<f32> {
     let stretch =
         |(&depth, truth): (&f32, &f32)| if truth.is_finite() { (depth - near) / range } else { f32::NAN };
     depth.iter().zip(truth).map(stretch).collect()
-}
-
-/// The trivial prediction: for each pixel its mean over all pictures, whatever the picture shows.
-#[derive(Debug, Default)]
-pub(super) struct MeanImage {
-    size: Option<(u32, u32)>,
-    metres: Means,
-    stretched: Means,
-}
-
-#[derive(Debug, Default)]
-struct Means(Vec<(f64, u32)>);
-
-impl Means {
-    fn add(&mut self, values: &[f32]) {
-        self.0.resize(values.len(), (0.0, 0));
-        for ((sum, count), &value) in self.0.iter_mut().zip(values) {
-            if value.is_finite() {
-                *sum += f64::from(value);
-                *count += 1;
-            }
-        }
-    }
-
-    /// The mean of each pixel, `otherwise` where it was never known.
-    fn image(&self, otherwise: f64) -> Vec<f32> {
-        let mean = |&(sum, count): &(f64, u32)| if count == 0 { otherwise } else { sum / f64::from(count) };
-        self.0.iter().map(|pixel| mean(pixel) as f32).collect()
-    }
-
-    fn overall(&self) -> f64 {
-        let (sum, count) = self
-            .0
-            .iter()
-            .fold((0.0, 0_u64), |(sum, count), pixel| (sum + pixel.0, count + u64::from(pixel.1)));
-        sum / count.max(1) as f64
-    }
-}
-
-impl MeanImage {
-    /// Counts one picture.
-    ///
-    /// # Errors
-    /// It is of another size than the first: there is no mean image then.
-    pub(super) fn add(&mut self, truth_m: &[f32], size: (u32, u32)) -> anyhow::Result<()> {
-        let first = *self.size.get_or_insert(size);
-        if first != size {
-            bail!("pictures of {}x{} and of {}x{} have no mean image", first.0, first.1, size.0, size.1);
-        }
-        self.metres.add(truth_m);
-        self.stretched.add(&stretched(truth_m, truth_m));
-        Ok(())
-    }
-
-    /// Both mean images as comparisons to come; `None` before the first picture.
-    pub(super) fn baseline(&self, protocol: ProtocolArg) -> Option<Baseline> {
-        self.size.map(|size| Baseline {
-            size,
-            metres: self.metres.image(self.metres.overall()),
-            stretched: self.stretched.image(0.5),
-            metric: Comparison::new(protocol, Kind::Metric),
-            minmax: Comparison::new(protocol, Kind::MinMax),
-        })
-    }
-}
-
-/// The mean image compared with every picture.
-#[derive(Debug)]
-pub(super) struct Baseline {
-    size: (u32, u32),
-    metres: Vec<f32>,
-    stretched: Vec<f32>,
-    /// In metres.
-    pub(super) metric: Comparison,
-    /// Stretched.
-    pub(super) minmax: Comparison,
-}
-
-impl Baseline {
-    /// Counts one picture.
-    pub(super) fn add(&mut self, truth_m: &[f32], size: (u32, u32)) -> anyhow::Result<()> {
-        if size != self.size {
-            bail!("the mean image is {}x{}, this picture {}x{}", self.size.0, self.size.1, size.0, size.1);
-        }
-        self.metric.add(&self.metres, truth_m, size)?;
-        self.minmax.add(&self.stretched, truth_m, size)?;
-        Ok(())
-    }
 }
 
 #[cfg(test)]
@@ -266,6 +196,12 @@ mod tests {
         // 50 m are taken for 10 m where there are 9, and 0 m for a millimetre where there is 1 m; no other pixel counts.
         assert!((figures.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{figures:?}");
         assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
+        assert_eq!((comparison.beyond, comparison.share_beyond()), (3, 0.5));
+        let each = comparison.each.figures().unwrap();
+        assert!(
+            (each.mse - figures.mse).abs() < 1e-12,
+            "a picture without a pixel counts for nothing: {each:?}"
+        );
         assert!(comparison.check_truth().is_ok());
     }
 
@@ -300,22 +236,5 @@ mod tests {
         comparison.add(&depth, &depth, (640, 480)).unwrap();
         assert_eq!(comparison.depth.pixels, 426 * 560);
         assert_eq!(comparison.minmax.pixels, 640 * 480);
-    }
-
-    #[test]
-    fn the_mean_image_is_the_mean_of_each_pixel_and_of_all_where_none_is_known() {
-        let mut mean = MeanImage::default();
-        mean.add(&[1.0, f32::NAN, 3.0], SIZE).unwrap();
-        mean.add(&[3.0, f32::NAN, f32::NAN], SIZE).unwrap();
-        let baseline = mean.baseline(ProtocolArg::Full).unwrap();
-        assert_eq!(baseline.metres, [2.0, 7.0 / 3.0, 3.0]);
-        assert_eq!(baseline.stretched[1], 0.5);
-    }
-
-    #[test]
-    fn pictures_of_two_sizes_have_no_mean_image() {
-        let mut mean = MeanImage::default();
-        mean.add(&[1.0; 3], SIZE).unwrap();
-        assert!(mean.add(&[1.0; 4], (2, 2)).unwrap_err().to_string().contains("3x1 and of 2x2"));
     }
 }

@@ -1,11 +1,13 @@
 //! Pictures with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
 
 use std::collections::{BTreeSet, HashSet};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 
 use nunet_core::camera::Camera;
+use nunet_core::plain_file;
 use tempfile::TempDir;
 use tracing::warn;
 
@@ -22,6 +24,8 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 /// Endings of files; cameras write them in capitals.
 const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
 const NUMBER_ENDINGS: [&str; 1] = ["png"];
+/// A million ids of 64 characters.
+const MAX_LIST_BYTES: u64 = 64 << 20;
 const MILLIMETRE_M: f64 = 0.001;
 /// What sensors write into 16-bit pictures where they measured nothing, besides 0: 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;
@@ -161,7 +165,8 @@ fn metres(depth: &Numbers, units: DepthUnitArgs) -> anyhow::Result<Vec<f32>> {
 #[derive(Debug)]
 struct LabelFolder {
     name: &'static str,
-    table: Vec<u8>,
+    /// The network's class of each number, [`IGNORE`] = none; `None` for numbers that mean nothing.
+    table: Vec<Option<u8>>,
 }
 
 /// The network's class of each NYU40 class, counted from 0, for the 13 classes of Couprie et al., "Indoor semantic
@@ -173,31 +178,45 @@ const NYU13_OF_NYU40: [u8; 39] = [
 impl LabelFolder {
     /// `labels/` holds the network's own classes, 255 = none; `label40/` NYU's 40 classes from 0.
     fn find(root: &Path, classes: &[String]) -> Option<Self> {
-        let own =
-            || (0..=IGNORE).map(|label| if usize::from(label) < classes.len() { label } else { IGNORE });
-        let nyu =
-            || (0..=usize::from(IGNORE)).map(|label| NYU13_OF_NYU40.get(label).copied().unwrap_or(IGNORE));
+        let is_none = |label: u8| (label == IGNORE).then_some(IGNORE);
+        let own = |label: u8| Some(label).filter(|&label| usize::from(label) < classes.len());
+        let nyu = |label: u8| NYU13_OF_NYU40.get(usize::from(label)).copied();
+        let other = |label: u8| (usize::from(label) == NYU13_OF_NYU40.len()).then_some(IGNORE);
+        let numbers = 0..=IGNORE;
         if classes.is_empty() {
             None
         } else if root.join("labels").is_dir() {
-            Some(Self { name: "labels", table: own().collect() })
+            Some(Self { name: "labels", table: numbers.map(|label| own(label).or(is_none(label))).collect() })
         } else if root.join("label40").is_dir() && classes == CLASS_NAMES {
-            Some(Self { name: "label40", table: nyu().collect() })
+            let class = |label| nyu(label).or(other(label)).or(is_none(label));
+            Some(Self { name: "label40", table: numbers.map(class).collect() })
         } else {
             None
         }
     }
 
     fn classes(&self, labels: &Numbers) -> anyhow::Result<Vec<u8>> {
-        let class = |label: u16| self.table.get(usize::from(label)).copied();
-        let classes: Option<Vec<u8>> = labels.values.iter().map(|&label| class(label)).collect();
-        classes.context("a label above 255\nhint: labels are 8-bit class indices")
+        let class = |&label: &u16| match self.table.get(usize::from(label)) {
+            Some(&Some(class)) => Ok(class),
+            _ => Err(self.no_class(label)),
+        };
+        labels.values.iter().map(class).collect()
+    }
+
+    fn no_class(&self, label: u16) -> anyhow::Error {
+        let known = self.table.iter().filter(|class| class.is_some()).count() - 1;
+        let hint = match self.name {
+            "labels" => "`labels/` holds the network's own classes; NYU's 40 belong into `label40/`",
+            _ => "NYU's classes count from 0 here, 39 is \"otherprop\" or unlabelled",
+        };
+        anyhow::anyhow!("the label {label}; expected 0 to {}, or {IGNORE} for none\nhint: {hint}", known - 1)
     }
 }
 
 /// Ids of a list, one a line.
 pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
-    let text = std::fs::read_to_string(list).with_context(|| format!("cannot read `{}`", list.display()))?;
+    let unreadable = |error| BadArguments(format!("cannot read `{}`: {error:#}", list.display()));
+    let text = read_list(list).map_err(unreadable)?;
     let lines = text.trim_start_matches(BYTE_ORDER_MARK).lines().map(str::trim);
     let ids: Vec<String> = lines.filter(|id| !id.is_empty()).map(str::to_owned).collect();
     let mut seen = HashSet::new();
@@ -208,6 +227,15 @@ pub(super) fn read_ids(list: &Path) -> anyhow::Result<Vec<String>> {
         bail!(BadArguments(format!("`{}` names no picture", list.display())));
     }
     Ok(ids)
+}
+
+fn read_list(list: &Path) -> anyhow::Result<String> {
+    let Some(mut file) = plain_file::open(list, MAX_LIST_BYTES + 1)? else { bail!("it is no plain file") };
+    let mut text = String::new();
+    if file.read_to_string(&mut text)? as u64 > MAX_LIST_BYTES {
+        bail!("a file of more than {MAX_LIST_BYTES} bytes is no list of ids");
+    }
+    Ok(text)
 }
 
 /// Ids of all pictures and of all depth, sorted: whose partner is missing is found when its turn comes. Files of other

@@ -1,4 +1,6 @@
-//! Metrics of depth and of labels, pooled over all pixels of all pictures, as the field's tables are.
+//! Metrics of depth and of labels over all pixels of all pictures, and those of depth as the mean over pictures.
+//!
+//! Tables of the field have either: `FastDepth`, `BTS` and `AdaBins` take the mean over pictures, which gives a smaller RMSE.
 
 use serde::Serialize;
 
@@ -109,6 +111,32 @@ pub(super) struct DepthFigures {
     pub(super) delta3: f64,
 }
 
+/// Figures of each picture by itself, averaged over the pictures that have any.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PictureMean {
+    sums: [f64; 10],
+    pictures: u64,
+}
+
+impl PictureMean {
+    /// Counts one picture; `None` had no pixel to compare.
+    pub(super) fn add(&mut self, figures: Option<DepthFigures>) {
+        let Some(figures) = figures else { return };
+        for (sum, (_, value)) in self.sums.iter_mut().zip(figures.named()) {
+            *sum += value;
+        }
+        self.pictures += 1;
+    }
+
+    /// The figures; `None` before the first picture.
+    pub(super) fn figures(&self) -> Option<DepthFigures> {
+        let n = (self.pictures > 0).then_some(self.pictures as f64)?;
+        let [mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3] =
+            self.sums.map(|sum| sum / n);
+        Some(DepthFigures { mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3 })
+    }
+}
+
 impl DepthFigures {
     /// The fields, in their order.
     pub(super) const NAMES: [&'static str; 10] =
@@ -126,7 +154,7 @@ impl DepthFigures {
 #[derive(Debug, Clone)]
 pub(super) struct LabelMetrics {
     classes: usize,
-    /// `[truth][predicted]`
+    /// `[truth][predicted]`, the last column for numbers that are no class.
     confusion: Vec<u64>,
 }
 
@@ -137,17 +165,19 @@ pub(super) struct LabelFigures {
     pub(super) miou: f64,
     /// Share of pixels that are right.
     pub(super) accuracy: f64,
+    /// Pixels that were compared.
+    pub(super) pixels: u64,
 }
 
 impl LabelMetrics {
     pub(super) fn new(classes: usize) -> Self {
-        Self { classes, confusion: vec![0; classes * classes] }
+        Self { classes, confusion: vec![0; classes * (classes + 1)] }
     }
 
     /// Counts one picture; truth [`IGNORE`] is left out.
     pub(super) fn add(&mut self, predicted: &[u8], truth: &[u8]) {
         for (&predicted, &truth) in predicted.iter().zip(truth) {
-            let at = usize::from(truth) * self.classes + usize::from(predicted);
+            let at = usize::from(truth) * (self.classes + 1) + usize::from(predicted).min(self.classes);
             if truth != IGNORE
                 && let Some(count) = self.confusion.get_mut(at)
             {
@@ -159,15 +189,19 @@ impl LabelMetrics {
     /// The figures; `None` before the first pixel.
     pub(super) fn figures(&self) -> Option<LabelFigures> {
         let total: u64 = self.confusion.iter().sum();
-        let row = |class: usize| self.confusion.iter().skip(class * self.classes).take(self.classes);
-        let column = |class: usize| self.confusion.iter().skip(class).step_by(self.classes);
-        let hit = |class: usize| self.confusion.get(class * (self.classes + 1)).copied().unwrap_or_default();
+        let columns = self.classes + 1;
+        let row = |class: usize| self.confusion.iter().skip(class * columns).take(columns);
+        let column = |class: usize| self.confusion.iter().skip(class).step_by(columns);
+        let hit = |class: usize| self.confusion.get(class * columns + class).copied().unwrap_or_default();
         let union = |class: usize| row(class).sum::<u64>() + column(class).sum::<u64>() - hit(class);
         let seen: Vec<_> = (0..self.classes).filter(|&class| union(class) > 0).collect();
         let iou: f64 = seen.iter().map(|&class| hit(class) as f64 / union(class) as f64).sum();
         let right: u64 = (0..self.classes).map(hit).sum();
-        (total > 0)
-            .then(|| LabelFigures { miou: iou / seen.len() as f64, accuracy: right as f64 / total as f64 })
+        (total > 0).then(|| LabelFigures {
+            miou: iou / seen.len() as f64,
+            accuracy: right as f64 / total as f64,
+            pixels: total,
+        })
     }
 }
 
@@ -219,6 +253,30 @@ mod tests {
         for ((name, whole), (_, merged)) in whole.iter().zip(merged.figures().unwrap().named()) {
             assert!((whole - merged).abs() < 1e-12, "{name}");
         }
+    }
+
+    #[test]
+    fn the_mean_over_pictures_weighs_small_ones_like_large_ones() {
+        let of = |pixels: &[(f32, f32)]| {
+            let mut metrics = DepthMetrics::default();
+            pixels.iter().for_each(|&(predicted, truth)| metrics.add(predicted, truth));
+            metrics.figures()
+        };
+        let mut mean = PictureMean::default();
+        assert!(mean.figures().is_none());
+        for picture in [of(&[(2.0, 1.0); 3]), of(&[(4.0, 4.0)]), of(&[])] {
+            mean.add(picture);
+        }
+        let figures = mean.figures().unwrap();
+        assert_eq!((figures.rmse, figures.abs_rel, figures.delta1), (0.5, 0.5, 0.5));
+    }
+
+    #[test]
+    fn a_number_that_is_no_class_is_wrong_and_nobody_elses() {
+        let mut labels = LabelMetrics::new(3);
+        labels.add(&[4, 1, 1], &[0, 1, 1]);
+        let figures = labels.figures().unwrap();
+        assert_eq!((figures.miou, figures.accuracy), (0.5, 2.0 / 3.0));
     }
 
     #[test]

@@ -6,7 +6,8 @@ use anyhow::Context as _;
 use nunet_core::pipeline::Pipeline;
 use serde::Serialize;
 
-use super::comparison::{Baseline, Comparison, Kind};
+use super::baseline::{Baseline, Of};
+use super::comparison::{Comparison, Kind};
 use super::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
 use crate::cli::ProtocolArg;
 use crate::sink::stats::ModelName;
@@ -27,7 +28,9 @@ pub(super) struct Report {
     skipped: u64,
     pixels: u64,
     pixels_without_prediction: u64,
+    pixels_beyond: u64,
     metrics: Figures<DepthFigures>,
+    picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
     labels: Figures<LabelFigures>,
     baseline: Option<BaselineReport>,
@@ -39,6 +42,15 @@ pub(super) struct Report {
 enum Figures<T> {
     Measured(T),
     Nothing {},
+}
+
+impl<T: Copy> Figures<T> {
+    fn measured(&self) -> Option<T> {
+        match *self {
+            Self::Measured(figures) => Some(figures),
+            Self::Nothing {} => None,
+        }
+    }
 }
 
 impl<T> From<Option<T>> for Figures<T> {
@@ -60,17 +72,13 @@ impl Stretched {
     }
 }
 
-/// Of a mean image that has seen what it is measured on, and so is better than one can be on other pictures.
-pub(super) const OF_MEASURED: &str = "measured pictures";
-/// Of a mean image of pictures that the user named.
-pub(super) const OF_NAMED: &str = "baseline-ids";
-
 /// The same of the mean image.
 #[derive(Debug, Serialize)]
 struct BaselineReport {
-    /// Whose mean it is: [`OF_MEASURED`] or [`OF_NAMED`].
-    of: &'static str,
+    /// Whose mean it is.
+    of: Of,
     metrics: Figures<DepthFigures>,
+    picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
 }
 
@@ -79,7 +87,6 @@ pub(super) struct What {
     pub(super) model: ModelName,
     pub(super) dataset: String,
     pub(super) protocol: ProtocolArg,
-    pub(super) baseline_of: &'static str,
     pub(super) pictures: u64,
     pub(super) skipped: u64,
 }
@@ -107,15 +114,18 @@ impl Report {
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
             pictures: what.pictures,
             skipped: what.skipped,
-            pixels: comparison.minmax.pixels,
-            pixels_without_prediction: comparison.minmax.missing,
+            pixels: comparison.compared().pixels,
+            pixels_without_prediction: comparison.compared().missing,
+            pixels_beyond: comparison.beyond,
             metrics: comparison.depth.figures().into(),
+            picture_mean: comparison.each.figures().into(),
             minmax: Stretched::of(&comparison.minmax).into(),
             labels: labels.figures().into(),
             baseline: baseline.map(|baseline| BaselineReport {
-                of: what.baseline_of,
+                of: baseline.of,
                 metrics: baseline.metric.depth.figures().into(),
-                minmax: Stretched::of(&baseline.minmax.minmax).into(),
+                picture_mean: baseline.metric.each.figures().into(),
+                minmax: Stretched::of(baseline.minmax()).into(),
             }),
         }
     }
@@ -123,7 +133,7 @@ impl Report {
     /// For people: the network and the mean image side by side.
     pub(super) fn text(&self) -> String {
         let mut text = format!(
-            "{} ({}) on {}: {} pictures, {} skipped, protocol {}, scale {}\n{:<14}{:>10}{:>12}\n",
+            "{} ({}) on {}: {} pictures, {} skipped, protocol {}, scale {}\n{:<15}{:>9}{:>12}\n",
             self.model.name,
             self.architecture,
             self.dataset,
@@ -136,29 +146,30 @@ impl Report {
             "mean image"
         );
         let trivial = self.baseline.as_ref();
-        if let Figures::Measured(figures) = &self.metrics {
-            let beside = trivial.and_then(|baseline| match &baseline.metrics {
-                Figures::Measured(figures) => Some(figures.named()),
-                Figures::Nothing {} => None,
-            });
+        if let Some(figures) = self.metrics.measured() {
+            let beside = trivial.and_then(|baseline| baseline.metrics.measured());
             for (index, (name, value)) in figures.named().into_iter().enumerate() {
-                let beside = beside.and_then(|named| named.get(index).map(|&(_, value)| value));
-                text += &line(name, value, beside);
+                text += &line(name, value, beside.map(|figures| figures.named()[index].1));
             }
         }
-        if let Figures::Measured(figures) = self.minmax {
-            let beside = trivial.and_then(|baseline| match baseline.minmax {
-                Figures::Measured(figures) => Some(figures),
-                Figures::Nothing {} => None,
-            });
+        if let Some(figures) = self.picture_mean.measured() {
+            let beside = trivial.and_then(|baseline| baseline.picture_mean.measured());
+            text += &line("rmse, averaged", figures.rmse, beside.map(|figures| figures.rmse));
+        }
+        if let Some(figures) = self.minmax.measured() {
+            let beside = trivial.and_then(|baseline| baseline.minmax.measured());
             text += &line("minmax mse", figures.mse, beside.map(|figures| figures.mse));
             text += &line("minmax rmse", figures.rmse, beside.map(|figures| figures.rmse));
         }
-        if let Figures::Measured(labels) = self.labels {
+        if let Some(labels) = self.labels.measured() {
             text += &line("labels miou", labels.miou, None);
             text += &line("labels acc.", labels.accuracy, None);
         }
-        if trivial.is_some_and(|baseline| baseline.of == OF_MEASURED) {
+        text += &format!(
+            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared\n",
+            self.pixels, self.pixels_without_prediction, self.pixels_beyond
+        );
+        if trivial.is_some_and(|baseline| baseline.of == Of::Measured) {
             text += "the mean image is that of these very pictures: `--baseline-ids` takes one that has not seen them";
         }
         text.truncate(text.trim_end().len());
@@ -168,7 +179,7 @@ impl Report {
 
 fn line(name: &str, value: f64, beside: Option<f64>) -> String {
     let beside = beside.map(|value| format!("{value:>12.4}")).unwrap_or_default();
-    format!("{name:<14}{value:>10.4}{beside}\n")
+    format!("{name:<15}{value:>9.4}{beside}\n")
 }
 
 /// One picture's own figures.

@@ -15,6 +15,7 @@ const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 const FULL_ERROR: f32 = 0.5;
 /// How many of each kind.
 const EACH: usize = 3;
+const WIDTH: u32 = (CELL_WIDTH + GAP) * 4 + GAP;
 const COLUMNS: [&str; 4] = ["picture", "truth", "prediction", "error, red = 50 % or more"];
 
 /// The places of the pictures to show: best first, then those around the median, then the worst.
@@ -47,6 +48,18 @@ pub(super) struct Row<'a> {
 }
 
 impl Row<'_> {
+    /// The four pictures of the row beside each other, its caption above them.
+    pub(super) fn strip(&self) -> RgbImage {
+        let height = CELL_WIDTH * self.size.1 / self.size.0;
+        let mut strip = RgbImage::from_pixel(WIDTH, height + CAPTION_HEIGHT + GAP, PAPER);
+        draw_text(&mut strip, &self.caption, GAP, 2);
+        for (column, cell) in (0..).zip(self.cells().into_iter().flatten()) {
+            let cell = resize(&cell, CELL_WIDTH, height, FilterType::Triangle);
+            replace(&mut strip, &cell, i64::from(left_of(column)), i64::from(CAPTION_HEIGHT));
+        }
+        strip
+    }
+
     fn cells(&self) -> Option<[RgbImage; 4]> {
         let (width, height) = self.size;
         let rgb = RgbImage::from_raw(width, height, self.rgb.to_vec())?;
@@ -65,47 +78,26 @@ impl Row<'_> {
             paint(&errors, self.size, (-FULL_ERROR, 0.0)),
         ])
     }
-
-    fn height(&self) -> u32 {
-        CELL_WIDTH * self.size.1 / self.size.0 + CAPTION_HEIGHT + GAP
-    }
 }
 
-/// Rows below each other as they are added.
-#[derive(Debug)]
-pub(super) struct Sheet(RgbImage);
+fn left_of(column: u32) -> u32 {
+    GAP + column * (CELL_WIDTH + GAP)
+}
 
-impl Sheet {
-    /// An empty sheet with the names of its columns.
-    pub(super) fn new() -> Self {
-        let width = (CELL_WIDTH + GAP) * 4 + GAP;
-        let mut picture = RgbImage::from_pixel(width, CAPTION_HEIGHT + GAP, PAPER);
-        for (column, name) in (0..).zip(COLUMNS) {
-            draw_text(&mut picture, name, GAP + column * (CELL_WIDTH + GAP), GAP);
-        }
-        Self(picture)
+/// The names of the columns, and strips below each other.
+pub(super) fn stacked(strips: &[RgbImage]) -> RgbImage {
+    let head = CAPTION_HEIGHT + GAP;
+    let height = head + strips.iter().map(RgbImage::height).sum::<u32>();
+    let mut sheet = RgbImage::from_pixel(WIDTH, height, PAPER);
+    for (column, name) in (0..).zip(COLUMNS) {
+        draw_text(&mut sheet, name, left_of(column), GAP);
     }
-
-    /// Adds a row.
-    pub(super) fn add(&mut self, row: &Row<'_>) {
-        let Some(cells) = row.cells() else { return };
-        let top = self.0.height();
-        let mut grown = RgbImage::from_pixel(self.0.width(), top + row.height(), PAPER);
-        replace(&mut grown, &self.0, 0, 0);
-        draw_text(&mut grown, &row.caption, GAP, top + 2);
-        for (column, cell) in (0_i64..).zip(cells) {
-            let height = row.height() - CAPTION_HEIGHT - GAP;
-            let cell = resize(&cell, CELL_WIDTH, height, FilterType::Triangle);
-            let left = i64::from(GAP) + column * i64::from(CELL_WIDTH + GAP);
-            replace(&mut grown, &cell, left, i64::from(top + CAPTION_HEIGHT));
-        }
-        self.0 = grown;
+    let mut top = head;
+    for strip in strips {
+        replace(&mut sheet, strip, 0, i64::from(top));
+        top += strip.height();
     }
-
-    /// The sheet.
-    pub(super) fn picture(&self) -> &RgbImage {
-        &self.0
-    }
+    sheet
 }
 
 #[cfg(test)]
@@ -139,17 +131,16 @@ mod tests {
 
     #[test]
     fn a_row_shows_four_pictures() {
-        let mut sheet = Sheet::new();
         let (truth, predicted) = ([1.0, 2.0], [1.0, f32::NAN]);
-        sheet.add(&Row {
+        let row = Row {
             caption: "a".to_owned(),
             size: (2, 1),
             rgb: &[10, 20, 30, 40, 50, 60],
             truth: &truth,
             predicted: &predicted,
             metric: true,
-        });
-        let picture = sheet.picture();
+        };
+        let picture = stacked(&[row.strip()]);
         assert_eq!(picture.dimensions(), (4 * 326 + 6, 24 + 160 + 18 + 6));
         assert_eq!(picture.get_pixel(8, 50), &Rgb([10, 20, 30]));
         let right_of_prediction = 6 + 2 * 326 + 318;

@@ -5,19 +5,18 @@ use std::sync::Arc;
 
 use anyhow::bail;
 use nunet_core::pipeline::Pipeline;
-use nunet_ipc::{CameraName, Limits};
+use nunet_ipc::{CameraName, Limits, unix_nanos};
 use tracing::{Span, error, error_span, warn};
 
 use crate::cli::{RunArgs, SourceArgs, StreamArgs};
 use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
 use crate::sink::metrics::Metrics;
-use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output};
+use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output, settings};
 use crate::sink::shm::{Outlet, OutletOptions, frame_id};
 use crate::sink::stats::Common;
 use crate::source::{self, Kind, Opening, Rate, Source};
 use crate::stream::{Bell, Optics, Pace, Sinks, Stop, Stream, Worker};
-use crate::telemetry::unix_nanos;
 
 /// A camera's arguments, checked as far as they can be without the machine.
 pub(super) struct Plan<'a> {
@@ -238,6 +237,7 @@ impl Opened<'_> {
             mount: arguments.recording.mount.mount,
             model: common.model,
             provider: common.provider,
+            settings: settings(&pipeline),
             force: arguments.recording.force,
         };
         let bell = Arc::clone(bell);

@@ -1,0 +1,52 @@
+"""The 13 classes: one list of names wherever one is kept, and one fold of NYU's 40 into them."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import numpy as np
+
+from nunet_models.classes import CLASSES_13, IGNORE, labels13_from_labels40
+
+RECIPE = Path(__file__).parents[1]
+DAEMON = RECIPE.parents[1] / "crates" / "nunet-daemon" / "src"
+
+
+def rust_list(path: Path, name: str) -> str:
+    """What stands between the brackets of a Rust constant."""
+    found = re.search(rf"const {name}: \[[^\]]*\] = \[(.*?)\];", path.read_text(), re.DOTALL)
+    assert found, f"no list `{name}` in {path}"
+    return found[1]
+
+
+def test_the_demo_scene_of_nunetd_has_the_same_names_in_the_same_order():
+    names = re.findall(r'"(.*?)"', rust_list(DAEMON / "source/demo/mod.rs", "CLASS_NAMES"))
+    assert tuple(names) == CLASSES_13
+
+
+def test_nunetd_folds_nyu_s_40_classes_in_the_same_way():
+    numbers = rust_list(DAEMON / "verbs/eval/dataset.rs", "NYU13_OF_NYU40")
+    folded = [int(number) for number in re.findall(r"\d+", numbers)]
+    folded += [IGNORE] * (256 - len(folded))
+    assert labels13_from_labels40(np.arange(256, dtype=np.uint8)).tolist() == folded
+
+
+def test_rendered_rooms_are_labelled_by_the_same_names(monkeypatch):
+    """Blender is stood in for: the shapes' labels need nothing of it."""
+    for name in ("bpy", "mathutils"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    spec = importlib.util.spec_from_file_location("shapes", RECIPE / "render" / "shapes.py")
+    shapes = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "shapes", shapes)  # dataclasses look their module up
+    spec.loader.exec_module(shapes)
+    assert shapes.CLASSES is CLASSES_13
+
+
+def test_the_names_can_be_had_without_torch():
+    """Blender's Python has none, and renders by them."""
+    program = "import sys, nunet_models.classes; assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], cwd=RECIPE, check=True, timeout=120)
