@@ -204,6 +204,37 @@ fn source_missing() {
 }
 
 #[test]
+fn recording_missing() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "no_such.mcap"]));
+}
+
+#[test]
+fn folder_of_a_recording_instead_of_its_file() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("bag")).unwrap();
+    for file in ["metadata.yaml", "bag_1.mcap", "bag_0.mcap"] {
+        std::fs::write(bench.path("bag").join(file), b"").unwrap();
+    }
+    let (bag, out) = (bench.arg("bag"), bench.arg("out.mcap"));
+    let source = arguments(&bench, &["--source", &bag]);
+    snapshot!(format!("{source}\n\n{}", outcome(&bench, nunetd(&["-q", "replay", &bag, &out]))));
+}
+
+#[test]
+fn pipe_without_a_picture() {
+    let bench = Bench::new();
+    snapshot!(arguments(&bench, &["--source", "-", "--size", "10x10", "--format", "rgb8"]));
+}
+
+#[test]
+fn recording_into_a_folder_that_does_not_exist() {
+    let bench = Bench::new();
+    let folder = bench.arg("nowhere/");
+    snapshot!(arguments(&bench, &["--source", "demo", "--record", &folder]));
+}
+
+#[test]
 fn source_folder_without_pictures() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("nothing")).unwrap();

@@ -1,5 +1,7 @@
 //! `nunetd doctor --json`, in a world of its own: what others left behind is none of its business.
 
+use std::collections::HashSet;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use serde_json::Value;
@@ -38,9 +40,13 @@ fn the_report_names_every_check_and_says_who_computes_how_many_nodes() {
     {
         assert_eq!(check(&report, name)["ok"], true, "{report:#}");
     }
-    for name in ["sticky bits", "permissions", "overcommit", "clock", "logout"] {
+    let sticky = ["/dev/shm", "/tmp"].map(|folder| format!("sticky bit of {folder}"));
+    let others = ["permissions", "access", "overcommit", "clock", "logout"];
+    for name in sticky.iter().map(String::as_str).chain(others) {
         check(&report, name);
     }
+    let names: HashSet<_> = checks.iter().map(|check| check["name"].as_str().unwrap()).collect();
+    assert_eq!(names.len(), checks.len(), "each name once: {names:?}");
     let provider = check(&report, "provider")["detail"].as_str().unwrap();
     let nodes =
         provider.strip_prefix("cpu: ").and_then(|text| text.strip_suffix(" nodes on CPUExecutionProvider"));
@@ -70,7 +76,7 @@ fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none
         bench.enclose(&mut command);
         Guarded::start(command)
     };
-    let _daemons = ["rear", "front"].map(daemon);
+    let daemons = ["rear", "front"].map(daemon);
     let start = Instant::now();
     let published = loop {
         let (_, report) = doctor(&bench, "model.onnx");
@@ -88,4 +94,10 @@ fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none
     let expected =
         "error: no `nunet/fornt/depth` after 0.2 s\nhint: cameras that are published now: `front`, `rear`\n";
     assert_eq!(text(&output.stderr), expected);
+    for mut daemon in daemons {
+        assert_eq!(daemon.stop(), Some(0));
+    }
+    let left = bench.shared_memory();
+    let is_counter = |file: &PathBuf| file.to_string_lossy().ends_with(".global_mgmt");
+    assert!(left.len() <= 1 && left.iter().all(is_counter), "{left:?}");
 }

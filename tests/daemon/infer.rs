@@ -22,6 +22,11 @@ fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
     }
     let stats: serde_json::Value =
         serde_json::from_slice(&std::fs::read(bench.path("out/stats.json")).unwrap()).unwrap();
+    let latency = &stats["latency_ms"];
+    let stages: f64 =
+        latency["stages"].as_object().unwrap().values().map(|stage| stage["max"].as_f64().unwrap()).sum();
+    let total = latency["total"]["max"].as_f64().unwrap();
+    assert!(total >= stages && stages > 0.0, "`read` is a part of the total: {latency}");
     let classes = stats["classes"].as_array().unwrap();
     assert!(
         classes.len() > usize::from(*labels.as_raw().iter().max().unwrap()),

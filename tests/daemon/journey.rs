@@ -1,14 +1,16 @@
 //! Frames through the whole daemon, seen from other processes.
 
-use std::time::Duration;
+use std::io::Write as _;
+use std::time::{Duration, Instant};
 
 use nunet_ipc::{
-    CameraName, Clock, Encoding, Limits, Publisher, StatsRecord, Topic, TopicPlan, monotonic_nanos,
+    CameraName, Clock, Encoding, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, monotonic_nanos,
     unix_nanos,
 };
+use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, camera, nunetd, repository, run, run_well, text};
+use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, repository, run, run_well, text};
 
 fn json_lines(bytes: &[u8]) -> Vec<Value> {
     text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
@@ -55,28 +57,23 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     assert!(cloud_ms > 0.0, "`--out` reads the cloud, so it is computed");
 }
 
+/// The figures of 60 frames of the demo scene.
+fn steady(bench: &Bench, how: &[&str]) -> Value {
+    let (model, stats_file) = (bench.arg("model.onnx"), bench.arg("stats.json"));
+    let name = camera("steady");
+    let all = ["-q", "--model", &model, "--source", "demo", "--frames", "60", "--camera", &name];
+    run_well(nunetd(&[&all[..], &["--stats-json", &stats_file], how].concat()));
+    stats(bench, "stats.json")
+}
+
 #[test]
 fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
     let bench = Bench::new();
-    let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("stats.json"));
-    run_well(nunetd(&[
-        "-q",
-        "--model",
-        &model,
-        "--source",
-        "demo",
-        "--frames",
-        "60",
-        "--out",
-        &out,
-        "--stats-json",
-        &stats_file,
-        "--camera",
-        &camera("steady"),
-    ]));
-    let stats = stats(&bench, "stats.json");
-    assert_eq!(stats["bytes_copied_per_frame"], 0.0);
-    assert_eq!(stats["allocations_per_frame"], 0.0);
+    for how in [&["--out", &bench.arg("out")][..], &["--publish", "depth"]] {
+        let stats = steady(&bench, how);
+        assert_eq!(stats["bytes_copied_per_frame"], 0.0, "{how:?}");
+        assert_eq!(stats["allocations_per_frame"], 0.0, "{how:?}");
+    }
 }
 
 #[test]
@@ -229,4 +226,100 @@ fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
     assert_eq!(json_lines(&early.join().unwrap().stdout).len(), 1);
     let late = run(nunetd(&["watch", &depth, "--json", "--frames", "1"]));
     assert_eq!(json_lines(&late.stdout).len(), 1, "{}", text(&late.stderr));
+}
+
+#[test]
+fn a_late_joiner_gets_the_last_picture_of_a_feeder_that_waits_for_its_next() {
+    let bench = Bench::new();
+    bench.add_picture("still.png", 0);
+    let (model, still) = (bench.arg("model.onnx"), bench.arg("still.png"));
+    let (slow, piped) = (camera("slow"), camera("paused"));
+    let _slow =
+        Guarded::start(nunetd(&["-q", "feed", &still, "--camera", &slow, "--rate", "0.01", "--loop"]));
+    let (stdin, mut pipe) = std::io::pipe().unwrap();
+    let mut feed = nunetd(&["-q", "feed", "-", "--camera", &piped, "--size", "64x48", "--format", "mono8"]);
+    feed.stdin(stdin);
+    let _piped = Guarded::start(feed);
+    pipe.write_all(&[100; 64 * 48]).unwrap();
+    for front in [&slow, &piped] {
+        // Who has seen the picture knows that it has been sent: whoever comes now is late.
+        let early = Reader::open(&front.parse().unwrap(), &[Topic::Rgb], PATIENCE).unwrap();
+        let start = Instant::now();
+        while early.latest(Topic::Rgb).unwrap().is_none() {
+            assert!(start.elapsed() < PATIENCE, "no picture of `{front}`");
+            early.wait(Duration::from_millis(50)).unwrap();
+        }
+        let (source, depth) = (format!("shm:{front}"), camera("late_depth"));
+        let how = ["-q", "--model", &model, "--source", &source, "--frames", "1", "--camera", &depth];
+        run_well(nunetd(&how));
+    }
+}
+
+/// A depth frame of a camera, and the reader that it came to.
+fn first_depth(name: &str) -> (Reader, u64) {
+    let reader = Reader::open(&name.parse().unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let start = Instant::now();
+    loop {
+        if let Some(frame) = reader.latest(Topic::Depth).unwrap() {
+            let sequence = frame.header().sequence;
+            return (reader, sequence);
+        }
+        assert!(start.elapsed() < PATIENCE, "no depth of `{name}`");
+        reader.wait(Duration::from_millis(50)).unwrap();
+    }
+}
+
+#[test]
+fn labels_and_cloud_of_the_last_frame_are_made_for_readers_who_come_while_the_source_stands_still() {
+    let bench = Bench::new();
+    bench.add_picture("still.png", 0);
+    let (model, still, name) = (bench.arg("model.onnx"), bench.arg("still.png"), camera("made_late"));
+    let _daemon = Guarded::start(nunetd(&[
+        "-q", "--model", &model, "--source", &still, "--rate", "0.01", "--loop", "--camera", &name,
+    ]));
+    let (early, sequence) = first_depth(&name);
+    for topics in
+        [&[Topic::Depth, Topic::Labels][..], &[Topic::Cloud], &[Topic::Depth, Topic::Labels, Topic::Cloud]]
+    {
+        let mut late = Reader::open(&name.parse().unwrap(), topics, PATIENCE).unwrap();
+        let start = Instant::now();
+        let set = loop {
+            if let Some(set) = late.next_set().unwrap() {
+                break set;
+            }
+            assert!(start.elapsed() < PATIENCE, "nothing for a reader of {topics:?}");
+            late.wait(Duration::from_millis(50)).unwrap();
+        };
+        for &topic in topics {
+            assert_eq!(set.get(topic).unwrap().header().sequence, sequence, "{topic}");
+        }
+        if let Some(labels) = set.get(Topic::Labels) {
+            let picture = image::open(&still).unwrap().into_rgb8();
+            let expected: Vec<_> = picture.pixels().map(|pixel| models::label(pixel.0)).collect();
+            assert!(labels.labels().unwrap() == expected);
+        }
+        if let Some(cloud) = set.get(Topic::Cloud) {
+            assert!(cloud.points().unwrap().iter().any(|point| point.z > 0.0));
+        }
+    }
+    assert!(early.latest(Topic::Depth).unwrap().is_none(), "whoever has the depth does not get it again");
+    let seen = json_lines(&run_well(nunetd(&["watch", &name, "--json", "--frames", "1"])).stdout);
+    assert_eq!((&seen[0]["frames"]["captured"], &seen[0]["frames"]["published"]), (&1.into(), &1.into()));
+}
+
+#[test]
+fn what_remembers_frames_does_not_see_one_twice_for_a_late_reader() {
+    let bench = Bench::new();
+    bench.add_picture("still.png", 0);
+    let (model, still, name) = (bench.arg("model.onnx"), bench.arg("still.png"), camera("temporal"));
+    let how = ["-q", "--model", &model, "--source", &still, "--rate", "0.01", "--loop", "--camera", &name];
+    let _daemon = Guarded::start(nunetd(&[&how[..], &["--filter", "temporal"]].concat()));
+    first_depth(&name);
+    let late = Reader::open(&name.parse().unwrap(), &[Topic::Cloud], PATIENCE).unwrap();
+    // Twice as long as a reader waits who is served.
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_millis(800) {
+        late.wait(Duration::from_millis(50)).unwrap();
+        assert!(late.latest(Topic::Cloud).unwrap().is_none());
+    }
 }

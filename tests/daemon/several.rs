@@ -394,7 +394,7 @@ fn config_refuses_what_run_refuses_and_prints_what_it_would_take() {
 }
 
 #[test]
-fn a_start_that_fails_half_way_leaves_no_recordings() {
+fn a_start_that_fails_half_way_leaves_no_folders_and_no_recordings() {
     let bench = Bench::new();
     let (first, taken) = (camera("first"), camera("taken"));
     let _owner = Guarded::start(nunetd(&[
@@ -414,16 +414,20 @@ fn a_start_that_fails_half_way_leaves_no_recordings() {
         let output = run(nunetd(&["-q", "--config", &bench.configure(lines)]));
         (output.status.code(), text(&output.stderr))
     };
+    let out = |name: &str| format!("out = \"{}\"", bench.arg(name));
     let of_first = section(&first, "demo", &record("first.mcap"));
-    let (code, stderr) = start(&format!("{of_first}{}", section(&taken, "demo", &record("taken.mcap"))));
+    let of_taken =
+        section(&taken, "demo", &format!("{}\n{}", record("new/of/taken.mcap"), out("new/of/taken")));
+    let figures = format!("stats-json = \"{}\"\n", bench.arg("new/stats.json"));
+    let (code, stderr) = start(&format!("{figures}{of_first}{of_taken}"));
     assert_eq!(code, Some(1), "{stderr}");
     assert!(stderr.contains(&format!("error: camera `{taken}` cannot begin\n")), "{stderr}");
-    assert!(!bench.path("first.mcap").exists() && !bench.path("taken.mcap").exists(), "{stderr}");
+    assert!(!bench.path("first.mcap").exists() && !bench.path("new").exists(), "{stderr}");
 
     let nowhere = section(&camera("nowhere"), "demo", &record("missing/nowhere.mcap"));
     let (code, stderr) = start(&format!("{of_first}{nowhere}"));
     assert_eq!(code, Some(1), "{stderr}");
-    assert!(stderr.contains("missing/nowhere.mcap`"), "{stderr}");
+    assert!(stderr.contains("missing/nowhere.mcap`: there is no folder `"), "{stderr}");
     assert!(!bench.path("first.mcap").exists(), "{stderr}");
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -103,6 +104,12 @@ impl Guarded {
         }
         panic!("process {} did not end within {PATIENCE:?}", self.pid())
     }
+
+    /// Asks it to end, waits for that and returns the exit code.
+    pub(crate) fn stop(&mut self) -> Option<i32> {
+        signal(self.pid(), "TERM");
+        self.wait()
+    }
 }
 
 impl Drop for Guarded {
@@ -113,14 +120,25 @@ impl Drop for Guarded {
     }
 }
 
+impl Drop for Bench {
+    /// What is left of a world whose folder goes with the bench nobody could ever clean up: at the least iceoryx2's own counter.
+    fn drop(&mut self) {
+        for file in self.shared_memory() {
+            let _ = std::fs::remove_file(file);
+        }
+    }
+}
+
 /// A folder with a model, whose depth is 0.5 + (r + 2g + 3b) / 64 metres and whose labels are the brightest channel.
 pub(crate) struct Bench {
     folder: tempfile::TempDir,
+    /// How the files of its own shared memory begin, where it has one.
+    prefix: OnceLock<String>,
 }
 
 impl Bench {
     pub(crate) fn new() -> Self {
-        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        let bench = Self { folder: tempfile::tempdir().unwrap(), prefix: OnceLock::new() };
         bench.add_model("model.onnx", &models::wnet(SIZE, true));
         bench
     }
@@ -137,14 +155,23 @@ impl Bench {
     /// Lets a command see no shared memory but that of this bench, in which nobody else is.
     pub(crate) fn enclose(&self, command: &mut Command) {
         static COUNT: AtomicU32 = AtomicU32::new(0);
-        std::fs::create_dir_all(self.path("config")).unwrap();
-        let (root, process) = (self.arg("shared"), std::process::id());
-        if !self.path("config/iceoryx2.toml").exists() {
-            let prefix = format!("nunetbench{process}x{}_", COUNT.fetch_add(1, Ordering::Relaxed));
-            let config = format!("[global]\nroot-path = \"{root}\"\nprefix = \"{prefix}\"\n");
+        self.prefix.get_or_init(|| {
+            let prefix =
+                format!("nunetbench{}x{}_", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+            let config = format!("[global]\nroot-path = \"{}\"\nprefix = \"{prefix}\"\n", self.arg("shared"));
+            std::fs::create_dir_all(self.path("config")).unwrap();
             std::fs::write(self.path("config/iceoryx2.toml"), config).unwrap();
-        }
+            prefix
+        });
         command.current_dir(self.path(""));
+    }
+
+    /// The files of this bench's own shared memory.
+    pub(crate) fn shared_memory(&self) -> Vec<PathBuf> {
+        let Some(prefix) = self.prefix.get() else { return Vec::new() };
+        let files = std::fs::read_dir("/dev/shm").unwrap().flatten();
+        let own = files.filter(|file| file.file_name().to_string_lossy().starts_with(prefix.as_str()));
+        own.map(|file| file.path()).collect()
     }
 
     /// The depth map in a folder of results.

@@ -232,6 +232,12 @@ impl Pipeline {
         &self.stage_names
     }
 
+    /// Whether a frame's results depend on it alone. Then one may be processed again, and nobody after it will know.
+    #[must_use]
+    pub fn is_memoryless(&self) -> bool {
+        self.graph.is_memoryless() && self.filters.temporal.is_none()
+    }
+
     /// The next frame does not follow those before it: nothing of them is used again. A network with a memory begins
     /// with zeros, every stage runs, and filters over time begin anew.
     ///

@@ -139,7 +139,7 @@ impl Publisher {
     /// before every frame. A reader that was killed counts until it is cleaned up after.
     #[must_use]
     pub fn has_readers(&self, topic: Topic) -> bool {
-        self.topic(topic).is_ok_and(|topic| topic.service.dynamic_config().number_of_subscribers() > 0)
+        self.owned(topic).is_some_and(|owned| owned.service.dynamic_config().number_of_subscribers() > 0)
     }
 
     /// Borrows a chunk for a frame of the planned size. Its bytes are those of some earlier frame.
@@ -197,10 +197,11 @@ impl Publisher {
 
     fn topic(&self, topic: Topic) -> Result<&OwnedTopic, IpcError> {
         let has = || self.topics.iter().map(|owned| owned.plan.topic).collect();
-        self.topics
-            .iter()
-            .find(|owned| owned.plan.topic == topic)
-            .ok_or_else(|| IpcError::NoSuchTopic { topic, has: has() })
+        self.owned(topic).ok_or_else(|| IpcError::NoSuchTopic { topic, has: has() })
+    }
+
+    fn owned(&self, topic: Topic) -> Option<&OwnedTopic> {
+        self.topics.iter().find(|owned| owned.plan.topic == topic)
     }
 }
 

@@ -400,6 +400,20 @@ def test_a_late_reader_gets_the_last_picture_after_a_refresh():
             assert np.array_equal(frames.next().rgb, noise())
 
 
+def test_a_late_reader_gets_the_last_picture_of_a_publisher_that_has_nothing_to_send():
+    name = unique_name()
+    publisher = nunet.publisher(name, size=SIZE)
+    publisher.publish(noise())
+    for _ in range(2):
+        with nunet.subscribe(name, topics=["rgb"], timeout=PATIENCE) as frames:
+            assert np.array_equal(frames.next().rgb, noise())
+    # One that is let go of has given the camera up, whatever else runs.
+    for _ in range(20):
+        del publisher
+        publisher = nunet.publisher(name, size=SIZE)
+        assert publisher.publish(noise()) == 0
+
+
 def test_the_daemon_reads_what_is_published(nunetd, tmp_path):
     stats = tmp_path / "stats.json"
     with nunet.publisher(unique_name(), size=(128, 96)) as publisher:

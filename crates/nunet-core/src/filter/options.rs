@@ -79,7 +79,7 @@ impl fmt::Display for FilterSpec {
 pub struct FilterOptions {
     pub(super) decimation: Option<DecimationOptions>,
     pub(super) spatial: Option<SpatialOptions>,
-    pub(super) temporal: Option<TemporalOptions>,
+    pub(crate) temporal: Option<TemporalOptions>,
     pub(super) holes: Option<HolesOptions>,
 }
 

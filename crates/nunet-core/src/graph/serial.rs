@@ -225,6 +225,12 @@ impl SerialGraph {
             .is_some_and(|index| self.plan.stages.iter().find(gives(index)).is_some_and(|s| s.every > 1))
     }
 
+    /// Whether a run depends on its picture alone: no stage remembers anything, and none is left out now and then.
+    #[must_use]
+    pub fn is_memoryless(&self) -> bool {
+        self.state.is_empty() && self.plan.stages.iter().all(|stage| stage.every <= 1)
+    }
+
     /// Forgets earlier frames: the next run runs every stage, and those with a memory begin with zeros.
     pub fn reset(&mut self) {
         self.runs = 0;

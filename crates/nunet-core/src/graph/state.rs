@@ -34,6 +34,11 @@ impl State {
         Self(pairs.collect())
     }
 
+    /// Whether no stage remembers anything.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// All tensors of which the graph needs memory of its own: those of the plan, then the second buffers.
     pub(super) fn with_buffers(plan: &Wired) -> Vec<TensorSpec> {
         let second = plan.states.iter().map(|state| plan.tensors[state.output].clone());

@@ -137,6 +137,7 @@ fn each_filter_that_is_on_has_its_time_in_the_order_in_which_they_run() {
     let mut every = pipeline(&models::unet(LARGE), &all);
     let names = ["preprocess", "network", "decode", "decimation", "spatial", "temporal", "holes", "cloud"];
     assert_eq!(every.stage_names(), names);
+    assert!(pipeline(&models::unet(LARGE), &["decimation", "spatial", "holes"]).is_memoryless());
     let report = run(&mut every, &picture(LARGE), false).report;
     assert_eq!(report.stages.micros(), [1000; 8], "one tick of the clock each");
     let mut two = pipeline(&models::unet(LARGE), &["holes", "spatial"]);
@@ -165,6 +166,7 @@ fn invalid_pixels_are_those_that_are_left_after_the_filters() {
 #[test]
 fn what_temporal_remembers_is_forgotten_with_everything_else() {
     let mut pipeline = pipeline(&models::unet(LARGE), &["temporal=alpha:0,delta:1"]);
+    assert!(!pipeline.is_memoryless());
     let (dark, light) = (vec![0; 210], vec![2; 210]);
     let dark_m = models::plain_depth([0; 3]);
     let light_m = models::plain_depth([2; 3]);

@@ -157,6 +157,7 @@ fn a_stage_that_is_skipped_remembers_its_own_last_run() {
 #[test]
 fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
     let mut pipeline = Pipeline::new(load(&models::remembering(SIZE)), PipelineOptions::default()).unwrap();
+    assert!(!pipeline.is_memoryless());
     let depth_of = |pipeline: &mut Pipeline, number: u8| {
         let (rgb, mut depth_m) = (numbered(number), vec![0.0; 18]);
         let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();

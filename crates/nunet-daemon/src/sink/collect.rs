@@ -23,7 +23,7 @@ pub(crate) struct Collector {
 }
 
 impl Collector {
-    /// Attaches to everything that `outlet` publishes of a frame; `folder` exists.
+    /// Attaches to everything that `outlet` publishes of a frame; `folder` may still have to be made.
     pub(crate) fn attach(folder: PathBuf, camera: &CameraName, outlet: &Outlet) -> anyhow::Result<Self> {
         let topics: Vec<_> = outlet.topics().iter().copied().filter(|&topic| topic != Topic::Stats).collect();
         Ok(Self { folder, reader: Reader::open(camera, &topics, NO_WAIT)? })

@@ -52,6 +52,15 @@ pub(crate) struct Outlet {
     cloud_stride: std::num::NonZeroU32,
     stats: StatsRecord,
     summarised_nanos: u64,
+    /// What went out of the last frame beside depth.
+    sent: Sent,
+}
+
+/// Results that are made only where somebody reads them.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sent {
+    labels: bool,
+    cloud: bool,
 }
 
 /// Chunks of shared memory for one frame's results.
@@ -112,6 +121,7 @@ impl Outlet {
             cloud_stride: pipeline.cloud_stride(),
             stats,
             summarised_nanos: 0,
+            sent: Sent::default(),
         })
     }
 
@@ -122,11 +132,34 @@ impl Outlet {
 
     /// Chunks for the results that somebody reads; depth always.
     pub(crate) fn loan(&self) -> anyhow::Result<Loans> {
-        let wanted = |topic| self.publisher.has_readers(topic).then(|| self.chunk(topic)).transpose();
+        self.loan_beside(Sent::default())
+    }
+
+    /// Whether the last frame went out without something that somebody could have read.
+    pub(crate) fn left_something_out(&self) -> bool {
+        let Sent { labels, cloud } = self.sent;
+        [(labels, Topic::Labels), (cloud, Topic::Cloud)]
+            .iter()
+            .any(|(sent, topic)| !sent && self.topics.contains(topic))
+    }
+
+    /// Chunks for what the last frame went out without and somebody has come to read; `None` where nobody has.
+    pub(crate) fn loan_for_late_readers(&self) -> anyhow::Result<Option<Loans>> {
+        let Sent { labels, cloud } = self.sent;
+        let late = |sent: bool, topic| !sent && self.publisher.has_readers(topic);
+        let anybody = late(labels, Topic::Labels) || late(cloud, Topic::Cloud);
+        anybody.then(|| self.loan_beside(self.sent)).transpose()
+    }
+
+    /// Depth always: the pipeline writes it in any case.
+    fn loan_beside(&self, sent: Sent) -> anyhow::Result<Loans> {
+        let wanted = |sent: bool, topic| {
+            (!sent && self.publisher.has_readers(topic)).then(|| self.chunk(topic)).transpose()
+        };
         Ok(Loans {
             depth: self.chunk(Topic::Depth)?,
-            labels: wanted(Topic::Labels)?,
-            cloud: wanted(Topic::Cloud)?,
+            labels: wanted(sent.labels, Topic::Labels)?,
+            cloud: wanted(sent.cloud, Topic::Cloud)?,
         })
     }
 
@@ -140,17 +173,46 @@ impl Outlet {
     ) -> anyhow::Result<()> {
         self.describe(frame, report, queue_micros);
         let Loans { depth, labels, cloud } = loans;
+        self.sent = Sent::default();
+        self.send_beside_depth(labels, cloud, report)?;
+        send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
+        self.wake()
+    }
+
+    /// Sends what the last frame went out without. Its depth is with its readers: it is not sent twice.
+    pub(crate) fn publish_to_late_readers(
+        &mut self,
+        loans: Loans,
+        frame: &Frame,
+        report: &FrameReport,
+    ) -> anyhow::Result<()> {
+        self.describe(frame, report, 0);
+        let Loans { depth: _, labels, cloud } = loans;
+        self.send_beside_depth(labels, cloud, report)?;
+        self.wake()
+    }
+
+    fn send_beside_depth(
+        &mut self,
+        labels: Option<Loan>,
+        cloud: Option<Loan>,
+        report: &FrameReport,
+    ) -> anyhow::Result<()> {
         if let Some(loan) = labels {
             let header = self.shaped(Encoding::LabelsU8, self.size, report.camera);
             send(loan, FrameHeader { units: Units::None.into(), ..header })?;
+            self.sent.labels = true;
         }
         if let Some(loan) = cloud {
             let camera = report.camera.map(|camera| camera.decimated(self.cloud_stride));
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
+            self.sent.cloud = true;
         }
-        send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
-        foreign_allocations(|| self.publisher.notify(Wake::Depth))?;
         Ok(())
+    }
+
+    fn wake(&self) -> anyhow::Result<()> {
+        Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
     /// Sends the running figures; they are not worth a frame when that fails.

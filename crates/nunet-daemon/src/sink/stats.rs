@@ -1,5 +1,7 @@
 //! `stats.json`: what a stream did, in figures.
 
+use std::io::ErrorKind;
+use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::Path;
 
@@ -131,6 +133,10 @@ pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
     if is_named_pipe(path) {
         bail!("cannot write `{}`: it is a named pipe\nhint: name a plain file", path.display());
     }
+    if let Some(folder) = missing_folder(path) {
+        let (path, folder) = (path.display(), folder.display());
+        bail!("cannot write `{path}`: there is no folder `{folder}`\nhint: make it first: mkdir -p {folder}");
+    }
     let existed = path.exists();
     let mut how = std::fs::OpenOptions::new();
     // Not to wait for the reader of a pipe that has none any more.
@@ -140,6 +146,14 @@ pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
         std::fs::remove_file(path).with_context(|| format!("cannot write `{}`", path.display()))?;
     }
     Ok(())
+}
+
+/// The folder that a file is to lie in, or that a path with a slash at its end names, where it is not there.
+fn missing_folder(path: &Path) -> Option<&Path> {
+    let is_folder = path.as_os_str().as_bytes().ends_with(b"/");
+    let folder = if is_folder { Some(path) } else { path.parent() };
+    let missing = |folder: &Path| folder.metadata().is_err_and(|error| error.kind() == ErrorKind::NotFound);
+    folder.filter(|folder| !folder.as_os_str().is_empty() && missing(folder))
 }
 
 /// Whoever reads a named pipe is sent away when it is closed after the trial. A pipe without a name, as `/dev/stdout` may

@@ -11,6 +11,7 @@ use nunet_core::frame::MAX_SIDE_PX;
 use nunet_core::plain_file;
 use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
+use super::recording::recordings_in;
 use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
 
@@ -327,11 +328,13 @@ fn matches(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {
 
 fn no_pictures(path: &Path) -> String {
     if path.is_dir() {
-        format!("no JPEG or PNG picture in the folder `{}`", path.display())
+        let hint = recordings_in(path).map(|hint| format!("\nhint: {hint}")).unwrap_or_default();
+        format!("no JPEG or PNG picture in the folder `{}`{hint}", path.display())
     } else {
         format!(
             "no source `{}`: no such file or folder, and no file matches it as a glob\nhint: demo, a folder of \
-             JPEG or PNG pictures, a glob such as 'frames/*.jpg' (quoted), a camera /dev/videoN, or shm:CAMERA",
+             JPEG or PNG pictures, a glob such as 'frames/*.jpg' (quoted), a recording FILE.mcap, a camera /dev/videoN, \
+             shm:CAMERA, or - for stdin",
             path.display()
         )
     }

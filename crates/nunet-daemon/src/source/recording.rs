@@ -1,5 +1,6 @@
 //! Pictures of a recording, in the order in which they were recorded.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::bail;
@@ -29,6 +30,9 @@ pub(crate) struct RecordingSource {
 
 impl RecordingSource {
     pub(crate) fn open(path: &Path, how: Opening<'_>) -> anyhow::Result<Self> {
+        if path.is_dir() {
+            bail!(BadArguments(no_recording(path)));
+        }
         let recording = Recording::open_unless(path, how.topic, &|| how.is_given_up()).map_err(sorted)?;
         let picture = Picture::default();
         let (described, camera, repeat) = (None, None, how.repeat);
@@ -151,8 +155,29 @@ pub(crate) fn sorted(error: RecordingError) -> anyhow::Error {
         | RecordingError::SeveralDepths { .. }
         | RecordingError::NoSuchTopic { .. }
         | RecordingError::NotAPicture { .. } => BadArguments(error.to_string()).into(),
+        // The cause stays beneath: programs that this one is a part of look for it.
+        RecordingError::Io { path, source, .. } if source.kind() == ErrorKind::NotFound => {
+            let text = format!(
+                "cannot open the recording `{}`\nhint: name an MCAP file that is there",
+                path.display()
+            );
+            anyhow::Error::from(source).context(BadArguments(text))
+        }
         error => error.into(),
     }
+}
+
+/// What to say of a folder that was named as a recording.
+fn no_recording(folder: &Path) -> String {
+    let hint = recordings_in(folder).unwrap_or_else(|| "name an MCAP file".to_owned());
+    format!("`{}` is a folder and no recording\nhint: {hint}", folder.display())
+}
+
+/// The hint for a folder of recordings, as `ros2 bag record` makes them; `None` of any other.
+pub(super) fn recordings_in(folder: &Path) -> Option<String> {
+    let paths = folder.read_dir().ok()?.flatten().map(|entry| entry.path());
+    let first = paths.filter(|path| path.extension().is_some_and(|ending| ending == "mcap")).min()?;
+    Some(format!("name the .mcap file in it: {}", first.display()))
 }
 
 /// `None` of a file that is to be decoded.

@@ -123,6 +123,8 @@ pub(crate) fn pump(source: &mut dyn Source, pace: Pace, lane: &Lane) -> anyhow::
             Fill::Nothing => lane.mailbox.give_back(frame),
             Fill::Crowded => make_room(frame, lane),
             Fill::End => break,
+            // Ctrl-C also ends whoever writes into a pipe, in the middle of a picture or before the first.
+            Fill::Cut(_) | Fill::Broken(_) if lane.stop.requested() => break,
             Fill::Cut(error) => {
                 error!("the source ends early: {error:#}");
                 end = SourceEnd::Cut;
@@ -358,6 +360,27 @@ mod tests {
             });
             assert_eq!(ended.is_err(), panics);
             assert!(ended.map_or(true, |result| result.is_err()));
+        }
+    }
+
+    /// A pipe whose writer heard the same Ctrl-C.
+    struct Interrupted<'a>(&'a Lane, fn() -> Fill);
+
+    impl Source for Interrupted<'_> {
+        fn fill(&mut self, _frame: &mut Frame) -> Fill {
+            self.0.stop.request();
+            (self.1)()
+        }
+    }
+
+    #[test]
+    fn a_source_that_ends_with_the_stop_has_lost_nothing() {
+        for end in
+            [(|| Fill::Broken(anyhow!("no picture"))) as fn() -> Fill, || Fill::Cut(anyhow!("half of one"))]
+        {
+            let lane = Lane::default();
+            let pace = Pace { rate: Rate::Max, limit: None };
+            assert_eq!(pump(&mut Interrupted(&lane, end), pace, &lane).unwrap(), SourceEnd::Whole);
         }
     }
 

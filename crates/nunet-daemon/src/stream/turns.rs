@@ -7,7 +7,7 @@ use super::pump::Lane;
 use crate::telemetry::{End, Supervisor};
 
 /// How soon a reader that joins a source that stands still gets the last frame.
-pub(super) const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
+pub(crate) const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
 
 /// Who takes turns.
 pub(super) trait Player: Sized {

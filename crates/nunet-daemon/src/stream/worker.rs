@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use tracing::{debug, error, trace_span};
+use tracing::{debug, error, trace_span, warn};
 
 use super::continuity::Continuity;
 use super::mailbox::Taken;
@@ -32,6 +32,8 @@ pub(crate) struct Worker {
     /// What readers and metrics were told last.
     told: Counts,
     served: Instant,
+    /// The last frame, while somebody may still come for what it went out without.
+    kept: Option<Frame>,
 }
 
 /// Where results go beside shared memory.
@@ -59,7 +61,7 @@ impl Worker {
         let latencies = Latencies::new(stage_names(&pipeline));
         let (continuity, totals) = (Continuity::default(), Totals::default());
         let (told, served) = (Counts::default(), Instant::now());
-        Self { pipeline, optics, continuity, outlet, sinks, totals, latencies, told, served }
+        Self { pipeline, optics, continuity, outlet, sinks, totals, latencies, told, served, kept: None }
     }
 }
 
@@ -85,7 +87,11 @@ impl Player for Worker {
             }
         }
         match lane.mailbox.take(Duration::ZERO) {
-            Taken::Item(frame) => Turn::Frame(self.take_through(frame, lane)),
+            Taken::Item(frame) => {
+                // First of all: a source in shared memory lends few frames.
+                self.kept.take().into_iter().for_each(|kept| lane.mailbox.give_back(kept));
+                Turn::Frame(self.take_through(frame, lane))
+            }
             Taken::Nothing => {
                 self.rest(lane);
                 Turn::Nothing
@@ -131,6 +137,9 @@ impl Worker {
         }
         self.served = Instant::now();
         self.outlet.refresh();
+        if !lane.stop.requested() {
+            self.serve_late_readers();
+        }
         let up = !lane.is_waiting();
         if lane.ledger.counts() != self.told {
             self.tell(lane, up);
@@ -154,12 +163,37 @@ impl Worker {
         let end = self.journey(&frame);
         lane.ledger.ended(end);
         self.tell(lane, true);
-        if let Some(frame) = self.record(frame, end) {
-            lane.mailbox.give_back(frame);
+        match self.record(frame, end) {
+            Some(frame) if end == End::Published && self.may_be_asked_again() => self.kept = Some(frame),
+            Some(frame) => lane.mailbox.give_back(frame),
+            None => {}
         }
         self.totals.add_allocations(before, allocations_of_this_thread());
         self.served = Instant::now();
         end
+    }
+
+    /// Whether somebody who comes later could read something of the last frame that was not made, and it can be made then:
+    /// what a network or a filter remembers must not see a frame twice.
+    fn may_be_asked_again(&self) -> bool {
+        self.outlet.left_something_out() && self.pipeline.is_memoryless()
+    }
+
+    /// Makes labels and cloud of the last frame for readers that came since. The frame has been counted; this is work for
+    /// readers and no frame.
+    fn serve_late_readers(&mut self) {
+        let Some(frame) = self.kept.take() else { return };
+        match self.try_serve_late_readers(&frame) {
+            Ok(()) => self.kept = Some(frame),
+            // It would fail again, five times a second.
+            Err(error) => warn!("late readers of frame {} are not served: {error:#}", frame.sequence),
+        }
+    }
+
+    fn try_serve_late_readers(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        let Some(mut loans) = self.outlet.loan_for_late_readers()? else { return Ok(()) };
+        let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        self.outlet.publish_to_late_readers(loans, frame, &report)
     }
 
     /// Hands a published frame to the recording, where there is one; gives it back where it was not taken.

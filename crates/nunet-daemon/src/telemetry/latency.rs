@@ -3,7 +3,7 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// The longest time that is told apart: one minute; a longer one counts as one minute.
+/// The longest time that percentiles tell apart: one minute; in them a longer one counts as one minute.
 const MAX_MICROS: u64 = 60_000_000;
 /// Three significant digits: 0.1 %.
 const DIGITS: u8 = 3;
@@ -23,69 +23,93 @@ pub struct Summary {
     pub mean: f64,
 }
 
+/// A histogram, and what it would only tell by the edges and middles of its buckets: a mean above the maximum.
+#[derive(Debug, Clone)]
+struct Series {
+    histogram: Histogram<u64>,
+    max_micros: u64,
+    sum_micros: u64,
+}
+
 /// Histograms of the total latency and of each stage.
 #[derive(Debug, Clone)]
 pub struct Latencies {
-    total: Histogram<u64>,
-    stages: Vec<(String, Histogram<u64>)>,
+    total: Series,
+    stages: Vec<(String, Series)>,
 }
 
 impl Latencies {
     /// Empty histograms for these stages.
     pub fn new<'a>(stages: impl IntoIterator<Item = &'a str>) -> Self {
-        Self {
-            total: histogram(),
-            stages: stages.into_iter().map(|name| (name.to_owned(), histogram())).collect(),
-        }
+        let stages = stages.into_iter().map(|name| (name.to_owned(), Series::default()));
+        Self { total: Series::default(), stages: stages.collect() }
     }
 
     /// Adds one frame: its total, and the time of each stage in the order given to [`Latencies::new`].
     pub fn record(&mut self, total_micros: u64, stages_micros: impl IntoIterator<Item = u64>) {
-        self.total.saturating_record(total_micros);
-        for ((_, histogram), micros) in self.stages.iter_mut().zip(stages_micros) {
-            histogram.saturating_record(micros);
+        self.total.record(total_micros);
+        for ((_, stage), micros) in self.stages.iter_mut().zip(stages_micros) {
+            stage.record(micros);
         }
     }
 
     /// Another stream's frames beside these; its stages by their names.
     pub(crate) fn join(&mut self, other: &Self) {
-        // All histograms have the same bounds.
-        let add = |to: &mut Histogram<u64>, from| to.add(from).expect("histograms of the same bounds add up");
-        add(&mut self.total, &other.total);
-        for (name, histogram) in &other.stages {
+        self.total.join(&other.total);
+        for (name, series) in &other.stages {
             match self.stages.iter_mut().find(|(own, _)| own == name) {
-                Some((_, own)) => add(own, histogram),
-                None => self.stages.push((name.clone(), histogram.clone())),
+                Some((_, own)) => own.join(series),
+                None => self.stages.push((name.clone(), series.clone())),
             }
         }
     }
 
     /// From the source's hand-over to the wake-up of the readers.
     pub fn total(&self) -> Summary {
-        summary(&self.total)
+        self.total.summary()
     }
 
     /// Name and percentiles of each stage.
     pub fn stages(&self) -> impl Iterator<Item = (&str, Summary)> {
-        self.stages.iter().map(|(name, histogram)| (name.as_str(), summary(histogram)))
+        self.stages.iter().map(|(name, series)| (name.as_str(), series.summary()))
     }
 }
 
-fn histogram() -> Histogram<u64> {
-    Histogram::new_with_bounds(1, MAX_MICROS, DIGITS).expect("constant bounds that the histogram accepts")
+impl Default for Series {
+    fn default() -> Self {
+        let histogram = Histogram::new_with_bounds(1, MAX_MICROS, DIGITS);
+        let histogram = histogram.expect("constant bounds that the histogram accepts");
+        Self { histogram, max_micros: 0, sum_micros: 0 }
+    }
 }
 
-fn summary(histogram: &Histogram<u64>) -> Summary {
-    if histogram.is_empty() {
-        return Summary::default();
+impl Series {
+    fn record(&mut self, micros: u64) {
+        self.histogram.saturating_record(micros);
+        self.max_micros = self.max_micros.max(micros);
+        self.sum_micros = self.sum_micros.saturating_add(micros);
     }
-    let ms = |micros: u64| micros as f64 / 1e3;
-    Summary {
-        p50: ms(histogram.value_at_quantile(0.5)),
-        p90: ms(histogram.value_at_quantile(0.9)),
-        p99: ms(histogram.value_at_quantile(0.99)),
-        max: ms(histogram.max()),
-        mean: histogram.mean() / 1e3,
+
+    fn join(&mut self, other: &Self) {
+        self.histogram.add(&other.histogram).expect("histograms of the same bounds add up");
+        self.max_micros = self.max_micros.max(other.max_micros);
+        self.sum_micros = self.sum_micros.saturating_add(other.sum_micros);
+    }
+
+    /// Percentiles are upper edges of buckets; the last of them may lie beyond the maximum.
+    fn summary(&self) -> Summary {
+        if self.histogram.is_empty() {
+            return Summary::default();
+        }
+        let ms = |micros: u64| micros as f64 / 1e3;
+        let quantile = |part| ms(self.histogram.value_at_quantile(part).min(self.max_micros));
+        Summary {
+            p50: quantile(0.5),
+            p90: quantile(0.9),
+            p99: quantile(0.99),
+            max: ms(self.max_micros),
+            mean: ms(self.sum_micros) / self.histogram.len() as f64,
+        }
     }
 }
 
@@ -109,6 +133,16 @@ mod tests {
     }
 
     #[test]
+    fn of_one_frame_all_figures_are_its_time() {
+        let mut latencies = Latencies::new(["graph"]);
+        latencies.record(109_889, [50_021]); // near the lower edge of a bucket of 64 us, and of 32 us
+        for (summary, ms) in [(latencies.total(), 109.889), (latencies.stages().next().unwrap().1, 50.021)] {
+            let Summary { p50, p90, p99, max, mean } = summary;
+            assert_eq!([p50, p90, p99, max, mean], [ms; 5]);
+        }
+    }
+
+    #[test]
     fn streams_are_joined_by_the_names_of_their_stages() {
         let stream = |names: [&'static str; 2], micros: u64| {
             let mut latencies = Latencies::new(names);
@@ -128,9 +162,11 @@ mod tests {
     }
 
     #[test]
-    fn a_time_beyond_the_range_is_kept_as_the_longest() {
+    fn a_time_beyond_the_range_is_the_longest_all_the_same() {
         let mut latencies = Latencies::new([]);
-        latencies.record(u64::MAX, []);
-        assert!(latencies.total().max >= 59_000.0);
+        latencies.record(90_000_000, []);
+        let Summary { p50, max, mean, .. } = latencies.total();
+        assert_eq!((max, mean), (90_000.0, 90_000.0));
+        assert!((59_000.0..=61_000.0).contains(&p50), "{p50}");
     }
 }

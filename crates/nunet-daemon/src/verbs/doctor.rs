@@ -45,7 +45,8 @@ pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
 /// One thing that was looked at.
 #[derive(Debug, Serialize)]
 struct Check {
-    name: &'static str,
+    /// No two have the same.
+    name: String,
     ok: bool,
     detail: String,
     hint: Option<String>,
@@ -55,17 +56,17 @@ struct Check {
 struct Checks(Vec<Check>);
 
 impl Checks {
-    fn good(&mut self, name: &'static str, detail: impl ToString) {
-        self.0.push(Check { name, ok: true, detail: detail.to_string(), hint: None });
+    fn good(&mut self, name: impl Into<String>, detail: impl ToString) {
+        self.0.push(Check { name: name.into(), ok: true, detail: detail.to_string(), hint: None });
     }
 
     /// A problem; the mend is the message's last line where it has one.
-    fn bad(&mut self, name: &'static str, problem: &str) {
+    fn bad(&mut self, name: impl Into<String>, problem: &str) {
         let (detail, hint) = match problem.split_once("\nhint: ") {
             Some((detail, hint)) => (detail.to_owned(), Some(hint.replace("\nhint: ", "; "))),
             None => (problem.to_owned(), None),
         };
-        self.0.push(Check { name, ok: false, detail, hint });
+        self.0.push(Check { name: name.into(), ok: false, detail, hint });
     }
 
     fn problems(&self) -> usize {
@@ -228,10 +229,10 @@ fn check_cameras(checks: &mut Checks) {
         checks.good("cameras", "none at /dev/video*");
     }
     for camera in cameras {
-        let path = camera.path.display();
+        let name = format!("camera {}", camera.path.display());
         match camera.what {
-            Ok(what) => checks.good("camera", format!("`{path}`: {what}")),
-            Err(problem) => checks.bad("camera", &format!("`{path}`: {problem}")),
+            Ok(what) => checks.good(name, what),
+            Err(problem) => checks.bad(name, &problem.to_string()),
         }
     }
 }

@@ -1,9 +1,11 @@
 //! `nunetd feed`: publishes a source's frames in shared memory, as a camera driver would.
 
 use std::num::NonZeroU64;
+use std::sync::OnceLock;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Instant;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context as _, bail, ensure};
 use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos};
@@ -13,7 +15,7 @@ use crate::Outcome;
 use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
 use crate::source::{self, Fill, Frame, Kind, Opening, Pacer, Rate, Source};
-use crate::stream::{Optics, Stop};
+use crate::stream::{LATE_JOINER_PERIOD, Optics, Stop};
 use crate::words;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
@@ -32,11 +34,12 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     let mut source = source?;
-    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, optics);
+    let port = OnceLock::new();
+    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, optics, &port);
     // A camera was asked for the rate; it keeps it by itself.
     let pacer =
         Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now()).filter(|_| !source.is_live());
-    feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop)?;
+    serving_late_joiners(&port, || feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop))?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
     if feeder.failed > 0 {
         error!("{} of {} frames were lost", feeder.failed, feeder.sent + feeder.failed);
@@ -44,11 +47,34 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
     Ok(if feeder.failed == 0 && !feeder.cut { Outcome::Done } else { Outcome::Lost })
 }
 
+/// Hands the last picture to readers that come while `feed` waits for the next one. On a thread of its own: a pipe is
+/// silent for as long as it likes, and a slow pace sleeps.
+fn serving_late_joiners(
+    port: &OnceLock<Port>,
+    feed: impl FnOnce() -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    std::thread::scope(|scope| {
+        let (feeding, over) = channel::<()>();
+        let serve = move || {
+            while over.recv_timeout(LATE_JOINER_PERIOD) == Err(RecvTimeoutError::Timeout) {
+                if let Some(Err(error)) = port.get().map(|port| port.publisher.refresh()) {
+                    warn!("late readers are not served: {error}");
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("late readers".into());
+        thread.spawn_scoped(scope, serve).context("cannot start the thread for late readers")?;
+        let fed = feed();
+        drop(feeding);
+        fed
+    })
+}
+
 /// A camera of the first picture's size.
-struct Feeder {
+struct Feeder<'a> {
     camera: CameraName,
     optics: Optics,
-    port: Option<Port>,
+    port: &'a OnceLock<Port>,
     sent: u64,
     failed: u64,
     cut: bool,
@@ -62,9 +88,9 @@ struct Port {
     room: usize,
 }
 
-impl Feeder {
-    fn new(camera: CameraName, optics: Optics) -> Self {
-        Self { camera, optics, port: None, sent: 0, failed: 0, cut: false }
+impl<'a> Feeder<'a> {
+    fn new(camera: CameraName, optics: Optics, port: &'a OnceLock<Port>) -> Self {
+        Self { camera, optics, port, sent: 0, failed: 0, cut: false }
     }
 
     fn run(
@@ -88,6 +114,7 @@ impl Feeder {
                 Fill::Failed(error) => self.lose(&frame, &error),
                 Fill::Nothing | Fill::Crowded => {}
                 Fill::End => break,
+                Fill::Cut(_) | Fill::Broken(_) if stop.requested() => break,
                 Fill::Cut(error) => {
                     error!("the source ends early: {error:#}");
                     self.cut = true;
@@ -100,11 +127,14 @@ impl Feeder {
     }
 
     fn send(&mut self, frame: &Frame, stop: &Stop) -> anyhow::Result<()> {
-        let port = match self.port.take() {
-            Some(port) => self.port.insert(port),
+        let port = match self.port.get() {
+            Some(port) => port,
             None => match Port::open(&self.camera, frame, stop) {
                 Err(_) if stop.requested() => return Ok(()),
-                port => self.port.insert(port?),
+                opened => {
+                    let opened = opened?;
+                    self.port.get_or_init(|| opened)
+                }
             },
         };
         if let Err(error) = port.has_room(frame) {
@@ -220,7 +250,8 @@ mod tests {
     #[test]
     fn a_picture_that_there_is_no_room_for_is_lost_alone() {
         let camera = camera_name(&format!("turning_{}", std::process::id())).unwrap();
-        let mut feeder = Feeder::new(camera, Optics::default());
+        let port = OnceLock::new();
+        let mut feeder = Feeder::new(camera, Optics::default(), &port);
         feeder.run(&mut Turning(0), None, NonZeroU64::new(3), &Stop::default()).unwrap();
         assert_eq!((feeder.sent, feeder.failed), (1, 2));
     }
@@ -231,7 +262,8 @@ mod tests {
         let (send, failed) = channel();
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                let mut feeder = Feeder::new(camera_name("sparse").unwrap(), Optics::default());
+                let port = OnceLock::new();
+                let mut feeder = Feeder::new(camera_name("sparse").unwrap(), Optics::default(), &port);
                 // Nobody waits for a second turn of this rate.
                 let pacer = Pacer::new(Rate::Hz(0.001), Instant::now());
                 feeder.run(&mut Sparse(0), pacer, NonZeroU64::new(1), &stop).unwrap();

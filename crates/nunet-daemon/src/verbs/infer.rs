@@ -179,7 +179,7 @@ impl Work {
         let names = std::iter::once("read").chain(self.pipeline.stage_names().iter().map(String::as_str));
         let mut latencies = Latencies::new(names);
         let inner = report.stages.micros().iter().map(|&stage| stage.into());
-        latencies.record(micros(ready, done), std::iter::once(micros(start, ready)).chain(inner));
+        latencies.record(micros(start, done), std::iter::once(micros(start, ready)).chain(inner));
         let mut totals = Totals::default();
         totals.start(start);
         totals.add_published(done, report.bytes_copied);

@@ -1,6 +1,7 @@
 //! `nunetd run`: sources of frames become depth in shared memory.
 
 mod camera;
+mod outputs;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,6 +11,7 @@ use nunet_ipc::{Access, IpcError, share_with};
 use tracing::{error, info};
 
 use self::camera::span_of;
+use self::outputs::Outputs;
 use crate::Outcome;
 use crate::cli::{AccessArgs, RunArgs};
 use crate::engine::{Engine, check_threads, tested_pipelines};
@@ -17,7 +19,7 @@ use crate::exit::BadArguments;
 use crate::sink::metrics::Metrics;
 use crate::sink::patience::Patience;
 use crate::sink::recording::Tally;
-use crate::sink::stats::{Common, ModelName, Stats, check_writable, write_json};
+use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::sink::writing::Writing;
 use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop, Stopped};
 use crate::telemetry::Counts;
@@ -38,9 +40,8 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     share(&arguments.access)?;
     let cameras = camera::prepare(camera::plans(arguments)?, stop)?;
-    // Nothing was made before all arguments had passed. The figures often go into the folder of the results.
-    camera::make_folders(&cameras)?;
-    arguments.stats_json.as_deref().map_or(Ok(()), check_writable)?;
+    let outputs = Outputs::of(&cameras, arguments.stats_json.as_deref());
+    outputs.check()?;
 
     stop.check()?;
     let engine = Engine::start(&arguments.engine)?;
@@ -60,8 +61,10 @@ fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
     let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
     let mut metrics = metrics.into_iter().flatten();
-    // Last of all: a start that fails leaves no recordings. After the first of them a stop is one of the stream's.
+    // Last of all: a start that fails leaves no folders and no recordings. After the first recording a stop is one of the
+    // stream's.
     stop.check()?;
+    outputs.make()?;
     let bell = Arc::new(Bell::default());
     let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.next(), &bell));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;

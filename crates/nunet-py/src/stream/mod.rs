@@ -4,6 +4,7 @@ mod feed;
 mod figures;
 mod frame;
 mod header;
+mod late;
 mod layout;
 mod loan;
 mod names;

@@ -12,6 +12,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+use super::late::Served;
 use super::layout::Layout;
 use super::loan::{Anchor, Loan};
 use super::{camera_name, ipc_error};
@@ -106,6 +107,8 @@ fn publisher(
         .map_err(|error| ipc_error(&error))?;
     let anchor = port.loan(Topic::Rgb).map_err(|error| ipc_error(&error))?;
     let open = Open { anchor: Arc::new(Mutex::new(anchor)), port, sequence: 0 };
+    // A failure is told to whoever sends the next picture: sending does the same.
+    let open = Served::start(open, |open| drop(open.port.refresh()))?;
     Ok(Publisher {
         camera,
         layout,
@@ -113,11 +116,12 @@ fn publisher(
         clock,
         frame_id: frame_id.to_owned(),
         copied: AtomicU64::new(0),
-        open: Own::new(Mutex::new(Some(open))),
+        open: Own::new(open),
     })
 }
 
-/// The owner of a camera's pictures. Readers that are slow, keep frames or die take nothing away from it.
+/// The owner of a camera's pictures. Readers that are slow, keep frames or die take nothing away from it, and one that
+/// comes late gets the last picture.
 ///
 /// Methods may be called from several threads, one picture after the other. A process made by `os.fork` must make its
 /// own, under another name.
@@ -130,7 +134,7 @@ pub(crate) struct Publisher {
     clock: Clock,
     frame_id: String,
     copied: AtomicU64,
-    open: Own<Mutex<Option<Open>>>,
+    open: Own<Served<Open>>,
 }
 
 #[derive(Debug)]
@@ -284,8 +288,8 @@ impl Publisher {
         Ok(Loan::new(slf, layout, Capture { nanos: capture_nanos, sequence }))
     }
 
-    /// Hand the last picture to readers that came since. Sending does the same; call this from time to time while
-    /// there is nothing to send.
+    /// Hand the last picture to readers that came since. Sending does the same, and a thread does it a few times a second:
+    /// call this where a reader should not wait for that.
     fn refresh(&self) -> PyResult<()> {
         self.with(|open| open.port.refresh())
     }

@@ -7,7 +7,7 @@ mod png;
 
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use nunet_core::cloud::CloudPoint;
 
 pub use colour::depth_picture;
@@ -41,7 +41,12 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
 pub(crate) fn check_folder(folder: &Path) -> anyhow::Result<()> {
     // A relative path ends in nothing, which is the current folder.
     let there = folder.ancestors().find(|part| part.exists()).unwrap_or(Path::new("."));
-    probe(there)
+    let shown = folder.display();
+    if !there.is_dir() {
+        bail!("cannot make the folder `{shown}`: `{}` is no folder\nhint: name another", there.display());
+    }
+    let probed = probe(there);
+    if there == folder { probed } else { probed.with_context(|| format!("cannot make the folder `{shown}`")) }
 }
 
 fn probe(folder: &Path) -> anyhow::Result<()> {

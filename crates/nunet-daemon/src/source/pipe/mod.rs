@@ -130,6 +130,9 @@ impl Source for Pipe {
             Ok(Message::Cut(error)) if self.sequence == 0 => Fill::Broken(error),
             Ok(Message::Cut(error)) => Fill::Cut(error),
             Err(RecvTimeoutError::Timeout) => Fill::Nothing,
+            Ok(Message::End) if self.sequence == 0 => Fill::Broken(anyhow::anyhow!(
+                "stdin ended before its first picture\nhint: look at what should have written it"
+            )),
             Ok(Message::End) => Fill::End,
             Err(RecvTimeoutError::Disconnected) => {
                 Fill::Broken(anyhow::anyhow!("stdin's thread has failed: see the lines above"))
@@ -205,11 +208,17 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_without_anything_is_at_its_end() {
-        assert!(matches!(drain(&[], Some(GREY)), (seen, Fill::End) if seen.is_empty()));
-        let (_, end) = drain(&[], None);
-        let Fill::Broken(error) = end else { panic!("{end:?}") };
-        assert!(error.to_string().starts_with("stdin is no Y4M: it ended before the header did"), "{error}");
+    fn a_pipe_without_any_picture_is_a_producer_that_has_failed() {
+        let broken = |input: &[u8], layout| match drain(input, layout) {
+            (_, Fill::Broken(error)) => error.to_string(),
+            (_, end) => panic!("{end:?}"),
+        };
+        for (input, layout) in [(&b""[..], Some(GREY)), (b"YUV4MPEG2 W4 H2 F30:1 C420\n", None)] {
+            let error = broken(input, layout);
+            assert!(error.starts_with("stdin ended before its first picture\nhint: "), "{error}");
+        }
+        let error = broken(&[], None);
+        assert!(error.starts_with("stdin is no Y4M: it ended before the header did"), "{error}");
     }
 
     #[test]

@@ -16,16 +16,18 @@ const OTHERS_WRITE: u32 = 0o002;
 const EARLIEST_UNIX_SECONDS: u64 = 1_767_225_600; // 2026-01-01
 
 /// All checks by name.
-pub(super) fn checks() -> Vec<(&'static str, Finding)> {
-    let mut all: Vec<_> =
-        SHARED_FOLDERS.iter().map(|folder| ("sticky bits", shared_folder(Path::new(folder)))).collect();
-    all.push(("permissions", nunet_ipc::access::check_folder().map_err(|error| error.to_string())));
-    all.push(("access", nunet_ipc::access::check_files().map_err(|error| error.to_string())));
-    all.push(("overcommit", overcommit(&read("/proc/sys/vm/overcommit_memory"))));
+pub(super) fn checks() -> Vec<(String, Finding)> {
+    let folder = |folder: &&str| (format!("sticky bit of {folder}"), shared_folder(Path::new(folder)));
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    all.push(("clock", clock(now)));
-    all.push(("logout", logout(rustix::process::geteuid().as_raw(), &logind())));
-    all
+    let machine = [
+        ("permissions", nunet_ipc::access::check_folder().map_err(|error| error.to_string())),
+        ("access", nunet_ipc::access::check_files().map_err(|error| error.to_string())),
+        ("overcommit", overcommit(&read("/proc/sys/vm/overcommit_memory"))),
+        ("clock", clock(now)),
+        ("logout", logout(rustix::process::geteuid().as_raw(), &logind())),
+    ];
+    let machine = machine.map(|(name, finding)| (name.to_owned(), finding));
+    SHARED_FOLDERS.iter().map(folder).chain(machine).collect()
 }
 
 fn read(path: &str) -> String {

@@ -11,21 +11,20 @@ use tracing::{Span, error, error_span, warn};
 use crate::cli::{RunArgs, SourceArgs, StreamArgs};
 use crate::exit::{BadArguments, camera_name};
 use crate::sink::collect::Collector;
-use crate::sink::files::make_folder;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output, settings};
 use crate::sink::shm::{Outlet, OutletOptions, frame_id};
-use crate::sink::stats::{Common, check_writable};
+use crate::sink::stats::Common;
 use crate::source::{self, Kind, Opening, Rate, Source};
 use crate::stream::{Bell, Optics, Pace, Sinks, Stop, Stream, Worker};
 
 /// A camera's arguments, checked as far as they can be without the machine.
 pub(super) struct Plan<'a> {
-    arguments: &'a StreamArgs,
+    pub(super) arguments: &'a StreamArgs,
     pub(super) name: CameraName,
     kind: Kind,
     /// The file that `--record` means.
-    record: Option<PathBuf>,
+    pub(super) record: Option<PathBuf>,
 }
 
 /// The cameras' arguments, each of them and beside each other. Nothing is made yet.
@@ -65,7 +64,7 @@ impl<'a> Plan<'a> {
 }
 
 /// One name for what may be written in several ways: absolute, with links resolved as far as it is there.
-fn place(path: &Path) -> PathBuf {
+pub(super) fn place(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let there = path.ancestors().find_map(|there| Some((there, there.canonicalize().ok()?)));
     let resolved = there.and_then(|(there, found)| Some((found, path.strip_prefix(there).ok()?)));
@@ -162,7 +161,7 @@ pub(super) fn prepare<'a>(plans: Vec<Plan<'a>>, stop: &Stop) -> anyhow::Result<V
 }
 
 /// Says which of several cameras is meant; what kind of error it is stays.
-fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
+pub(super) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
     let text = format!("camera `{camera}` cannot begin");
     match several {
         false => error,
@@ -174,20 +173,6 @@ fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error
 /// Around what is logged of a camera, where there are several.
 pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
-}
-
-/// Makes the folders of results, and makes sure that results and recordings can be written.
-pub(super) fn make_folders(cameras: &[Prepared<'_>]) -> anyhow::Result<()> {
-    let several = cameras.len() > 1;
-    for Prepared { plan, .. } in cameras {
-        let checked = plan.arguments.out.as_deref().map_or(Ok(()), make_folder);
-        checked.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
-    }
-    for Prepared { plan, .. } in cameras {
-        let checked = plan.record.as_deref().map_or(Ok(()), check_writable);
-        checked.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
-    }
-    Ok(())
 }
 
 impl<'a> Prepared<'a> {

@@ -1,0 +1,69 @@
+//! The files that a run leaves: looked at before anything slow, made when nothing else can fail any more.
+
+use std::path::{Path, PathBuf};
+
+use super::camera::{Prepared, in_camera, place};
+use crate::sink::files::{check_folder, make_folder};
+use crate::sink::stats::check_writable;
+
+/// Where a run writes.
+pub(super) struct Outputs {
+    cameras: Vec<Camera>,
+    stats_json: Option<PathBuf>,
+}
+
+struct Camera {
+    name: String,
+    folder: Option<PathBuf>,
+    record: Option<PathBuf>,
+}
+
+impl Outputs {
+    pub(super) fn of(cameras: &[Prepared<'_>], stats_json: Option<&Path>) -> Self {
+        let camera = |Prepared { plan, .. }: &Prepared<'_>| Camera {
+            name: plan.name.to_string(),
+            folder: plan.arguments.out.clone(),
+            record: plan.record.clone(),
+        };
+        Self { cameras: cameras.iter().map(camera).collect(), stats_json: stats_json.map(Path::to_owned) }
+    }
+
+    /// Makes sure that all of it can be written, as far as that can be said without making anything.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        self.each(
+            check_folder,
+            |file| if self.waits_for_folder(file) { Ok(()) } else { check_writable(file) },
+        )
+    }
+
+    /// Makes the folders, and makes sure that the files can be written.
+    pub(super) fn make(&self) -> anyhow::Result<()> {
+        self.each(make_folder, check_writable)
+    }
+
+    /// All folders before all files, which often go into them.
+    fn each(
+        &self,
+        folder: impl Fn(&Path) -> anyhow::Result<()>,
+        file: impl Fn(&Path) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let several = self.cameras.len() > 1;
+        let of_camera =
+            |path: &Option<PathBuf>, camera: &Camera, look: &dyn Fn(&Path) -> anyhow::Result<()>| {
+                let looked = path.as_deref().map_or(Ok(()), look);
+                looked.map_err(|error| in_camera(error, &camera.name, several))
+            };
+        self.cameras.iter().try_for_each(|camera| of_camera(&camera.folder, camera, &folder))?;
+        self.cameras.iter().try_for_each(|camera| of_camera(&camera.record, camera, &file))?;
+        self.stats_json.as_deref().map_or(Ok(()), file)
+    }
+
+    /// Whether a file's folder is not there, and will be made with those of results.
+    fn waits_for_folder(&self, file: &Path) -> bool {
+        let missing = file.parent().filter(|parent| !parent.as_os_str().is_empty() && !parent.exists());
+        missing.map(place).is_some_and(|missing| {
+            let mut folders = self.cameras.iter().filter_map(|camera| camera.folder.as_deref());
+            folders.any(|folder| place(folder).starts_with(&missing))
+        })
+    }
+}
