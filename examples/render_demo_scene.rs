@@ -1,29 +1,59 @@
-//! Writes the picture of the README: a view of the demo scene beside its exact depth.
+//! Writes views of the demo scene with their exact depth: the picture of the README, or a dataset.
 //!
-//! `cargo run --release -p nunet-daemon --example render_demo_scene -- docs/images/demo.png`
+//! `cargo run --release -p nunet-daemon --example render_demo_scene -- docs/images/demo.png`, or `-- DIR` for `rgb/` and
+//! `depth/` (16-bit millimetres) as `nunetd eval` and the recipe read them.
+
+use std::error::Error;
+use std::path::Path;
 
 use image::imageops::{FilterType, replace, resize};
-use image::{Rgb, RgbImage};
+use image::{ImageBuffer, Luma, Rgb, RgbImage};
 use nunet_daemon::sink::files::{Results, depth_picture};
 use nunet_daemon::source::demo::DemoScene;
 
 const SIZE: (u32, u32) = (640, 480);
 const SEED: u64 = 1;
 const FRAME: u64 = 30;
+/// Of a dataset: two seconds at 30 frames a second, five pictures.
+const FRAMES: [u64; 5] = [0, 15, 30, 45, 60];
 const GAP: u32 = 8;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = std::env::args().nth(1).ok_or("usage: render_demo_scene FILE.png")?;
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = std::env::args().nth(1).ok_or("usage: render_demo_scene FILE.png|DIR")?;
+    let path = Path::new(&path);
+    if path.extension().is_some_and(|ending| ending == "png") {
+        side_by_side(FRAME)?.save(path)?;
+        return Ok(());
+    }
+    for folder in ["rgb", "depth"] {
+        std::fs::create_dir_all(path.join(folder))?;
+    }
+    for frame in FRAMES {
+        let (view, depth_m) = view(frame)?;
+        view.save(path.join(format!("rgb/demo_{frame:02}.png")))?;
+        let millimetres = depth_m.iter().map(|metres| (metres * 1000.0).round() as u16).collect();
+        let depth: Option<ImageBuffer<Luma<u16>, Vec<u16>>> =
+            ImageBuffer::from_raw(SIZE.0, SIZE.1, millimetres);
+        depth.ok_or("depth has another size")?.save(path.join(format!("depth/demo_{frame:02}.png")))?;
+    }
+    Ok(())
+}
+
+/// A view and its depth, metres.
+fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
     let pixels = SIZE.0 as usize * SIZE.1 as usize;
-    let (mut rgb, mut depth) = (vec![0; 3 * pixels], vec![0.0; pixels]);
-    DemoScene::new(SEED, SIZE.0, SIZE.1)?.render(FRAME, &mut rgb, Some(&mut depth), None);
-    let view = RgbImage::from_raw(SIZE.0, SIZE.1, rgb).ok_or("the picture has another size")?;
-    let results = Results { size: SIZE, depth: &depth, metric: true, labels: None, cloud: None };
+    let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);
+    DemoScene::new(SEED, SIZE.0, SIZE.1)?.render(frame, &mut rgb, Some(&mut depth_m), None);
+    Ok((RgbImage::from_raw(SIZE.0, SIZE.1, rgb).ok_or("the picture has another size")?, depth_m))
+}
+
+fn side_by_side(frame: u64) -> Result<RgbImage, Box<dyn Error>> {
+    let (view, depth_m) = view(frame)?;
+    let results = Results { size: SIZE, depth: &depth_m, metric: true, labels: None, cloud: None };
     let colours = depth_picture(&results);
     let width = view.width() + GAP + colours.width();
     let mut both = RgbImage::from_pixel(width, SIZE.1, Rgb([255, 255, 255]));
     replace(&mut both, &view, 0, 0);
     replace(&mut both, &colours, (view.width() + GAP).into(), 0);
-    resize(&both, width * 2 / 3, SIZE.1 * 2 / 3, FilterType::CatmullRom).save(path)?;
-    Ok(())
+    Ok(resize(&both, width * 2 / 3, SIZE.1 * 2 / 3, FilterType::CatmullRom))
 }
