@@ -149,11 +149,15 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
     assert_eq!(code, Some(1), "{stderr}");
     let parts = [
         "skipped `a`: `[DIR]/data/depth/a.png`: depth of 8 bits cannot be millimetres\nhint: --depth-scale",
-        "skipped `b`: `[DIR]/data/labels/b.png` is 8x4, its depth 640x480",
+        "skipped `b`: `[DIR]/data/labels/b.png` is 8x4, its picture 640x480",
     ];
     for part in parts {
         assert!(stderr.contains(part), "{part} is not in\n{stderr}");
     }
+    ImageBuffer::<Luma<u16>, _>::new(32, 24).save(bench.path("data/depth/b.png")).unwrap();
+    let (_, stderr) = outcome(&bench, &[]);
+    let part = "skipped `b`: `[DIR]/data/depth/b.png` is 32x24, its picture 640x480";
+    assert!(stderr.contains(part), "{part} is not in\n{stderr}");
 }
 
 #[test]

@@ -30,7 +30,7 @@ mod unpack;
 
 use baseline::Baseline;
 use comparison::{Comparison, Kind};
-use dataset::{Dataset, Truth, same_size};
+use dataset::{Dataset, Truth};
 use metrics::LabelMetrics;
 use report::{PictureRow, Report};
 use resized::Fit;
@@ -170,11 +170,10 @@ impl Work {
     }
 
     fn measure(&mut self, dataset: &Dataset, id: &str) -> anyhow::Result<()> {
-        let truth = dataset.truth(id)?;
+        let (truth, prediction) = self.predict(dataset, id)?;
         if let Some(baseline) = &self.baseline {
             baseline.check_size(truth.size)?; // before anything is counted
         }
-        let prediction = self.predict(dataset, id, &truth)?;
         let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
         if let Some(labels) = &truth.labels {
             self.confusion.add(&prediction.labels, labels);
@@ -186,9 +185,9 @@ impl Work {
         Ok(())
     }
 
-    fn predict(&mut self, dataset: &Dataset, id: &str, truth: &Truth) -> anyhow::Result<Prediction> {
+    fn predict(&mut self, dataset: &Dataset, id: &str) -> anyhow::Result<(Truth, Prediction)> {
         dataset.picture(id, &mut self.frame)?;
-        same_size(Path::new(id), self.frame.size, truth.size)?;
+        let truth = dataset.truth(id, Some(self.frame.size))?;
         if !self.clip {
             self.pipeline.reset();
         }
@@ -197,7 +196,8 @@ impl Work {
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
         self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;
         let fit = Fit::new(&self.pipeline, truth.size);
-        Ok(Prediction { depth: fit.depth(&self.depth)?, labels: fit.labels(&self.labels)? })
+        let prediction = Prediction { depth: fit.depth(&self.depth)?, labels: fit.labels(&self.labels)? };
+        Ok((truth, prediction))
     }
 
     fn report(&self, arguments: &EvalArgs, model: ModelName, skipped: u64) -> Report {
@@ -229,10 +229,8 @@ impl Work {
                 let (group, place) = chosen[index];
                 let caption = format!("{group}: {}", self.rows[place].caption());
                 strips[index] = Some(self.strip(dataset, id, caption)?);
-            } else if self.clip
-                && let Ok(truth) = dataset.truth(id)
-            {
-                let _told_before = self.predict(dataset, id, &truth);
+            } else if self.clip {
+                let _told_before = self.predict(dataset, id);
             }
         }
         let sheet = sheet::stacked(&strips.into_iter().flatten().collect::<Vec<_>>());
@@ -240,8 +238,7 @@ impl Work {
     }
 
     fn strip(&mut self, dataset: &Dataset, id: &str, caption: String) -> anyhow::Result<RgbImage> {
-        let truth = dataset.truth(id)?;
-        let prediction = self.predict(dataset, id, &truth)?;
+        let (truth, prediction) = self.predict(dataset, id)?;
         let row = Row {
             caption,
             size: truth.size,

@@ -119,7 +119,7 @@ impl Baseline {
         let progress = progress("mean image", Some(named.as_ref().unwrap_or(&dataset.ids).len() as u64));
         for id in named.as_ref().unwrap_or(&dataset.ids) {
             progress.inc(1);
-            let truth = match dataset.truth(id) {
+            let truth = match dataset.truth(id, None) {
                 Ok(truth) => truth,
                 Err(_) if named.is_none() => continue, // told when its turn to be measured comes
                 Err(error) => return Err(error),

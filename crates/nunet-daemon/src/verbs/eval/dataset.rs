@@ -96,9 +96,12 @@ impl Dataset {
         decode(&path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
     }
 
-    /// Reads what is known of a picture.
-    pub(super) fn truth(&self, id: &str) -> anyhow::Result<Truth> {
+    /// Reads what is known of a picture, whose size it must have where that is known.
+    pub(super) fn truth(&self, id: &str, picture: Option<(u32, u32)>) -> anyhow::Result<Truth> {
         let (path, depth) = self.numbers("depth", id)?;
+        if let Some(picture) = picture {
+            same_size(&path, depth.size, picture)?;
+        }
         let mut depth_m = metres(&depth, self.units).with_context(|| format!("`{}`", path.display()))?;
         let labels = self.labels.as_ref().map(|folder| {
             let (path, labels) = self.numbers(folder.name, id)?;
@@ -137,10 +140,10 @@ impl Dataset {
 }
 
 /// Two pictures that belong together have one size.
-pub(super) fn same_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> anyhow::Result<()> {
+fn same_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> anyhow::Result<()> {
     if got != expected {
         let ((width, height), (expected_width, expected_height)) = (got, expected);
-        bail!("`{}` is {width}x{height}, its depth {expected_width}x{expected_height}", path.display());
+        bail!("`{}` is {width}x{height}, its picture {expected_width}x{expected_height}", path.display());
     }
     Ok(())
 }
