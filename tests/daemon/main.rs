@@ -16,3 +16,4 @@ mod recurrent;
 mod several;
 mod support;
 mod truth;
+mod tune;

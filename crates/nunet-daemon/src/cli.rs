@@ -124,6 +124,8 @@ pub enum Verb {
     Contract(ContractArgs),
     /// Measure predictions of one picture, as the paper's Table 2 does
     Bench(BenchArgs),
+    /// Find out which provider and how many threads are fastest for a model on this machine
+    Tune(TuneArgs),
     /// Take a recording through the network into another recording, every frame, the same bytes each time
     Replay(Box<ReplayArgs>),
     /// Measure a model against pictures with true depth
@@ -281,6 +283,28 @@ pub struct BenchArgs {
     /// Predictions to measure
     #[arg(long, value_name = "N", default_value = "100", value_parser = count::<NonZeroU32>)]
     pub runs: NonZeroU32,
+    /// The result as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd tune`
+#[derive(Debug, Args, Clone)]
+pub struct TuneArgs {
+    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    #[arg(value_name = "NAME|PATH")]
+    pub model: PathBuf,
+    /// The picture to predict from [default: the demo scene's first]
+    #[arg(long, value_name = "IMAGE")]
+    pub image: Option<PathBuf>,
+    /// Predictions to measure, of each way
+    #[arg(long, value_name = "N", default_value = "50", value_parser = count::<NonZeroU32>)]
+    pub runs: NonZeroU32,
+    /// Write the fastest way as a configuration, which `--config` reads
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
     /// The result as JSON
     #[arg(long)]
     pub json: bool,

@@ -14,14 +14,14 @@ use crate::engine::{Engine, tested_pipeline};
 use crate::source::{self, Fill, Frame, Kind, Opening, decode};
 use crate::telemetry::MonotonicClock;
 
-mod host;
+pub(super) mod host;
 mod paper;
 mod series;
 
 use series::Series;
 
 /// Predictions before the measured ones, beside the self-test.
-const WARM_UP_RUNS: u32 = 3;
+pub(super) const WARM_UP_RUNS: u32 = 3;
 
 /// Measures every model in turn, interleaved, so that a disturbed moment meets them all.
 pub(super) fn bench(arguments: &BenchArgs) -> anyhow::Result<Outcome> {
@@ -50,7 +50,7 @@ pub(super) fn bench(arguments: &BenchArgs) -> anyhow::Result<Outcome> {
 }
 
 /// The picture of all predictions.
-fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
+pub(super) fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
     let mut frame = Frame::default();
     match image {
         Some(path) => {
@@ -72,9 +72,9 @@ fn threads(arguments: &BenchArgs) -> usize {
 }
 
 /// A model and its times.
-struct Subject {
-    name: String,
-    hash: String,
+pub(super) struct Subject {
+    pub(super) name: String,
+    pub(super) hash: String,
     pipeline: Pipeline,
     buffers: Buffers,
     networks: Series,
@@ -83,7 +83,10 @@ struct Subject {
 }
 
 impl Subject {
-    fn new(name: String, hash: String, pipeline: Pipeline) -> Self {
+    /// The columns of [`Subject::end_to_end_row`].
+    pub(super) const HEAD: &str = series::HEAD;
+
+    pub(super) fn new(name: String, hash: String, pipeline: Pipeline) -> Self {
         let stages = pipeline.stage_names().iter().map(|_| Series::default()).collect();
         Self {
             name,
@@ -96,7 +99,7 @@ impl Subject {
         }
     }
 
-    fn predict(&mut self, frame: &Frame, measured: bool) -> anyhow::Result<()> {
+    pub(super) fn predict(&mut self, frame: &Frame, measured: bool) -> anyhow::Result<()> {
         // Predictions of one picture are no stream: each is of a network that remembers nothing.
         self.pipeline.reset();
         let start = std::time::Instant::now();
@@ -109,6 +112,19 @@ impl Subject {
             self.networks.add_micros(self.network_micros(report.stages.micros()));
         }
         Ok(())
+    }
+
+    /// Half of the frames took no longer, end to end.
+    pub(super) fn median_ms(&self) -> f64 {
+        self.end_to_end.quantile(0.5)
+    }
+
+    pub(super) fn end_to_end_row(&self, name: &str) -> String {
+        self.end_to_end.row(name)
+    }
+
+    pub(super) fn end_to_end_json(&self) -> Value {
+        self.end_to_end.json()
     }
 
     /// The networks alone: what the paper calls a prediction.

@@ -11,6 +11,7 @@ mod inspect;
 mod progress;
 mod replay;
 mod run;
+mod tune;
 mod vet;
 mod watch;
 
@@ -30,6 +31,7 @@ pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
         Verb::Doctor(arguments) => doctor::doctor(&arguments),
         Verb::Contract(_) => contract::contract(),
         Verb::Bench(arguments) => bench::bench(&arguments),
+        Verb::Tune(arguments) => tune::tune(&arguments),
         Verb::Replay(arguments) => replay::replay(&arguments),
         Verb::Eval(arguments) => eval::eval(&arguments),
         Verb::Config(arguments) => config::config(&arguments),

@@ -44,7 +44,7 @@ impl Provider {
 
 impl Provider {
     /// What `auto` tries, best first. Not TensorRT: it builds an engine for minutes before the first frame.
-    const AUTOMATIC: [Self; 3] = [Self::Cuda, Self::OpenVino, Self::Cpu];
+    pub(super) const AUTOMATIC: [Self; 3] = [Self::Cuda, Self::OpenVino, Self::Cpu];
 
     /// The provider that will really compute: `self`, or the best one for [`Provider::Auto`].
     ///
@@ -60,9 +60,13 @@ impl Provider {
         if self != Self::Auto {
             return self.try_register(runtime, threads).map(|()| self);
         }
-        let works =
-            |provider: &Self| provider.is_compiled_in() && provider.try_register(runtime, threads).is_ok();
+        let works = |provider: &Self| provider.works(runtime, threads);
         Ok(Self::AUTOMATIC.into_iter().find(works).unwrap_or(Self::Cpu))
+    }
+
+    /// Whether the library has it and it registers.
+    pub(super) fn works(self, runtime: &Runtime, threads: NonZeroUsize) -> bool {
+        self.is_compiled_in() && self.try_register(runtime, threads).is_ok()
     }
 
     fn try_register(self, runtime: &Runtime, threads: NonZeroUsize) -> Result<(), ProviderError> {

@@ -61,6 +61,12 @@ impl Runtime {
         &self.environment
     }
 
+    /// The providers that start on this machine without long preparations, those that [`Provider::Auto`] tries, best first.
+    #[must_use]
+    pub fn providers(&self) -> Vec<Provider> {
+        Provider::AUTOMATIC.into_iter().filter(|provider| provider.works(self, NonZeroUsize::MIN)).collect()
+    }
+
     /// What [`Provider::Auto`] means with this library on this machine.
     #[must_use]
     pub fn best_provider(&self) -> Provider {

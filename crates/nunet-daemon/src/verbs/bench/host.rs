@@ -3,7 +3,7 @@
 use nunet_ipc::unix_nanos;
 use serde_json::{Value, json};
 
-pub(super) fn json() -> Value {
+pub(in crate::verbs) fn json() -> Value {
     json!({
         "processor": processor(),
         "cores": std::thread::available_parallelism().map_or(0, std::num::NonZero::get),

@@ -20,7 +20,7 @@ impl Series {
     }
 
     /// The smallest time that the share `quantile` of all does not exceed.
-    fn quantile(&self, quantile: f64) -> f64 {
+    pub(super) fn quantile(&self, quantile: f64) -> f64 {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
         let rank = (quantile * sorted.len() as f64).ceil() as usize;

@@ -1,0 +1,181 @@
+//! `nunetd tune`: which provider and how many threads are fastest for a model on this machine.
+
+use std::io::Write as _;
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use nunet_core::graph::Provider;
+use serde_json::{Value, json};
+use tracing::warn;
+
+use super::bench::{Subject, WARM_UP_RUNS, host, picture};
+use crate::Outcome;
+use crate::cli::{CameraArgs, EngineArgs, TuneArgs};
+use crate::engine::{Engine, tested_pipeline};
+use crate::exit::BadArguments;
+use crate::models;
+
+/// So much slower than the fastest is as fast, where it takes fewer threads: the robot has other work for them.
+const AS_FAST: f64 = 1.05;
+
+/// Measures every way to run the model in turn, interleaved, so that a disturbed moment meets them all.
+pub(super) fn tune(arguments: &TuneArgs) -> anyhow::Result<Outcome> {
+    refuse_existing(arguments.out.as_deref())?;
+    models::find(&arguments.model)?;
+    let frame = picture(arguments.image.as_deref())?;
+    let engine = Engine::start(&arguments.engine)?;
+    let mut ways = Vec::new();
+    for way in possible(&arguments.engine, &engine.runtime.providers()) {
+        match Way::load(way, arguments) {
+            Ok(way) => ways.push(way),
+            Err(error) => warn!("left out: {error:#}"),
+        }
+    }
+    for run in 0..WARM_UP_RUNS + arguments.runs.get() {
+        for way in &mut ways {
+            way.subject.predict(&frame, run >= WARM_UP_RUNS)?;
+        }
+    }
+    let medians: Vec<_> = ways.iter().map(|way| (way.threads, way.subject.median_ms())).collect();
+    let best = best(&medians).context("no way to run the model here\nhint: nunetd doctor")?;
+    let text = if arguments.json {
+        json(&ways, &ways[best], &engine).to_string()
+    } else {
+        table(&ways, &ways[best])
+    };
+    writeln!(std::io::stdout(), "{text}")?;
+    if let Some(out) = &arguments.out {
+        let config = config(&arguments.model, &ways[best])?;
+        std::fs::write(out, config).with_context(|| format!("cannot write `{}`", out.display()))?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// A configuration may hold what somebody wrote by hand.
+fn refuse_existing(out: Option<&Path>) -> anyhow::Result<()> {
+    if let Some(out) = out.filter(|out| out.exists()) {
+        bail!(BadArguments(format!(
+            "`{}` is there already\nhint: name a new file, and take over the lines that you want",
+            out.display()
+        )));
+    }
+    Ok(())
+}
+
+/// A provider with a number of threads.
+struct Way {
+    provider: Provider,
+    threads: NonZeroUsize,
+    subject: Subject,
+}
+
+impl Way {
+    fn load((provider, threads): (Provider, NonZeroUsize), arguments: &TuneArgs) -> anyhow::Result<Self> {
+        let engine = EngineArgs { provider, threads: Some(threads), ..arguments.engine.clone() };
+        let load = || -> anyhow::Result<Subject> {
+            let loaded = Engine::start(&engine)?.load(&arguments.model, &[])?;
+            let (name, hash) = (loaded.name(), loaded.hash());
+            Ok(Subject::new(name, hash, tested_pipeline(loaded, &CameraArgs::default())?))
+        };
+        let subject = load().with_context(|| format!("{provider} with {threads} threads"))?;
+        Ok(Self { provider, threads, subject })
+    }
+}
+
+/// What was named, else every provider that starts here, with 1, 2, 4 ... threads up to one a core.
+fn possible(engine: &EngineArgs, here: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
+    let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let powers = std::iter::successors(Some(1_usize), |threads| threads.checked_mul(2));
+    let threads = powers.take_while(|threads| *threads < cores.get()).filter_map(NonZeroUsize::new);
+    let threads: Vec<_> = match engine.threads {
+        Some(threads) => vec![threads],
+        None => threads.chain([cores]).collect(),
+    };
+    let named = [engine.provider];
+    let providers = if engine.provider == Provider::Auto { here } else { &named };
+    // A graphics card has threads of its own.
+    let with = |&provider: &Provider| match provider {
+        Provider::Cuda | Provider::TensorRt => vec![(provider, NonZeroUsize::MIN)],
+        _ => threads.iter().map(|&threads| (provider, threads)).collect(),
+    };
+    providers.iter().flat_map(with).collect()
+}
+
+/// The place of the way to choose, of threads and median times.
+fn best(medians: &[(NonZeroUsize, f64)]) -> Option<usize> {
+    let fastest = medians.iter().map(|way| way.1).min_by(f64::total_cmp)?;
+    let as_fast = medians.iter().enumerate().filter(|(_, way)| way.1 <= AS_FAST * fastest);
+    let chosen = as_fast.min_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    chosen.map(|(place, _)| place)
+}
+
+fn table(ways: &[Way], best: &Way) -> String {
+    let mut text = format!("{}\n  {}\n", best.subject.name, Subject::HEAD);
+    for way in ways {
+        let name = format!("{} {}", way.provider, way.threads);
+        text += &format!("  {}\n", way.subject.end_to_end_row(&name));
+    }
+    let (provider, threads, ms) = (best.provider, best.threads, best.subject.median_ms());
+    text + &format!("--provider {provider} --threads {threads}: {ms:.1} ms a frame, end to end")
+}
+
+fn json(ways: &[Way], best: &Way, engine: &Engine) -> Value {
+    let way_json = |way: &Way| {
+        json!({
+            "provider": way.provider.name(),
+            "threads": way.threads,
+            "end_to_end_ms": way.subject.end_to_end_json(),
+        })
+    };
+    json!({
+        "contract": nunet_ipc::CONTRACT_VERSION,
+        "host": host::json(),
+        "onnxruntime": engine.runtime.version(),
+        "model": { "name": best.subject.name, "hash": best.subject.hash },
+        "ways": ways.iter().map(way_json).collect::<Vec<_>>(),
+        "best": { "provider": best.provider.name(), "threads": best.threads },
+    })
+}
+
+/// What `--config` reads.
+fn config(model: &Path, best: &Way) -> anyhow::Result<String> {
+    let mut table = toml::Table::new();
+    let model =
+        model.to_str().context("the model's path is no text, so that no configuration can name it")?;
+    table.insert("model".to_owned(), model.into());
+    table.insert("provider".to_owned(), best.provider.name().into());
+    table.insert("threads".to_owned(), i64::try_from(best.threads.get())?.into());
+    Ok(table.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn count(number: usize) -> NonZeroUsize {
+        NonZeroUsize::new(number).unwrap()
+    }
+
+    #[test]
+    fn of_ways_that_are_as_fast_the_one_with_fewer_threads_is_chosen() {
+        let best = |ways: &[(usize, f64)]| {
+            best(&ways.iter().map(|&(threads, ms)| (count(threads), ms)).collect::<Vec<_>>())
+        };
+        assert_eq!(best(&[(1, 44.0), (2, 24.0), (4, 23.5)]), Some(1));
+        assert_eq!(best(&[(1, 44.0), (2, 24.0), (4, 20.0)]), Some(2));
+        assert_eq!(best(&[(2, 24.0), (2, 23.9)]), Some(1));
+        assert_eq!(best(&[]), None);
+    }
+
+    #[test]
+    fn what_is_named_is_not_varied() {
+        let engine = |provider, threads| EngineArgs { provider, threads, onnxruntime: None };
+        let here = [Provider::Cuda, Provider::Cpu];
+        assert_eq!(possible(&engine(Provider::Cpu, Some(count(3))), &here), [(Provider::Cpu, count(3))]);
+        let all = possible(&engine(Provider::Auto, None), &here);
+        assert_eq!(all[..2], [(Provider::Cuda, count(1)), (Provider::Cpu, count(1))]);
+        let cores = std::thread::available_parallelism().unwrap();
+        assert_eq!(all.last(), Some(&(Provider::Cpu, cores)));
+    }
+}
