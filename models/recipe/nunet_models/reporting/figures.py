@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -13,6 +14,7 @@ from nunet_models.evaluation.compare import stretched
 from nunet_models.training.log import EVOLUTION
 
 DPI = 120
+MANY = 10  # curves, from which on colours of ten would come twice
 EPOCHS_SHOWN = 6  # as many as fit side by side on a page
 
 Panel = tuple[str, np.ndarray]
@@ -36,6 +38,8 @@ def loss_curves(runs: list[Path], out: Path) -> None:
     """
     figure = Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
+    for axes in (left, right):
+        axes.set_prop_cycle(color=colormaps["tab10" if len(runs) <= MANY else "tab20"].colors)
     for run in runs:
         steps, epochs = _rows(run / "steps.csv"), _rows(run / "epochs.csv")
         alone = "." if len(steps) == 1 else ""  # one point makes no line
