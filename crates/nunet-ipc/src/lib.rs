@@ -61,7 +61,7 @@ pub use crate::name::{CameraName, CameraNameError};
 pub use crate::node::{CONTRACT_ATTRIBUTE, Process};
 pub use crate::plain::{Plain, Point};
 pub use crate::plan::{Limits, Reservation, TopicPlan, TopicReservation, free_shared_memory_bytes};
-pub use crate::publisher::Publisher;
+pub use crate::publisher::{LATE_JOINER_PERIOD, Publisher};
 pub use crate::reader::{Owners, Reader};
 pub use crate::stats::StatsRecord;
 pub use crate::vocabulary::{

@@ -23,6 +23,9 @@ use crate::service::{TopicService, WakeService, create_topic, create_wake, owner
 use crate::touch;
 use crate::vocabulary::{Topic, Wake};
 
+/// How soon a reader that joins a source that stands still should get the last frame: the period of
+/// [`Publisher::refresh`].
+pub const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
 /// How long to wait for another process that is cleaning up after a dead owner.
 const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -181,8 +184,7 @@ impl Publisher {
     }
 
     /// Connects readers that came since the last frame and hands them the newest one. Publishing does the same;
-    /// call this on a timer (a few times a second) so that a late joiner sees the last frame of a source that stands
-    /// still.
+    /// call this each [`LATE_JOINER_PERIOD`] so that a late joiner sees the last frame of a source that stands still.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].

@@ -15,6 +15,8 @@ use super::recording::recordings_in;
 use super::{Capture, Fill, Frame, Source};
 use crate::exit::BadArguments;
 
+/// Endings of files that are taken for pictures; cameras write them in capitals as well.
+pub(crate) const PICTURE_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
 /// The most bytes of a picture's file.
 const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The most memory that decoding one picture may take, bytes: a 16-bit RGBA picture of 48 megapixels and its RGB.
@@ -315,7 +317,7 @@ fn pictures_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 
 fn is_picture(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-    ending.is_some_and(|ending| ["jpg", "jpeg", "png"].iter().any(|known| ending == *known))
+    ending.is_some_and(|ending| PICTURE_ENDINGS.iter().any(|known| ending == *known))
 }
 
 fn matches(pattern: &str) -> anyhow::Result<Vec<PathBuf>> {

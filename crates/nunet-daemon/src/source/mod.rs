@@ -11,7 +11,7 @@ mod scene;
 mod shm;
 mod v4l2;
 
-pub(crate) use files::{Numbers, decode, decode_file, decode_numbers, glance, list};
+pub(crate) use files::{Numbers, PICTURE_ENDINGS, decode, decode_file, decode_numbers, glance, list};
 pub use frame::{Capture, Frame, Pixels, Reuse};
 pub use pipe::PictureSize;
 pub use rate::{Pacer, Rate};

@@ -22,7 +22,6 @@ pub use mailbox::{Mailbox, Put, Taken};
 pub(crate) use optics::{Optics, read_calibration};
 pub(crate) use pump::{CloseOnDrop, Lane, Pace, SourceEnd, pump};
 pub(crate) use stop::{Stop, Stopped};
-pub(crate) use turns::LATE_JOINER_PERIOD;
 pub(crate) use worker::{Remains, Sinks, Worker};
 
 use std::sync::Arc;

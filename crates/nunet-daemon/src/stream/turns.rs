@@ -1,13 +1,10 @@
 //! The inference thread: the cameras take turns.
 
-use std::time::Duration;
+use nunet_ipc::LATE_JOINER_PERIOD;
 
 use super::bell::Bell;
 use super::pump::Lane;
 use crate::telemetry::{End, Supervisor};
-
-/// How soon a reader that joins a source that stands still gets the last frame.
-pub(crate) const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
 
 /// Who takes turns.
 pub(super) trait Player: Sized {

@@ -5,13 +5,14 @@ use std::time::{Duration, Instant};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_ipc::LATE_JOINER_PERIOD;
 use tracing::{debug, error, trace_span, warn};
 
 use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::optics::Optics;
 use super::pump::Lane;
-use super::turns::{LATE_JOINER_PERIOD, Player, Turn};
+use super::turns::{Player, Turn};
 use crate::sink::collect::Collector;
 use crate::sink::metrics::Metrics;
 use crate::sink::recording::{Ending, Recorder};

@@ -8,14 +8,16 @@ use std::time::Instant;
 use anyhow::{Context as _, bail, ensure};
 use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
-use nunet_ipc::{CameraName, FrameHeader, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos};
+use nunet_ipc::{
+    CameraName, FrameHeader, LATE_JOINER_PERIOD, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos,
+};
 use tracing::{error, info, warn};
 
 use crate::Outcome;
 use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
 use crate::source::{self, Fill, Frame, Kind, Opening, Pacer, Rate, Source};
-use crate::stream::{LATE_JOINER_PERIOD, Optics, Stop};
+use crate::stream::{Optics, Stop};
 use crate::words;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.

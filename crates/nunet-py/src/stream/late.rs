@@ -2,14 +2,11 @@
 
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
+use nunet_ipc::LATE_JOINER_PERIOD;
 use pyo3::prelude::*;
 
 use crate::error::NunetError;
-
-/// How soon such a reader gets the last picture.
-const PERIOD: Duration = Duration::from_millis(200);
 
 /// What is open, and a thread that serves it now and then until it is closed: taken out, or dropped. The thread touches
 /// nothing of Python, so that it waits for nobody and nobody for it.
@@ -22,7 +19,7 @@ impl<T: Send + 'static> Served<T> {
         let served = Self(Arc::clone(&open));
         let look = move || {
             loop {
-                std::thread::sleep(PERIOD);
+                std::thread::sleep(LATE_JOINER_PERIOD);
                 match &*open.lock().unwrap_or_else(PoisonError::into_inner) {
                     Some(open) => serve(open),
                     None => return,

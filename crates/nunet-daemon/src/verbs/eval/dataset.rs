@@ -16,13 +16,12 @@ use super::unpack::{Unpacked, is_recording, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::BadArguments;
 use crate::source::demo::CLASS_NAMES;
-use crate::source::{Frame, Numbers, decode, decode_numbers};
+use crate::source::{Frame, Numbers, PICTURE_ENDINGS, decode, decode_numbers};
 
 /// What some editors begin a text with.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
-/// Endings of files; cameras write them in capitals.
-const RGB_ENDINGS: [&str; 3] = ["jpg", "jpeg", "png"];
+/// Endings of depth and labels.
 const NUMBER_ENDINGS: [&str; 1] = ["png"];
 /// A million ids of 64 characters.
 const MAX_LIST_BYTES: u64 = 64 << 20;
@@ -91,7 +90,7 @@ impl Dataset {
 
     /// Reads a picture.
     pub(super) fn picture(&self, id: &str, frame: &mut Frame) -> anyhow::Result<()> {
-        let path = self.path("rgb", id, &RGB_ENDINGS);
+        let path = self.path("rgb", id, &PICTURE_ENDINGS);
         frame.camera = self.camera;
         decode(&path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
     }
@@ -245,7 +244,7 @@ fn read_list(list: &Path) -> anyhow::Result<String> {
 /// formats are counted.
 fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut ids = BTreeSet::new();
-    for (folder, endings) in [("rgb", &RGB_ENDINGS[..]), ("depth", &NUMBER_ENDINGS)] {
+    for (folder, endings) in [("rgb", &PICTURE_ENDINGS[..]), ("depth", &NUMBER_ENDINGS)] {
         let folder = root.join(folder);
         let unreadable = || format!("cannot list the folder `{}`", folder.display());
         let mut others = 0;
