@@ -1,0 +1,13 @@
+//! What a user can do about an error, kept apart from the error's text.
+
+use std::borrow::Cow;
+
+/// An error that can say what to do about it.
+///
+/// Front ends (the command line, Python, C) print the hint on a line of its own after the error. `Display` of an error
+/// never contains its hint, and a library's hint names no command line flag: the front end knows those.
+pub trait Hint {
+    /// One imperative sentence, lower case, without a full stop: ``pass a size of 640x480``. `None` if there is nothing
+    /// that a user could do.
+    fn hint(&self) -> Option<Cow<'static, str>>;
+}
