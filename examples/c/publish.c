@@ -1,4 +1,4 @@
-/* A camera of its own: publish CAMERA [FRAMES], for nunetd --source shm:CAMERA. How to compile it: docs/c.md.
+/* A camera of its own: publish CAMERA [FRAMES], for nunetd --source shm:CAMERA. How to compile it: docs/book/shared-memory.md.
  *
  * Writes a moving pattern straight into shared memory, 30 times a second. */
 #define _POSIX_C_SOURCE 200809L

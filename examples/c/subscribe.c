@@ -1,4 +1,4 @@
-/* Reads depth from a running nunetd: subscribe CAMERA [FRAMES]. How to compile it: docs/c.md.
+/* Reads depth from a running nunetd: subscribe CAMERA [FRAMES]. How to compile it: docs/book/shared-memory.md.
  *
  * Prints each frame's sequence number, how long ago it was sent, and the depth at the picture's centre. */
 #include <inttypes.h>

@@ -90,13 +90,22 @@ def test_the_examples_fit_on_a_screen():
         assert len((ROOT / "examples" / source).read_text().splitlines()) < 60, source
 
 
-def test_the_lines_in_the_readme_compile(build, tmp_path):
-    _, _, rest = (ROOT / "README.md").read_text().partition("```c\n")
+def first_block(document, language):
+    """The first code block of a document in a language."""
+    _, _, rest = (ROOT / document).read_text().partition(f"```{language}\n")
     lines, fence, _ = rest.partition("```\n")
-    assert fence and "nunet_reader_open" in lines
-    source = tmp_path / "readme.c"
-    source.write_text(f'#include <stdio.h>\n#include "nunet.h"\nint main(void) {{\n{lines}\nreturn 0;\n}}\n')
-    build(source)
+    assert fence, f"{document} has no block in {language}"
+    return lines
+
+
+def test_the_code_in_the_documents_compiles(build, tmp_path):
+    c, cpp = tmp_path / "document.c", tmp_path / "document.cpp"
+    lines = first_block("docs/book/shared-memory.md", "c")
+    c.write_text(f'#include <stdio.h>\n#include "nunet.h"\nint main(void) {{\n{lines}\nreturn 0;\n}}\n')
+    cpp.write_text(first_block("README.md", "cpp"))
+    for source in (c, cpp):
+        assert "nunet" in source.read_text()
+        build(source)
 
 
 def test_c_sees_what_another_reader_sees(build, contract, camera):

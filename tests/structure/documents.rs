@@ -1,4 +1,4 @@
-//! The documents: links lead somewhere, the changelog is open, versions agree.
+//! The documents: links lead somewhere, README and book stay short, releases are dated, versions agree.
 
 use std::collections::BTreeSet;
 
@@ -86,13 +86,53 @@ fn dead_links(document: &str, text: &str, read: impl Fn(&str) -> Option<String>)
     problems
 }
 
-fn unreleased(changelog: &str) -> Vec<String> {
-    let section = changelog.split("\n## ").find(|section| section.starts_with("[Unreleased]"));
-    match section {
-        None => vec!["CHANGELOG.md: no `## [Unreleased]` section".to_owned()],
-        Some(section) if !section.contains("\n- ") => vec!["CHANGELOG.md: nothing is unreleased".to_owned()],
-        Some(_) => Vec::new(),
+/// The lines that a release may take in the changelog: what it does, not how it came about.
+const MAX_RELEASE_LINES: usize = 40;
+
+/// Releases without a date, and releases that take too many lines.
+fn bad_releases(changelog: &str) -> Vec<String> {
+    let mut problems = Vec::new();
+    let sections = changelog.split("\n## ").skip(1).filter(|section| !section.starts_with("[Unreleased]"));
+    let mut releases = 0;
+    for section in sections {
+        releases += 1;
+        let title = section.lines().next().unwrap_or_default();
+        let date = title.rsplit_once(" - ").map_or("", |(_, date)| date);
+        if date.len() != "2026-01-31".len() || date.split('-').count() != 3 {
+            problems.push(format!("CHANGELOG.md: `{title}` has no date; expected `[VERSION] - YYYY-MM-DD`"));
+        }
+        if section.trim_end().lines().count() > MAX_RELEASE_LINES {
+            problems.push(format!("CHANGELOG.md: `{title}` takes more than {MAX_RELEASE_LINES} lines"));
+        }
     }
+    if releases == 0 {
+        problems.push("CHANGELOG.md: no release".to_owned());
+    }
+    problems
+}
+
+/// The lines of the README: everything else is in the book.
+const MAX_README_LINES: usize = 150;
+
+/// The lines of a paragraph or list item in README and book.
+const MAX_PARAGRAPH_LINES: usize = 5;
+
+/// Paragraphs and list items that are too long to be read at once. Tables, code and headings do not count.
+fn long_paragraphs(document: &str, text: &str) -> Vec<String> {
+    let (mut problems, mut length) = (Vec::new(), 0);
+    let mut fenced = false;
+    for (index, line) in text.lines().enumerate() {
+        let start = line.trim_start();
+        fenced ^= start.starts_with("```");
+        let is_item = ["- ", "* "].iter().any(|mark| start.starts_with(mark))
+            || start.split_once(". ").is_some_and(|(number, _)| number.parse::<u32>().is_ok());
+        let is_text = !fenced && !start.is_empty() && !start.starts_with(['|', '#', '`']);
+        length = if is_item { 1 } else if is_text { length + 1 } else { 0 };
+        if length == MAX_PARAGRAPH_LINES + 1 {
+            problems.push(format!("{document}:{}: a paragraph of more than {MAX_PARAGRAPH_LINES} lines", index + 1));
+        }
+    }
+    problems
 }
 
 /// Versions written after `mark`, such as 1.2.3 in `onnxruntime==1.2.3`.
@@ -131,16 +171,43 @@ fn dead_links_are_found() {
 }
 
 #[test]
-fn the_changelog_has_an_unreleased_section_with_an_entry() {
+fn releases_in_the_changelog_are_dated_and_short() {
     let (_, changelog) = repository::texts(|path| path == "CHANGELOG.md").remove(0);
-    assert_none(&unreleased(&changelog));
+    assert_none(&bad_releases(&changelog));
 }
 
 #[test]
-fn a_changelog_without_an_entry_is_found() {
-    assert_eq!(unreleased("# Changelog\n\n## [0.1.0]\n- x\n").len(), 1);
-    assert_eq!(unreleased("# Changelog\n\n## [Unreleased]\n\n## [0.1.0]\n- x\n").len(), 1);
-    assert!(unreleased("# Changelog\n\n## [Unreleased]\n### Added\n- x\n").is_empty());
+fn a_release_without_a_date_and_a_long_one_are_found() {
+    assert_eq!(bad_releases("# Changelog\n\n## [0.1.0]\n- x\n").len(), 1);
+    assert_eq!(bad_releases("# Changelog\n\n## [Unreleased]\n- x\n").len(), 1);
+    let long = "- x\n".repeat(MAX_RELEASE_LINES);
+    assert_eq!(bad_releases(&format!("# Changelog\n\n## [0.1.0] - 2026-01-31\n{long}")).len(), 1);
+    assert_none(&bad_releases("# Changelog\n\n## [0.1.0] - 2026-01-31\n- x\n"));
+}
+
+#[test]
+fn readme_and_book_are_short_and_have_short_paragraphs() {
+    let documents =
+        repository::texts(|path| path == "README.md" || path == "ARCHITECTURE.md" || path.starts_with("docs/"));
+    let documents = documents.iter().filter(|(path, _)| path.ends_with(".md"));
+    let mut problems = Vec::new();
+    for (path, text) in documents {
+        problems.extend(long_paragraphs(path, text));
+        if path == "README.md" && text.lines().count() > MAX_README_LINES {
+            problems.push(format!("{path}: more than {MAX_README_LINES} lines; move something to the book"));
+        }
+    }
+    assert_none(&problems);
+}
+
+#[test]
+fn a_long_paragraph_is_found_and_a_table_is_none() {
+    let line = "words and words\n";
+    assert_none(&long_paragraphs("a.md", &line.repeat(MAX_PARAGRAPH_LINES)));
+    assert_eq!(long_paragraphs("a.md", &line.repeat(MAX_PARAGRAPH_LINES + 1)).len(), 1);
+    assert_eq!(long_paragraphs("a.md", &format!("- {}", line.repeat(MAX_PARAGRAPH_LINES + 1))).len(), 1);
+    assert_none(&long_paragraphs("a.md", &"| a | b |\n".repeat(20)));
+    assert_none(&long_paragraphs("a.md", &format!("```\n{}```\n", line.repeat(20))));
 }
 
 #[test]

@@ -4,7 +4,7 @@
  * Written by crates/nunet-c/tests/header.rs; change the source, not this file.
  *
  * RESULTS. Functions answer NUNET_OK (0) or what went wrong; nunet_last_error() says it in words, with a hint. No
- * function exits, throws or prints (but a fault of the library's own prints where it happened). docs/c.md has the
+ * function exits, throws or prints (but a fault of the library's own prints where it happened). docs/book/shared-memory.md has the
  * lines to compile and link with.
  *
  * OWNERSHIP. Handles (reader, frame, publisher, loan) belong to the caller until closed, released or sent. A handle

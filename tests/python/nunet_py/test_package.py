@@ -16,9 +16,6 @@ import nunet_py as nunet
 import pytest
 from PIL import Image
 from support import ROOM, ROOT, TINY
-from test_camera import YAML
-from test_pictures import open3d_stand_in
-from test_recordings import make_bag
 
 COMMAND = pathlib.Path(sys.executable).with_name("nunetd")
 EXAMPLES = ROOT / "examples" / "python"
@@ -67,18 +64,15 @@ def test_a_new_model_is_tested_by_the_package_s_own_command(tmp_path):
     assert len(list((tmp_path / "cache/nunet/verdicts").iterdir())) == 1, "it was tested, in a child process"
 
 
-def test_the_first_lines_of_python_in_the_readme_run(tmp_path, monkeypatch):
+def test_the_first_python_block_of_the_readme_runs_as_pasted(tmp_path, monkeypatch):
     _, _, rest = (ROOT / "README.md").read_text().partition("```python\n")
     lines, fence, _ = rest.partition("```\n")
-    assert fence and "nunet.replay(" in lines
-    make_bag(tmp_path / "bag", "png").rename(tmp_path / "drive.mcap")
-    (tmp_path / "front.yaml").write_text(YAML)
+    assert fence and "nunet.Model(" in lines
+    Image.open(ROOM).convert("RGB").save(tmp_path / "photo.jpg")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    monkeypatch.setitem(sys.modules, "open3d", open3d_stand_in())
-    names = {"rgb": np.array(Image.open(ROOM).convert("RGB"))}
+    names = {}
     exec(compile(lines, "README.md", "exec"), names)
-    assert names["cloud"].points.shape == (480, 640, 3) and names["result"].topic == "/eye/image_raw/compressed"
+    assert names["result"].depth.shape == (480, 640) and names["result"].scale_source == "focal_scaled"
 
 
 def test_importing_the_package_imports_nothing_heavy():

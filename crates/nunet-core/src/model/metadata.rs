@@ -1,4 +1,4 @@
-//! An ONNX file's `metadata_props` -> a checked description. Keys and meanings: `docs/model-file.md`.
+//! An ONNX file's `metadata_props` -> a checked description. Keys and meanings: `docs/book/model-file.md`.
 
 use std::collections::BTreeMap;
 

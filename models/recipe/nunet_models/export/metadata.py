@@ -1,4 +1,4 @@
-"""The model file's metadata (docs/model-file.md), built from a spec and from measurement."""
+"""The model file's metadata (docs/book/model-file.md), built from a spec and from measurement."""
 
 import json
 from dataclasses import asdict

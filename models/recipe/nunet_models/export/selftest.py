@@ -1,4 +1,4 @@
-"""Self-test of a model file: the picture `nunet-selftest-1` and its answer (docs/model-file.md)."""
+"""Self-test of a model file: the picture `nunet-selftest-1` and its answer (docs/book/model-file.md)."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -36,7 +36,7 @@ pub(crate) struct Unwired<'a> {
 /// What the whole graph must take and give.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Contract {
-    /// Camera bytes to depth, as `docs/model-file.md` says.
+    /// Camera bytes to depth, as `docs/book/model-file.md` says.
     Nunet,
     /// What a sidecar says of a foreign network: the element type and the shape of its picture, and its size.
     Foreign {

@@ -1,7 +1,7 @@
 //! The self-test: one procedural picture and the answer that the network gave to it when it was exported.
 //!
 //! It catches a provider, a processor or a quantisation that computes something else. Picture, grid and format are
-//! those of `docs/model-file.md`, to the byte.
+//! those of `docs/book/model-file.md`, to the byte.
 
 mod grid;
 mod picture;
