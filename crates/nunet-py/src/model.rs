@@ -119,7 +119,8 @@ impl Model {
         #[pyo3(from_py_with = argument::provider)] provider: &str,
         #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
     ) -> PyResult<Self> {
-        let options = ModelOptions { provider: self::provider(provider)?, threads: self::threads(threads)? };
+        let (provider, threads) = (self::provider(provider)?, self::threads(threads)?);
+        let options = ModelOptions { provider, threads, ..ModelOptions::default() };
         let model = py.detach(|| embed::Model::open(&name_or_path, options));
         let model = model.map_err(|error| failure(&error))?;
         let description = model.pipeline().graph().description();

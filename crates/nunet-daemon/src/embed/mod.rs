@@ -9,16 +9,19 @@ mod player;
 
 use std::path::Path;
 
+use anyhow::Context as _;
 use nunet_core::camera::{Calibration, Camera};
 use nunet_core::depth::{ScaleSource, Units};
 use nunet_core::graph::Quality;
 use nunet_ipc::FrameHeader;
 
 pub use crate::fault::Fault;
+pub use crate::sink::files::{Results, write as write_results, write_cloud};
 pub use memory::Recycled;
 pub use model::{Inferred, Model, ModelOptions};
 pub use player::{Played, Player, Step};
 
+use crate::source::{self, Frame};
 use crate::{exit, stream, words};
 
 /// The text of a failure as `nunetd` prints it: one line a cause, then the hints.
@@ -34,6 +37,17 @@ pub fn message(error: &anyhow::Error) -> String {
 /// A file that cannot be read or is no calibration.
 pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     stream::read_calibration(path)
+}
+
+/// Reads a JPEG or PNG file, as `nunetd infer` does: RGB `[H, W, 3]` with its width and height, upright.
+///
+/// # Errors
+/// No such file, neither JPEG nor PNG, damaged, cut off, or larger than the limits.
+pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
+    let mut frame = Frame::default();
+    source::decode(path, &mut frame)
+        .with_context(|| format!("cannot read the image `{}`", path.display()))?;
+    Ok((frame.view()?.bytes().to_vec(), frame.size))
 }
 
 /// The camera that a message tells of; `None` where its sender does not know it.

@@ -1,15 +1,17 @@
 //! A model that was vetted, loaded and tested, and pictures through it.
 
-use std::num::NonZeroUsize;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
+use nunet_core::cloud::CloudPoint;
+use nunet_core::filter::FilterSpec;
 use nunet_core::frame::ImageView;
 use nunet_core::graph::Provider;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError};
 
 use super::memory::{Pool, Recycled};
-use crate::cli::{CameraArgs, EngineArgs};
+use crate::cli::{CameraArgs, EngineArgs, FilterArgs};
 use crate::engine::{Engine, tested};
 use crate::telemetry::MonotonicClock;
 use crate::verbs::About;
@@ -18,12 +20,14 @@ use crate::verbs::About;
 const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 
 /// How a model is to run.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct ModelOptions {
     /// What computes.
     pub provider: Provider,
     /// Threads of one prediction; one a core where nobody says.
     pub threads: Option<NonZeroUsize>,
+    /// What is done to depth after the network; each filter at most once.
+    pub filters: Vec<FilterSpec>,
 }
 
 /// A pipeline that has passed its self-test.
@@ -67,12 +71,13 @@ impl Model {
     /// # Errors
     /// As `nunetd --model`: no such model, no library, a file that is refused.
     pub fn open(name: &Path, options: ModelOptions) -> anyhow::Result<Self> {
-        let ModelOptions { provider, threads } = options;
+        let ModelOptions { provider, threads, filters } = options;
         let onnxruntime =
             std::env::var_os(LIBRARY_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
         let loaded = Engine::start(&EngineArgs { provider, threads, onnxruntime })?.load(name, &[])?;
         let (path, hash) = (loaded.path.clone(), loaded.hash());
-        let (pipeline, report) = tested(loaded, &CameraArgs::default())?;
+        let camera = CameraArgs { filters: FilterArgs { filters }, ..CameraArgs::default() };
+        let (pipeline, report) = tested(loaded, &camera)?;
         let file = path.display().to_string();
         let about = About { file, hash, graph: pipeline.graph(), report: &report }.json().to_string();
         Ok(Self { path, about, pipeline, camera: None, runs: 0, memory: Memory::default() })
@@ -110,7 +115,7 @@ impl Model {
 
     /// Takes one picture, of the camera at the picture's size where it is known.
     ///
-    /// A network with a memory takes it as the successor of the last one where `follows`.
+    /// With `keep_state`, a recurrent network and the temporal filter keep their state from the image before.
     ///
     /// # Errors
     /// A camera that does not fit, and what ONNX Runtime reports.
@@ -118,14 +123,14 @@ impl Model {
         &mut self,
         frame: &ImageView<'_>,
         camera: Option<Camera>,
-        follows: bool,
+        keep_state: bool,
     ) -> Result<Inferred, PipelineError> {
         let start = std::time::Instant::now();
         if self.camera != camera {
             self.pipeline.set_camera(camera)?;
             self.camera = camera;
         }
-        if !follows {
+        if !keep_state {
             self.pipeline.reset();
         }
         self.runs += 1;
@@ -133,11 +138,21 @@ impl Model {
         let pixels = width as usize * height as usize;
         let mut depth = self.memory.depth.take(pixels);
         let mut labels = self.pipeline.graph().has_labels().then(|| self.memory.labels.take(pixels));
-        let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud: None };
+        // Decimation reduces the colors only for a cloud, and they must lie pixel on pixel with depth.
+        let mut points =
+            (self.pipeline.decimation() > NonZeroU32::MIN).then(|| vec![CloudPoint::NONE; pixels]);
+        let cloud = points.as_deref_mut();
+        let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud };
         let report = self.pipeline.process(frame, outputs, &MonotonicClock)?;
-        let picture = self.pipeline.picture_of(frame);
-        let mut rgb = self.memory.rgb.take(picture.len());
-        rgb.copy_from_slice(picture);
+        let mut rgb = self.memory.rgb.take(3 * pixels);
+        match &points {
+            None => rgb.copy_from_slice(self.pipeline.picture_of(frame)),
+            Some(points) => {
+                for (pixel, point) in rgb.chunks_exact_mut(3).zip(points) {
+                    pixel.copy_from_slice(&[point.r, point.g, point.b]);
+                }
+            }
+        }
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         Ok(Inferred { depth, labels, rgb, report, points_camera, total_nanos })

@@ -97,8 +97,8 @@ impl Player {
         let frame = &self.frame;
         let (width, height) = frame.size;
         let named = self.camera.map(|camera| camera.fitted_to(width, height)).transpose()?;
-        let follows = self.continuity.jump_to(frame).is_none() && self.left_at == Some(model.runs());
-        let inferred = model.infer(&frame.view()?, named.or(frame.camera), follows)?;
+        let keep_state = self.continuity.jump_to(frame).is_none() && self.left_at == Some(model.runs());
+        let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state)?;
         self.continuity.took(frame);
         self.left_at = Some(model.runs());
         Ok(Played {

@@ -13,6 +13,7 @@ use nunet_core::cloud::CloudPoint;
 pub use colour::depth_picture;
 pub(crate) use colour::{draw_text, paint, range};
 pub(crate) use npy::{read as read_npy, write as write_npy};
+pub use ply::write as write_cloud;
 pub(crate) use png::write_depth_mm;
 
 /// One frame's results, at the network's size.

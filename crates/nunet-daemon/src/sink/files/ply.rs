@@ -7,7 +7,10 @@ use std::path::Path;
 use nunet_core::cloud::CloudPoint;
 
 /// Writes the points that have a position, in the optical frame; metres where `metric`.
-pub(super) fn write(path: &Path, points: &[CloudPoint], metric: bool) -> anyhow::Result<()> {
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, points: &[CloudPoint], metric: bool) -> anyhow::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
     write_to(&mut file, points, metric)?;
     Ok(file.flush()?)
