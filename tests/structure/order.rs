@@ -56,7 +56,7 @@ const DAEMON: Order = Order {
         "engine",
         "buffers",
         "logging",
-        "verbs",
+        "subcommands",
         "embed",
         "fuzzing",
     ],

@@ -1,10 +1,13 @@
-//! Exit codes, and the one place where an error chain is printed.
+//! Exit codes, and the one place where an error and its hints are printed.
 
+use std::borrow::Cow;
+use std::error::Error as StdError;
 use std::io::Write as _;
 
 use nunet_ipc::CameraName;
+use nunet_types::Hint;
 
-/// How a verb ended that did not fail.
+/// How a subcommand ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything asked for was done.
@@ -18,10 +21,58 @@ pub enum Outcome {
 #[error("{0}")]
 pub(crate) struct BadArguments(pub(crate) String);
 
-/// Something named that is not there: an error of the arguments, which programs that this one is a part of tell from others.
+/// A named file, model or camera does not exist: exit code 2, and `FileNotFoundError` in Python.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct NotFound(pub(crate) String);
+
+/// An error of nunetd itself, or the context of a library's error, that may carry a hint.
+///
+/// Unlike an `anyhow` context, it stays visible in the chain of causes, so that every hint in a chain is found.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub(crate) struct WithHint {
+    message: String,
+    hint: Option<Cow<'static, str>>,
+    /// Exit code 2 instead of 1.
+    is_usage: bool,
+    source: Option<anyhow::Error>,
+}
+
+impl WithHint {
+    /// An error with the hint to do something about it: one imperative sentence.
+    pub(crate) fn new(message: impl Into<String>, hint: impl Into<Cow<'static, str>>) -> Self {
+        Self { message: message.into(), hint: Some(hint.into()), is_usage: false, source: None }
+    }
+
+    /// An error of the arguments: exit code 2.
+    pub(crate) fn usage(message: impl Into<String>, hint: impl Into<Cow<'static, str>>) -> Self {
+        Self { is_usage: true, ..Self::new(message, hint) }
+    }
+
+    /// The same, caused by `source`, whose exit code it keeps.
+    pub(crate) fn because(self, source: impl Into<anyhow::Error>) -> Self {
+        let source = source.into();
+        Self { is_usage: self.is_usage || is_usage(&source), source: Some(source), ..self }
+    }
+}
+
+impl Hint for WithHint {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        self.hint.clone()
+    }
+}
+
+/// One link of a chain of causes.
+type Cause = dyn StdError + 'static;
+type HintOf = fn(&Cause) -> Option<Cow<'static, str>>;
+
+/// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
+const HINTS: &[HintOf] = &[hint_of::<WithHint>];
+
+fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, str>> {
+    cause.downcast_ref::<E>()?.hint()
+}
 
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
@@ -35,7 +86,7 @@ const LOST: u8 = 3;
 
 /// Prints clap's message (help and version are no failure).
 pub(crate) fn from_usage_error(error: &clap::Error) -> u8 {
-    // Printing fails only when the terminal is gone: there is nobody left to tell.
+    // Printing fails only if the terminal is gone: nobody can read it.
     let _ = error.print();
     if error.use_stderr() { BAD_ARGUMENTS } else { DONE }
 }
@@ -48,9 +99,16 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>) -> u8 {
         Err(error) if is_closed_pipe(&error) => DONE,
         Err(error) => {
             print_chain(&error);
-            if error.is::<BadArguments>() || error.is::<NotFound>() { BAD_ARGUMENTS } else { FAILURE }
+            if is_usage(&error) { BAD_ARGUMENTS } else { FAILURE }
         }
     }
+}
+
+/// Whether the user's arguments are wrong, rather than the machine.
+pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
+    error.is::<BadArguments>()
+        || error.is::<NotFound>()
+        || error.chain().any(|cause| cause.downcast_ref::<WithHint>().is_some_and(|error| error.is_usage))
 }
 
 /// `nunetd watch front --json | head -1` is a success.
@@ -61,47 +119,95 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
         .any(|cause| cause.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-/// The one place where a failure is told to people. A stderr that is gone has nobody behind it.
+/// Prints a failure. If stderr is closed, nobody can read it.
 fn print_chain(error: &anyhow::Error) {
     let mut stderr = std::io::stderr().lock();
     let _ = stderr.write_all(chain_text(error).as_bytes());
 }
 
-/// One line a cause, hints behind the last.
-pub(crate) fn chain_text(error: &anyhow::Error) -> String {
-    let (mut text, mut hints, mut before) = (String::new(), String::new(), String::new());
-    for (depth, cause) in error.chain().enumerate() {
-        let cause = cause.to_string();
-        let (body, hint) = cause.split_once("\nhint: ").unwrap_or((&cause, ""));
-        // Some libraries repeat their cause within their own message.
-        if depth == 0 || !before.contains(body.trim()) {
-            let start = if depth == 0 { "error: " } else { "  because: " };
-            text += &format!("{start}{}\n", lines_without_gaps(body));
-        }
-        if !hint.is_empty() {
-            hints += &format!("hint: {hint}\n");
-        }
-        before = body.to_owned();
-    }
-    text + &hints
+/// A failure, split into what is printed.
+struct Report {
+    /// The error, then what caused it.
+    causes: Vec<String>,
+    hints: Vec<String>,
 }
 
-fn lines_without_gaps(text: &str) -> String {
+impl Report {
+    fn of(error: &anyhow::Error) -> Self {
+        let (mut causes, mut hints) = (Vec::new(), Vec::new());
+        let mut previous = String::new();
+        for cause in error.chain() {
+            let text = cause.to_string();
+            // Libraries whose errors do not implement `Hint` yet append the hint to their text.
+            let (text, old_hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));
+            // Some libraries repeat their cause within their own message.
+            if causes.is_empty() || !previous.contains(text.trim()) {
+                causes.push(without_empty_lines(text));
+            }
+            hints.extend((!old_hint.is_empty()).then(|| old_hint.to_owned()));
+            hints.extend(HINTS.iter().find_map(|hint| hint(cause)).map(Cow::into_owned));
+            previous = text.to_owned();
+        }
+        Self { causes, hints }
+    }
+}
+
+/// One line per cause, then the hints.
+pub(crate) fn chain_text(error: &anyhow::Error) -> String {
+    let Report { causes, hints } = Report::of(error);
+    let mut text = String::new();
+    for (index, cause) in causes.iter().enumerate() {
+        let label = if index == 0 { "error" } else { "  because" };
+        text += &format!("{label}: {cause}\n");
+    }
+    for hint in hints {
+        text += &format!("hint: {hint}\n");
+    }
+    text
+}
+
+fn without_empty_lines(text: &str) -> String {
     text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]
 mod tests {
+    use anyhow::{Context as _, anyhow};
+
     use super::*;
 
     #[test]
-    fn hints_follow_the_last_cause_and_repeated_causes_are_told_once() {
-        let error = anyhow::anyhow!("bits are missing")
+    fn hints_follow_the_last_cause_and_repeated_causes_are_printed_once() {
+        let error = anyhow!("bits are missing")
             .context("cannot decode:\n\nbits are missing\nhint: get it again")
             .context("cannot read `a.jpg`");
         assert_eq!(
             chain_text(&error),
             "error: cannot read `a.jpg`\n  because: cannot decode:\nbits are missing\nhint: get it again\n"
         );
+    }
+
+    #[test]
+    fn hints_at_every_depth_of_the_chain_are_printed() {
+        let root = WithHint::new("the disk is full", "free some space");
+        let error = Err::<(), _>(root).context("cannot write `a.npy`").unwrap_err();
+        let error = anyhow::Error::from(WithHint::usage("cannot record", "pass another file").because(error));
+        let text = "error: cannot record\n  because: cannot write `a.npy`\n  because: the disk is full\n\
+                    hint: pass another file\nhint: free some space\n";
+        assert_eq!(
+            chain_text(&error.context("camera `front`")),
+            format!("error: camera `front`\n  because: {}", &text[7..])
+        );
+    }
+
+    #[test]
+    fn wrong_arguments_are_exit_code_2_whatever_is_wrapped_around_them() {
+        let bad = || anyhow::Error::from(BadArguments("no such camera".into()));
+        let wrapped = anyhow::Error::from(WithHint::new("cannot start", "try again").because(bad()));
+        let usage = anyhow::Error::from(WithHint::usage("no", "yes")).context("outer");
+        for error in [bad().context("outer"), wrapped.context("outer"), usage] {
+            assert_eq!(from_result(Err(error)), BAD_ARGUMENTS);
+        }
+        assert_eq!(from_result(Err(WithHint::new("the disk is full", "free some space").into())), FAILURE);
     }
 }

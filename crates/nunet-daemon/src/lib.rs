@@ -1,8 +1,8 @@
 //! `nunetd` as a library: everything the binary does, so that the Python package can offer the same command.
 //!
-//! The way in is [`main`]: arguments -> [`cli`] -> one of the [`verbs`]. A stream of frames runs through
+//! The way in is [`main`]: arguments -> [`cli`] -> one of the [`subcommands`]. A stream of frames runs through
 //! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`telemetry`], [`source`],
-//! [`sink`], [`stream`], verbs, never the other way.
+//! [`sink`], [`stream`], subcommands, never the other way.
 
 mod buffers;
 pub mod cli;
@@ -20,8 +20,8 @@ mod pages;
 pub mod sink;
 pub mod source;
 pub mod stream;
+mod subcommands;
 pub mod telemetry;
-mod verbs;
 mod vetting;
 mod words;
 
@@ -47,7 +47,7 @@ pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Err(error) => return exit::from_usage_error(&error),
     };
     logging::start(&cli.logging);
-    let code = exit::from_result(verbs::dispatch(cli.verb));
+    let code = exit::from_result(subcommands::dispatch(cli.verb));
     // A binary's end does it by itself, another host's does not: a last line without its end would be lost. A reader that
     // went away is told of by the verb, or is none.
     let _ = std::io::stdout().flush();

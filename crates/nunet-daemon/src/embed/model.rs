@@ -13,8 +13,8 @@ use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineError};
 use super::memory::{Pool, Recycled};
 use crate::cli::{CameraArgs, EngineArgs, FilterArgs};
 use crate::engine::{Engine, tested};
+use crate::subcommands::About;
 use crate::telemetry::MonotonicClock;
-use crate::verbs::About;
 
 /// Names ONNX Runtime's library, as it does for `nunetd`.
 const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";

@@ -27,9 +27,9 @@ pub(crate) struct Patience<'a> {
 /// Why it was not waited any longer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum GivenUp {
-    #[error("it was not done {} s after the stop", .0.as_secs_f64())]
+    #[error("timed out {} s after shutdown was requested", .0.as_secs_f64())]
     Stopped(Duration),
-    #[error("nothing moved for {} s", .0.as_secs_f64())]
+    #[error("made no progress for {} s", .0.as_secs_f64())]
     Still(Duration),
 }
 

@@ -11,7 +11,7 @@ use nunet_core::plain_file;
 use tracing::warn;
 
 use crate::cli::GeometryArgs;
-use crate::exit::BadArguments;
+use crate::exit::{BadArguments, WithHint};
 use crate::source::Frame;
 
 /// The camera of a stream's frames, followed from frame to frame.
@@ -98,10 +98,9 @@ impl Optics {
 /// A file that cannot be read or is no calibration.
 pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     let path_shown = path.display();
-    let text = read_start(path).with_context(|| {
-        BadArguments(format!(
-            "cannot read the calibration `{path_shown}`\nhint: it should be a `camera_info` file of ROS, in YAML"
-        ))
+    let text = read_start(path).map_err(|error| {
+        let message = format!("cannot read the calibration `{path_shown}`");
+        WithHint::usage(message, "pass a ROS `camera_info` file in YAML").because(error)
     })?;
     Calibration::parse(&text)
         .with_context(|| BadArguments(format!("cannot use the calibration `{path_shown}`")))
