@@ -9,6 +9,9 @@ import subprocess
 
 import pytest
 
+# Before any test imports onnxruntime itself.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+
 COUNTER = itertools.count()
 MODEL = pathlib.Path(__file__).parents[2] / "models" / "tiny" / "tiny_wnet_c.onnx"
 

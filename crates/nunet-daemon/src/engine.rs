@@ -9,6 +9,7 @@ use nunet_core::filter::FilterOptions;
 use nunet_core::graph::{GraphError, GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::model::SelfTestReport;
 use nunet_core::pipeline::{Focal, Pipeline, PipelineOptions};
+use nunet_engine::Telemetry;
 use tracing::{info, warn};
 
 use crate::cli::{CameraArgs, EngineArgs, FilterArgs, FocalArg};
@@ -48,6 +49,7 @@ impl Engine {
     /// Finds and loads the library. What `auto` means is settled here: a model must be tried with what will run it.
     pub(crate) fn start(arguments: &EngineArgs) -> anyhow::Result<Self> {
         check_threads(arguments.threads)?;
+        Telemetry::turn_off_by_default();
         let library = library::find(arguments.onnxruntime.as_deref())?;
         let runtime = Runtime::load(&library.path)?;
         let provider = match arguments.provider {

@@ -3,10 +3,13 @@
 use std::process::ExitCode;
 
 use nunet_daemon::telemetry::CountingAllocator;
+use nunet_engine::Telemetry;
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn main() -> ExitCode {
+    // First of all: while there is one thread, the environment can be written.
+    Telemetry::turn_off_by_default();
     nunet_daemon::main(std::env::args_os())
 }

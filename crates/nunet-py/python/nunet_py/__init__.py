@@ -16,6 +16,7 @@ pictures, both in shared memory without a copy. The command `nunetd` is `python 
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -68,6 +69,11 @@ __all__ = [
     "replay",
     "subscribe",
 ]
+
+# Before the first model opens ONNX Runtime's library, which otherwise reports to its vendor. `os.environ` also writes the
+# C library's environment, which ONNX Runtime reads. Only 0 allows telemetry; any other value becomes 1.
+if os.environ.get("ORT_DISABLE_TELEMETRY") != "0":
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 _PACKAGE = Path(__file__).absolute().parent
 

@@ -1,0 +1,5 @@
+//! A trusted model, opened.
+
+mod telemetry;
+
+pub use telemetry::{TELEMETRY_VARIABLE, Telemetry};
