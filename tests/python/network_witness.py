@@ -46,6 +46,7 @@ def prepare():
                 file.write(text)
             pathlib.Path(file.name).chmod(0o644)
             run("mount", "--bind", file.name, str(target))
+            pathlib.Path(file.name).unlink()
 
 
 def answer_names():
