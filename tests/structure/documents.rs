@@ -127,9 +127,18 @@ fn long_paragraphs(document: &str, text: &str) -> Vec<String> {
         let is_item = ["- ", "* "].iter().any(|mark| start.starts_with(mark))
             || start.split_once(". ").is_some_and(|(number, _)| number.parse::<u32>().is_ok());
         let is_text = !fenced && !start.is_empty() && !start.starts_with(['|', '#', '`']);
-        length = if is_item { 1 } else if is_text { length + 1 } else { 0 };
+        length = if is_item {
+            1
+        } else if is_text {
+            length + 1
+        } else {
+            0
+        };
         if length == MAX_PARAGRAPH_LINES + 1 {
-            problems.push(format!("{document}:{}: a paragraph of more than {MAX_PARAGRAPH_LINES} lines", index + 1));
+            problems.push(format!(
+                "{document}:{}: a paragraph of more than {MAX_PARAGRAPH_LINES} lines",
+                index + 1
+            ));
         }
     }
     problems
@@ -187,8 +196,9 @@ fn a_release_without_a_date_and_a_long_one_are_found() {
 
 #[test]
 fn readme_and_book_are_short_and_have_short_paragraphs() {
-    let documents =
-        repository::texts(|path| path == "README.md" || path == "ARCHITECTURE.md" || path.starts_with("docs/"));
+    let documents = repository::texts(|path| {
+        path == "README.md" || path == "ARCHITECTURE.md" || path.starts_with("docs/")
+    });
     let documents = documents.iter().filter(|(path, _)| path.ends_with(".md"));
     let mut problems = Vec::new();
     for (path, text) in documents {
