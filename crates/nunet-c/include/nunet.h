@@ -59,17 +59,17 @@
 
 /** Values of the header's field `topic`. */
 typedef enum nunet_topic_t {
-  /** The camera's picture, in one of the picture encodings. */
+  /** The camera's image, in the encoding of a pixel format. */
   NUNET_TOPIC_RGB = 0,
   /** The depth map: `[height, width]`, `float`, NaN where there is no measurement. */
   NUNET_TOPIC_DEPTH = 1,
   /** The class of each pixel: `[height, width]`, `uint8_t`. */
   NUNET_TOPIC_LABELS = 2,
-  /** The organised point cloud: `[height, width]` points of 16 bytes. */
+  /** The organized point cloud: `[height, width]` points of 16 bytes. */
   NUNET_TOPIC_CLOUD = 3,
   /** Obstacles by direction. Reserved: no version of the daemon publishes it yet. */
   NUNET_TOPIC_SCAN = 4,
-  /** The daemon's running figures: one `nunet_stats_t`. */
+  /** The daemon's counts and latencies: one stats record. */
   NUNET_TOPIC_STATS = 5,
 } nunet_topic_t;
 
@@ -89,29 +89,29 @@ typedef enum nunet_encoding_t {
   NUNET_ENCODING_DEPTH_F32 = 5,
   /** `[height, width]` class indices. */
   NUNET_ENCODING_LABELS_U8 = 6,
-  /** `[height, width]` `nunet_point_t`s. */
+  /** `[height, width]` points of 16 bytes. */
   NUNET_ENCODING_POINTS = 7,
-  /** One `nunet_stats_t`. */
+  /** One stats record. */
   NUNET_ENCODING_STATS_RECORD = 8,
 } nunet_encoding_t;
 
 /** Values of the header's field `units`. */
 typedef enum nunet_units_t {
-  /** The payload measures no distance. */
+  /** The payload is not a distance. */
   NUNET_UNITS_NONE = 0,
-  /** Metres. */
+  /** Meters. */
   NUNET_UNITS_METRE = 1,
-  /** Farther is larger, and nothing more is promised. */
+  /** Farther is larger; nothing more is promised. */
   NUNET_UNITS_RELATIVE = 2,
 } nunet_units_t;
 
 /** Values of the header's field `scale_source`. */
 typedef enum nunet_scale_source_t {
-  /** The network's own metres, for a camera like the one it was trained with. */
+  /** The network's own meters, unchanged. */
   NUNET_SCALE_SOURCE_METRIC = 0,
-  /** The network's metres times the ratio of the cameras' focal lengths. */
+  /** The network's meters times the ratio of this camera's focal length to the training camera's. */
   NUNET_SCALE_SOURCE_FOCAL_SCALED = 1,
-  /** The network's metres; the camera's focal length is not known. */
+  /** The network's meters, unchanged, because this camera's focal length is unknown. */
   NUNET_SCALE_SOURCE_ASSUMED_CAMERA = 2,
   /** There is no scale. */
   NUNET_SCALE_SOURCE_RELATIVE = 3,
@@ -283,11 +283,11 @@ typedef struct nunet_stats_t {
  * `nunet.v1.Point`, 16 bytes.
  */
 typedef struct nunet_point_t {
-  /** Metres to the right; NaN where depth has no measurement. */
+  /** Meters to the right; NaN where depth has no measurement. */
   float x;
-  /** Metres down. */
+  /** Meters down. */
   float y;
-  /** Metres forward. */
+  /** Meters forward. */
   float z;
   /** Blue. */
   uint8_t b;
@@ -295,7 +295,7 @@ typedef struct nunet_point_t {
   uint8_t g;
   /** Red. */
   uint8_t r;
-  /** The class; `NUNET_NO_LABEL` where there is none. */
+  /** The class; 255 where there is none. */
   uint8_t label;
 } nunet_point_t;
 

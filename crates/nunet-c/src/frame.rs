@@ -4,7 +4,7 @@
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
 
-use nunet_ipc::{Frame, FrameHeader, IpcError, Point, StatsRecord, Topic};
+use nunet_ipc::{CloudPoint, Frame, FrameHeader, IpcError, StatsRecord, Topic};
 
 use crate::argument::{fill, place, pointer_to};
 use crate::handle::{Table, locked};
@@ -103,7 +103,7 @@ pub extern "C" fn nunet_frame_labels(
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_frame_points(
     frame: *const FrameHandle,
-    points: Option<&mut MaybeUninit<*const Point>>,
+    points: Option<&mut MaybeUninit<*const CloudPoint>>,
     width: Option<&mut MaybeUninit<u32>>,
     height: Option<&mut MaybeUninit<u32>>,
 ) -> Status {

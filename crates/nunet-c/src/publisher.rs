@@ -248,11 +248,12 @@ fn template(encoding: Encoding, width: u32, height: u32) -> Result<FrameHeader, 
             )));
         }
     }
-    let Some((row_bytes, rows)) = encoding.rows_of_picture(width, height) else {
+    let Some(format) = encoding.pixel_format() else {
         return Err(Failure::argument(format!(
             "`encoding` is `{encoding}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
         )));
     };
+    let (row_bytes, rows) = (format.min_stride(width), format.row_count(height));
     let mut header = FrameHeader { width, height, row_stride_bytes: row_bytes, ..FrameHeader::default() };
     header.set_topic(Topic::Rgb);
     header.set_encoding(encoding);

@@ -9,7 +9,7 @@ use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Langua
 use nunet_ipc::contract::{ENUM_DOCS, ENUMS, HEADER, Layout, POINT, STATS};
 use nunet_ipc::header::{MAX_COEFFICIENTS, MAX_STAGES};
 use nunet_ipc::stats::STAGE_NAME_BYTES;
-use nunet_ipc::{CONTRACT_VERSION, Field, Point, Topic};
+use nunet_ipc::{CONTRACT_VERSION, Field, NO_LABEL, Topic};
 
 const ABOUT: &str = include_str!("header_about.h");
 
@@ -23,7 +23,7 @@ const NAMES: [(&str, &str); 15] = [
     ("LoanHandle", "nunet_loan_t"),
     ("FrameHeader", "nunet_header_t"),
     ("StatsRecord", "nunet_stats_t"),
-    ("Point", "nunet_point_t"),
+    ("CloudPoint", "nunet_point_t"),
     ("Topic", "nunet_topic_t"),
     ("Encoding", "nunet_encoding_t"),
     ("ScaleSource", "nunet_scale_source_t"),
@@ -94,7 +94,7 @@ fn tables() -> String {
         ("Stages whose times fit into a header.", "MAX_STAGES", MAX_STAGES.to_string()),
         ("Coefficients that a distortion model may have.", "MAX_COEFFICIENTS", MAX_COEFFICIENTS.to_string()),
         ("Bytes of a stage's name.", "STAGE_NAME_BYTES", STAGE_NAME_BYTES.to_string()),
-        ("The label of a point that no segmentation has seen.", "NO_LABEL", Point::NO_LABEL.to_string()),
+        ("The label of a point that no segmentation has seen.", "NO_LABEL", NO_LABEL.to_string()),
     ] {
         out += &format!("/** {doc} */\n#define NUNET_{name} {value}\n\n");
     }

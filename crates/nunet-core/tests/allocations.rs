@@ -139,7 +139,7 @@ fn filters_allocate_nothing_and_neither_does_forgetting() {
 
 #[test]
 fn later_pictures_of_a_size_are_preprocessed_without_allocation() {
-    for format in PixelFormat::ALL {
+    for &format in PixelFormat::ALL {
         for (width, height) in [SIZE, (131, 97), (40, 20)] {
             let bytes = vec![100; format.byte_len(width, height, format.min_stride(width))];
             let frame = ImageView::packed(&bytes, width, height, format).unwrap();

@@ -7,8 +7,7 @@ use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::FrameHeader;
 
-use crate::source::{Frame, Opening, Source, decode_file, open_pipe};
-use crate::words;
+use crate::source::{Frame, Opening, Source, camera_in, decode_file, open_pipe};
 
 /// A pipe that holds `input`: Y4M, or raw pictures of a size and format.
 ///
@@ -32,5 +31,5 @@ pub fn decode(frame: &mut Frame) -> anyhow::Result<()> {
 /// # Errors
 /// It describes one that cannot be.
 pub fn camera(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
-    words::camera(header)
+    camera_in(header)
 }

@@ -79,7 +79,7 @@ fn a_fed_fisheye_is_known_to_the_daemon_and_its_points_lie_on_the_lenss_rays() {
 
 /// Each point is thrown back on its pixel by the formula of Kannala and Brandt (2006, equation 6, as OpenCV writes
 /// it), or its pixel lies outside of the circle of 180 degrees.
-fn check_points(depth_m: &[f32], header: &FrameHeader, points: &[nunet_ipc::Point]) {
+fn check_points(depth_m: &[f32], header: &FrameHeader, points: &[nunet_ipc::CloudPoint]) {
     let [k1, k2, k3, k4] = FISHEYE;
     let thrown = |angle: f64| {
         let u = angle * angle;

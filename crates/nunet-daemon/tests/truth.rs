@@ -129,7 +129,7 @@ fn published_depth_labels_and_cloud_equal_the_truth_of_the_demo_scene() {
 }
 
 /// Each point against the pinhole formula in double precision: x = (u - cx) z / fx (Hartley and Zisserman, 6.1).
-fn check_cloud(truth: &Truth, points: &[nunet_ipc::Point]) {
+fn check_cloud(truth: &Truth, points: &[nunet_ipc::CloudPoint]) {
     let camera = truth.scene.intrinsics();
     assert_eq!(points.len(), PIXELS);
     for (index, point) in points.iter().enumerate() {

@@ -4,6 +4,7 @@
 )]
 //! The unit that payloads are made of.
 
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bytes in a [`Block64`], and the alignment of every payload: a cache line, and what AVX-512 loads like best.
@@ -13,7 +14,7 @@ pub const BLOCK_BYTES: usize = 64;
 ///
 /// A slice of plain `u8` would be aligned to 8 only, and `payload_alignment(64)` would pad every *element* to 64
 /// bytes; an element that is itself 64 bytes long gets the alignment without the waste.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Block64(pub [u8; BLOCK_BYTES]);
 

@@ -7,7 +7,7 @@ use crate::error::IpcError;
 use crate::name::CameraName;
 use crate::node::{self, Iceoryx, config};
 use crate::service::{open_topic, owner_of};
-use crate::vocabulary::Topic;
+use nunet_types::Topic;
 
 /// The cameras whose `topic` a living process publishes, by name. Those of users who do not share memory with this one are
 /// not seen.

@@ -2,12 +2,12 @@
 //!
 //! Everything here is taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
 
+use nunet_types::layout::Field;
+use nunet_types::{Clock, CloudPoint, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, Wake};
+
 use crate::block::{BLOCK_BYTES, BLOCK_TYPE_NAME};
 use crate::header::{FrameHeader, HEADER_TYPE_NAME};
-use crate::layout::Field;
-use crate::plain::Point;
 use crate::stats::{STATS_TYPE_NAME, StatsRecord};
-use crate::vocabulary::{Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, Wake};
 
 pub use crate::header::CONTRACT_VERSION;
 pub use crate::node::CONTRACT_ATTRIBUTE;
@@ -48,9 +48,9 @@ pub const STATS: Layout = Layout {
 /// What lies in the payload of `cloud`, once for each pixel.
 pub const POINT: Layout = Layout {
     type_name: "nunet.v1.Point",
-    bytes: size_of::<Point>(),
-    alignment: align_of::<Point>(),
-    fields: Point::FIELDS,
+    bytes: size_of::<CloudPoint>(),
+    alignment: align_of::<CloudPoint>(),
+    fields: CloudPoint::FIELDS,
 };
 
 /// An enumeration's name, and its words with their numbers.

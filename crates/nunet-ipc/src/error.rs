@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::name::CameraName;
 use crate::node::Process;
 use crate::plan::{Reservation, SHARED_MEMORY_FOLDER, megabytes};
-use crate::vocabulary::{Encoding, Topic};
+use nunet_types::{Encoding, Topic};
 
 /// Everything that can go wrong in this crate, but for what has its own small type
 /// ([`CameraNameError`](crate::CameraNameError), [`UnknownValue`](crate::UnknownValue)).

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
+use bytemuck::Pod;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::sample::Sample;
+use nunet_types::{CloudPoint, Encoding, Topic};
 
 use crate::block::{BLOCK_BYTES, Block64};
 use crate::error::IpcError;
 use crate::header::{CONTRACT_VERSION, FrameHeader};
 use crate::node::Iceoryx;
-use crate::plain::{self, Plain, Point};
 use crate::stats::StatsRecord;
-use crate::vocabulary::{Encoding, Topic};
 
 /// One message, in shared memory, read-only.
 ///
@@ -70,7 +70,7 @@ impl Frame {
     /// The payload, aligned to 64 bytes, in shared memory.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
-        &plain::bytes_of_slice(self.sample.payload())[..self.payload_bytes]
+        &bytemuck::cast_slice(self.sample.payload())[..self.payload_bytes]
     }
 
     /// The depth map: `[height, width]`, rows from the top, in the header's units; NaN where there is none.
@@ -94,7 +94,7 @@ impl Frame {
     ///
     /// # Errors
     /// Those of [`depth`](Self::depth).
-    pub fn points(&self) -> Result<&[Point], IpcError> {
+    pub fn points(&self) -> Result<&[CloudPoint], IpcError> {
         self.grid(Encoding::Points)
     }
 
@@ -104,16 +104,16 @@ impl Frame {
     /// Those of [`depth`](Self::depth).
     pub fn stats(&self) -> Result<&StatsRecord, IpcError> {
         self.expect(Encoding::StatsRecord)?;
-        let records = plain::cast::<StatsRecord>(self.bytes()).unwrap_or_default();
+        let records = bytemuck::try_cast_slice::<u8, StatsRecord>(self.bytes()).unwrap_or_default();
         records
             .first()
             .ok_or_else(|| self.bad(format!("{} bytes are no record of figures", self.bytes().len())))
     }
 
-    fn grid<T: Plain>(&self, encoding: Encoding) -> Result<&[T], IpcError> {
+    fn grid<T: Pod>(&self, encoding: Encoding) -> Result<&[T], IpcError> {
         self.expect(encoding)?;
         let (width, height) = (self.header().width as usize, self.header().height as usize);
-        let cells = plain::cast::<T>(self.bytes()).unwrap_or_default();
+        let cells = bytemuck::try_cast_slice::<u8, T>(self.bytes()).unwrap_or_default();
         if width.checked_mul(height) == Some(cells.len()) && !cells.is_empty() {
             return Ok(cells);
         }

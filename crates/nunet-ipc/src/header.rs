@@ -8,17 +8,20 @@ use std::borrow::Cow;
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::layout::{contract_struct, set_text, text};
-use crate::vocabulary::{Clock, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, UnknownValue};
+use nunet_types::{
+    CameraInfo, Clock, DistortionModel, Encoding, ImageSize, Quality, ScaleSource, Topic, Units,
+    UnknownValue, contract_struct,
+};
+
+use crate::text::{set_text, text};
+
+pub use nunet_types::MAX_COEFFICIENTS;
 
 /// The version of this contract, in every header and in the attribute of every service.
 pub const CONTRACT_VERSION: u32 = 1;
 
 /// Stages whose times fit into a header.
 pub const MAX_STAGES: usize = 16;
-
-/// Coefficients that a distortion model may have.
-pub const MAX_COEFFICIENTS: usize = 14;
 
 /// The name under which other languages know [`FrameHeader`].
 pub const HEADER_TYPE_NAME: &str = "nunet.v1.FrameHeader";
@@ -27,7 +30,7 @@ contract_struct! {
     /// What a message says about itself.
     ///
     /// Plain numbers in native order, so that C, Python and a recording read it as it lies. Words are numbers here
-    /// ([`vocabulary`](crate::vocabulary)): read them through the methods, which refuse numbers without a meaning.
+    /// ([`nunet_types`]): read them through the methods, which refuse numbers without a meaning.
     FrameHeader, 1024 bytes {
         /// [`CONTRACT_VERSION`].
         pub contract_version: u32,
@@ -222,6 +225,33 @@ impl FrameHeader {
         }
     }
 
+    /// The camera at the size of this message; `None` where the sender does not know it.
+    ///
+    /// # Errors
+    /// [`UnknownValue`] for a lens model that this contract does not define. Nothing else is checked.
+    pub fn camera(&self) -> Result<Option<CameraInfo>, UnknownValue> {
+        if !self.has_intrinsics() {
+            return Ok(None);
+        }
+        Ok(Some(CameraInfo {
+            size: ImageSize::new(self.width, self.height),
+            fx_px: self.fx,
+            fy_px: self.fy,
+            cx_px: self.cx,
+            cy_px: self.cy,
+            distortion_model: self.distortion_model()?,
+            distortion: self.distortion,
+        }))
+    }
+
+    /// Sets the camera, which must be one of the message's size: `width` and `height` do not change.
+    pub fn set_camera(&mut self, camera: &CameraInfo) {
+        (self.fx, self.fy) = (camera.fx_px, camera.fy_px);
+        (self.cx, self.cy) = (camera.cx_px, camera.cy_px);
+        self.set_distortion_model(camera.distortion_model);
+        self.distortion = camera.distortion;
+    }
+
     /// Whether the camera's intrinsics are known.
     #[must_use]
     pub fn has_intrinsics(&self) -> bool {
@@ -268,6 +298,28 @@ mod tests {
         assert_eq!(age(taken(Clock::Media, 900, 0)), None, "not the years since 1970");
         assert_eq!(age(taken(Clock::Media, 900, i64::MIN)), Some(i64::MAX));
         assert_eq!(age(taken(Clock::Monotonic, i64::MIN, 0)), Some(i64::MAX));
+    }
+
+    #[test]
+    fn a_camera_reads_back_from_a_header_at_its_size() {
+        let camera = CameraInfo {
+            size: ImageSize::new(640, 480),
+            fx_px: 500.0,
+            fy_px: 501.0,
+            cx_px: 320.0,
+            cy_px: 240.0,
+            distortion_model: DistortionModel::KannalaBrandt,
+            distortion: std::array::from_fn(|index| index as f64),
+        };
+        let mut header = FrameHeader { width: 640, height: 480, ..FrameHeader::default() };
+        assert_eq!(header.camera(), Ok(None));
+        header.set_camera(&camera);
+        assert_eq!(header.camera(), Ok(Some(camera)));
+        header.distortion_model = 9;
+        assert_eq!(
+            header.camera().unwrap_err().to_string(),
+            "field `distortion_model` is `9`, but contract 1 defines only 0 to 2"
+        );
     }
 
     #[test]

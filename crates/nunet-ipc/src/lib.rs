@@ -10,7 +10,7 @@
 //!
 //! | module | what |
 //! |--------|------|
-//! | [`header`], [`vocabulary`], [`block`], [`plain`], [`stats`] | the bytes of a message |
+//! | [`nunet_types`], [`header`], [`block`], [`stats`] | the bytes of a message |
 //! | [`contract`] | the same as tables, for other languages |
 //! | [`name`], [`plan`] | a camera's name, and how much memory it needs |
 //! | [`publisher`], [`loan`] | the owner's side |
@@ -35,36 +35,33 @@ pub mod contract;
 pub mod error;
 pub mod frame;
 pub mod header;
-mod layout;
 pub mod loan;
 mod mend;
 pub mod name;
 mod node;
 pub mod orphans;
-pub mod plain;
 pub mod plan;
 pub mod publisher;
 pub mod reader;
 mod service;
 pub mod stats;
+mod text;
 mod touch;
-pub mod vocabulary;
 
 pub use crate::access::{Access, share_with};
 pub use crate::clock::{monotonic_nanos, unix_nanos};
 pub use crate::error::IpcError;
 pub use crate::frame::{Frame, FrameSet};
 pub use crate::header::{CONTRACT_VERSION, FrameHeader};
-pub use crate::layout::Field;
 pub use crate::loan::Loan;
 pub use crate::name::{CameraName, CameraNameError};
 pub use crate::node::{CONTRACT_ATTRIBUTE, Process};
-pub use crate::plain::{Plain, Point};
 pub use crate::plan::{Limits, Reservation, TopicPlan, TopicReservation, free_shared_memory_bytes};
 pub use crate::publisher::{LATE_JOINER_PERIOD, Publisher};
 pub use crate::reader::{Owners, Reader};
 pub use crate::stats::StatsRecord;
-pub use crate::vocabulary::{
-    Clock, DistortionModel, Encoding, MAX_SIDE_PX, Quality, ScaleSource, Topic, Units, UnknownValue,
-    UnknownWord, Wake,
+pub use nunet_types::layout::Field;
+pub use nunet_types::{
+    CameraInfo, Clock, CloudPoint, DistortionModel, Encoding, ImageSize, MAX_SIDE_PX, NO_LABEL, PixelFormat,
+    Quality, ScaleSource, Topic, Units, UnknownValue, UnknownWord, Wake,
 };

@@ -6,15 +6,15 @@
 
 use std::mem::MaybeUninit;
 
+use bytemuck::Pod;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
+use nunet_types::Topic;
 
 use crate::block::Block64;
 use crate::error::IpcError;
 use crate::header::FrameHeader;
 use crate::node::Iceoryx;
-use crate::plain::{self, Plain};
-use crate::vocabulary::Topic;
 
 /// A chunk of shared memory on loan from a [`Publisher`](crate::Publisher): fill its header and its bytes, then
 /// publish it. Dropping it instead gives it back unseen. `Send`: it may be filled by another thread.
@@ -49,7 +49,7 @@ impl Loan {
     /// The payload, aligned to 64 bytes, in shared memory: its address is the one that readers will see (in their
     /// own mapping of the same segment). Whatever an earlier frame left is still in it.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        let bytes = plain::bytes_of_slice_mut(self.sample.payload_mut());
+        let bytes = bytemuck::cast_slice_mut::<Block64, u8>(self.sample.payload_mut());
         &mut bytes[..self.payload_bytes]
     }
 
@@ -57,9 +57,9 @@ impl Loan {
     ///
     /// # Errors
     /// [`IpcError::WrongElement`] when it is no whole number of them.
-    pub fn slice_mut<T: Plain>(&mut self) -> Result<&mut [T], IpcError> {
+    pub fn slice_mut<T: Pod>(&mut self) -> Result<&mut [T], IpcError> {
         let payload_bytes = self.payload_bytes;
-        plain::cast_mut(self.bytes_mut()).map_err(|_misfit| IpcError::WrongElement {
+        bytemuck::try_cast_slice_mut(self.bytes_mut()).map_err(|_misfit| IpcError::WrongElement {
             element: std::any::type_name::<T>(),
             element_bytes: size_of::<T>(),
             payload_bytes,

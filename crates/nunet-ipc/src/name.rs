@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::vocabulary::Topic;
+use nunet_types::Topic;
 
 /// The longest camera name, in bytes.
 pub const MAX_CAMERA_NAME_BYTES: usize = 64;

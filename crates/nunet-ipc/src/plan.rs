@@ -18,7 +18,7 @@ use std::fmt;
 use crate::block::{BLOCK_BYTES, blocks_for};
 use crate::error::IpcError;
 use crate::header::FrameHeader;
-use crate::vocabulary::Topic;
+use nunet_types::Topic;
 
 /// One topic that an owner publishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -21,7 +21,7 @@ use crate::node::{self, Iceoryx, Process};
 use crate::plan::{Limits, Reservation, TopicPlan, free_shared_memory_bytes};
 use crate::service::{TopicService, WakeService, create_topic, create_wake, owner_of};
 use crate::touch;
-use crate::vocabulary::{Topic, Wake};
+use nunet_types::{Topic, Wake};
 
 /// How soon a reader that joins a source that stands still should get the last frame: the period of
 /// [`Publisher::refresh`].

@@ -16,7 +16,7 @@ use crate::frame::{Frame, FrameSet, Port};
 use crate::name::CameraName;
 use crate::node::{self, Iceoryx, Process};
 use crate::service::{TopicService, open_topic, open_wake, owner_of};
-use crate::vocabulary::{Topic, Wake};
+use nunet_types::{Topic, Wake};
 
 /// How often to look for services that are not there yet. There is nothing to wait on before they exist.
 const RETRY_PERIOD: Duration = Duration::from_millis(10);

@@ -19,7 +19,7 @@ use crate::mend::Turn;
 use crate::name::CameraName;
 use crate::node::{Iceoryx, Process, check_contract, config, contract_attribute, service_name};
 use crate::plan::Limits;
-use crate::vocabulary::{Topic, Wake};
+use nunet_types::{Topic, Wake};
 
 pub(crate) type TopicService = publish_subscribe::PortFactory<Iceoryx, [Block64], FrameHeader>;
 pub(crate) type WakeService = event::PortFactory<Iceoryx>;

@@ -2,8 +2,10 @@
 
 use std::borrow::Cow;
 
+use nunet_types::contract_struct;
+
 use crate::header::{CONTRACT_VERSION, MAX_STAGES};
-use crate::layout::{contract_struct, set_text, text};
+use crate::text::{set_text, text};
 
 /// Bytes of a stage's name in a [`StatsRecord`].
 pub const STAGE_NAME_BYTES: usize = 32;

@@ -1,5 +1,51 @@
 //! The vocabulary that all nunet crates share: plain data types without behavior of their own.
+//!
+//! | item | what it is |
+//! |------|------------|
+//! | [`ImageSize`], [`PixelFormat`] | how an image lies in memory |
+//! | [`Units`], [`ScaleSource`], [`Quality`] | what a depth map's numbers mean |
+//! | [`CameraInfo`], [`DistortionModel`] | intrinsics and lens of a camera, as messages carry them |
+//! | [`CloudPoint`], [`NO_LABEL`] | one point of a cloud, 16 bytes |
+//! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | what a shared-memory message is |
+//! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
+//! | [`Hint`] | what a user can do about an error |
+//!
+//! Each enumeration has a number (in shared memory), a name (on the command line, in files, in JSON) and a
+//! documentation text (in the C header). One macro writes all three, so they cannot differ.
+//!
+//! # Example: the bytes of an image
+//! ```
+//! use nunet_types::{Encoding, ImageSize, PixelFormat};
+//!
+//! let format: PixelFormat = "yuyv".parse()?;
+//! let size: ImageSize = "640x480".parse()?;
+//! assert_eq!(format.min_stride(size.width), 1280);
+//! assert_eq!(format.byte_len(size.width, size.height, 1280), 614_400);
+//!
+//! // The number that stands for it in a message's header, and back.
+//! let number = u32::from(Encoding::from(format));
+//! assert_eq!(Encoding::try_from(number)?.pixel_format(), Some(PixelFormat::Yuyv));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+// For `contract_struct!`, which names this crate from outside.
+extern crate self as nunet_types;
+
+mod camera_info;
+mod cloud_point;
+mod depth;
 mod hint;
+mod image_size;
+pub mod layout;
+mod message;
+mod pixel_format;
+mod vocabulary;
 
+pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
+pub use cloud_point::{CloudPoint, NO_LABEL};
+pub use depth::{Quality, ScaleSource, Units};
 pub use hint::Hint;
+pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
+pub use message::{Clock, Encoding, Topic, Wake};
+pub use pixel_format::PixelFormat;
+pub use vocabulary::{UnknownValue, UnknownWord};

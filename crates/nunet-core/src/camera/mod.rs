@@ -3,6 +3,7 @@
 mod brown_conrady;
 mod calibration;
 mod coefficients;
+mod info;
 mod intrinsics;
 mod kannala_brandt;
 mod rays;

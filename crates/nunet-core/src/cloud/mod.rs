@@ -2,38 +2,9 @@
 
 use std::num::NonZeroU32;
 
+pub use nunet_types::{CloudPoint, NO_LABEL};
+
 use crate::camera::RayTable;
-
-/// The label of a point whose class nobody knows.
-pub const NO_LABEL: u8 = 255;
-
-/// One point of an organised cloud, 16 bytes as they lie in shared memory.
-///
-/// Metres in the camera's optical frame (x right, y down, z forward), NaN where there is no depth. The same bytes
-/// are a ROS `PointCloud2` with fields x, y, z, rgb (FLOAT32 at 12) and label (UINT8 at 15).
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(C)]
-pub struct CloudPoint {
-    /// To the right, metres.
-    pub x: f32,
-    /// Down, metres.
-    pub y: f32,
-    /// Forward, metres.
-    pub z: f32,
-    /// Blue.
-    pub b: u8,
-    /// Green.
-    pub g: u8,
-    /// Red.
-    pub r: u8,
-    /// Class index, [`NO_LABEL`] where there is none.
-    pub label: u8,
-}
-
-impl CloudPoint {
-    /// No depth, no colour, no class.
-    pub const NONE: Self = Self { x: f32::NAN, y: f32::NAN, z: f32::NAN, b: 0, g: 0, r: 0, label: NO_LABEL };
-}
 
 /// Width and height of the cloud of every `stride`-th column and row of a depth map.
 #[must_use]

@@ -4,4 +4,5 @@ mod decode;
 mod scale;
 
 pub use decode::{DepthError, DepthRange, Encoding};
-pub use scale::{Scale, ScaleSource, Units};
+pub use nunet_types::{ScaleSource, Units};
+pub use scale::Scale;

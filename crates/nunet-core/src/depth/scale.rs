@@ -1,30 +1,8 @@
 //! What the numbers of a depth map are, and where their scale comes from.
 
+use nunet_types::{ScaleSource, Units};
+
 use super::Encoding;
-
-/// The unit of a depth map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Units {
-    /// Not a length at all, as of labels.
-    None,
-    /// Metres along the optical axis.
-    Metre,
-    /// Nearer or farther, without a unit.
-    Relative,
-}
-
-/// Where a depth map's scale comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ScaleSource {
-    /// The network's own metres, as they are.
-    Metric,
-    /// The network's metres times the ratio of this camera's focal length to the training camera's.
-    FocalScaled,
-    /// The network's metres, as if this camera had the training camera's focal length: nobody said which it has.
-    AssumedCamera,
-    /// No scale.
-    Relative,
-}
 
 /// How to scale what a network says, decided once when the pipeline is built.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,6 +3,8 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use nunet_types::Quality;
+
 use crate::graph::wiring::{Wired, WiredStage};
 use crate::graph::{Provider, Signature, StageTimes, TensorSpec};
 use crate::model::StateTensor;
@@ -69,18 +71,6 @@ pub struct GraphOutputs<'a> {
     pub depth: &'a mut [f32],
     /// `[H, W]`, `u8`, class indices; `None` where nobody wants them.
     pub labels: Option<&'a mut [u8]>,
-}
-
-/// How much of a frame's result was computed from this frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Quality {
-    /// All of it.
-    #[default]
-    Full,
-    /// A stage was skipped (`every`), and its earlier result used again.
-    ReusedLabels,
-    /// Something simpler stood in for the network.
-    Fallback,
 }
 
 /// What happened in one run.

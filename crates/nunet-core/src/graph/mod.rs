@@ -15,9 +15,10 @@ mod times;
 mod wiring;
 
 pub use error::GraphError;
-pub use io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, StageInfo, TensorView};
+pub use io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, TensorView};
 pub use load::{model_files, model_hashes};
 pub use manifest::{MAX_STAGES, Manifest, ManifestError};
+pub use nunet_types::Quality;
 pub use onnx::{Provider, Runtime, RuntimeError, UnknownProvider};
 pub use serial::SerialGraph;
 pub use signature::{ElementType, Signature, TensorSpec};

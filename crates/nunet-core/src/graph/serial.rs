@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nunet_types::Quality;
+
 use crate::clock::Clock;
-use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Quality, StageInfo, TensorView};
+use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, TensorView};
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
 use crate::graph::state::State;

@@ -106,7 +106,7 @@ fn one_pixel_fills_the_picture_and_a_picture_shrinks_to_one() {
 fn the_longest_sides_are_taken() {
     let side = crate::frame::MAX_SIDE_PX;
     for (width, height) in [(side, 2), (2, side)] {
-        for format in PixelFormat::ALL {
+        for &format in PixelFormat::ALL {
             let stride = format.min_stride(width);
             let bytes = vec![128; format.byte_len(width, height, stride)];
             let rgb = prepared(&bytes, (width, height), stride, format, (16, 12));

@@ -22,7 +22,7 @@ pub use model::{Inferred, Model, ModelOptions};
 pub use player::{Played, Player, Step};
 
 use crate::source::{self, Frame};
-use crate::{exit, stream, words};
+use crate::{exit, stream};
 
 /// The text of a failure as `nunetd` prints it: one line a cause, then the hints.
 #[must_use]
@@ -55,30 +55,30 @@ pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
 /// # Errors
 /// Numbers that no camera has, or a lens model without a meaning.
 pub fn camera_of(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
-    words::camera(header)
+    source::camera_in(header)
 }
 
 /// Says in a message what is known of its camera, which must be one of the message's size.
 pub fn set_camera(header: &mut FrameHeader, camera: &Camera) {
-    words::set_camera(header, camera);
+    header.set_camera(&camera.into());
 }
 
 /// The contract's word for a unit.
 #[must_use]
 pub fn units_name(units: Units) -> &'static str {
-    words::units(units).name()
+    units.name()
 }
 
 /// The contract's word for where a scale comes from.
 #[must_use]
 pub fn scale_source_name(source: ScaleSource) -> &'static str {
-    words::scale_source(source).name()
+    source.name()
 }
 
 /// The contract's word for whether a stage was skipped.
 #[must_use]
 pub fn quality_name(quality: Quality) -> &'static str {
-    words::quality(quality).name()
+    quality.name()
 }
 
 /// The depths of the reddest and the bluest colour: where one is not given, the map's own first or last percentile. A map

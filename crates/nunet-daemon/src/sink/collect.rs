@@ -9,7 +9,6 @@ use nunet_ipc::{CameraName, FrameSet, Reader, Topic, Units};
 use tracing::warn;
 
 use super::files::{self, Results};
-use super::points::cloud_points;
 use super::shm::Outlet;
 use super::writing::Writing;
 
@@ -62,7 +61,7 @@ impl Last {
             depth: depth.depth()?.to_vec(),
             metric: depth.header().units()? == Units::Metre,
             labels: labels.map(<[_]>::to_vec),
-            cloud: cloud.map(|points| cloud_points(points).to_vec()),
+            cloud: cloud.map(<[_]>::to_vec),
         })
     }
 

@@ -4,7 +4,6 @@ pub(crate) mod collect;
 pub mod files;
 pub(crate) mod metrics;
 pub(crate) mod patience;
-mod points;
 pub(crate) mod recording;
 pub(crate) mod shm;
 pub(crate) mod stats;

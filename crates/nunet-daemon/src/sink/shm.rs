@@ -5,12 +5,11 @@ use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
 use nunet_ipc::{
-    CameraName, Encoding, FrameHeader, IpcError, Limits, Loan, Point, Publisher, StatsRecord, Topic,
+    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, StatsRecord, Topic,
     TopicPlan, Units, Wake, monotonic_nanos,
 };
 use tracing::{info, warn};
 
-use super::points::cloud_points_mut;
 use crate::cli::{MAX_FRAME_ID, Publish};
 use crate::exit::BadArguments;
 use crate::source::Frame;
@@ -73,11 +72,11 @@ pub(crate) struct Loans {
 impl Loans {
     /// The chunks as the pipeline fills them.
     pub(crate) fn outputs(&mut self) -> anyhow::Result<Outputs<'_>> {
-        let points = self.cloud.as_mut().map(Loan::slice_mut::<Point>).transpose()?;
+        let points = self.cloud.as_mut().map(Loan::slice_mut).transpose()?;
         Ok(Outputs {
             depth_m: self.depth.slice_mut()?,
             labels: self.labels.as_mut().map(Loan::bytes_mut),
-            cloud: points.map(cloud_points_mut),
+            cloud: points,
         })
     }
 }
@@ -258,9 +257,9 @@ impl Outlet {
         header.capture_nanos = frame.capture.nanos;
         header.capture_unix_nanos = frame.capture.unix_nanos;
         header.set_capture_clock(frame.capture.clock);
-        header.set_units(words::units(report.units));
-        header.set_scale_source(words::scale_source(report.scale_source));
-        header.set_quality(words::quality(report.quality));
+        header.set_units(report.units);
+        header.set_scale_source(report.scale_source);
+        header.set_quality(report.quality);
         header.set_stages(std::iter::once(queue_micros).chain(report.stages.micros().iter().copied()));
         header.bytes_copied = report.bytes_copied;
         header.invalid_pixels = report.invalid_pixels.into();
@@ -271,9 +270,9 @@ impl Outlet {
         let mut header = self.header;
         header.set_encoding(encoding);
         (header.width, header.height) = (width, height);
-        header.row_stride_bytes = width * words::bytes_per_cell(encoding);
+        header.row_stride_bytes = width * encoding.element_bytes().unwrap_or(0);
         if let Some(camera) = camera {
-            words::set_camera(&mut header, &camera);
+            header.set_camera(&(&camera).into());
         }
         header
     }
@@ -288,7 +287,7 @@ pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> 
     let all = [
         (true, Topic::Depth, size * size_of::<f32>()),
         (labels, Topic::Labels, size),
-        (cloud, Topic::Cloud, points * size_of::<Point>()),
+        (cloud, Topic::Cloud, points * size_of::<CloudPoint>()),
         (true, Topic::Stats, size_of::<StatsRecord>()),
     ];
     let wanted = all.into_iter().filter(|(wanted, ..)| *wanted);

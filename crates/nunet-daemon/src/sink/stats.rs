@@ -10,7 +10,6 @@ use nunet_core::depth::Scale;
 use serde::{Serialize, Serializer};
 
 use crate::telemetry::{Counts, Latencies, Summary, Totals};
-use crate::words;
 
 /// The figures of a camera, or of several together.
 #[derive(Debug, Serialize)]
@@ -66,8 +65,8 @@ impl Stats {
             model: model.clone(),
             provider: provider.to_owned(),
             classes: classes.to_vec(),
-            units: words::units(scale.units).name(),
-            scale_source: words::scale_source(scale.source).name(),
+            units: scale.units.name(),
+            scale_source: scale.source.name(),
             frames,
             latency_ms: latencies.into(),
             fps: totals.fps(),

@@ -18,6 +18,7 @@ pub use rate::{Pacer, Rate};
 #[cfg(test)]
 pub(crate) use recording::tests::write_recording;
 pub(crate) use recording::{RecordingSource, sorted};
+pub(crate) use shm::camera_in;
 pub(crate) use v4l2::cameras;
 
 use std::io::Read;

@@ -3,12 +3,13 @@
 use std::time::{Duration, Instant};
 
 use nunet_core::camera::Camera;
-use nunet_ipc::{CameraName, Clock, FrameHeader, IpcError, Reader, Topic, monotonic_nanos, unix_nanos};
+use nunet_ipc::{
+    CameraName, Clock, Encoding, FrameHeader, IpcError, Reader, Topic, monotonic_nanos, unix_nanos,
+};
 use tracing::{info, warn};
 
 use super::{Capture, Fill, Frame, Pixels, Source};
 use crate::exit::camera_name;
-use crate::words;
 
 /// How long one call may wait, so that a stop is seen.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -112,7 +113,7 @@ impl SharedMemory {
 
     fn describe(&mut self, sample: nunet_ipc::Frame, frame: &mut Frame) -> Fill {
         let header = sample.header();
-        let format = header.encoding().ok().and_then(words::pixel_format);
+        let format = header.encoding().ok().and_then(Encoding::pixel_format);
         frame.sequence = header.sequence;
         if format.is_none() {
             return Fill::Failed(anyhow::anyhow!(
@@ -137,7 +138,7 @@ impl SharedMemory {
 
     /// A camera or a lens that makes no sense is told once and not used.
     fn camera_of(&mut self, header: &FrameHeader) -> Option<Camera> {
-        words::camera(header).unwrap_or_else(|error| {
+        camera_in(header).unwrap_or_else(|error| {
             if !self.bad_camera {
                 warn!("camera `{}` sends intrinsics that are not used: {error:#}", self.camera);
             }
@@ -145,6 +146,14 @@ impl SharedMemory {
             None
         })
     }
+}
+
+/// The camera that a message describes; `None` where its sender does not know it.
+///
+/// # Errors
+/// Numbers that no camera has, or a lens model without a meaning.
+pub(crate) fn camera_in(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
+    Ok(header.camera()?.as_ref().map(Camera::try_from).transpose()?)
 }
 
 impl Source for SharedMemory {

@@ -18,7 +18,6 @@ use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
 use crate::source::{self, Fill, Frame, Kind, Opening, Pacer, Rate, Source};
 use crate::stream::{Optics, Stop};
-use crate::words;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
 pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
@@ -204,11 +203,11 @@ fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera
     header.capture_nanos = frame.capture.nanos;
     header.capture_unix_nanos = frame.capture.unix_nanos;
     header.set_capture_clock(frame.capture.clock);
-    header.set_encoding(words::encoding(format));
+    header.set_encoding(format.into());
     (header.width, header.height) = frame.size;
     header.row_stride_bytes = frame.row_stride;
     if let Some(camera) = camera {
-        words::set_camera(header, &camera);
+        header.set_camera(&(&camera).into());
     }
 }
 

@@ -1,7 +1,7 @@
 //! The topics of one frame that belong together.
 
 use nunet_daemon::embed;
-use nunet_ipc::{Encoding, Point, Topic, monotonic_nanos, unix_nanos};
+use nunet_ipc::{CloudPoint, Encoding, Topic, monotonic_nanos, unix_nanos};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -129,14 +129,14 @@ impl Frame {
     /// of 16 bytes. `colors` runs backwards over blue, green, red, which torch takes only as a copy.
     #[getter]
     fn cloud(&self, py: Python<'_>) -> PyResult<Cloud> {
-        const BYTES: usize = size_of::<Point>();
+        const BYTES: usize = size_of::<CloudPoint>();
         let sample = self.encoded(py, Topic::Cloud, Encoding::Points)?;
         let grid = sample.get().grid(BYTES)?;
         let points = grid.triples(BYTES as isize, 0, size_of::<f32>() as isize);
-        let colors = grid.triples(BYTES as isize, std::mem::offset_of!(Point, r), -1);
+        let colors = grid.triples(BYTES as isize, std::mem::offset_of!(CloudPoint, r), -1);
         Ok(Cloud::of_arrays(
             array(sample, element::<f32>(py), points)?.cast_into()?,
-            plane::<u8>(sample, BYTES, std::mem::offset_of!(Point, label))?.cast_into()?,
+            plane::<u8>(sample, BYTES, std::mem::offset_of!(CloudPoint, label))?.cast_into()?,
             array(sample, element::<u8>(py), colors)?.cast_into()?,
         ))
     }

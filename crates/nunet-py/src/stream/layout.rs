@@ -1,7 +1,7 @@
 //! How a camera's pictures lie in memory.
 
 use numpy::{IxDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
-use nunet_ipc::{Encoding, MAX_SIDE_PX};
+use nunet_ipc::{Encoding, ImageSize, PixelFormat, UnknownWord};
 use pyo3::PyClass;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -24,28 +24,19 @@ pub(super) struct Layout {
 
 impl Layout {
     pub(super) fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
-        let known = Encoding::PICTURES.into_iter().find(|known| known.name() == encoding);
-        let Some(known) = known else {
-            let choices: Vec<_> = Encoding::PICTURES.iter().map(|known| format!("`{known}`")).collect();
-            return Err(PyValueError::new_err(format!(
-                "`{encoding}` is no encoding of pictures\nhint: one of {}",
-                choices.join(", ")
-            )));
+        let unknown = |error: UnknownWord| PyValueError::new_err(error.to_string());
+        let format: PixelFormat = encoding.parse().map_err(unknown)?;
+        let ImageSize { width, height } = ImageSize::from(size)
+            .check()
+            .map_err(|error| PyValueError::new_err(format!("{error}\nhint: for example size=(640, 480)")))?;
+        let row_bytes = format.min_stride(width);
+        let (lines, bytes) = (format.row_count(height) as usize, row_bytes as usize);
+        let lengths = match format {
+            PixelFormat::Mono8 | PixelFormat::Nv12 => vec![lines, bytes],
+            PixelFormat::Yuyv => vec![lines, bytes / 2, 2],
+            PixelFormat::Rgb8 | PixelFormat::Bgr8 => vec![lines, bytes / 3, 3],
         };
-        let (columns, rows) = size;
-        let Some((row_bytes, lines)) = known.rows_of_picture(columns, rows) else {
-            return Err(PyValueError::new_err(format!(
-                "size is `{columns}x{rows}`, but expected (width, height) of 1 to {MAX_SIDE_PX} pixels\n\
-                 hint: for example size=(640, 480)"
-            )));
-        };
-        let (lines, bytes) = (lines as usize, row_bytes as usize);
-        let lengths = match known {
-            Encoding::Mono8 | Encoding::Nv12 => vec![lines, bytes],
-            Encoding::Yuyv => vec![lines, bytes / 2, 2],
-            _ => vec![lines, bytes / 3, 3],
-        };
-        Ok(Self { encoding: known, size, row_bytes, lengths })
+        Ok(Self { encoding: format.into(), size, row_bytes, lengths })
     }
 
     pub(super) fn bytes(&self) -> usize {

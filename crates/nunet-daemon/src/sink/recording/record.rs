@@ -6,8 +6,7 @@ use nunet_core::depth::Scale;
 use nunet_ipc::{FrameSet, Topic, Units};
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
 
-use crate::source::{Frame, Pixels};
-use crate::words;
+use crate::source::{Frame, Pixels, camera_in};
 
 /// A frame as it is recorded.
 #[derive(Debug, Default)]
@@ -70,7 +69,7 @@ impl Record {
                         header.units().map_or("", |units| units.name()),
                         header.scale_source().map_or("", |source| source.name()),
                     ];
-                    self.depth_camera = words::camera(header).ok().flatten().map(|camera| describe(&camera));
+                    self.depth_camera = camera_in(header).ok().flatten().map(|camera| describe(&camera));
                 }
             }
         }
@@ -79,8 +78,7 @@ impl Record {
     /// Copies results of a pipeline.
     pub(crate) fn copy_results(&mut self, results: &Results<'_>) {
         self.clear();
-        self.scale =
-            [words::units(results.scale.units).name(), words::scale_source(results.scale.source).name()];
+        self.scale = [results.scale.units.name(), results.scale.source.name()];
         self.size = results.size;
         self.depth.extend(results.depth.iter().flat_map(|metres| metres.to_le_bytes()));
         self.labels.extend_from_slice(results.labels.unwrap_or_default());

@@ -11,7 +11,6 @@ use super::comparison::{Comparison, Kind};
 use super::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
 use crate::cli::ProtocolArg;
 use crate::sink::stats::ModelName;
-use crate::words;
 
 /// Everything that was found.
 #[derive(Debug, Serialize)]
@@ -109,8 +108,8 @@ impl Report {
                 ProtocolArg::Full => "full",
                 ProtocolArg::Eigen => "eigen",
             },
-            units: words::units(scale.units).name(),
-            scale_source: words::scale_source(scale.source).name(),
+            units: scale.units.name(),
+            scale_source: scale.source.name(),
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
             pictures: what.pictures,
             skipped: what.skipped,

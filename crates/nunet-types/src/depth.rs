@@ -1,0 +1,48 @@
+//! What the numbers of a depth map mean.
+
+use crate::vocabulary::vocabulary;
+
+vocabulary! {
+    /// The unit of a depth map or a cloud.
+    Units as "units" {
+        /// The payload is not a distance.
+        None = 0 "none",
+        /// Meters.
+        Metre = 1 "metre",
+        /// Farther is larger; nothing more is promised.
+        Relative = 2 "relative",
+    }
+}
+
+vocabulary! {
+    /// Where the scale of a distance comes from.
+    ScaleSource as "scale_source" {
+        /// The network's own meters, unchanged.
+        Metric = 0 "metric",
+        /// The network's meters times the ratio of this camera's focal length to the training camera's.
+        FocalScaled = 1 "focal_scaled",
+        /// The network's meters, unchanged, because this camera's focal length is unknown.
+        AssumedCamera = 2 "assumed_camera",
+        /// There is no scale.
+        Relative = 3 "relative",
+    }
+}
+
+vocabulary! {
+    /// How much of the network ran for this frame.
+    Quality as "quality" {
+        /// Every stage.
+        Full = 0 "full",
+        /// The labels come from an earlier frame.
+        ReusedLabels = 1 "reused_labels",
+        /// A cheaper stand-in for the network.
+        Fallback = 2 "fallback",
+    }
+}
+
+impl Default for Quality {
+    /// Every stage ran.
+    fn default() -> Self {
+        Self::Full
+    }
+}

@@ -1,0 +1,140 @@
+//! What a shared-memory message carries.
+
+use crate::pixel_format::PixelFormat;
+use crate::vocabulary::vocabulary;
+
+vocabulary! {
+    /// What a service carries; the last part of its name.
+    Topic as "topic" {
+        /// The camera's image, in the encoding of a pixel format.
+        Rgb = 0 "rgb",
+        /// The depth map: `[height, width]`, `f32`, NaN where there is no measurement.
+        Depth = 1 "depth",
+        /// The class of each pixel: `[height, width]`, `u8`.
+        Labels = 2 "labels",
+        /// The organized point cloud: `[height, width]` points of 16 bytes.
+        Cloud = 3 "cloud",
+        /// Obstacles by direction. Reserved: no version of the daemon publishes it yet.
+        Scan = 4 "scan",
+        /// The daemon's counts and latencies: one stats record.
+        Stats = 5 "stats",
+    }
+}
+
+vocabulary! {
+    /// How the bytes of a payload are laid out.
+    Encoding as "encoding" {
+        /// `[height, width, 3]` bytes: red, green, blue.
+        Rgb8 = 0 "rgb8",
+        /// `[height, width, 3]` bytes: blue, green, red.
+        Bgr8 = 1 "bgr8",
+        /// `[height, width]` bytes of brightness.
+        Mono8 = 2 "mono8",
+        /// `[height, width / 2, 4]` bytes: Y0, U, Y1, V.
+        Yuyv = 3 "yuyv",
+        /// `[height, width]` bytes of Y, then `[height / 2, width / 2, 2]` of U, V.
+        Nv12 = 4 "nv12",
+        /// `[height, width]` little-endian `f32`.
+        DepthF32 = 5 "depth_f32",
+        /// `[height, width]` class indices.
+        LabelsU8 = 6 "labels_u8",
+        /// `[height, width]` points of 16 bytes.
+        Points = 7 "points",
+        /// One stats record.
+        StatsRecord = 8 "stats_record",
+    }
+}
+
+impl Encoding {
+    /// The pixel format of an image; `None` for a payload that is not an image.
+    #[must_use]
+    pub const fn pixel_format(self) -> Option<PixelFormat> {
+        match self {
+            Self::Rgb8 => Some(PixelFormat::Rgb8),
+            Self::Bgr8 => Some(PixelFormat::Bgr8),
+            Self::Mono8 => Some(PixelFormat::Mono8),
+            Self::Yuyv => Some(PixelFormat::Yuyv),
+            Self::Nv12 => Some(PixelFormat::Nv12),
+            Self::DepthF32 | Self::LabelsU8 | Self::Points | Self::StatsRecord => None,
+        }
+    }
+
+    /// Bytes of one element of a `[height, width]` result; `None` for an image and a stats record.
+    #[must_use]
+    pub const fn element_bytes(self) -> Option<u32> {
+        match self {
+            Self::DepthF32 => Some(4),
+            Self::LabelsU8 => Some(1),
+            Self::Points => Some(16),
+            Self::Rgb8 | Self::Bgr8 | Self::Mono8 | Self::Yuyv | Self::Nv12 | Self::StatsRecord => None,
+        }
+    }
+}
+
+impl From<PixelFormat> for Encoding {
+    fn from(format: PixelFormat) -> Self {
+        match format {
+            PixelFormat::Rgb8 => Self::Rgb8,
+            PixelFormat::Bgr8 => Self::Bgr8,
+            PixelFormat::Mono8 => Self::Mono8,
+            PixelFormat::Yuyv => Self::Yuyv,
+            PixelFormat::Nv12 => Self::Nv12,
+        }
+    }
+}
+
+vocabulary! {
+    /// The clock that `capture_nanos` was read from.
+    Clock as "capture_clock" {
+        /// `CLOCK_MONOTONIC` of this machine.
+        Monotonic = 0 "monotonic",
+        /// Nanoseconds since 1970-01-01 UTC.
+        Unix = 1 "unix",
+        /// The position in a recording.
+        Media = 2 "media",
+    }
+}
+
+vocabulary! {
+    /// The id of an event on `nunet/CAMERA/wake`.
+    Wake as "wake" {
+        /// The camera published an image (`rgb`).
+        Picture = 0 "picture",
+        /// The daemon published a frame: `depth` and everything that belongs to it.
+        Depth = 1 "depth",
+        /// A publisher started. Sent by iceoryx2 itself.
+        OwnerCame = 2 "owner_came",
+        /// A publisher closed normally. Sent by iceoryx2 itself.
+        OwnerLeft = 3 "owner_left",
+        /// A dead publisher was found. Sent by iceoryx2 itself when any process cleans up after it.
+        OwnerDied = 4 "owner_died",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_format_and_its_encoding_have_the_same_name_and_number() {
+        for &format in PixelFormat::ALL {
+            let encoding = Encoding::from(format);
+            assert_eq!((encoding.name(), encoding as u32), (format.name(), format as u32));
+            assert_eq!(encoding.pixel_format(), Some(format));
+        }
+        let images = Encoding::ALL.iter().filter_map(|encoding| encoding.pixel_format()).count();
+        assert_eq!(images, PixelFormat::ALL.len());
+    }
+
+    #[test]
+    fn a_payload_is_an_image_or_has_elements_or_is_a_record() {
+        for &encoding in Encoding::ALL {
+            let kinds = [
+                encoding.pixel_format().is_some(),
+                encoding.element_bytes().is_some(),
+                encoding == Encoding::StatsRecord,
+            ];
+            assert_eq!(kinds.into_iter().filter(|kind| *kind).count(), 1, "{encoding}");
+        }
+    }
+}
