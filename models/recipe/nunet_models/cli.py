@@ -9,6 +9,7 @@ from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import annotate as annotate_command
 from nunet_models.export import command as export_command
 from nunet_models.quantisation import command as quantize_command
+from nunet_models.rendering import command as render_command
 from nunet_models.reporting import command as report_command
 from nunet_models.training import command as train_command
 
@@ -24,6 +25,7 @@ VERBS = (
     annotate_command,
     report_command,
     nyu_lists_command,
+    render_command,
 )
 
 

@@ -6,12 +6,12 @@ import math
 from itertools import pairwise
 
 import bpy
-import materials
 import numpy as np
-import shell
-from shapes import Maker
 
-BOOK_COLOURS = (
+from nunet_models.rendering import images, materials, shell
+from nunet_models.rendering.shapes import Maker
+
+BOOK_COLORS = (
     (0.28, 0.03, 0.03),
     (0.03, 0.08, 0.22),
     (0.02, 0.13, 0.09),
@@ -27,7 +27,7 @@ BANDS = ((0.7, 0.62, 0.4), (0.75, 0.74, 0.7), (0.1, 0.08, 0.07))
 
 
 def _book(maker: Maker) -> bpy.types.Material:
-    return materials.book(maker.random.choice(BOOK_COLOURS), maker.random.choice(BANDS))
+    return images.book(maker.random.choice(BOOK_COLORS), maker.random.choice(BANDS))
 
 
 def books(maker: Maker, start: float, end: float, tallest: float) -> None:
@@ -54,13 +54,13 @@ def pile(maker: Maker, count: int) -> None:
         thick = random.uniform(0.016, 0.034)
         size = (random.uniform(0.19, 0.25), random.uniform(0.14, 0.18), thick)
         turned = maker.at(random.uniform(-0.015, 0.015), 0, z, turn=random.uniform(-14, 14))
-        turned.box(size, (0, 0, 0), materials.book(random.choice(BOOK_COLOURS), BANDS[1]))
+        turned.box(size, (0, 0, 0), images.book(random.choice(BOOK_COLORS), BANDS[1]))
         z += thick
 
 
-def mug(maker: Maker, colour: materials.Colour) -> None:
+def mug(maker: Maker, color: materials.Color) -> None:
     """A mug with a handle."""
-    glaze = materials.paint(colour, 0.2)
+    glaze = materials.paint(color, 0.2)
     outline = [(0.03, 0), (0.038, 0.008), (0.04, 0.095), (0.036, 0.095), (0.034, 0.012)]
     maker.lathe(outline, (0, 0, 0), glaze)
     points = [(0.038, 0.075), (0.062, 0.07), (0.066, 0.045), (0.055, 0.025), (0.038, 0.02)]
@@ -68,22 +68,22 @@ def mug(maker: Maker, colour: materials.Colour) -> None:
         maker.rod((x0, 0, z0), (x1, 0, z1), 0.0055, glaze)
 
 
-def bowl(maker: Maker, colour: materials.Colour, *, fruit: bool = True) -> None:
+def bowl(maker: Maker, color: materials.Color, *, fruit: bool = True) -> None:
     """A bowl, with apples and oranges."""
     outline = [(0.05, 0), (0.06, 0.01), (0.13, 0.07), (0.124, 0.07), (0.05, 0.02)]
-    maker.lathe(outline, (0, 0, 0), materials.paint(colour, 0.25))
-    colours = ((0.45, 0.05, 0.03), (0.7, 0.28, 0.03), (0.35, 0.4, 0.06))
+    maker.lathe(outline, (0, 0, 0), materials.paint(color, 0.25))
+    colors = ((0.45, 0.05, 0.03), (0.7, 0.28, 0.03), (0.35, 0.4, 0.06))
     for i in range(6 if fruit else 0):
         angle = i * 1.25
         radius = 0.06 if i < 5 else 0.0
         at = (radius * math.cos(angle), radius * math.sin(angle), 0.03 if i < 5 else 0.065)
-        maker.soft((0.075, 0.075, 0.07), at, materials.paint(colours[i % 3], 0.4), radius=0.036)
+        maker.soft((0.075, 0.075, 0.07), at, materials.paint(colors[i % 3], 0.4), radius=0.036)
 
 
-def vase(maker: Maker, colour: materials.Colour, height: float = 0.28) -> None:
+def vase(maker: Maker, color: materials.Color, height: float = 0.28) -> None:
     """A bellied vase."""
     shape = [(0.2, 0), (0.24, 0.03), (0.36, 0.35), (0.3, 0.6), (0.13, 0.85), (0.17, 1), (0.14, 1)]
-    maker.lathe([(r * height, z * height) for r, z in shape], (0, 0, 0), materials.paint(colour))
+    maker.lathe([(r * height, z * height) for r, z in shape], (0, 0, 0), materials.paint(color))
 
 
 def plant(maker: Maker, height: float, leaves: int, *, pot: float = 0.15) -> None:
@@ -178,12 +178,12 @@ def floor_lamp(maker: Maker, watts: float) -> None:
 def monitor(maker: Maker, width: float = 0.56) -> None:
     """A computer's screen that is switched off."""
     maker = maker.of("tv")
-    black, grey = materials.paint((0.015, 0.015, 0.016), 0.4), materials.metal((0.4, 0.4, 0.42))
-    maker.box((0.22, 0.18, 0.012), (0, 0.02, 0), grey)
-    maker.box((0.05, 0.03, 0.3), (0, 0.05, 0.01), grey)
+    black, gray = materials.paint((0.015, 0.015, 0.016), 0.4), materials.metal((0.4, 0.4, 0.42))
+    maker.box((0.22, 0.18, 0.012), (0, 0.02, 0), gray)
+    maker.box((0.05, 0.03, 0.3), (0, 0.05, 0.01), gray)
     maker.box((width, 0.03, width * 0.6), (0, 0.02, 0.1), black, bevel=0.005)
     inner = (width - 0.02, 0.003, width * 0.6 - 0.035)
-    maker.box(inner, (0, 0.0045, 0.122), materials.screen(), bevel=0.001)
+    maker.box(inner, (0, 0.0045, 0.122), images.screen(), bevel=0.001)
 
 
 def keyboard(maker: Maker) -> None:
@@ -207,17 +207,17 @@ def papers(maker: Maker, count: int) -> None:
         sheet.box((0.21, 0.297, 0.001), (0, 0, 0.0002), white, bevel=0)
 
 
-def carton(maker: Maker, size: tuple[float, float, float], colour: materials.Colour) -> None:
+def carton(maker: Maker, size: tuple[float, float, float], color: materials.Color) -> None:
     """A cardboard or cloth box."""
-    cloth = materials.fabric(colour, 150, 0.12)
+    cloth = materials.fabric(color, 150, 0.12)
     maker.soft(size, (0, 0, 0), cloth, radius=0.012)
     maker.soft((size[0] + 0.012, size[1] + 0.012, 0.03), (0, 0, size[2] - 0.02), cloth, radius=0.01)
 
 
-def basket(maker: Maker, colour: materials.Colour) -> None:
+def basket(maker: Maker, color: materials.Color) -> None:
     """A paper basket."""
     outline = [(0.11, 0), (0.14, 0.3), (0.132, 0.3), (0.105, 0.015)]
-    maker.lathe(outline, (0, 0, 0), materials.paint(colour, 0.6))
+    maker.lathe(outline, (0, 0, 0), materials.paint(color, 0.6))
 
 
 def clock(facing: Maker, x: float, z: float) -> None:
@@ -230,9 +230,9 @@ def clock(facing: Maker, x: float, z: float) -> None:
     facing.rod((x, -0.042, z), (x - 0.09, -0.042, z + 0.03), 0.004, black)
 
 
-def slippers(maker: Maker, colour: materials.Colour) -> None:
+def slippers(maker: Maker, color: materials.Color) -> None:
     """A pair of slippers."""
-    felt = materials.fabric(colour)
+    felt = materials.fabric(color)
     for x, turn in ((-0.07, 6), (0.06, -9)):
         shoe = maker.at(x, 0, turn=turn)
         shoe.soft((0.095, 0.26, 0.025), (0, 0, 0), felt, radius=0.012)
@@ -241,9 +241,9 @@ def slippers(maker: Maker, colour: materials.Colour) -> None:
 
 def laptop(maker: Maker) -> None:
     """An open laptop, its keys towards -y."""
-    grey, black = materials.metal((0.5, 0.5, 0.52), 0.45), materials.paint((0.03, 0.03, 0.032), 0.6)
-    maker.box((0.32, 0.22, 0.014), (0, 0, 0), grey, bevel=0.005)
+    gray, black = materials.metal((0.5, 0.5, 0.52), 0.45), materials.paint((0.03, 0.03, 0.032), 0.6)
+    maker.box((0.32, 0.22, 0.014), (0, 0, 0), gray, bevel=0.005)
     maker.box((0.27, 0.1, 0.002), (0, 0.03, 0.013), black, bevel=0.0005)
-    maker.box((0.32, 0.008, 0.215), (0, 0.112, 0.012), grey, bevel=0.003, tilt=(-18, 0, 0))
-    shown = materials.landscape(4, glow=0.25)
+    maker.box((0.32, 0.008, 0.215), (0, 0.112, 0.012), gray, bevel=0.003, tilt=(-18, 0, 0))
+    shown = images.landscape(4, glow=0.25)
     maker.box((0.3, 0.002, 0.19), (0, 0.107, 0.024), shown, bevel=0, tilt=(-18, 0, 0))

@@ -1,4 +1,4 @@
-"""Rendering: the picture as a camera sees it, and the truth at the centres of its pixels."""
+"""Rendering: the picture as a camera sees it, and the truth at the centers of its pixels."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def prepare(exposure: float, samples: int) -> None:
     scene.world.node_tree.nodes["Background"].inputs[0].default_value = (0.03, 0.03, 0.03, 1)
 
 
-def picture(seed: int) -> np.ndarray:
+def image(seed: int) -> np.ndarray:
     """The scene as the camera sees it: RGB of 8 bits, before the sensor's noise."""
     scene = bpy.context.scene
     scene.cycles.seed = seed
@@ -61,7 +61,7 @@ def with_noise(rgb: np.ndarray, random: np.random.Generator) -> np.ndarray:
     radius2 = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / (width**2 / 4 + height**2 / 4)
     linear *= (1 - 0.16 * radius2)[:, :, None]
     deviation = np.sqrt(6e-5 * linear + 5e-8)
-    # Bayer sensors interpolate colour, so its noise is coarser than brightness'.
+    # Bayer sensors interpolate color, so its noise is coarser than brightness'.
     common = random.normal(size=(height, width, 1))
     own = random.normal(size=(height // 2 + 1, width // 2 + 1, 3))
     own = own.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
@@ -70,7 +70,7 @@ def with_noise(rgb: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
-    """Depth in metres along the optical axis (NaN = none) and labels, both of pixels' centres.
+    """Depth in meters along the optical axis (NaN = none) and labels, both of pixels' centers.
 
     One ray a pixel through its centre, without any filter; everything is opaque to it, so that a
     window's depth is its pane's.
@@ -83,10 +83,10 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
     cycles.samples, cycles.use_denoising, cycles.max_bounces = 1, False, 0
     cycles.pixel_filter_type, cycles.filter_width = "BOX", 0.01
     with tempfile.TemporaryDirectory() as folder:
-        _write_passes(scene, folder)
+        write_passes(scene, folder, {"depth": "Depth", "index": "IndexOB"})
         bpy.ops.render.render()
-        depth_m = _read_pass(Path(folder), "depth")
-        index = _read_pass(Path(folder), "index")
+        depth_m = read_pass(Path(folder), "depth")[:, :, 0].astype(np.float64)
+        index = read_pass(Path(folder), "index")[:, :, 0]
     scene.use_nodes = False
     layer.material_override = None
     cycles.samples, cycles.use_denoising, cycles.pixel_filter_type, cycles.max_bounces = kept
@@ -102,7 +102,7 @@ def _opaque() -> bpy.types.Material:
     return found or bpy.data.materials.new("opaque")
 
 
-def _write_passes(scene: bpy.types.Scene, folder: str) -> None:
+def write_passes(scene: bpy.types.Scene, folder: str, outputs: dict[str, str]) -> None:
     """Have the compositor write the passes as float images: Python cannot reach them itself."""
     scene.use_nodes = True
     tree = scene.node_tree
@@ -112,15 +112,15 @@ def _write_passes(scene: bpy.types.Scene, folder: str) -> None:
     files.base_path = folder
     files.format.file_format = "OPEN_EXR"
     files.format.color_depth = "32"
-    files.format.exr_codec = "ZIP"
+    files.format.exr_codec = "NONE"
     files.file_slots.clear()
-    for name, output in (("depth", "Depth"), ("index", "IndexOB")):
+    for name, output in outputs.items():
         files.file_slots.new(name)
         tree.links.new(layers.outputs[output], files.inputs[name])
 
 
-def _read_pass(folder: Path, name: str) -> np.ndarray:
-    """A pass' first channel; Blender's rows begin below."""
+def read_pass(folder: Path, name: str) -> np.ndarray:
+    """A pass, `[H, W, C]` float32, rows from top to bottom (Blender's begin below)."""
     (path,) = folder.glob(f"{name}*.exr")
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
@@ -129,4 +129,4 @@ def _read_pass(folder: Path, name: str) -> np.ndarray:
     image.pixels.foreach_get(values)
     channels = image.channels
     bpy.data.images.remove(image)
-    return values.reshape(height, width, channels)[::-1, :, 0].astype(np.float64)
+    return values.reshape(height, width, channels)[::-1]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import bpy
-import materials
-from shapes import Maker
+
+from nunet_models.rendering import images, materials
+from nunet_models.rendering.shapes import Maker
 
 Material = bpy.types.Material
 
@@ -32,7 +33,7 @@ def sofa(maker: Maker, width: float, cloth: Material) -> None:
         maker.soft(size, at, cloth, radius=0.07, puff=0.035, wrinkle=0.012, tilt=(78, 0, 0))
 
 
-def table(maker: Maker, size: tuple[float, float, float], tone: materials.Colour) -> None:
+def table(maker: Maker, size: tuple[float, float, float], tone: materials.Color) -> None:
     """A table with four legs."""
     maker = maker.of("table")
     width, depth, height = size
@@ -46,7 +47,7 @@ def table(maker: Maker, size: tuple[float, float, float], tone: materials.Colour
             maker.box((0.055, 0.055, height - 0.032), (x, y, 0), leg, bevel=0.008)
 
 
-def low_table(maker: Maker, size: tuple[float, float, float], tone: materials.Colour) -> None:
+def low_table(maker: Maker, size: tuple[float, float, float], tone: materials.Color) -> None:
     """A coffee table with a shelf."""
     table(maker, size, tone)
     width, depth, _ = size
@@ -54,7 +55,7 @@ def low_table(maker: Maker, size: tuple[float, float, float], tone: materials.Co
     maker.of("table").box((width - 0.14, depth - 0.14, 0.02), (0, 0, 0.12), shelf)
 
 
-def chair(maker: Maker, tone: materials.Colour, cloth: Material | None = None) -> None:
+def chair(maker: Maker, tone: materials.Color, cloth: Material | None = None) -> None:
     """A dining chair that looks towards -y."""
     maker = maker.of("chair")
     upright, level = materials.wood(tone, "z", 0.55), materials.wood(tone, "x", 0.55)
@@ -89,7 +90,7 @@ def office_chair(maker: Maker, cloth: Material) -> None:
 
 
 def bookcase(
-    maker: Maker, size: tuple[float, float, float], shelves: int, tone: materials.Colour
+    maker: Maker, size: tuple[float, float, float], shelves: int, tone: materials.Color
 ) -> list[Maker]:
     """An open bookcase, its back at y = 0; gives a maker on each shelf, from below."""
     maker = maker.of("furniture")
@@ -112,7 +113,7 @@ def bookcase(
 def cupboard(
     maker: Maker,
     size: tuple[float, float, float],
-    tone: materials.Colour | None,
+    tone: materials.Color | None,
     *,
     doors: int,
     drawers: int = 0,
@@ -146,7 +147,7 @@ def cupboard(
             maker.box((0.012, 0.025, 0.14), (x + side, face - 0.02, z), knob)
 
 
-def bed(maker: Maker, width: float, tone: materials.Colour, duvet: Material) -> None:
+def bed(maker: Maker, width: float, tone: materials.Color, duvet: Material) -> None:
     """A made bed, its head at y = 0, two pillows and a throw."""
     maker = maker.of("bed")
     length, flat, upright = 2.06, materials.wood(tone, "x", 0.5), materials.wood(tone, "y", 0.5)
@@ -194,12 +195,10 @@ def television(maker: Maker, width: float) -> None:
     maker.box((width * 0.4, 0.2, 0.015), (0, 0, 0), black)
     maker.box((0.08, 0.03, 0.1), (0, 0.02, 0.01), black)
     maker.box((width, 0.035, tall), (0, 0, 0.07), black, bevel=0.006)
-    maker.box(
-        (width - 0.03, 0.004, tall - 0.035), (0, -0.019, 0.09), materials.screen(), bevel=0.001
-    )
+    maker.box((width - 0.03, 0.004, tall - 0.035), (0, -0.019, 0.09), images.screen(), bevel=0.001)
 
 
-def picture(facing: Maker, x: float, z: float, size: tuple[float, float], seed: int) -> None:
+def painting(facing: Maker, x: float, z: float, size: tuple[float, float], seed: int) -> None:
     """A framed painting on a wall (`facing`: see `Shell.wall`), its lower edge at `z`."""
     facing = facing.of("picture")
     width, height = size
@@ -211,7 +210,7 @@ def picture(facing: Maker, x: float, z: float, size: tuple[float, float], seed: 
     white = materials.paint((0.78, 0.76, 0.7), 0.8)
     facing.box((width - 0.04, 0.012, height - 0.04), (x, -0.007, z + 0.02), white, bevel=0)
     inner = (width * 0.72, 0.014, height * 0.7)
-    facing.box(inner, (x, -0.008, z + height * 0.15), materials.landscape(seed), bevel=0)
+    facing.box(inner, (x, -0.008, z + height * 0.15), images.landscape(seed), bevel=0)
 
 
 def wall_shelf(facing: Maker, x: float, z: float, width: float) -> Maker:

@@ -1,23 +1,19 @@
 """Shapes with rounded edges, each an object with a label and a material.
 
-Metres; x to the right, y into the room, z up. A shape's `at` is the middle of its lower side.
+Meters; x to the right, y into the room, z up. A shape's `at` is the middle of its lower side.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from random import Random
 
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector, noise
 
-# The recipe need not be installed, and this module of it needs numpy alone, which Blender has.
-sys.path.append(str(Path(__file__).resolve().parents[1]))
 from nunet_models.classes import CLASSES_13 as CLASSES
 
 Point = Sequence[float]
@@ -142,7 +138,7 @@ class Maker:
         """A stuffed box: rounded by `radius`, swollen by `puff` in the middle of its wide sides.
 
         `pinch` (0 to 1) makes it thin towards its rim, as a cushion; `wrinkle` is the height of
-        folds in metres.
+        folds in meters.
         """
         half = np.array(size) / 2
         radius = min(radius, 0.98 * float(half.min()))

@@ -6,12 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-import clutter
-import furniture
-import materials
-import shell
-from camera import Motion
-from shapes import Maker
+from nunet_models.rendering import clutter, furniture, materials, shell
+from nunet_models.rendering.camera import Motion
+from nunet_models.rendering.shapes import Maker
 
 OAK = (0.36, 0.22, 0.11)
 WALNUT = (0.15, 0.08, 0.045)
@@ -48,13 +45,13 @@ def living_room(random: Random) -> Shot:
     shell.curtains(left, hole, linen, width=0.5, floor_gap=0.03)
     shell.sun((33, -97), 22)
     shell.ceiling_lamp(maker.at(2.1, 2.6), room.height, 50)
-    grey = materials.fabric((0.13, 0.15, 0.17), 230, 0.35)
+    gray = materials.fabric((0.13, 0.15, 0.17), 230, 0.35)
     seat = left.at(3.3, -0.28)
-    furniture.sofa(seat, 2.1, grey)
+    furniture.sofa(seat, 2.1, gray)
     _cushions(seat)
     _television_wall(far)
     _bookcase(far.at(3.72, 0))
-    furniture.picture(far, 0.72, 1.3, (0.5, 0.66), 3)
+    furniture.painting(far, 0.72, 1.3, (0.5, 0.66), 3)
     clutter.floor_lamp(maker.at(0.38, 4.5), 9)
     furniture.rug(
         maker.at(1.95, 2.75), (1.7, 2.3), materials.rug((0.4, 0.33, 0.24), (0.26, 0.045, 0.035))
@@ -150,7 +147,7 @@ def bedroom(random: Random) -> Shot:
     )
     clutter.pile(bed.at(-0.35, -1.15, 0.605, turn=30), 1)
     _nightstands(far)
-    furniture.picture(far, 2.15, 1.4, (0.95, 0.6), 8)
+    furniture.painting(far, 2.15, 1.4, (0.95, 0.6), 8)
     furniture.cupboard(far.at(0.56, -0.01), (1.04, 0.58, 2.06), PINE, doors=2)
     clutter.carton(far.at(0.4, -0.3, 2.06), (0.5, 0.36, 0.22), (0.3, 0.26, 0.2))
     _clothes_chair(maker.at(3.45, 2.0, turn=-120))
@@ -210,13 +207,13 @@ def study(random: Random) -> Shot:
     shell.door(far, 2.62)
     shell.switch(far, 2.42, 1.08)
     clutter.clock(far, 3.05, 2.3)
-    furniture.picture(far, 2.27, 1.32, (0.4, 0.54), 12)
+    furniture.painting(far, 2.27, 1.32, (0.4, 0.54), 12)
     _table_with_chairs(maker.at(2.85, 2.45, turn=12))
     cabinet = right.at(0.72, -0.01)
     furniture.cupboard(cabinet, (1.1, 0.42, 0.86), None, doors=2, drawers=1)
     clutter.plant(cabinet.at(-0.3, -0.2, 0.86), 0.55, 20, pot=0.09)
     clutter.carton(cabinet.at(0.2, -0.2, 0.86), (0.34, 0.26, 0.2), (0.34, 0.28, 0.18))
-    furniture.picture(right, 0.75, 1.55, (0.7, 0.5), 5)
+    furniture.painting(right, 0.75, 1.55, (0.7, 0.5), 5)
     clutter.plant(maker.at(0.42, 2.1), 1.0, 24, pot=0.16)
     motion = Motion((2.2, 0.3, 1.5), (6, -13), velocity=(0.2, 0.16, 0.03), turn=(-5, 2))
     return Shot(motion, 0.0)

@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass
 
 import bpy
-import materials
 from mathutils import Matrix
-from shapes import Maker
+
+from nunet_models.rendering import images, materials
+from nunet_models.rendering.shapes import Maker
 
 WALL_THICKNESS = 0.22
 WHITE_PAINT = (0.72, 0.71, 0.68)
@@ -52,7 +53,7 @@ class Shell:
         *,
         floor: bpy.types.Material,
         paint: dict[str, bpy.types.Material],
-        openings: dict[str, Opening],
+        openings: dict[str, Opening | list[Opening]],
     ) -> None:
         """Floor, ceiling, four walls with their openings, skirting boards."""
         middle, size = (self.width / 2, self.depth / 2), (self.width + 1, self.depth + 1)
@@ -67,22 +68,28 @@ class Shell:
                 size_m = (right - left, WALL_THICKNESS, high - low)
                 at = ((left + right) / 2, WALL_THICKNESS / 2, low)
                 facing.box(size_m, at, cover, bevel=0)
-            facing.box((length, 0.014, 0.085), (length / 2, -0.007, 0), white, bevel=0.006)
+            for left, right, low, _ in _around(openings.get(side), length, self.height):
+                if low == 0:
+                    start, end = max(left, 0), min(right, length)
+                    size_m, at = (end - start, 0.014, 0.085), ((start + end) / 2, -0.007, 0)
+                    facing.box(size_m, at, white, bevel=0.006)
 
 
 def _around(
-    hole: Opening | None, length: float, height: float
+    holes: Opening | list[Opening] | None, length: float, height: float
 ) -> list[tuple[float, float, float, float]]:
-    """The pieces of a wall with a hole; the ends reach into the corners."""
-    start, end = -WALL_THICKNESS, length + WALL_THICKNESS
-    if hole is None:
-        return [(start, end, 0, height)]
-    return [
-        (start, hole.left, 0, height),
-        (hole.right, end, 0, height),
-        (hole.left, hole.right, 0, hole.sill),
-        (hole.left, hole.right, hole.top, height),
-    ]
+    """The pieces of a wall around its openings; the ends reach into the corners."""
+    holes = [holes] if isinstance(holes, Opening) else sorted(holes or [], key=lambda o: o.left)
+    pieces, start = [], -WALL_THICKNESS
+    for hole in holes:
+        pieces.append((start, hole.left, 0, height))
+        pieces += [
+            (hole.left, hole.right, low, high)
+            for low, high in ((0, hole.sill), (hole.top, height))
+            if high > low
+        ]
+        start = hole.right
+    return [*pieces, (start, length + WALL_THICKNESS, 0, height)]
 
 
 def window(facing: Maker, hole: Opening, *, daylight: float, view: float, casements: int) -> None:
@@ -107,7 +114,7 @@ def window(facing: Maker, hole: Opening, *, daylight: float, view: float, caseme
         (width + 0.14, 0.2, 0.03), (middle, 0.02, hole.sill - 0.03), white, bevel=0.008
     )
     _daylight(facing, (middle, y + 0.06, hole.sill + height / 2), (width, height), daylight)
-    outside = materials.outdoors(view)
+    outside = images.outdoors(view)
     backdrop = facing.box((40, 0.1, 20), (middle, 9, -8), outside, bevel=0)
     backdrop.visible_shadow = backdrop.visible_diffuse = False
 

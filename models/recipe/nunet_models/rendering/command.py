@@ -1,0 +1,137 @@
+"""The subcommand `render`: random rooms, the drive, and the clip, with exact depth and labels."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import importlib.util
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+from nunet_models.errors import ConfigError, OptionError, RecipeError
+
+EXIT_FAILURE = 1
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+MAX_ROOMS = 100_000
+"""Rooms are numbered with five digits."""
+
+
+def add_parser(subcommands: argparse._SubParsersAction) -> None:
+    """Add `render` to the command line."""
+    made = subcommands.add_parser(
+        "render", help="render rooms with exact depth and labels (needs bpy)", description=__doc__
+    )
+    add_options(made)
+
+
+def add_options(made: argparse.ArgumentParser) -> None:
+    """The options of `render`."""
+    what = made.add_mutually_exclusive_group(required=True)
+    what.add_argument("--rooms", type=int, metavar="N", help="render N random rooms")
+    what.add_argument("--drive", action="store_true", help="render the drive (models/drive)")
+    what.add_argument("--clip", action="store_true", help="render the clip (models/clip)")
+    what.add_argument("--check", action="store_true", help="measure depth and pixels; no images")
+    made.add_argument("--out", type=Path, help="output folder; images that exist are kept")
+    made.add_argument("--threads", type=int, default=1, help="render threads (default 1)")
+    rooms = made.add_argument_group("random rooms")
+    rooms.add_argument("--start", type=int, default=0, metavar="I", help="first room (default 0)")
+    rooms.add_argument(
+        "--seed", type=int, default=0, help="the same seed and number give the same room"
+    )
+    rooms.add_argument(
+        "--views", type=int, default=10, metavar="K", help="images per room (default 10)"
+    )
+    rooms.add_argument(
+        "--samples", type=int, default=3, help="rays per pixel before denoising (default 3)"
+    )
+    rooms.add_argument(
+        "--test-share", type=float, default=0.1, help="share of rooms in test.txt (default 0.1)"
+    )
+    made.set_defaults(carry_out=carry_out)
+
+
+def carry_out(options: argparse.Namespace) -> int:
+    """Render or check; the exit code."""
+    validate(options)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stderr)
+    problems = []
+    with _without_blenders_progress():
+        if options.check:
+            problems = _blender_module("check").problems()
+        elif options.drive:
+            _blender_module("drive").render_drive(options.out, threads=options.threads)
+        elif options.clip:
+            _blender_module("clip").render_clip(options.out, threads=options.threads)
+        else:
+            names = ("out", "rooms", "start", "seed", "views", "samples", "threads", "test_share")
+            generator = _blender_module("generator")
+            values = {name: getattr(options, name) for name in names}
+            generator.render_rooms(generator.Options(**values))
+    if options.check:
+        print("\n".join(problems) or "depth, labels and pixels are right")
+    return EXIT_FAILURE if problems else 0
+
+
+@contextlib.contextmanager
+def _without_blenders_progress() -> Iterator[None]:
+    """Blender writes several lines per image to file descriptor 1, past Python's `sys.stdout`."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+def validate(options: argparse.Namespace) -> None:
+    """Raise `OptionError` for values that cannot be."""
+    if not options.check and options.out is None:
+        raise OptionError("`--out` is missing: it names the output folder")
+    if options.out is not None and options.out.exists() and not options.out.is_dir():
+        raise OptionError(f"`--out {options.out}` is a file, expected a folder")
+    if options.rooms is not None:
+        _require_range("--rooms", options.rooms, 1, MAX_ROOMS)
+        _require_range("--start", options.start, 0, MAX_ROOMS - options.rooms)
+    _require_range("--views", options.views, 1, 100)
+    _require_range("--samples", options.samples, 1, 4096)
+    _require_range("--threads", options.threads, 1, 1024)
+    if not 0 <= options.test_share <= 1:
+        raise OptionError(f"`--test-share` is {options.test_share}, expected 0 to 1")
+
+
+def _require_range(flag: str, value: int, low: int, high: int) -> None:
+    if not low <= value <= high:
+        raise OptionError(f"`{flag}` is {value}, expected {low} to {high}")
+
+
+def _blender_module(name: str) -> ModuleType:
+    """A module of this package that imports `bpy`."""
+    if importlib.util.find_spec("bpy") is None:
+        raise ConfigError(
+            "cannot render: Blender's Python module `bpy` is not installed\n"
+            "hint: pip install 'bpy==4.5.*' (Python 3.11)"
+        )
+    return importlib.import_module(f"nunet_models.rendering.{name}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run `render` alone and return the exit code."""
+    parser = argparse.ArgumentParser(prog="nunet_models render", description=__doc__)
+    add_options(parser)
+    options = parser.parse_args(arguments)
+    try:
+        return options.carry_out(options)
+    except (RecipeError, OSError) as error:
+        print(f"nunet_models: {error}", file=sys.stderr)
+        return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED

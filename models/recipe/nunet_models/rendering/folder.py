@@ -1,0 +1,126 @@
+"""The dataset's folder: images, `intrinsics.csv`, lists of the split. Needs no Blender."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import fcntl
+import hashlib
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from nunet_models.errors import DataError
+from nunet_models.rendering.intrinsics import Intrinsics
+
+COLUMNS = ("id", "fx", "fy", "cx", "cy", "width", "height", "sensor", "scene")
+INTRINSICS = "intrinsics.csv"
+MAX_DEPTH_MM = 65535
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """One image with its truth, ready to be written."""
+
+    rgb: Image.Image
+    depth_m: np.ndarray
+    """`[H, W]`, meters along the optical axis, NaN = none."""
+    labels: np.ndarray
+    """`[H, W]`, uint8, 255 = none."""
+    intrinsics: Intrinsics
+    quality: int
+
+
+class RoomsFolder:
+    """A folder of rendered rooms that an interrupted run continues.
+
+    A room is complete once its rows are in `intrinsics.csv`; they are written after its images.
+    """
+
+    def __init__(self, path: Path, test_share: float) -> None:
+        self.path = path
+        self.test_share = test_share
+        for name in ("rgb", "depth", "labels"):
+            (path / name).mkdir(parents=True, exist_ok=True)
+        self.rooms = {row["scene"] for row in read_rows(path / INTRINSICS)}
+
+    def is_complete(self, room: str) -> bool:
+        """Whether all images of a room are there."""
+        return room in self.rooms
+
+    def write_image(self, identity: str, image: Rendered) -> None:
+        """Image, depth and labels, each under its name only when it is whole."""
+        buffer = io.BytesIO()
+        image.rgb.save(buffer, "JPEG", quality=image.quality)
+        replace_file(self.path / f"rgb/{identity}.jpg", buffer.getvalue())
+        millimeters = np.nan_to_num(np.rint(image.depth_m * 1000), nan=0)
+        depth = Image.fromarray(millimeters.clip(0, MAX_DEPTH_MM).astype(np.uint16))
+        for name, plane in (("depth", depth), ("labels", Image.fromarray(image.labels))):
+            buffer = io.BytesIO()
+            plane.save(buffer, "PNG", compress_level=6)
+            replace_file(self.path / f"{name}/{identity}.png", buffer.getvalue())
+
+    def finish_room(self, room: str, images: dict[str, Intrinsics], sensor: str) -> None:
+        """Add a room's rows to `intrinsics.csv` and its ids to the list of its split."""
+        rows = [
+            [name, c.fx_px, c.fy_px, c.cx_px, c.cy_px, c.width, c.height, sensor, room]
+            for name, c in images.items()
+        ]
+        split = "test" if is_test_room(room, self.test_share) else "train"
+        lines = [",".join(map(str, row)) for row in rows]
+        with _locked(self.path):
+            append_lines(self.path / f"{split}.txt", list(images))
+            append_lines(self.path / INTRINSICS, lines, header=",".join(COLUMNS))
+        self.rooms.add(room)
+
+
+def is_test_room(room: str, share: float) -> bool:
+    """Whether a room is kept for tests: by its name, so that it never changes sides."""
+    digest = hashlib.sha256(room.encode()).digest()
+    return int.from_bytes(digest[:4], "big") / 2**32 < share
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """The rows of an `intrinsics.csv`; none if the file is not there yet."""
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        reader = csv.reader(file)
+        header = next(reader, [])
+        if tuple(header) != COLUMNS:
+            raise DataError(
+                f"{path}:1: columns are `{','.join(header)}`, expected `{','.join(COLUMNS)}`"
+            )
+        rows = []
+        for number, values in enumerate(reader, 2):
+            if len(values) != len(COLUMNS):
+                raise DataError(f"{path}:{number}: {len(values)} values, expected {len(COLUMNS)}")
+            rows.append(dict(zip(COLUMNS, values, strict=True)))
+        return rows
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Several processes may add rooms to one folder, each its own."""
+    with (folder / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def append_lines(path: Path, lines: list[str], *, header: str | None = None) -> None:
+    """Add lines that are not there yet; the file is replaced as a whole."""
+    before = path.read_text().splitlines() if path.exists() else [header] if header else []
+    known = set(before)
+    text = "\n".join([*before, *(line for line in lines if line not in known)]) + "\n"
+    replace_file(path, text.encode())
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name and rename it, so that nobody reads half of it."""
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_bytes(content)
+    temporary.replace(path)

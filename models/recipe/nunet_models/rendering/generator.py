@@ -1,0 +1,121 @@
+"""Renders random rooms into a dataset's folder."""
+
+from __future__ import annotations
+
+import io
+import logging
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+import bpy
+import numpy as np
+
+from nunet_models.rendering import clip_rooms, kinds
+from nunet_models.rendering.camera import add_camera, set_intrinsics
+from nunet_models.rendering.fast import FastRenderer
+from nunet_models.rendering.folder import Rendered, RoomsFolder, replace_file
+from nunet_models.rendering.intrinsics import Intrinsics
+from nunet_models.rendering.scene import clear
+from nunet_models.rendering.sensor import Sensor
+from nunet_models.rendering.viewpoints import View, ViewFinder
+
+LOG = logging.getLogger(__name__)
+SENSOR_NAME = "rendered"
+PHOTOS_PER_ROOM = 4
+AMBIENT = (0.15, 0.15, 0.15)
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to render."""
+
+    out: Path
+    rooms: int
+    start: int = 0
+    seed: int = 0
+    views: int = 10
+    samples: int = 3
+    threads: int = 1
+    test_share: float = 0.1
+
+
+def render_rooms(options: Options) -> int:
+    """Render all rooms that are not complete yet; the number of images that were written."""
+    folder = RoomsFolder(options.out, options.test_share)
+    photos = render_photos(options)
+    count = 0
+    for index in range(options.start, options.start + options.rooms):
+        name = f"s{options.seed}r{index:05d}"
+        if not folder.is_complete(name):
+            count += _render_room(name, folder, photos, options)
+    return count
+
+
+def _render_room(name: str, folder: RoomsFolder, photos: list[str], options: Options) -> int:
+    started = time.monotonic()
+    clear()
+    room, random = kinds.build(name, photos)
+    finder = ViewFinder(random, room.size)
+    views = [view for _ in range(options.views) if (view := finder.find())]
+    if not views:
+        LOG.warning("%s (%s): no view found", name, room.kind)
+        return 0
+    camera = add_camera(views[0].intrinsics, bpy.context.scene)
+    renderer = FastRenderer(options.samples, options.threads, room.ambient)
+    built = time.monotonic() - started
+    written: dict[str, Intrinsics] = {}
+    for number, view in enumerate(views):
+        identity = f"{name}v{number:02d}"
+        set_intrinsics(view.intrinsics, bpy.context.scene)
+        camera.matrix_world = view.pose
+        image = _render_view(identity, view, renderer)
+        folder.write_image(identity, image)
+        written[identity] = view.intrinsics
+    folder.finish_room(name, written, SENSOR_NAME)
+    seconds = time.monotonic() - started
+    LOG.info(
+        "%s %s: %d images, %.2f s each (built in %.1f s)",
+        name,
+        room.kind,
+        len(written),
+        seconds / len(written),
+        built,
+    )
+    return len(written)
+
+
+def _render_view(identity: str, view: View, renderer: FastRenderer) -> Rendered:
+    random = Random(identity)
+    light = renderer.light(random.randrange(1 << 30))
+    depth_m, labels = renderer.truth()
+    sensor = Sensor.draw(random)
+    rgb = sensor.develop(light, np.random.default_rng(random.randrange(1 << 30)))
+    return Rendered(rgb, depth_m, labels, view.intrinsics, sensor.quality)
+
+
+def render_photos(options: Options) -> list[str]:
+    """Images of the clip's furnished rooms, for posters, murals and screens of other rooms."""
+    folder = options.out / "photos"
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [(room, frame) for room in sorted(clip_rooms.ROOMS) for frame in range(PHOTOS_PER_ROOM)]
+    paths = [folder / f"{room}{frame}.jpg" for room, frame in names]
+    for (room, frame), path in zip(names, paths, strict=True):
+        if not path.exists():
+            replace_file(path, _photo(room, frame, options))
+    return [str(path.resolve()) for path in paths]
+
+
+def _photo(room: str, frame: int, options: Options) -> bytes:
+    clear()
+    shot = clip_rooms.ROOMS[room](Random(f"photo {room}"))
+    camera = add_camera(Intrinsics().scaled(0.5), bpy.context.scene)
+    camera.matrix_world = shot.motion.pose(12 * frame)
+    renderer = FastRenderer(options.samples, options.threads, AMBIENT)
+    sensor = Sensor(0.2, 0.7, 0.5, 1.0, 1.0, 0.5, 0.0, 0.1, 90)
+    buffer = io.BytesIO()
+    sensor.develop(renderer.light(frame), np.random.default_rng(frame)).save(
+        buffer, "JPEG", quality=90
+    )
+    return buffer.getvalue()

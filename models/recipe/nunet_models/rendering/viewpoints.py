@@ -1,0 +1,143 @@
+"""Where the camera stands in a random room: views that show something and are inside of nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from random import Random
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from nunet_models.rendering.camera import turned
+from nunet_models.rendering.intrinsics import Intrinsics, random_intrinsics
+from nunet_models.rendering.shapes import CLASSES
+
+LOW, NEAR, STANDING = "low", "near", "standing"
+SHARES = {LOW: 0.34, NEAR: 0.3, STANDING: 0.36}
+SHELL = tuple(CLASSES.index(name) + 1 for name in ("wall", "floor", "ceiling", "window"))
+COLUMNS, ROWS = 16, 12
+TOO_NEAR_M = 0.22
+MAX_TOO_NEAR = 0.02
+"""Share of rays that may end nearer than `TOO_NEAR_M`."""
+MAX_LOST = 0.02
+"""Share of rays that may hit nothing, or the inside of a body."""
+MIN_SPREAD = 1.2
+"""Ratio of the 95th to the 5th percentile of depth: a flat wall is no view."""
+
+
+MIN_THINGS = 7
+"""Number of different objects that a view's rays must hit."""
+PLAIN_SHARE = 0.07
+"""Share of views that may show fewer: cameras do look at bare walls."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera and where it stands (world from Blender's camera)."""
+
+    intrinsics: Intrinsics
+    pose: Matrix
+
+
+class ViewFinder:
+    """Finds views of the open scene in a box of `size` meters with its corner at the origin."""
+
+    def __init__(self, random: Random, size: tuple[float, float, float]) -> None:
+        self.random, self.size = random, size
+        self.scene = bpy.context.scene
+        bpy.context.view_layer.update()
+        self.depsgraph = bpy.context.evaluated_depsgraph_get()
+
+    def find(self, attempts: int = 40) -> View | None:
+        """A random view, or none if no attempt gave a good one."""
+        wanted = self.random.choices(list(SHARES), list(SHARES.values()))[0]
+        for _ in range(attempts):
+            intrinsics = random_intrinsics(self.random)
+            pose = self._near() if wanted == NEAR else self._free(low=wanted == LOW)
+            if pose is not None and self._is_good(intrinsics, pose):
+                return View(intrinsics, pose)
+        return None
+
+    def _free(self, *, low: bool) -> Matrix:
+        random, (width, depth, height) = self.random, self.size
+        margin = 0.2
+        x, y = random.uniform(margin, width - margin), random.uniform(margin, depth - margin)
+        if low:
+            z, pitch = random.uniform(0.1, 0.4), random.gauss(2, 7)
+        else:
+            z, pitch = random.uniform(0.4, min(1.9, height - 0.2)), random.gauss(-8, 10)
+        if random.random() < 0.1:
+            pitch = random.uniform(-30, 30)
+        rotation = turned(random.uniform(0, 360), max(-30, min(30, pitch)), self._roll())
+        return Matrix.Translation((x, y, z)) @ rotation
+
+    def _roll(self) -> float:
+        wide = self.random.random() < 0.15
+        return self.random.uniform(-30, 30) if wide else self.random.gauss(0, 2.5)
+
+    def _near(self) -> Matrix | None:
+        """Look at a thing from 0.3 to 1 m."""
+        random, (width, depth, _) = self.random, self.size
+        target = None
+        for _ in range(12):
+            start = Vector(
+                (random.uniform(0, width), random.uniform(0, depth), random.uniform(0.3, 1.9))
+            )
+            aim = Vector(
+                (random.gauss(0, 1), random.gauss(0, 1), random.gauss(-0.7, 0.6))
+            ).normalized()
+            hit, point, _, _, thing, _ = self.scene.ray_cast(self.depsgraph, start, aim)
+            if hit and thing.pass_index not in SHELL:
+                target = point
+                break
+        if target is None:
+            return None
+        distance = random.uniform(0.3, 1.0)
+        rise, around = math.radians(random.uniform(-5, 65)), random.uniform(0, 2 * math.pi)
+        away = Vector(
+            (math.cos(rise) * math.cos(around), math.cos(rise) * math.sin(around), math.sin(rise))
+        )
+        eye = target + distance * away
+        inside = all(
+            0.08 < value < limit - 0.08 for value, limit in zip(eye, self.size, strict=True)
+        )
+        if not inside:
+            return None
+        yaw = math.degrees(math.atan2(away.x, -away.y))
+        pitch = -math.degrees(rise)
+        return Matrix.Translation(eye) @ turned(
+            yaw + random.gauss(0, 6), pitch + random.gauss(0, 6), self._roll()
+        )
+
+    def _is_good(self, intrinsics: Intrinsics, pose: Matrix) -> bool:
+        eye, rotation = pose.translation, pose.to_3x3()
+        columns = np.linspace(0, intrinsics.width - 1, COLUMNS)
+        rows = np.linspace(0, intrinsics.height - 1, ROWS)
+        depths, lost, things = [], 0, set()
+        limit = MAX_LOST * COLUMNS * ROWS
+        for v in rows:
+            for u in columns:
+                ray = Vector(
+                    (
+                        (u - intrinsics.cx_px) / intrinsics.fx_px,
+                        -(v - intrinsics.cy_px) / intrinsics.fy_px,
+                        -1,
+                    )
+                )
+                length = ray.length
+                aim = (rotation @ ray) / length
+                hit, point, normal, _, thing, _ = self.scene.ray_cast(self.depsgraph, eye, aim)
+                if not hit or normal.dot(aim) > 0:
+                    lost += 1
+                    if lost > limit:
+                        return False
+                    continue
+                things.add(thing.name)
+                depths.append((point - eye).length / length)
+        if len(things) < MIN_THINGS and self.random.random() > PLAIN_SHARE:
+            return False
+        low, high = np.percentile(depths, (5, 95))
+        near = np.mean(np.array(depths) < TOO_NEAR_M)
+        return bool(near <= MAX_TOO_NEAR and high / low >= MIN_SPREAD)

@@ -1,0 +1,249 @@
+"""What `render` does without Blender: options, cameras, places, the dataset's folder."""
+
+import importlib.util
+import multiprocessing
+import subprocess
+import sys
+from random import Random
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from nunet_models.cli import main
+from nunet_models.errors import DataError
+from nunet_models.rendering import folder as folder_module
+from nunet_models.rendering.floorplan import FloorPlan, Rectangle
+from nunet_models.rendering.folder import Rendered, RoomsFolder, is_test_room, read_rows
+from nunet_models.rendering.intrinsics import HFOV_DEG, IMAGE_SIZES, random_intrinsics
+from nunet_models.rendering.robot_path import RobotPath
+from nunet_models.rendering.sensor import Metered, Sensor
+
+CAMERA = random_intrinsics(Random(1))
+
+
+def rendered():
+    shape = (CAMERA.height, CAMERA.width)
+    depth_m = np.full(shape, 1.5)
+    depth_m[0, 0] = np.nan
+    rgb = Image.new("RGB", (CAMERA.width, CAMERA.height), (90, 120, 60))
+    return Rendered(rgb, depth_m, np.full(shape, 4, np.uint8), CAMERA, 90)
+
+
+def write_room(folder, room, views=2):
+    for view in range(views):
+        folder.write_image(f"{room}v{view:02d}", rendered())
+    folder.finish_room(room, {f"{room}v{view:02d}": CAMERA for view in range(views)}, "rendered")
+
+
+def test_without_blender_the_error_names_the_package_to_install(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert main(["render", "--rooms", "1", "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().err
+    assert "`bpy` is not installed" in said
+    assert "hint: pip install 'bpy==4.5.*'" in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--rooms", "0"], "`--rooms` is 0, expected 1 to 100000"),
+        (["--rooms", "5", "--start", "-1"], "`--start` is -1, expected 0 to 99995"),
+        (["--rooms", "5", "--views", "0"], "`--views` is 0, expected 1 to 100"),
+        (["--rooms", "5", "--threads", "0"], "`--threads` is 0, expected 1 to 1024"),
+        (["--rooms", "5", "--test-share", "1.5"], "`--test-share` is 1.5, expected 0 to 1"),
+    ],
+)
+def test_a_value_that_cannot_be_is_a_bad_argument(arguments, message, capsys, tmp_path):
+    assert main(["render", "--out", str(tmp_path), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_an_output_folder_is_required_and_may_not_be_a_file(capsys, tmp_path):
+    assert main(["render", "--drive"]) == 2
+    assert "`--out` is missing" in capsys.readouterr().err
+    (tmp_path / "file").write_text("")
+    assert main(["render", "--drive", "--out", str(tmp_path / "file")]) == 2
+    assert "is a file, expected a folder" in capsys.readouterr().err
+
+
+def test_the_command_line_does_not_import_blender():
+    code = "import sys; sys.modules['bpy'] = None; import nunet_models.cli"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_room_is_written_with_truth_and_one_row_per_image(tmp_path):
+    folder = RoomsFolder(tmp_path, 0.0)
+    write_room(folder, "s0r00001")
+    rows = read_rows(tmp_path / "intrinsics.csv")
+    assert [row["id"] for row in rows] == ["s0r00001v00", "s0r00001v01"]
+    assert {row["scene"] for row in rows} == {"s0r00001"}
+    assert float(rows[0]["fx"]) == CAMERA.fx_px
+    assert (tmp_path / "train.txt").read_text().split() == ["s0r00001v00", "s0r00001v01"]
+    depth = np.array(Image.open(tmp_path / "depth/s0r00001v00.png"))
+    assert depth.dtype == np.uint16
+    assert (depth[0, 0], depth[5, 5]) == (0, 1500)
+    assert np.array(Image.open(tmp_path / "labels/s0r00001v01.png")).max() == 4
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_a_run_that_was_killed_continues_and_keeps_each_row_once(tmp_path, monkeypatch):
+    folder = RoomsFolder(tmp_path, 0.0)
+    write_room(folder, "s0r00000")
+    appended = folder_module.append_lines
+
+    def killed_before_the_table(path, lines, **options):
+        if path.name == "intrinsics.csv":
+            raise KeyboardInterrupt
+        appended(path, lines, **options)
+
+    monkeypatch.setattr(folder_module, "append_lines", killed_before_the_table)
+    with pytest.raises(KeyboardInterrupt):
+        write_room(folder, "s0r00001")
+    monkeypatch.undo()
+    again = RoomsFolder(tmp_path, 0.0)
+    assert again.is_complete("s0r00000")
+    assert not again.is_complete("s0r00001")
+    write_room(again, "s0r00001")
+    assert RoomsFolder(tmp_path, 0.0).is_complete("s0r00001")
+    assert len(read_rows(tmp_path / "intrinsics.csv")) == 4
+    assert len((tmp_path / "train.txt").read_text().split()) == 4
+
+
+def _add_rooms(path, names):
+    folder = RoomsFolder(path, 0.5)
+    for name in names:
+        folder.finish_room(name, {f"{name}v00": CAMERA}, "rendered")
+
+
+def test_processes_that_share_a_folder_lose_no_room(tmp_path):
+    names = [[f"s{seed}r{number:05d}" for number in range(40)] for seed in range(3)]
+    workers = [multiprocessing.Process(target=_add_rooms, args=(tmp_path, each)) for each in names]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join(60)
+    rows = read_rows(tmp_path / "intrinsics.csv")
+    assert sorted(row["scene"] for row in rows) == sorted(name for each in names for name in each)
+
+
+def test_rooms_are_split_by_name_and_no_room_is_in_both_lists(tmp_path):
+    folder = RoomsFolder(tmp_path, 0.3)
+    names = [f"s7r{number:05d}" for number in range(40)]
+    for name in names:
+        folder.finish_room(name, {f"{name}v00": CAMERA, f"{name}v01": CAMERA}, "rendered")
+    lists = [(tmp_path / f"{split}.txt").read_text().split() for split in ("train", "test")]
+    train, test = ({identity[:8] for identity in ids} for ids in lists)
+    assert not train & test
+    assert test == {name for name in names if is_test_room(name, 0.3)}
+    assert 4 <= len(test) <= 20
+
+
+def test_a_damaged_table_is_reported_with_file_and_line(tmp_path):
+    table = tmp_path / "intrinsics.csv"
+    table.write_text("id,fx\n")
+    with pytest.raises(
+        DataError, match=r"intrinsics\.csv:1: columns are `id,fx`, expected `id,fx,"
+    ):
+        RoomsFolder(tmp_path, 0.1)
+    table.write_text("id,fx,fy,cx,cy,width,height,sensor,scene\na,1,2,3,4,5,6,rendered,r\nb,1\n")
+    with pytest.raises(DataError, match=r"intrinsics\.csv:3: 2 values, expected 9"):
+        RoomsFolder(tmp_path, 0.1)
+
+
+def test_random_cameras_keep_to_their_ranges_and_repeat_with_their_seed():
+    cameras = [random_intrinsics(Random(seed)) for seed in range(300)]
+    assert cameras == [random_intrinsics(Random(seed)) for seed in range(300)]
+    fields = np.array([camera.hfov_deg for camera in cameras])
+    assert HFOV_DEG[0] - 0.5 < fields.min() < 52
+    assert 100 < fields.max() < HFOV_DEG[1] + 0.5
+    assert {(camera.width, camera.height) for camera in cameras} == set(IMAGE_SIZES)
+    for camera in cameras:
+        assert abs(camera.cx_px - (camera.width - 1) / 2) <= 0.011 * camera.width
+        assert abs(camera.fx_px / camera.fy_px - 1) < 0.006
+
+
+def test_scaled_intrinsics_see_the_same_points():
+    small, point = CAMERA.scaled(0.5), np.array([0.3, -0.2, 2.0])
+    u, v = CAMERA.project(point)
+    assert small.project(point) == pytest.approx(((u + 0.5) / 2 - 0.5, (v + 0.5) / 2 - 0.5))
+
+
+@pytest.mark.parametrize("turn_deg", [0, 30, 90, 137])
+def test_rectangles_overlap_as_their_corners_say(turn_deg):
+    base = Rectangle(0, 0, 2, 1, turn_deg)
+    along, across = base.axes()
+    for distance, overlaps in ((0.99, True), (1.01, False)):
+        beside = Rectangle(*(across * distance), 2, 1, turn_deg)
+        assert base.overlaps(beside) is overlaps
+        behind = Rectangle(*(along * 2 * distance), 2, 1, turn_deg)
+        assert base.overlaps(behind) is overlaps
+
+
+def test_furniture_stays_in_the_room_and_apart():
+    plan = FloorPlan(4.0, 3.0, Random(5))
+    for _ in range(30):
+        plan.against_wall(0.6, 0.5)
+        plan.free_place(0.5, 0.4)
+    assert len(plan.taken) > 12
+    for index, place in enumerate(plan.taken):
+        assert (place.corners() > -1e-6).all()
+        assert (place.corners() < (4 + 1e-6, 3 + 1e-6)).all()
+        assert not any(place.overlaps(other) for other in plan.taken[:index])
+
+
+def test_a_full_room_takes_nothing_more():
+    plan = FloorPlan(1.0, 1.0, Random(0))
+    plan.reserve(Rectangle(0.5, 0.5, 0.9, 0.9))
+    assert plan.free_place(0.3, 0.3) is None
+    assert plan.against_wall(1.2, 0.3) is None
+
+
+def test_the_robot_passes_its_waypoints_at_constant_speed():
+    waypoints = np.array([(0, 0), (1, 0.5), (1.5, 2), (1.4, 3)])
+    path = RobotPath(waypoints)
+    points = path.samples(0.05)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert steps == pytest.approx(0.05, abs=2e-3)
+    for waypoint in waypoints:
+        assert np.linalg.norm(path.samples(0.01) - waypoint, axis=1).min() < 0.02
+    assert path.heading_deg(path.length_m) == pytest.approx(5.7, abs=5)
+
+
+@pytest.mark.parametrize("scale", [0.001, 1.0, 300.0])
+def test_automatic_exposure_brings_any_light_into_range(scale):
+    random = np.random.default_rng(3)
+    light = random.uniform(0.05, 1.0, (60, 80, 3)) * scale
+    image = np.array(Sensor(0, 0.5, 0.5, 1.0, 1.0, 0.2, 0.0, 0.0, 90).develop(light, random))
+    assert 60 < image.mean() < 190
+    assert image.std() > 10
+
+
+def test_the_same_seed_develops_the_same_image_and_noise_follows_its_factor():
+    light = np.full((60, 80, 3), 0.4)
+
+    def develop(noise, seed):
+        sensor = Sensor(0, 0, 0, 1.0, 1.0, noise, 0.0, 0.0, 90)
+        return np.array(sensor.develop(light, np.random.default_rng(seed)), float)
+
+    assert (develop(1.0, 4) == develop(1.0, 4)).all()
+    assert develop(2.0, 4).std() > 1.5 * develop(0.7, 4).std()
+
+
+def test_exposure_that_adapts_slowly_is_between_its_images():
+    dark, bright = Metered.of(np.full((4, 4, 3), 0.1)), Metered.of(np.full((4, 4, 3), 0.9))
+    assert dark.brightness < Metered.mean([dark, bright]).brightness < bright.brightness
+
+
+@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="needs Blender's module bpy")
+def test_depth_and_pixels_of_the_clip_s_and_of_random_cameras_are_right():
+    done = subprocess.run(
+        [sys.executable, "-m", "nunet_models.rendering", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=600,
+    )
+    assert done.returncode == 0, done.stdout
