@@ -29,7 +29,8 @@ def box(maker: Maker, size: tuple[float, float, float]) -> None:
     color = tuple(random.uniform(0.03, 0.5) for _ in range(3))
     shell = materials.paint(color, 0.4)
     maker.box(size, (0, 0, 0), shell, bevel=0.01)
-    maker.box((width + 0.03, depth + 0.03, 0.03), (0, 0, height - 0.03), shell, bevel=0.005)
+    # The rim ends below the top: two surfaces in one plane would render black.
+    maker.box((width + 0.03, depth + 0.03, 0.03), (0, 0, height - 0.04), shell, bevel=0.005)
 
 
 def box_stack(maker: Maker, width: float, depth: float, height: float) -> None:

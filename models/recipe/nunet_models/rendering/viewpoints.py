@@ -53,10 +53,12 @@ class ViewFinder:
     def find(self, attempts: int = 40) -> View | None:
         """A random view, or none if no attempt gave a good one."""
         wanted = self.random.choices(list(SHARES), list(SHARES.values()))[0]
+        # Random places are mostly near a wall; people stand where they see the room.
+        median_m = self.random.choice((0.0, 1.6, 2.2)) if wanted == STANDING else 0.0
         for _ in range(attempts):
             intrinsics = random_intrinsics(self.random)
             pose = self._near() if wanted == NEAR else self._free(low=wanted == LOW)
-            if pose is not None and self._is_good(intrinsics, pose):
+            if pose is not None and self._is_good(intrinsics, pose, median_m):
                 return View(intrinsics, pose)
         return None
 
@@ -111,7 +113,7 @@ class ViewFinder:
             yaw + random.gauss(0, 6), pitch + random.gauss(0, 6), self._roll()
         )
 
-    def _is_good(self, intrinsics: Intrinsics, pose: Matrix) -> bool:
+    def _is_good(self, intrinsics: Intrinsics, pose: Matrix, min_median_m: float) -> bool:
         eye, rotation = pose.translation, pose.to_3x3()
         columns = np.linspace(0, intrinsics.width - 1, COLUMNS)
         rows = np.linspace(0, intrinsics.height - 1, ROWS)
@@ -138,6 +140,6 @@ class ViewFinder:
                 depths.append((point - eye).length / length)
         if len(things) < MIN_THINGS and self.random.random() > PLAIN_SHARE:
             return False
-        low, high = np.percentile(depths, (5, 95))
+        low, median, high = np.percentile(depths, (5, 50, 95))
         near = np.mean(np.array(depths) < TOO_NEAR_M)
-        return bool(near <= MAX_TOO_NEAR and high / low >= MIN_SPREAD)
+        return bool(near <= MAX_TOO_NEAR and high / low >= MIN_SPREAD and median >= min_median_m)
