@@ -1,4 +1,4 @@
-"""The camera: NYU Depth V2's intrinsics, and a hand that holds it."""
+"""Blender's camera: intrinsics, rotation, hand-held motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nunet_models.rendering.intrinsics import Intrinsics
 FRAMES_PER_SECOND = 30
 
 CV_FROM_BLENDER = Matrix.Diagonal((1, -1, -1, 1))
-"""Blender's camera looks along -z with y up; ours along +z with y down."""
+"""Blender's camera looks along -z with y up; the project's along +z with y down."""
 
 
 def add_camera(intrinsics: Intrinsics, scene: bpy.types.Scene) -> bpy.types.Object:
@@ -32,7 +32,7 @@ def set_intrinsics(intrinsics: Intrinsics, scene: bpy.types.Scene) -> None:
     data.sensor_width = 36.0
     data.lens = intrinsics.fx_px * data.sensor_width / intrinsics.width
     data.clip_start, data.clip_end = 0.05, 100
-    # A pixel that is wider than tall has fewer of them across the same angle.
+    # fx < fy means that pixels are wider than tall.
     scene.render.pixel_aspect_x = intrinsics.fy_px / intrinsics.fx_px
     scene.render.pixel_aspect_y = 1.0
     # Shifts are in image widths; the image's edge is at -0.5.
@@ -52,15 +52,15 @@ def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Matrix:
 
 @dataclass(frozen=True)
 class Motion:
-    """A walk: where it starts, how fast it goes and turns, and a hand's tremor."""
+    """Hand-held motion: start, velocity, turn rate, and tremor."""
 
     start_m: tuple[float, float, float]
     look_deg: tuple[float, float]
     """To the left of +y, and up."""
     velocity: tuple[float, float, float]
-    """Meters a second."""
+    """Meters per second."""
     turn: tuple[float, float]
-    """Degrees a second, to the left and up."""
+    """Degrees per second, to the left and up."""
 
     def pose(self, frame: int) -> Matrix:
         """World from Blender's camera at a frame."""
@@ -78,6 +78,6 @@ class Motion:
 
 
 def _tremor(t: float, axis: int) -> float:
-    """A hand's shaking, about -1 to 1: slow sway and a tremor of some 5 Hz."""
+    """A hand's tremor, about -1 to 1: slow sway plus 5 Hz."""
     sway = math.sin(2 * math.pi * 1.1 * t + 1.9 * axis)
     return 0.7 * sway + 0.3 * math.sin(2 * math.pi * 5.3 * t + 2.7 * axis)

@@ -1,4 +1,4 @@
-"""Whether rendered depth, labels and pixels are what the intrinsics say, in scenes made for it."""
+"""Measures rendered depth, labels and pixel positions against the intrinsics, in test scenes."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _wall(intrinsics: Intrinsics, rotation: Matrix) -> list[str]:
 
 
 def _ball(intrinsics: Intrinsics, rotation: Matrix, at: np.ndarray) -> list[str]:
-    """A small ball lands where the intrinsics say, as deep as its near side."""
+    """A small ball is at the pixel that the intrinsics predict, with the depth of its near side."""
     camera = _scene(intrinsics, rotation)
     radius_m = BALL_RADIUS_PX * at[2] / intrinsics.fx_px
     in_blender = CV_FROM_BLENDER @ Vector(at)

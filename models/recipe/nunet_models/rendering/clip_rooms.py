@@ -1,4 +1,4 @@
-"""The three rooms: what stands where, how it is lit, where the camera walks."""
+"""The clip's three rooms: furniture, light, camera motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PINE = (0.5, 0.33, 0.17)
 
 @dataclass(frozen=True)
 class Shot:
-    """How a room is photographed: the camera's way, the exposure in stops, rays a pixel."""
+    """How a room is rendered: camera motion, exposure in stops, samples per pixel."""
 
     motion: Motion
     exposure: float
@@ -63,7 +63,7 @@ def living_room(random: Random) -> Shot:
     clutter.cushion(armchair.at(0.03, -0.4, 0.46, turn=6), linen, size=0.4)
     clutter.plant(maker.at(2.98, 4.55), 1.15, 26, pot=0.15)
     motion = Motion((3.45, 0.3, 1.47), (23, -13), velocity=(-0.22, 0.2, 0.03), turn=(-5, 1.5))
-    return Shot(motion, 0.4, samples=16)  # fine patterns in deep shadow
+    return Shot(motion, 0.4, samples=16)  # fine patterns in deep shadow need more
 
 
 def _cushions(seat: Maker) -> None:
@@ -103,7 +103,7 @@ def _bookcase(place: Maker) -> None:
 
 
 def _coffee_table(place: Maker) -> None:
-    """A low table with what an evening leaves."""
+    """A coffee table with mugs, books, a bowl and papers."""
     furniture.low_table(place, (1.1, 0.6, 0.43), OAK)
     top = place.at(0, 0, 0.43)
     clutter.mug(top.at(-0.28, 0.08, turn=200), (0.62, 0.6, 0.55))
@@ -171,7 +171,7 @@ def _nightstands(far: Maker) -> None:
 
 
 def _clothes_chair(place: Maker) -> None:
-    """A chair on which yesterday's clothes hang."""
+    """A chair with clothes on it."""
     furniture.chair(place, WALNUT, materials.fabric((0.4, 0.36, 0.28)))
     shirt = materials.fabric((0.1, 0.15, 0.26), 200, 0.25)
     place.soft((0.4, 0.1, 0.36), (0, 0.235, 0.55), shirt, radius=0.045, wrinkle=0.05)
@@ -220,7 +220,7 @@ def study(random: Random) -> Shot:
 
 
 def _desk(place: Maker) -> None:
-    """A desk where somebody works."""
+    """A desk with a monitor, a lamp, books and an office chair."""
     furniture.table(place, (1.6, 0.75, 0.74), PINE)
     furniture.cupboard(place.at(0.52, 0.3), (0.42, 0.55, 0.6), None, doors=0, drawers=3)
     top = place.at(0, 0, 0.74)
@@ -248,7 +248,7 @@ def _wall_shelves(far: Maker) -> None:
 
 
 def _table_with_chairs(place: Maker) -> None:
-    """A table, four chairs that were left as people rose, cups."""
+    """A table with four chairs at random angles, cups, a laptop."""
     furniture.table(place, (1.35, 0.85, 0.75), OAK)
     blue = materials.fabric((0.07, 0.14, 0.22), 230, 0.3)
     for x, y, turn in ((-0.32, -0.62, 172), (0.4, -0.56, 188), (-0.3, 0.55, 6), (0.36, 0.66, -14)):
@@ -267,4 +267,4 @@ ROOMS: dict[str, Callable[[Random], Shot]] = {
     "living": living_room,
     "study": study,
 }
-"""Builders by the name that begins the pictures' ids."""
+"""Builders, by the name that image ids begin with."""

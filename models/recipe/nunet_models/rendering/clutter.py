@@ -1,4 +1,4 @@
-"""Small things that lie about; each stands on its maker's origin."""
+"""Small objects; each stands on its maker's origin."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def keyboard(maker: Maker) -> None:
 
 
 def papers(maker: Maker, count: int) -> None:
-    """Sheets that lie a little askew."""
+    """Sheets of paper at slightly different angles."""
     white = materials.paint((0.78, 0.77, 0.74), 0.9)
     for i in range(count):
         sheet = maker.at(0.006 * i, 0.004 * i, 0.0012 * i, turn=maker.random.uniform(-12, 12))

@@ -306,7 +306,7 @@ class Furnisher:
         furniture.rug(self.maker.at(x, y), size, cloth)
 
     def wall_decoration(self, flat: float = 0.5) -> None:
-        """A picture, a poster, a mirror, a screen, a clock; `flat`: how likely a flat photo."""
+        """A painting, poster, mirror, screen or clock; `flat` is the probability of a photo."""
         random = self.random
         side = random.choice(SIDES)
         facing, length = self.room.wall(self.maker, side)

@@ -1,4 +1,4 @@
-"""Large things: each stands on its maker's origin, its back towards +y."""
+"""Furniture; each piece stands on its maker's origin with its back towards +y."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def low_table(maker: Maker, size: tuple[float, float, float], tone: materials.Co
 
 
 def chair(maker: Maker, tone: materials.Color, cloth: Material | None = None) -> None:
-    """A dining chair that looks towards -y."""
+    """A dining chair that faces -y."""
     maker = maker.of("chair")
     upright, level = materials.wood(tone, "z", 0.55), materials.wood(tone, "x", 0.55)
     for x in (-0.19, 0.19):
@@ -73,7 +73,7 @@ def chair(maker: Maker, tone: materials.Color, cloth: Material | None = None) ->
 
 
 def office_chair(maker: Maker, cloth: Material) -> None:
-    """A swivel chair on five castors that looks towards -y."""
+    """A swivel chair on five castors that faces -y."""
     maker = maker.of("chair")
     black = materials.paint((0.02, 0.02, 0.022), 0.5)
     for i in range(5):
@@ -92,7 +92,7 @@ def office_chair(maker: Maker, cloth: Material) -> None:
 def bookcase(
     maker: Maker, size: tuple[float, float, float], shelves: int, tone: materials.Color
 ) -> list[Maker]:
-    """An open bookcase, its back at y = 0; gives a maker on each shelf, from below."""
+    """An open bookcase, its back at y = 0; returns a maker on each shelf, lowest first."""
     maker = maker.of("furniture")
     width, depth, height = size
     upright, level = materials.wood(tone, "z", 0.45), materials.wood(tone, "x", 0.45)
@@ -214,7 +214,7 @@ def painting(facing: Maker, x: float, z: float, size: tuple[float, float], seed:
 
 
 def wall_shelf(facing: Maker, x: float, z: float, width: float) -> Maker:
-    """A board on a wall; gives a maker at the front of its upper side."""
+    """A board on a wall; returns a maker at the front of its upper side."""
     facing = facing.of("furniture")
     facing.box((width, 0.22, 0.025), (x, -0.11, z), materials.wood((0.42, 0.28, 0.15), "x"))
     for dx in (-width * 0.35, width * 0.35):

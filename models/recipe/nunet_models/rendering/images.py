@@ -63,9 +63,9 @@ def landscape(seed: int, glow: float = 0.0) -> bpy.types.Material:
     graph.tree.links.new(height, sum_of.inputs[2])
     stops = (0.2, 0.48, 0.62, 0.74, 0.78, 0.92)
     palette = _PALETTES[seed % len(_PALETTES)]
-    picture = graph.ramp(sum_of.outputs[0], *zip(stops, palette, strict=True))
+    view = graph.ramp(sum_of.outputs[0], *zip(stops, palette, strict=True))
     strokes = graph.ramp(graph.noise(moved, 45, 3), (0.3, (0.7,) * 3), (0.65, (1, 1, 1)))
-    painted = graph.mix(picture, strokes, 1.0, "MULTIPLY")
+    painted = graph.mix(view, strokes, 1.0, "MULTIPLY")
     graph.color(painted)
     graph.feed(graph.surface, "Emission Color", painted)
     graph.surface.inputs["Emission Strength"].default_value = glow
@@ -74,7 +74,7 @@ def landscape(seed: int, glow: float = 0.0) -> bpy.types.Material:
 
 @cache
 def outdoors(strength: float) -> bpy.types.Material:
-    """What the window shows, shining by itself: meadow, trees, a bright sky."""
+    """What the window shows, emissive: meadow, trees, a bright sky."""
     graph = Graph("outdoors", roughness=1.0, color=(0, 0, 0))
     place = graph.add("ShaderNodeTexCoord").outputs["Object"]
     height = graph.add("ShaderNodeSeparateXYZ", Vector=place).outputs[2]
@@ -104,7 +104,7 @@ def outdoors(strength: float) -> bpy.types.Material:
 
 @cache
 def photo(path: str, glow: float = 0.0) -> bpy.types.Material:
-    """An image file stretched over an upright board's front; it shines by itself with `glow`."""
+    """An image file stretched over an upright board's front; emissive with `glow`."""
     graph = Graph("photo", roughness=0.5)
     parts = graph.add("ShaderNodeSeparateXYZ", Vector=graph.place(space="Generated"))
     flat = graph.add("ShaderNodeCombineXYZ", X=parts.outputs[0], Y=parts.outputs[2])

@@ -27,7 +27,7 @@ class Intrinsics:
     height: int = 480
 
     def scaled(self, factor: float) -> Intrinsics:
-        """The same camera with pictures of another size."""
+        """The same camera with another image size."""
         return Intrinsics(
             self.fx_px * factor,
             self.fy_px * factor,

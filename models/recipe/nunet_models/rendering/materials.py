@@ -64,7 +64,7 @@ def floorboards(color: Color) -> bpy.types.Material:
 
 @cache
 def fabric(color: Color, weave: float = 260, contrast: float = 0.25) -> bpy.types.Material:
-    """Woven cloth: `weave` is threads a metre, `contrast` how much they differ."""
+    """Woven cloth: `weave` is threads per meter, `contrast` how much they differ."""
     graph = Graph("fabric", roughness=0.95)
     graph.surface.inputs["Sheen Weight"].default_value = 0.25
     place = graph.place()

@@ -1,4 +1,4 @@
-"""Rendering: the picture as a camera sees it, and the truth at the centers of its pixels."""
+"""Renders the open scene: the image, and depth and labels at pixel centers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEPTH_NONE_MM = 0
 
 
 def prepare(exposure: float, samples: int) -> None:
-    """Cycles on the processor, denoised; light paths as short as rooms allow."""
+    """Set up Cycles on the processor, with denoising and short light paths."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.render.use_persistent_data = True
@@ -47,7 +47,7 @@ def image(seed: int) -> np.ndarray:
     scene.render.image_settings.file_format = "PNG"
     scene.render.image_settings.color_mode = "RGB"
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture.png"
+        path = Path(folder) / "image.png"
         scene.render.filepath = str(path)
         bpy.ops.render.render(write_still=True)
         return np.array(Image.open(path).convert("RGB"))
@@ -70,7 +70,7 @@ def with_noise(rgb: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
-    """Depth in meters along the optical axis (NaN = none) and labels, both of pixels' centers.
+    """Depth in meters along the optical axis (NaN = none) and labels at pixel centers.
 
     One ray a pixel through its centre, without any filter; everything is opaque to it, so that a
     window's depth is its pane's.
@@ -103,7 +103,7 @@ def _opaque() -> bpy.types.Material:
 
 
 def write_passes(scene: bpy.types.Scene, folder: str, outputs: dict[str, str]) -> None:
-    """Have the compositor write the passes as float images: Python cannot reach them itself."""
+    """Let the compositor write passes as float images; Python has no direct access to them."""
     scene.use_nodes = True
     tree = scene.node_tree
     tree.nodes.clear()

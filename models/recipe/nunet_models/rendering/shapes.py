@@ -21,7 +21,7 @@ Point = Sequence[float]
 
 @dataclass(frozen=True)
 class Maker:
-    """Makes shapes in a frame of its own, all with one label."""
+    """Makes shapes with one label in its own coordinate frame."""
 
     random: Random
     label: str = "objects"
@@ -45,7 +45,7 @@ class Maker:
         at: Point = (0, 0, 0),
         tilt: Point = (0, 0, 0),
     ) -> bpy.types.Object:
-        """A mesh; `tilt` turns it about x, y and z, in degrees, before it is moved."""
+        """Add a mesh; `tilt` rotates it about x, y and z (degrees) before translation."""
         mesh = bpy.data.meshes.new(self.label)
         mesh.from_pydata([tuple(map(float, point)) for point in points], [], list(faces))
         mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
@@ -66,7 +66,7 @@ class Maker:
         bevel: float = 0.004,
         tilt: Point = (0, 0, 0),
     ) -> bpy.types.Object:
-        """A box with bevelled edges that stands on `at`."""
+        """A box with beveled edges that stands on `at`."""
         corners = [(i & 1, i >> 1 & 1, i >> 2) for i in range(8)]
         points = (np.array(corners) - (0.5, 0.5, 0)) * size
         faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
@@ -184,7 +184,7 @@ class Maker:
 
 
 def _grid_box(half: np.ndarray, radius: float) -> tuple[np.ndarray, list[tuple[int, ...]]]:
-    """Points and faces of a box, with many lines where the rounding will be."""
+    """Points and faces of a box, with more lines where the rounding is."""
     lines = []
     for extent in half:
         bend = extent - radius * np.cos(np.linspace(0, np.pi / 2, 6)) ** 2

@@ -27,7 +27,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class Shell:
-    """An empty room: its corner at the origin, `width` along x, `depth` along y."""
+    """An empty room with one corner at the origin, `width` along x, `depth` along y."""
 
     width: float
     depth: float
@@ -122,7 +122,7 @@ def window(facing: Maker, hole: Opening, *, daylight: float, view: float, caseme
 def _daylight(
     facing: Maker, at: tuple[float, float, float], size: tuple[float, float], watts: float
 ) -> None:
-    """The sky's light as a lamp in the window: far less noise than a sky that is rarely hit."""
+    """The sky's light as a lamp in the window: far less noise than sampling the sky."""
     lamp = bpy.data.lights.new("daylight", "AREA")
     lamp.shape = "RECTANGLE"
     lamp.size, lamp.size_y = size
@@ -174,7 +174,7 @@ def bulb(maker: Maker, at: tuple[float, float, float], watts: float) -> None:
 
 
 def door(facing: Maker, left: float, *, width: float = 0.86, height: float = 2.02) -> None:
-    """A closed panelled door with its casing; NYU's map of classes counts doors as wall."""
+    """A closed paneled door with its casing; NYU's class map counts doors as wall."""
     facing = facing.of("wall")
     white = materials.paint(WHITE_PAINT, 0.35)
     middle = left + width / 2
