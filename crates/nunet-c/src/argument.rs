@@ -41,9 +41,10 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     text.to_str().map_err(|error| {
         let place = error.valid_up_to() + 1;
         Failure::argument(format!(
-            "`{name}` is not UTF-8 at byte {place}: `{}`\nhint: pass texts in UTF-8",
+            "`{name}` is not UTF-8 at byte {place}: `{}`",
             text.to_string_lossy().escape_debug()
         ))
+        .hint("pass texts in UTF-8")
     })
 }
 
@@ -60,9 +61,9 @@ pub(crate) unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -
     }
     if !pointer.is_aligned() || count.checked_mul(size_of::<T>()).is_none_or(|n| n > isize::MAX as usize) {
         return Err(Failure::argument(format!(
-            "`{name}` is no array of {count} elements: not aligned, or too long\n\
-             hint: pass the array itself and how many elements it has, not how many bytes"
-        )));
+            "`{name}` is not an array of {count} elements: not aligned, or too long"
+        ))
+        .hint("pass the array itself and how many elements it has, not how many bytes"));
     }
     // SAFETY: not NULL, aligned, not longer than memory can be; the rest is the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
@@ -84,7 +85,7 @@ where
     T::Error: std::fmt::Display,
 {
     T::try_from(value).map_err(|unknown| {
-        Failure::argument(format!("`{name}`: {unknown}\nhint: use the constants of nunet.h"))
+        Failure::argument(format!("`{name}`: {unknown}")).hint("use the constants of nunet.h")
     })
 }
 
@@ -93,9 +94,9 @@ pub(crate) fn topics(bits: u32) -> Result<Vec<Topic>, Failure> {
     let known = (1 << Topic::ALL.len()) - 1;
     if bits == 0 || bits & !known != 0 {
         return Err(Failure::argument(format!(
-            "`topic_bits` is `{bits:#x}`, but expected a sum of bits from 0x1 to {known:#x}\n\
-             hint: NUNET_BIT_DEPTH | NUNET_BIT_LABELS"
-        )));
+            "`topic_bits` is `{bits:#x}`, expected a sum of bits from 0x1 to {known:#x}"
+        ))
+        .hint("combine topics like NUNET_BIT_DEPTH | NUNET_BIT_LABELS"));
     }
     Ok(Topic::ALL.iter().copied().filter(|topic| bits & (1 << *topic as u32) != 0).collect())
 }
@@ -111,9 +112,8 @@ pub(crate) fn pointer_to(bytes: &[u8]) -> *const c_void {
 }
 
 fn null(name: &str) -> Failure {
-    Failure::argument(format!(
-        "`{name}` is NULL\nhint: pass the address of a variable, or a text or an array"
-    ))
+    Failure::argument(format!("`{name}` is NULL"))
+        .hint("pass the address of a variable, or a text or an array")
 }
 
 #[cfg(test)]
@@ -141,7 +141,7 @@ mod tests {
         let odd = aligned.as_ptr().wrapping_byte_add(1);
         // SAFETY: nothing is read from an array that is refused.
         let failure = unsafe { slice(odd, 1, "x") }.unwrap_err();
-        assert!(failure.message.contains("\nhint: "), "{}", failure.message);
+        assert!(failure.hint.is_some(), "{}", failure.message);
         // SAFETY: as above.
         assert!(unsafe { slice(aligned.as_ptr(), usize::MAX / 2, "x") }.is_err());
         // SAFETY: as above.

@@ -72,27 +72,23 @@ impl<T> Table<T> {
     pub(crate) fn refuse_null<H>(&self, handle: *const H) -> Result<(), Failure> {
         if handle.is_null() {
             let kind = self.kind;
-            return Err(Failure::argument(format!(
-                "the {kind} is NULL\nhint: did the call that was to give it fail?"
-            )));
+            return Err(Failure::argument(format!("the {kind} is NULL"))
+                .hint("check the status of the call that should have returned it"));
         }
         Ok(())
     }
 
     pub(crate) fn closed(&self) -> Failure {
         let kind = self.kind;
-        let message = format!(
-            "this is no open {kind}\nhint: it was closed, released or sent before, or is of another kind"
-        );
-        Failure::new(Status::Closed, message)
+        Failure::new(Status::Closed, format!("this {kind} is not open")).hint(
+            "do not use a handle after it was closed, released or sent, or where another kind is expected",
+        )
     }
 
     fn forked(&self) -> Failure {
         let kind = self.kind;
-        let message = format!(
-            "this {kind} belongs to the process that this one was forked from\nhint: open one after the fork"
-        );
-        Failure::new(Status::Forked, message)
+        let message = format!("this {kind} belongs to the process that this one was forked from");
+        Failure::new(Status::Forked, message).hint("open one after the fork")
     }
 }
 
@@ -122,7 +118,8 @@ mod tests {
         let handle: *mut u8 = TEXTS.insert("b");
         let failure = OTHERS.get(handle).unwrap_err();
         assert_eq!(failure.status, Status::Closed);
-        assert!(failure.message.starts_with("this is no open other\nhint: "), "{}", failure.message);
+        assert_eq!(failure.message, "this other is not open");
+        assert!(failure.hint.is_some());
         assert!(TEXTS.remove(handle).unwrap().is_some());
     }
 

@@ -11,9 +11,10 @@
 //! | [`argument`] | what a caller gave, checked |
 //! | [`process`] | versions, the clock |
 //! | [`reader`], [`frame`] | the reader's side |
-//! | [`publisher`], [`loan`] | the camera's side |
+//! | [`publisher`], [`loan`], `camera` | the camera's side |
 
 pub mod argument;
+mod camera;
 pub mod handle;
 
 // In the order of the header's functions.

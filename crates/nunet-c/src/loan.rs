@@ -5,11 +5,11 @@ use std::ffi::c_void;
 use std::mem::MaybeUninit;
 use std::sync::{Arc, Mutex};
 
-use nunet_ipc::{Clock, FrameHeader, Loan, Wake, monotonic_nanos, unix_nanos};
+use nunet_ipc::{FrameHeader, Loan};
 
 use crate::argument::{fill, place, word};
+use crate::camera::{Camera, PUBLISHERS};
 use crate::handle::{Table, locked};
-use crate::publisher::{Camera, PUBLISHERS, PublisherHandle};
 use crate::status::{Failure, Status, guard};
 
 /// The memory of a picture that is not sent yet. Any thread may fill and send it.
@@ -24,19 +24,15 @@ pub(crate) struct OpenLoan {
     /// Its publisher lends nothing else while this is there.
     _token: Arc<()>,
     _camera: Arc<Mutex<Camera>>,
+    /// The handle of its publisher.
     publisher: usize,
 }
 
 pub(crate) static LOANS: Table<OpenLoan> = Table::new("loan");
 
 impl OpenLoan {
-    pub(crate) fn new(
-        loan: Loan,
-        token: Arc<()>,
-        camera: Arc<Mutex<Camera>>,
-        publisher: *const PublisherHandle,
-    ) -> Self {
-        Self { loan: Some(loan), _token: token, _camera: camera, publisher: publisher.addr() }
+    pub(crate) fn new(loan: Loan, token: Arc<()>, camera: Arc<Mutex<Camera>>, publisher: usize) -> Self {
+        Self { loan: Some(loan), _token: token, _camera: camera, publisher }
     }
 
     fn open(&mut self) -> Result<&mut Loan, Failure> {
@@ -102,7 +98,7 @@ pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nan
         let open = LOANS.remove(loan)?.ok_or_else(|| LOANS.closed())?;
         let mut open = locked(&open);
         let clock = word(clock, "clock")?;
-        let camera = PUBLISHERS.get::<PublisherHandle>(std::ptr::without_provenance(open.publisher))?;
+        let camera = PUBLISHERS.get::<()>(std::ptr::without_provenance(open.publisher))?;
         let loan = open.loan.take().ok_or_else(|| LOANS.closed())?;
         locked(&camera).send(loan, clock, capture_nanos)
     })
@@ -114,18 +110,4 @@ pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nan
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_loan_release(loan: *mut LoanHandle) -> Status {
     guard(|| LOANS.remove(loan).map(drop))
-}
-
-impl Camera {
-    pub(crate) fn send(&mut self, mut loan: Loan, clock: Clock, capture_nanos: i64) -> Result<(), Failure> {
-        let header = loan.header_mut();
-        header.set_capture_clock(clock);
-        header.capture_nanos = capture_nanos;
-        header.capture_unix_nanos = header.unix_of_capture(monotonic_nanos(), unix_nanos());
-        let sequence = header.sequence;
-        loan.publish(monotonic_nanos())?;
-        self.next_sequence = sequence.wrapping_add(1);
-        self.publisher.notify(Wake::Picture)?;
-        Ok(())
-    }
 }

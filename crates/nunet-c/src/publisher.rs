@@ -4,14 +4,13 @@
 
 use std::ffi::{c_char, c_void};
 use std::mem::MaybeUninit;
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
-use nunet_ipc::{
-    DistortionModel, Encoding, FrameHeader, IpcError, Limits, Loan, MAX_SIDE_PX, Publisher, Topic, TopicPlan,
-};
+use nunet_ipc::{Limits, Publisher, Topic, TopicPlan};
 
 use crate::argument::{camera, place, slice, text, word};
-use crate::handle::{Table, locked};
+use crate::camera::{Camera, PUBLISHERS, template};
+use crate::handle::locked;
 use crate::loan::{LOANS, LoanHandle, OpenLoan};
 use crate::status::{Failure, Status, guard};
 
@@ -19,18 +18,6 @@ use crate::status::{Failure, Status, guard};
 /// threads make them.
 #[derive(Debug)]
 pub struct PublisherHandle;
-
-/// A publisher, and what all its pictures have in common.
-#[derive(Debug)]
-pub(crate) struct Camera {
-    pub(crate) publisher: Publisher,
-    pub(crate) next_sequence: u64,
-    template: FrameHeader,
-    picture_bytes: usize,
-    lent: Weak<()>,
-}
-
-pub(crate) static PUBLISHERS: Table<Camera> = Table::new("publisher");
 
 /// Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
 /// for them.
@@ -55,20 +42,14 @@ pub unsafe extern "C" fn nunet_publisher_open(
         // SAFETY: the caller passes a text or NULL.
         let camera = unsafe { self::camera(camera) }?;
         let template = template(word(encoding, "encoding")?, width, height)?;
-        let picture_bytes = usize::try_from(template.payload_bytes).unwrap_or(usize::MAX);
-        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: picture_bytes };
+        let payload_bytes = usize::try_from(template.payload_bytes).unwrap_or(usize::MAX);
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes };
         let mut limits = Limits::DEFAULT;
         if max_readers != 0 {
             limits.max_readers = max_readers as usize;
         }
-        let owner = Publisher::create(&camera, &[plan], &limits)?;
-        *publisher = PUBLISHERS.insert(Camera {
-            publisher: owner,
-            next_sequence: 0,
-            template,
-            picture_bytes,
-            lent: Weak::new(),
-        });
+        let opened = Publisher::create(&camera, &[plan], &limits)?;
+        *publisher = PUBLISHERS.insert(Camera::new(opened, template));
         Ok(())
     })
 }
@@ -97,7 +78,7 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
         // SAFETY: the caller passes an array of that length or NULL.
         let coefficients = unsafe { slice(coefficients, coefficient_count, "coefficients") }?;
         let model = word(distortion_model, "distortion_model")?;
-        locked(&owned).set_optics([fx, fy, cx, cy], model, coefficients)
+        locked(&owned).set_intrinsics([fx, fy, cx, cy], model, coefficients)
     })
 }
 
@@ -113,15 +94,7 @@ pub unsafe extern "C" fn nunet_publisher_set_frame_id(
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes a text or NULL.
         let name = unsafe { text(frame_id, "frame_id") }?;
-        let mut owned = locked(&owned);
-        let (bytes, most) = (name.len(), owned.template.frame_id.len());
-        if bytes > most {
-            return Err(Failure::argument(format!(
-                "`frame_id` has {bytes} bytes, but at most {most} fit\nhint: give the frame a shorter name"
-            )));
-        }
-        owned.template.set_frame_id(name);
-        Ok(())
+        locked(&owned).set_frame_id(name)
     })
 }
 
@@ -141,9 +114,8 @@ pub extern "C" fn nunet_publisher_loan(
         let loan = place(loan, "loan", std::ptr::null_mut())?;
         let owned = PUBLISHERS.get(publisher)?;
         let mut camera = locked(&owned);
-        let (picture, token) = (camera.loan()?, Arc::new(()));
-        camera.lent = Arc::downgrade(&token);
-        *loan = LOANS.insert(OpenLoan::new(picture, token, Arc::clone(&owned), publisher));
+        let (image, token) = camera.lend()?;
+        *loan = LOANS.insert(OpenLoan::new(image, token, Arc::clone(&owned), publisher.addr()));
         Ok(())
     })
 }
@@ -168,12 +140,12 @@ pub unsafe extern "C" fn nunet_publisher_publish(
         let picture = unsafe { slice(bytes.cast::<u8>(), byte_count, "bytes") }?;
         let clock = word(clock, "clock")?;
         let mut owned = locked(&owned);
-        let expected = owned.picture_bytes;
+        let expected = owned.image_bytes();
         if byte_count != expected {
             return Err(Failure::argument(format!(
-                "`byte_count` is `{byte_count}`, but a picture of this publisher has {expected} bytes\n\
-                 hint: leave out padding between rows; fill a loan row by row where the source has some"
-            )));
+                "`byte_count` is `{byte_count}`, but a picture of this publisher has {expected} bytes"
+            ))
+            .hint("leave out padding between rows; fill a loan row by row where the source has some"));
         }
         let mut loan = owned.loan()?;
         loan.bytes_mut().copy_from_slice(picture);
@@ -211,111 +183,19 @@ pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Stat
     guard(|| PUBLISHERS.remove(publisher).map(drop))
 }
 
-impl Camera {
-    /// All of it or nothing, under one lock: what another thread sets meanwhile stays.
-    fn set_optics(
-        &mut self,
-        pinhole: [f64; 4],
-        model: DistortionModel,
-        coefficients: &[f64],
-    ) -> Result<(), Failure> {
-        let mut header = self.template;
-        set_lens(&mut header, model, coefficients)?;
-        set_pinhole(&mut header, pinhole)?;
-        self.template = header;
-        Ok(())
-    }
-
-    /// nunet-ipc lends as long as it has chunks, and has more than one while few readers hold some. Which would
-    /// depend on the readers; and two open loans would have one sequence number.
-    fn loan(&self) -> Result<Loan, Failure> {
-        if self.lent.strong_count() > 0 {
-            return Err(IpcError::TooManyLoans { topic: Topic::Rgb, limit: 1 }.into());
-        }
-        let mut loan = self.publisher.loan(Topic::Rgb)?;
-        *loan.header_mut() = FrameHeader { sequence: self.next_sequence, ..self.template };
-        Ok(loan)
-    }
-}
-
-/// The header that all pictures of a camera begin with.
-fn template(encoding: Encoding, width: u32, height: u32) -> Result<FrameHeader, Failure> {
-    for (name, side) in [("width", width), ("height", height)] {
-        if !(1..=MAX_SIDE_PX).contains(&side) {
-            return Err(Failure::argument(format!(
-                "`{name}` is `{side}`, but expected 1 to {MAX_SIDE_PX} pixels\n\
-                 hint: the size of the camera's pictures, such as 640 and 480"
-            )));
-        }
-    }
-    let Some(format) = encoding.pixel_format() else {
-        return Err(Failure::argument(format!(
-            "`encoding` is `{encoding}`, but expected a picture's\nhint: rgb8, bgr8, mono8, yuyv or nv12"
-        )));
-    };
-    let (row_bytes, rows) = (format.min_stride(width), format.row_count(height));
-    let mut header = FrameHeader { width, height, row_stride_bytes: row_bytes, ..FrameHeader::default() };
-    header.set_topic(Topic::Rgb);
-    header.set_encoding(encoding);
-    header.payload_bytes = u64::from(row_bytes) * u64::from(rows);
-    Ok(header)
-}
-
-fn set_pinhole(header: &mut FrameHeader, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), Failure> {
-    let focal = |value: f64| value.is_finite() && value > 0.0;
-    if !focal(fx) || !focal(fy) || !cx.is_finite() || !cy.is_finite() {
-        return Err(Failure::argument(format!(
-            "intrinsics `{fx}, {fy}, {cx}, {cy}`: expected positive focal lengths and a finite principal point, in \
-             pixels\nhint: without a calibration leave the call away"
-        )));
-    }
-    (header.fx, header.fy, header.cx, header.cy) = (fx, fy, cx, cy);
-    Ok(())
-}
-
-fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f64]) -> Result<(), Failure> {
-    let most = match model {
-        DistortionModel::None => 0,
-        DistortionModel::BrownConrady => header.distortion.len(),
-        DistortionModel::KannalaBrandt => 4,
-    };
-    let count = coefficients.len();
-    if count > most {
-        return Err(Failure::argument(format!(
-            "`coefficient_count` is `{count}`, but `{model}` has {most} coefficients at most\n\
-             hint: `distortion_model` says which lens they are of"
-        )));
-    }
-    if let Some(bad) = coefficients.iter().find(|coefficient| !coefficient.is_finite()) {
-        return Err(Failure::argument(format!(
-            "`coefficients` has `{bad}`, but expected finite numbers\nhint: fill as many as `coefficient_count` says"
-        )));
-    }
-    header.set_distortion_model(model);
-    header.distortion = [0.0; nunet_ipc::header::MAX_COEFFICIENTS];
-    header.distortion[..count].copy_from_slice(coefficients);
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use std::ffi::CString;
 
-    use super::*;
+    use nunet_ipc::Encoding;
 
-    #[test]
-    fn pictures_have_the_bytes_that_their_encoding_needs() {
-        let bytes = |encoding, width, height| template(encoding, width, height).unwrap().payload_bytes;
-        assert_eq!(bytes(Encoding::Rgb8, 640, 480), 921_600);
-        assert_eq!(bytes(Encoding::Mono8, 7, 5), 35);
-        assert_eq!(bytes(Encoding::Yuyv, 7, 5), 80);
-        assert_eq!(bytes(Encoding::Nv12, 7, 5), 64);
-        assert_eq!(bytes(Encoding::Bgr8, MAX_SIDE_PX, MAX_SIDE_PX), 3 << 30);
-    }
+    use super::*;
 
     #[test]
     fn what_two_threads_set_at_a_time_is_set_both() {
         const TURNS: u32 = 20_000;
+        let root = std::env::temp_dir().join("nunet-c");
+        nunet_ipc::use_root(&root).unwrap();
         let name = CString::new(format!("test-{}-set", std::process::id())).unwrap();
         let mut opened = MaybeUninit::new(std::ptr::null_mut());
         // SAFETY: a text that outlives the call.
@@ -342,36 +222,13 @@ mod tests {
                 // SAFETY: a text that outlives the call.
                 unsafe { nunet_publisher_set_frame_id(publisher, name.as_ptr()) };
                 let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
-                locked(&camera).template.frame_id().as_bytes() != name.as_bytes()
+                locked(&camera).template().frame_id().as_bytes() != name.as_bytes()
             };
             names.filter(is_lost).count()
         });
         let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
-        assert_eq!((lost, locked(&camera).template.fx), (0, f64::from(TURNS)));
+        assert_eq!((lost, locked(&camera).template().fx), (0, f64::from(TURNS)));
         drop(camera);
         assert_eq!(nunet_publisher_close(publisher), Status::Ok);
-    }
-
-    #[test]
-    fn sizes_and_encodings_of_no_picture_are_refused() {
-        for (encoding, width, height) in
-            [(Encoding::Rgb8, 0, 480), (Encoding::Rgb8, 640, 32_769), (Encoding::DepthF32, 640, 480)]
-        {
-            let failure = template(encoding, width, height).unwrap_err();
-            assert_eq!(failure.status, Status::BadArgument, "{}", failure.message);
-            assert!(failure.message.contains("\nhint: "), "{}", failure.message);
-        }
-    }
-
-    #[test]
-    fn a_lens_that_makes_no_sense_is_refused() {
-        let mut header = FrameHeader::default();
-        assert!(set_lens(&mut header, DistortionModel::None, &[0.1]).is_err());
-        assert!(set_lens(&mut header, DistortionModel::KannalaBrandt, &[0.0; 5]).is_err());
-        assert!(set_lens(&mut header, DistortionModel::BrownConrady, &[f64::NAN]).is_err());
-        assert!(set_pinhole(&mut header, [0.0, 1.0, 0.0, 0.0]).is_err());
-        assert_eq!(header, FrameHeader::default());
-        set_lens(&mut header, DistortionModel::BrownConrady, &[0.1, -0.2]).unwrap();
-        assert_eq!(header.distortion[..3], [0.1, -0.2, 0.0]);
     }
 }

@@ -224,13 +224,10 @@ fn late(reader: &Reader, timeout: Duration, what: &str) -> Failure {
         return Failure::new(Status::Timeout, format!("no new {what} of camera `{camera}` yet"));
     }
     let hint = if reader.is_connected() {
-        "its owner is alive, but slower than this, or its source stands still"
+        "wait longer: its publisher is alive, but slower than the timeout, or its source is paused"
     } else {
-        "nobody publishes it any more; the next owner's frames will arrive in this reader"
+        "start its publisher again: no process publishes the camera, and this reader will receive the frames of the next"
     };
     let seconds = timeout.as_secs_f64();
-    Failure::new(
-        Status::Timeout,
-        format!("no new {what} of camera `{camera}` after {seconds} s\nhint: {hint}"),
-    )
+    Failure::new(Status::Timeout, format!("no new {what} of camera `{camera}` after {seconds} s")).hint(hint)
 }

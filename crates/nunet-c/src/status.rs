@@ -2,12 +2,14 @@
 //! What went wrong: a number for the program, a text for people.
 
 use std::any::Any;
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::error::Error;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use nunet_ipc::{CameraNameError, IpcError};
+use nunet_ipc::{CameraNameError, IpcError, IpcErrorKind};
+use nunet_types::Hint as _;
 
 /// What a function answers. `NUNET_OK` is 0; everything else is described by `nunet_last_error()`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,21 +84,35 @@ impl Status {
 pub(crate) struct Failure {
     pub(crate) status: Status,
     pub(crate) message: String,
+    pub(crate) hint: Option<Cow<'static, str>>,
 }
 
 impl Failure {
     pub(crate) fn new(status: Status, message: impl Into<String>) -> Self {
-        Self { status, message: message.into() }
+        Self { status, message: message.into(), hint: None }
     }
 
     pub(crate) fn argument(message: impl Into<String>) -> Self {
         Self::new(Status::BadArgument, message)
     }
 
+    /// What the caller can do about it.
+    pub(crate) fn hint(self, hint: impl Into<Cow<'static, str>>) -> Self {
+        Self { hint: Some(hint.into()), ..self }
+    }
+
+    /// The text of `nunet_last_error()`: the hint is its last line.
+    fn text(&self) -> String {
+        match &self.hint {
+            Some(hint) => format!("{}\nhint: {hint}", self.message),
+            None => self.message.clone(),
+        }
+    }
+
     fn remember(self) -> Status {
         // A text for C ends at its first zero byte.
-        let text = CString::new(self.message.replace('\0', "\\0")).unwrap_or_default();
-        // Fails only while the thread ends, when nobody can ask any more.
+        let text = CString::new(self.text().replace('\0', "\\0")).unwrap_or_default();
+        // Fails only while the thread ends, when no caller can ask any more.
         let _ = LAST.try_with(|last| last.replace(text));
         self.status
     }
@@ -104,51 +120,42 @@ impl Failure {
 
 impl From<IpcError> for Failure {
     fn from(error: IpcError) -> Self {
-        use IpcError as E;
-        let status = match &error {
-            E::Limit { .. } | E::PlannedTwice { .. } | E::PayloadTooLarge { .. } | E::WrongElement { .. } => {
-                Status::BadArgument
-            }
-            E::SharedMemoryTooSmall { .. } | E::SharedMemoryMissing { .. } | E::MemoryNotBacked { .. } => {
-                Status::SharedMemory
-            }
-            E::AlreadyOwned { .. } => Status::AlreadyOwned,
-            E::ContractVersion { .. } => Status::WrongContractVersion,
-            E::OtherLimits { .. } => Status::OtherLimits,
-            E::NobodyPublishes { .. } => Status::NobodyPublishes,
-            E::TooManyReaders { .. } | E::TooManyListeners { .. } => Status::TooManyReaders,
-            E::TooManyFramesHeld { .. } => Status::TooManyFramesHeld,
-            E::TooManyLoans { .. } => Status::TooManyLoans,
-            E::NoSuchTopic { .. } => Status::NoSuchTopic,
-            E::WrongEncoding { .. } => Status::WrongEncoding,
-            E::BadMessage { .. } => Status::BadMessage,
-            // `Iceoryx`, `Locked`, `Remove`, `CannotJoin`, and what a later nunet-ipc may add.
+        use IpcErrorKind as Kind;
+        let status = match error.kind() {
+            Kind::InvalidArgument => Status::BadArgument,
+            Kind::SharedMemory => Status::SharedMemory,
+            Kind::AlreadyPublished => Status::AlreadyOwned,
+            Kind::ContractVersion => Status::WrongContractVersion,
+            Kind::OtherLimits => Status::OtherLimits,
+            Kind::NobodyPublishes => Status::NobodyPublishes,
+            Kind::TooManyReaders => Status::TooManyReaders,
+            Kind::TooManyFramesHeld => Status::TooManyFramesHeld,
+            Kind::TooManyLoans => Status::TooManyLoans,
+            Kind::NoSuchTopic => Status::NoSuchTopic,
+            Kind::WrongEncoding => Status::WrongEncoding,
+            Kind::BadMessage => Status::BadMessage,
+            // `Access`, `System`, and kinds that nunet-ipc may add.
             _ => Status::System,
         };
-        Self::new(status, explained(&error))
+        Self { status, message: with_causes(&error), hint: error.hint() }
     }
 }
 
 impl From<CameraNameError> for Failure {
     fn from(error: CameraNameError) -> Self {
-        Self::argument(error.to_string())
+        Self { status: Status::BadArgument, message: error.to_string(), hint: error.hint() }
     }
 }
 
-/// The error and its causes in one text, with the hint as its last line.
-fn explained(error: &dyn Error) -> String {
-    let text = error.to_string();
-    let (body, hint) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(b, h)| (b, Some(h)));
-    let mut whole = body.to_owned();
+/// The error and its causes in one line.
+fn with_causes(error: &dyn Error) -> String {
+    let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(found) = cause {
-        whole.push_str(&format!(": {found}"));
+        text.push_str(&format!(": {found}"));
         cause = found.source();
     }
-    if let Some(hint) = hint {
-        whole.push_str(&format!("\nhint: {hint}"));
-    }
-    whole
+    text
 }
 
 thread_local! {
@@ -162,10 +169,8 @@ pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> Status {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(failure)) => failure.remember(),
         Err(panic) => {
-            let failure = Failure::new(
-                Status::Panic,
-                format!("a fault in libnunet: {}\nhint: please report it", said(&*panic)),
-            );
+            let message = format!("a fault in libnunet: {}", said(&*panic));
+            let failure = Failure::new(Status::Panic, message).hint("please report it");
             std::mem::forget(panic); // a payload's own end may panic again
             failure.remember()
         }
@@ -224,8 +229,8 @@ mod tests {
         let failure = Failure::from(error);
         assert_eq!(failure.status, Status::SharedMemory);
         assert_eq!(
-            failure.message,
-            "cannot ask /dev/shm for its free space: no such folder\nhint: mount a tmpfs there"
+            failure.text(),
+            "cannot read the free space of /dev/shm: no such folder\nhint: mount a tmpfs there"
         );
     }
 

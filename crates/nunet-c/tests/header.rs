@@ -7,9 +7,7 @@ use std::path::Path;
 
 use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Language, RenameRule, Style};
 use nunet_ipc::contract::{ENUM_DOCS, ENUMS, HEADER, Layout, POINT, STATS};
-use nunet_ipc::header::{MAX_COEFFICIENTS, MAX_STAGES};
-use nunet_ipc::stats::STAGE_NAME_BYTES;
-use nunet_ipc::{CONTRACT_VERSION, Field, NO_LABEL, Topic};
+use nunet_ipc::{CONTRACT_VERSION, Field, MAX_COEFFICIENTS, MAX_STAGES, NO_LABEL, STAGE_NAME_BYTES, Topic};
 
 const ABOUT: &str = include_str!("header_about.h");
 

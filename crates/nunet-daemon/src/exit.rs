@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::io::Write as _;
 
-use nunet_ipc::CameraName;
-use nunet_types::Hint;
+use nunet_ipc::{CameraName, CameraNameError, IpcError};
+use nunet_types::{Hint, text_with_hint};
 
 /// How a subcommand ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,7 +68,7 @@ type Cause = dyn StdError + 'static;
 type HintOf = fn(&Cause) -> Option<Cow<'static, str>>;
 
 /// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
-const HINTS: &[HintOf] = &[hint_of::<WithHint>];
+const HINTS: &[HintOf] = &[hint_of::<WithHint>, hint_of::<IpcError>, hint_of::<CameraNameError>];
 
 fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, str>> {
     cause.downcast_ref::<E>()?.hint()
@@ -76,7 +76,7 @@ fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, s
 
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
-    CameraName::new(name).map_err(|error| BadArguments(error.to_string()))
+    CameraName::new(name).map_err(|error| BadArguments(text_with_hint(&error)))
 }
 
 const DONE: u8 = 0;

@@ -223,7 +223,7 @@ fn a_group_or_a_mode_that_cannot_be_is_a_bad_argument() {
     let (code, stderr) = refused(&["--access-group", "61100", "--access-mode", "0644"]);
     assert_eq!(code, Some(2), "{stderr}");
     assert!(
-        stderr.starts_with("error: payload cannot have mode 0644; expected 0640 or 0660\nhint: "),
+        stderr.starts_with("error: payload cannot have mode 0644, expected 0640 or 0660\nhint: "),
         "{stderr}"
     );
     let (code, stderr) = refused(&["--access-mode", "0640"]);

@@ -18,8 +18,7 @@ use std::sync::OnceLock;
 use rustix::fs::{Access as Asked, AtFlags, CWD, Mode, OFlags};
 
 use crate::error::IpcError;
-use crate::mend::pid_of;
-use crate::node::config;
+use crate::iceoryx::{check_root, config, pid_of, root, shared_memory_prefix};
 use crate::plan::SHARED_MEMORY_FOLDER;
 
 /// Where group names are numbers. Groups of a directory service are not in it: those are given by number.
@@ -154,7 +153,7 @@ impl Access {
             let mut ids = name.split(['_', '.']).filter_map(|part| part.parse::<u128>().ok());
             ids.any(|id| pid_of(id) == process || services.contains(&id))
         };
-        let prefix = config().global.prefix.to_string();
+        let prefix = shared_memory_prefix();
         let mut all = entries(Path::new(SHARED_MEMORY_FOLDER)).chain(entries(&root()));
         all.try_for_each(
             |(path, name)| {
@@ -180,6 +179,7 @@ pub fn share_with(access: Access) -> Result<(), IpcError> {
 /// # Errors
 /// [`IpcError::NoAccess`].
 pub fn check_folder() -> Result<String, IpcError> {
+    check_root()?;
     let folder = root();
     let Ok(found) = metadata(&folder) else { return Ok(format!("`{}` is not there yet", folder.display())) };
     let asked = Asked::READ_OK | Asked::WRITE_OK | Asked::EXEC_OK;
@@ -200,7 +200,7 @@ pub fn check_folder() -> Result<String, IpcError> {
 /// [`IpcError::PayloadOpen`]: everybody may write some of it.
 pub fn check_files() -> Result<String, IpcError> {
     const OTHERS_WRITE: u32 = 0o002;
-    let prefix = config().global.prefix.to_string();
+    let prefix = shared_memory_prefix();
     let payload = entries(Path::new(SHARED_MEMORY_FOLDER));
     let payload = payload.filter(|(_, name)| name.starts_with(&prefix) && name.ends_with(".data"));
     let (mut count, mut readers, mut writers) = (0, Vec::new(), Vec::new());
@@ -241,15 +241,6 @@ pub(crate) fn is_shared() -> bool {
     SHARED.get().is_some() || Access::of_folder().is_some()
 }
 
-/// Whether anybody has used iceoryx2 here.
-pub(crate) fn has_folder() -> bool {
-    root().exists()
-}
-
-fn root() -> PathBuf {
-    PathBuf::from(config().global.root_path().to_string())
-}
-
 /// Where iceoryx2 keeps files that are no memory.
 fn folders() -> [PathBuf; 3] {
     let global = &config().global;
@@ -280,6 +271,8 @@ fn group_name(gid: u32) -> String {
 
 #[cfg(test)]
 mod tests {
+    use nunet_types::Hint as _;
+
     use super::*;
 
     #[test]
@@ -291,11 +284,9 @@ mod tests {
         assert_eq!(gid_in(groups, "odd"), None);
         assert_eq!(Access::of_group("4321").unwrap().gid, 4321);
         assert_eq!(Access::of_group("root").unwrap().gid, 0);
-        let error = Access::of_group("no such group").unwrap_err().to_string();
-        assert!(
-            error.starts_with("there is no group `no such group`") && error.contains("\nhint: "),
-            "{error}"
-        );
+        let error = Access::of_group("no such group").unwrap_err();
+        assert_eq!(error.to_string(), "there is no group `no such group` in `/etc/group`");
+        assert!(error.hint().is_some());
     }
 
     #[test]
@@ -324,8 +315,9 @@ mod tests {
         let access = Access { gid: 0, payload_mode: None };
         assert_eq!(access.with_mode(0o660).unwrap().payload_mode, Some(0o660));
         for mode in [0o644, 0o600, 0o777, 0] {
-            let error = access.with_mode(mode).unwrap_err().to_string();
-            assert!(error.contains(&format!("mode 0{mode:o}")) && error.contains("\nhint: "), "{error}");
+            let error = access.with_mode(mode).unwrap_err();
+            assert!(error.to_string().contains(&format!("mode 0{mode:o}")), "{error}");
+            assert!(error.hint().is_some());
         }
     }
 

@@ -1,32 +1,39 @@
-//! Which cameras there are, for whoever does not know their names or has mistyped one.
+//! Which cameras are published.
 
 use iceoryx2::prelude::{CallbackProgression, Service as _};
 
-use crate::access;
-use crate::error::IpcError;
-use crate::name::CameraName;
-use crate::node::{self, Iceoryx, config};
-use crate::service::{open_topic, owner_of};
 use nunet_types::Topic;
 
-/// The cameras whose `topic` a living process publishes, by name. Those of users who do not share memory with this one are
-/// not seen.
+use crate::access;
+use crate::error::IpcError;
+use crate::iceoryx::{Iceoryx, check_root, config, root};
+use crate::name::CameraName;
+use crate::recovery;
+use crate::service::{open_topic, owner_of};
+
+/// The cameras whose `topic` a living process publishes, sorted by name. Cameras of users who do not share memory with this
+/// one are not listed.
 ///
 /// # Errors
 /// [`IpcError::CannotJoin`], [`IpcError::NoAccess`], [`IpcError::Iceoryx`] when iceoryx2's folder cannot be read.
 pub fn list(topic: Topic) -> Result<Vec<CameraName>, IpcError> {
-    // As a reader, it must not be the one who makes the folder.
-    if !access::has_folder() {
+    check_root()?;
+    // As a reader, it must not create the folder: it would belong to the reader's user.
+    if !root().exists() {
         return Ok(Vec::new());
     }
-    let node = node::create()?;
+    access::check_folder()?;
     let mut cameras = Vec::new();
     Iceoryx::list(config(), |service| {
         cameras.extend(camera_of(service.static_details.name().as_str(), topic));
         CallbackProgression::Continue
     })
     .map_err(|cause| IpcError::iceoryx("list the services of iceoryx2", cause))?;
-    // Its readers keep a service open when its owner is gone. One that cannot be opened is nobody's to read.
+    if cameras.is_empty() {
+        return Ok(cameras);
+    }
+    // Readers keep a service open after its publisher ended, so each service is opened to look for its publisher.
+    let node = recovery::create_node()?;
     cameras.retain(|camera| {
         let service = open_topic(&node, camera, topic).ok().flatten();
         service.as_ref().and_then(owner_of).is_some_and(|owner| owner.alive)

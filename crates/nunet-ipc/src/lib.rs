@@ -1,65 +1,83 @@
-//! The shared-memory contract of `nunetd`: what a frame looks like, and how it gets from its owner to its readers.
+//! The shared-memory contract of `nunetd`: the bytes of a frame, and how a publisher hands it to its readers.
 //!
-//! A camera is a handful of iceoryx2 services, `nunet/CAMERA/TOPIC`, each with one owner and some readers, and an
-//! event, `nunet/CAMERA/wake`. A message is a [`FrameHeader`] of 1024 bytes and a payload aligned to 64 bytes. The
-//! owner ([`Publisher`]) fills both in place, readers ([`Reader`]) look at the same memory: nothing is copied.
+//! A camera is a few iceoryx2 services, `nunet/CAMERA/TOPIC`, each with one publisher and some readers, and an event
+//! service, `nunet/CAMERA/wake`. A message is a [`FrameHeader`] of 1024 bytes and a payload aligned to 64 bytes. The
+//! [`Publisher`] fills both in place and each [`Reader`] looks at the same memory: nothing is copied.
 //!
-//! This crate is a leaf with plain-data types: a program that only reads depth needs nothing else of nunet.
+//! A program that only reads depth needs no other crate of nunet.
 //!
-//! Read it in this order:
-//!
-//! | module | what |
+//! | module | what it contains |
 //! |--------|------|
-//! | [`nunet_types`], [`header`], [`block`], [`stats`] | the bytes of a message |
-//! | [`contract`] | the same as tables, for other languages |
-//! | [`name`], [`plan`] | a camera's name, and how much memory it needs |
-//! | [`publisher`], [`loan`] | the owner's side |
-//! | [`reader`], [`frame`] | the reader's side |
-//! | [`cameras`] | which cameras there are |
-//! | [`access`] | who besides the own user may read |
+//! | [`contract`], [`nunet_types`] | the bytes of a message, also as tables for other languages |
+//! | [`CameraName`], [`Limits`], [`Reservation`] | a camera's name, and how much memory it needs |
+//! | [`Publisher`], [`Loan`] | the publisher's side |
+//! | [`Reader`], [`Frame`], [`FrameSet`] | the reader's side |
+//! | [`cameras`] | which cameras are published |
+//! | [`access`] | which other users may read |
 //! | [`orphans`] | what killed processes left behind |
-//! | [`clock`] | the times that all of them share |
+//! | [`use_root`] | a private folder instead of the machine-wide `/tmp/iceoryx2` |
 //!
-//! # Promises
-//! - The owner never waits for a reader; a reader never waits for another one. The newest frame wins.
-//! - The last frame reaches a reader that comes late ([`Publisher::refresh`]).
-//! - Memory is computed, checked, reserved and touched before the first frame ([`plan`]).
-//! - A frame's memory stays as it is for as long as its [`Frame`] lives.
-//! - After the first frames nothing is taken from the heap, but for one small piece of iceoryx2's own in each loan.
+//! # Guarantees
+//! - The publisher never waits for a reader, and a reader never waits for another one. The newest frame wins.
+//! - A late subscriber receives the last frame, also while the source is paused ([`Publisher::refresh`]).
+//! - Memory is computed, checked, reserved and backed with pages before the first frame ([`Reservation`]).
+//! - The memory of a frame does not change for as long as its [`Frame`] lives.
+//! - After the first frames nothing is allocated on the heap, except one small piece of iceoryx2's own in each loan.
+//!
+//! # Example: publish a depth map and read it in the same process
+//! ```
+//! use std::time::Duration;
+//! use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Units, Wake, monotonic_nanos};
+//!
+//! # nunet_ipc::use_root(&std::env::temp_dir().join("nunet-doc"))?;
+//! let camera = CameraName::new(&format!("example-{}", std::process::id()))?;
+//! let plan = TopicPlan { topic: Topic::Depth, payload_bytes: 4 * 3 * size_of::<f32>() };
+//! let publisher = Publisher::create(&camera, &[plan], &Limits::default())?;
+//! let mut reader = Reader::open(&camera, &[Topic::Depth], Duration::from_secs(1))?;
+//!
+//! let mut loan = publisher.loan(Topic::Depth)?;
+//! loan.slice_mut::<f32>()?.fill(1.5); // meters
+//! let header = loan.header_mut();
+//! (header.width, header.height, header.row_stride_bytes) = (4, 3, 16);
+//! header.set_encoding(Encoding::DepthF32);
+//! header.set_units(Units::Metre);
+//! loan.publish(monotonic_nanos())?;
+//! publisher.notify(Wake::Depth)?;
+//!
+//! reader.wait(Duration::from_secs(1))?; // a hint: look for frames whatever it returns
+//! let frame = reader.latest(Topic::Depth)?.expect("it was sent");
+//! assert_eq!(frame.depth()?, [1.5; 12]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod access;
-pub mod block;
 pub mod cameras;
-pub mod clock;
+mod clock;
 pub mod contract;
-pub mod error;
-pub mod frame;
-pub mod header;
-pub mod loan;
-mod mend;
-pub mod name;
-mod node;
-pub mod orphans;
-pub mod plan;
-pub mod publisher;
-pub mod reader;
+mod error;
+mod iceoryx;
+mod name;
+mod plan;
+mod process;
+mod publisher;
+mod reader;
+mod recovery;
 mod service;
-pub mod stats;
-mod text;
-mod touch;
 
 pub use crate::access::{Access, share_with};
 pub use crate::clock::{monotonic_nanos, unix_nanos};
-pub use crate::error::IpcError;
-pub use crate::frame::{Frame, FrameSet};
-pub use crate::header::{CONTRACT_VERSION, FrameHeader};
-pub use crate::loan::Loan;
-pub use crate::name::{CameraName, CameraNameError};
-pub use crate::node::{CONTRACT_ATTRIBUTE, Process};
-pub use crate::plan::{Limits, Reservation, TopicPlan, TopicReservation, free_shared_memory_bytes};
-pub use crate::publisher::{LATE_JOINER_PERIOD, Publisher};
-pub use crate::reader::{Owners, Reader};
-pub use crate::stats::StatsRecord;
+pub use crate::contract::{
+    CONTRACT_ATTRIBUTE, CONTRACT_VERSION, FrameHeader, MAX_COEFFICIENTS, MAX_STAGES, STAGE_NAME_BYTES,
+    StatsRecord,
+};
+pub use crate::error::{IpcError, IpcErrorKind};
+pub use crate::iceoryx::{ROOT_VARIABLE, root, shared_memory_prefix, use_root};
+pub use crate::name::{CameraName, CameraNameError, MAX_CAMERA_NAME_BYTES};
+pub use crate::plan::{Limits, Reservation, SHARED_MEMORY_FOLDER, TopicPlan, TopicReservation};
+pub use crate::process::Process;
+pub use crate::publisher::{LATE_JOINER_PERIOD, Loan, Publisher, free_shared_memory_bytes};
+pub use crate::reader::{Frame, FrameSet, Owners, Reader};
+pub use crate::recovery::orphans;
 pub use nunet_types::layout::Field;
 pub use nunet_types::{
     CameraInfo, Clock, CloudPoint, DistortionModel, Encoding, ImageSize, MAX_SIDE_PX, NO_LABEL, PixelFormat,

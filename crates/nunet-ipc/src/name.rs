@@ -1,9 +1,10 @@
 //! Camera names, and the names of the services made from them.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
-use nunet_types::Topic;
+use nunet_types::{Hint, Topic};
 
 /// The longest camera name, in bytes.
 pub const MAX_CAMERA_NAME_BYTES: usize = 64;
@@ -17,23 +18,21 @@ const PUNCTUATION: &str = "_-.";
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct CameraName(String);
 
-/// Why a text is no camera name.
+/// Why a text is not a camera name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CameraNameError {
-    /// There is nothing.
-    #[error("camera name is empty\nhint: name it like `front` or `left-arm.0`")]
+    /// It is empty.
+    #[error("camera name is empty")]
     Empty,
     /// Too many bytes.
-    #[error(
-        "camera name has {bytes} bytes, but at most {MAX_CAMERA_NAME_BYTES} fit\nhint: choose a shorter one"
-    )]
+    #[error("camera name has {bytes} bytes, expected at most {MAX_CAMERA_NAME_BYTES}")]
     TooLong {
         /// How many there are.
         bytes: usize,
     },
     /// A character that is not allowed where it stands.
     #[error(
-        "camera name `{}` has {character:?} at character {position}, but expected {expected}\nhint: for example `{suggestion}`",
+        "camera name `{}` has {character:?} at character {position}, expected {expected}",
         name.escape_debug()
     )]
     Character {
@@ -41,13 +40,23 @@ pub enum CameraNameError {
         name: String,
         /// The character.
         character: char,
-        /// Its place, counted from 1.
+        /// Its position, counted from 1.
         position: usize,
-        /// What may stand there.
+        /// What is allowed there.
         expected: &'static str,
         /// A name without such characters.
         suggestion: String,
     },
+}
+
+impl Hint for CameraNameError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::Empty => Cow::Borrowed("use a name like `front` or `left-arm.0`"),
+            Self::TooLong { .. } => Cow::Borrowed("choose a shorter name"),
+            Self::Character { suggestion, .. } => Cow::Owned(format!("use a name like `{suggestion}`")),
+        })
+    }
 }
 
 impl CameraName {
@@ -63,10 +72,10 @@ impl CameraName {
             return Err(CameraNameError::TooLong { bytes: name.len() });
         }
         for (index, character) in name.chars().enumerate() {
-            let plain = character.is_ascii_alphanumeric();
+            let simple = character.is_ascii_alphanumeric();
             let expected = match index {
-                0 if !plain => "a letter or a digit",
-                _ if !plain && !PUNCTUATION.contains(character) => "one of `a-z A-Z 0-9 _ - .`",
+                0 if !simple => "a letter or a digit",
+                _ if !simple && !PUNCTUATION.contains(character) => "one of `a-z A-Z 0-9 _ - .`",
                 _ => continue,
             };
             let (name, suggestion) = (name.to_owned(), suggestion(name));
@@ -102,9 +111,9 @@ impl CameraName {
 
 fn suggestion(name: &str) -> String {
     let allowed = |c: char| c.is_ascii_alphanumeric() || PUNCTUATION.contains(c);
-    let mended: String = name.chars().map(|c| if allowed(c) { c } else { '_' }).collect();
-    let mended = mended.trim_start_matches(|c: char| !c.is_ascii_alphanumeric());
-    if mended.is_empty() { "front".to_owned() } else { mended.to_owned() }
+    let fixed: String = name.chars().map(|c| if allowed(c) { c } else { '_' }).collect();
+    let fixed = fixed.trim_start_matches(|c: char| !c.is_ascii_alphanumeric());
+    if fixed.is_empty() { "front".to_owned() } else { fixed.to_owned() }
 }
 
 impl fmt::Display for CameraName {
@@ -136,12 +145,12 @@ mod tests {
 
     #[test]
     fn a_slash_is_refused_with_its_place_and_a_name_that_would_do() {
-        let message = CameraName::new("left/arm").unwrap_err().to_string();
+        let error = CameraName::new("left/arm").unwrap_err();
         assert_eq!(
-            message,
-            "camera name `left/arm` has '/' at character 5, but expected one of `a-z A-Z 0-9 _ - .`\n\
-             hint: for example `left_arm`"
+            error.to_string(),
+            "camera name `left/arm` has '/' at character 5, expected one of `a-z A-Z 0-9 _ - .`"
         );
+        assert_eq!(error.hint().unwrap(), "use a name like `left_arm`");
     }
 
     #[test]

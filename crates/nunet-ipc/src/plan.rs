@@ -15,10 +15,9 @@
 
 use std::fmt;
 
-use crate::block::{BLOCK_BYTES, blocks_for};
-use crate::error::IpcError;
-use crate::header::FrameHeader;
 use nunet_types::Topic;
+
+use crate::contract::{BLOCK_BYTES, FrameHeader, blocks_for};
 
 /// One topic that an owner publishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,22 +65,6 @@ impl Limits {
     pub const fn chunks_of(&self, topic: Topic) -> usize {
         self.readers_of(topic) * self.max_held_frames + 1 + self.max_loans
     }
-
-    /// Refuses limits under which nothing would work.
-    pub(crate) fn check(&self) -> Result<(), IpcError> {
-        let limits = [
-            ("max_readers", self.max_readers),
-            ("max_cloud_readers", self.max_cloud_readers),
-            ("max_held_frames", self.max_held_frames),
-            ("max_loans", self.max_loans),
-        ];
-        for (limit, value) in limits {
-            if !(1..=MAX_LIMIT).contains(&value) {
-                return Err(IpcError::Limit { limit, value, most: MAX_LIMIT });
-            }
-        }
-        Ok(())
-    }
 }
 
 impl Default for Limits {
@@ -89,9 +72,6 @@ impl Default for Limits {
         Self::DEFAULT
     }
 }
-
-/// No limit may be larger: what is more is a slip of the finger.
-const MAX_LIMIT: usize = 64;
 
 /// The memory of one topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -132,17 +112,6 @@ impl Reservation {
     pub fn total_bytes(&self) -> u64 {
         self.topics.iter().map(|topic| topic.bytes).sum()
     }
-
-    /// Compares the need with what is free.
-    ///
-    /// # Errors
-    /// [`IpcError::SharedMemoryTooSmall`] with the ways out.
-    pub fn check(&self, free_bytes: u64) -> Result<(), IpcError> {
-        if self.total_bytes() <= free_bytes {
-            return Ok(());
-        }
-        Err(IpcError::SharedMemoryTooSmall { reservation: self.clone(), free_bytes })
-    }
 }
 
 impl fmt::Display for Reservation {
@@ -180,23 +149,13 @@ const RECORD_BYTES_PER_READER: u64 = 8 * 1024;
 /// Where shared memory lives on Linux.
 pub const SHARED_MEMORY_FOLDER: &str = "/dev/shm";
 
-/// Bytes that this user may still take from [`SHARED_MEMORY_FOLDER`].
-///
-/// # Errors
-/// [`IpcError::SharedMemoryMissing`] when there is no such file system.
-pub fn free_shared_memory_bytes() -> Result<u64, IpcError> {
-    let found = rustix::fs::statvfs(SHARED_MEMORY_FOLDER)
-        .map_err(|error| IpcError::SharedMemoryMissing { source: error.into() })?;
-    Ok(found.f_bavail * found.f_frsize)
-}
-
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     const VGA: usize = 640 * 480;
 
-    fn vga() -> [TopicPlan; 5] {
+    pub(crate) fn vga() -> [TopicPlan; 5] {
         [
             (Topic::Rgb, VGA * 3),
             (Topic::Depth, VGA * 4),
@@ -211,7 +170,6 @@ mod tests {
     fn a_vga_camera_with_everything_fits_in_64_mb() {
         let reservation = Reservation::new(&vga(), &Limits::default());
         assert!(reservation.total_bytes() < 64 << 20, "{reservation}");
-        reservation.check(64 << 20).unwrap();
     }
 
     #[test]
@@ -229,21 +187,5 @@ mod tests {
         }
         let sum = format!("|all|||{:.1}MB|", megabytes(reservation.total_bytes()));
         assert!(rows.contains(&sum), "{sum} is not in {rows:?}");
-    }
-
-    #[test]
-    fn too_little_memory_is_refused_with_both_figures_and_the_ways_out() {
-        let reservation = Reservation::new(&vga(), &Limits::default());
-        let message = reservation.check(32 << 20).unwrap_err().to_string();
-        assert!(message.contains("54.") && message.contains("33.6 MB"), "{message}");
-        assert!(message.contains("\nhint: "), "{message}");
-    }
-
-    #[test]
-    fn a_limit_of_zero_or_of_a_million_is_refused() {
-        for max_readers in [0, 1_000_000] {
-            let limits = Limits { max_readers, ..Limits::default() };
-            assert!(matches!(limits.check(), Err(IpcError::Limit { limit: "max_readers", .. })));
-        }
     }
 }

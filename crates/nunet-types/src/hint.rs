@@ -1,6 +1,7 @@
 //! What a user can do about an error, kept apart from the error's text.
 
 use std::borrow::Cow;
+use std::error::Error;
 
 /// An error that can say what to do about it.
 ///
@@ -10,4 +11,14 @@ pub trait Hint {
     /// One imperative sentence, lower case, without a full stop: ``pass a size of 640x480``. `None` if there is nothing
     /// that a user could do.
     fn hint(&self) -> Option<Cow<'static, str>>;
+}
+
+/// An error and its hint in one text, for front ends that have no separate place for it: the hint is a last line that
+/// begins with `hint: `.
+#[must_use]
+pub fn text_with_hint<E: Error + Hint>(error: &E) -> String {
+    match error.hint() {
+        Some(hint) => format!("{error}\nhint: {hint}"),
+        None => error.to_string(),
+    }
 }

@@ -6,6 +6,7 @@ use nunet_core::graph::{Provider, SerialGraph};
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::orphans::{self, Cleaning};
 use nunet_ipc::{Limits, Reservation, Topic, cameras, free_shared_memory_bytes};
+use nunet_types::text_with_hint;
 use serde::Serialize;
 use serde_json::json;
 
@@ -158,7 +159,7 @@ fn placement(graph: &SerialGraph) -> Result<String, String> {
 fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {
     let free = match free_shared_memory_bytes() {
         Ok(free) => free,
-        Err(error) => return checks.bad("shared memory", &error.to_string()),
+        Err(error) => return checks.bad("shared memory", &text_with_hint(&error)),
     };
     let Some(pipeline) = pipeline else {
         return checks
@@ -170,7 +171,7 @@ fn check_shared_memory(checks: &mut Checks, pipeline: Option<&Pipeline>) {
         Ok(()) => {
             checks.good("shared memory", format!("{} MB free, a camera needs {need}", free / 1_000_000));
         }
-        Err(error) => checks.bad("shared memory", &error.to_string()),
+        Err(error) => checks.bad("shared memory", &text_with_hint(&error)),
     }
 }
 
@@ -185,10 +186,11 @@ fn check_orphans(checks: &mut Checks) {
             "orphans",
             &format!(
                 "{failed} dead processes left resources that cannot be removed\nhint: they are another user's, or \
-                 damaged: stop every program that uses iceoryx2 and remove `/tmp/iceoryx2`"
+                 damaged: stop every program that uses iceoryx2 and remove `{}`",
+                nunet_ipc::root().display()
             ),
         ),
-        Err(error) => checks.bad("orphans", &error.to_string()),
+        Err(error) => checks.bad("orphans", &text_with_hint(&error)),
     }
 }
 
@@ -218,7 +220,7 @@ fn check_published(checks: &mut Checks) {
     };
     match list("depth", Topic::Depth).and_then(|depth| Ok((depth, list("pictures", Topic::Rgb)?))) {
         Ok((depth, pictures)) => checks.good("published", format!("{depth}; {pictures}")),
-        Err(error) => checks.bad("published", &error.to_string()),
+        Err(error) => checks.bad("published", &text_with_hint(&error)),
     }
 }
 

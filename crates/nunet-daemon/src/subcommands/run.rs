@@ -88,7 +88,7 @@ fn share(arguments: &AccessArgs) -> anyhow::Result<()> {
 
 fn access(arguments: &AccessArgs) -> Result<Option<Access>, BadArguments> {
     let Some(group) = &arguments.access_group else { return Ok(None) };
-    let bad = |error: IpcError| BadArguments(error.to_string());
+    let bad = |error: IpcError| BadArguments(nunet_types::text_with_hint(&error));
     let access = Access::of_group(group).map_err(bad)?;
     arguments.access_mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
 }

@@ -66,18 +66,16 @@ fn open(camera: &CameraName, timeout: Duration, stop: &Stop) -> anyhow::Result<O
 
 /// Nobody publishes the camera: with the cameras that there are, the name most alike first.
 fn nobody(camera: &CameraName, error: &IpcError) -> anyhow::Error {
-    let text = error.to_string();
     let mut there = cameras::list(Topic::Depth).unwrap_or_default();
     there.retain(|other| other != camera);
     if there.is_empty() {
-        return anyhow!(text);
+        return anyhow!(nunet_types::text_with_hint(error));
     }
     let likeness = |other: &CameraName| strsim::jaro_winkler(other.as_str(), camera.as_str());
     there.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
     let names: Vec<_> = there.iter().take(MOST_NAMES).map(|name| format!("`{name}`")).collect();
     let more = if there.len() > names.len() { " and others" } else { "" };
-    let what = text.split("\nhint: ").next().unwrap_or_default();
-    anyhow!("{what}\nhint: cameras that are published now: {}{more}", names.join(", "))
+    anyhow!("{error}\nhint: cameras that are published now: {}{more}", names.join(", "))
 }
 
 struct Watcher {

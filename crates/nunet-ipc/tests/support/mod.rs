@@ -21,8 +21,16 @@ pub(crate) const WIDTH: usize = 32;
 /// Rows of the test frames.
 pub(crate) const HEIGHT: usize = 24;
 
-/// A camera name that no other test, of this or another process, uses.
+/// A root for all tests of this user, so that they pass on a machine where another user owns the default one.
+pub(crate) fn private_root() -> PathBuf {
+    let root = std::env::temp_dir().join(format!("nunet-{}", rustix::process::geteuid().as_raw()));
+    nunet_ipc::use_root(&root).unwrap();
+    root
+}
+
+/// A camera name in the private root that no other test, of this or another process, uses.
 pub(crate) fn camera() -> CameraName {
+    private_root();
     static COUNTER: AtomicU32 = AtomicU32::new(0);
     let number = COUNTER.fetch_add(1, Ordering::Relaxed);
     CameraName::new(&format!("test-{}-{number}", std::process::id())).unwrap()
@@ -102,6 +110,7 @@ impl Sandbox {
             .args(["--exact", test, "--nocapture"])
             .env(ROLE, role)
             .env(ARGUMENT, argument)
+            .env_remove(nunet_ipc::ROOT_VARIABLE)
             .current_dir(self.folder.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

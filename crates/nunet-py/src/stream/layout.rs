@@ -24,7 +24,9 @@ pub(super) struct Layout {
 
 impl Layout {
     pub(super) fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
-        let unknown = |error: UnknownWord| PyValueError::new_err(error.to_string());
+        let unknown = |error: UnknownWord| {
+            PyValueError::new_err(format!("{error}\nhint: for example encoding=\"rgb8\""))
+        };
         let format: PixelFormat = encoding.parse().map_err(unknown)?;
         let ImageSize { width, height } = ImageSize::from(size)
             .check()

@@ -16,6 +16,7 @@ mod view;
 use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, IpcError, Topic};
+use nunet_types::{Hint as _, text_with_hint};
 use pyo3::exceptions::{PyTimeoutError, PyValueError};
 use pyo3::prelude::*;
 
@@ -36,7 +37,7 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// An error of shared memory as Python's.
 fn ipc_error(error: &IpcError) -> PyErr {
-    let mut text = error.to_string();
+    let text = text_with_hint(error);
     match error {
         IpcError::NobodyPublishes { .. } => PyTimeoutError::new_err(text),
         IpcError::ContractVersion { .. } => ContractVersionError::new_err(text),
@@ -50,18 +51,15 @@ fn ipc_error(error: &IpcError) -> PyErr {
             ))
         }
         error => {
-            if let Some(cause) = std::error::Error::source(error) {
-                let (first, hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));
-                let hint = if hint.is_empty() { String::new() } else { format!("\nhint: {hint}") };
-                text = format!("{first}: {cause}{hint}");
-            }
-            NunetError::new_err(text)
+            let Some(cause) = std::error::Error::source(error) else { return NunetError::new_err(text) };
+            let hint = error.hint().map(|hint| format!("\nhint: {hint}")).unwrap_or_default();
+            NunetError::new_err(format!("{error}: {cause}{hint}"))
         }
     }
 }
 
 fn camera_name(name: &str) -> PyResult<CameraName> {
-    CameraName::new(name).map_err(|error| PyValueError::new_err(error.to_string()))
+    CameraName::new(name).map_err(|error| PyValueError::new_err(text_with_hint(&error)))
 }
 
 /// Seconds as people give them; `None` and infinity are for ever.

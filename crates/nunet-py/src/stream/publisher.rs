@@ -99,7 +99,9 @@ fn publisher(
     let layout = Layout::new(size, encoding)?;
     let optics =
         intrinsics.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose().map_err(of_camera)?;
-    let clock = clock.parse().map_err(|error: UnknownWord| PyValueError::new_err(error.to_string()))?;
+    let clock = clock.parse().map_err(|error: UnknownWord| {
+        PyValueError::new_err(format!("{error}\nhint: for example clock=\"monotonic\""))
+    })?;
     let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: layout.bytes() };
     let limits = Limits { max_readers: readers as usize, max_loans: MAX_LOANS, ..Limits::default() };
     let port = py

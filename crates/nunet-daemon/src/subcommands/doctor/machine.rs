@@ -5,6 +5,8 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use nunet_types::text_with_hint;
+
 /// A good thing's detail, or a problem with its hint.
 pub(super) type Finding = Result<String, String>;
 
@@ -20,8 +22,8 @@ pub(super) fn checks() -> Vec<(String, Finding)> {
     let folder = |folder: &&str| (format!("sticky bit of {folder}"), shared_folder(Path::new(folder)));
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let machine = [
-        ("permissions", nunet_ipc::access::check_folder().map_err(|error| error.to_string())),
-        ("access", nunet_ipc::access::check_files().map_err(|error| error.to_string())),
+        ("permissions", nunet_ipc::access::check_folder().map_err(|error| text_with_hint(&error))),
+        ("access", nunet_ipc::access::check_files().map_err(|error| text_with_hint(&error))),
         ("overcommit", overcommit(&read("/proc/sys/vm/overcommit_memory"))),
         ("clock", clock(now)),
         ("logout", logout(rustix::process::geteuid().as_raw(), &logind())),

@@ -1,16 +1,22 @@
-//! The whole contract as tables, for `nunetd contract --json` and for whoever checks another language against it.
+//! The bytes of a message, and the whole contract as tables.
 //!
-//! Everything here is taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
+//! The tables are what `nunetd contract --json` prints and what other languages are checked against. They are taken from
+//! the types themselves: offsets from `offset_of!`, numbers from the enumerations.
+
+mod block;
+mod header;
+mod stats;
+mod text;
 
 use nunet_types::layout::Field;
 use nunet_types::{Clock, CloudPoint, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, Wake};
 
-use crate::block::{BLOCK_BYTES, BLOCK_TYPE_NAME};
-use crate::header::{FrameHeader, HEADER_TYPE_NAME};
-use crate::stats::{STATS_TYPE_NAME, StatsRecord};
+pub use block::{BLOCK_BYTES, BLOCK_TYPE_NAME, Block64, blocks_for};
+pub use header::{CONTRACT_VERSION, FrameHeader, HEADER_TYPE_NAME, MAX_COEFFICIENTS, MAX_STAGES};
+pub use stats::{STAGE_NAME_BYTES, STATS_TYPE_NAME, StatsRecord};
 
-pub use crate::header::CONTRACT_VERSION;
-pub use crate::node::CONTRACT_ATTRIBUTE;
+/// The attribute that every service of this contract carries.
+pub const CONTRACT_ATTRIBUTE: &str = "nunet.contract";
 
 /// A struct of the contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

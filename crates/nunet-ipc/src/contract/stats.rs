@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 use nunet_types::contract_struct;
 
-use crate::header::{CONTRACT_VERSION, MAX_STAGES};
-use crate::text::{set_text, text};
+use super::header::{CONTRACT_VERSION, MAX_STAGES};
+use super::text::{set_text, text};
 
 /// Bytes of a stage's name in a [`StatsRecord`].
 pub const STAGE_NAME_BYTES: usize = 32;

@@ -1,4 +1,9 @@
-//! The owner's side: creates a camera's services and fills frames in place.
+//! The publisher's side: creates a camera's services and fills frames in place.
+
+mod checks;
+mod loan;
+mod prefault;
+mod services;
 
 use std::time::Duration;
 
@@ -6,35 +11,35 @@ use iceoryx2::port::LoanError;
 use iceoryx2::port::event_id::EventId;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
-use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern};
-use iceoryx2::service::port_factory::PortFactory;
-
-use crate::access;
-use crate::block::{Block64, blocks_for};
-use crate::error::IpcError;
-use crate::header::FrameHeader;
-use crate::loan::Loan;
-use crate::mend::{Turn, record_of};
-use crate::name::CameraName;
-use crate::node::{self, Iceoryx, Process};
-use crate::plan::{Limits, Reservation, TopicPlan, free_shared_memory_bytes};
-use crate::service::{TopicService, WakeService, create_topic, create_wake, owner_of};
-use crate::touch;
+use iceoryx2::service::port_factory::PortFactory as _;
 use nunet_types::{Topic, Wake};
 
-/// How soon a reader that joins a source that stands still should get the last frame: the period of
+use crate::access;
+use crate::contract::{Block64, FrameHeader, blocks_for};
+use crate::error::IpcError;
+use crate::iceoryx::{Iceoryx, record_of};
+use crate::name::CameraName;
+use crate::plan::{Limits, Reservation, TopicPlan};
+use crate::process::Process;
+use crate::recovery::{CreationLock, create_node};
+use crate::service::{TopicService, WakeService, owner_of};
+
+pub use checks::free_shared_memory_bytes;
+pub use loan::Loan;
+
+/// How soon a late subscriber receives the last frame while the source is paused: the period of
 /// [`Publisher::refresh`].
 pub const LATE_JOINER_PERIOD: Duration = Duration::from_millis(200);
-/// How long to wait for another process that is cleaning up after a dead owner.
+/// How long to wait for another process that is cleaning up after a dead publisher.
 const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The owner of some of a camera's topics.
+/// The publisher of some of a camera's topics.
 ///
-/// Creating one creates the services, reserves all the memory they will ever use, and touches it. Slow readers,
-/// readers that never give a frame back and readers that die take nothing away from the owner or from each other.
-/// Dropping it removes the services, unless readers still have them open: then the next owner takes over from
-/// there, and the readers go on with its frames.
+/// Creating one creates the services, reserves all the memory they will ever use, and backs it with pages. Readers that
+/// are slow, keep their frames or die cannot block the publisher or each other. Dropping it removes the services, unless
+/// readers still have them open: then the next publisher takes them over, and the readers receive its frames.
 #[derive(Debug)]
 pub struct Publisher {
     camera: CameraName,
@@ -53,21 +58,21 @@ struct OwnedTopic {
 }
 
 impl Publisher {
-    /// Becomes the owner of these topics of a camera.
+    /// Becomes the publisher of these topics of a camera.
     ///
     /// # Errors
     /// [`IpcError::AlreadyOwned`] when another process publishes one of them, [`IpcError::SharedMemoryTooSmall`]
     /// when they do not fit, [`IpcError::ContractVersion`] and [`IpcError::OtherLimits`] when readers keep services
-    /// open that this owner cannot take over.
+    /// open that this publisher cannot take over.
     pub fn create(camera: &CameraName, plans: &[TopicPlan], limits: &Limits) -> Result<Self, IpcError> {
         Self::create_within(camera, plans, limits, free_shared_memory_bytes()?)
     }
 
-    /// [`create`](Self::create) for a program that may be asked to stop meanwhile: `given_up` is asked while other owners
-    /// have their turn, which may take a minute where one of them hangs.
+    /// [`create`](Self::create) for a program that may be asked to stop meanwhile: it stops waiting for other publishers
+    /// when `given_up` returns true. That wait can take a minute if one of them hangs.
     ///
     /// # Errors
-    /// Those of [`create`](Self::create), and [`IpcError::Locked`] when it was given up.
+    /// Those of [`create`](Self::create), and [`IpcError::Locked`] when it gave up.
     pub fn create_unless(
         camera: &CameraName,
         plans: &[TopicPlan],
@@ -77,7 +82,7 @@ impl Publisher {
         Self::create_with(camera, plans, limits, free_shared_memory_bytes()?, given_up)
     }
 
-    /// [`create`](Self::create) with the free shared memory told instead of asked for.
+    /// [`create`](Self::create) with the free shared memory as an argument.
     ///
     /// # Errors
     /// Those of [`create`](Self::create).
@@ -98,21 +103,21 @@ impl Publisher {
         given_up: &dyn Fn() -> bool,
     ) -> Result<Self, IpcError> {
         limits.check()?;
-        refuse_repetition(plans)?;
+        checks::refuse_repetition(plans)?;
         let reservation = Reservation::new(plans, limits);
-        let node = node::create()?;
-        let turn = Turn::take(given_up)?;
+        let node = create_node()?;
+        let lock = CreationLock::take(given_up)?;
         let mut services = Vec::with_capacity(plans.len());
         for plan in plans {
-            let service = create_topic(&turn, &node, camera, plan.topic, limits)?;
+            let service = services::create_topic(&lock, &node, camera, plan.topic, limits)?;
             refuse_living_owner(&service, camera, plan.topic)?;
             services.push((*plan, service));
         }
-        let wake = create_wake(&turn, &node, camera)?;
+        let wake = services::create_wake(&lock, &node, camera)?;
         share_services(camera, &services, &wake)?;
-        drop(turn);
-        // Only the services' records exist so far. Asked after the owners: a camera that is already published
-        // should say so, not that there is no memory for it twice.
+        drop(lock);
+        // Only the records of the services exist so far. Checked after the owners: for a camera that is already published
+        // that is the error, not that its memory does not fit twice.
         reservation.check(free_bytes)?;
         let topics = services
             .into_iter()
@@ -138,8 +143,8 @@ impl Publisher {
         &self.reservation
     }
 
-    /// Whether anybody reads a topic; false for a topic that is not this owner's. Two loads from shared memory: ask
-    /// before every frame. A reader that was killed counts until it is cleaned up after.
+    /// Whether a topic has readers; false for a topic that is not this publisher's. It costs two loads from shared memory,
+    /// so it can be asked before every frame. A killed reader counts until some process cleans up after it.
     #[must_use]
     pub fn has_readers(&self, topic: Topic) -> bool {
         self.owned(topic).is_some_and(|owned| owned.service.dynamic_config().number_of_subscribers() > 0)
@@ -148,8 +153,8 @@ impl Publisher {
     /// Borrows a chunk for a frame of the planned size. Its bytes are those of some earlier frame.
     ///
     /// # Errors
-    /// [`IpcError::NoSuchTopic`], and [`IpcError::TooManyLoans`] when [`Limits::max_loans`] are open. While they are
-    /// not, a loan always succeeds.
+    /// [`IpcError::NoSuchTopic`], and [`IpcError::TooManyLoans`] when [`Limits::max_loans`] are open. While fewer
+    /// are open, a loan always succeeds.
     pub fn loan(&self, topic: Topic) -> Result<Loan, IpcError> {
         self.loan_bytes(topic, self.topic(topic)?.plan.payload_bytes)
     }
@@ -183,8 +188,8 @@ impl Publisher {
         })
     }
 
-    /// Connects readers that came since the last frame and hands them the newest one. Publishing does the same;
-    /// call this each [`LATE_JOINER_PERIOD`] so that a late joiner sees the last frame of a source that stands still.
+    /// Connects readers that opened since the last frame, and sends them the newest one. Publishing does the same. Call it
+    /// every [`LATE_JOINER_PERIOD`], so that a late subscriber receives the last frame while the source is paused.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].
@@ -219,8 +224,8 @@ impl OwnedTopic {
             .publisher_builder()
             .initial_max_slice_len(blocks_for(plan.payload_bytes))
             .override_sample_preallocation(move |_| chunks)
-            .max_loaned_samples(chunks) // all of them, for `touch`; afterwards the number of chunks is the limit
-            .backpressure_strategy(BackpressureStrategy::DiscardData) // the owner waits for nobody
+            .max_loaned_samples(chunks) // all of them, for `prefault`; afterwards the number of chunks is the limit
+            .backpressure_strategy(BackpressureStrategy::DiscardData) // the publisher never waits
             .create();
         let port = match created {
             Ok(port) => port,
@@ -232,14 +237,14 @@ impl OwnedTopic {
                 return Err(IpcError::iceoryx(format!("publish `{}`", camera.service(plan.topic)), cause));
             }
         };
-        // Before the slow work: readers of an earlier owner wait for it.
+        // Before the slow work, because readers of an earlier publisher wait for it.
         access::share_published(&[], &[])?;
-        touch::every_chunk(&port, plan, chunks)?;
+        prefault::every_chunk(&port, plan, chunks)?;
         Ok(Self { plan, port, service })
     }
 }
 
-/// Lets the group in, if there is one. Services may be older than this owner, so they are named.
+/// Shares the services with the group, if there is one. They may be older than this publisher, so they are named.
 fn share_services(
     camera: &CameraName,
     services: &[(TopicPlan, TopicService)],
@@ -264,13 +269,4 @@ fn refuse_living_owner(service: &TopicService, camera: &CameraName, topic: Topic
         }
         None => Ok(()),
     }
-}
-
-fn refuse_repetition(plans: &[TopicPlan]) -> Result<(), IpcError> {
-    for (index, plan) in plans.iter().enumerate() {
-        if plans[..index].iter().any(|earlier| earlier.topic == plan.topic) {
-            return Err(IpcError::PlannedTwice { topic: plan.topic });
-        }
-    }
-    Ok(())
 }

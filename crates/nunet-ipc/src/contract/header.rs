@@ -13,7 +13,7 @@ use nunet_types::{
     UnknownValue, contract_struct,
 };
 
-use crate::text::{set_text, text};
+use super::text::{set_text, text};
 
 pub use nunet_types::MAX_COEFFICIENTS;
 

@@ -7,16 +7,15 @@ use iceoryx2::port::publisher::Publisher as Port;
 use rustix::io::Errno;
 use rustix::mm::{Advice, madvise};
 
-use crate::block::{Block64, blocks_for};
+use crate::contract::{Block64, FrameHeader, blocks_for};
 use crate::error::IpcError;
-use crate::header::FrameHeader;
-use crate::node::Iceoryx;
+use crate::iceoryx::Iceoryx;
 use crate::plan::TopicPlan;
 
-/// Loans every chunk, touches it, and gives all back.
+/// Loans every chunk, backs it with pages, and returns all of them.
 ///
-/// The first touch of a fresh 1.2 MB chunk costs milliseconds, and where `/dev/shm` is full it costs the process
-/// its life (SIGBUS). Here both happen at start, and the second as an error.
+/// The first write to a fresh 1.2 MB chunk takes milliseconds, and where `/dev/shm` is full it kills the process (SIGBUS).
+/// Here both happen at the start, and the second is an error.
 pub(crate) fn every_chunk(
     port: &Port<Iceoryx, [Block64], FrameHeader>,
     plan: TopicPlan,
@@ -25,7 +24,7 @@ pub(crate) fn every_chunk(
     let mut loans = Vec::with_capacity(chunks);
     for _ in 0..chunks {
         let mut loan = port.loan_slice_uninit(blocks_for(plan.payload_bytes)).map_err(|cause| {
-            IpcError::iceoryx(format!("touch the chunks of topic `{}`", plan.topic), cause)
+            IpcError::iceoryx(format!("prefault the chunks of topic `{}`", plan.topic), cause)
         })?;
         populate(loan.payload_mut())
             .map_err(|errno| IpcError::MemoryNotBacked { topic: plan.topic, source: errno.into() })?;

@@ -11,13 +11,12 @@ use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use nunet_types::Topic;
 
-use crate::block::Block64;
+use crate::contract::{Block64, CONTRACT_VERSION, FrameHeader};
 use crate::error::IpcError;
-use crate::header::FrameHeader;
-use crate::node::Iceoryx;
+use crate::iceoryx::Iceoryx;
 
 /// A chunk of shared memory on loan from a [`Publisher`](crate::Publisher): fill its header and its bytes, then
-/// publish it. Dropping it instead gives it back unseen. `Send`: it may be filled by another thread.
+/// publish it. Dropping it returns it unpublished. `Send`: another thread may fill it.
 #[derive(Debug)]
 pub struct Loan {
     sample: SampleMut<Iceoryx, [Block64], FrameHeader>,
@@ -31,7 +30,7 @@ impl Loan {
         topic: Topic,
         payload_bytes: usize,
     ) -> Self {
-        // SAFETY: the chunk is memory that the kernel handed out as zeros (`touch` had it backed by pages) and that
+        // SAFETY: the chunk is memory that the kernel handed out as zeros (`prefault` had it backed by pages) and that
         // only whole `Block64`s were written to since; any bytes are a valid `Block64`.
         let mut sample = unsafe { sample.assume_init() };
         let header = sample.user_header_mut();
@@ -40,14 +39,14 @@ impl Loan {
         Self { sample, topic, payload_bytes }
     }
 
-    /// The header. `topic`, `payload_bytes` and `contract_version` are filled in, and are again at publication;
+    /// The header. `topic`, `payload_bytes` and `contract_version` are filled in, and are filled in again when it is published;
     /// everything else is as [`FrameHeader::default`] says.
     pub fn header_mut(&mut self) -> &mut FrameHeader {
         self.sample.user_header_mut()
     }
 
-    /// The payload, aligned to 64 bytes, in shared memory: its address is the one that readers will see (in their
-    /// own mapping of the same segment). Whatever an earlier frame left is still in it.
+    /// The payload, aligned to 64 bytes, in shared memory: readers see the same memory. It still contains the bytes of an
+    /// earlier frame.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         let bytes = bytemuck::cast_slice_mut::<Block64, u8>(self.sample.payload_mut());
         &mut bytes[..self.payload_bytes]
@@ -56,7 +55,7 @@ impl Loan {
     /// The payload as numbers.
     ///
     /// # Errors
-    /// [`IpcError::WrongElement`] when it is no whole number of them.
+    /// [`IpcError::WrongElement`] when it is not a whole number of them.
     pub fn slice_mut<T: Pod>(&mut self) -> Result<&mut [T], IpcError> {
         let payload_bytes = self.payload_bytes;
         bytemuck::try_cast_slice_mut(self.bytes_mut()).map_err(|_misfit| IpcError::WrongElement {
@@ -66,15 +65,16 @@ impl Loan {
         })
     }
 
-    /// Sends the frame, with the time of sending in nanoseconds of `CLOCK_MONOTONIC`, and says how many readers got
-    /// it. It wakes nobody: [`Publisher::notify`](crate::Publisher::notify) does, once for all topics of a frame.
+    /// Sends the frame and returns how many readers received it. `publish_nanos`: now, in nanoseconds of
+    /// `CLOCK_MONOTONIC`. It wakes no reader: call [`Publisher::notify`](crate::Publisher::notify) once for all topics of a
+    /// frame.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].
     pub fn publish(mut self, publish_nanos: i64) -> Result<usize, IpcError> {
         let (topic, payload_bytes) = (self.topic, self.payload_bytes as u64);
         let header = self.sample.user_header_mut();
-        header.contract_version = crate::header::CONTRACT_VERSION;
+        header.contract_version = CONTRACT_VERSION;
         header.set_topic(topic);
         header.payload_bytes = payload_bytes;
         header.publish_nanos = publish_nanos;

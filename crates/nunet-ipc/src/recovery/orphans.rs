@@ -1,38 +1,40 @@
-//! What processes left behind that did not end in good order.
+//! What killed processes left behind.
 //!
-//! A process that is killed leaves its shared memory and its places in services. Whoever creates an owner or a
-//! reader next cleans up after it; this is for looking (`nunetd doctor`) and for cleaning at once.
+//! A process that is killed leaves its shared memory and its places in services. The next process that creates a
+//! publisher or a reader cleans up after it. These functions list the dead processes (`nunetd doctor`) and clean up at
+//! once.
 
 use iceoryx2::node::{Node, NodeState, NodeView};
 use iceoryx2::prelude::CallbackProgression;
 
 use crate::error::IpcError;
-use crate::node::{self, Iceoryx, config};
+use crate::iceoryx::{Iceoryx, check_root, config};
 
-/// A process that is gone while something of it is still there.
+/// A dead process whose files still exist.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Orphan {
-    /// The id it had.
+    /// Its id.
     pub pid: u32,
-    /// Its program's file name; empty when it was killed before it could write it down.
+    /// The file name of its program; empty when it was killed before it wrote it down.
     pub executable: String,
 }
 
 /// What [`clean`] did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Cleaning {
-    /// Dead processes whose remains are gone.
+    /// Dead processes whose files were removed.
     pub removed: usize,
-    /// Dead processes whose remains could not be removed: of another user, of another version of iceoryx2, or being
-    /// removed by somebody else at this moment.
+    /// Dead processes whose files could not be removed: they belong to another user or another version of iceoryx2, or
+    /// another process is removing them.
     pub failed: usize,
 }
 
-/// Lists the dead, without touching anything.
+/// Lists dead processes, without removing anything.
 ///
 /// # Errors
 /// [`IpcError::Iceoryx`] when iceoryx2's folder cannot be read.
 pub fn list() -> Result<Vec<Orphan>, IpcError> {
+    check_root()?;
     let mut orphans = Vec::new();
     Node::<Iceoryx>::list(config(), |state| {
         if let NodeState::Dead(dead) = state {
@@ -46,13 +48,13 @@ pub fn list() -> Result<Vec<Orphan>, IpcError> {
     Ok(orphans)
 }
 
-/// Removes what the dead left behind.
+/// Removes what dead processes left behind.
 ///
 /// # Errors
 /// [`IpcError::CannotJoin`].
 pub fn clean() -> Result<Cleaning, IpcError> {
     let before = list()?.len();
-    drop(node::create()?); // joining cleans up, and so does leaving
+    drop(super::create_node()?); // creating a node cleans up, and so does dropping it
     let failed = list()?.len();
     Ok(Cleaning { removed: before.saturating_sub(failed), failed })
 }

@@ -7,11 +7,9 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::sample::Sample;
 use nunet_types::{CloudPoint, Encoding, Topic};
 
-use crate::block::{BLOCK_BYTES, Block64};
+use crate::contract::{BLOCK_BYTES, Block64, CONTRACT_VERSION, FrameHeader, StatsRecord};
 use crate::error::IpcError;
-use crate::header::{CONTRACT_VERSION, FrameHeader};
-use crate::node::Iceoryx;
-use crate::stats::StatsRecord;
+use crate::iceoryx::Iceoryx;
 
 /// One message, in shared memory, read-only.
 ///

@@ -1,0 +1,190 @@
+//! The reader's side: opens what a publisher created and reads its frames in place.
+
+mod frame;
+mod open;
+mod set;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::ReceiveError;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
+use iceoryx2::prelude::EventActivation;
+use iceoryx2::service::port_factory::PortFactory as _;
+use nunet_types::{Topic, Wake};
+
+use crate::error::IpcError;
+use crate::iceoryx::Iceoryx;
+use crate::name::CameraName;
+use crate::process::Process;
+use crate::service::{TopicService, owner_of};
+
+pub use frame::{Frame, FrameSet};
+
+use frame::Port;
+use open::deadline_after;
+
+/// iceoryx2 hands the time to the socket in microseconds, and there 0 means for ever.
+const SHORTEST_SLEEP: Duration = Duration::from_micros(10);
+
+/// A reader of some of a camera's topics.
+///
+/// It receives the newest frame of each topic, and delays neither the publisher nor other readers. When the publisher
+/// ends, the reader stays connected to the services; frames of a new publisher arrive without opening again. `Send`.
+///
+/// ```no_run
+/// use std::time::Duration;
+/// use nunet_ipc::{CameraName, Reader, Topic};
+///
+/// let mut reader = Reader::open(&CameraName::new("front")?, &[Topic::Depth], Duration::from_secs(5))?;
+/// loop {
+///     reader.wait(Duration::from_secs(1))?; // a hint: look for frames whatever it returns
+///     while let Some(frame) = reader.latest(Topic::Depth)? {
+///         println!("{}: {} pixels", frame.header().sequence, frame.depth()?.len());
+///     }
+/// }
+/// # #[expect(unreachable_code, reason = "the loop above has no end")]
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Reader {
+    camera: CameraName,
+    listener: Listener<Iceoryx>,
+    topics: Vec<ReadTopic>,
+    joining: [Option<Frame>; Topic::ALL.len()],
+}
+
+#[derive(Debug)]
+struct ReadTopic {
+    topic: Topic,
+    port: Arc<Port>,
+    service: Arc<TopicService>,
+}
+
+/// The publishers of a reader's topics, for a thread that does not have the reader: [`Reader::owners`].
+///
+/// It keeps the services open, so drop it with its reader.
+#[derive(Debug, Clone)]
+pub struct Owners {
+    services: Vec<Arc<TopicService>>,
+}
+
+impl Owners {
+    /// As [`Reader::is_connected`].
+    #[must_use]
+    pub fn are_all_alive(&self) -> bool {
+        self.services.iter().all(|service| owner_of(service).is_some_and(|owner| owner.alive))
+    }
+}
+
+impl Reader {
+    /// The camera's name.
+    #[must_use]
+    pub fn camera(&self) -> &CameraName {
+        &self.camera
+    }
+
+    /// The topics that were opened.
+    pub fn topics(&self) -> impl ExactSizeIterator<Item = Topic> {
+        self.topics.iter().map(|opened| opened.topic)
+    }
+
+    /// Sleeps until a publisher of the topics sends something, starts or ends, a signal interrupts it, or the time is over.
+    /// Returns whether a publisher woke it. Only a hint: look for frames whatever it returns, and keep the timeout short
+    /// enough for the frame that a late subscriber receives without a wake-up.
+    ///
+    /// # Errors
+    /// [`IpcError::Iceoryx`].
+    pub fn wait(&self, timeout: Duration) -> Result<bool, IpcError> {
+        let failed = |cause| IpcError::iceoryx(format!("wait for camera `{}`", self.camera), cause);
+        let deadline = deadline_after(timeout);
+        loop {
+            let mut woken = false;
+            let left = deadline.saturating_duration_since(Instant::now());
+            let over = left < SHORTEST_SLEEP;
+            let note = |event: EventActivation| woken |= self.cares_for(event.id.as_value());
+            let waited =
+                if over { self.listener.try_wait(note) } else { self.listener.timed_wait(note, left) };
+            match waited {
+                // A signal: its handler may want to stop waiting.
+                Err(ListenerWaitError::InterruptSignal) => return Ok(woken),
+                waited => waited.map_err(failed)?,
+            };
+            if woken || over {
+                return Ok(woken);
+            }
+        }
+    }
+
+    /// Without this, a daemon that reads `rgb` would be woken by its own depth maps.
+    fn cares_for(&self, event: usize) -> bool {
+        match Wake::ALL.get(event) {
+            Some(Wake::Picture) => self.topics().any(|topic| topic == Topic::Rgb),
+            Some(Wake::Depth) => self.topics().any(|topic| topic != Topic::Rgb),
+            Some(Wake::OwnerCame | Wake::OwnerLeft | Wake::OwnerDied) => true,
+            None => false,
+        }
+    }
+
+    /// The next frame of a topic that was not seen yet, if there is one.
+    ///
+    /// # Errors
+    /// [`IpcError::TooManyFramesHeld`] when there is one but this reader holds as many as it may,
+    /// [`IpcError::NoSuchTopic`], [`IpcError::BadMessage`].
+    pub fn next(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
+        let opened = self.topic(topic)?;
+        match opened.port.receive() {
+            Ok(Some(sample)) => Frame::new(sample, Arc::clone(&opened.port), topic).map(Some),
+            Ok(None) => Ok(None),
+            Err(ReceiveError::ExceedsMaxBorrows) => {
+                let limit = opened.service.static_config().subscriber_max_borrowed_samples();
+                Err(IpcError::TooManyFramesHeld { topic, limit })
+            }
+            Err(cause) => Err(IpcError::iceoryx(format!("read `{}`", self.camera.service(topic)), cause)),
+        }
+    }
+
+    /// The newest frame of a topic that was not seen yet, if there is one; older ones are dropped.
+    ///
+    /// # Errors
+    /// Those of [`next`](Self::next).
+    pub fn latest(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
+        let mut newest = None;
+        while self.has_more(topic)? {
+            drop(newest.take()); // first: a reader may hold few frames
+            newest = self.next(topic)?;
+        }
+        Ok(newest)
+    }
+
+    /// The process that publishes a topic: `None` when there is none, not alive when it was killed. It reads the file
+    /// system, so call it when no frames arrive, not for every frame.
+    ///
+    /// # Errors
+    /// [`IpcError::NoSuchTopic`].
+    pub fn owner(&self, topic: Topic) -> Result<Option<Process>, IpcError> {
+        Ok(owner_of(&self.topic(topic)?.service))
+    }
+
+    /// Whether a living process publishes each of the topics. As costly as [`owner`](Self::owner).
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        self.owners().are_all_alive()
+    }
+
+    /// The publishers of the topics, for other threads.
+    #[must_use]
+    pub fn owners(&self) -> Owners {
+        Owners { services: self.topics.iter().map(|opened| Arc::clone(&opened.service)).collect() }
+    }
+
+    fn has_more(&self, topic: Topic) -> Result<bool, IpcError> {
+        let failed = |cause| IpcError::iceoryx(format!("read `{}`", self.camera.service(topic)), cause);
+        self.topic(topic)?.port.has_samples().map_err(failed)
+    }
+
+    fn topic(&self, topic: Topic) -> Result<&ReadTopic, IpcError> {
+        let missing = || IpcError::NoSuchTopic { topic, has: self.topics().collect() };
+        self.topics.iter().find(|opened| opened.topic == topic).ok_or_else(missing)
+    }
+}
