@@ -5,6 +5,7 @@
 //! fail checks nothing.
 
 mod core_rules;
+mod cycles;
 mod dependencies;
 mod documents;
 mod order;
