@@ -39,7 +39,7 @@ def read(camera: str, count: int, results: Connection) -> None:
     with nunet.subscribe(camera, topics=["rgb"], timeout=PATIENCE) as frames:
         results.send("ready")
         for frame in frames:
-            view = frame.picture
+            view = frame.image
             now = time.monotonic_ns()
             nanos.append(now - frame.header.publish_nanos)
             copied += 0 if is_shared(view.__array_interface__["data"][0]) else view.nbytes
@@ -60,8 +60,8 @@ def hop(size: tuple[int, int], count: int) -> tuple[np.ndarray, int]:
         answer = ours.recv()
         while not isinstance(answer, tuple):
             time.sleep(PACE)  # the reader falls asleep
-            with publisher.loan() as picture:
-                picture[0, 0] = 1
+            with publisher.loan() as image:
+                image[0, 0] = 1
             answer = ours.recv()
         reader.join()
         nanos, copied = answer

@@ -1,6 +1,6 @@
 """What `Model.infer` costs beside the network: `python benches/python_infer.py [MODEL] [RUNS]`.
 
-Each round infers one picture and runs the same file in ONNX Runtime's own Python package, so that both see the same
+Each round infers one image and runs the same file in ONNX Runtime's own Python package, so that both see the same
 disturbances. `around` is the time of the call, as Python sees it, less the network's own time of the same call: checks,
 preprocessing, decoding, the results' memory and the interpreter.
 """

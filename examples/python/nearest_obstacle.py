@@ -1,7 +1,7 @@
-"""How far a robot may drive: `python nearest_obstacle.py PICTURE`.
+"""The nearest obstacle in front of a robot: `python nearest_obstacle.py IMAGE`.
 
-Looks through a corridor of the robot's own size straight ahead, and leaves out what the robot drives on. Where too much
-of the corridor has no depth it says `unknown`: what was not seen is not free. Needs the package Pillow.
+Searches a corridor of the robot's own size straight ahead, without the floor. If too much of the corridor has no depth,
+the answer is `unknown`: space that was not seen is not free.
 """
 
 import sys
@@ -10,21 +10,20 @@ from pathlib import Path
 
 import numpy as np
 import nunet_py as nunet
-from PIL import Image
 
 HALF_WIDTH_M = 0.35  # of the robot, with a margin
 TOP_M, BOTTOM_M = -0.5, 0.6  # above and below the camera's axis; y points down
 GROUND = {"floor"}
-# A single wrong pixel must not stop the robot: this share of the corridor's points may be nearer.
+# Outliers must not stop the robot: this share of the corridor's points may be nearer.
 OUTLIERS_PERCENT = 1.0
-# Of the pixels that look into the corridor at this distance, so many may be without depth.
+# The share of pixels that may have no depth, of those that see the corridor at this distance.
 LOOK_AHEAD_M = 2.0
 UNSEEN_PERCENT = 5.0
 
 
 def judge(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camera) -> str:
-    """Cut the corridor out of the cloud; the nearest point that is no ground."""
-    x, y, z = np.moveaxis(cloud.points, -1, 0)  # metres: right, down, forward
+    """Cut the corridor out of the cloud and find the nearest point that is not ground."""
+    x, y, z = np.moveaxis(cloud.points, -1, 0)  # meters: right, down, forward
     row, column = np.indices(z.shape)
     right, down = LOOK_AHEAD_M * (column - camera.cx) / camera.fx, LOOK_AHEAD_M * (row - camera.cy) / camera.fy
     looks = (np.abs(right) < HALF_WIDTH_M) & (down > TOP_M) & (down < BOTTOM_M)
@@ -33,7 +32,7 @@ def judge(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camera) 
         return f"unknown: {unseen} of {np.count_nonzero(looks)} pixels have no depth"
 
     ground = [index for index, name in enumerate(class_names) if name in GROUND]
-    # Comparisons with NaN are false: the few pixels without depth are no obstacle.
+    # Comparisons with NaN are false, so the few pixels without depth are ignored.
     corridor = (np.abs(x) < HALF_WIDTH_M) & (y > TOP_M) & (y < BOTTOM_M) & ~np.isin(cloud.labels, ground)
     if not corridor.any():
         return "nothing in the way"
@@ -43,12 +42,11 @@ def judge(cloud: nunet.Cloud, class_names: Sequence[str], camera: nunet.Camera) 
     return f"{class_names[names[counts.argmax()]]}, {ahead:.2f} m ahead"
 
 
-def main(picture: Path) -> None:
-    """Infer, and print what is in the way."""
+def main(image: Path) -> None:
+    """Infer, and print the nearest obstacle."""
     model = nunet.Model("wnet_c.onnx")
     camera = nunet.Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
-    rgb = np.array(Image.open(picture).convert("RGB"))
-    result = model.infer(rgb, camera=camera)
+    result = model.infer(image, camera=camera)
     rows, columns = result.depth.shape
     print(judge(result.cloud(), result.class_names, camera.at_size(columns, rows)))
 

@@ -1,7 +1,7 @@
-"""Feed nunetd from a webcam through OpenCV: `publish_webcam.py CAMERA [DEVICE [FRAMES]]`.
+"""Publish the images of a webcam with OpenCV: `publish_webcam.py CAMERA [DEVICE [FRAMES]]`.
 
-In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes straight into shared memory: no other
-copy is needed. Needs the package `opencv-python`.
+In another terminal: `nunetd --source shm:CAMERA --camera CAMERA`. OpenCV writes directly into shared memory, without
+another copy. Needs the package `opencv-python`.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ import nunet_py as nunet
 
 
 def main(camera: str, device: str, count: int | None) -> None:
-    """Send pictures until there are no more, Ctrl-C, or `count`."""
+    """Send images until the camera stops, Ctrl-C, or `count` images."""
     capture = cv2.VideoCapture(int(device) if device.isdigit() else device)
     try:
-        # Of two waiting pictures a robot wants the newer.
+        # Keep only the newest image in OpenCV's queue.
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         found, first = capture.read()
         if not found:
-            sys.exit(f"publish_webcam: `{device}` gives no pictures\nhint: `nunetd doctor` lists cameras")
+            sys.exit(f"publish_webcam: `{device}` returns no images\nhint: `nunetd doctor` lists cameras")
         height, width = first.shape[:2]
         with nunet.publisher(camera, size=(width, height), encoding="bgr8") as publisher:
             print(f"{width}x{height} on `{camera}`", flush=True)
             sent = 0
             while sent != count and capture.grab():
-                # When it was taken, not when it was decoded.
-                with publisher.loan(capture_nanos=time.monotonic_ns()) as picture:
-                    if not capture.retrieve(picture)[0]:
-                        sys.exit(f"publish_webcam: `{device}` gives damaged pictures")
+                # The capture time, not the time of decoding.
+                with publisher.loan(capture_nanos=time.monotonic_ns()) as image:
+                    if not capture.retrieve(image)[0]:
+                        sys.exit(f"publish_webcam: `{device}` returned a damaged image")
                 sent += 1
     finally:
         capture.release()

@@ -1,7 +1,7 @@
 """Read depth from a running nunetd: `subscribe.py CAMERA [FRAMES]`.
 
-Prints each frame's number, its age, and the depth at the picture's centre. Nothing is copied: `frame.depth` is the
-memory that the network wrote.
+Prints the number, the age and the depth at the center of each frame. Nothing is copied: `frame.depth` is the memory
+that the network wrote.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import nunet_py as nunet
 
 
 def line(frame: nunet.Frame) -> str:
-    """What there is to say about a frame."""
+    """One frame as text."""
     height, width = frame.depth.shape
-    centre = frame.depth[height // 2, width // 2]
-    measured = np.isfinite(frame.depth).mean()
+    center = frame.depth[height // 2, width // 2]
+    valid = np.isfinite(frame.depth).mean()
     unit = "m" if frame.header.units == "metre" else "(relative)"
     return (
-        f"frame {frame.sequence}: {1e3 * frame.age:.1f} ms old, centre {centre:.3f} {unit}, "
-        f"{measured:.0%} measured ({frame.header.scale_source})"
+        f"frame {frame.sequence}: {1e3 * frame.age:.1f} ms old, center {center:.3f} {unit}, "
+        f"{valid:.0%} valid ({frame.header.scale_source})"
     )
 
 
 def main(camera: str, count: int | None) -> None:
-    """Follow the camera until the frames are seen, Ctrl-C, or the daemon's end."""
+    """Print frames until `count`, Ctrl-C, or the end of the daemon."""
     with nunet.subscribe(camera, topics=["depth"], timeout=5.0) as frames:
         for seen, frame in enumerate(frames, start=1):
             print(line(frame), flush=True)

@@ -4,7 +4,7 @@
 
 In the new network namespace every address of the world is this machine (a local route for everything). A name server
 answers each question with 127.0.0.1 and a listener on port 443 accepts connections, so that a program which wants to
-reach a host gets as far as it would elsewhere. A raw socket sees all packets, also those to hosts given by their number.
+reach a host gets as far as it would elsewhere. A raw socket sees all packets, also those to hosts given by number.
 
 Before the programs start, the witness looks up a name and connects to it: a witness that does not see its own packets
 fails. Prints JSON: `control` (what it saw of its own packets), `seen` (what it saw while the programs ran) and

@@ -28,11 +28,11 @@ ALLOWED_REST = ".global_mgmt"
 class Robot:
     """A camera's feeder, the daemon, and a reader, each a process of its own that can be replaced."""
 
-    def __init__(self, nunetd, pictures):
+    def __init__(self, nunetd, images):
         self.nunetd = nunetd
         self.camera = f"pytest-crash-{os.getpid()}"
         self.commands = {
-            "feeder": ["feed", str(pictures), "--camera", self.camera, "--loop", "--rate", "30"],
+            "feeder": ["feed", str(images), "--camera", self.camera, "--loop", "--rate", "30"],
             "daemon": ["--model", str(MODEL), "--source", f"shm:{self.camera}", "--camera", self.camera],
             "reader": ["watch", self.camera, "--json", "--timeout", "60"],
         }

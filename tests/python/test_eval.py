@@ -97,7 +97,7 @@ def test_the_mean_image_agrees(found, dataset):
     assert ours["minmax"] == pytest.approx(theirs, rel=1e-6)
 
 
-def test_the_table_has_a_row_a_picture(found, expected):
+def test_the_table_has_a_row_an_image(found, expected):
     lines = (found[1] / "pictures.csv").read_text().splitlines()
     names = lines[0].split(",")
     assert len(lines) == 1 + PICTURES

@@ -27,10 +27,10 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from PIL import Image
 from test_pipe import y4m
-from test_recordings import json_recording, make_bag, picture
+from test_recordings import image, json_recording, make_bag
 
 COPIES = int(os.environ.get("NUNET_SWEEP") or 8)
-# The largest picture that is decoded takes 512 MB, and its results as much; the model test raises its own limit.
+# The largest image that is decoded takes 512 MB, and its results as much; the model test raises its own limit.
 ADDRESS_SPACE = 4 << 30
 PEAK_BYTES = 1500 << 20
 PATIENCE_S = 60
@@ -65,12 +65,12 @@ intrinsics = "518.9,519.5,325.6,253.7@640x480"
 
 def image_file(form):
     file = io.BytesIO()
-    Image.fromarray(picture(0)[:120, :160]).save(file, form)
+    Image.fromarray(image(0)[:120, :160]).save(file, form)
     return file.getvalue()
 
 
 def recorded(folder, form):
-    return make_bag(folder / form, form, pictures=[picture(index) for index in range(2)]).read_bytes()
+    return make_bag(folder / form, form, images=[image(index) for index in range(2)]).read_bytes()
 
 
 def json_file(folder):
@@ -108,7 +108,7 @@ class Bench:
             "RUST_BACKTRACE": "0",
             "XDG_CACHE_HOME": str(folder / "cache"),  # thousands of verdicts on models
         }
-        Image.fromarray(picture(1)[:120, :160]).save(folder / "good.png")
+        Image.fromarray(image(1)[:120, :160]).save(folder / "good.png")
         for path in MODEL.parent.glob(f"{MODEL.stem}.*onnx"):
             shutil.copy(path, folder)
         # A foreign network: the same file without the key that says what it is.
@@ -251,7 +251,7 @@ def test_damaged_files_end_with_an_exit_code_in_time_and_in_bounds(nunetd, good,
     assert not problems, f"{len(problems)} runs ended badly, the first:\n" + "\n".join(problems[:5])
 
 
-def test_a_cut_recording_gives_every_picture_before_the_cut(nunetd, good, tmp_path):
+def test_a_cut_recording_gives_every_image_before_the_cut(nunetd, good, tmp_path):
     """Not less than the format's own reader finds; it delivers whole chunks only."""
     bench = Bench(nunetd, tmp_path / "cut")
     chance = random.Random(2)
@@ -260,16 +260,16 @@ def test_a_cut_recording_gives_every_picture_before_the_cut(nunetd, good, tmp_pa
         for _ in range(max(2, COPIES // 4)):
             data = whole[: chance.randrange(len(whole))]
             code, said, _ = bench.try_one(kind, data)
-            expected = pictures(io.BytesIO(data))
+            expected = images(io.BytesIO(data))
             found = 0
             if code in {0, 3} and (bench.folder / "out.mcap").exists():
                 with (bench.folder / "out.mcap").open("rb") as file:
-                    found = pictures(file, "/camera/depth/image_raw")
+                    found = images(file, "/camera/depth/image_raw")
             assert found >= expected, f"{kind} cut to {len(data)} of {len(whole)} bytes: {said}"
 
 
-def pictures(file, topic=None):
-    """How many messages of pictures a reader of others finds before it stumbles."""
+def images(file, topic=None):
+    """The number of image messages that an independent reader finds before an error."""
     count = 0
     with contextlib.suppress(Exception):
         for _, channel, _ in NonSeekingReader(file).iter_messages(log_time_order=False):

@@ -14,13 +14,13 @@ FRAMES = 12
 
 
 def y4m():
-    """A grey ramp that moves, as 4:2:0 with neutral chroma."""
+    """A gray ramp that moves, as 4:2:0 with neutral chroma."""
     width, height = SIZE
-    pictures = [b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg\n" % SIZE]
+    images = [b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg\n" % SIZE]
     for index in range(FRAMES):
         luma = (np.arange(width)[None] * 2 + np.arange(height)[:, None] + 5 * index).astype(np.uint8)
-        pictures += [b"FRAME\n", luma.tobytes(), b"\x80" * (width * height // 2)]
-    return b"".join(pictures)
+        images += [b"FRAME\n", luma.tobytes(), b"\x80" * (width * height // 2)]
+    return b"".join(images)
 
 
 def run(nunetd, tmp_path, given, *more):
@@ -31,14 +31,14 @@ def run(nunetd, tmp_path, given, *more):
     return done.returncode, done.stderr.decode(), json.loads(stats.read_text()) if stats.exists() else None
 
 
-def test_every_picture_of_a_y4m_stream_is_taken(nunetd, tmp_path):
+def test_every_image_of_a_y4m_stream_is_taken(nunetd, tmp_path):
     code, said, stats = run(nunetd, tmp_path, y4m(), "--out", str(tmp_path / "out"))
     assert code == 0, said
     assert (stats["frames"]["captured"], stats["frames"]["published"]) == (FRAMES, FRAMES)
     assert np.isfinite(np.load(tmp_path / "out" / "depth.npy")).any()
 
 
-def test_raw_pictures_need_a_size_and_a_format(nunetd, tmp_path):
+def test_raw_images_need_a_size_and_a_format(nunetd, tmp_path):
     raw = bytes(3 * SIZE[0] * SIZE[1] * 4)
     code, said, stats = run(nunetd, tmp_path, raw, "--size", "64x48", "--format", "rgb8")
     assert (code, stats["frames"]["published"]) == (0, 4), said
@@ -56,7 +56,7 @@ def test_raw_pictures_need_a_size_and_a_format(nunetd, tmp_path):
         (b"", 1, "it ended before the header did"),
     ],
 )
-def test_what_is_wrong_with_a_stream_is_told(nunetd, tmp_path, given, code, part):
+def test_a_bad_stream_is_an_error_with_the_reason(nunetd, tmp_path, given, code, part):
     got, said, _ = run(nunetd, tmp_path, given)
     assert got == code and part in said, said
 

@@ -59,7 +59,7 @@ def camera_info(nanos):
     )
 
 
-def picture(index):
+def image(index):
     """Noise in large cells, another one each frame, so that the network has something to say."""
     cells = np.random.default_rng(index).integers(0, 256, (SIZE[1] // 32, SIZE[0] // 32, 3), np.uint8)
     return cells.repeat(32, 0).repeat(32, 1)
@@ -85,15 +85,15 @@ def image_message(rgb, encoding, nanos):
     )
 
 
-def make_bag(folder, form, *, pictures=None, info=True):
-    """A ROS 2 recording of `FRAMES` pictures; returns the path of its file."""
+def make_bag(folder, form, *, images=None, info=True):
+    """A ROS 2 recording of `FRAMES` images; returns the path of its file."""
     raw = form not in {"png", "jpeg"}
     name = "sensor_msgs/msg/Image" if raw else "sensor_msgs/msg/CompressedImage"
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         topic = "/eye/image_raw" if raw else "/eye/image_raw/compressed"
         images = bag.add_connection(topic, name, typestore=STORE)
         infos = bag.add_connection("/eye/camera_info", "sensor_msgs/msg/CameraInfo", typestore=STORE)
-        for index, rgb in enumerate(pictures or map(picture, range(FRAMES))):
+        for index, rgb in enumerate(images or map(image, range(FRAMES))):
             nanos = FIRST_NANOS + index * PERIOD_NANOS
             if raw:
                 message = image_message(rgb, form, nanos)
@@ -124,7 +124,7 @@ def messages(path):
     return found
 
 
-def metres(message):
+def meters(message):
     assert (message.encoding, message.is_bigendian, message.step) == ("32FC1", 0, 4 * message.width)
     return np.frombuffer(message.data, np.float32).reshape(message.height, message.width)
 
@@ -150,23 +150,23 @@ def test_every_topic_of_the_profile_is_there_with_every_frame(replayed):
         assert {message.header.frame_id for _, message in found[topic]} == {"eye_optical"}
 
 
-def test_pictures_travel_as_they_came_and_the_camera_is_theirs(replayed):
+def test_images_travel_as_they_came_and_the_camera_is_theirs(replayed):
     found = replayed[1]
     for index, (_, message) in enumerate(found["/camera/image_raw/compressed"]):
         assert message.format == "png"
-        assert message.data == compressed(picture(index), "png").tobytes()
+        assert message.data == compressed(image(index), "png").tobytes()
     _, info = found["/camera/camera_info"][0]
     assert (list(info.k), info.width, info.height) == (K, *SIZE)
 
 
 def test_depth_and_labels_are_those_of_infer(nunetd, replayed, tmp_path):
     for index in (0, FRAMES - 1):
-        Image.fromarray(picture(index)).save(tmp_path / "picture.png")
+        Image.fromarray(image(index)).save(tmp_path / "image.png")
         optics = ["--intrinsics", f"{K[0]},{K[4]},{K[2]},{K[5]}@640x480"]
-        command = [nunetd, "-q", "infer", str(tmp_path / "picture.png"), "--out", str(tmp_path), *ONCE, *optics]
+        command = [nunetd, "-q", "infer", str(tmp_path / "image.png"), "--out", str(tmp_path), *ONCE, *optics]
         subprocess.run(command, check=True)
         expected = np.load(tmp_path / "depth.npy")
-        depth = metres(replayed[1]["/camera/depth/image_raw"][index][1])
+        depth = meters(replayed[1]["/camera/depth/image_raw"][index][1])
         assert depth.tobytes() == expected.tobytes()
         assert np.isfinite(depth).any()
         _, labels = replayed[1]["/camera/labels/image_raw"][index]
@@ -182,7 +182,7 @@ def test_the_cloud_is_depth_back_projected_by_its_own_camera_info(replayed):
     assert fields == [("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("rgb", 12, 7), ("label", 15, 2)]
     layout = np.dtype([("xyz", "<f4", 3), ("bgr", "u1", 3), ("label", "u1")])
     points = np.frombuffer(cloud.data, layout).reshape(cloud.height, cloud.width)
-    depth = metres(found["/camera/depth/image_raw"][0][1])
+    depth = meters(found["/camera/depth/image_raw"][0][1])
     assert points["xyz"][..., 2].tobytes() == depth.tobytes()
     rows, columns = np.indices(depth.shape)
     fx, _, cx, _, fy, cy = list(info.k)[:6]
@@ -217,7 +217,7 @@ def test_the_same_recording_gives_the_same_bytes(nunetd, tmp_path):
     assert (tmp_path / "0.mcap").read_bytes() == (tmp_path / "1.mcap").read_bytes()
 
 
-def test_all_encodings_of_a_picture_give_the_same_depth(nunetd, tmp_path):
+def test_all_encodings_of_an_image_give_the_same_depth(nunetd, tmp_path):
     hashes = set()
     for form in ("png", "rgb8", "bgr8", "bgra8"):
         bag = make_bag(tmp_path / form, form)
@@ -236,7 +236,7 @@ def json_recording(path, *, schema_text=b"{}"):
     data = {"timestamp": {"sec": 5, "nsec": 6}, "frame_id": "eye", "width": 640, "height": 480, "step": 1920}
     import base64
 
-    data |= {"encoding": "rgb8", "data": base64.b64encode(picture(0).tobytes()).decode()}
+    data |= {"encoding": "rgb8", "data": base64.b64encode(image(0).tobytes()).decode()}
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start()
@@ -246,7 +246,7 @@ def json_recording(path, *, schema_text=b"{}"):
         writer.finish()
 
 
-def test_foxglove_pictures_in_json_are_read_also_without_a_schema_text(nunetd, tmp_path):
+def test_foxglove_images_in_json_are_read_also_without_a_schema_text(nunetd, tmp_path):
     for index, text in enumerate([b"{}", b""]):
         given, out = tmp_path / f"{index}.mcap", tmp_path / f"out{index}.mcap"
         json_recording(given, schema_text=text)
@@ -257,22 +257,22 @@ def test_foxglove_pictures_in_json_are_read_also_without_a_schema_text(nunetd, t
 
 
 def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
-    """The network against what it said itself: no error but the millimetres, and its own camera scales it."""
+    """The network against what it said itself: no error but the millimeters, and its own camera scales it."""
     command = [nunetd, "-q", "eval", str(replayed[0]), *ONCE, "--json"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, "its own depth is no truth"
     assert "was written by nunetd" in done.stderr
     command += ["--depth-topic", "/camera/depth/image_raw"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1, "depth of another size than its picture is not compared"
+    assert done.returncode == 1, "depth of another size than its image is not compared"
     assert "its picture" in done.stderr
     size = messages(replayed[0])["/camera/depth/image_raw"][0][1]
     size = (size.width, size.height)
-    pictures = [np.asarray(Image.fromarray(picture(index)).resize(size)) for index in range(FRAMES)]
+    images = [np.asarray(Image.fromarray(image(index)).resize(size)) for index in range(FRAMES)]
     with Writer(tmp_path / "small", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         name = "sensor_msgs/msg/CompressedImage"
         images = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
-        for index, rgb in enumerate(pictures):
+        for index, rgb in enumerate(images):
             nanos = FIRST_NANOS + index * PERIOD_NANOS
             data = compressed(rgb, "png")
             message = ros(name, header=header(nanos), format="png", data=data)
@@ -284,12 +284,12 @@ def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
     assert found["metrics"]["rmse"] < 0.001
 
 
-def test_a_recording_cut_anywhere_gives_every_picture_before_the_cut(nunetd, tmp_path):
+def test_a_recording_cut_anywhere_gives_every_image_before_the_cut(nunetd, tmp_path):
     whole = make_bag(tmp_path / "bag", "png").read_bytes()
     places = sorted(random.Random(1).sample(range(len(whole)), 12))
     for place in [*places, len(whole) - 20]:
         (tmp_path / "cut.mcap").write_bytes(whole[:place])
-        expected = pictures_before_the_end(tmp_path / "cut.mcap")
+        expected = images_before_the_end(tmp_path / "cut.mcap")
         command = [nunetd, "-q", "replay", str(tmp_path / "cut.mcap"), str(tmp_path / "out.mcap"), "--force", *ONCE]
         done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
         if expected == 0:
@@ -299,8 +299,8 @@ def test_a_recording_cut_anywhere_gives_every_picture_before_the_cut(nunetd, tmp
             assert int(done.stdout.split()[0]) >= expected, f"cut at {place}: {done.stdout}"
 
 
-def pictures_before_the_end(path):
-    """How many pictures the reader of the format's makers finds in a cut file; whole chunks only."""
+def images_before_the_end(path):
+    """The number of images that the reference reader finds in a cut file: complete chunks only."""
     count = 0
     with path.open("rb") as file, contextlib.suppress(Exception):
         for _, channel, _ in NonSeekingReader(file).iter_messages(log_time_order=False):
@@ -392,14 +392,14 @@ def test_a_recording_that_is_there_is_never_overwritten_without_force(nunetd, tm
     assert "cannot be read and written at once" in said
 
 
-def test_a_recording_with_two_topics_of_pictures_is_asked_about(nunetd, tmp_path):
+def test_a_recording_with_two_topics_of_images_is_asked_about(nunetd, tmp_path):
     name = "sensor_msgs/msg/CompressedImage"
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         for eye in ("left", "right"):
             images = bag.add_connection(f"/{eye}/image_raw/compressed", name, typestore=STORE)
             for index in range(1 + (eye == "right")):
                 nanos = FIRST_NANOS + index * PERIOD_NANOS
-                data = compressed(picture(index), "png")
+                data = compressed(image(index), "png")
                 message = ros(name, header=header(nanos), format="png", data=data)
                 bag.write(images, nanos, STORE.serialize_cdr(message, name))
     given = next((tmp_path / "bag").glob("*.mcap"))
@@ -415,13 +415,13 @@ def test_a_recording_with_two_topics_of_pictures_is_asked_about(nunetd, tmp_path
         assert said.startswith(f"{frames} frames, 0 lost")
 
 
-def test_time_that_runs_backwards_in_a_recording_loses_no_picture(nunetd, tmp_path):
+def test_time_that_runs_backwards_in_a_recording_loses_no_image(nunetd, tmp_path):
     name = "sensor_msgs/msg/CompressedImage"
     stamps = [FIRST_NANOS - index * PERIOD_NANOS for index in range(FRAMES)]
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         images = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
         for index, nanos in enumerate(stamps):
-            message = ros(name, header=header(nanos), format="png", data=compressed(picture(index), "png"))
+            message = ros(name, header=header(nanos), format="png", data=compressed(image(index), "png"))
             bag.write(images, nanos, STORE.serialize_cdr(message, name))
     given = next((tmp_path / "bag").glob("*.mcap"))
     said, _ = replay(nunetd, given, tmp_path / "out.mcap")
@@ -437,7 +437,7 @@ def test_time_that_runs_backwards_in_a_recording_loses_no_picture(nunetd, tmp_pa
     assert (frames["captured"], frames["published"]) == (FRAMES, FRAMES)
 
 
-def test_a_folder_that_may_only_be_read_is_told_before_anything_is_made(nunetd, tmp_path):
+def test_a_read_only_folder_is_an_error_before_any_work(nunetd, tmp_path):
     bag = make_bag(tmp_path / "bag", "png")
     folder = tmp_path / "readonly"
     folder.mkdir(mode=0o555)
@@ -445,14 +445,14 @@ def test_a_folder_that_may_only_be_read_is_told_before_anything_is_made(nunetd, 
     meek = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
     run = [*meek, nunetd, "-q", *ONCE, "--source", str(bag), "--camera", f"pytest-readonly-{os.getpid()}"]
     infer = [*meek, nunetd, "-q", "infer", "--out", str(folder / "out"), *ONCE]
-    Image.fromarray(picture(0)).save(tmp_path / "picture.png")
+    Image.fromarray(image(0)).save(tmp_path / "image.png")
     for command, path in [
         ([*run, "--record", str(folder / "a.mcap"), "--out", str(tmp_path / "out")], folder / "a.mcap"),
         ([*run, "--record", str(folder)], folder),
         ([*run, "--out", str(folder / "out")], folder / "out"),
         ([*run, "--out", str(folder)], folder),
         ([*run, "--stats-json", str(folder / "stats.json")], folder / "stats.json"),
-        ([*infer, str(tmp_path / "picture.png")], folder),
+        ([*infer, str(tmp_path / "image.png")], folder),
         ([*meek, nunetd, "-q", "replay", str(bag), str(folder / "a.mcap"), *ONCE], folder / "a.mcap"),
     ]:
         done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
@@ -483,7 +483,7 @@ def test_a_disk_that_fills_up_leaves_a_whole_file_and_never_stops_inference(nune
     assert len(read) == recorded > 0
 
 
-def test_bad_recordings_are_told_by_what_is_wrong(nunetd, tmp_path):
+def test_a_bad_recording_is_an_error_with_the_reason(nunetd, tmp_path):
     def said(data, code):
         (tmp_path / "bad.mcap").write_bytes(data)
         return replay(nunetd, tmp_path / "bad.mcap", tmp_path / "out.mcap", "--force", code=code)[1]

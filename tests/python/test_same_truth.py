@@ -1,6 +1,6 @@
-"""The same picture gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
+"""The same image gives the same depth, byte for byte, in ONNX Runtime's own Python package, in the files of
 `nunetd infer`, in this process by `nunet_py`, and in shared memory as an independent client and `nunet_py` read it. The
-same sequence does too, where the network remembers the pictures before."""
+same sequence does too, where the network remembers the images before."""
 
 import json
 import os
@@ -41,23 +41,23 @@ def session():
 
 
 @pytest.fixture(scope="module")
-def picture(session, tmp_path_factory):
-    """A picture of the model's size: noise, so that every pixel counts. Its path and its bytes."""
+def image(session, tmp_path_factory):
+    """An image of the model's size: noise, so that every pixel counts. Its path and its bytes."""
     _, height, width, _ = session.get_inputs()[0].shape
     rgb = np.random.default_rng(7).integers(0, 256, (height, width, 3), np.uint8)
-    path = tmp_path_factory.mktemp("pictures") / "noise.png"
+    path = tmp_path_factory.mktemp("images") / "noise.png"
     Image.fromarray(rgb).save(path)
     return path, rgb
 
 
 @pytest.fixture(scope="module")
-def expected(session, picture):
-    depth, labels = session.run(["depth", "labels"], {"rgb": picture[1][None]})
+def expected(session, image):
+    depth, labels = session.run(["depth", "labels"], {"rgb": image[1][None]})
     return measured(session, depth), labels[0]
 
 
-def test_infer_writes_what_the_python_package_computes(nunetd, picture, expected, tmp_path):
-    command = [nunetd, "-q", "infer", str(picture[0]), "--out", str(tmp_path), "--model", str(MODEL)]
+def test_infer_writes_what_the_python_package_computes(nunetd, image, expected, tmp_path):
+    command = [nunetd, "-q", "infer", str(image[0]), "--out", str(tmp_path), "--model", str(MODEL)]
     subprocess.run([*command, *ONE_THREAD], check=True)
     depth = np.load(tmp_path / "depth.npy")
     assert depth.dtype == np.float32
@@ -66,18 +66,18 @@ def test_infer_writes_what_the_python_package_computes(nunetd, picture, expected
 
 
 @pytest.mark.filterwarnings("ignore:.*untrained weights")
-def test_the_pipeline_in_this_process_computes_the_same(picture, expected):
+def test_the_pipeline_in_this_process_computes_the_same(image, expected):
     """Both have their own ONNX Runtime, side by side in one process."""
     model = nunet.Model(MODEL, provider="cpu", threads=1)
     for _ in range(2):
-        result = model.infer(picture[1])
+        result = model.infer(image[1])
         assert result.depth.tobytes() == expected[0].tobytes()
         assert (result.labels == expected[1]).all()
 
 
 @pytest.mark.filterwarnings("ignore:.*untrained weights")
 def test_points_in_this_process_are_those_of_the_ply_file(nunetd, tmp_path):
-    """Of a picture that is resized, with a camera that scales its depth."""
+    """Of an image that is resized, with a camera that scales its depth."""
     rgb = np.random.default_rng(9).integers(0, 256, (480, 640, 3), np.uint8)
     Image.fromarray(rgb).save(tmp_path / "noise.png")
     command = [nunetd, "-q", "infer", str(tmp_path / "noise.png"), "--out", str(tmp_path), "--model", str(MODEL)]
@@ -104,9 +104,9 @@ with nunet_py.subscribe(sys.argv[1], topics=["depth", "labels"], timeout=60) as 
 """
 
 
-def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, picture, expected):
+def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, image, expected):
     name = f"pytest-truth-{os.getpid()}"
-    source = ["--source", str(picture[0].parent), "--loop", "--rate", "30", *ONE_THREAD]
+    source = ["--source", str(image[0].parent), "--loop", "--rate", "30", *ONE_THREAD]
     # In a process of its own: two copies of iceoryx2 in one process take each other for dead.
     subscribed = [sys.executable, "-c", SUBSCRIBE, name]
     with running([nunetd, "--model", str(MODEL), "--camera", name, *source]):
@@ -125,8 +125,8 @@ def sequence(tmp_path_factory):
     state = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in memory}
     folder, depths = tmp_path_factory.mktemp("sequence"), []
     _, height, width, _ = session.get_inputs()[0].shape
-    pictures = np.random.default_rng(8).integers(0, 256, (4, height, width, 3), np.uint8)
-    for index, rgb in enumerate(pictures):
+    images = np.random.default_rng(8).integers(0, 256, (4, height, width, 3), np.uint8)
+    for index, rgb in enumerate(images):
         Image.fromarray(rgb).save(folder / f"{index}.png")
         outputs = ["depth", *(tensor["output"] for tensor in memory)]
         depth, *left = session.run(outputs, {"rgb": rgb[None], **state})
@@ -156,11 +156,11 @@ def test_a_loop_that_begins_again_begins_without_a_memory(nunetd, sequence, tmp_
         assert after_a_round.tobytes() == depths[index].tobytes()
 
 
-def test_single_pictures_are_no_sequence(nunetd, sequence, tmp_path):
+def test_single_images_are_no_sequence(nunetd, sequence, tmp_path):
     folder, depths = sequence
-    pictures = [str(folder / name) for name in ("1.png", "0.png")]
+    images = [str(folder / name) for name in ("1.png", "0.png")]
     subprocess.run(
-        [nunetd, "-q", "infer", *pictures, "--out", str(tmp_path), "--model", str(RECURRENT), *ONE_THREAD], check=True
+        [nunetd, "-q", "infer", *images, "--out", str(tmp_path), "--model", str(RECURRENT), *ONE_THREAD], check=True
     )
     assert np.load(tmp_path / "0" / "depth.npy").tobytes() == depths[0].tobytes()
     assert np.load(tmp_path / "1" / "depth.npy").tobytes() != depths[1].tobytes(), "it remembers nothing of 0"

@@ -64,15 +64,15 @@ def silent_pipe(_):
     return ["--source", "-"]
 
 
-def damaged_pictures(folder):
+def damaged_images(folder):
     # More than come in the test's time: a round without a good one would end the source.
-    (folder / "pictures").mkdir()
+    (folder / "images").mkdir()
     for number in range(1000):
-        (folder / "pictures" / f"{number:03}.png").write_bytes(b"no picture")
-    return ["--source", str(folder / "pictures"), "--loop", "--rate", "20"]
+        (folder / "images" / f"{number:03}.png").write_bytes(b"no image")
+    return ["--source", str(folder / "images"), "--loop", "--rate", "20"]
 
 
-@pytest.mark.parametrize("source", [silent_pipe, damaged_pictures])
+@pytest.mark.parametrize("source", [silent_pipe, damaged_images])
 def test_a_source_that_hangs_and_frames_that_never_come_out_do_not_feed_the_watchdog(nunetd, manager, tmp_path, source):
     ear, environment = manager
     name = f"pytest-{source.__name__}-{os.getpid()}"

@@ -63,6 +63,28 @@ const DAEMON: Order = Order {
     ahead: &[],
 };
 
+const PYTHON: Order = Order {
+    folder: "crates/nunet-py/src/",
+    journey: &[
+        "error",
+        "argument",
+        "array",
+        "own",
+        "memory",
+        "image",
+        "camera",
+        "cloud",
+        "colorize",
+        "command",
+        "installation",
+        "result",
+        "model",
+        "replay",
+        "stream",
+    ],
+    ahead: &[],
+};
+
 impl Order {
     /// The module that a file belongs to; `None` for the crate's root.
     fn module<'a>(&self, path: &'a str) -> Option<&'a str> {
@@ -143,6 +165,11 @@ fn in_core_no_module_imports_a_later_one() {
 #[test]
 fn in_the_daemon_no_module_imports_a_later_one() {
     DAEMON.check();
+}
+
+#[test]
+fn in_the_python_package_no_module_imports_a_later_one() {
+    PYTHON.check();
 }
 
 #[test]

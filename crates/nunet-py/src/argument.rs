@@ -2,20 +2,20 @@
     clippy::needless_lifetimes,
     reason = "one macro makes functions that borrow from the argument, and others that do not"
 )]
-//! Arguments of another type than expected: what was given, and what to give.
+//! Checks of argument types: an error says what was given, what is expected and how to write it.
 
 use std::path::PathBuf;
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::camera::Camera;
-use crate::model::Model;
+use crate::error::hinted;
 
-/// Of a value that is shown in a message.
-const MOST_CHARACTERS: usize = 60;
+/// Longest value shown in a message, characters.
+const MAX_SHOWN_CHARS: usize = 60;
 
-/// For each argument a function that takes it, since pyo3 says its name to nobody who makes a message.
+/// Defines a converter for each argument. pyo3 does not pass the name of an argument to its converter, so each name needs
+/// a function of its own.
 macro_rules! arguments {
     ($($function:ident($name:literal): $kind:ident -> $type:ty;)*) => {
         $(pub(crate) fn $function<'a>(object: &'a Bound<'_, PyAny>) -> PyResult<$type> {
@@ -37,10 +37,9 @@ arguments! {
     name_or_path("name_or_path"): file -> PathBuf;
     provider("provider"): text -> &'a str;
     threads("threads"): optional_whole -> Option<i64>;
-    camera("camera"): optional_camera -> Option<Camera>;
-    intrinsics("intrinsics"): optional_camera -> Option<Camera>;
+    color("color"): text -> &'a str;
     path("path"): file -> PathBuf;
-    model("model"): loaded -> Py<Model>;
+    folder("folder"): file -> PathBuf;
     topic("topic"): optional_text -> Option<&'a str>;
     camera_name("camera"): name -> &'a str;
     timeout("timeout"): seconds -> Option<f64>;
@@ -50,64 +49,64 @@ arguments! {
     readers("readers"): whole -> u32;
 }
 
-fn taken<'a, 'py, T: FromPyObject<'a, 'py>>(
+/// Converts an argument.
+///
+/// # Errors
+/// `TypeError` if it is of another type than expected.
+pub(crate) fn taken<'a, 'py, T: FromPyObject<'a, 'py>>(
     argument: &str,
     object: &'a Bound<'py, PyAny>,
     expected: &str,
     hint: &str,
 ) -> PyResult<T> {
     object.extract().map_err(|_| {
-        let mut shown = object.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
-        if let Some((end, _)) = shown.char_indices().nth(MOST_CHARACTERS) {
-            shown.truncate(end);
-            shown.push_str("...");
-        }
-        PyTypeError::new_err(format!("`{argument}` is `{shown}`; expected {expected}\nhint: {hint}"))
+        hinted::<PyTypeError>(format!("`{argument}` is `{}`; expected {expected}", shown(object)), hint)
     })
 }
 
+/// The value as Python writes it, cut to a length that fits in a message.
+pub(crate) fn shown(object: &Bound<'_, PyAny>) -> String {
+    let mut text = object.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
+    if let Some((end, _)) = text.char_indices().nth(MAX_SHOWN_CHARS) {
+        text.truncate(end);
+        text.push_str("...");
+    }
+    text
+}
+
 fn number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f64> {
-    taken(argument, object, "a number", "without quotes, such as 518.9")
+    taken(argument, object, "a number", "write it without quotes, such as 518.9")
 }
 
 fn optional_number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f32>> {
-    taken(argument, object, "a number", "leave it away for the map's own")
+    taken(argument, object, "a number", "omit it to use the range of the depth map")
 }
 
-/// `None` is for ever.
+/// `None` waits without limit.
 fn seconds(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    taken(argument, object, "seconds, 0 or more", "`None` waits for ever")
+    taken(argument, object, "seconds, 0 or more", "pass `None` to wait without limit")
 }
 
 fn whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
-    taken(argument, object, "a whole number, 0 or more", "`int(round(x))` is one")
+    taken(argument, object, "a whole number, 0 or more", "round it, `int(round(x))`")
 }
 
 fn optional_whole(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
-    taken(argument, object, "a whole number", "leave it away for the default")
+    taken(argument, object, "a whole number", "omit it to use the default")
 }
 
 fn text<'a>(argument: &str, object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
-    taken(argument, object, "a str", "a word in quotes")
+    taken(argument, object, "a str", "write the word in quotes")
 }
 
 fn optional_text<'a>(argument: &str, object: &'a Bound<'_, PyAny>) -> PyResult<Option<&'a str>> {
-    taken(argument, object, "a str", "a word in quotes, or leave it away")
+    taken(argument, object, "a str", "write the word in quotes, or omit it")
 }
 
 fn name<'a>(argument: &str, object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
-    taken(argument, object, "a camera's name", "a str, as of `nunetd --camera`")
+    taken(argument, object, "the name of a camera", "pass a str, as in `nunetd --camera`")
 }
 
 fn file(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
-    taken(argument, object, "a path", "a str or a `pathlib.Path`")
-}
-
-fn optional_camera(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<Camera>> {
-    let hint = "`nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., size=(width, height))`";
-    taken(argument, object, "a Camera", hint)
-}
-
-fn loaded(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Py<Model>> {
-    taken(argument, object, "a Model", "`nunet_py.Model(NAME)` makes one, for several recordings")
+    taken(argument, object, "a path", "pass a str or a `pathlib.Path`")
 }

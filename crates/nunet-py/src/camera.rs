@@ -9,35 +9,38 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
-use crate::argument;
-use crate::error::{failure, of_camera};
+use crate::argument::{self, shown, taken};
+use crate::error::{PyCameraError, failure, hinted, of_camera};
 
-/// A camera: focal lengths and principal point in pixels at a stated size, and its lens.
+/// How a camera is written, for hints.
+const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., size=(width, height))`";
+
+/// A camera: focal lengths and principal point in pixels, the image size that they are for, and the lens distortion.
 ///
-/// The optical frame is x right, y down, z forward; pixel centres lie at whole numbers. Immutable.
+/// The optical frame is x right, y down, z forward. Pixel centers have whole coordinates. Cameras are immutable.
 ///
 /// Parameters
 /// ----------
 /// fx, fy : float
 ///     Focal lengths, pixels.
 /// cx, cy : float
-///     Column and row of the principal point, pixels; (0, 0) is the centre of the top left pixel.
+///     Column and row of the principal point, pixels. (0, 0) is the center of the top left pixel.
 /// size : tuple of int
-///     Width and height of the pictures that these numbers are for, pixels. Pictures of another size and the same shape
-///     are fine: the camera is scaled.
+///     Width and height of the images that these numbers are for, pixels. For images of another size and the same aspect
+///     ratio the camera is scaled.
 /// distortion : sequence of float, optional
-///     The lens's coefficients in OpenCV's order: `k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tilt_x tilt_y]]]]`, or
-///     `k1 k2 k3 k4` of a fisheye. Without it the pictures are straight (rectified).
+///     Distortion coefficients in OpenCV's order: `k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tilt_x tilt_y]]]]`, or
+///     `k1 k2 k3 k4` of a fisheye lens. Omit it for rectified images.
 /// distortion_model : str, optional
-///     ROS's name of the lens model: `plumb_bob`, `rational_polynomial`, or `equidistant` (fisheye). Without it the count
-///     of coefficients decides between the first two.
+///     The ROS name of the distortion model: `plumb_bob`, `rational_polynomial`, or `equidistant` (fisheye). By default
+///     the number of coefficients selects one of the first two.
 ///
 /// Raises
 /// ------
 /// CameraError
-///     Numbers that no camera has.
+///     Invalid intrinsics or coefficients, or an unknown distortion model.
 /// TypeError
-///     `size` is no pair of whole numbers.
+///     An argument of another type, such as a list for `size`.
 ///
 /// Examples
 /// --------
@@ -48,7 +51,7 @@ use crate::error::{failure, of_camera};
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Camera(pub(crate) camera::Camera);
 
-/// `fx, fy, cx, cy, size, distortion, distortion_model`: what a camera is made of again.
+/// The arguments that restore a pickled camera: `fx, fy, cx, cy, size, distortion, distortion_model`.
 type Parts = (f64, f64, f64, f64, (u32, u32), Vec<f64>, Option<&'static str>);
 
 #[pymethods]
@@ -70,30 +73,33 @@ impl Camera {
         Ok(Self(camera::Camera { intrinsics, distortion: lens(&coefficients, distortion_model)? }))
     }
 
-    /// Read a calibration: the `camera_info` file in YAML that ROS's camera_calibration writes.
+    /// Read a calibration file: the `camera_info` YAML that the ROS package camera_calibration writes.
     ///
     /// Parameters
     /// ----------
     /// path : str or os.PathLike
-    ///     The file, as of `nunetd --calibration`.
+    ///     The file, as for `nunetd --calibration`.
     ///
     /// Raises
     /// ------
     /// FileNotFoundError
-    ///     There is no such file.
+    ///     The file does not exist.
     /// CameraError
-    ///     It is no calibration, or one that no camera has.
+    ///     The file is not a calibration, or its numbers are invalid.
     #[classmethod]
-    fn from_yaml(_class: &Bound<'_, PyType>, path: PathBuf) -> PyResult<Self> {
+    fn from_yaml(
+        _class: &Bound<'_, PyType>,
+        #[pyo3(from_py_with = argument::path)] path: PathBuf,
+    ) -> PyResult<Self> {
         embed::read_calibration(&path).map(|found| Self(found.camera())).map_err(|error| failure(&error))
     }
 
-    /// The same camera for pictures resized to `width` x `height` pixels.
+    /// The same camera for images that were resized to `width` x `height` pixels.
     ///
     /// Raises
     /// ------
     /// CameraError
-    ///     A size of another shape: such pictures were cropped or stretched, and nobody said where.
+    ///     The size has another aspect ratio, so the images were cropped or stretched.
     fn at_size(
         &self,
         #[pyo3(from_py_with = argument::width)] width: u32,
@@ -126,13 +132,13 @@ impl Camera {
         self.0.intrinsics.cy_px
     }
 
-    /// Width and height of the pictures that the numbers are for, pixels.
+    /// Width and height of the images that the numbers are for, pixels.
     #[getter]
     fn size(&self) -> (u32, u32) {
         (self.0.intrinsics.width, self.0.intrinsics.height)
     }
 
-    /// The lens's coefficients in OpenCV's order; empty for a camera without distortion.
+    /// Distortion coefficients in OpenCV's order; empty for a camera without distortion.
     #[getter]
     fn distortion(&self) -> Vec<f64> {
         match self.0.distortion {
@@ -162,7 +168,7 @@ impl Camera {
     }
 
     fn __hash__(&self) -> u64 {
-        // Equal cameras have equal numbers; those of the lens may be left out.
+        // Equal cameras have equal intrinsics, so the hash may ignore the distortion.
         let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height, .. } = self.0.intrinsics;
         let bits = [fx_px, fy_px, cx_px, cy_px].map(|number| (number + 0.0).to_bits());
         bits.into_iter()
@@ -188,7 +194,7 @@ impl Camera {
     }
 }
 
-/// What a pickled camera is made by: keyword-only arguments do not travel.
+/// Restores a pickled camera: pickle passes no keyword-only arguments.
 #[pyfunction]
 fn _camera(
     fx: f64,
@@ -203,39 +209,66 @@ fn _camera(
     Ok(Camera(camera::Camera { intrinsics, distortion: lens(&distortion, distortion_model.as_deref())? }))
 }
 
+/// The optional argument `camera`.
+pub(crate) fn camera_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<Camera>> {
+    taken("camera", object, "a Camera", EXAMPLE)
+}
+
+/// The optional argument `intrinsics`.
+pub(crate) fn intrinsics_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<Camera>> {
+    taken("intrinsics", object, "a Camera", EXAMPLE)
+}
+
+/// The argument `size`: width and height, pixels.
 pub(crate) fn whole_size(size: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
     size.extract::<(u32, u32)>().map_err(|_| {
-        PyTypeError::new_err(format!(
-            "`size` is `{size}`; expected (width, height) in whole pixels\nhint: of an array it is \
-             `(rgb.shape[1], rgb.shape[0])`"
-        ))
+        let hint = match size.extract::<[u32; 2]>() {
+            Ok([width, height]) => format!("pass a tuple, `size=({width}, {height})`"),
+            Err(_) => "for an array, pass `size=(rgb.shape[1], rgb.shape[0])`".to_owned(),
+        };
+        let found = shown(size);
+        hinted::<PyTypeError>(
+            format!("`size` is `{found}`; expected a tuple (width, height) of whole pixels"),
+            hint,
+        )
     })
 }
 
-/// The numbers of a sequence or an array of any shape: OpenCV's calibration gives (1, 5).
+/// The numbers of a sequence or of an array of any shape: OpenCV's calibration returns (1, 5).
 fn coefficients(object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let flat = if object.hasattr("ravel")? { object.call_method0("ravel")? } else { object.clone() };
     flat.extract().map_err(|_| {
-        PyTypeError::new_err(format!(
-            "`distortion` is `{object}`; expected a sequence of numbers\nhint: OpenCV's order, `[k1, k2, p1, p2, k3]`"
-        ))
+        hinted::<PyTypeError>(
+            format!("`distortion` is `{}`; expected a sequence of numbers", shown(object)),
+            "pass the coefficients in OpenCV's order, `[k1, k2, p1, p2, k3]`",
+        )
     })
 }
 
-/// The lens of these coefficients, by ROS's name of its model or by their count.
+/// The distortion with these coefficients, by the ROS name of its model or by the number of coefficients.
 fn lens(coefficients: &[f64], model: Option<&str>) -> PyResult<Distortion> {
     let model = match (coefficients.len(), model) {
+        (_, Some("fisheye")) => return Err(fisheye()),
         (0, None) => return Ok(Distortion::None),
         (0, Some(model)) => {
-            return Err(PyValueError::new_err(format!(
-                "`distortion_model` is `{model}` without `distortion`\nhint: give its coefficients, or neither"
-            )));
+            return Err(hinted::<PyValueError>(
+                format!("`distortion_model` is `{model}`, but `distortion` is missing"),
+                "pass the coefficients too, or neither",
+            ));
         }
         (_, Some(model)) => model,
         (0..=5, None) => "plumb_bob",
         (_, None) => "rational_polynomial",
     };
     Distortion::from_ros(model, coefficients).map_err(|error| failure(&error.into()))
+}
+
+/// The name that OpenCV uses for the model that ROS calls equidistant.
+fn fisheye() -> PyErr {
+    hinted::<PyCameraError>(
+        "`distortion_model` is `fisheye`; expected `plumb_bob`, `rational_polynomial` or `equidistant`",
+        "pass `distortion_model=\"equidistant\"`, the ROS name of OpenCV's fisheye model",
+    )
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use pyo3::prelude::*;
 
-/// Runs the command line `arguments` (the program's name first) without the GIL; its exit code.
+/// Runs the command line `arguments` (the program name first) without the GIL and returns its exit code.
 #[pyfunction]
 fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| nunet_daemon::exit_code(arguments))

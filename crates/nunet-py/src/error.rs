@@ -1,78 +1,103 @@
-//! Exceptions, and which of them a failure becomes.
+//! Exceptions, their hints, and which exception an error becomes.
 
 use std::ffi::CString;
+use std::fmt::Display;
 
 use nunet_core::camera::CameraError;
 use nunet_core::pipeline::PipelineError;
 use nunet_daemon::embed::{self, Fault};
-use pyo3::create_exception;
-use pyo3::exceptions::{PyException, PyFileNotFoundError, PyUserWarning, PyValueError};
+use pyo3::PyTypeInfo;
+use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
-use self::exceptions::CameraError as CameraFault;
+pub(crate) use self::exceptions::CameraError as PyCameraError;
 pub(crate) use self::exceptions::{ContractVersionError, ModelError, NunetError, WiringError};
 
-/// The classes as Python sees them; `CameraError` has the name of the error that it is made of.
+/// Separates the text of an exception from its hint.
+const HINT: &str = "\nhint: ";
+/// The attribute that holds the hint of an exception.
+const ATTRIBUTE: &str = "hint";
+
+/// The classes as Python sees them. `CameraError` has the name of the Rust error that it is made from.
 mod exceptions {
-    use super::{PyException, create_exception};
+    use pyo3::create_exception;
+    use pyo3::exceptions::PyException;
 
     create_exception!(
         nunet_py,
         NunetError,
         PyException,
-        "What nunet_py raises where Python has no exception of its own. The text says what, where, expected and got, and \
-         ends with a line `hint: ...`."
+        "Base class of the exceptions of nunet_py. The text says what failed, where, what was expected and what was found, \
+         and ends with a line `hint: ...` if something can be done. `hint` is that line alone, or None."
     );
     create_exception!(
         nunet_py,
         ModelError,
         NunetError,
-        "A model file that cannot be used, or a network that did not run."
+        "A model file cannot be used, or the network failed to run."
     );
-    create_exception!(nunet_py, WiringError, NunetError, "Stages of a graph that do not fit together.");
+    create_exception!(nunet_py, WiringError, NunetError, "The stages of a graph do not fit together.");
     create_exception!(
         nunet_py,
         CameraError,
         NunetError,
-        "Intrinsics or a lens that no camera has, or that do not fit the picture."
+        "Intrinsics or distortion coefficients are invalid, or do not fit the image."
     );
     create_exception!(
         nunet_py,
         ContractVersionError,
         NunetError,
-        "A daemon that publishes another version of the shared-memory contract."
+        "The publisher uses another version of the shared-memory contract."
     );
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
-    module.add("NunetError", py.get_type::<NunetError>())?;
+    let base = py.get_type::<NunetError>();
+    base.setattr(ATTRIBUTE, py.None())?;
+    module.add("NunetError", base)?;
     module.add("ModelError", py.get_type::<ModelError>())?;
     module.add("WiringError", py.get_type::<WiringError>())?;
-    module.add("CameraError", py.get_type::<CameraFault>())?;
+    module.add("CameraError", py.get_type::<PyCameraError>())?;
     module.add("ContractVersionError", py.get_type::<ContractVersionError>())
 }
 
-/// A failure of the daemon's half as the exception that Python has for it.
+/// An exception whose text ends with the hint, which is its attribute `hint` too.
+pub(crate) fn hinted<E: PyTypeInfo>(text: impl Display, hint: impl Display) -> PyErr {
+    exception::<E>(format!("{text}{HINT}{hint}"))
+}
+
+/// An exception with this text, which may end with lines `hint: ...`.
+pub(crate) fn exception<E: PyTypeInfo>(message: String) -> PyErr {
+    let hint = message.split_once(HINT).map(|(_, hint)| hint.replace(HINT, "\n"));
+    let error = PyErr::new::<E, _>(message);
+    if let Some(hint) = hint {
+        // An exception class that takes no attributes still has the hint in its text.
+        Python::attach(|py| error.value(py).setattr(ATTRIBUTE, hint).ok());
+    }
+    error
+}
+
+/// The exception for an error of nunet's Rust code.
 pub(crate) fn failure(error: &anyhow::Error) -> PyErr {
     raise(Fault::of(error), embed::message(error))
 }
 
-/// A failure of the pipeline.
+/// The exception for an error of the pipeline.
 pub(crate) fn of_pipeline(error: PipelineError) -> PyErr {
     failure(&error.into())
 }
 
-/// A failure of a camera's numbers.
+/// The exception for invalid intrinsics or distortion coefficients.
 pub(crate) fn of_camera(error: CameraError) -> PyErr {
-    let hint = "intrinsics and size are pixels, as a calibration gives them";
+    let hint = "intrinsics and size are in pixels, as a calibration gives them";
     raise(Fault::Camera, with_hint(embed::message(&error.into()), hint))
 }
 
-/// A message with a way out, where it has none of its own.
+/// The message with this hint if it has none.
 pub(crate) fn with_hint(mut message: String, hint: &str) -> String {
-    if !message.contains("\nhint: ") {
-        message.push_str("\nhint: ");
+    if !message.contains(HINT) {
+        message.push_str(HINT);
         message.push_str(hint);
     }
     message
@@ -80,18 +105,18 @@ pub(crate) fn with_hint(mut message: String, hint: &str) -> String {
 
 fn raise(fault: Fault, message: String) -> PyErr {
     match fault {
-        Fault::NotFound => PyFileNotFoundError::new_err(message),
-        Fault::Argument => PyValueError::new_err(message),
-        Fault::Model => ModelError::new_err(message),
-        Fault::Wiring => WiringError::new_err(message),
-        Fault::Camera => CameraFault::new_err(message),
-        Fault::Other => NunetError::new_err(message),
+        Fault::NotFound => exception::<PyFileNotFoundError>(message),
+        Fault::Argument => exception::<PyValueError>(message),
+        Fault::Model => exception::<ModelError>(message),
+        Fault::Wiring => exception::<WiringError>(message),
+        Fault::Camera => exception::<PyCameraError>(message),
+        Fault::Other => exception::<NunetError>(message),
     }
 }
 
-/// Something that is worth a warning and no failure.
+/// Issues a `UserWarning` at the caller's line.
 pub(crate) fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
-    // A model's own text may hold a NUL, which ends a C string.
+    // Text from a model file may hold a NUL, which would end the C string.
     let message = CString::new(message.replace('\0', "")).unwrap_or_default();
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)
 }

@@ -1,4 +1,4 @@
-//! Where this installation's files are, which its Python half knows.
+//! The location of this installation's files, which the Python code of the package knows.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use nunet_daemon::Installation;
 use pyo3::prelude::*;
 
-/// Says once, before anything else, how `nunetd` is started and where models and ONNX Runtime's library lie.
+/// Sets how `nunetd` is started and where the models and the ONNX Runtime library are. Called once, on import.
 #[pyfunction]
 #[pyo3(signature = (*, command, model_folders, library_folders))]
 fn describe_installation(command: Vec<OsString>, model_folders: Vec<PathBuf>, library_folders: Vec<PathBuf>) {

@@ -1,27 +1,28 @@
-//! `nunet_py._native`: what the Python package is made of. Its Python half finds the files; everything else is here.
+//! `nunet_py._native`: the Python package without the few files that are written in Python.
 #![expect(
     clippy::doc_markdown,
-    reason = "doc comments of what Python sees are its docstrings, in numpydoc's form"
+    reason = "doc comments of Python classes and functions are their docstrings, in numpydoc's format"
 )]
 
 mod argument;
+mod array;
 mod camera;
 mod cloud;
-mod colour;
+mod colorize;
 mod command;
 mod error;
+mod image;
 mod installation;
 mod memory;
 mod model;
 mod own;
-mod picture;
 mod replay;
 mod result;
 mod stream;
 
 use pyo3::prelude::*;
 
-/// What nunet_py is made of: use `nunet_py`.
+/// The native part of nunet_py. Import `nunet_py` instead.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -32,7 +33,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     model::register(module)?;
     result::register(module)?;
     cloud::register(module)?;
-    colour::register(module)?;
+    colorize::register(module)?;
     replay::register(module)?;
     stream::register(module)
 }

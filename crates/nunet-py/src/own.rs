@@ -1,15 +1,15 @@
-//! What a process made, its fork must not use: shared memory and sockets are inherited, but neither are iceoryx2's records
-//! of who holds what, nor the threads that compute.
+//! Values that a fork of the process must not use. It inherits shared memory and sockets, but neither iceoryx2's records of
+//! who holds what nor the threads that compute.
 
 use pyo3::prelude::*;
 
-use crate::error::NunetError;
+use crate::error::{NunetError, hinted};
 
 /// A value that belongs to the process that made it. A fork can neither use nor drop it: dropping would remove files,
-/// give back memory that the parent still uses, or wait for threads that did not come along.
+/// release memory that the parent still uses, or wait for threads that a fork does not have.
 #[derive(Debug)]
 pub(crate) struct Own<T> {
-    // Taken out only by `drop`.
+    // `None` only while it is dropped.
     value: Option<T>,
     pid: u32,
 }
@@ -19,7 +19,10 @@ impl<T> Own<T> {
         Self { value: Some(value), pid: std::process::id() }
     }
 
-    /// The value; an error that names `what` in a fork.
+    /// The value.
+    ///
+    /// # Errors
+    /// `NunetError` in a fork; it names `what`.
     pub(crate) fn get(&self, what: &str) -> PyResult<&T> {
         match &self.value {
             Some(value) if self.pid == std::process::id() => Ok(value),
@@ -29,11 +32,10 @@ impl<T> Own<T> {
 
     fn inherited(&self, what: &str) -> PyErr {
         let (made, here) = (self.pid, std::process::id());
-        NunetError::new_err(format!(
-            "this {what} belongs to process {made}, and this is process {here}, which was forked from it\n\
-             hint: make it in the process that uses it, or start processes with \
-             multiprocessing.get_context(\"spawn\")"
-        ))
+        hinted::<NunetError>(
+            format!("this {what} belongs to process {made}, but this is process {here}, a fork of it"),
+            "make it in the process that uses it, or start processes with multiprocessing.get_context(\"spawn\")",
+        )
     }
 }
 

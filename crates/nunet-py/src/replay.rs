@@ -7,36 +7,36 @@ use nunet_daemon::embed::{Player, Step};
 use pyo3::prelude::*;
 
 use crate::argument;
-use crate::camera::Camera;
+use crate::camera::{Camera, camera_argument};
 use crate::error::{failure, warn};
-use crate::model::Model;
+use crate::model::{Model, model_argument};
 use crate::result::Result;
 
-/// The results of a recording's pictures, one after the other: an iterator that `replay` makes.
+/// An iterator over the results of a recording's images, returned by `replay`.
 ///
-/// Nothing is read or computed before it is asked for.
+/// Images are read and processed on demand.
 #[pyclass(frozen, module = "nunet_py")]
 pub(crate) struct Replay {
     model: Py<Model>,
-    /// `None` once the recording is over.
+    /// `None` after the end of the recording.
     player: Mutex<Option<Player>>,
     #[pyo3(get)]
     topic: String,
     #[pyo3(get)]
-    pictures: Option<u64>,
-    shown: String,
+    images: Option<u64>,
+    path: String,
 }
 
-/// What one step gave, without the interpreter.
+/// The outcome of one step, without Python objects.
 enum Next {
     Step(Step),
     Failed(anyhow::Error),
 }
 
 impl Replay {
-    /// One step, alone with the model; the recording is closed at its end and where it is cut off.
+    /// Reads and processes one image. The recording is closed at its end and where it is cut off.
     fn step(&self, py: Python<'_>) -> PyResult<Next> {
-        self.model.get().alone(py, |model| {
+        self.model.get().exclusive(py, |model| {
             let mut player = self.player.lock().unwrap_or_else(PoisonError::into_inner);
             let Some(open) = player.as_mut() else { return Next::Step(Step::End) };
             let step = open.step(model);
@@ -58,13 +58,14 @@ impl Replay {
         loop {
             match self.step(py)? {
                 Next::Step(Step::Played(played)) => {
-                    let shared = self.model.get().shared();
-                    return Result::of_recording(py, *played, self.topic.clone(), shared).map(Some);
+                    let model = self.model.get();
+                    model.warn_of_guesses(py, &played.inferred, played.frame_size)?;
+                    return Result::of_recording(py, *played, self.topic.clone(), model.shared()).map(Some);
                 }
                 Next::Step(Step::Lost { sequence, error }) => {
-                    warn(py, &format!("picture {sequence} of `{}` is lost: {error:#}", self.shown))?;
+                    warn(py, &format!("cannot read image {sequence} of `{}`: {error:#}", self.path))?;
                 }
-                // A long stretch without pictures: Ctrl-C must be heard.
+                // Between images, so that Ctrl-C ends the wait.
                 Next::Step(Step::Nothing) => py.check_signals()?,
                 Next::Step(Step::End) => return Ok(None),
                 Next::Failed(error) => return Err(failure(&error)),
@@ -73,62 +74,61 @@ impl Replay {
     }
 
     fn __repr__(&self) -> String {
-        format!("Replay('{}', topic='{}')", self.shown, self.topic)
+        format!("Replay('{}', topic='{}')", self.path, self.topic)
     }
 }
 
-/// Take a recording through a model, as `nunetd replay` does: an iterator over results.
+/// Run a recording through a model, like `nunetd replay`: an iterator over results.
 ///
-/// MCAP files with ROS 2's `sensor_msgs/msg/Image` and `CompressedImage` (and their `CameraInfo`) or Foxglove's messages.
-/// Results carry the picture's stamp, topic, coordinate frame and camera. Networks with a memory see a stream, and begin
-/// anew where it jumps.
+/// Reads MCAP files with images of ROS 2 (`sensor_msgs/msg/Image`, `CompressedImage` and their `CameraInfo`) or Foxglove.
+/// Results carry the image's time stamp, topic, coordinate frame and camera. A recurrent network keeps its state from image
+/// to image, and resets it at discontinuities.
 ///
 /// Parameters
 /// ----------
 /// path : str or os.PathLike
 ///     The recording.
 /// model : Model
-///     What the pictures go through. Pictures of others that go through it in between make a network with a memory begin
-///     anew.
+///     The model. If other images go through it meanwhile, a recurrent network resets its state.
 /// topic : str, optional
-///     The topic with pictures, where there are several.
+///     The image topic, required if the recording has several.
 /// camera : Camera, optional
-///     The camera, in place of the recording's own.
+///     The camera, used instead of the recording's own.
 ///
 /// Returns
 /// -------
 /// Replay
-///     Yields `Result`; `replay.topic` says which topic is read, `replay.pictures` how many pictures there are where the
-///     file's index knows.
+///     Yields `Result`. `replay.topic` is the image topic; `replay.images` is the number of images, or `None` if the
+///     recording has no index.
 ///
 /// Raises
 /// ------
 /// FileNotFoundError
-///     There is no such file.
+///     The file does not exist.
 /// ValueError
-///     Several topics with pictures and none named, no such topic.
+///     The recording has several image topics and none was named, or does not have the named one.
 /// NunetError
-///     It is no MCAP file or has no pictures; while iterating: the file is damaged or cut off here, after every
-///     picture before was yielded.
+///     The file is not MCAP or has no images. While iterating: the file is damaged or cut off at this point, after every
+///     complete image was yielded.
 ///
 /// Warns
 /// -----
 /// UserWarning
-///     A picture is unreadable and left out.
+///     An image cannot be read and is skipped. Once for a model: see `Model.infer`.
 #[pyfunction]
 #[pyo3(signature = (path, model, *, topic = None, camera = None))]
 fn replay(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::path)] path: PathBuf,
-    #[pyo3(from_py_with = argument::model)] model: Py<Model>,
+    #[pyo3(from_py_with = model_argument)] model: Py<Model>,
     #[pyo3(from_py_with = argument::topic)] topic: Option<&str>,
-    #[pyo3(from_py_with = argument::camera)] camera: Option<Camera>,
+    #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
 ) -> PyResult<Replay> {
     let camera = camera.map(|camera| camera.0);
     let player = py.detach(|| Player::open(&path, topic, camera)).map_err(|error| failure(&error))?;
-    let (topic, pictures) = (player.topic().to_owned(), player.pictures());
-    let shown = path.display().to_string();
-    Ok(Replay { model, player: Mutex::new(Some(player)), topic, pictures, shown })
+    let (topic, images) = (player.topic().to_owned(), player.pictures());
+    let path = path.display().to_string();
+    Ok(Replay { model, player: Mutex::new(Some(player)), topic, images, path })
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

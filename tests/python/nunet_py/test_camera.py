@@ -46,7 +46,7 @@ def test_a_lens_takes_what_opencv_gives_and_is_named_by_the_count_of_its_coeffic
     assert lens(()) == (None, [])
 
 
-def test_equal_cameras_are_equal_and_travel():
+def test_equal_cameras_are_equal_and_can_be_copied():
     lens = [0.01, -0.002, 0.0, 0.0]
     camera = nunet.Camera(500, 500, 320, 240, (640, 480), lens, distortion_model="equidistant")
     for twin in (pickle.loads(pickle.dumps(camera)), copy.deepcopy(camera), eval(repr(camera), vars(nunet))):
@@ -63,31 +63,34 @@ def test_a_calibration_of_ros_is_read(tmp_path):
     camera = nunet.Camera.from_yaml(path)
     assert camera == nunet.Camera(1037, 1038, 651, 507, (1280, 960), [-0.31, 0.11, 0.0007, -0.0004, 0])
     path.write_text("image_width: 1280\n")
-    with pytest.raises(nunet.CameraError, match="cannot use the calibration"):
+    with pytest.raises(nunet.CameraError, match=r"front\.yaml"):
         nunet.Camera.from_yaml(str(path))
-    with pytest.raises(FileNotFoundError, match="cannot read the calibration"):
+    with pytest.raises(FileNotFoundError, match=r"none\.yaml"):
         nunet.Camera.from_yaml(tmp_path / "none.yaml")
 
 
 BAD = {
-    "no focal length": (dict(fx=0), nunet.CameraError, "`fx` is `0`; it must be greater than 0"),
-    "not a number": (dict(cy=float("nan")), nunet.CameraError, "`cy` is `NaN`, not a finite number"),
-    "millimetres": (dict(fx=0.004), nunet.CameraError, "\nhint: intrinsics are pixels"),
+    "no focal length": (dict(fx=0), nunet.CameraError, "`fx` is `0`"),
+    "not a number": (dict(cy=float("nan")), nunet.CameraError, "`cy` is `NaN`"),
+    "millimeters": (dict(fx=0.004), nunet.CameraError, "\nhint: intrinsics .*pixels"),
     "text": (dict(fx="500"), TypeError, "`fx` is `'500'`; expected a number"),
     "a number for a name": (dict(distortion_model=4), TypeError, "`distortion_model` is `4`"),
     "size of an array": (dict(size=(480, 640, 3)), TypeError, "rgb.shape\\[1\\]"),
+    "a list": (dict(size=[640, 480]), TypeError, r"is `\[640, 480\]`; expected a tuple .*\n.*`size=\(640, 480\)`"),
+    "fisheye": (dict(distortion=[0.1] * 4, distortion_model="fisheye"), nunet.CameraError, "\nhint: .*equidistant"),
+    "a path": (dict(distortion="front.yaml"), TypeError, "`distortion` is `'front.yaml'`"),
     "size of zero": (dict(size=(0, 480)), nunet.CameraError, "0x480"),
     "negative size": (dict(size=(-640, 480)), TypeError, "whole pixels"),
-    "three coefficients": (dict(distortion=[1, 2, 3]), nunet.CameraError, "`4` or `5` coefficients, not `3`"),
+    "three coefficients": (dict(distortion=[1, 2, 3]), nunet.CameraError, "coefficients.*`3`"),
     "words": (dict(distortion="none"), TypeError, "expected a sequence of numbers"),
-    "infinite lens": (dict(distortion=[np.inf, 0, 0, 0]), nunet.CameraError, "lens coefficient `k1`"),
+    "infinite lens": (dict(distortion=[np.inf, 0, 0, 0]), nunet.CameraError, "`k1`"),
     "no such lens": (dict(distortion=[0.1] * 4, distortion_model="fov"), nunet.CameraError, "fov"),
-    "lens of nothing": (dict(distortion_model="equidistant"), ValueError, "without `distortion`"),
+    "lens of nothing": (dict(distortion_model="equidistant"), ValueError, "`distortion` is missing"),
 }
 
 
 @pytest.mark.parametrize("change, kind, words", BAD.values(), ids=BAD)
-def test_numbers_that_no_camera_has_are_refused(change, kind, words):
+def test_invalid_cameras_are_refused(change, kind, words):
     good = dict(fx=500, fy=500, cx=320, cy=240, size=(640, 480))
     with pytest.raises(kind, match=words) as error:
         nunet.Camera(**(good | change))
@@ -106,7 +109,7 @@ def test_points_project_back_onto_their_pixels(tiny):
     np.testing.assert_allclose((y / z * 112 + 50)[valid], rows[valid], atol=1e-3)
 
 
-def test_points_lie_on_bent_rays_and_what_sees_nothing_has_no_point(tiny):
+def test_points_lie_on_undistorted_rays_and_pixels_without_a_ray_have_no_point(tiny):
     width, height = tiny.size
     lens = [-0.2, 0.03, 0.001, -0.0005]
     camera = nunet.Camera(110, 112, 60, 50, (width, height), lens)
@@ -128,7 +131,7 @@ def test_points_lie_on_bent_rays_and_what_sees_nothing_has_no_point(tiny):
     assert np.isnan(corners).all(), "a fisheye's corners look behind the camera"
 
 
-def test_a_cloud_takes_another_camera_without_touching_depth(tiny):
+def test_a_cloud_of_another_camera_has_the_same_depth(tiny):
     width, height = tiny.size
     result = tiny.infer(noise(2 * height, 2 * width))
     camera = nunet.Camera(220, 224, 121, 101, (2 * width, 2 * height))

@@ -1,4 +1,4 @@
-"""Models in this process: what goes in, what comes out, and what is refused."""
+"""Models in this process: inputs, results and errors."""
 
 import json
 import re
@@ -22,7 +22,7 @@ def tiny():
     return model()
 
 
-def test_a_bundled_model_gives_metres_labels_and_points_of_a_room():
+def test_a_bundled_model_gives_meters_labels_and_points_of_a_room():
     net = nunet.Model("wnet_c.onnx", provider="cpu")
     assert (net.size, net.architecture, net.trained, net.provider) == ((640, 480), "wnet_c", True, "cpu")
     assert net.path.is_file()
@@ -30,7 +30,7 @@ def test_a_bundled_model_gives_metres_labels_and_points_of_a_room():
     camera = nunet.Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
     result = net.infer(rgb, camera=camera)
     assert (result.depth.shape, result.depth.dtype) == ((480, 640), np.float32)
-    assert 0.5 < np.nanmedian(result.depth) < 10, "a bedroom is some metres deep"
+    assert 0.5 < np.nanmedian(result.depth) < 10, "a bedroom is some meters deep"
     assert (result.labels.shape, result.labels.dtype) == ((480, 640), np.uint8)
     assert result.labels.max() < len(result.class_names) and "floor" in result.class_names
     assert (result.units, result.scale_source) == ("metre", "focal_scaled")
@@ -49,7 +49,7 @@ def test_a_bundled_model_is_found_from_every_folder_and_a_bare_name_may_lack_its
     assert done.stdout.strip().endswith("wnet_c.onnx")
 
 
-def test_a_picture_of_the_networks_size_is_not_copied_and_any_other_is_resized(tiny):
+def test_an_image_of_the_networks_size_is_not_copied_and_any_other_is_resized(tiny):
     width, height = tiny.size
     for size in [(height, width), (2 * height, 2 * width), (7, 5), (1, 1), (300, 1000)]:
         result = tiny.infer(noise(*size))
@@ -71,7 +71,7 @@ def test_results_own_their_memory(tiny):
     assert first.depth.flags.c_contiguous and first.depth.flags.writeable
 
 
-def test_without_a_camera_metres_are_those_of_the_training_camera_and_a_camera_scales_them(tiny):
+def test_without_a_camera_meters_are_those_of_the_training_camera_and_a_camera_scales_them(tiny):
     rgb = noise(96, 128)
     assumed = tiny.infer(rgb)
     assert (assumed.scale_source, assumed.camera) == ("assumed_camera", None)
@@ -80,59 +80,58 @@ def test_without_a_camera_metres_are_those_of_the_training_camera_and_a_camera_s
     scaled = tiny.infer(rgb, camera=nunet.Camera(2 * fx, 2 * fx, 63.5, 47.5, (128, 96)))
     assert scaled.scale_source == "focal_scaled"
     np.testing.assert_allclose(scaled.depth, 2 * assumed.depth, rtol=1e-6)
-    assert tiny.infer(rgb).depth.tobytes() == assumed.depth.tobytes(), "a camera is for its picture alone"
+    assert tiny.infer(rgb).depth.tobytes() == assumed.depth.tobytes(), "a camera is for its image alone"
 
 
 def test_a_camera_of_another_size_fits_and_one_of_another_shape_does_not(tiny):
     rgb = noise(480, 640)
     small = nunet.Camera(260, 260, 160, 120, (320, 240))
     assert tiny.infer(rgb, camera=small).camera.fx == pytest.approx(260 * 128 / 320)
-    with pytest.raises(nunet.CameraError, match=r"`320x320` does not fit pictures of `640x480`.*\nhint: "):
+    with pytest.raises(nunet.CameraError, match=r"320x320.*640x480.*\nhint: "):
         tiny.infer(rgb, camera=nunet.Camera(260, 260, 160, 160, (320, 320)))
     with pytest.raises(TypeError, match=r"`camera` is .* expected a Camera") as error:
         tiny.infer(rgb, camera=(260, 260, 160, 120))
     hint_of(error)
 
 
-BAD_PICTURES = {
-    "none": (lambda rgb: None, TypeError, "np.asarray(rgb)"),
+BAD_IMAGES = {
+    "none": (lambda rgb: None, TypeError, "cv2.imread"),
+    "bytes": (lambda rgb: rgb.tobytes(), TypeError, "io.BytesIO(rgb)"),
+    "bytearray": (lambda rgb: bytearray(rgb.tobytes()), TypeError, "io.BytesIO(rgb)"),
+    "16 bits": (lambda rgb: rgb.astype(np.uint16), TypeError, "(rgb >> 8).astype(np.uint8)"),
+    "PIL of 16 bits": (lambda rgb: Image.fromarray(rgb[..., 0].astype(np.uint16)), TypeError, "mode `RGB`"),
     "list": (lambda rgb: rgb.tolist(), TypeError, "np.asarray(rgb)"),
-    "pil": (Image.fromarray, TypeError, "np.asarray(rgb)"),
     "float": (lambda rgb: rgb / np.float32(255), TypeError, "astype(np.uint8)"),
     "int64": (lambda rgb: rgb.astype(np.int64), TypeError, "astype(np.uint8)"),
     "bool": (lambda rgb: rgb > 0, TypeError, "astype(np.uint8)"),
     "object": (lambda rgb: rgb.astype(object), TypeError, "astype(np.uint8)"),
-    "grey": (lambda rgb: rgb[..., 0].copy(), ValueError, "np.repeat(rgb[..., None], 3, axis=2)"),
-    "grey with an axis": (lambda rgb: rgb[..., :1].copy(), ValueError, "np.repeat(rgb, 3, axis=2)"),
-    "alpha": (lambda rgb: np.dstack([rgb, rgb[..., 0]]), ValueError, "np.ascontiguousarray(rgb[..., :3])"),
+    "gray": (lambda rgb: rgb[..., 0].copy(), ValueError, "np.repeat(rgb[..., None], 3, axis=2)"),
+    "gray with an axis": (lambda rgb: rgb[..., :1].copy(), ValueError, "np.repeat(rgb, 3, axis=2)"),
+    "alpha": (lambda rgb: np.dstack([rgb, rgb[..., 0]]), ValueError, "`rgb[..., :3]`"),
     "channels first": (lambda rgb: rgb.transpose(2, 0, 1).copy(), ValueError, "rgb.transpose(1, 2, 0)"),
     "batch": (lambda rgb: rgb[None], ValueError, "rgb[0]"),
     "scalar": (lambda rgb: np.zeros((), np.uint8), ValueError, "expected (H, W, 3)"),
-    "empty": (lambda rgb: rgb[:0], ValueError, "sides are 1 to `32768`"),
-    "huge": (lambda rgb: np.zeros((1, 32769, 3), np.uint8), ValueError, "sides are 1 to `32768`"),
-    "upside down": (lambda rgb: rgb[::-1], ValueError, "np.ascontiguousarray(rgb)"),
-    "blue first": (lambda rgb: rgb[..., ::-1], ValueError, "np.ascontiguousarray(rgb)"),
-    "every second": (lambda rgb: rgb[:, ::2], ValueError, "np.ascontiguousarray(rgb)"),
-    "fortran": (np.asfortranarray, ValueError, "np.ascontiguousarray(rgb)"),
+    "empty": (lambda rgb: rgb[:0], ValueError, "32768"),
+    "huge": (lambda rgb: np.zeros((1, 32769, 3), np.uint8), ValueError, "32768"),
 }
 
 
-@pytest.mark.parametrize("change, kind, words", BAD_PICTURES.values(), ids=BAD_PICTURES)
-def test_a_picture_that_is_none_is_refused_with_what_to_call(tiny, change, kind, words):
+@pytest.mark.parametrize("change, kind, words", BAD_IMAGES.values(), ids=BAD_IMAGES)
+def test_an_object_that_is_not_an_image_is_refused_with_a_fix(tiny, change, kind, words):
     with pytest.raises(kind) as raised:
         tiny.infer(change(noise(96, 128)))
     assert words in hint_of(raised)
     assert tiny.infer(noise(96, 128)).depth.shape == (96, 128), "the model works on"
 
 
-def test_a_picture_that_may_not_be_written_is_fine(tiny):
+def test_a_read_only_image_is_accepted(tiny):
     rgb = noise(96, 128)
     expected = tiny.infer(rgb).depth
     rgb.flags.writeable = False
     assert tiny.infer(rgb).depth.tobytes() == expected.tobytes()
 
 
-def test_models_that_are_none_are_told_apart(tmp_path):
+def test_bad_models_raise_the_exception_of_their_kind(tmp_path):
     (tmp_path / "half.onnx").write_bytes(TINY.read_bytes()[:50_000])
     (tmp_path / "empty.onnx").touch()
     manifest = TINY.with_suffix(".toml").read_text().replace("segmentation.logits", "segmentation.nothing")
@@ -140,25 +139,25 @@ def test_models_that_are_none_are_told_apart(tmp_path):
         shutil.copy(TINY.with_name(f"tiny_wnet_c.{part}.onnx"), tmp_path)
     (tmp_path / "staged.toml").write_text(manifest)
     for name, kind, words in [
-        ("missing.onnx", FileNotFoundError, "no such file"),
-        ("half.onnx", nunet.ModelError, "cannot load the model"),
-        ("empty.onnx", nunet.ModelError, "is empty"),
+        ("missing.onnx", FileNotFoundError, r"missing\.onnx"),
+        ("half.onnx", nunet.ModelError, r"half\.onnx"),
+        ("empty.onnx", nunet.ModelError, r"empty\.onnx"),
         ("staged.toml", nunet.WiringError, "segmentation"),
     ]:
         with pytest.raises(kind, match=words):
             nunet.Model(tmp_path / name)
-    with pytest.raises(FileNotFoundError, match=r"\nhint: bundled models: .*wnet_c\.onnx"):
+    with pytest.raises(FileNotFoundError, match=r"\nhint: .*wnet_c\.onnx"):
         nunet.Model("wnet_d")
     assert issubclass(nunet.ModelError, nunet.NunetError) and issubclass(nunet.WiringError, nunet.NunetError)
 
 
-def test_options_that_are_none_are_refused():
-    with pytest.raises(ValueError, match="`provider` is `gpu`\nhint: one of auto, cpu, openvino"):
+def test_invalid_options_are_refused():
+    with pytest.raises(ValueError, match=r"`provider` is `gpu`; .*\nhint: pass one of auto, cpu, openvino"):
         nunet.Model(TINY, provider="gpu")
     for threads in (0, -1):
         with pytest.raises(ValueError, match=f"`threads` is `{threads}`; expected 1 or more\nhint: "):
             nunet.Model(TINY, threads=threads)
-    with pytest.raises(nunet.NunetError, match="provider `cuda` is not available"):
+    with pytest.raises(nunet.NunetError, match="`cuda`"):
         nunet.Model(TINY, provider="cuda")
     for name in (None, 3, b"\0"):
         with pytest.raises((TypeError, ValueError, OSError)) as error:
@@ -166,7 +165,7 @@ def test_options_that_are_none_are_refused():
         hint_of(error)
 
 
-def test_untrained_weights_are_warned_of():
+def test_untrained_weights_cause_a_warning():
     with pytest.warns(UserWarning, match="untrained weights"):
         nunet.Model(TINY, **ONE_THREAD)
 
@@ -179,12 +178,12 @@ def test_a_staged_graph_runs_as_the_fused_file(tiny):
     np.testing.assert_allclose(parts.depth, fused.depth, rtol=1e-5)
 
 
-def test_a_network_with_a_memory_remembers_what_follows_and_nothing_else():
+def test_a_recurrent_network_keeps_its_state_only_with_keep_state():
     net = model(RECURRENT)
-    pictures = [noise(96, 128, seed) for seed in range(3)]
-    alone = [net.infer(rgb).depth.tobytes() for rgb in pictures]
-    assert [net.infer(rgb).depth.tobytes() for rgb in pictures] == alone
-    stream = [net.infer(rgb, follows=bool(index)).depth.tobytes() for index, rgb in enumerate(pictures)]
+    images = [noise(96, 128, seed) for seed in range(3)]
+    alone = [net.infer(rgb).depth.tobytes() for rgb in images]
+    assert [net.infer(rgb).depth.tobytes() for rgb in images] == alone
+    stream = [net.infer(rgb, keep_state=bool(index)).depth.tobytes() for index, rgb in enumerate(images)]
     assert stream[0] == alone[0] and stream[1] != alone[1] and stream[2] != alone[2]
 
 
@@ -195,13 +194,13 @@ def test_metadata_is_what_inspect_prints(nunetd, tiny):
 
 
 def test_one_model_serves_several_threads_and_each_gets_its_own_answer(tiny):
-    pictures = [noise(96, 128, seed) for seed in range(4)]
-    expected = [tiny.infer(rgb).depth.tobytes() for rgb in pictures]
+    images = [noise(96, 128, seed) for seed in range(4)]
+    expected = [tiny.infer(rgb).depth.tobytes() for rgb in images]
     wrong = []
 
     def work(index):
         for _ in range(25):
-            if tiny.infer(pictures[index]).depth.tobytes() != expected[index]:
+            if tiny.infer(images[index]).depth.tobytes() != expected[index]:
                 wrong.append(index)
 
     threads = [threading.Thread(target=work, args=(index,)) for index in range(4)]
@@ -212,7 +211,7 @@ def test_one_model_serves_several_threads_and_each_gets_its_own_answer(tiny):
     assert not wrong
 
 
-def test_other_threads_run_while_a_picture_is_inferred():
+def test_other_threads_run_while_an_image_is_inferred():
     code = """
         import sys, threading, numpy as np, nunet_py as nunet
         net, inferring, ticks = nunet.Model("wnet_c", provider="cpu", threads=1), threading.Event(), []
@@ -255,10 +254,10 @@ def test_a_model_does_not_survive_a_fork_and_says_so():
     """
     done = run_python(code)
     assert done.returncode == 0, done.stderr
-    assert "was forked from it" in done.stdout and HINT.search(done.stdout)
+    assert "a fork of it" in done.stdout and HINT.search(done.stdout)
 
 
-def test_an_interpreter_ends_cleanly_with_living_results_and_a_thread_at_work():
+def test_an_interpreter_ends_cleanly_with_live_results_and_a_running_thread():
     code = f"""
         import threading, numpy as np, nunet_py as nunet
         net = nunet.Model({str(TINY)!r}, provider="cpu")
@@ -278,42 +277,42 @@ def test_an_interpreter_ends_cleanly_with_living_results_and_a_thread_at_work():
         assert (done.returncode, done.stdout, done.stderr) == (0, "(10, 128)\n", "")
 
 
-def test_a_thousand_pictures_leave_no_memory_and_no_reference_behind():
+def test_a_thousand_images_leak_neither_memory_nor_references():
     code = f"""
         import gc, os, sys, numpy as np, nunet_py as nunet
         net = nunet.Model({str(TINY)!r}, provider="cpu", threads=1)
-        pictures = [np.full((96, 128, 3), value, np.uint8) for value in range(5)]
+        images = [np.full((96, 128, 3), value, np.uint8) for value in range(5)]
         camera = nunet.Camera(128, 128, 64, 48, (128, 96))
         def resident():
             with open("/proc/self/statm") as file:
                 return int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE")
         def work(count):
             for index in range(count):
-                result = net.infer(pictures[index % 5], camera=camera if index % 2 else None)
+                result = net.infer(images[index % 5], camera=camera if index % 2 else None)
                 result.cloud().valid()
                 nunet.colorize(result.depth)
                 try:
-                    net.infer(pictures[0][::-1])
+                    net.infer(images[0][0])
                 except ValueError:
                     pass
         work(200)
         gc.collect()
-        before, counts = resident(), [sys.getrefcount(x) for x in (net, camera, *pictures, net.class_names)]
+        before, counts = resident(), [sys.getrefcount(x) for x in (net, camera, *images, net.class_names)]
         objects = len(gc.get_objects())
         work(1000)
         gc.collect()
-        after = [sys.getrefcount(x) for x in (net, camera, *pictures, net.class_names)]
+        after = [sys.getrefcount(x) for x in (net, camera, *images, net.class_names)]
         assert after == counts, (counts, after)
         assert len(gc.get_objects()) - objects < 50
         print(resident() - before)
     """
     done = run_python(code)
     assert done.returncode == 0, done.stderr
-    # A picture's results take 0.4 MB: a leak of one in a hundred would show.
+    # An image's results take 0.4 MB: a leak of one in a hundred would show.
     assert int(done.stdout) < 2_000_000
 
 
-def test_reprs_say_what_a_thing_is(tiny):
+def test_reprs_describe_their_objects(tiny):
     assert repr(tiny).startswith("Model('") and "untrained" in repr(tiny) and "128x96" in repr(tiny)
     result = tiny.infer(noise(96, 128))
     assert repr(result).startswith("Result(128x96, units='metre', scale_source='assumed_camera'")
@@ -322,6 +321,6 @@ def test_reprs_say_what_a_thing_is(tiny):
 
 def test_the_bundled_models_are_those_of_the_repository():
     bundled = {path.name: path.read_bytes() for path in (Path(nunet.__file__).parent / "models").iterdir()}
-    assert "wnet_c.onnx" in bundled
+    assert set(bundled) == {"wnet_c.onnx", "unet.onnx"}
     for name, content in bundled.items():
         assert content == (ROOT / "models" / name).read_bytes(), name

@@ -40,13 +40,13 @@ def test_a_recording_gives_what_nunetd_replay_gives(nunetd, tmp_path, form, file
     out = tmp_path / "out.mcap"
     expected = replayed_by_nunetd(nunetd, bag, out, file)
     assert hash_of(nunet.replay(bag, model(file))) == expected
-    if form == "png":  # pictures that came raw were recorded as JPEG
+    if form == "png":  # images that came raw were recorded as JPEG
         assert hash_of(nunet.replay(out, model(file))) == expected, "our own recordings are read too"
 
 
-def test_results_say_where_and_when_their_pictures_were_taken(tmp_path, tiny):
+def test_results_have_the_time_and_the_topic_of_their_images(tmp_path, tiny):
     replay = nunet.replay(make_bag(tmp_path / "bag", "png"), tiny)
-    assert (replay.topic, replay.pictures) == ("/eye/image_raw/compressed", FRAMES)
+    assert (replay.topic, replay.images) == ("/eye/image_raw/compressed", FRAMES)
     results = list(replay)
     assert [result.sequence for result in results] == list(range(FRAMES))
     assert [result.capture_nanos for result in results] == [FIRST_NANOS + i * PERIOD_NANOS for i in range(FRAMES)]
@@ -54,10 +54,10 @@ def test_results_say_where_and_when_their_pictures_were_taken(tmp_path, tiny):
     camera = results[0].camera
     assert (camera.fx, camera.size) == (pytest.approx(K[0] * 128 / 640), (128, 96))
     assert {result.scale_source for result in results} == {"focal_scaled"}
-    assert list(replay) == [], "a recording that is over stays over"
+    assert list(replay) == [], "a recording that has ended stays ended"
 
 
-def test_nothing_is_computed_before_it_is_asked_for(tmp_path, tiny):
+def test_images_are_processed_on_demand(tmp_path, tiny):
     replay = nunet.replay(make_bag(tmp_path / "bag", "png"), tiny)
     first = next(replay)
     later = tiny.infer(np.zeros((96, 128, 3), np.uint8))
@@ -65,7 +65,7 @@ def test_nothing_is_computed_before_it_is_asked_for(tmp_path, tiny):
     assert (first.sequence, later.sequence, second.sequence) == (0, None, 1)
 
 
-def test_a_memory_begins_anew_where_another_picture_came_in_between(tmp_path):
+def test_another_image_in_between_resets_the_state(tmp_path):
     net = model(RECURRENT)
     bag = make_bag(tmp_path / "bag", "png")
     stream = [result.depth.tobytes() for result in nunet.replay(bag, net)]
@@ -78,7 +78,7 @@ def test_a_memory_begins_anew_where_another_picture_came_in_between(tmp_path):
     assert alone.sequence is None
 
 
-def test_a_camera_given_comes_before_that_of_the_recording(tmp_path, tiny):
+def test_the_camera_argument_overrides_that_of_the_recording(tmp_path, tiny):
     bag = make_bag(tmp_path / "bag", "png")
     camera = nunet.Camera(1050, 1052, 640, 480, (1280, 960))
     own, given = (next(nunet.replay(bag, tiny, camera=c)) for c in (None, camera))
@@ -86,10 +86,10 @@ def test_a_camera_given_comes_before_that_of_the_recording(tmp_path, tiny):
     with pytest.warns(UserWarning) as warnings:
         assert list(nunet.replay(bag, tiny, camera=nunet.Camera(100, 100, 50, 50, (100, 100)))) == []
     assert len(warnings) == FRAMES
-    assert re.search("picture 0 of .* is lost: .* does not fit", str(warnings[0].message))
+    assert re.search("cannot read image 0 of .*100x100", str(warnings[0].message))
 
 
-def test_a_damaged_recording_gives_every_complete_picture_and_then_an_error(tmp_path, tiny):
+def test_a_damaged_recording_yields_every_complete_image_and_then_an_error(tmp_path, tiny):
     whole = make_bag(tmp_path / "bag", "rgb8").read_bytes()
     expected = [result.depth.tobytes() for result in nunet.replay(make_bag(tmp_path / "again", "rgb8"), tiny)]
     cut = tmp_path / "cut.mcap"
@@ -97,7 +97,7 @@ def test_a_damaged_recording_gives_every_complete_picture_and_then_an_error(tmp_
     for share in (0.3, 0.6, 0.9):
         cut.write_bytes(whole[: int(len(whole) * share)])
         replay, got = nunet.replay(cut, tiny), []
-        with pytest.raises(nunet.NunetError, match="damaged or cut off: every message before was read"):
+        with pytest.raises(nunet.NunetError, match=r"cut\.mcap|cut off|damaged"):
             for result in replay:
                 got.append(result.depth.tobytes())
         assert got == expected[: len(got)]
@@ -106,14 +106,14 @@ def test_a_damaged_recording_gives_every_complete_picture_and_then_an_error(tmp_
     assert len(counts) == 3, "what lies before the cut is given"
 
 
-def test_recordings_that_are_none_are_told_apart(tmp_path, tiny):
+def test_bad_recordings_raise_the_exception_of_their_kind(tmp_path, tiny):
     text = tmp_path / "text.mcap"
     text.write_text("no recording")
-    with pytest.raises(nunet.NunetError, match="is no MCAP file"):
+    with pytest.raises(nunet.NunetError, match="MCAP"):
         nunet.replay(text, tiny)
-    with pytest.raises(FileNotFoundError, match="cannot open the recording"):
+    with pytest.raises(FileNotFoundError, match=r"missing\.mcap"):
         nunet.replay(tmp_path / "missing.mcap", tiny)
-    with pytest.raises(ValueError, match="has no topic `/nose`\nhint: it has "):
+    with pytest.raises(ValueError, match=r"`/nose`.*\nhint: "):
         nunet.replay(make_bag(tmp_path / "bag", "png"), tiny, topic="/nose")
     with pytest.raises(TypeError, match=r"`model` is `'wnet_c\.onnx'`; expected a Model") as error:
         nunet.replay(text, "wnet_c.onnx")
@@ -121,7 +121,7 @@ def test_recordings_that_are_none_are_told_apart(tmp_path, tiny):
 
 
 def test_ctrl_c_ends_a_replay(tmp_path):
-    """The signal comes between two pictures, or while one is computed."""
+    """The signal comes between two images, or while one is computed."""
     bag = make_bag(tmp_path / "bag", "png")
     code = """
 import os, signal, sys, threading, nunet_py as nunet

@@ -6,12 +6,12 @@ import subprocess
 import sys
 
 import nunet_py as nunet
-from streaming import PATIENCE, daemon, unique_name
+from streaming import TIMEOUT, daemon, unique_name
 
 ROOT = pathlib.Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples" / "python"
 
-# A camera that gives grey pictures, each brighter, until it is unplugged; they are written where OpenCV would.
+# A camera that returns gray images of increasing brightness until it is unplugged, written where OpenCV would write.
 FAKE_CV2 = """
 import os, pathlib, time
 import numpy as np
@@ -38,16 +38,16 @@ class VideoCapture:
 """
 
 
-def test_subscribe_prints_a_line_a_frame(camera):
+def test_subscribe_prints_one_line_per_frame(camera):
     command = [sys.executable, EXAMPLES / "subscribe.py", camera, "3"]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert ended.returncode == 0, ended.stderr
     lines = ended.stdout.splitlines()
     assert len(lines) == 3
-    assert all(" ms old, centre " in line and line.startswith("frame ") for line in lines)
+    assert all(" ms old, center " in line and line.startswith("frame ") for line in lines)
 
 
-def test_subscribe_says_what_to_do_when_its_daemon_dies(nunetd):
+def test_subscribe_prints_a_hint_when_its_daemon_dies(nunetd):
     name = unique_name()
     with daemon(nunetd, name, "--rate", "30") as process:
         command = [sys.executable, EXAMPLES / "subscribe.py", name]
@@ -60,7 +60,7 @@ def test_subscribe_says_what_to_do_when_its_daemon_dies(nunetd):
     assert error.startswith("subscribe: no frame of camera") and "\nhint: " in error
 
 
-def test_publish_webcam_sends_every_picture_of_the_camera(tmp_path):
+def test_publish_webcam_sends_every_image_of_the_camera(tmp_path):
     (tmp_path / "cv2.py").write_text(FAKE_CV2)
     name = unique_name()
     command = [sys.executable, EXAMPLES / "publish_webcam.py", name]
@@ -69,7 +69,7 @@ def test_publish_webcam_sends_every_picture_of_the_camera(tmp_path):
     example = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     try:
         assert example.stdout.readline() == f"64x48 on `{name}`\n"
-        with nunet.subscribe(name, topics=["rgb"], timeout=PATIENCE) as frames:
+        with nunet.subscribe(name, topics=["rgb"], timeout=TIMEOUT) as frames:
             for _ in range(5):
                 frame = frames.next()
                 assert (frame.rgb == frame.sequence % 256).all() and frame.header.encoding == "bgr8"

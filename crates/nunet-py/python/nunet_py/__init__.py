@@ -1,18 +1,19 @@
-"""Depth, labels and point clouds from one colour camera.
+"""Depth, semantic labels and point clouds from one color camera.
 
 >>> import nunet_py as nunet
 >>> model = nunet.Model("wnet_c.onnx")
->>> result = model.infer(rgb)        # uint8 (H, W, 3)
->>> result.depth                     # float32 (H, W), metres, NaN where there is none
->>> result.cloud().points            # float32 (H, W, 3)
+>>> result = model.infer("room.jpg")  # or uint8 (H, W, 3), or a PIL image
+>>> result.depth                      # float32 (H, W), meters, NaN where there is no depth
+>>> result.cloud().points             # float32 (H, W, 3)
 
-`Model` runs the pipeline of `nunetd` in this process, `replay` takes recordings through it, `Camera` says what is known
-of the lens, `colorize` paints depth. `subscribe` reads what a running `nunetd` publishes, and `publisher` feeds it
-pictures, both in shared memory without a copy. The command `nunetd` is `python -m nunet_py` as well.
+`Model` runs the pipeline of `nunetd` in this process, and `replay` runs recordings through it. `Camera` holds
+intrinsics and distortion, `colorize` colors a depth map. `subscribe` reads the topics of a running `nunetd`, and
+`publisher` sends images to it, both through shared memory without a copy. The command `nunetd` is also
+`python -m nunet_py`.
 """
 
-# Nothing heavy is imported here, not even numpy: the child process that tests a new model file starts with this
-# module, within limits of memory that numpy's threads alone may reach on a large machine.
+# Nothing large is imported here, not even numpy: the child process that checks a new model file imports this module,
+# and the threads of numpy alone may reach its memory limit on a large machine.
 
 from __future__ import annotations
 
@@ -70,8 +71,8 @@ __all__ = [
     "subscribe",
 ]
 
-# Before the first model opens ONNX Runtime's library, which otherwise reports to its vendor. `os.environ` also writes the
-# C library's environment, which ONNX Runtime reads. Only 0 allows telemetry; any other value becomes 1.
+# Before the first model opens ONNX Runtime's library, which otherwise reports to its vendor. `os.environ` also writes
+# the C library's environment, which ONNX Runtime reads. Only 0 allows telemetry; any other value becomes 1.
 if os.environ.get("ORT_DISABLE_TELEMETRY") != "0":
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
@@ -79,13 +80,13 @@ _PACKAGE = Path(__file__).absolute().parent
 
 
 def _library_folders() -> list[Path]:
-    """Where the package onnxruntime keeps its shared library; the package itself is not imported."""
+    """The folder with the shared library of the package onnxruntime, which is not imported itself."""
     spec = find_spec("onnxruntime")
     return [Path(folder) / "capi" for folder in (spec.submodule_search_locations if spec else None) or []]
 
 
 _native.describe_installation(
-    # By its path: the working directory, which `-m` would search first, may hold files with the names of modules.
+    # By path: `-m` would search the working directory first, which may hold files with the names of modules.
     command=[sys.executable or "", str(_PACKAGE / "__main__.py")],
     model_folders=[_PACKAGE / "models"],
     library_folders=_library_folders(),

@@ -7,15 +7,15 @@ import sys
 from pathlib import Path
 
 if not __package__:
-    # Started by its path: what is beside the package is importable, what is in it is not.
+    # Started by its path: make the package importable instead of the files in it.
     sys.path[0] = str(Path(__file__).absolute().parent.parent)
 
 from nunet_py import _native
 
 
 def main() -> None:
-    """Run the command line and end with its exit code."""
-    # Python's handler would only note Ctrl-C for an interpreter that is not running; nunetd's own ends it in order.
+    """Run the command line and exit with its code."""
+    # Python handles Ctrl-C only while the interpreter runs. nunetd handles it itself.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(_native.command(["nunetd", *sys.argv[1:]]))
 

@@ -1,4 +1,4 @@
-//! Frames as they come, for whichever thread takes its turn.
+//! The frames of a subscriber, which threads take in turn.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -7,10 +7,12 @@ use nunet_ipc::{CameraName, FrameSet, IpcError, Owners, Reader, StatsRecord, Top
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 
-/// Where the feed lies while no thread uses it. It is taken away to be used, so that nothing is locked while Python
-/// code (a handler of a signal) may run.
+use crate::error::hinted;
+
+/// The feed while no thread uses it. A thread takes it out instead of locking it, because Python code (a signal handler)
+/// may run meanwhile.
 #[derive(Debug)]
-pub(super) struct Desk {
+pub(super) struct SharedFeed {
     state: Mutex<State>,
     returned: Condvar,
 }
@@ -18,11 +20,12 @@ pub(super) struct Desk {
 #[derive(Debug)]
 struct State {
     feed: Option<Feed>,
-    // For who asks while a thread uses the feed. Gone when it is closed: it keeps the topics open.
+    /// For callers that ask while a thread uses the feed. Dropped on closing, because it keeps the topics open.
     owners: Option<Owners>,
     closed: bool,
 }
 
+/// An open reader.
 #[derive(Debug)]
 pub(super) struct Feed {
     reader: Reader,
@@ -30,33 +33,33 @@ pub(super) struct Feed {
     stats: Option<StatsRecord>,
 }
 
-/// What came.
+/// A received frame.
 pub(super) struct Arrival {
     pub(super) set: Option<FrameSet>,
     pub(super) stats: Option<StatsRecord>,
 }
 
-/// What a look at the desk finds.
-pub(super) enum Found {
+/// The outcome of [`SharedFeed::take`].
+pub(super) enum Taken {
     Feed(Box<Feed>),
     /// Another thread uses it.
     Busy,
     Closed,
 }
 
-impl Desk {
+impl SharedFeed {
     pub(super) fn new(feed: Feed) -> Self {
         let owners = Some(feed.reader.owners());
         let state = State { feed: Some(feed), owners, closed: false };
         Self { state: Mutex::new(state), returned: Condvar::new() }
     }
 
-    /// Whether it was closed.
+    /// Whether it is closed.
     pub(super) fn is_closed(&self) -> bool {
         self.state().closed
     }
 
-    /// Who publishes; `None` when it was closed.
+    /// The publishers of the topics; `None` after closing.
     pub(super) fn owners(&self) -> Option<Owners> {
         self.state().owners.clone()
     }
@@ -65,20 +68,20 @@ impl Desk {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the feed; waits a moment for the thread that has it.
-    pub(super) fn take(&self, patience: Duration) -> Found {
+    /// Takes the feed. Waits up to `timeout` for another thread that has it.
+    pub(super) fn take(&self, timeout: Duration) -> Taken {
         let waits = |state: &mut State| !state.closed && state.feed.is_none();
         let (mut state, _) = self
             .returned
-            .wait_timeout_while(self.state(), patience, waits)
+            .wait_timeout_while(self.state(), timeout, waits)
             .unwrap_or_else(PoisonError::into_inner);
         if state.closed {
-            return Found::Closed;
+            return Taken::Closed;
         }
-        state.feed.take().map_or(Found::Busy, |feed| Found::Feed(Box::new(feed)))
+        state.feed.take().map_or(Taken::Busy, |feed| Taken::Feed(Box::new(feed)))
     }
 
-    /// Ends it. The thread that uses the feed drops it, soon.
+    /// Closes it. A thread that uses the feed drops it soon.
     pub(super) fn close(&self) {
         let feed = {
             let mut state = self.state();
@@ -90,26 +93,26 @@ impl Desk {
     }
 }
 
-/// The feed, on loan from the desk.
-pub(super) struct Turn<'a> {
-    desk: &'a Desk,
+/// The feed while one thread uses it. Dropping it returns the feed.
+pub(super) struct BorrowedFeed<'a> {
+    shared: &'a SharedFeed,
     pub(super) feed: Option<Box<Feed>>,
 }
 
-impl<'a> Turn<'a> {
-    pub(super) fn new(desk: &'a Desk, feed: Box<Feed>) -> Self {
-        Self { desk, feed: Some(feed) }
+impl<'a> BorrowedFeed<'a> {
+    pub(super) fn new(shared: &'a SharedFeed, feed: Box<Feed>) -> Self {
+        Self { shared, feed: Some(feed) }
     }
 }
 
-impl Drop for Turn<'_> {
+impl Drop for BorrowedFeed<'_> {
     fn drop(&mut self) {
-        let mut state = self.desk.state();
+        let mut state = self.shared.state();
         if !state.closed {
             state.feed = self.feed.take().map(|feed| *feed);
         }
         drop(state);
-        self.desk.returned.notify_one();
+        self.shared.returned.notify_one();
     }
 }
 
@@ -118,15 +121,15 @@ impl Feed {
         Self { reader, topics, stats: None }
     }
 
-    /// What is new, looking twice: now, and after waiting.
-    pub(super) fn look(&mut self, patience: Duration) -> Result<Option<Arrival>, IpcError> {
+    /// The newest frame that is complete and was not returned yet. Waits up to `timeout` for one.
+    pub(super) fn look(&mut self, timeout: Duration) -> Result<Option<Arrival>, IpcError> {
         if let Some(arrival) = self.newest()? {
             return Ok(Some(arrival));
         }
-        if patience.is_zero() {
+        if timeout.is_zero() {
             return Ok(None);
         }
-        self.reader.wait(patience)?; // a hint: look whatever it says
+        self.reader.wait(timeout)?; // events are a hint: look in any case
         self.newest()
     }
 
@@ -138,7 +141,7 @@ impl Feed {
             fresh = true;
         }
         if wants_stats && self.stats.is_none() {
-            return Ok(None); // a frame without the figures would not be complete
+            return Ok(None); // the frame would be incomplete
         }
         if self.topics == [Topic::Stats] {
             return Ok(fresh.then_some(Arrival { set: None, stats: self.stats }));
@@ -147,33 +150,32 @@ impl Feed {
         Ok(self.reader.next_set()?.map(|set| Arrival { set: Some(set), stats }))
     }
 
-    /// Why nothing comes, and what to do.
-    pub(super) fn silence(&self, camera: &CameraName, patience: Option<Duration>) -> PyErr {
+    /// The exception for a timeout: which publisher is silent, dead or missing, and what to do.
+    pub(super) fn timeout_error(&self, camera: &CameraName, timeout: Option<Duration>) -> PyErr {
         let names: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
-        let mut why = "it sends nothing".to_owned();
+        let mut why = "nothing was published".to_owned();
         let mut hint = format!(
-            "its source may stand still (`nunetd watch {camera}` shows it); a slow network wants a longer timeout"
+            "look at the source with `nunetd watch {camera}`, or pass a longer timeout for a slow network"
         );
         for topic in &self.topics {
             match self.reader.owner(*topic) {
                 Ok(Some(owner)) if owner.alive => {
-                    why = format!("process {} publishes it, but sends nothing new", owner.pid);
+                    why = format!("process {} publishes it, but has sent nothing new", owner.pid);
                     continue;
                 }
                 Ok(Some(owner)) => {
                     why = format!("process {}, which published `{topic}`, is dead", owner.pid);
                 }
-                _ => why = format!("nobody publishes `{topic}` any more"),
+                _ => why = format!("`{topic}` is no longer published"),
             }
-            hint = format!(
-                "start it again (`nunetd --camera {camera}`): this subscriber goes on with its frames by itself"
-            );
+            hint = format!("start it again, `nunetd --camera {camera}`: this subscriber then continues");
             break;
         }
-        let seconds = patience.unwrap_or_default().as_secs_f64();
-        PyTimeoutError::new_err(format!(
-            "no frame of camera `{camera}` ({}) in {seconds} s: {why}\nhint: {hint}",
-            names.join(", ")
-        ))
+        let seconds = timeout.unwrap_or_default().as_secs_f64();
+        let topics = names.join(", ");
+        hinted::<PyTimeoutError>(
+            format!("no frame of camera `{camera}` ({topics}) within {seconds} s: {why}"),
+            hint,
+        )
     }
 }

@@ -1,27 +1,29 @@
-//! The topics of one frame that belong together.
+//! One frame: its topics, joined by sequence number.
 
 use nunet_daemon::embed;
 use nunet_ipc::{CloudPoint, Encoding, Topic, monotonic_nanos, unix_nanos};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::figures::Stats;
-use super::header::{FrameHeader, unknown};
-use super::sample::{Sample, element, plane};
-use super::view::{Shape, array};
+use super::header::{FrameHeader, VIOLATION, unknown};
+use super::sample::{Grid, Sample, element, plane};
+use super::stats::Stats;
 use crate::camera::Camera;
 use crate::cloud::Cloud;
-use crate::error::{NunetError, failure};
+use crate::error::{NunetError, failure, hinted};
+use crate::memory::{Shape, array};
 
-/// One frame of a camera: the topics that were asked for, all of one sequence number and one time of capture.
+/// One frame of a camera: the subscribed topics, all with the same sequence number and capture time.
 ///
-/// Arrays are read-only numpy views of shared memory: nothing is copied. They keep their message alive after the
-/// loop has moved on, the subscriber was closed and the daemon has ended. One reader may hold few messages (two,
-/// unless the daemon says otherwise), so copy what must live long: `frame.depth.copy()`. torch takes them without a
-/// copy (`torch.from_dlpack`, `torch.from_numpy`), but knows no read-only tensors: writing to one in place ends
-/// this process, so `clone()` it first. JAX, whose arrays never change, takes the depth of the frame itself:
-/// `jax.numpy.from_dlpack(frame)`, without a copy too. Frames and their arrays may be handed to other threads, but a fork must not
-/// rely on them.
+/// Arrays are read-only numpy views of shared memory: nothing is copied. They stay valid after the loop has moved on, the
+/// subscriber was closed or the daemon has ended. A subscriber can hold few messages at a time (two by default), so copy
+/// what must live long: `frame.depth.copy()`.
+///
+/// torch takes the arrays without a copy (`torch.from_dlpack`, `torch.from_numpy`), but ignores that they are read-only:
+/// writing to such a tensor crashes the process, so `clone()` it first. JAX takes the depth from the frame itself without
+/// a copy: `jax.numpy.from_dlpack(frame)`.
+///
+/// Frames and their arrays can be passed to other threads. A forked process must not use them.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Frame {
@@ -43,7 +45,7 @@ impl Frame {
         self.find(topic).map(|sample| sample.bind(py)).ok_or_else(|| self.missing(topic))
     }
 
-    /// The sample of a topic whose payload must be laid out in this way.
+    /// The message of a topic, which must have this encoding.
     fn encoded<'py>(
         &self,
         py: Python<'py>,
@@ -55,26 +57,25 @@ impl Frame {
         if found == expected {
             return Ok(sample);
         }
-        Err(NunetError::new_err(format!(
-            "topic `{topic}` carries `{found}`, but expected `{expected}`\n\
-             hint: the sender does not keep to the contract"
-        )))
+        let text = format!("topic `{topic}` has the encoding `{found}`; expected `{expected}`");
+        Err(hinted::<NunetError>(text, VIOLATION))
     }
 
     fn missing(&self, topic: Topic) -> PyErr {
         let has: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
-        NunetError::new_err(format!(
-            "this frame has no `{topic}`, only {}\nhint: subscribe with `{topic}` among the topics",
-            has.join(", ")
-        ))
+        hinted::<NunetError>(
+            format!("this frame has no `{topic}`, only {}", has.join(", ")),
+            format!("add `{topic}` to the topics of `subscribe`"),
+        )
     }
 
-    /// The message that speaks for the frame: depth's, else the first.
+    /// The header of depth, else of the first topic.
     fn lead(&self) -> PyResult<&nunet_ipc::FrameHeader> {
         let lead = self.find(Topic::Depth).or(self.samples.first());
         lead.map(|sample| sample.get().header()).ok_or_else(|| {
-            NunetError::new_err(
-                "this frame has figures and no message\nhint: subscribe to another topic beside `stats`",
+            hinted::<NunetError>(
+                "this frame has only `stats`, which has no header",
+                "subscribe to another topic too",
             )
         })
     }
@@ -82,14 +83,14 @@ impl Frame {
 
 #[pymethods]
 impl Frame {
-    /// float32 (H, W): depth in `header.units` (metres, unless the network knows no scale), rows from the top; NaN
-    /// where there is none. A read-only view of shared memory.
+    /// float32 (H, W): depth in `header.units`, rows from the top; NaN where there is no depth. A read-only view of shared
+    /// memory.
     #[getter]
     fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plane::<f32>(self.encoded(py, Topic::Depth, Encoding::DepthF32)?, size_of::<f32>(), 0)
     }
 
-    /// `depth`, as `numpy.asarray(frame)` gives it.
+    /// `depth`, for `numpy.asarray(frame)`.
     #[pyo3(signature = (*arguments, **named))]
     fn __array__<'py>(
         &self,
@@ -100,8 +101,8 @@ impl Frame {
         self.depth(py)?.call_method("__array__", arguments, named)
     }
 
-    /// `depth` without a copy, for consumers of any version of DLPack. numpy's own arrays refuse those that cannot be
-    /// told of read-only memory, as JAX, which writes to none.
+    /// `depth` without a copy, for consumers of any DLPack version. numpy's own arrays refuse consumers of versions before
+    /// 1.0, such as JAX, because those cannot learn that the memory is read-only.
     #[pyo3(signature = (**named))]
     fn __dlpack__<'py>(
         &self,
@@ -114,7 +115,7 @@ impl Frame {
         depth.call_method("__dlpack__", (), named)
     }
 
-    /// The device of `depth`: the processor's memory.
+    /// The device of `depth`: CPU memory.
     fn __dlpack_device__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.depth(py)?.call_method0("__dlpack_device__")
     }
@@ -125,8 +126,8 @@ impl Frame {
         plane::<u8>(self.encoded(py, Topic::Labels, Encoding::LabelsU8)?, 1, 0)
     }
 
-    /// The organised point cloud: its `points`, `labels` and `colors` are read-only views of shared memory, with strides
-    /// of 16 bytes. `colors` runs backwards over blue, green, red, which torch takes only as a copy.
+    /// The organized point cloud. Its `points`, `labels` and `colors` are read-only views of shared memory with strides of
+    /// 16 bytes. `colors` has a negative stride (the memory holds BGR), so torch needs a copy.
     #[getter]
     fn cloud(&self, py: Python<'_>) -> PyResult<Cloud> {
         const BYTES: usize = size_of::<CloudPoint>();
@@ -138,13 +139,14 @@ impl Frame {
             array(sample, element::<f32>(py), points)?.cast_into()?,
             plane::<u8>(sample, BYTES, std::mem::offset_of!(CloudPoint, label))?.cast_into()?,
             array(sample, element::<u8>(py), colors)?.cast_into()?,
+            sample.get().header().units().map_err(unknown)?.name(),
         ))
     }
 
-    /// uint8 (H, W, 3): the camera's picture, red, green, blue. A read-only view of shared memory, whether the camera
-    /// sends `rgb8`, `bgr8` (a view that runs backwards) or `mono8` (one byte seen three times).
+    /// uint8 (H, W, 3): the camera's image as RGB. A read-only view of shared memory for the encodings `rgb8`, `bgr8` (with
+    /// a negative stride) and `mono8` (with a stride of 0).
     ///
-    /// Raises `NunetError` for `yuyv` and `nv12`, which no view makes RGB: see `picture`.
+    /// Raises `NunetError` for `yuyv` and `nv12`, which must be converted: see `image`.
     #[getter]
     fn rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let sample = self.sample(py, Topic::Rgb)?;
@@ -154,23 +156,23 @@ impl Frame {
             Encoding::Bgr8 => message.grid(3)?.triples(3, 2, -1),
             Encoding::Mono8 => message.grid(1)?.triples(1, 0, 0),
             other => {
-                return Err(NunetError::new_err(format!(
-                    "the camera sends `{other}`, which must be converted to be RGB\n\
-                     hint: take `frame.picture` and convert it, for example with cv2.cvtColor"
-                )));
+                return Err(hinted::<NunetError>(
+                    format!("the camera sends `{other}`, which must be converted to RGB"),
+                    "convert `frame.image`, for example with `cv2.cvtColor`",
+                ));
             }
         };
         array(sample, element::<u8>(py), shape)
     }
 
-    /// uint8: the camera's picture as it is sent, a read-only view of shared memory. (H, W, 3) for `rgb8` and `bgr8`,
-    /// (H, W) for `mono8`, (H, W, 2) for `yuyv`, (H + H / 2, W) for `nv12`; of the last two W is rounded up to an even
-    /// number, and so is H / 2.
+    /// uint8: the camera's image as it was sent, a read-only view of shared memory. (H, W, 3) for `rgb8` and `bgr8`, (H, W)
+    /// for `mono8`, (H, W, 2) for `yuyv`, (H + H / 2, W) for `nv12`. For the last two, W is rounded up to an even number and
+    /// H / 2 is rounded up.
     #[getter]
-    fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn image<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let sample = self.sample(py, Topic::Rgb)?;
         let message = sample.get();
-        let planar = |grid: super::sample::Grid| grid.plane(1, 0);
+        let planar = |grid: Grid| grid.plane(1, 0);
         match message.header().encoding().map_err(unknown)? {
             Encoding::Rgb8 | Encoding::Bgr8 => {
                 array(sample, element::<u8>(py), message.grid(3)?.triples(3, 0, 1))
@@ -187,25 +189,26 @@ impl Frame {
                 let lengths = [grid.rows, grid.columns, 2];
                 array(sample, element::<u8>(py), Shape { lengths, strides: [grid.stride, 2, 1], offset: 0 })
             }
-            other => Err(NunetError::new_err(format!(
-                "topic `rgb` carries `{other}`, which is no picture\nhint: the sender does not keep to the contract"
-            ))),
+            other => {
+                let text = format!("topic `rgb` has the encoding `{other}`, which is not one of images");
+                Err(hinted::<NunetError>(text, VIOLATION))
+            }
         }
     }
 
-    /// The daemon's figures when the frame came; they count the frame before it, or this one.
+    /// The daemon's statistics when the frame arrived. They may not include the frame itself.
     #[getter]
     fn stats(&self) -> PyResult<Stats> {
         self.stats.clone().ok_or_else(|| self.missing(Topic::Stats))
     }
 
-    /// What the frame says about itself: the header of depth, or of the first topic when depth was not asked for.
+    /// The header of depth, or of the first topic if depth was not subscribed to.
     #[getter]
     fn header(&self) -> PyResult<FrameHeader> {
         FrameHeader::read(self.lead()?)
     }
 
-    /// The header of each topic by its name.
+    /// The header of each topic, by the topic's name.
     #[getter]
     fn headers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let headers = PyDict::new(py);
@@ -216,26 +219,26 @@ impl Frame {
         Ok(headers)
     }
 
-    /// The camera, at the size of this frame's depth; `None` where its publisher does not know it.
+    /// The camera at the size of `header`; `None` if it is unknown.
     #[getter]
     fn camera(&self) -> PyResult<Option<Camera>> {
         Ok(embed::camera_of(self.lead()?).map_err(|error| failure(&error))?.map(Camera))
     }
 
-    /// The topics that were asked for.
+    /// The subscribed topics.
     #[getter]
     fn topics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.topics.iter().map(|topic| topic.name()))
     }
 
-    /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
+    /// Number of the frame: equal in all topics of a frame. It increases from an arbitrary start.
     #[getter]
     fn sequence(&self) -> PyResult<u64> {
         Ok(self.lead()?.sequence)
     }
 
-    /// Seconds since the picture was taken: by the monotonic clock where the camera uses it, else by the time of day.
-    /// Where neither is known, seconds since the frame was sent.
+    /// Seconds since the image was captured, by the monotonic clock if the camera uses it, else by the wall clock. If the
+    /// capture time is unknown, seconds since the frame was sent.
     #[getter]
     fn age(&self) -> PyResult<f64> {
         let header = self.lead()?;
@@ -252,7 +255,7 @@ impl Frame {
     }
 }
 
-/// The same array without the mark that it is read-only, for nobody but a capsule: its memory is read-only all the same.
+/// The same array without the read-only flag, for a DLPack capsule alone: its memory is read-only all the same.
 fn unmarked<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = array.py();
     let interface = array.getattr("__array_interface__")?;
@@ -261,6 +264,6 @@ fn unmarked<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let named = PyDict::new(py);
     named.set_item("__array_interface__", interface)?;
     named.set_item("owner", array)?;
-    let bearer = py.import("types")?.getattr("SimpleNamespace")?.call((), Some(&named))?;
-    py.import("numpy")?.call_method1("asarray", (bearer,))
+    let carrier = py.import("types")?.getattr("SimpleNamespace")?.call((), Some(&named))?;
+    py.import("numpy")?.call_method1("asarray", (carrier,))
 }

@@ -1,73 +1,79 @@
-//! What a message says about itself.
+//! The header of a message.
 
 use nunet_ipc::UnknownValue;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::NunetError;
+use crate::error::{NunetError, hinted};
 
-/// What a message says about itself: the fields of the shared-memory contract, words as `str`.
+/// The hint for a message that violates the contract.
+pub(super) const VIOLATION: &str = "update the sender: it violates the shared-memory contract";
+
+/// The header of a message: the fields of the shared-memory contract, enums as `str`.
 #[pyclass(frozen, get_all, eq, module = "nunet_py")]
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FrameHeader {
-    /// The version of the contract.
+    /// Version of the contract.
     contract_version: u32,
     /// `rgb`, `depth`, `labels`, `cloud` or `stats`.
     topic: &'static str,
-    /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
+    /// Number of the frame: equal in all topics of a frame. It increases from an arbitrary start.
     sequence: u64,
-    /// When the picture was taken, nanoseconds of `capture_clock`.
+    /// Capture time of the image, nanoseconds of `capture_clock`.
     capture_nanos: i64,
-    /// When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown.
+    /// Capture time of the image, nanoseconds since 1970-01-01 UTC; 0 if unknown.
     capture_unix_nanos: i64,
-    /// When this message was sent, nanoseconds of `time.monotonic_ns()`.
+    /// Time at which this message was sent, nanoseconds of `time.monotonic_ns()`.
     publish_nanos: i64,
     /// `monotonic` (that of `time.monotonic_ns()`), `unix` or `media` (the position in a recording).
     capture_clock: &'static str,
-    /// `depth_f32`, `labels_u8`, `points`, `stats_record`, or a picture's: `rgb8`, `bgr8`, `mono8`, `yuyv`, `nv12`.
+    /// `depth_f32`, `labels_u8`, `points`, `stats_record`, or of an image: `rgb8`, `bgr8`, `mono8`, `yuyv`, `nv12`.
     encoding: &'static str,
-    /// Columns, in pixels or points.
+    /// Number of columns, pixels or points.
     width: u32,
-    /// Rows.
+    /// Number of rows.
     height: u32,
     /// Bytes from one row to the next.
     row_stride_bytes: u32,
-    /// `metre`, `relative` (farther is larger, and nothing more), or `none`.
+    /// `metre`, `relative` (depth without a scale) or `none`.
     units: &'static str,
-    /// Bytes of the payload.
+    /// Size of the payload, bytes.
     payload_bytes: u64,
-    /// `metric`, `focal_scaled`, `assumed_camera` or `relative`; without meaning when `units` is `none`.
+    /// `metric`, `focal_scaled`, `assumed_camera` or `relative`; meaningless if `units` is `none`.
     scale_source: &'static str,
     /// `full`, `reused_labels` (from an earlier frame) or `fallback`.
     quality: &'static str,
-    /// Focal length in pixels at `width` x `height`; 0 when the camera is not known.
+    /// Horizontal focal length at `width` x `height`, pixels; 0 if the camera is unknown.
     fx: f64,
-    /// Focal length in pixels, vertically.
+    /// Vertical focal length, pixels.
     fy: f64,
-    /// Principal point in pixels; the middle of the first pixel is 0.
+    /// Column of the principal point, pixels; 0 is the center of the first pixel.
     cx: f64,
-    /// Principal point in pixels, vertically.
+    /// Row of the principal point, pixels.
     cy: f64,
-    /// The 14 coefficients of `distortion_model`, zeros behind those in use.
+    /// The 14 coefficients of `distortion_model`; unused ones are 0.
     distortion: [f64; 14],
     /// `none`, `brown_conrady` or `kannala_brandt`.
     distortion_model: &'static str,
-    /// How many stages the network ran in.
+    /// Number of stages that ran.
     stage_count: u32,
-    /// SHA-256 of the model file in hexadecimal; `None` in a camera's own pictures.
+    /// SHA-256 of the model file, in hexadecimal; `None` for images of a camera.
     model_hash: Option<String>,
-    /// Microseconds that each stage took for this frame; `Stats.stages_ms` has their names in the same order.
+    /// Microseconds of each stage for this frame; `Stats.stages_ms` has their names in the same order.
     stage_micros: Vec<u32>,
     /// Bytes copied between the camera's memory and the network's input for this frame.
     bytes_copied: u64,
-    /// Pixels of the depth map that are NaN.
+    /// Number of NaN pixels of the depth map.
     invalid_pixels: u64,
     /// The name of the camera's coordinate frame.
     frame_id: String,
 }
 
 impl FrameHeader {
-    /// Reads a header; numbers without a meaning are an error.
+    /// Reads a header.
+    ///
+    /// # Errors
+    /// `NunetError` for a number that no enum of the contract has.
     pub(super) fn read(header: &nunet_ipc::FrameHeader) -> PyResult<Self> {
         let known = header.model_hash.iter().any(|byte| *byte != 0);
         Ok(Self {
@@ -104,7 +110,7 @@ impl FrameHeader {
 
 #[pymethods]
 impl FrameHeader {
-    /// All fields by their names, in the order of the contract.
+    /// All fields by name, in the order of the contract.
     fn as_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
         let fields = PyDict::new(slf.py());
         for field in nunet_ipc::FrameHeader::FIELDS.iter().filter(|field| field.name != "reserved") {
@@ -120,10 +126,12 @@ impl FrameHeader {
     }
 }
 
+/// Bytes in hexadecimal.
 pub(super) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// The error for a number in a header that no enum of the contract has.
 pub(super) fn unknown(error: UnknownValue) -> PyErr {
-    NunetError::new_err(format!("{error}\nhint: the sender does not keep to the contract"))
+    hinted::<NunetError>(error, VIOLATION)
 }

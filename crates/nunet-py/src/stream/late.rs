@@ -1,4 +1,4 @@
-//! Readers that come while a publisher has nothing to send.
+//! Late subscribers of a publisher that has nothing to send.
 
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 
 use crate::error::NunetError;
 
-/// What is open, and a thread that serves it now and then until it is closed: taken out, or dropped. The thread touches
-/// nothing of Python, so that it waits for nobody and nobody for it.
+/// A publisher, and a thread that serves late subscribers at a fixed period until the publisher is taken out or dropped.
+/// The thread uses nothing of Python, so neither can block the other.
 #[derive(Debug)]
 pub(super) struct Served<T>(Arc<Mutex<Option<T>>>);
 
@@ -17,7 +17,7 @@ impl<T: Send + 'static> Served<T> {
     pub(super) fn start(open: T, serve: impl Fn(&T) + Send + 'static) -> PyResult<Self> {
         let open = Arc::new(Mutex::new(Some(open)));
         let served = Self(Arc::clone(&open));
-        let look = move || {
+        let serve_periodically = move || {
             loop {
                 std::thread::sleep(LATE_JOINER_PERIOD);
                 match &*open.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -26,9 +26,9 @@ impl<T: Send + 'static> Served<T> {
                 }
             }
         };
-        let started = std::thread::Builder::new().name("late readers".into()).spawn(look);
+        let started = std::thread::Builder::new().name("late readers".into()).spawn(serve_periodically);
         started.map(|_| served).map_err(|error| {
-            NunetError::new_err(format!("cannot start the thread that serves late readers: {error}"))
+            NunetError::new_err(format!("cannot start the thread that serves late subscribers: {error}"))
         })
     }
 }
@@ -42,7 +42,7 @@ impl<T> Deref for Served<T> {
 }
 
 impl<T> Drop for Served<T> {
-    /// Here and not on the thread, which may be looking: the camera's name is free when its publisher is gone.
+    /// Drops the publisher here and not on the thread, so that its name is free as soon as this returns.
     fn drop(&mut self) {
         let open = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         drop(open);

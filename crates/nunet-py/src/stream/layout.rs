@@ -1,36 +1,45 @@
-//! How a camera's pictures lie in memory.
+//! The memory layout of a camera's images.
 
 use numpy::{IxDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
-use nunet_ipc::{Encoding, ImageSize, PixelFormat, UnknownWord};
+use nunet_ipc::{Encoding, ImageSize, PixelFormat};
+use nunet_types::MAX_SIDE_PX;
 use pyo3::PyClass;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::sample::element;
-use super::view::{Memory, Shape, array};
-use crate::picture::{check_order, check_type, read, shown, untyped};
+use crate::array::{check_order, check_type, read, shape_text, untyped};
+use crate::error::hinted;
+use crate::memory::{Memory, Shape, array};
 
-/// How a camera's pictures lie in memory.
+/// The memory layout of a camera's images.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub(super) encoding: Encoding,
-    /// Width and height in pixels.
+    /// Width and height, pixels.
     pub(super) size: (u32, u32),
     pub(super) row_bytes: u32,
-    /// The array's shape.
+    /// The shape of the array.
     pub(super) lengths: Vec<usize>,
 }
 
 impl Layout {
     pub(super) fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
-        let unknown = |error: UnknownWord| {
-            PyValueError::new_err(format!("{error}\nhint: for example encoding=\"rgb8\""))
-        };
-        let format: PixelFormat = encoding.parse().map_err(unknown)?;
-        let ImageSize { width, height } = ImageSize::from(size)
-            .check()
-            .map_err(|error| PyValueError::new_err(format!("{error}\nhint: for example size=(640, 480)")))?;
+        let format: PixelFormat = encoding.parse().map_err(|_| {
+            let choices: Vec<_> = PixelFormat::ALL.iter().map(|known| format!("`{known}`")).collect();
+            hinted::<PyValueError>(
+                format!("`encoding` is `{encoding}`; expected an encoding of images"),
+                format!("pass one of {}", choices.join(", ")),
+            )
+        })?;
+        let (columns, rows) = size;
+        let ImageSize { width, height } = ImageSize::from(size).check().map_err(|_| {
+            hinted::<PyValueError>(
+                format!("`size` is `{columns}x{rows}`; expected sides of 1 to {MAX_SIDE_PX} pixels"),
+                "pass (width, height), `size=(640, 480)`",
+            )
+        })?;
         let row_bytes = format.min_stride(width);
         let (lines, bytes) = (format.row_count(height) as usize, row_bytes as usize);
         let lengths = match format {
@@ -45,39 +54,40 @@ impl Layout {
         self.lengths.iter().product()
     }
 
-    /// The array of a picture in this memory.
+    /// The array of an image in this memory.
     pub(super) fn array<'py, M>(&self, owner: &Bound<'py, M>) -> PyResult<Bound<'py, PyAny>>
     where
         M: Memory + PyClass<Frozen = pyo3::pyclass::boolean_struct::True> + Sync,
     {
         let bytes = element::<u8>(owner.py());
-        if let [rows, columns, channels] = self.lengths[..] {
-            let strides = [(columns * channels) as isize, channels as isize, 1];
-            return array(owner, bytes, Shape { lengths: [rows, columns, channels], strides, offset: 0 });
+        match self.lengths[..] {
+            [rows, columns, channels] => array(owner, bytes, Shape::packed([rows, columns, channels], 1)),
+            _ => array(owner, bytes, Shape::packed([self.lengths[0], self.lengths[1]], 1)),
         }
-        let lengths = [self.lengths[0], self.lengths[1]];
-        array(owner, bytes, Shape { lengths, strides: [lengths[1] as isize, 1], offset: 0 })
     }
 
-    /// A picture that may be sent as it lies.
-    pub(super) fn check<'py>(&self, picture: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
-        const NAME: &str = "picture";
-        let expected = PyTuple::new(picture.py(), &self.lengths)?;
-        let found = untyped(NAME, picture, &format!("a numpy array of uint8 {expected}"))?;
+    /// An image that can be sent as it is.
+    pub(super) fn check<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
+        const NAME: &str = "image";
+        let expected = PyTuple::new(image.py(), &self.lengths)?;
+        let found = untyped(NAME, image, &format!("a numpy array of uint8 {expected}"))?;
         check_type::<u8>(
             NAME,
             found,
-            "{name}.astype(np.uint8)` for 0 to 255, `(255 * {name}).round().astype(np.uint8)` for 0 to 1",
+            "convert it, `{name}.astype(np.uint8)` for values from 0 to 255, or \
+             `(255 * {name}).round().astype(np.uint8)` for values from 0 to 1",
         )?;
         if found.shape() != self.lengths {
-            return Err(PyValueError::new_err(format!(
-                "`{NAME}` has shape `{}`, but this publisher sends `{}` of shape `{expected}`\n\
-                 hint: resize it, or make a publisher of its size",
-                shown(found),
-                self.encoding
-            )));
+            return Err(hinted::<PyValueError>(
+                format!(
+                    "`{NAME}` has shape `{}`; expected `{expected}`, as this publisher sends `{}`",
+                    shape_text(found),
+                    self.encoding
+                ),
+                "resize it, or make a publisher of its size",
+            ));
         }
         check_order(NAME, found)?;
-        read::<u8, IxDyn>(NAME, picture)
+        read::<u8, IxDyn>(NAME, image)
     }
 }

@@ -1,36 +1,36 @@
 #![expect(unsafe_code, reason = "promises that a borrowed chunk stays in place while its object lives")]
-//! A picture that is filled where its readers will see it.
+//! An image that is written directly into shared memory.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::layout::Layout;
-use super::names;
-use super::publisher::{Capture, Publisher};
-use super::view::{Memory, references};
-use crate::error::NunetError;
+use super::port::{Anchor, Capture, Port};
+use crate::error::{NunetError, hinted};
+use crate::memory::{Memory, references};
 use crate::own::Own;
 
-/// What this class is called in messages.
+/// The name of the class in messages.
 const NAME: &str = "loan";
 
-/// A chunk that keeps the publisher's memory mapped, without keeping the camera.
-pub(super) type Anchor = Arc<Mutex<nunet_ipc::Loan>>;
+/// References to a block's array that are expected at its end: ours, and that of the variable in `with ... as image`.
+const EXPECTED_REFERENCES: isize = 2;
 
-/// A picture that is filled in shared memory: a context manager that gives a writeable numpy array and sends it at the
-/// end of the block. Nothing is copied.
+/// An image that is written directly into shared memory: a context manager that gives a writeable numpy array and sends it
+/// at the end of the block. Nothing is copied.
 ///
-/// After the block the array is read-only: its memory belongs to the readers, and later pictures overwrite it. Where
-/// something else than the variables of the block's own function still looks at the array then (a view such as
-/// `picture[..., 0]`, a memoryview, a tensor, a list, an attribute), it could write to what readers see; the picture is
-/// copied once and sent, and `Publisher.copied` counts it. Let go of such things before the end of the block to save the copy. When the block ends with an exception, nothing is sent.
+/// After the block the array is read-only: its memory belongs to the subscribers and will be reused. If anything besides
+/// one variable still refers to the array at the end of the block (a view such as `image[..., 0]`, a memoryview, a
+/// tensor, a list, a second variable), the image is copied once and the copy is sent; `Publisher.copied` counts it. Drop
+/// such references inside the block to avoid the copy. Do not replace the variable by a tensor or a memoryview of the
+/// same memory: that is not noticed, and writing to it after the block changes what subscribers see.
+///
+/// If the block ends with an exception, nothing is sent.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Loan {
-    publisher: Py<Publisher>,
-    layout: Layout,
+    port: Arc<Port>,
     capture: Mutex<Capture>,
     open: Mutex<Option<Open>>,
 }
@@ -38,19 +38,19 @@ pub(crate) struct Loan {
 /// The arrays of a block.
 #[derive(Debug)]
 struct Open {
-    memory: Py<Chunk>,
-    // numpy makes views of `picture` views of this one, so that they can be counted.
+    chunk: Py<Chunk>,
+    // The base of `image` and of all of its views, so that its references count the views.
     root: Py<PyAny>,
-    picture: Py<PyAny>,
+    image: Py<PyAny>,
 }
 
-/// The chunk behind a picture's arrays.
+/// The chunk under the arrays of a block.
 #[pyclass(frozen, name = "_Chunk", module = "nunet_py")]
 #[derive(Debug)]
 struct Chunk {
     address: usize,
     len: usize,
-    // A fork must give nothing back. The chunk comes before what keeps it mapped.
+    // A fork must not release it. The chunk is dropped before what keeps it mapped.
     kept: Own<Kept>,
 }
 
@@ -60,8 +60,9 @@ struct Kept {
     _anchor: Anchor,
 }
 
-// SAFETY: the loan borrows the chunk that `address` and `len` describe, so nobody else writes to it; when the loan is
-// sent, no array is left that may write (`Loan::settle`). The anchor is a chunk of the same mapping and keeps it.
+// SAFETY: the loan borrows the chunk that `address` and `len` describe, so no other image is written to it. When the loan
+// is sent, arrays are read-only and no view is left (`Loan::settle`). The anchor is a chunk of the same mapping and keeps
+// it mapped.
 unsafe impl Memory for Chunk {
     const WRITEABLE: bool = true;
 
@@ -83,73 +84,69 @@ impl Chunk {
     }
 }
 
-/// What leaves a block.
+/// The chunk at the end of a block.
 enum Settled {
-    /// Nobody can write to it any more.
+    /// No array can write to it.
     Free(nunet_ipc::Loan),
-    /// Somebody can, so it stays on loan until they are gone.
+    /// An array may write to it, so it stays on loan until the array is dropped.
     Shared(Py<Chunk>),
 }
 
 impl Loan {
-    pub(super) fn new(publisher: Py<Publisher>, layout: Layout, capture: Capture) -> Self {
-        Self { publisher, layout, capture: Mutex::new(capture), open: Mutex::new(None) }
+    pub(super) fn new(port: Arc<Port>, capture: Capture) -> Self {
+        Self { port, capture: Mutex::new(capture), open: Mutex::new(None) }
     }
 
-    /// Takes the block's arrays away from it.
+    /// Makes the arrays read-only and finds out whether the chunk can be sent as it is.
+    ///
+    /// A reference to the array does not tell whether it is a variable, which cannot write any more, or a buffer that kept
+    /// the right to write. One reference is taken for the variable of the block; more mean that the image is copied.
     fn settle(py: Python<'_>, open: &Open) -> PyResult<Settled> {
-        for array in [&open.picture, &open.root] {
+        for array in [&open.image, &open.root] {
             array.call_method1(py, "setflags", (false,))?; // write=False
         }
-        // One reference of ours each; beside it the root has the picture.
-        if references(open.root.bind(py)) <= 2
-            && names::are_all(open.picture.bind(py), 1)
-            && let Some(loan) = open.memory.get().loan()?.take()
+        // `image` is the one expected view of `root`.
+        if references(open.root.bind(py)) <= EXPECTED_REFERENCES
+            && references(open.image.bind(py)) <= EXPECTED_REFERENCES
+            && let Some(loan) = open.chunk.get().loan()?.take()
         {
             return Ok(Settled::Free(loan));
         }
-        Ok(Settled::Shared(open.memory.clone_ref(py)))
+        Ok(Settled::Shared(open.chunk.clone_ref(py)))
     }
 
     fn send(&self, settled: Settled) -> PyResult<()> {
         let capture = *self.capture.lock().unwrap_or_else(PoisonError::into_inner);
-        let publisher = self.publisher.get();
         match settled {
-            Settled::Free(loan) => publisher.send(loan, capture).map(drop),
-            Settled::Shared(chunk) => {
-                let mut kept = chunk.get().loan()?;
-                let Some(original) = kept.as_mut() else { return Ok(()) };
-                let mut copy = publisher.chunk()?;
-                copy.bytes_mut().copy_from_slice(original.bytes_mut());
-                drop(kept);
-                publisher.count_copy();
-                publisher.send(copy, capture).map(drop)
-            }
+            Settled::Free(loan) => self.port.send(loan, capture).map(drop),
+            Settled::Shared(chunk) => match chunk.get().loan()?.as_mut() {
+                Some(original) => self.port.send_copy(original.bytes_mut(), capture).map(drop),
+                None => Ok(()),
+            },
         }
     }
 }
 
 #[pymethods]
 impl Loan {
-    /// Borrow memory and give its array: uint8 of the publisher's shape, with whatever an earlier picture left in it.
+    /// Borrow memory and return its array: uint8 of the publisher's shape, with the pixels of an earlier image.
     fn __enter__(slf: &Bound<'_, Self>) -> PyResult<Py<PyAny>> {
         let py = slf.py();
         let this = slf.get();
-        let publisher = this.publisher.get();
-        let memory = Bound::new(py, Chunk::new(publisher.chunk()?, publisher.anchor()?))?;
-        let root = this.layout.array(&memory)?;
-        let picture = root.call_method0("view")?;
-        let given = picture.clone().unbind();
-        // Locked last: Python code above lets other threads run, and one of them may enter this loan too.
+        let chunk = Bound::new(py, Chunk::new(this.port.chunk()?, this.port.anchor()?))?;
+        let root = this.port.source.layout.array(&chunk)?;
+        let image = root.call_method0("view")?;
+        let given = image.clone().unbind();
+        // Locked last: the Python code above lets other threads run, which may enter this loan too.
         let mut open = this.open.lock().unwrap_or_else(PoisonError::into_inner);
         if open.is_some() {
-            return Err(NunetError::new_err("this loan is open already\nhint: take a loan for each picture"));
+            return Err(hinted::<NunetError>("this loan is already open", "make a loan for each image"));
         }
-        *open = Some(Open { memory: memory.unbind(), root: root.unbind(), picture: picture.unbind() });
+        *open = Some(Open { chunk: chunk.unbind(), root: root.unbind(), image: image.unbind() });
         Ok(given)
     }
 
-    /// Send the picture, or give the memory back when the block failed.
+    /// Send the image, or release the memory if the block failed.
     #[pyo3(signature = (exception, *_rest))]
     fn __exit__(
         &self,
@@ -164,8 +161,7 @@ impl Loan {
         if exception.is_none() { self.send(settled) } else { Ok(()) }
     }
 
-    /// When the picture was taken, nanoseconds of the loan's clock; `None` is the end of the block. May be set inside of
-    /// the block.
+    /// Capture time, nanoseconds of the publisher's clock; `None` for the end of the block. Can be set inside the block.
     #[getter]
     fn capture_nanos(&self) -> Option<i64> {
         self.capture.lock().unwrap_or_else(PoisonError::into_inner).nanos

@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "promises that a received message stays in place while its object lives")]
-//! One message in shared memory, as the thing that its arrays keep alive.
+//! One message in shared memory, which its arrays keep alive.
 
 use std::sync::Mutex;
 
@@ -7,24 +7,25 @@ use numpy::{PyArrayDescr, dtype};
 use nunet_ipc::Topic;
 use pyo3::prelude::*;
 
-use super::view::{Memory, Shape, array};
-use crate::error::NunetError;
+use super::header::VIOLATION;
+use crate::error::{NunetError, hinted};
+use crate::memory::{Memory, Shape, array};
 use crate::own::Own;
 
-/// Bytes of a float, the largest of numpy's elements here.
+/// Bytes of a float, the largest array element here.
 const ELEMENT: usize = size_of::<f32>();
 
-/// One message of a topic. Its memory stays as it is until this object and every array of it are gone, also after the
-/// subscriber, the daemon and the frame are.
+/// One message of a topic. Its memory stays unchanged until this object and all of its arrays are dropped, even after the
+/// subscriber, the daemon and the frame are gone.
 #[pyclass(frozen, name = "_Sample", module = "nunet_py")]
 #[derive(Debug)]
 pub(super) struct Sample {
-    // Copies, because the sender could change the originals after they were checked.
+    // A copy, because the sender could change the original after it was checked.
     header: Box<nunet_ipc::FrameHeader>,
     address: usize,
     len: usize,
     topic: Topic,
-    // A fork must not give it back. Nobody waits for the lock: nobody looks at the frame again.
+    // A fork must not release it. The lock is never taken: it makes the frame `Sync`.
     _frame: Own<Mutex<nunet_ipc::Frame>>,
 }
 
@@ -63,33 +64,39 @@ impl Sample {
         (self.header.height as usize, self.header.width as usize)
     }
 
-    /// Where the cells of a payload with so many bytes a pixel are.
+    /// The grid of a payload with so many bytes per pixel.
     pub(super) fn grid(&self, cell_bytes: usize) -> PyResult<Grid> {
         let (rows, columns) = self.size();
         self.cells(rows, columns, cell_bytes)
     }
 
-    /// Where so many rows and columns of cells are.
+    /// The grid of a payload with so many rows and columns.
+    ///
+    /// # Errors
+    /// `NunetError` if the header contradicts itself.
     pub(super) fn cells(&self, rows: usize, columns: usize, cell_bytes: usize) -> PyResult<Grid> {
         let row_bytes = columns.saturating_mul(cell_bytes);
         let stride = match self.header.row_stride_bytes as usize {
             0 => row_bytes,
             stride => stride,
         };
-        // Depth and points are floats: numpy takes rows that begin between two, and reads them slowly or not at all.
+        // Depth and points are floats: numpy reads rows that are not aligned to them slowly or not at all.
         let straddles = cell_bytes.is_multiple_of(ELEMENT) && !stride.is_multiple_of(ELEMENT);
         if rows == 0 || columns == 0 || stride < row_bytes || straddles {
-            return Err(NunetError::new_err(format!(
-                "a message of topic `{}` contradicts itself: {columns}x{rows} cells of {cell_bytes} bytes in rows of \
-                 {stride} bytes\nhint: the sender does not keep to the contract",
-                self.topic
-            )));
+            let topic = self.topic;
+            return Err(hinted::<NunetError>(
+                format!(
+                    "a message of topic `{topic}` contradicts itself: {columns}x{rows} cells of {cell_bytes} bytes in \
+                     rows of {stride} bytes"
+                ),
+                VIOLATION,
+            ));
         }
         Ok(Grid { rows, columns, stride: stride as isize })
     }
 }
 
-/// Where the cells of a payload are.
+/// The grid of cells in a payload.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     pub(super) rows: usize,
@@ -98,23 +105,23 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// One element a cell, `offset` bytes into it.
+    /// One element per cell, `offset` bytes into it.
     pub(super) fn plane(self, cell_bytes: isize, offset: usize) -> Shape<2> {
         Shape { lengths: [self.rows, self.columns], strides: [self.stride, cell_bytes], offset }
     }
 
-    /// Three elements a cell, the first of them `offset` bytes into it, `step` bytes apart.
+    /// Three elements per cell, the first of them `offset` bytes into it, `step` bytes apart.
     pub(super) fn triples(self, cell_bytes: isize, offset: usize, step: isize) -> Shape<3> {
         Shape { lengths: [self.rows, self.columns, 3], strides: [self.stride, cell_bytes, step], offset }
     }
 }
 
-/// The first elements of numpy's own kinds.
+/// The element type of an array of `T`.
 pub(super) fn element<T: numpy::Element>(py: Python<'_>) -> Bound<'_, PyArrayDescr> {
     dtype::<T>(py)
 }
 
-/// One element a cell.
+/// An array with one element per cell.
 pub(super) fn plane<'py, T: numpy::Element>(
     sample: &Bound<'py, Sample>,
     cell_bytes: usize,

@@ -3,58 +3,57 @@
 use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, IpcError, Reader, Topic};
-use pyo3::exceptions::{PyTimeoutError, PyTypeError, PyValueError};
+use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
-use pyo3::types::{PyString, PyTuple};
+use pyo3::types::PyTuple;
 
-use super::feed::{Arrival, Desk, Feed, Found, Turn};
-use super::figures::Stats;
+use super::errors::{camera_name, ipc_error};
+use super::feed::{Arrival, BorrowedFeed, Feed, SharedFeed, Taken};
 use super::frame::Frame;
 use super::sample::Sample;
-use super::{Deadline, GLANCE, camera_name, ipc_error, timeout};
+use super::stats::Stats;
+use super::topics::{TOPICS, topics_of};
+use super::wait::{self, Deadline, MAX_WAIT};
 use crate::argument;
-use crate::error::NunetError;
+use crate::error::{NunetError, hinted};
 use crate::own::Own;
 
-/// What this class is called in messages.
+/// The name of the class in messages.
 const NAME: &str = "subscriber";
-
-/// What may be subscribed to.
-const TOPICS: [Topic; 5] = [Topic::Rgb, Topic::Depth, Topic::Labels, Topic::Cloud, Topic::Stats];
 
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Subscriber>()?;
     module.add_function(wrap_pyfunction!(subscribe, module)?)
 }
 
-/// Attach to a camera that a running `nunetd` publishes, without copying its frames.
+/// Subscribe to a camera that a running `nunetd` publishes. Frames are not copied.
 ///
 /// Parameters
 /// ----------
 /// camera : str
-///     The camera's name, as of `nunetd --camera`.
+///     The camera's name, as in `nunetd --camera`.
 /// topics : sequence of str, optional
-///     What each frame holds: names among `rgb`, `depth`, `labels`, `cloud` and `stats`. The cloud and the labels are
-///     computed only while somebody asks for them. `rgb` is what the camera's own publisher sends (`nunetd feed`,
-///     `nunet_py.publisher`); its picture is joined with the depth that was made of it.
+///     The content of each frame: any of `rgb`, `depth`, `labels`, `cloud` and `stats`. By default `depth`. Cloud and labels
+///     are computed only while there is a subscriber. `rgb` comes from the camera's own publisher (`nunetd feed`,
+///     `nunet_py.publisher`); each image is joined with the depth that was computed from it.
 /// timeout : float, optional
-///     Seconds to wait for the daemon, here, and for each frame, later. `None` or `math.inf` waits for ever.
+///     Seconds to wait for the daemon, and later for each frame. `None` and `math.inf` wait without limit.
 ///
 /// Returns
 /// -------
 /// Subscriber
-///     A context manager, and an iterator of frames.
+///     A context manager, and an iterator over frames, with `for` or `async for`.
 ///
 /// Raises
 /// ------
 /// TimeoutError
-///     Nobody publishes the camera or one of the topics.
+///     The camera or one of the topics is not published.
 /// ContractVersionError
-///     The daemon is of another version.
+///     The daemon has another version of the shared-memory contract.
 /// NunetError
-///     The daemon has no room for another reader.
+///     The daemon has no room for another subscriber.
 /// ValueError
-///     A name that no camera or topic has; a timeout below 0.
+///     An invalid camera name or topic, or a negative timeout.
 ///
 /// Examples
 /// --------
@@ -75,73 +74,91 @@ fn subscribe(
 ) -> PyResult<Subscriber> {
     let camera = camera_name(camera)?;
     let topics = topics.map_or_else(|| Ok(vec![Topic::Depth]), topics_of)?;
-    let timeout = self::timeout(timeout)?;
+    let timeout = wait::timeout(timeout)?;
     let reader = open(py, &camera, &topics, timeout)?;
-    let desk = Own::new(Desk::new(Feed::new(reader, topics.clone())));
-    Ok(Subscriber { camera, topics, timeout, desk })
+    let feed = Own::new(SharedFeed::new(Feed::new(reader, topics.clone())));
+    Ok(Subscriber { camera, topics, timeout, feed })
 }
 
-/// A camera's newest frames, as they come: an iterator and a context manager.
+/// The newest frames of a camera: an iterator, an asynchronous iterator and a context manager.
 ///
-/// Each frame holds every topic that was asked for, of one and the same picture; what is older when it is asked for, or
-/// can no longer become complete, is left out, so a slow loop sees the newest frames and slows nobody down. Waiting
-/// takes no processor time, lets other Python threads run, and is ended by Ctrl-C.
+/// Each frame holds all subscribed topics of one image. Frames that are older than the newest complete one when the next
+/// is requested are skipped, so a slow loop sees the newest frames and delays nobody. Waiting takes no CPU time, releases
+/// the GIL, and is ended by Ctrl-C. `async for` lets other tasks run meanwhile; a canceled task loses at most one frame.
 ///
-/// When the daemon ends or is killed, the next frame is a `TimeoutError` that says so; when it is back, the same
-/// subscriber goes on with its frames. The loop ends when the subscriber is closed.
+/// If the daemon ends or is killed, the next frame raises `TimeoutError` with the reason. Once it runs again, the same
+/// subscriber continues. The loop ends when the subscriber is closed.
 ///
-/// Several threads may share one: each frame goes to one of them, and what they hold counts together, so a subscriber for
-/// each is better. A process made by `os.fork` must make its own. The package `iceoryx2` must not be used in the same
-/// process: each takes the other for dead.
+/// Several threads may share a subscriber: each frame goes to one of them, and the limit on held messages applies to all
+/// together. One subscriber per thread is better. A forked process must make its own. Do not use the package `iceoryx2` in
+/// the same process: each would take the other for dead.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Subscriber {
     camera: CameraName,
     topics: Vec<Topic>,
     timeout: Option<Duration>,
-    desk: Own<Desk>,
+    feed: Own<SharedFeed>,
 }
 
 impl Subscriber {
-    /// Waits for a frame; `None` when the subscriber is closed.
-    fn wait(&self, py: Python<'_>, patience: Option<Duration>) -> PyResult<Option<Frame>> {
-        let desk = self.desk.get(NAME)?;
-        let deadline = Deadline::after(patience);
-        let Some(mut turn) = self.turn(py, desk, deadline)? else { return Ok(None) };
-        let Some(feed) = turn.feed.as_mut() else { return Ok(None) };
+    /// Waits for a frame; `None` if the subscriber is closed.
+    fn wait(&self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Option<Frame>> {
+        let shared = self.feed.get(NAME)?;
+        let deadline = Deadline::after(timeout);
+        let Some(mut borrowed) = self.borrow(py, shared, deadline)? else { return Ok(None) };
+        let Some(feed) = borrowed.feed.as_mut() else { return Ok(None) };
         loop {
             let over = deadline.is_over();
-            let found = py.detach(|| feed.look(deadline.glance())).map_err(|error| ipc_error(&error))?;
+            let found = py.detach(|| feed.look(deadline.next_wait())).map_err(ipc_error)?;
             if let Some(arrival) = found {
                 return self.frame(py, arrival).map(Some);
             }
             py.check_signals()?;
-            if desk.is_closed() {
+            if shared.is_closed() {
                 return Ok(None);
             }
             if over {
-                return Err(feed.silence(&self.camera, patience));
+                return Err(feed.timeout_error(&self.camera, timeout));
             }
         }
     }
 
-    /// Takes the feed, in turn with other threads; `None` when the subscriber is closed.
-    fn turn<'a>(&self, py: Python<'_>, desk: &'a Desk, deadline: Deadline) -> PyResult<Option<Turn<'a>>> {
+    /// Takes the feed, in turn with other threads; `None` if the subscriber is closed.
+    fn borrow<'a>(
+        &self,
+        py: Python<'_>,
+        shared: &'a SharedFeed,
+        deadline: Deadline,
+    ) -> PyResult<Option<BorrowedFeed<'a>>> {
         loop {
             let over = deadline.is_over();
-            match py.detach(|| desk.take(deadline.glance())) {
-                Found::Feed(feed) => return Ok(Some(Turn::new(desk, feed))),
-                Found::Closed => return Ok(None),
-                Found::Busy if over => {
-                    return Err(PyTimeoutError::new_err(format!(
-                        "another thread waits for frames of this subscriber of camera `{}`\n\
-                         hint: give each thread a subscriber of its own",
-                        self.camera
-                    )));
+            match py.detach(|| shared.take(deadline.next_wait())) {
+                Taken::Feed(feed) => return Ok(Some(BorrowedFeed::new(shared, feed))),
+                Taken::Closed => return Ok(None),
+                Taken::Busy if over => {
+                    let camera = &self.camera;
+                    return Err(hinted::<PyTimeoutError>(
+                        format!("another thread waits for frames of this subscriber of camera `{camera}`"),
+                        "make a subscriber for each thread",
+                    ));
                 }
-                Found::Busy => py.check_signals()?,
+                Taken::Busy => py.check_signals()?,
             }
         }
+    }
+
+    /// A frame that arrives within `timeout`, which another thread may take up, or `None`.
+    fn poll(&self, py: Python<'_>, timeout: Duration) -> PyResult<Option<Frame>> {
+        let shared = self.feed.get(NAME)?;
+        let mut borrowed = match py.detach(|| shared.take(timeout)) {
+            Taken::Feed(feed) => BorrowedFeed::new(shared, feed),
+            Taken::Busy => return Ok(None),
+            Taken::Closed => return Err(self.closed_error()),
+        };
+        let Some(feed) = borrowed.feed.as_mut() else { return Ok(None) };
+        let found = py.detach(|| feed.look(timeout)).map_err(ipc_error)?;
+        found.map(|arrival| self.frame(py, arrival)).transpose()
     }
 
     fn frame(&self, py: Python<'_>, arrival: Arrival) -> PyResult<Frame> {
@@ -158,69 +175,66 @@ impl Subscriber {
     }
 
     fn closed_error(&self) -> PyErr {
-        NunetError::new_err(format!(
-            "this subscriber of camera `{}` is closed\nhint: use it inside of its `with` block, or subscribe again",
-            self.camera
-        ))
+        hinted::<NunetError>(
+            format!("this subscriber of camera `{}` is closed", self.camera),
+            "use it inside its `with` block, or subscribe again",
+        )
     }
 }
 
 #[pymethods]
 impl Subscriber {
-    /// Wait for the next frame: the newest that is complete and was not seen yet.
+    /// Wait for the next frame: the newest one that is complete and was not returned yet.
     ///
     /// Parameters
     /// ----------
     /// timeout : float, optional
-    ///     Seconds; `math.inf` waits for ever. Without it: that of `subscribe`.
+    ///     Seconds; `math.inf` waits without limit. By default the timeout of `subscribe`.
     ///
     /// Raises
     /// ------
     /// TimeoutError
-    ///     No frame in time; the text says who is dead or silent.
+    ///     No frame arrived in time. The text says which publisher is dead or silent.
     /// NunetError
-    ///     This subscriber is closed, or its earlier frames are not let go of.
+    ///     This subscriber is closed, or earlier frames hold as many messages as one subscriber may.
     #[pyo3(signature = (*, timeout = None))]
     fn next(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::timeout)] timeout: Option<f64>,
     ) -> PyResult<Frame> {
-        let patience = match timeout {
+        let timeout = match timeout {
             None => self.timeout,
-            given => super::timeout(given)?,
+            given => wait::timeout(given)?,
         };
-        self.wait(py, patience)?.ok_or_else(|| self.closed_error())
+        self.wait(py, timeout)?.ok_or_else(|| self.closed_error())
     }
 
-    /// The newest frame that is complete and was not seen yet, or `None`. Does not wait.
+    /// Return the newest frame that is complete and was not returned yet, or `None`. Does not wait.
     ///
     /// Raises
     /// ------
     /// NunetError
-    ///     This subscriber is closed, or its earlier frames are not let go of.
+    ///     This subscriber is closed, or earlier frames hold as many messages as one subscriber may.
     fn latest(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
-        let desk = self.desk.get(NAME)?;
-        let mut feed = match py.detach(|| desk.take(Duration::ZERO)) {
-            Found::Feed(feed) => Turn::new(desk, feed),
-            Found::Busy => return Ok(None), // another thread waits for the same frames
-            Found::Closed => return Err(self.closed_error()),
-        };
-        let Some(feed) = feed.feed.as_mut() else { return Ok(None) };
-        let found = feed.look(Duration::ZERO).map_err(|error| ipc_error(&error))?;
-        found.map(|arrival| self.frame(py, arrival)).transpose()
+        self.poll(py, Duration::ZERO)
     }
 
-    /// Let go of the daemon. Frames and arrays that are still around stay as they are. A thread that waits for a frame
-    /// stops waiting. Closing twice is no error.
+    /// One step of `async for`: a frame that arrives within `seconds`, or `None`.
+    fn _poll(&self, py: Python<'_>, seconds: f64) -> PyResult<Option<Frame>> {
+        self.poll(py, wait::timeout(Some(seconds))?.unwrap_or(MAX_WAIT))
+    }
+
+    /// Close the subscriber. Frames and arrays that are still in use stay valid. A thread that waits for a frame stops
+    /// waiting. Closing twice is not an error.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        let desk = self.desk.get(NAME)?;
-        py.detach(|| desk.close());
+        let feed = self.feed.get(NAME)?;
+        py.detach(|| feed.close());
         Ok(())
     }
 
-    /// Whether a living process publishes each of the topics. Asks the file system: not for every frame. Does not wait,
-    /// whatever other threads do with this subscriber.
+    /// Whether a living process publishes each of the topics. Does not wait for other threads that use this subscriber.
+    /// Reads the file system, so do not call it for every frame.
     ///
     /// Raises
     /// ------
@@ -228,14 +242,20 @@ impl Subscriber {
     ///     This subscriber is closed.
     #[getter]
     fn connected(&self, py: Python<'_>) -> PyResult<bool> {
-        let owners = self.desk.get(NAME)?.owners().ok_or_else(|| self.closed_error())?;
+        let owners = self.feed.get(NAME)?.owners().ok_or_else(|| self.closed_error())?;
         Ok(py.detach(|| owners.are_all_alive()))
     }
 
     /// Whether `close` was called.
     #[getter]
     fn closed(&self) -> PyResult<bool> {
-        Ok(self.desk.get(NAME)?.is_closed())
+        Ok(self.feed.get(NAME)?.is_closed())
+    }
+
+    /// The timeout for each frame, seconds; `None` waits without limit.
+    #[getter]
+    fn timeout(&self) -> Option<f64> {
+        self.timeout.map(|timeout| timeout.as_secs_f64())
     }
 
     /// The camera's name.
@@ -263,6 +283,13 @@ impl Subscriber {
         Self::__enter__(slf)
     }
 
+    fn __aiter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        if slf.get().closed()? {
+            return Err(slf.get().closed_error());
+        }
+        slf.py().import("nunet_py._asynchronous")?.call_method1("frames", (slf,))
+    }
+
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
         self.wait(py, self.timeout)
     }
@@ -273,20 +300,20 @@ impl Subscriber {
     }
 }
 
-/// Opens a reader, and listens for Ctrl-C meanwhile.
+/// Opens a reader. Ctrl-C ends the wait.
 fn open(
     py: Python<'_>,
     camera: &CameraName,
     topics: &[Topic],
-    patience: Option<Duration>,
+    timeout: Option<Duration>,
 ) -> PyResult<Reader> {
     let mut interrupted = None;
-    let mut looked = Instant::now();
+    let mut checked = Instant::now();
     let opened = py.detach(|| {
-        Reader::open_unless(camera, topics, patience.unwrap_or(Duration::MAX), || {
-            if looked.elapsed() >= GLANCE {
+        Reader::open_unless(camera, topics, timeout.unwrap_or(Duration::MAX), || {
+            if checked.elapsed() >= MAX_WAIT {
                 interrupted = Python::attach(|py| py.check_signals()).err();
-                looked = Instant::now();
+                checked = Instant::now();
             }
             interrupted.is_some()
         })
@@ -294,63 +321,28 @@ fn open(
     match (opened, interrupted) {
         (_, Some(interrupted)) => Err(interrupted),
         (Ok(reader), None) => Ok(reader),
-        (Err(error), None) => Err(py.detach(|| nobody(camera, &error))),
+        (Err(error), None) => Err(py.detach(|| open_error(camera, error))),
     }
 }
 
-/// Nobody publishes the camera, or the camera is there and has no such topic.
-fn nobody(camera: &CameraName, error: &IpcError) -> PyErr {
-    let IpcError::NobodyPublishes { service, timeout } = error else { return ipc_error(error) };
+/// The exception for a reader that cannot be opened. It tells a missing camera from a missing topic.
+fn open_error(camera: &CameraName, error: IpcError) -> PyErr {
+    let IpcError::NobodyPublishes { service, timeout } = &error else { return ipc_error(error) };
     let Some(topic) = TOPICS.into_iter().find(|topic| camera.service(*topic) == *service) else {
         return ipc_error(error);
     };
-    // Without topics a reader opens the camera's event alone.
+    // Without topics, a reader opens only the camera's event.
     if Reader::open(camera, &[], Duration::ZERO).is_err() {
         return ipc_error(error);
     }
     let hint = if topic == Topic::Rgb {
-        "pictures come from the camera's own publisher: `nunetd feed`, or `nunet_py.publisher`".to_owned()
+        "start the camera's own publisher: `nunetd feed`, or `nunet_py.publisher`".to_owned()
     } else {
-        format!("start nunetd for this camera, with `{topic}` in its `--publish`, or do not ask for it")
+        format!("start nunetd for this camera with `{topic}` in `--publish`, or omit this topic")
     };
-    PyTimeoutError::new_err(format!(
-        "camera `{camera}` is there, but nobody published its `{topic}` in {} s\nhint: {hint}",
-        timeout.as_secs_f64()
-    ))
-}
-
-/// Names of topics as people give them: several, or one.
-fn topics_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Topic>> {
-    let words: Vec<String> = if given.is_instance_of::<PyString>() {
-        vec![given.extract()?]
-    } else {
-        let words: PyResult<Vec<String>> =
-            given.try_iter().and_then(|each| each.map(|word| word?.extract()).collect());
-        words.map_err(|_| {
-            let kind = given.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
-            PyTypeError::new_err(format!(
-                "topics is a `{kind}`, but expected names\nhint: for example topics=[\"depth\", \"cloud\"]"
-            ))
-        })?
-    };
-    let mut topics = Vec::with_capacity(words.len());
-    for word in &words {
-        let known = TOPICS.into_iter().find(|topic| topic.name() == word);
-        let topic = known.ok_or_else(|| unknown_topic(word))?;
-        if topics.contains(&topic) {
-            return Err(PyValueError::new_err(format!(
-                "topic `{topic}` is asked for twice\nhint: name it once"
-            )));
-        }
-        topics.push(topic);
-    }
-    if topics.is_empty() {
-        return Err(PyValueError::new_err("topics is empty\nhint: for example topics=[\"depth\"]"));
-    }
-    Ok(topics)
-}
-
-fn unknown_topic(word: &str) -> PyErr {
-    let choices: Vec<_> = TOPICS.iter().map(|topic| format!("`{topic}`")).collect();
-    PyValueError::new_err(format!("`{word}` is no topic\nhint: one of {}", choices.join(", ")))
+    let seconds = timeout.as_secs_f64();
+    hinted::<PyTimeoutError>(
+        format!("camera `{camera}` exists, but its `{topic}` was not published within {seconds} s"),
+        hint,
+    )
 }

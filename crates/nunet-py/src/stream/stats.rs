@@ -1,4 +1,4 @@
-//! The daemon's running figures.
+//! The statistics that the daemon publishes.
 
 use nunet_ipc::StatsRecord;
 use pyo3::prelude::*;
@@ -6,43 +6,43 @@ use pyo3::types::PyDict;
 
 use super::header::hexadecimal;
 
-/// The daemon's running figures: its ledger of frames, rates and times. A copy, not a view.
+/// Statistics of the daemon: counts of frames, rates and latencies. A copy, not a view.
 ///
-/// `captured == published + superseded + failed + in_flight`, always.
+/// `captured == published + superseded + failed + in_flight` at any time.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug, Clone)]
 pub(crate) struct Stats {
-    /// Frames that the source delivered.
+    /// Frames delivered by the source.
     #[pyo3(get)]
     captured: u64,
     /// Frames whose depth was published.
     #[pyo3(get)]
     published: u64,
-    /// Frames that a newer one overtook before their turn.
+    /// Frames replaced by a newer one before they were processed.
     #[pyo3(get)]
     superseded: u64,
     /// Frames that ended with an error.
     #[pyo3(get)]
     failed: u64,
-    /// Frames that have not ended yet.
+    /// Frames that are still being processed.
     #[pyo3(get)]
     in_flight: u64,
-    /// Published frames a second, since the first one.
+    /// Published frames per second, since the first one.
     #[pyo3(get)]
     fps: f64,
-    /// Mean bytes copied between the camera's memory and the network's input, a frame.
+    /// Mean number of bytes per frame that are copied between the camera's memory and the network's input.
     #[pyo3(get)]
     bytes_copied_per_frame: f64,
-    /// Mean heap allocations a frame; NaN when nobody counts.
+    /// Mean number of heap allocations per frame; NaN if they are not counted.
     #[pyo3(get)]
     allocations_per_frame: f64,
-    /// The model file's name.
+    /// The name of the model file.
     #[pyo3(get)]
     model_name: String,
-    /// SHA-256 of the model file in hexadecimal.
+    /// SHA-256 of the model file, in hexadecimal.
     #[pyo3(get)]
     model_hash: String,
-    /// What the network runs on.
+    /// The execution provider.
     #[pyo3(get)]
     provider: String,
     total: Times,
@@ -92,13 +92,13 @@ impl Stats {
 
 #[pymethods]
 impl Stats {
-    /// Milliseconds from the picture's arrival at the daemon to publication: `p50`, `p90`, `p99`, `max`, `mean`.
+    /// Milliseconds from the image's arrival at the daemon to publication: `p50`, `p90`, `p99`, `max`, `mean`.
     #[getter]
     fn total_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         in_ms(py, &self.total)
     }
 
-    /// Milliseconds of each stage by its name, in the order of their run: the same five figures each.
+    /// Milliseconds of each stage by its name, in the order in which they run, with the keys of `total_ms`.
     #[getter]
     fn stages_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let stages = PyDict::new(py);

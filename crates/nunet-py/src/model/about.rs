@@ -1,0 +1,31 @@
+//! What a model says about itself.
+
+use std::path::PathBuf;
+
+use nunet_daemon::embed;
+
+/// What never changes, so that reading it does not wait for an image to be done.
+pub(super) struct About {
+    pub(super) path: PathBuf,
+    pub(super) size: (u32, u32),
+    pub(super) architecture: String,
+    pub(super) trained: bool,
+    pub(super) provider: &'static str,
+    pub(super) filters: Vec<String>,
+    pub(super) json: String,
+}
+
+impl About {
+    pub(super) fn of(model: &embed::Model) -> Self {
+        let graph = model.pipeline().graph();
+        Self {
+            path: model.path().to_owned(),
+            size: model.size(),
+            architecture: graph.description().architecture.clone(),
+            trained: graph.description().trained,
+            provider: graph.provider().name(),
+            filters: model.pipeline().filters().specs().map(|filter| filter.to_string()).collect(),
+            json: model.about_json().to_owned(),
+        }
+    }
+}

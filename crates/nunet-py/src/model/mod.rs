@@ -1,0 +1,347 @@
+//! A model in this process.
+
+mod about;
+mod batch;
+mod options;
+mod warnings;
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nunet_daemon::embed::{self, Inferred, ModelOptions};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use self::about::About;
+use self::warnings::Warnings;
+use crate::argument;
+use crate::camera::{Camera, camera_argument};
+use crate::error::{failure, of_camera, of_pipeline, warn};
+use crate::image::{ChannelOrder, Image};
+use crate::own::Own;
+use crate::result::{Result, Shared};
+
+/// A network that runs in this process, like `nunetd infer`.
+///
+/// A model file that is new on this machine is first loaded in a child process with limits on memory and time. Then its
+/// self-test must reproduce the outputs that were recorded at export.
+///
+/// Several threads may share a model: it takes one image at a time and releases the GIL meanwhile. It cannot be used
+/// after `os.fork`: the child process gets an error and must end with `os._exit`, as processes of `multiprocessing` do.
+///
+/// Parameters
+/// ----------
+/// name_or_path : str or os.PathLike
+///     A model file (.onnx), a staged graph (.toml), or the name of a bundled model: `wnet_c.onnx`, `unet.onnx`. The ending
+///     of a name may be omitted.
+/// provider : str
+///     The execution provider: `auto`, `cpu`, `openvino`, `cuda` or `tensorrt`.
+/// threads : int, optional
+///     Number of threads; by default one per core.
+/// filters : str or sequence of str, optional
+///     Filters for depth, written as in `nunetd --filter`: `"spatial"`, `["decimation=2", "temporal=alpha:0.4"]`. Each may
+///     be given once. The temporal filter needs `keep_state=True` in `infer`.
+///
+/// Raises
+/// ------
+/// FileNotFoundError
+///     Neither a file nor a bundled model has this name.
+/// ModelError
+///     The file is damaged or has no metadata, or its self-test failed.
+/// WiringError
+///     The stages of a staged graph do not fit together.
+/// ValueError
+///     An unknown provider or filter, or fewer than 1 thread.
+/// NunetError
+///     The ONNX Runtime library is missing, or does not have the provider.
+///
+/// Warns
+/// -----
+/// UserWarning
+///     The weights are untrained, or the file has no self-test.
+///
+/// Examples
+/// --------
+/// >>> import nunet_py as nunet
+/// >>> model = nunet.Model("wnet_c.onnx")
+/// >>> model.size
+/// (640, 480)
+#[pyclass(frozen, module = "nunet_py")]
+pub(crate) struct Model {
+    // The threads of ONNX Runtime do not exist in a fork, and dropping it there would wait for them.
+    inner: Own<Mutex<embed::Model>>,
+    about: About,
+    shared: Arc<Shared>,
+    warnings: Warnings,
+}
+
+impl Model {
+    /// Runs `work` with exclusive access to the model and without the GIL.
+    ///
+    /// # Errors
+    /// This process is a fork of the one that made the model.
+    pub(crate) fn exclusive<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut embed::Model) -> T + Send,
+    ) -> PyResult<T> {
+        let inner = self.inner.get("model")?;
+        // After a panic the buffers may hold values of an older image: every run overwrites them.
+        Ok(py.detach(|| work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner))))
+    }
+
+    pub(crate) fn shared(&self) -> Arc<Shared> {
+        Arc::clone(&self.shared)
+    }
+
+    /// Warns, once for a model, of a missing camera and of images with another aspect ratio.
+    pub(crate) fn warn_of_guesses(
+        &self,
+        py: Python<'_>,
+        inferred: &Inferred,
+        image_size: (u32, u32),
+    ) -> PyResult<()> {
+        self.warnings.issue(py, inferred.report.scale_source, image_size)
+    }
+
+    fn infer_one(
+        &self,
+        py: Python<'_>,
+        image: &Image<'_>,
+        camera: Option<Camera>,
+        keep_state: bool,
+    ) -> PyResult<Result> {
+        let frame = image.view()?;
+        let size = frame.size();
+        let camera = camera.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose();
+        let camera = camera.map_err(of_camera)?;
+        let inferred = self.exclusive(py, |model| model.infer(&frame, camera, keep_state))?;
+        let inferred = inferred.map_err(of_pipeline)?;
+        self.warn_of_guesses(py, &inferred, size)?;
+        Result::of_image(py, inferred, size, self.shared())
+    }
+}
+
+#[pymethods]
+impl Model {
+    #[new]
+    #[pyo3(signature = (name_or_path, *, provider = "auto", threads = None, filters = None))]
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::name_or_path)] name_or_path: PathBuf,
+        #[pyo3(from_py_with = argument::provider)] provider: &str,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
+        filters: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (provider, threads) = (options::provider(provider)?, options::threads(threads)?);
+        let filters = filters.map(options::filters).transpose()?.unwrap_or_default();
+        let options = ModelOptions { provider, threads, filters };
+        let model = py.detach(|| embed::Model::open(&name_or_path, options));
+        let model = model.map_err(|error| failure(&error))?;
+        let description = model.pipeline().graph().description();
+        let path = model.path().display();
+        if !description.trained {
+            warn(py, &format!("`{path}` has untrained weights: its depth is meaningless"))?;
+        }
+        if description.selftest.is_none() {
+            warn(py, &format!("`{path}` has no self-test: its outputs on this machine are unverified"))?;
+        }
+        let class_names = PyTuple::new(py, &description.classes)?.unbind();
+        let shared = Arc::new(Shared::new(class_names, model.pipeline().stage_names().to_vec()));
+        let (about, warnings) = (About::of(&model), Warnings::new(model.pipeline().graph().size()));
+        Ok(Self { inner: Own::new(Mutex::new(model)), about, shared, warnings })
+    }
+
+    /// Estimate depth and labels of one image. `model(rgb)` is the same.
+    ///
+    /// Parameters
+    /// ----------
+    /// rgb : numpy.ndarray, str, os.PathLike or PIL.Image.Image
+    ///     An array is uint8 (H, W, 3), rows from the top, with any strides. A path names a JPEG or PNG file, which is
+    ///     turned upright as its EXIF orientation says. A PIL image of 8 bits per channel is converted to RGB, and not
+    ///     turned. Images of any size are resized to `Model.size` without cropping. An array is read without the GIL: do
+    ///     not write to it meanwhile.
+    /// camera : Camera, optional
+    ///     The camera of the image. Meters are scaled by its focal length, and points lie on its rays. By default the
+    ///     training camera is assumed (`scale_source` is `assumed_camera`).
+    /// color : str
+    ///     The channel order of an array: `rgb`, or `bgr` for images of OpenCV.
+    /// keep_state : bool
+    ///     Whether the image is the next frame of the same video. Recurrent networks and the temporal filter then keep their
+    ///     state; others ignore it. By default each image is independent.
+    ///
+    /// Returns
+    /// -------
+    /// Result
+    ///     `depth`: float32 (H, W) at `Model.size`, meters along the optical axis, NaN where there is no depth. `labels`,
+    ///     `cloud()` and more.
+    ///
+    /// Raises
+    /// ------
+    /// TypeError
+    ///     `rgb` is not an image, or is not of 8 bits per channel.
+    /// ValueError
+    ///     The image has another shape, is empty, or has a side beyond 32768.
+    /// FileNotFoundError
+    ///     The file does not exist.
+    /// CameraError
+    ///     The camera's aspect ratio is not that of the image.
+    /// ModelError
+    ///     The network failed to run.
+    /// NunetError
+    ///     The file is damaged or is neither JPEG nor PNG, or the model was made before a fork.
+    ///
+    /// Warns
+    /// -----
+    /// UserWarning
+    ///     Once for a model: no camera was given, or the image has another aspect ratio than the network.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, nunet_py as nunet
+    /// >>> result = nunet.Model("wnet_c.onnx").infer(np.zeros((480, 640, 3), np.uint8))
+    /// >>> result.depth.shape, result.depth.dtype
+    /// ((480, 640), dtype('float32'))
+    #[pyo3(signature = (rgb, *, camera = None, color = "rgb", keep_state = false))]
+    fn infer(
+        &self,
+        py: Python<'_>,
+        rgb: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = argument::color)] color: &str,
+        keep_state: bool,
+    ) -> PyResult<Result> {
+        let image = Image::take("rgb", rgb, ChannelOrder::named(color)?)?;
+        self.infer_one(py, &image, camera, keep_state)
+    }
+
+    /// Estimate depth and labels of one image: the same as `infer`.
+    #[pyo3(signature = (rgb, *, camera = None, color = "rgb", keep_state = false))]
+    fn __call__(
+        &self,
+        py: Python<'_>,
+        rgb: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = argument::color)] color: &str,
+        keep_state: bool,
+    ) -> PyResult<Result> {
+        self.infer(py, rgb, camera, color, keep_state)
+    }
+
+    /// Estimate depth and labels of several images, one after the other.
+    ///
+    /// Parameters
+    /// ----------
+    /// images : iterable
+    ///     Images as for `infer`, or one array (N, H, W, 3).
+    /// camera : Camera, optional
+    ///     The camera of all images, as for `infer`.
+    /// color : str
+    ///     The channel order of arrays: `rgb` or `bgr`.
+    /// keep_state : bool
+    ///     Whether the images are the frames of one video, which starts with the first of them. By default each image is
+    ///     independent.
+    ///
+    /// Returns
+    /// -------
+    /// list of Result
+    ///     The result of each image, in order.
+    ///
+    /// Raises
+    /// ------
+    /// TypeError
+    ///     `images` is not iterable or is a single image.
+    ///
+    /// The exceptions of `infer`, with the index of the image as a note.
+    #[pyo3(signature = (images, *, camera = None, color = "rgb", keep_state = false))]
+    fn infer_batch(
+        &self,
+        py: Python<'_>,
+        images: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = argument::color)] color: &str,
+        keep_state: bool,
+    ) -> PyResult<Vec<Result>> {
+        let order = ChannelOrder::named(color)?;
+        let mut results = Vec::new();
+        for (index, image) in batch::images(images)?.enumerate() {
+            let result = Image::take("rgb", &image?, order)
+                .and_then(|image| self.infer_one(py, &image, camera, keep_state && index > 0));
+            results.push(result.map_err(|error| batch::with_note(py, error, index))?);
+            py.check_signals()?;
+        }
+        Ok(results)
+    }
+
+    /// Width and height of the results, pixels: those of the network, divided by the decimation filter.
+    #[getter]
+    fn size(&self) -> (u32, u32) {
+        self.about.size
+    }
+
+    /// The name of each label, in order; empty if the network does not segment.
+    #[getter]
+    fn class_names(&self, py: Python<'_>) -> Py<PyTuple> {
+        self.shared.class_names.clone_ref(py)
+    }
+
+    /// `unet`, `wnet`, `wnet_c` and so on; `foreign` for a network described by a sidecar file.
+    #[getter]
+    fn architecture(&self) -> &str {
+        &self.about.architecture
+    }
+
+    /// Whether the weights are trained.
+    #[getter]
+    fn trained(&self) -> bool {
+        self.about.trained
+    }
+
+    /// The execution provider: `cpu`, `openvino`, `cuda` or `tensorrt`.
+    #[getter]
+    fn provider(&self) -> &'static str {
+        self.about.provider
+    }
+
+    /// The filters in the order in which they run, with all their settings.
+    #[getter]
+    fn filters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.about.filters)
+    }
+
+    /// The model file.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.about.path.clone()
+    }
+
+    /// The metadata of the file as `nunetd inspect --json` prints it: components, tensors, accuracy, training camera,
+    /// license, SHA-256.
+    #[getter]
+    fn metadata(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        Ok(py.import("json")?.getattr("loads")?.call1((&self.about.json,))?.unbind())
+    }
+
+    fn __repr__(&self) -> String {
+        let About { path, size: (width, height), architecture, trained, provider, .. } = &self.about;
+        let trained = if *trained { "" } else { ", untrained" };
+        format!(
+            "Model('{}', {architecture}, {width}x{height}, provider='{provider}'{trained})",
+            path.display()
+        )
+    }
+}
+
+/// The argument `model`.
+pub(crate) fn model_argument(object: &Bound<'_, PyAny>) -> PyResult<Py<Model>> {
+    argument::taken(
+        "model",
+        object,
+        "a Model",
+        "make one, `nunet_py.Model(NAME)`, and use it for all recordings",
+    )
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Model>()
+}

@@ -1,0 +1,63 @@
+//! numpy arrays over the memory of a result, which returns to the model's pool when the last array is gone.
+#![expect(unsafe_code, reason = "promises that the memory of a result stays in place while its object lives")]
+
+use numpy::{Element, PyArrayDescr, dtype};
+use nunet_daemon::embed::Recycled;
+use pyo3::prelude::*;
+
+use crate::memory::{self, Memory, Shape};
+
+/// Owns the memory of one array: the array's `base`.
+#[pyclass(frozen, module = "nunet_py")]
+struct ResultMemory {
+    address: usize,
+    bytes: usize,
+    /// Held for its memory alone.
+    _values: Kept,
+}
+
+/// One of the kinds of values that results consist of.
+pub(super) enum Kept {
+    Numbers { _values: Recycled<f32> },
+    Bytes { _values: Recycled<u8> },
+}
+
+impl From<Recycled<f32>> for Kept {
+    fn from(values: Recycled<f32>) -> Self {
+        Self::Numbers { _values: values }
+    }
+}
+
+impl From<Recycled<u8>> for Kept {
+    fn from(values: Recycled<u8>) -> Self {
+        Self::Bytes { _values: values }
+    }
+}
+
+// SAFETY: `address` and `bytes` describe the vector in `_values`, which is neither read, written nor resized before it is
+// dropped with this object.
+unsafe impl Memory for ResultMemory {
+    const WRITEABLE: bool = true;
+
+    fn bytes(&self) -> (*mut u8, usize) {
+        (std::ptr::with_exposed_provenance_mut(self.address), self.bytes)
+    }
+}
+
+/// An array with these lengths over `values`. It owns them from now on and is writeable.
+///
+/// # Errors
+/// Fewer values than the lengths ask for.
+pub(super) fn array<T: Element, const N: usize>(
+    py: Python<'_>,
+    mut values: Recycled<T>,
+    lengths: [usize; N],
+) -> PyResult<Bound<'_, PyAny>>
+where
+    Kept: From<Recycled<T>>,
+{
+    let (address, bytes) = (values.as_mut_ptr().expose_provenance(), size_of_val(&*values));
+    let owner = Bound::new(py, ResultMemory { address, bytes, _values: values.into() })?;
+    let element: Bound<'_, PyArrayDescr> = dtype::<T>(py);
+    memory::array(&owner, element, Shape::packed(lengths, size_of::<T>()))
+}

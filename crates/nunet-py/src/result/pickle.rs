@@ -1,0 +1,82 @@
+//! Results that are pickled: their arrays, and everything else as a dictionary.
+
+use std::sync::Arc;
+
+use numpy::{PyArray2, PyArray3};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+use super::{Origin, Result, Shared};
+use crate::camera::Camera;
+
+/// A result without its arrays.
+#[derive(FromPyObject, IntoPyObject)]
+#[pyo3(from_item_all)]
+pub(super) struct State {
+    class_names: Py<PyTuple>,
+    units: String,
+    scale_source: String,
+    quality: String,
+    timings: Py<PyDict>,
+    invalid_pixels: u32,
+    camera: Option<Camera>,
+    points_camera: Camera,
+    image_size: (u32, u32),
+    topic: Option<String>,
+    frame_id: Option<String>,
+    sequence: Option<u64>,
+    capture_nanos: Option<i64>,
+}
+
+/// The function that restores a result, and its arguments.
+pub(super) type Reduced<'py> =
+    (Bound<'py, PyAny>, (Py<PyArray2<f32>>, Option<Py<PyArray2<u8>>>, Py<PyArray3<u8>>, State));
+
+/// What pickle stores of a result.
+pub(super) fn reduce<'py>(py: Python<'py>, result: &Result) -> PyResult<Reduced<'py>> {
+    let Origin { topic, frame_id, sequence, capture_nanos } = result.origin.clone();
+    let state = State {
+        class_names: result.shared.class_names.clone_ref(py),
+        units: result.units.clone(),
+        scale_source: result.scale_source.clone(),
+        quality: result.quality.clone(),
+        timings: result.timings.clone_ref(py),
+        invalid_pixels: result.invalid_pixels,
+        camera: result.camera,
+        points_camera: Camera(result.points_camera),
+        image_size: result.image_size,
+        topic,
+        frame_id,
+        sequence,
+        capture_nanos,
+    };
+    let labels = result.labels.as_ref().map(|labels| labels.clone_ref(py));
+    let restore = py.import("nunet_py._native")?.getattr("_result")?;
+    Ok((restore, (result.depth.clone_ref(py), labels, result.rgb.clone_ref(py), state)))
+}
+
+/// Restores a pickled result.
+#[pyfunction]
+pub(super) fn _result(
+    depth: Py<PyArray2<f32>>,
+    labels: Option<Py<PyArray2<u8>>>,
+    rgb: Py<PyArray3<u8>>,
+    state: State,
+) -> Result {
+    let State { topic, frame_id, sequence, capture_nanos, .. } = state;
+    Result {
+        depth,
+        labels,
+        rgb,
+        units: state.units,
+        scale_source: state.scale_source,
+        timings: state.timings,
+        invalid_pixels: state.invalid_pixels,
+        quality: state.quality,
+        camera: state.camera,
+        origin: Origin { topic, frame_id, sequence, capture_nanos },
+        points_camera: state.points_camera.0,
+        image_size: state.image_size,
+        shared: Arc::new(Shared::new(state.class_names, Vec::new())),
+    }
+}

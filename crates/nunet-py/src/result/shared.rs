@@ -1,0 +1,30 @@
+//! What a model and its results have in common.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nunet_core::camera::{Camera, RayTable};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+/// Names from the model file, and the rays of the last cloud.
+pub(crate) struct Shared {
+    pub(crate) class_names: Py<PyTuple>,
+    pub(crate) stage_names: Vec<String>,
+    /// Kept so that they are computed once for a stream.
+    rays: Mutex<Option<(Camera, Arc<RayTable>)>>,
+}
+
+impl Shared {
+    pub(crate) fn new(class_names: Py<PyTuple>, stage_names: Vec<String>) -> Self {
+        Self { class_names, stage_names, rays: Mutex::default() }
+    }
+
+    /// The rays of a camera.
+    pub(super) fn rays(&self, camera: Camera) -> Arc<RayTable> {
+        let mut kept = self.rays.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*kept {
+            Some((of, rays)) if *of == camera => Arc::clone(rays),
+            _ => Arc::clone(&kept.insert((camera, Arc::new(RayTable::new(&camera)))).1),
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The shared-memory topic of a publisher, which its loans use too.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use nunet_core::camera::Camera;
+use nunet_daemon::embed;
+use nunet_ipc::{
+    CameraName, Clock, FrameHeader, IpcError, Limits, Topic, TopicPlan, Wake, monotonic_nanos, unix_nanos,
+};
+use pyo3::prelude::*;
+
+use super::errors::ipc_error;
+use super::late::Served;
+use super::layout::Layout;
+use crate::error::{NunetError, hinted};
+use crate::own::Own;
+
+/// The name of the class in messages.
+const NAME: &str = "publisher";
+
+/// Chunks that may be on loan at a time: the anchor, the image of an open block, the copy that is sent instead of it, and
+/// one that an array of an earlier block holds.
+const MAX_LOANS: usize = 4;
+
+/// A chunk that keeps the publisher's memory mapped, but not the camera's name taken.
+pub(super) type Anchor = Arc<Mutex<nunet_ipc::Loan>>;
+
+/// The description of a camera, which travels with every image.
+#[derive(Debug)]
+pub(super) struct Source {
+    pub(super) camera: CameraName,
+    pub(super) layout: Layout,
+    pub(super) optics: Option<Camera>,
+    pub(super) clock: Clock,
+    pub(super) frame_id: String,
+}
+
+/// The topic `rgb` of a camera, and a count of copies.
+#[derive(Debug)]
+pub(super) struct Port {
+    pub(super) source: Source,
+    copied: AtomicU64,
+    open: Own<Served<Open>>,
+}
+
+#[derive(Debug)]
+struct Open {
+    // Dropped before the publisher, unless an array still needs it.
+    anchor: Anchor,
+    publisher: nunet_ipc::Publisher,
+    sequence: u64,
+}
+
+/// Capture time and number of an image; `None` for the current time and for the next number.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Capture {
+    pub(super) nanos: Option<i64>,
+    pub(super) sequence: Option<u64>,
+}
+
+impl Port {
+    /// Creates the topic, with memory for so many readers.
+    ///
+    /// # Errors
+    /// `NunetError` if the camera is published already or memory is short.
+    pub(super) fn create(py: Python<'_>, source: Source, readers: u32) -> PyResult<Self> {
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: source.layout.bytes() };
+        let limits = Limits { max_readers: readers as usize, max_loans: MAX_LOANS, ..Limits::default() };
+        let publisher = py
+            .detach(|| nunet_ipc::Publisher::create(&source.camera, &[plan], &limits))
+            .map_err(ipc_error)?;
+        let anchor = publisher.loan(Topic::Rgb).map_err(ipc_error)?;
+        let open = Open { anchor: Arc::new(Mutex::new(anchor)), publisher, sequence: 0 };
+        // An error is reported when the next image is sent, because sending does the same.
+        let open = Served::start(open, |open| drop(open.publisher.refresh()))?;
+        Ok(Self { source, copied: AtomicU64::new(0), open: Own::new(open) })
+    }
+
+    fn open(&self) -> PyResult<MutexGuard<'_, Option<Open>>> {
+        Ok(self.open.get(NAME)?.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Runs `action` on the open topic. No Python code may run meanwhile.
+    fn with<T>(&self, action: impl FnOnce(&mut Open) -> Result<T, IpcError>) -> PyResult<T> {
+        let mut open = self.open()?;
+        let camera = &self.source.camera;
+        let open = open.as_mut().ok_or_else(|| {
+            hinted::<NunetError>(
+                format!("this publisher of camera `{camera}` is closed"),
+                "use it inside its `with` block, or make a new one",
+            )
+        })?;
+        action(open).map_err(|error| match error {
+            IpcError::TooManyLoans { .. } => hinted::<NunetError>(
+                format!("no memory for another image of camera `{camera}`: arrays of earlier loans hold it"),
+                "drop the arrays and views of a loan before the next one",
+            ),
+            error => ipc_error(error),
+        })
+    }
+
+    /// Checks that the topic is open.
+    pub(super) fn check_open(&self) -> PyResult<()> {
+        self.with(|_| Ok(()))
+    }
+
+    /// A chunk for one image.
+    pub(super) fn chunk(&self) -> PyResult<nunet_ipc::Loan> {
+        self.with(|open| open.publisher.loan(Topic::Rgb))
+    }
+
+    pub(super) fn anchor(&self) -> PyResult<Anchor> {
+        self.with(|open| Ok(Arc::clone(&open.anchor)))
+    }
+
+    /// Sends a filled chunk and wakes the readers. Returns the image's number.
+    pub(super) fn send(&self, mut loan: nunet_ipc::Loan, capture: Capture) -> PyResult<u64> {
+        self.with(|open| {
+            let sequence = capture.sequence.unwrap_or(open.sequence);
+            self.source.describe(loan.header_mut(), capture, sequence);
+            loan.publish(monotonic_nanos())?;
+            open.sequence = sequence.wrapping_add(1);
+            open.publisher.notify(Wake::Picture)?;
+            Ok(sequence)
+        })
+    }
+
+    /// Sends a copy of an image that arrays can still write to.
+    pub(super) fn send_copy(&self, image: &[u8], capture: Capture) -> PyResult<u64> {
+        let mut copy = self.chunk()?;
+        copy.bytes_mut().copy_from_slice(image);
+        self.copied.fetch_add(1, Ordering::Relaxed);
+        self.send(copy, capture)
+    }
+
+    /// Sends the last image to late subscribers.
+    pub(super) fn refresh(&self) -> PyResult<()> {
+        self.with(|open| open.publisher.refresh())
+    }
+
+    pub(super) fn has_readers(&self) -> PyResult<bool> {
+        self.with(|open| Ok(open.publisher.has_readers(Topic::Rgb)))
+    }
+
+    pub(super) fn is_closed(&self) -> PyResult<bool> {
+        Ok(self.open()?.is_none())
+    }
+
+    pub(super) fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let open = self.open()?.take();
+        py.detach(|| drop(open));
+        Ok(())
+    }
+
+    /// Number of loans that were copied.
+    pub(super) fn copied(&self) -> u64 {
+        self.copied.load(Ordering::Relaxed)
+    }
+}
+
+impl Source {
+    /// Fills the header of an image.
+    fn describe(&self, header: &mut FrameHeader, capture: Capture, sequence: u64) {
+        *header = FrameHeader::default();
+        header.sequence = sequence;
+        let (monotonic, unix) = (monotonic_nanos(), unix_nanos());
+        let now = match self.clock {
+            Clock::Monotonic => monotonic,
+            Clock::Unix => unix,
+            Clock::Media => 0,
+        };
+        header.capture_nanos = capture.nanos.unwrap_or(now);
+        header.set_capture_clock(self.clock);
+        header.capture_unix_nanos = header.unix_of_capture(monotonic, unix);
+        header.set_encoding(self.layout.encoding);
+        (header.width, header.height) = self.layout.size;
+        header.row_stride_bytes = self.layout.row_bytes;
+        header.set_frame_id(&self.frame_id);
+        if let Some(optics) = &self.optics {
+            embed::set_camera(header, optics);
+        }
+    }
+}
