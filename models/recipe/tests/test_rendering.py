@@ -14,12 +14,19 @@ from nunet_models.cli import main
 from nunet_models.errors import DataError
 from nunet_models.rendering import folder as folder_module
 from nunet_models.rendering.floorplan import FloorPlan, Rectangle
-from nunet_models.rendering.folder import Rendered, RoomsFolder, is_test_room, read_rows
+from nunet_models.rendering.folder import (
+    Placement,
+    Rendered,
+    RoomsFolder,
+    is_test_room,
+    read_rows,
+)
 from nunet_models.rendering.intrinsics import HFOV_DEG, IMAGE_SIZES, random_intrinsics
 from nunet_models.rendering.robot_path import RobotPath
 from nunet_models.rendering.sensor import Metered, Sensor
 
 CAMERA = random_intrinsics(Random(1))
+VIEW = (CAMERA, Placement("low", 0.25, 3.0, -1.5))
 
 
 def rendered():
@@ -33,7 +40,7 @@ def rendered():
 def write_room(folder, room, views=2):
     for view in range(views):
         folder.write_image(f"{room}v{view:02d}", rendered())
-    folder.finish_room(room, {f"{room}v{view:02d}": CAMERA for view in range(views)}, "rendered")
+    folder.finish_room(room, {f"{room}v{view:02d}": VIEW for view in range(views)}, "rendered")
 
 
 def test_without_blender_the_error_names_the_package_to_install(monkeypatch, capsys, tmp_path):
@@ -82,6 +89,8 @@ def test_a_room_is_written_with_truth_and_one_row_per_image(tmp_path):
     assert {row["scene"] for row in rows} == {"s0r00001"}
     assert float(rows[0]["fx"]) == CAMERA.fx_px
     assert (tmp_path / "train.txt").read_text().split() == ["s0r00001v00", "s0r00001v01"]
+    views = (tmp_path / "views.csv").read_text().splitlines()
+    assert views[:2] == ["id,kind,height_m,pitch_deg,roll_deg", "s0r00001v00,low,0.250,3.00,-1.50"]
     depth = np.array(Image.open(tmp_path / "depth/s0r00001v00.png"))
     assert depth.dtype == np.uint16
     assert (depth[0, 0], depth[5, 5]) == (0, 1500)
@@ -115,7 +124,7 @@ def test_a_run_that_was_killed_continues_and_keeps_each_row_once(tmp_path, monke
 def _add_rooms(path, names):
     folder = RoomsFolder(path, 0.5)
     for name in names:
-        folder.finish_room(name, {f"{name}v00": CAMERA}, "rendered")
+        folder.finish_room(name, {f"{name}v00": VIEW}, "rendered")
 
 
 def test_processes_that_share_a_folder_lose_no_room(tmp_path):
@@ -133,7 +142,7 @@ def test_rooms_are_split_by_name_and_no_room_is_in_both_lists(tmp_path):
     folder = RoomsFolder(tmp_path, 0.3)
     names = [f"s7r{number:05d}" for number in range(40)]
     for name in names:
-        folder.finish_room(name, {f"{name}v00": CAMERA, f"{name}v01": CAMERA}, "rendered")
+        folder.finish_room(name, {f"{name}v00": VIEW, f"{name}v01": VIEW}, "rendered")
     lists = [(tmp_path / f"{split}.txt").read_text().split() for split in ("train", "test")]
     train, test = ({identity[:8] for identity in ids} for ids in lists)
     assert not train & test

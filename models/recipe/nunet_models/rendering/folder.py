@@ -19,6 +19,8 @@ from nunet_models.rendering.intrinsics import Intrinsics
 
 COLUMNS = ("id", "fx", "fy", "cx", "cy", "width", "height", "sensor", "scene")
 INTRINSICS = "intrinsics.csv"
+VIEWS = "views.csv"
+VIEW_COLUMNS = ("id", "kind", "height_m", "pitch_deg", "roll_deg")
 MAX_DEPTH_MM = 65535
 
 
@@ -33,6 +35,16 @@ class Rendered:
     """`[H, W]`, uint8, 255 = none."""
     intrinsics: Intrinsics
     quality: int
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How a camera stands: the kind of view, height above the floor, angles (up and clockwise)."""
+
+    kind: str
+    height_m: float
+    pitch_deg: float
+    roll_deg: float
 
 
 class RoomsFolder:
@@ -64,17 +76,21 @@ class RoomsFolder:
             plane.save(buffer, "PNG", compress_level=6)
             replace_file(self.path / f"{name}/{identity}.png", buffer.getvalue())
 
-    def finish_room(self, room: str, images: dict[str, Intrinsics], sensor: str) -> None:
-        """Add a room's rows to `intrinsics.csv` and its ids to the list of its split."""
-        rows = [
-            [name, c.fx_px, c.fy_px, c.cx_px, c.cy_px, c.width, c.height, sensor, room]
-            for name, c in images.items()
-        ]
+    def finish_room(
+        self, room: str, images: dict[str, tuple[Intrinsics, Placement]], sensor: str
+    ) -> None:
+        """Add a room's rows to `views.csv` and `intrinsics.csv`, its ids to its split's list."""
+        intrinsics, views = [], []
+        for name, (c, p) in images.items():
+            row = (name, c.fx_px, c.fy_px, c.cx_px, c.cy_px, c.width, c.height, sensor, room)
+            intrinsics.append(",".join(map(str, row)))
+            views.append(f"{name},{p.kind},{p.height_m:.3f},{p.pitch_deg:.2f},{p.roll_deg:.2f}")
         split = "test" if is_test_room(room, self.test_share) else "train"
-        lines = [",".join(map(str, row)) for row in rows]
         with _locked(self.path):
             append_lines(self.path / f"{split}.txt", list(images))
-            append_lines(self.path / INTRINSICS, lines, header=",".join(COLUMNS))
+            append_lines(self.path / VIEWS, views, header=",".join(VIEW_COLUMNS))
+            # Last, since a room counts as complete once it is in this table.
+            append_lines(self.path / INTRINSICS, intrinsics, header=",".join(COLUMNS))
         self.rooms.add(room)
 
 

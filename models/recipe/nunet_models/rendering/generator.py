@@ -15,7 +15,7 @@ import numpy as np
 from nunet_models.rendering import clip_rooms, kinds
 from nunet_models.rendering.camera import add_camera, set_intrinsics
 from nunet_models.rendering.fast import FastRenderer
-from nunet_models.rendering.folder import Rendered, RoomsFolder, replace_file
+from nunet_models.rendering.folder import Placement, Rendered, RoomsFolder, replace_file
 from nunet_models.rendering.intrinsics import Intrinsics
 from nunet_models.rendering.scene import clear
 from nunet_models.rendering.sensor import Sensor
@@ -62,28 +62,29 @@ def _render_room(name: str, folder: RoomsFolder, photos: list[str], options: Opt
     if not views:
         LOG.warning("%s (%s): no view found", name, room.kind)
         return 0
-    camera = add_camera(views[0].intrinsics, bpy.context.scene)
-    renderer = FastRenderer(options.samples, options.threads, room.ambient)
     built = time.monotonic() - started
-    written: dict[str, Intrinsics] = {}
+    renderer = FastRenderer(options.samples, options.threads, room.ambient)
+    written = _render_views(name, views, renderer, folder)
+    folder.finish_room(name, written, SENSOR_NAME)
+    count, seconds = len(written), time.monotonic() - started
+    message = "%s %s: %d images, %.2f s each (built in %.1f s)"
+    LOG.info(message, name, room.kind, count, seconds / count, built)
+    return count
+
+
+def _render_views(
+    name: str, views: list[View], renderer: FastRenderer, folder: RoomsFolder
+) -> dict[str, tuple[Intrinsics, Placement]]:
+    """Render and write a room's views; what `finish_room` needs of them."""
+    camera = add_camera(views[0].intrinsics, bpy.context.scene)
+    written = {}
     for number, view in enumerate(views):
         identity = f"{name}v{number:02d}"
         set_intrinsics(view.intrinsics, bpy.context.scene)
         camera.matrix_world = view.pose
-        image = _render_view(identity, view, renderer)
-        folder.write_image(identity, image)
-        written[identity] = view.intrinsics
-    folder.finish_room(name, written, SENSOR_NAME)
-    seconds = time.monotonic() - started
-    LOG.info(
-        "%s %s: %d images, %.2f s each (built in %.1f s)",
-        name,
-        room.kind,
-        len(written),
-        seconds / len(written),
-        built,
-    )
-    return len(written)
+        folder.write_image(identity, _render_view(identity, view, renderer))
+        written[identity] = (view.intrinsics, view.placement)
+    return written
 
 
 def _render_view(identity: str, view: View, renderer: FastRenderer) -> Rendered:

@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from nunet_models.rendering.camera import turned
+from nunet_models.rendering.folder import Placement
 from nunet_models.rendering.intrinsics import Intrinsics, random_intrinsics
 from nunet_models.rendering.shapes import CLASSES
 
@@ -37,8 +38,19 @@ PLAIN_SHARE = 0.07
 class View:
     """A camera and where it stands (world from Blender's camera)."""
 
+    kind: str
     intrinsics: Intrinsics
     pose: Matrix
+
+    @property
+    def placement(self) -> Placement:
+        """Height and angles of the pose."""
+        right, ahead = self.pose.col[0].xyz, -self.pose.col[2].xyz
+        pitch = math.asin(max(-1.0, min(1.0, ahead.z)))
+        # The roll of a camera that looks straight up or down is not defined.
+        roll = math.asin(max(-1.0, min(1.0, right.z / max(math.cos(pitch), 1e-6))))
+        height_m = self.pose.translation.z
+        return Placement(self.kind, height_m, math.degrees(pitch), math.degrees(roll))
 
 
 class ViewFinder:
@@ -59,7 +71,7 @@ class ViewFinder:
             intrinsics = random_intrinsics(self.random)
             pose = self._near() if wanted == NEAR else self._free(low=wanted == LOW)
             if pose is not None and self._is_good(intrinsics, pose, median_m):
-                return View(intrinsics, pose)
+                return View(wanted, intrinsics, pose)
         return None
 
     def _free(self, *, low: bool) -> Matrix:
