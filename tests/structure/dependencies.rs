@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 8] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 9] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -22,6 +22,10 @@ const NO_DEPENDENCY: [(&str, &[&str]); 8] = [
     ("crates/nunet-ipc/Cargo.toml", &["nunet-core", "nunet-daemon", "ort", "serde", "serde_json", "anyhow"]),
     ("crates/nunet-core/Cargo.toml", &["nunet-ipc", "nunet-daemon", "iceoryx2", "clap", "anyhow", "tracing"]),
     ("crates/nunet-daemon/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove"]),
+    (
+        "crates/nunet-engine/Cargo.toml",
+        &["ort", "iceoryx2", "mcap", "nunet-ipc", "nunet-mcap", "nunet-daemon", "clap", "anyhow"],
+    ),
     (
         "crates/nunet-mcap/Cargo.toml",
         &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon", "anyhow"],

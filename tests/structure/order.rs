@@ -42,23 +42,41 @@ const DAEMON: Order = Order {
     journey: &[
         "telemetry",
         "exit",
-        "fault",
         "words",
         "source",
         "cli",
         "sink",
         "stream",
-        "installation",
-        "library",
-        "models",
-        "vetting",
-        "pages",
         "engine",
         "buffers",
         "logging",
         "subcommands",
         "embed",
         "fuzzing",
+    ],
+    ahead: &[],
+};
+
+const ENGINE: Order = Order {
+    folder: "crates/nunet-engine/src/",
+    journey: &[
+        "text",
+        "telemetry",
+        "clock",
+        "pool",
+        "error_kind",
+        "error",
+        "options",
+        "installation",
+        "library",
+        "models",
+        "verdict",
+        "model_check",
+        "huge_pages",
+        "engine",
+        "checked_load",
+        "model_report",
+        "model",
     ],
     ahead: &[],
 };
@@ -160,6 +178,11 @@ impl Order {
 #[test]
 fn in_core_no_module_imports_a_later_one() {
     CORE.check();
+}
+
+#[test]
+fn in_the_engine_no_module_imports_a_later_one() {
+    ENGINE.check();
 }
 
 #[test]

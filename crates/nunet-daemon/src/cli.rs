@@ -133,7 +133,7 @@ pub enum Verb {
     /// Check what `run` would do with these flags and this file, and print it with all defaults, as a file
     Config(Box<ConfigArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
-    #[command(hide = true)]
+    #[command(hide = true, name = "check-model")]
     Vet(VetArgs),
 }
 
@@ -312,7 +312,7 @@ pub struct TuneArgs {
     pub engine: EngineArgs,
 }
 
-/// `nunetd vet`
+/// `nunetd check-model`
 #[derive(Debug, Args, Clone)]
 pub struct VetArgs {
     /// The model file
@@ -380,7 +380,7 @@ mod tests {
             error.contains("`inferr` is no command of nunetd\nhint: one of run, infer, feed,"),
             "{error}"
         );
-        assert!(!error.contains("vet"), "{error}");
+        assert!(!error.contains("check-model"), "{error}");
     }
 
     #[test]

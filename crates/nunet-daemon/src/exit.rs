@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::io::Write as _;
 
+use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_types::{Hint, text_with_hint};
 
@@ -68,7 +69,8 @@ type Cause = dyn StdError + 'static;
 type HintOf = fn(&Cause) -> Option<Cow<'static, str>>;
 
 /// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
-const HINTS: &[HintOf] = &[hint_of::<WithHint>, hint_of::<IpcError>, hint_of::<CameraNameError>];
+const HINTS: &[HintOf] =
+    &[hint_of::<WithHint>, hint_of::<EngineError>, hint_of::<IpcError>, hint_of::<CameraNameError>];
 
 fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, str>> {
     cause.downcast_ref::<E>()?.hint()
@@ -108,7 +110,15 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>) -> u8 {
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<BadArguments>()
         || error.is::<NotFound>()
-        || error.chain().any(|cause| cause.downcast_ref::<WithHint>().is_some_and(|error| error.is_usage))
+        || error.chain().any(|cause| {
+            cause.downcast_ref::<WithHint>().is_some_and(|error| error.is_usage)
+                || cause.downcast_ref().is_some_and(is_engine_usage)
+        })
+}
+
+/// A model that does not exist, or an option out of its range.
+fn is_engine_usage(error: &EngineError) -> bool {
+    matches!(error.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
 }
 
 /// `nunetd watch front --json | head -1` is a success.
@@ -152,14 +162,16 @@ impl Report {
     }
 }
 
+/// The error and its causes, one per line, and the hints.
+pub(crate) fn message_and_hints(error: &anyhow::Error) -> (String, Vec<String>) {
+    let Report { causes, hints } = Report::of(error);
+    (causes.join("\n  because: "), hints)
+}
+
 /// One line per cause, then the hints.
 pub(crate) fn chain_text(error: &anyhow::Error) -> String {
-    let Report { causes, hints } = Report::of(error);
-    let mut text = String::new();
-    for (index, cause) in causes.iter().enumerate() {
-        let label = if index == 0 { "error" } else { "  because" };
-        text += &format!("{label}: {cause}\n");
-    }
+    let (message, hints) = message_and_hints(error);
+    let mut text = format!("error: {message}\n");
     for hint in hints {
         text += &format!("hint: {hint}\n");
     }

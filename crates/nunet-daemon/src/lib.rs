@@ -9,20 +9,14 @@ pub mod cli;
 pub mod embed;
 mod engine;
 mod exit;
-mod fault;
 #[doc(hidden)]
 pub mod fuzzing;
-mod installation;
-mod library;
 mod logging;
-mod models;
-mod pages;
 pub mod sink;
 pub mod source;
 pub mod stream;
 mod subcommands;
 pub mod telemetry;
-mod vetting;
 mod words;
 
 use std::ffi::OsString;
@@ -30,7 +24,6 @@ use std::io::Write as _;
 use std::process::ExitCode;
 
 pub use exit::Outcome;
-pub use installation::Installation;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///

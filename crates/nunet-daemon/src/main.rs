@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use nunet_daemon::telemetry::CountingAllocator;
-use nunet_engine::Telemetry;
+use nunet_engine::{Installation, Telemetry};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -11,5 +11,6 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 fn main() -> ExitCode {
     // First of all: while there is one thread, the environment can be written.
     Telemetry::turn_off_by_default();
+    Installation::of_nunetd().describe();
     nunet_daemon::main(std::env::args_os())
 }

@@ -4,8 +4,7 @@ use std::ffi::CString;
 use std::fmt::Display;
 
 use nunet_core::camera::CameraError;
-use nunet_core::pipeline::PipelineError;
-use nunet_daemon::embed::{self, Fault};
+use nunet_daemon::embed::{self, EngineErrorKind};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -80,18 +79,13 @@ pub(crate) fn exception<E: PyTypeInfo>(message: String) -> PyErr {
 
 /// The exception for an error of nunet's Rust code.
 pub(crate) fn failure(error: &anyhow::Error) -> PyErr {
-    raise(Fault::of(error), embed::message(error))
-}
-
-/// The exception for an error of the pipeline.
-pub(crate) fn of_pipeline(error: PipelineError) -> PyErr {
-    failure(&error.into())
+    raise(embed::error_kind(error), embed::message(error))
 }
 
 /// The exception for invalid intrinsics or distortion coefficients.
 pub(crate) fn of_camera(error: CameraError) -> PyErr {
     let hint = "intrinsics and size are in pixels, as a calibration gives them";
-    raise(Fault::Camera, with_hint(embed::message(&error.into()), hint))
+    raise(EngineErrorKind::Camera, with_hint(embed::message(&error.into()), hint))
 }
 
 /// The message with this hint if it has none.
@@ -103,14 +97,14 @@ pub(crate) fn with_hint(mut message: String, hint: &str) -> String {
     message
 }
 
-fn raise(fault: Fault, message: String) -> PyErr {
-    match fault {
-        Fault::NotFound => exception::<PyFileNotFoundError>(message),
-        Fault::Argument => exception::<PyValueError>(message),
-        Fault::Model => exception::<ModelError>(message),
-        Fault::Wiring => exception::<WiringError>(message),
-        Fault::Camera => exception::<PyCameraError>(message),
-        Fault::Other => exception::<NunetError>(message),
+fn raise(kind: EngineErrorKind, message: String) -> PyErr {
+    match kind {
+        EngineErrorKind::NotFound => exception::<PyFileNotFoundError>(message),
+        EngineErrorKind::Argument => exception::<PyValueError>(message),
+        EngineErrorKind::Model => exception::<ModelError>(message),
+        EngineErrorKind::Wiring => exception::<WiringError>(message),
+        EngineErrorKind::Camera => exception::<PyCameraError>(message),
+        _ => exception::<NunetError>(message),
     }
 }
 

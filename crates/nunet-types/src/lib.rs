@@ -33,6 +33,7 @@ extern crate self as nunet_types;
 
 mod camera_info;
 mod cloud_point;
+mod contract;
 mod depth;
 mod hint;
 mod image_size;
@@ -43,6 +44,7 @@ mod vocabulary;
 
 pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
 pub use cloud_point::{CloudPoint, NO_LABEL};
+pub use contract::CONTRACT_VERSION;
 pub use depth::{Quality, ScaleSource, Units};
 pub use hint::{Hint, text_with_hint};
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};

@@ -1,10 +1,8 @@
 //! The pipeline inside another program: what the Python package is made of.
 //!
-//! The same search for files, the same vetting of models and the same pipeline as in `nunetd`'s verbs; the host brings
+//! The same search for files, the same model check and the same pipeline as in `nunetd`'s verbs; the host brings
 //! pictures and takes results.
 
-mod memory;
-mod model;
 mod player;
 
 use std::path::Path;
@@ -15,12 +13,11 @@ use nunet_core::depth::{ScaleSource, Units};
 use nunet_core::graph::Quality;
 use nunet_ipc::FrameHeader;
 
-pub use crate::fault::Fault;
 pub use crate::sink::files::{Results, write as write_results, write_cloud};
-pub use memory::Recycled;
-pub use model::{Inferred, Model, ModelOptions};
+pub use nunet_engine::{EngineErrorKind, Inferred, Installation, Model, ModelOptions, Pooled};
 pub use player::{Played, Player, Step};
 
+use crate::exit::{NotFound, is_usage};
 use crate::source::{self, Frame};
 use crate::{exit, stream};
 
@@ -29,6 +26,17 @@ use crate::{exit, stream};
 pub fn message(error: &anyhow::Error) -> String {
     let text = exit::chain_text(error);
     text.strip_prefix("error: ").unwrap_or(&text).trim_end().to_owned()
+}
+
+/// The kind of a failure, which decides about Python's exception. The innermost cause that has a kind decides.
+#[must_use]
+pub fn error_kind(error: &anyhow::Error) -> EngineErrorKind {
+    if error.chain().any(|cause| cause.is::<NotFound>()) {
+        return EngineErrorKind::NotFound;
+    }
+    let kinds = error.chain().filter_map(|cause| EngineErrorKind::of(cause));
+    let usage = || is_usage(error).then_some(EngineErrorKind::Argument);
+    kinds.last().or_else(usage).unwrap_or(EngineErrorKind::Other)
 }
 
 /// Reads ROS's `camera_info` in YAML, as `--calibration` does.
@@ -107,4 +115,25 @@ pub fn colour_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32,
 pub fn colours(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> Vec<u8> {
     assert_eq!(depth.len(), width as usize * height as usize, "a depth map of another size");
     crate::sink::files::paint(depth, (width, height), (near, far)).into_raw()
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_core::camera::CameraError;
+
+    use super::*;
+    use crate::exit::BadArguments;
+
+    #[test]
+    fn the_cause_decides_about_the_kind_whatever_context_it_has() {
+        let camera = CameraError::Size { width: 0, height: 0 };
+        let wrapped = Err::<(), _>(camera).context(BadArguments("cannot use the calibration".into()));
+        assert_eq!(error_kind(&wrapped.unwrap_err()), EngineErrorKind::Camera);
+        assert_eq!(error_kind(&BadArguments("no such camera".into()).into()), EngineErrorKind::Argument);
+        assert_eq!(error_kind(&NotFound("no file `a`".into()).into()), EngineErrorKind::NotFound);
+        assert_eq!(error_kind(&anyhow::anyhow!("the disk is full")), EngineErrorKind::Other);
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        let missing = anyhow::Error::from(missing).context("cannot read `a`");
+        assert_eq!(error_kind(&missing), EngineErrorKind::NotFound);
+    }
 }

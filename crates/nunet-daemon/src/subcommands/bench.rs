@@ -146,7 +146,7 @@ impl Subject {
         json!({
             "contract": nunet_ipc::CONTRACT_VERSION,
             "host": host::json(),
-            "onnxruntime": engine.runtime.version(),
+            "onnxruntime": engine.runtime().version(),
             "model": { "name": self.name, "hash": self.hash },
             "provider": self.pipeline.graph().provider().name(),
             "threads": threads(arguments),

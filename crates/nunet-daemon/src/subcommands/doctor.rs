@@ -4,6 +4,7 @@ use std::io::Write as _;
 
 use nunet_core::graph::{Provider, SerialGraph};
 use nunet_core::pipeline::Pipeline;
+use nunet_engine::cache_folder;
 use nunet_ipc::orphans::{self, Cleaning};
 use nunet_ipc::{Limits, Reservation, Topic, cameras, free_shared_memory_bytes};
 use nunet_types::text_with_hint;
@@ -13,7 +14,6 @@ use serde_json::json;
 use crate::Outcome;
 use crate::cli::{CameraArgs, DoctorArgs, Publish};
 use crate::engine::{Engine, tested};
-use crate::library;
 use crate::sink::shm::plans;
 use crate::source;
 
@@ -106,12 +106,12 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
             return None;
         }
     };
-    let library = &engine.library;
+    let library = engine.library();
     checks.good(
         "library",
         format!(
             "ONNX Runtime {} at `{}` ({})",
-            engine.runtime.version(),
+            engine.runtime().version(),
             library.path.display(),
             library.place
         ),
@@ -124,9 +124,9 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
         }
     };
     let trained =
-        if loaded.graph.description().trained { "" } else { ", untrained: its depth means nothing" };
-    checks.good("model", format!("`{}`{trained}", loaded.path.display()));
-    match placement(&loaded.graph) {
+        if loaded.graph().description().trained { "" } else { ", untrained: its depth means nothing" };
+    checks.good("model", format!("`{}`{trained}", loaded.path().display()));
+    match placement(loaded.graph()) {
         Ok(detail) => checks.good("provider", detail),
         Err(problem) => checks.bad("provider", &problem),
     }
@@ -196,7 +196,7 @@ fn check_orphans(checks: &mut Checks) {
 
 /// Without it every start tests the model in a child process anew.
 fn check_cache(checks: &mut Checks) {
-    let Some(folder) = library::cache_folder() else {
+    let Some(folder) = cache_folder() else {
         return checks.bad("cache", "neither HOME nor XDG_CACHE_HOME is set\nhint: set one of them");
     };
     let probe = folder.join(format!("doctor-{}", std::process::id()));

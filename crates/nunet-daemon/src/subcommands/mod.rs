@@ -1,6 +1,7 @@
 //! What `nunetd` can do, one file per subcommand.
 
 mod bench;
+mod check_model;
 mod config;
 mod contract;
 mod doctor;
@@ -12,10 +13,7 @@ mod progress;
 mod replay;
 mod run;
 mod tune;
-mod vet;
 mod watch;
-
-pub(crate) use inspect::About;
 
 use crate::Outcome;
 use crate::cli::Verb;
@@ -35,6 +33,6 @@ pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
         Verb::Replay(arguments) => replay::replay(&arguments),
         Verb::Eval(arguments) => eval::eval(&arguments),
         Verb::Config(arguments) => config::config(&arguments),
-        Verb::Vet(arguments) => vet::vet(&arguments),
+        Verb::Vet(arguments) => check_model::check_model(&arguments),
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use nunet_core::graph::Provider;
+use nunet_engine::find_model;
 use serde_json::{Value, json};
 use tracing::warn;
 
@@ -14,7 +15,6 @@ use crate::Outcome;
 use crate::cli::{CameraArgs, EngineArgs, TuneArgs};
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::BadArguments;
-use crate::models;
 
 /// So much slower than the fastest is as fast, where it takes fewer threads: the robot has other work for them.
 const AS_FAST: f64 = 1.05;
@@ -22,11 +22,11 @@ const AS_FAST: f64 = 1.05;
 /// Measures every way to run the model in turn, interleaved, so that a disturbed moment meets them all.
 pub(super) fn tune(arguments: &TuneArgs) -> anyhow::Result<Outcome> {
     refuse_existing(arguments.out.as_deref())?;
-    models::find(&arguments.model)?;
+    find_model(&arguments.model)?;
     let frame = picture(arguments.image.as_deref())?;
     let engine = Engine::start(&arguments.engine)?;
     let mut ways = Vec::new();
-    for way in possible(&arguments.engine, &engine.runtime.providers()) {
+    for way in possible(&arguments.engine, &engine.runtime().providers()) {
         match Way::load(way, arguments) {
             Ok(way) => ways.push(way),
             Err(error) => warn!("left out: {error:#}"),
@@ -131,7 +131,7 @@ fn json(ways: &[Way], best: &Way, engine: &Engine) -> Value {
     json!({
         "contract": nunet_ipc::CONTRACT_VERSION,
         "host": host::json(),
-        "onnxruntime": engine.runtime.version(),
+        "onnxruntime": engine.runtime().version(),
         "model": { "name": best.subject.name, "hash": best.subject.hash },
         "ways": ways.iter().map(way_json).collect::<Vec<_>>(),
         "best": { "provider": best.provider.name(), "threads": best.threads },

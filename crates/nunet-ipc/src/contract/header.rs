@@ -18,7 +18,7 @@ use super::text::{set_text, text};
 pub use nunet_types::MAX_COEFFICIENTS;
 
 /// The version of this contract, in every header and in the attribute of every service.
-pub const CONTRACT_VERSION: u32 = 1;
+pub const CONTRACT_VERSION: u32 = nunet_types::CONTRACT_VERSION;
 
 /// Stages whose times fit into a header.
 pub const MAX_STAGES: usize = 16;

@@ -25,7 +25,7 @@ impl About {
             trained: graph.description().trained,
             provider: graph.provider().name(),
             filters: model.pipeline().filters().specs().map(|filter| filter.to_string()).collect(),
-            json: model.about_json().to_owned(),
+            json: model.report_json().to_owned(),
         }
     }
 }

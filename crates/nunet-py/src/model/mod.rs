@@ -16,7 +16,7 @@ use self::about::About;
 use self::warnings::Warnings;
 use crate::argument;
 use crate::camera::{Camera, camera_argument};
-use crate::error::{failure, of_camera, of_pipeline, warn};
+use crate::error::{failure, of_camera, warn};
 use crate::image::{ChannelOrder, Image};
 use crate::own::Own;
 use crate::result::{Result, Shared};
@@ -116,7 +116,7 @@ impl Model {
         let camera = camera.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose();
         let camera = camera.map_err(of_camera)?;
         let inferred = self.exclusive(py, |model| model.infer(&frame, camera, keep_state))?;
-        let inferred = inferred.map_err(of_pipeline)?;
+        let inferred = inferred.map_err(|error| failure(&error.into()))?;
         self.warn_of_guesses(py, &inferred, size)?;
         Result::of_image(py, inferred, size, self.shared())
     }
@@ -137,7 +137,7 @@ impl Model {
         let filters = filters.map(options::filters).transpose()?.unwrap_or_default();
         let options = ModelOptions { provider, threads, filters };
         let model = py.detach(|| embed::Model::open(&name_or_path, options));
-        let model = model.map_err(|error| failure(&error))?;
+        let model = model.map_err(|error| failure(&error.into()))?;
         let description = model.pipeline().graph().description();
         let path = model.path().display();
         if !description.trained {

@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "promises that the memory of a result stays in place while its object lives")]
 
 use numpy::{Element, PyArrayDescr, dtype};
-use nunet_daemon::embed::Recycled;
+use nunet_daemon::embed::Pooled;
 use pyo3::prelude::*;
 
 use crate::memory::{self, Memory, Shape};
@@ -18,18 +18,18 @@ struct ResultMemory {
 
 /// One of the kinds of values that results consist of.
 pub(super) enum Kept {
-    Numbers { _values: Recycled<f32> },
-    Bytes { _values: Recycled<u8> },
+    Numbers { _values: Pooled<f32> },
+    Bytes { _values: Pooled<u8> },
 }
 
-impl From<Recycled<f32>> for Kept {
-    fn from(values: Recycled<f32>) -> Self {
+impl From<Pooled<f32>> for Kept {
+    fn from(values: Pooled<f32>) -> Self {
         Self::Numbers { _values: values }
     }
 }
 
-impl From<Recycled<u8>> for Kept {
-    fn from(values: Recycled<u8>) -> Self {
+impl From<Pooled<u8>> for Kept {
+    fn from(values: Pooled<u8>) -> Self {
         Self::Bytes { _values: values }
     }
 }
@@ -50,11 +50,11 @@ unsafe impl Memory for ResultMemory {
 /// Fewer values than the lengths ask for.
 pub(super) fn array<T: Element, const N: usize>(
     py: Python<'_>,
-    mut values: Recycled<T>,
+    mut values: Pooled<T>,
     lengths: [usize; N],
 ) -> PyResult<Bound<'_, PyAny>>
 where
-    Kept: From<Recycled<T>>,
+    Kept: From<Pooled<T>>,
 {
     let (address, bytes) = (values.as_mut_ptr().expose_provenance(), size_of_val(&*values));
     let owner = Bound::new(py, ResultMemory { address, bytes, _values: values.into() })?;

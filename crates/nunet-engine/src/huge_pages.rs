@@ -1,11 +1,11 @@
 #![expect(unsafe_code, reason = "asks the kernel about pages of this process, and advises it")]
 
-//! Huge pages for what a network works in.
+//! Huge pages for the memory that a network works in.
 //!
-//! A network walks through its weights and activations for each frame: tens of megabytes, tens of thousands of pages of
-//! 4 KiB. In a virtual machine, finding those pages costs a twentieth of the frame, and a third where its host is busy. Most
-//! distributions give huge pages on request only, and ONNX Runtime does not ask. So nunetd asks once, when the first
-//! run has shown what is used. It is advice: where the kernel does not follow, all works as before.
+//! A network walks through its weights and activations for each frame: tens of megabytes, tens of thousands of 4 KiB
+//! pages. In a virtual machine, looking up those pages costs 5 % of a frame, and a third of it on a busy host. Most
+//! distributions give huge pages on request only, and ONNX Runtime does not ask. So this asks once, after the first run
+//! has shown what is used. It is advice: if the kernel does not follow it, everything works as before.
 
 use std::fs;
 use std::ops::Range;
@@ -15,18 +15,18 @@ use tracing::debug;
 /// A huge page of x86-64, and of aarch64 with pages of 4 KiB.
 const HUGE: usize = 2 << 20;
 
-/// `MADV_COLLAPSE` of Linux 6.1: now, and whatever `/sys/kernel/mm/transparent_hugepage/enabled` says.
+/// `MADV_COLLAPSE` of Linux 6.1: at once, and whatever `/sys/kernel/mm/transparent_hugepage/enabled` says.
 const COLLAPSE: libc::c_int = 25;
 
-/// Moves this process's private memory into huge pages, as far as it is in use: no page is added.
-pub(crate) fn make_huge() {
+/// Moves the private memory of this process that is in use into huge pages. No page is added.
+pub(crate) fn collapse_resident() {
     let Ok(maps) = fs::read_to_string("/proc/self/maps") else { return };
     let blocks = maps.lines().filter_map(private_memory).flat_map(blocks).filter(is_resident);
     let moved = blocks.filter(collapse).count();
     debug!("{moved} huge pages of {} MiB", HUGE >> 20);
 }
 
-/// The addresses of a line of `maps` that stands for private memory without a file: the heap, or what was mapped.
+/// The addresses in a line of `maps`, if it is private memory without a file: the heap, or an anonymous mapping.
 fn private_memory(line: &str) -> Option<Range<usize>> {
     let mut fields = line.split_ascii_whitespace();
     let (start, end) = fields.next()?.split_once('-')?;
@@ -37,14 +37,14 @@ fn private_memory(line: &str) -> Option<Range<usize>> {
     (private && anonymous).then_some(address(start)?..address(end)?)
 }
 
-/// Addresses of the huge pages that fit into `memory`.
+/// The addresses of the huge pages that fit into `memory`.
 fn blocks(memory: Range<usize>) -> impl Iterator<Item = usize> {
     (memory.start.next_multiple_of(HUGE)..memory.end)
         .step_by(HUGE)
         .filter(move |block| block + HUGE <= memory.end)
 }
 
-/// Whether each page of the block is in memory.
+/// Whether every page of the block is in memory.
 fn is_resident(block: &usize) -> bool {
     let mut pages = vec![0_u8; HUGE / rustix::param::page_size()];
     // SAFETY: `pages` has a byte for each page of the range; the kernel answers for any range, mapped or not.
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_private_memory_without_a_file_counts() {
+    fn only_private_memory_without_a_file_is_moved() {
         let heap = "55e7f7d44000-55e7fb8ad000 rw-p 00000000 00:00 0                          [heap]";
         assert_eq!(private_memory(heap), Some(0x55e7_f7d4_4000..0x55e7_fb8a_d000));
         assert_eq!(private_memory("1000-3000 rw-p 00000000 00:00 0"), Some(0x1000..0x3000));
@@ -86,13 +86,13 @@ mod tests {
     }
 
     #[test]
-    fn memory_keeps_its_bytes_and_what_is_not_there_is_refused() {
+    fn memory_keeps_its_bytes_and_unmapped_memory_is_refused() {
         let bytes: Vec<u8> = (0..4 * HUGE).map(|index| (index % 251) as u8).collect();
         let start = bytes.as_ptr() as usize;
         let inside: Vec<usize> = blocks(start..start + bytes.len()).collect();
         assert_eq!(inside.len(), 3);
         assert!(inside.iter().all(is_resident));
-        make_huge();
+        collapse_resident();
         assert!(bytes.iter().enumerate().all(|(index, &byte)| byte == (index % 251) as u8));
         assert!(!is_resident(&HUGE) && !collapse(&HUGE));
     }

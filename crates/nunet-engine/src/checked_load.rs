@@ -1,0 +1,76 @@
+//! What the child process of the model check does.
+
+use std::path::Path;
+
+use nunet_core::graph::{Provider, model_files};
+use nunet_core::pipeline::PipelineOptions;
+use rustix::process::{Resource, Rlimit, Signal, getrlimit, set_parent_process_death_signal, setrlimit};
+
+use crate::engine::Engine;
+use crate::error::EngineError;
+use crate::model_check::time_limit;
+use crate::options::EngineOptions;
+
+/// Address space of the child process besides what the model needs, bytes.
+const MEMORY_BASE: u64 = 4 << 30;
+/// Address space for each byte of the model: optimized and packed copies of the weights.
+const MEMORY_PER_MODEL_BYTE: u64 = 8;
+
+/// What the child process does: limits itself, loads the model if its files have these hashes, and runs its self-test.
+///
+/// # Errors
+/// The reason to refuse the model.
+pub fn check_model_in_this_process(
+    model: &Path,
+    hashes: Vec<[u8; 32]>,
+    options: EngineOptions,
+) -> Result<(), EngineError> {
+    limit_this_process(model, options.provider)?;
+    let engine = Engine::start(options)?;
+    let loaded = engine.load_trusted(model.to_owned(), &[], hashes)?;
+    loaded.into_pipeline(PipelineOptions::default())?;
+    Ok(())
+}
+
+/// Drivers of graphics cards map address space by the terabyte, so there is no memory limit with them.
+fn limit_this_process(model: &Path, provider: Provider) -> Result<(), EngineError> {
+    set_parent_process_death_signal(Some(Signal::KILL))
+        .map_err(|error| EngineError::system("cannot tie this process to its parent")(error.into()))?;
+    let bytes: u64 =
+        model_files(model)?.iter().map(|file| file.metadata().map_or(0, |data| data.len())).sum();
+    let limits = [
+        (Resource::As, memory_limit(provider, bytes)),
+        (Resource::Cpu, 2 * time_limit(provider).as_secs()),
+        (Resource::Core, 0),
+    ];
+    for (resource, limit) in limits {
+        let now = getrlimit(resource);
+        let limit = now.maximum.map_or(limit, |maximum| maximum.min(limit));
+        setrlimit(resource, Rlimit { current: Some(limit), maximum: now.maximum })
+            .map_err(|error| EngineError::system(format!("cannot limit {resource:?}"))(error.into()))?;
+    }
+    Ok(())
+}
+
+fn memory_limit(provider: Provider, model_bytes: u64) -> u64 {
+    match provider {
+        Provider::Cuda | Provider::TensorRt => u64::MAX,
+        Provider::Auto | Provider::Cpu | Provider::OpenVino => {
+            MEMORY_BASE + model_bytes.saturating_mul(MEMORY_PER_MODEL_BYTE)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn graphics_cards_have_no_memory_limit_and_engines_have_time_to_be_built() {
+        for provider in [Provider::Cuda, Provider::TensorRt] {
+            assert_eq!(memory_limit(provider, 1), u64::MAX);
+        }
+        assert_eq!(memory_limit(Provider::Cpu, 1 << 20), MEMORY_BASE + (8 << 20));
+        assert!(time_limit(Provider::TensorRt) > time_limit(Provider::Cuda));
+    }
+}

@@ -1,0 +1,265 @@
+//! What can go wrong between a model's name and a pipeline that has passed its self-test.
+
+use std::borrow::Cow;
+use std::error::Error as StdError;
+use std::io;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use nunet_core::camera::{CalibrationError, CameraError};
+use nunet_core::filter::FilterError;
+use nunet_core::frame::FrameError;
+use nunet_core::graph::{GraphError, RuntimeError};
+use nunet_core::pipeline::PipelineError;
+use nunet_types::Hint;
+
+use crate::error_kind::EngineErrorKind;
+use crate::text::{MODELS_VARIABLE, ONNX_RUNTIME_VERSION};
+
+/// Why a model could not be opened or run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EngineError {
+    /// Neither an existing path nor the name of a bundled model.
+    #[error("no model `{}`: no such file{}", name.display(), if *is_bare { ", and no bundled model of that name" } else { "" })]
+    ModelNotFound {
+        /// What was asked for.
+        name: PathBuf,
+        /// Whether it is a bare name, which is looked up among the bundled models.
+        is_bare: bool,
+        /// The bundled models, by name.
+        bundled: Vec<String>,
+        /// Where they were looked up.
+        folders: Vec<PathBuf>,
+    },
+    /// The library that was named does not exist.
+    #[error("no ONNX Runtime library at `{}`", path.display())]
+    NoLibraryAt {
+        /// The path.
+        path: PathBuf,
+    },
+    /// No library in any of the usual places.
+    #[error("cannot find ONNX Runtime's shared library; searched{places}")]
+    LibraryNotFound {
+        /// One place a line, with its name.
+        places: String,
+    },
+    /// More threads than this machine could run.
+    #[error("{threads} threads on {cores} cores; expected at most {most}")]
+    TooManyThreads {
+        /// What was asked for.
+        threads: NonZeroUsize,
+        /// What the process may use.
+        cores: NonZeroUsize,
+        /// What is allowed.
+        most: usize,
+    },
+    /// Filters that do not go together.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
+    /// The library is not usable.
+    #[error(transparent)]
+    Runtime(#[from] RuntimeError),
+    /// The model does not load.
+    #[error(transparent)]
+    Graph(#[from] GraphError),
+    /// The pipeline around a model could not be made, or did not run.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// The model computes something else on this machine than where it was exported, or does not run at all.
+    #[error("cannot use `{}`: the self-test failed", path.display())]
+    SelfTest {
+        /// The model.
+        path: PathBuf,
+        /// What differed.
+        source: PipelineError,
+    },
+    /// The model crashed the child process that loaded it first, now or at an earlier start.
+    #[error("cannot use `{}`: the model check, a first load in a child process, {how}", path.display())]
+    Crashed {
+        /// The model.
+        path: PathBuf,
+        /// How the child ended.
+        how: String,
+        /// Where the verdict is kept.
+        verdict: Option<PathBuf>,
+    },
+    /// The child process that checks models reported an error of the model.
+    #[error("{message}")]
+    Refused {
+        /// The error's kind.
+        kind: EngineErrorKind,
+        /// The error and its causes, one a line.
+        message: String,
+        /// What to do about it.
+        hint: Option<String>,
+    },
+    /// The child process took too long.
+    #[error("the model check of `{}` took longer than {seconds} s", path.display())]
+    CheckTimedOut {
+        /// The model.
+        path: PathBuf,
+        /// The limit.
+        seconds: u64,
+    },
+    /// The child process was ended by something else than the model.
+    #[error("the child process of the model check was ended from outside ({status})")]
+    CheckInterrupted {
+        /// Exit code or signal.
+        status: i32,
+    },
+    /// There is no program to run the model check.
+    #[error("cannot check the model: no `nunetd` beside this program or in PATH")]
+    NoChecker,
+    /// A shutdown was requested before the model was loaded.
+    #[error("stopped before the first frame")]
+    Stopped,
+    /// The system refused something.
+    #[error("{action}")]
+    System {
+        /// What was tried: `cannot ...`.
+        action: String,
+        /// Why it failed.
+        source: io::Error,
+    },
+}
+
+impl EngineError {
+    /// What kind of failure it is.
+    #[must_use]
+    pub fn kind(&self) -> EngineErrorKind {
+        match self {
+            Self::ModelNotFound { .. } => EngineErrorKind::NotFound,
+            Self::TooManyThreads { .. } | Self::Filter(_) => EngineErrorKind::Argument,
+            Self::NoLibraryAt { .. } | Self::LibraryNotFound { .. } | Self::Runtime(_) => {
+                EngineErrorKind::Library
+            }
+            Self::Graph(error) => EngineErrorKind::of_graph(error),
+            Self::Pipeline(error) => EngineErrorKind::of_pipeline(error),
+            Self::SelfTest { .. } | Self::Crashed { .. } => EngineErrorKind::Model,
+            Self::Refused { kind, .. } => *kind,
+            Self::Stopped => EngineErrorKind::Stopped,
+            Self::CheckTimedOut { .. }
+            | Self::CheckInterrupted { .. }
+            | Self::NoChecker
+            | Self::System { .. } => EngineErrorKind::Other,
+        }
+    }
+
+    pub(crate) fn system(action: impl Into<String>) -> impl FnOnce(io::Error) -> Self {
+        let action = action.into();
+        move |source| Self::System { action, source }
+    }
+}
+
+impl Hint for EngineError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::ModelNotFound { is_bare, bundled, folders, .. } => {
+                model_hint(*is_bare, bundled, folders).into()
+            }
+            Self::NoLibraryAt { .. } => {
+                format!("name the file itself, such as `libonnxruntime.so.{ONNX_RUNTIME_VERSION}`").into()
+            }
+            Self::LibraryNotFound { .. } => format!(
+                "run `cargo xtask setup` in a checkout, run `pip install onnxruntime=={ONNX_RUNTIME_VERSION}`, or set ORT_DYLIB_PATH \
+                 to the library's path"
+            )
+            .into(),
+            Self::TooManyThreads { .. } => "use one thread per core: it is the fastest and the default".into(),
+            Self::Crashed { verdict, .. } => match verdict {
+                Some(verdict) => format!(
+                    "the file is damaged or hostile: get it again from a source you trust, or remove `{}` to check it \
+                     again",
+                    verdict.display()
+                )
+                .into(),
+                None => "the file is damaged or hostile: get it again from a source you trust".into(),
+            },
+            Self::Refused { hint, .. } => return hint.clone().map(Cow::Owned),
+            Self::CheckTimedOut { .. } => "try again when the machine is less busy".into(),
+            Self::CheckInterrupted { .. } => {
+                "start again; if it happens again, look for out-of-memory messages of the system".into()
+            }
+            Self::NoChecker => {
+                "install nunetd, or describe this program's installation (`Installation::describe`)".into()
+            }
+            // The causes have hints of their own.
+            Self::Filter(_)
+            | Self::Graph(_)
+            | Self::Runtime(_)
+            | Self::Pipeline(_)
+            | Self::SelfTest { .. }
+            | Self::Stopped
+            | Self::System { .. } => return None,
+        })
+    }
+}
+
+/// What to do about a model that was not found.
+fn model_hint(is_bare: bool, bundled: &[String], folders: &[PathBuf]) -> String {
+    if !is_bare {
+        return "pass an existing path, or the bare name of a bundled model, such as `wnet_c.onnx`"
+            .to_owned();
+    }
+    if !bundled.is_empty() {
+        return format!("use one of the bundled models: {}", bundled.join(", "));
+    }
+    let searched: Vec<_> = folders.iter().map(|folder| format!("`{}`", folder.display())).collect();
+    format!(
+        "pass a path, or set {MODELS_VARIABLE} to the folder of the bundled models; searched {}",
+        searched.join(", ")
+    )
+}
+
+impl EngineErrorKind {
+    /// The kind of one error, if it is one of the engine's or the pipeline's. Its causes are not looked at.
+    #[must_use]
+    pub fn of(error: &(dyn StdError + 'static)) -> Option<Self> {
+        if let Some(error) = error.downcast_ref::<EngineError>() {
+            return Some(error.kind());
+        }
+        if let Some(error) = error.downcast_ref::<PipelineError>() {
+            return Some(Self::of_pipeline(error));
+        }
+        if let Some(error) = error.downcast_ref::<GraphError>() {
+            return Some(Self::of_graph(error));
+        }
+        if error.is::<RuntimeError>() {
+            return Some(Self::Library);
+        }
+        if error.is::<CameraError>() || error.is::<CalibrationError>() {
+            return Some(Self::Camera);
+        }
+        if error.is::<FrameError>() {
+            return Some(Self::Argument);
+        }
+        let missing = |error: &io::Error| error.kind() == io::ErrorKind::NotFound;
+        error.downcast_ref().is_some_and(missing).then_some(Self::NotFound)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_has_the_kind_of_what_failed() {
+        let empty = || GraphError::Empty { path: "m.onnx".into() };
+        let unknown = GraphError::UnknownStage { stage: "a".into(), stages: "`b`".into() };
+        let missing = io::Error::from(io::ErrorKind::NotFound);
+        let cases: [(Box<dyn StdError>, EngineErrorKind); 6] = [
+            (Box::new(empty()), EngineErrorKind::Model),
+            (Box::new(PipelineError::from(empty())), EngineErrorKind::Model),
+            (Box::new(EngineError::from(empty())), EngineErrorKind::Model),
+            (Box::new(unknown), EngineErrorKind::Argument),
+            (Box::new(CameraError::Size { width: 0, height: 0 }), EngineErrorKind::Camera),
+            (Box::new(missing), EngineErrorKind::NotFound),
+        ];
+        for (error, kind) in cases {
+            assert_eq!(EngineErrorKind::of(&*error), Some(kind), "{error}");
+        }
+        let denied = io::Error::from(io::ErrorKind::PermissionDenied);
+        assert_eq!(EngineErrorKind::of(&denied), None);
+    }
+}

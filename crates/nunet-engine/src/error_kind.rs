@@ -1,0 +1,88 @@
+//! What kind of failure an error is, for programs that tell failures apart by type: exit codes, Python's exceptions.
+
+use nunet_core::graph::GraphError;
+use nunet_core::pipeline::PipelineError;
+
+/// A kind of failure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum EngineErrorKind {
+    /// A model or a file that does not exist.
+    NotFound,
+    /// A value out of its range.
+    Argument,
+    /// A model file that cannot be used, or a network that did not run.
+    Model,
+    /// Stages of a graph that do not fit together.
+    Wiring,
+    /// Intrinsics or a lens that no camera has, or that do not fit the image.
+    Camera,
+    /// ONNX Runtime's library: missing, unusable, or without the execution provider asked for.
+    Library,
+    /// A shutdown was requested before the model was loaded.
+    Stopped,
+    /// Everything else: the system refused something.
+    Other,
+}
+
+impl EngineErrorKind {
+    const ALL: [Self; 8] = [
+        Self::NotFound,
+        Self::Argument,
+        Self::Model,
+        Self::Wiring,
+        Self::Camera,
+        Self::Library,
+        Self::Stopped,
+        Self::Other,
+    ];
+
+    pub(crate) fn of_pipeline(error: &PipelineError) -> Self {
+        match error {
+            PipelineError::Graph(error) => Self::of_graph(error),
+            PipelineError::Camera(_) => Self::Camera,
+            PipelineError::SelfTest(_) => Self::Model,
+            _ => Self::Other,
+        }
+    }
+
+    pub(crate) fn of_graph(error: &GraphError) -> Self {
+        match error {
+            GraphError::Wiring { .. } => Self::Wiring,
+            GraphError::UnknownStage { .. } => Self::Argument,
+            GraphError::Provider { .. } => Self::Library,
+            _ => Self::Model,
+        }
+    }
+
+    /// The name by which the child process of the model check reports it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::NotFound => "not_found",
+            Self::Argument => "argument",
+            Self::Model => "model",
+            Self::Wiring => "wiring",
+            Self::Camera => "camera",
+            Self::Library => "library",
+            Self::Stopped => "stopped",
+            Self::Other => "other",
+        }
+    }
+
+    /// The kind of that name; [`EngineErrorKind::Model`] for any other.
+    pub(crate) fn named(name: &str) -> Self {
+        Self::ALL.into_iter().find(|kind| kind.name() == name).unwrap_or(Self::Model)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_survives_the_way_out_of_the_child_process() {
+        for kind in EngineErrorKind::ALL {
+            assert_eq!(EngineErrorKind::named(kind.name()), kind);
+        }
+    }
+}

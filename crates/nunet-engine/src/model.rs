@@ -1,0 +1,174 @@
+//! A model in this process: images in, results out.
+
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use nunet_core::camera::Camera;
+use nunet_core::cloud::CloudPoint;
+use nunet_core::filter::{FilterOptions, FilterSpec};
+use nunet_core::frame::ImageView;
+use nunet_core::graph::Provider;
+use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
+
+use crate::clock::MonotonicClock;
+use crate::engine::Engine;
+use crate::error::EngineError;
+use crate::model_report::ModelReport;
+use crate::options::EngineOptions;
+use crate::pool::{Pool, Pooled};
+use crate::text::LIBRARY_VARIABLE;
+
+/// How a model is run.
+#[derive(Debug, Clone, Default)]
+pub struct ModelOptions {
+    /// Which execution provider computes.
+    pub provider: Provider,
+    /// Threads of one prediction; `None` for one per core.
+    pub threads: Option<NonZeroUsize>,
+    /// What is done to depth after the network; each filter at most once.
+    pub filters: Vec<FilterSpec>,
+}
+
+/// A model that was checked, loaded and self-tested.
+///
+/// # Example
+/// See the [crate's first page](crate).
+pub struct Model {
+    path: PathBuf,
+    report: String,
+    pipeline: Pipeline,
+    camera: Option<Camera>,
+    runs: u64,
+    pools: Pools,
+}
+
+/// One pool for each kind of result; all buffers of a kind have one size.
+#[derive(Default)]
+struct Pools {
+    depth: Pool<f32>,
+    labels: Pool<u8>,
+    rgb: Pool<u8>,
+}
+
+/// The results of one image. Their buffers are reused once they are dropped.
+#[derive(Debug)]
+pub struct Inferred {
+    /// `[H, W]` at [`Model::size`], rows from the top: meters or no unit, as `report.units` says; NaN = no measurement.
+    pub depth: Pooled<f32>,
+    /// `[H, W]`: class indices. `None` if the network does not segment.
+    pub labels: Option<Pooled<u8>>,
+    /// `[H, W, 3]`, RGB: the image as the network saw it, at the size of the results.
+    pub rgb: Pooled<u8>,
+    /// What happened in the pipeline.
+    pub report: FrameReport,
+    /// The camera on whose rays the points lie, at [`Model::size`]: the given one, else the assumed one.
+    pub points_camera: Camera,
+    /// Nanoseconds of the whole call.
+    pub total_nanos: u64,
+}
+
+impl Model {
+    /// Finds a model by path or name, checks it in a child process if it is new on this machine, loads and self-tests
+    /// it. The library is the one of `ORT_DYLIB_PATH`, else it is searched.
+    ///
+    /// # Errors
+    /// No such model, no library, a file that is refused, options that do not go with the network.
+    pub fn open(name: &Path, options: ModelOptions) -> Result<Self, EngineError> {
+        let ModelOptions { provider, threads, filters } = options;
+        let filters = FilterOptions::new(&filters)?;
+        let library = std::env::var_os(LIBRARY_VARIABLE).filter(|path| !path.is_empty());
+        let onnxruntime = library.map(PathBuf::from);
+        let engine = Engine::start(EngineOptions { provider, threads, onnxruntime })?;
+        let loaded = engine.load(name, &[], &AtomicBool::new(false))?;
+        let (path, hash) = (loaded.path().to_owned(), loaded.hash());
+        let (pipeline, selftest) =
+            loaded.into_pipeline(PipelineOptions { filters, ..PipelineOptions::default() })?;
+        let file = path.display().to_string();
+        let report = ModelReport { file, hash, graph: pipeline.graph(), selftest: &selftest };
+        let report = report.json().to_string();
+        Ok(Self { path, report, pipeline, camera: None, runs: 0, pools: Pools::default() })
+    }
+
+    /// The model file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What `nunetd inspect --json` prints about it.
+    #[must_use]
+    pub fn report_json(&self) -> &str {
+        &self.report
+    }
+
+    /// The pipeline.
+    #[must_use]
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
+    /// Width and height of the results, pixels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        self.pipeline.size()
+    }
+
+    /// How many images were processed.
+    #[must_use]
+    pub fn runs(&self) -> u64 {
+        self.runs
+    }
+
+    /// Processes one image, taken with `camera` at the image's size, if it is known.
+    ///
+    /// With `keep_state`, a recurrent network and the temporal filter keep their state from the image before.
+    ///
+    /// # Errors
+    /// A camera that does not go with the image, and what ONNX Runtime reports.
+    pub fn infer(
+        &mut self,
+        image: &ImageView<'_>,
+        camera: Option<Camera>,
+        keep_state: bool,
+    ) -> Result<Inferred, EngineError> {
+        let start = Instant::now();
+        if self.camera != camera {
+            self.pipeline.set_camera(camera)?;
+            self.camera = camera;
+        }
+        if !keep_state {
+            self.pipeline.reset();
+        }
+        self.runs += 1;
+        let (width, height) = self.pipeline.size();
+        let pixels = width as usize * height as usize;
+        let mut depth = self.pools.depth.take(pixels);
+        let mut labels = self.pipeline.graph().has_labels().then(|| self.pools.labels.take(pixels));
+        // Decimation reduces the colors only for a cloud, and they must lie pixel on pixel with depth.
+        let mut points =
+            (self.pipeline.decimation() > NonZeroU32::MIN).then(|| vec![CloudPoint::NONE; pixels]);
+        let cloud = points.as_deref_mut();
+        let outputs = Outputs { depth_m: &mut depth, labels: labels.as_deref_mut(), cloud };
+        let report = self.pipeline.process(image, outputs, &MonotonicClock)?;
+        let rgb = self.colors(image, points.as_deref(), pixels);
+        let points_camera = *self.pipeline.points_camera();
+        let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        Ok(Inferred { depth, labels, rgb, report, points_camera, total_nanos })
+    }
+
+    /// The colors of the last image's results: those of the cloud if there is one, else the network's input.
+    fn colors(&self, image: &ImageView<'_>, points: Option<&[CloudPoint]>, pixels: usize) -> Pooled<u8> {
+        let mut rgb = self.pools.rgb.take(3 * pixels);
+        match points {
+            None => rgb.copy_from_slice(self.pipeline.picture_of(image)),
+            Some(points) => {
+                for (pixel, point) in rgb.chunks_exact_mut(3).zip(points) {
+                    pixel.copy_from_slice(&[point.r, point.g, point.b]);
+                }
+            }
+        }
+        rgb
+    }
+}

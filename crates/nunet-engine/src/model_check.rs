@@ -1,0 +1,250 @@
+//! The model check: a model file is untrusted until it has been loaded and self-tested once in a child process with
+//! limits. ONNX Runtime has crashed and read out of bounds on hostile files.
+//!
+//! The parent starts `nunetd check-model` ([`check`]); the child limits itself and loads the model
+//! (`checked_load.rs`). If it refuses the model, it prints one JSON object on stdout.
+
+use std::io::Read as _;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use nunet_core::graph::Provider;
+use rustix::process::Signal;
+use serde::{Deserialize, Serialize};
+use tracing::info;
+
+use crate::error::EngineError;
+use crate::error_kind::EngineErrorKind;
+use crate::installation;
+use crate::library::LibraryFile;
+use crate::options::EngineOptions;
+use crate::text::hexadecimal;
+use crate::verdict::{Record, Verdict};
+
+/// Loading and one prediction on a slow board.
+const TIME_LIMIT: Duration = Duration::from_mins(2);
+/// The same if an engine is first built for the model and the graphics card.
+const TIME_LIMIT_WITH_ENGINE: Duration = Duration::from_mins(30);
+/// The most that is read of each of the child's outputs.
+const MAX_OUTPUT_BYTES: u64 = 64 * 1024;
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// The hidden subcommand of `nunetd` that runs in the child process.
+pub const CHECK_SUBCOMMAND: &str = "check-model";
+
+/// What the child process reports about a model that it refuses: the JSON object on its stdout.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The error's kind, by name.
+    kind: String,
+    /// The error and its causes, one a line.
+    message: String,
+    /// What to do about it.
+    hint: Option<String>,
+}
+
+impl Refusal {
+    /// The report about an error; `message` and `hint` are what a user sees of it.
+    #[must_use]
+    pub fn new(kind: EngineErrorKind, message: impl Into<String>, hint: Option<String>) -> Self {
+        Self { kind: kind.name().to_owned(), message: message.into(), hint }
+    }
+
+    /// One line of JSON.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    fn into_error(self) -> EngineError {
+        let Self { kind, message, hint } = self;
+        EngineError::Refused { kind: EngineErrorKind::named(&kind), message, hint }
+    }
+}
+
+/// Makes sure that `model` can be loaded into this process. Returns the hashes of its files: only these were checked.
+///
+/// # Errors
+/// A path that is not a model file, what the child process reported or how it ended, and [`EngineError::Stopped`] if
+/// `cancel` became true.
+pub(crate) fn check(
+    model: &Path,
+    options: &EngineOptions,
+    library: &LibraryFile,
+    cancel: &AtomicBool,
+) -> Result<Vec<[u8; 32]>, EngineError> {
+    let record = Record::of(model, options, library)?;
+    let verdict = match record.stored() {
+        Some(verdict) => verdict,
+        None => {
+            info!("first use of `{}` on this machine: checking it in a child process", model.display());
+            let verdict = check_in_child(model, &record.files, options, library, cancel)?;
+            record.store(&verdict);
+            verdict
+        }
+    };
+    match verdict {
+        Verdict::Passed => Ok(record.files),
+        Verdict::Crashed(how) => {
+            Err(EngineError::Crashed { path: model.to_owned(), how, verdict: record.path })
+        }
+    }
+}
+
+pub(crate) fn time_limit(provider: Provider) -> Duration {
+    if provider == Provider::TensorRt { TIME_LIMIT_WITH_ENGINE } else { TIME_LIMIT }
+}
+
+fn check_in_child(
+    model: &Path,
+    files: &[[u8; 32]],
+    options: &EngineOptions,
+    library: &LibraryFile,
+    cancel: &AtomicBool,
+) -> Result<Verdict, EngineError> {
+    let mut child = start_child(model, files, options, library)?;
+    let stdout = child.stdout.take().map(|pipe| std::thread::spawn(move || read_output(pipe)));
+    let stderr = child.stderr.take().map(|pipe| std::thread::spawn(move || read_output(pipe)));
+    let limit = time_limit(options.provider);
+    let Some(status) = wait(&mut child, limit, cancel)? else {
+        return Err(EngineError::CheckTimedOut { path: PathBuf::from(model), seconds: limit.as_secs() });
+    };
+    let text = |reader: Option<JoinHandle<String>>| reader.and_then(|thread| thread.join().ok());
+    judge(status, &text(stdout).unwrap_or_default(), &text(stderr).unwrap_or_default())
+}
+
+fn start_child(
+    model: &Path,
+    files: &[[u8; 32]],
+    options: &EngineOptions,
+    library: &LibraryFile,
+) -> Result<Child, EngineError> {
+    let mut command = installation::nunetd()?;
+    command.arg(CHECK_SUBCOMMAND).arg(model).arg("--onnxruntime").arg(&library.path);
+    for hash in files {
+        command.arg("--hash").arg(hexadecimal(hash));
+    }
+    command.arg("--provider").arg(options.provider.to_string());
+    if let Some(threads) = options.threads {
+        command.arg("--threads").arg(threads.to_string());
+    }
+    // A process group of its own, so that Ctrl-C in a terminal reaches this process only.
+    command.process_group(0).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.spawn().map_err(EngineError::system("cannot start the child process of the model check"))
+}
+
+/// An output of the child up to a bound. Read while the child runs, so that a full pipe cannot stop it.
+fn read_output(pipe: impl std::io::Read) -> String {
+    let mut bytes = Vec::new();
+    // A broken pipe ends the text, nothing else: the exit code decides.
+    let _ = pipe.take(MAX_OUTPUT_BYTES).read_to_end(&mut bytes);
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// Waits for the child to end. Past the limit, or if `cancel` becomes true, the child is killed; `None` past the limit.
+fn wait(child: &mut Child, limit: Duration, cancel: &AtomicBool) -> Result<Option<ExitStatus>, EngineError> {
+    let failed = || EngineError::system("cannot wait for the child process of the model check");
+    let start = Instant::now();
+    while start.elapsed() < limit && !cancel.load(Ordering::Relaxed) {
+        if let Some(status) = child.try_wait().map_err(failed())? {
+            return Ok(Some(status));
+        }
+        std::thread::sleep(POLL_INTERVAL);
+    }
+    child.kill().map_err(failed())?;
+    child.wait().map_err(failed())?;
+    if cancel.load(Ordering::Relaxed) { Err(EngineError::Stopped) } else { Ok(None) }
+}
+
+/// Signals by which a process ends that did what no program should.
+const CRASHES: [Signal; 5] = [Signal::SEGV, Signal::BUS, Signal::ABORT, Signal::ILL, Signal::FPE];
+
+/// Only a crash is held against the file and stored. An orderly refusal may be due to this machine (memory, library),
+/// and any other signal came from outside (somebody stopped it, or the system ran out of memory).
+fn judge(status: ExitStatus, stdout: &str, stderr: &str) -> Result<Verdict, EngineError> {
+    match (status.code(), status.signal()) {
+        (Some(0), _) => Ok(Verdict::Passed),
+        (Some(1 | 2), _) => Err(refusal(stdout, stderr).into_error()),
+        (_, Some(signal)) if CRASHES.iter().any(|crash| crash.as_raw() == signal) => {
+            Ok(Verdict::Crashed(format!("ended with signal {signal}")))
+        }
+        (code, signal) => Err(EngineError::CheckInterrupted { status: code.or(signal).unwrap_or_default() }),
+    }
+}
+
+/// What the child reported; of a program that reports nothing (another version, bad arguments), its stderr.
+fn refusal(stdout: &str, stderr: &str) -> Refusal {
+    let report = stdout.lines().rev().find_map(|line| serde_json::from_str(line).ok());
+    report.unwrap_or_else(|| {
+        let message = format!("the model check failed: {}", stderr.trim_end());
+        Refusal::new(EngineErrorKind::Other, message, None)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_types::Hint as _;
+
+    use super::*;
+
+    fn sleeping() -> Child {
+        std::process::Command::new("sleep").arg("300").spawn().unwrap()
+    }
+
+    #[test]
+    fn a_crash_is_held_against_the_file() {
+        let crashed = judge(ExitStatus::from_raw(Signal::SEGV.as_raw()), "", "").unwrap();
+        assert_eq!(crashed, Verdict::Crashed("ended with signal 11".into()));
+        assert_eq!(judge(ExitStatus::from_raw(0), "", "").unwrap(), Verdict::Passed);
+    }
+
+    #[test]
+    fn a_refusal_keeps_its_kind_its_message_and_its_hint() {
+        let report = Refusal::new(EngineErrorKind::Wiring, "stages do not fit", Some("export again".into()));
+        let stdout = format!("{}\n", report.to_json());
+        let error = judge(ExitStatus::from_raw(1 << 8), &stdout, "WARN something\n").unwrap_err();
+        assert_eq!(error.kind(), EngineErrorKind::Wiring);
+        assert_eq!(
+            (error.to_string().as_str(), error.hint().as_deref()),
+            ("stages do not fit", Some("export again"))
+        );
+    }
+
+    #[test]
+    fn a_child_that_reports_nothing_is_quoted() {
+        let error = judge(ExitStatus::from_raw(2 << 8), "", "error: unexpected argument\n").unwrap_err();
+        assert_eq!(error.kind(), EngineErrorKind::Other);
+        assert!(error.to_string().ends_with("error: unexpected argument"), "{error}");
+    }
+
+    #[test]
+    fn a_child_that_was_ended_from_outside_says_nothing_about_the_file() {
+        for signal in [Signal::INT, Signal::TERM, Signal::KILL, Signal::HUP] {
+            let error = judge(ExitStatus::from_raw(signal.as_raw()), "", "").unwrap_err();
+            assert!(matches!(error, EngineError::CheckInterrupted { .. }), "{signal:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_child_that_takes_too_long_is_killed() {
+        let mut child = sleeping();
+        assert_eq!(wait(&mut child, Duration::ZERO, &AtomicBool::new(false)).unwrap(), None);
+        assert!(child.try_wait().unwrap().is_some(), "the child goes on");
+    }
+
+    #[test]
+    fn a_shutdown_kills_the_child_and_says_nothing_about_the_file() {
+        let mut child = sleeping();
+        let error = wait(&mut child, TIME_LIMIT, &AtomicBool::new(true)).unwrap_err();
+        assert_eq!(error.kind(), EngineErrorKind::Stopped);
+        assert!(child.try_wait().unwrap().is_some(), "the child goes on");
+    }
+
+    #[test]
+    fn the_childs_output_is_read_up_to_a_bound() {
+        assert_eq!(read_output(std::io::repeat(b'x')).len() as u64, MAX_OUTPUT_BYTES);
+    }
+}

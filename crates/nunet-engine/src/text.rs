@@ -1,0 +1,15 @@
+//! Names and numbers as users see them.
+
+/// The ONNX Runtime release that this version was tested with.
+pub(crate) const ONNX_RUNTIME_VERSION: &str = "1.31.1";
+
+/// Names ONNX Runtime's library.
+pub(crate) const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
+
+/// Names the folder of the bundled models.
+pub(crate) const MODELS_VARIABLE: &str = "NUNET_MODELS";
+
+/// Bytes such as a hash, two hexadecimal digits each.
+pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
