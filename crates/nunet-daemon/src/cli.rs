@@ -52,6 +52,10 @@ impl Cli {
             arguments.insert(place, "run".into());
         }
         let mut command = Self::command();
+        if arguments.iter().any(|argument| argument == "--version") {
+            // clap keeps the text for the life of the process.
+            command = command.long_version(&*crate::version::long().leak());
+        }
         let lines = config::expand(command.clone(), arguments)?;
         let matches = lines.into_iter().map(|line| command.try_get_matches_from_mut(line));
         let matches = matches.collect::<Result<Vec<_>, _>>()?;

@@ -17,6 +17,7 @@ pub mod source;
 pub mod stream;
 mod subcommands;
 pub mod telemetry;
+mod version;
 mod words;
 
 use std::ffi::OsString;

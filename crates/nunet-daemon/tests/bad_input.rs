@@ -107,8 +107,10 @@ fn model_that_never_ends() {
 #[test]
 fn model_that_changed_after_it_was_hashed() {
     let bench = Bench::new();
-    let output = run(nunetd(&["-q", "vet", &bench.arg("model.onnx"), "--hash", &"0".repeat(64)]));
-    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(1), "model"));
+    let output = run(nunetd(&["-q", "check-model", &bench.arg("model.onnx"), "--hash", &"0".repeat(64)]));
+    assert_eq!(output.status.code(), Some(1));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["kind"], "model");
     let stderr = text(&output.stderr);
     assert!(
         stderr.contains("model.onnx` is not the file that was tested: it has changed since\nhint: "),

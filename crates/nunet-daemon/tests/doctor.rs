@@ -1,4 +1,4 @@
-//! `nunetd doctor --json`, in a world of its own: what others left behind is none of its business.
+//! `nunetd doctor --json` and `nunetd --version`. Doctor runs with a root folder of its own, apart from other cameras.
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -35,11 +35,21 @@ fn the_report_names_every_check_and_says_who_computes_how_many_nodes() {
         assert!(found["detail"].as_str().is_some_and(|detail| !detail.is_empty()), "{found}");
         assert!(found["ok"] == false || found["hint"].is_null(), "{found}");
     }
-    for name in
-        ["library", "model", "provider", "self-test", "shared memory", "orphans", "cache", "published"]
-    {
+    for name in [
+        "library",
+        "model",
+        "provider",
+        "self-test",
+        "network",
+        "shared memory",
+        "orphans",
+        "cache",
+        "published",
+    ] {
         assert_eq!(check(&report, name)["ok"], true, "{report:#}");
     }
+    let network = check(&report, "network")["detail"].as_str().unwrap();
+    assert!(network.contains("telemetry is off"), "{network}");
     let sticky = ["/dev/shm", "/tmp"].map(|folder| format!("sticky bit of {folder}"));
     let others = ["permissions", "access", "overcommit", "clock", "logout"];
     for name in sticky.iter().map(String::as_str).chain(others) {
@@ -54,7 +64,7 @@ fn the_report_names_every_check_and_says_who_computes_how_many_nodes() {
 }
 
 #[test]
-fn a_model_that_is_missing_is_a_problem_with_its_mend_and_the_other_checks_go_on() {
+fn a_missing_model_is_a_problem_with_a_hint_and_the_other_checks_go_on() {
     let bench = Bench::new();
     let (code, report) = doctor(&bench, "missing.onnx");
     assert_eq!((code, &report["ok"]), (Some(1), &false.into()));
@@ -86,7 +96,7 @@ fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none
         }
         assert!(start.elapsed() < PATIENCE, "{published}");
     };
-    assert_eq!(published, "depth of `front`, `rear`; no pictures");
+    assert_eq!(published, "depth of `front`, `rear`; no images");
     let mut command = nunetd(&["watch", "fornt", "--timeout", "0.2"]);
     bench.enclose(&mut command);
     let output = run(command);
@@ -100,4 +110,27 @@ fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none
     let left = bench.shared_memory();
     let is_counter = |file: &PathBuf| file.to_string_lossy().ends_with(".global_mgmt");
     assert!(left.len() <= 1 && left.iter().all(is_counter), "{left:?}");
+}
+
+#[test]
+fn the_version_names_commit_contract_and_the_onnx_runtime_that_is_found() {
+    let bench = Bench::new();
+    let version = |library: &str| {
+        let mut command = nunetd(&["--version"]);
+        command.env("ORT_DYLIB_PATH", library);
+        bench.enclose(&mut command);
+        let output = run(command);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stdout).lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let library = nunet_testkit::runtime_library();
+    let lines = version(&library.to_string_lossy());
+    assert!(lines[0].starts_with(concat!("nunetd ", env!("CARGO_PKG_VERSION"), " (")), "{lines:?}");
+    assert_eq!(lines[1], "contract 1");
+    let found = lines[2].strip_prefix("ONNX Runtime 1.").unwrap_or_else(|| panic!("{lines:?}"));
+    assert!(found.contains(&library.display().to_string()), "{found}");
+    assert_eq!(
+        version("/nonexistent/lib.so")[2],
+        "ONNX Runtime: no ONNX Runtime library at `/nonexistent/lib.so`"
+    );
 }

@@ -4,8 +4,11 @@
 
 use std::path::{Path, PathBuf};
 
+use nunet_core::graph::Runtime;
+
 use crate::error::EngineError;
 use crate::installation::installation;
+use crate::telemetry::Telemetry;
 use crate::text::ONNX_RUNTIME_VERSION;
 
 /// A library that was found.
@@ -35,6 +38,17 @@ impl LibraryFile {
             library_in(&place.folder, place.layout).map(|path| Self { path, place: place.name })
         });
         found.ok_or_else(|| not_found(&places))
+    }
+}
+
+impl LibraryFile {
+    /// Loads the library into this process, with its telemetry off by default, and asks for its version.
+    ///
+    /// # Errors
+    /// A file that is not a usable ONNX Runtime, or another library than the process has loaded already.
+    pub fn version(&self) -> Result<String, EngineError> {
+        Telemetry::turn_off_by_default();
+        Ok(Runtime::load(&self.path)?.version().to_owned())
     }
 }
 

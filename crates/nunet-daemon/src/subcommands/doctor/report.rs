@@ -1,0 +1,76 @@
+//! The list of checks, as text and as JSON.
+
+use serde::Serialize;
+use serde_json::json;
+
+use crate::exit::message_and_hints;
+
+/// What a check found: a detail, or a problem.
+pub(super) type Finding = Result<String, Problem>;
+
+/// A problem and what to do about it.
+#[derive(Debug)]
+pub(super) struct Problem {
+    pub(super) detail: String,
+    pub(super) hint: Option<String>,
+}
+
+impl Problem {
+    pub(super) fn new(detail: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { detail: detail.into(), hint: Some(hint.into()) }
+    }
+
+    /// The problem that an error is.
+    pub(super) fn of(error: impl Into<anyhow::Error>) -> Self {
+        let (message, hints) = message_and_hints(&error.into());
+        let detail = message.replace("\n  because: ", ": ");
+        Self { detail, hint: (!hints.is_empty()).then(|| hints.join("; ")) }
+    }
+}
+
+/// One check.
+#[derive(Debug, Serialize)]
+struct Check {
+    /// Unique.
+    name: String,
+    ok: bool,
+    detail: String,
+    hint: Option<String>,
+}
+
+/// All checks, in the order in which they ran.
+#[derive(Debug, Default)]
+pub(super) struct Checks(Vec<Check>);
+
+impl Checks {
+    pub(super) fn add(&mut self, name: impl Into<String>, finding: Finding) {
+        let name = name.into();
+        self.0.push(match finding {
+            Ok(detail) => Check { name, ok: true, detail, hint: None },
+            Err(Problem { detail, hint }) => Check { name, ok: false, detail, hint },
+        });
+    }
+
+    pub(super) fn problems(&self) -> usize {
+        self.0.iter().filter(|check| !check.ok).count()
+    }
+
+    pub(super) fn json(&self) -> String {
+        let json = json!({
+            "contract": nunet_types::CONTRACT_VERSION,
+            "ok": self.problems() == 0,
+            "checks": self.0,
+        });
+        format!("{json:#}")
+    }
+
+    pub(super) fn text(&self) -> String {
+        let line = |check: &Check| {
+            let mark = if check.ok { "ok     " } else { "PROBLEM" };
+            let hint =
+                check.hint.as_ref().map(|hint| format!("\n          hint: {hint}")).unwrap_or_default();
+            format!("{mark}  {}: {}{hint}\n", check.name, check.detail)
+        };
+        self.0.iter().map(line).collect()
+    }
+}
