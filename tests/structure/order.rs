@@ -40,6 +40,7 @@ const CORE: Order = Order {
 const DAEMON: Order = Order {
     folder: "crates/nunet-daemon/src/",
     journey: &[
+        "version",
         "telemetry",
         "exit",
         "words",

@@ -1,4 +1,4 @@
-//! `cargo xtask deb`: a Debian package that needs no network when it is installed.
+//! `cargo xtask deb`: the Debian packages. `nunetd` needs no network when it is installed; `nunet-dev` is for C and C++.
 
 use std::fs;
 use std::path::Path;
@@ -6,15 +6,21 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 
 use crate::run::{cargo, output, run, say};
-use crate::{paths, setup};
+use crate::{dev_package, paths, setup};
 
 /// What cargo-deb takes besides the repository's own files (`package.metadata.deb` in the daemon's manifest).
 const FOLDER: &str = "build/deb";
 
-/// Fetch ONNX Runtime, make the manual, build, pack.
+/// Builds and packs both.
 pub(crate) fn deb() -> Result<()> {
+    dev_package::dev_package()?;
+    nunetd()
+}
+
+/// Fetches ONNX Runtime, writes the manual, builds, packs.
+fn nunetd() -> Result<()> {
     if output(&mut cargo(&["deb", "--version"])).is_err() {
-        bail!("cargo-deb is not there\nhint: cargo install cargo-deb --locked");
+        bail!("cargo-deb is not installed\nhint: cargo install cargo-deb --locked");
     }
     let folder = paths::root().join(FOLDER);
     // What an earlier release left there would be packed too.

@@ -40,7 +40,7 @@ struct Frames {
     failed: u64,
 }
 
-/// The stages in the order of the file, which is the order of the journey; a map of the standard library would lose it.
+/// The stages in the order of the file, which a map of the standard library would lose.
 struct Stages(Vec<(String, Summary)>);
 
 impl<'de> Deserialize<'de> for Stages {
@@ -65,16 +65,20 @@ impl<'de> Deserialize<'de> for Stages {
     }
 }
 
-/// The table, one row a stage and the total last, and a line about the whole run.
+/// How long a frame waited for the one before. It is part of the total, but no work.
+const WAITING: &str = "queue";
+
+/// The table, one row per stage and the total last, and a line about the whole run.
 pub(crate) fn render(stats_json: &str) -> Result<String> {
     let stats: Stats = serde_json::from_str(stats_json)?;
-    let stages = &stats.latency_ms.stages.0;
+    let stages: Vec<_> = stats.latency_ms.stages.0.iter().filter(|(name, _)| name != WAITING).collect();
     let widest =
         stages.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max("latency ms".len());
     let mut table = String::new();
     writeln!(table, "{:widest$}{:>9}{:>9}{:>9}{:>9}{:>9}", "latency ms", "p50", "p90", "p99", "max", "mean")?;
     let total = ("total".to_owned(), &stats.latency_ms.total);
-    for (name, row) in stages.iter().map(|(name, row)| (name.clone(), row)).chain([total]) {
+    let stages = stages.iter().map(|(name, row)| (name.clone(), row));
+    for (name, row) in stages.chain([total]) {
         let Summary { p50, p90, p99, max, mean } = row;
         writeln!(table, "{name:widest$}{p50:>9.2}{p90:>9.2}{p99:>9.2}{max:>9.2}{mean:>9.2}")?;
     }
@@ -102,6 +106,7 @@ mod tests {
         "latency_ms": {
             "total": {"p50": 24.5, "p90": 25, "p99": 27.125, "max": 30, "mean": 24.75},
             "stages": {
+                "queue": {"p50": 0.1, "p90": 0.1, "p99": 0.1, "max": 0.1, "mean": 0.1},
                 "preprocess": {"p50": 0.5, "p90": 0.5, "p99": 0.5, "max": 0.5, "mean": 0.5},
                 "depth": {"p50": 24, "p90": 24.5, "p99": 26.625, "max": 29.5, "mean": 24.25}
             }
@@ -110,7 +115,7 @@ mod tests {
     }"#;
 
     #[test]
-    fn rows_follow_the_order_of_the_journey_and_end_with_the_total() {
+    fn rows_follow_the_order_of_the_stages_without_waiting_and_end_with_the_total() {
         assert_eq!(
             render(STATS).unwrap(),
             "latency ms      p50      p90      p99      max     mean\n\

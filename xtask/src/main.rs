@@ -1,9 +1,10 @@
-//! `cargo xtask`: set-up, checks and the demo, with nothing but cargo, a C compiler and python3.
+//! `cargo xtask`: setup, checks, packages and the demo. Needs only cargo, a C compiler and python3.
 
 mod bundle;
 mod check;
 mod deb;
 mod demo;
+mod dev_package;
 mod latency_table;
 mod package;
 mod paper_models;
@@ -18,16 +19,16 @@ mod wheels;
 use std::process::ExitCode;
 
 const USAGE: &str = "\
-usage: cargo xtask VERB
+usage: cargo xtask COMMAND
 
   setup          fetch ONNX Runtime's library into the cache, if it is not there
-  demo           run nunetd on its demo scene; results in target/demo/
-  check          format, lints, documentation, structure of the source
-  test           every test, Rust and Python
+  demo           run nunetd on its demo; images, cloud and a recording in target/demo/
+  check          format, lints, documentation, structure of the source; needs no root
+  test           all tests, Rust and Python; those that need root say so and are skipped without it
   package        build the Python package for the tests; prints the interpreter that has it
-  bundle         copy the models that the Python package brings, again, from models/
-  wheel          put the Python package and what it needs as wheels into dist/, and try them in a new environment
-  deb            a Debian package of nunetd in target/debian/, by cargo-deb
+  bundle         copy the models of the Python package from models/
+  wheel          build the Python package and collect its dependencies as wheels in dist/; install and try them
+  deb            build the Debian packages nunetd and nunet-dev in target/debian/, with cargo-deb
   paper-models   export the paper's networks at 480x640 to target/paper-models/
 
 The package index is the one that pip is configured to use. The cache is $XDG_CACHE_HOME/nunet or ~/.cache/nunet.";

@@ -16,6 +16,9 @@ use crate::{paths, wheels};
 /// Says that an environment is complete; written last.
 const STAMP: &str = "complete";
 
+/// Names a package index with CPU builds of torch.
+const TORCH_INDEX: &str = "NUNET_TORCH_INDEX";
+
 /// An environment that was not used for so long belongs to requirements that nobody has any more.
 const FORGOTTEN_AFTER: Duration = Duration::from_hours(30 * 24);
 
@@ -52,7 +55,8 @@ pub(crate) fn test_environment() -> Result<PathBuf> {
     let path = paths::root().join("tests/python/requirements.txt");
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read `{}`", path.display()))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
-    environment("test", &lines.filter(|line| !line.is_empty()).map(str::to_owned).collect::<Vec<_>>())
+    let lines: Vec<_> = lines.filter(|line| !line.is_empty()).map(str::to_owned).collect();
+    environment("test", &lines, |python| install(python, &lines))
 }
 
 /// An environment in `folder` that sees everything of the one of `shared` and may hold more: what a clone builds is
@@ -87,7 +91,8 @@ fn packages_of(python: &Path) -> Result<PathBuf> {
 
 /// The environment that makes and judges wheels.
 pub(crate) fn wheel_environment() -> Result<PathBuf> {
-    environment("wheel", &["maturin>=1.16,<2", "abi3audit>=0.0.20,<1"].map(str::to_owned))
+    let tools = ["maturin>=1.16,<2", "abi3audit>=0.0.20,<1"].map(str::to_owned);
+    environment("wheel", &tools, |python| install(python, &tools))
 }
 
 /// A new environment in `folder` with nothing in it.
@@ -106,15 +111,16 @@ pub(crate) fn pip_of(python: &Path, words: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// The environment of `models/recipe`: torch and its libraries, several gigabytes. The recipe itself is not installed
-/// in it but found by PYTHONPATH, so that clones with different recipes share one environment.
+/// The environment of `models/recipe`: torch and its libraries. The recipe itself is not installed in it but found by
+/// PYTHONPATH, so that clones with different recipes share one environment.
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
     let mut reader = Command::new(system()?.program);
     reader.args(["-c", RECIPE_REQUIREMENTS]).current_dir(paths::root());
     let lines = output(&mut reader).context(
         "cannot read what models/recipe needs\nhint: the recipe needs Python 3.11; name one by PYTHON",
     )?;
-    environment("recipe", &lines.lines().map(str::to_owned).collect::<Vec<_>>())
+    let lines: Vec<_> = lines.lines().map(str::to_owned).collect();
+    environment("recipe", &lines, |python| install_recipe(python, &lines))
 }
 
 /// A command that runs the recipe's modules.
@@ -126,7 +132,11 @@ pub(crate) fn recipe(python: &Path) -> Command {
 
 /// The interpreter of an environment with these requirements. It lies in the cache under a hash of them and of the
 /// interpreter, and is made anew when it was left half finished.
-fn environment(name: &str, requirements: &[String]) -> Result<PathBuf> {
+fn environment(
+    name: &str,
+    requirements: &[String],
+    fill: impl FnOnce(&Path) -> Result<()>,
+) -> Result<PathBuf> {
     let system = system()?;
     let cache = paths::cache()?;
     let folder = cache.join(format!("venv-{name}-{:016x}", fingerprint(&system.identity, requirements)?));
@@ -134,7 +144,8 @@ fn environment(name: &str, requirements: &[String]) -> Result<PathBuf> {
     let _lock = paths::lock()?;
     if !stamp.is_file() || output(Command::new(&python).args(["-c", IDENTITY])).is_err() {
         say(&format!("setting up the Python environment `{name}` in {}", folder.display()));
-        create(&system.program, &folder, requirements)?;
+        create(&system.program, &folder)?;
+        fill(&python)?;
     }
     // The stamp's time says when the environment was last used.
     fs::write(&stamp, "").with_context(|| format!("cannot write `{}`", stamp.display()))?;
@@ -148,10 +159,31 @@ fn fingerprint(identity: &str, requirements: &[String]) -> Result<u64> {
     Ok(hasher.finish())
 }
 
-fn create(system: &Path, folder: &Path, requirements: &[String]) -> Result<()> {
-    run(Command::new(system).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
-    let mut install = pip_of(&folder.join("bin/python"), &["install"])?;
-    run(install.args(requirements))
+fn create(system: &Path, folder: &Path) -> Result<()> {
+    run(Command::new(system).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))
+}
+
+fn install(python: &Path, requirements: &[String]) -> Result<()> {
+    run(pip_of(python, &["install"])?.args(requirements))
+}
+
+/// Installs the recipe's requirements with the smallest torch to be had. On Linux, the package index's own torch is built
+/// for CUDA and takes 5 GB with its libraries; the recipe and its tests compute on the processor.
+///
+/// Tried in this order: an index of CPU builds named by [`TORCH_INDEX`]; wheels in the folders that pip is configured to
+/// search (`find-links`); the usual index. Of its build for CUDA, the compiler for graphics cards (1 GB) is removed again;
+/// torch does not start without the other libraries.
+fn install_recipe(python: &Path, requirements: &[String]) -> Result<()> {
+    let is_torch = |line: &&String| line.starts_with("torch");
+    let torch: Vec<_> = requirements.iter().filter(is_torch).collect();
+    let mut offline = pip_of(python, &["install", "--quiet", "--no-index"])?;
+    match std::env::var(TORCH_INDEX).ok().filter(|index| !index.is_empty()) {
+        Some(index) => run(pip_of(python, &["install", "--index-url", &index])?.args(&torch))?,
+        // Not an error: few machines have such a folder.
+        None => drop(offline.args(&torch).output()),
+    }
+    install(python, requirements)?;
+    run(&mut pip_of(python, &["uninstall", "--yes", "--quiet", "triton"])?)
 }
 
 /// Removes environments of this name that no clone has used for long: one may hold gigabytes.

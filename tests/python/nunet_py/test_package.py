@@ -5,6 +5,7 @@ import inspect
 import json
 import os
 import pathlib
+import re
 import runpy
 import signal
 import subprocess
@@ -24,7 +25,9 @@ EXAMPLES = ROOT / "examples" / "python"
 def test_the_command_is_nunetd():
     for command in ([COMMAND], [sys.executable, "-m", "nunet_py"]):
         done = subprocess.run([*command, "--version"], check=True, capture_output=True, text=True)
-        assert done.stdout.startswith(f"nunetd {nunet.__version__}")
+        lines = done.stdout.splitlines()
+        assert lines[0].startswith(f"nunetd {nunet.__version__} (") and lines[1] == "contract 1"
+        assert re.fullmatch(r"ONNX Runtime \d+\.\d+\.\d+ at /.*libonnxruntime\.so.* \(.+\)", lines[2]), lines
         bad = subprocess.run([*command, "--no-such-flag"], check=False, capture_output=True, text=True)
         assert bad.returncode == 2 and "--no-such-flag" in bad.stderr
         missing = subprocess.run([*command, "inspect", "missing.onnx"], check=False, capture_output=True, text=True)
