@@ -19,9 +19,6 @@ const KNOWN: &[&str] = &[
     "crates/nunet-daemon: sink::recording::{disk, recorder}",
     "crates/nunet-daemon: source::{files, recording}",
     "crates/nunet-daemon: source::demo::{solid, texture}",
-    "crates/nunet-py: {argument, camera, model, result}",
-    "crates/nunet-py: stream::{loan, publisher}",
-    "xtask: {python, wheels}",
 ];
 
 /// A module: its path below the crate's root, such as `["depth", "decode"]`.

@@ -5,6 +5,7 @@ mod check;
 mod deb;
 mod demo;
 mod dev_package;
+mod interpreter;
 mod latency_table;
 mod package;
 mod paper_models;

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 
+use crate::interpreter::{self, IDENTITY};
 use crate::run::{output, run, say};
 use crate::{paths, wheels};
 
@@ -22,33 +23,12 @@ const TORCH_INDEX: &str = "NUNET_TORCH_INDEX";
 /// An environment that was not used for so long belongs to requirements that nobody has any more.
 const FORGOTTEN_AFTER: Duration = Duration::from_hours(30 * 24);
 
-/// What is asked of an environment's interpreter before it is used again.
-const IDENTITY: &str = "import sys; assert sys.version_info >= (3, 10), 'Python 3.10 or newer is needed'; \
-                        print(sys.base_prefix, sys.version)";
-
 /// Prints the recipe's dependencies, a line each: pip could install them by `--only-deps`, but a change elsewhere in
 /// that file must not cost everybody a new environment.
 const RECIPE_REQUIREMENTS: &str = "import tomllib
 with open('models/recipe/pyproject.toml', 'rb') as file:
     project = tomllib.load(file)['project']
 print(*project['dependencies'], *project['optional-dependencies']['dev'], sep='\\n')";
-
-/// The interpreter that the machine offers.
-pub(crate) struct System {
-    pub(crate) program: PathBuf,
-    /// Installation and version: an environment is of use to this one only.
-    identity: String,
-}
-
-/// The interpreter to begin with: `$PYTHON`, else python3.
-pub(crate) fn system() -> Result<System> {
-    let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
-    let program = named.map_or_else(|| "python3".into(), PathBuf::from);
-    let identity = output(Command::new(&program).args(["-c", IDENTITY])).with_context(|| {
-        format!("`{}` is not usable\nhint: install python3, or name another by PYTHON", program.display())
-    })?;
-    Ok(System { program, identity })
-}
 
 /// The environment of the tests in `tests/python`: small clients of what nunetd writes and publishes.
 pub(crate) fn test_environment() -> Result<PathBuf> {
@@ -97,7 +77,9 @@ pub(crate) fn wheel_environment() -> Result<PathBuf> {
 
 /// A new environment in `folder` with nothing in it.
 pub(crate) fn bare_environment(folder: &Path) -> Result<PathBuf> {
-    run(Command::new(system()?.program).args(["-m", "venv", "--clear", "--without-pip"]).arg(folder))?;
+    run(Command::new(interpreter::system()?.program)
+        .args(["-m", "venv", "--clear", "--without-pip"])
+        .arg(folder))?;
     Ok(folder.join("bin/python"))
 }
 
@@ -114,7 +96,7 @@ pub(crate) fn pip_of(python: &Path, words: &[&str]) -> Result<Command> {
 /// The environment of `models/recipe`: torch and its libraries. The recipe itself is not installed in it but found by
 /// PYTHONPATH, so that clones with different recipes share one environment.
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
-    let mut reader = Command::new(system()?.program);
+    let mut reader = Command::new(interpreter::system()?.program);
     reader.args(["-c", RECIPE_REQUIREMENTS]).current_dir(paths::root());
     let lines = output(&mut reader).context(
         "cannot read what models/recipe needs\nhint: the recipe needs Python 3.11; name one by PYTHON",
@@ -137,7 +119,7 @@ fn environment(
     requirements: &[String],
     fill: impl FnOnce(&Path) -> Result<()>,
 ) -> Result<PathBuf> {
-    let system = system()?;
+    let system = interpreter::system()?;
     let cache = paths::cache()?;
     let folder = cache.join(format!("venv-{name}-{:016x}", fingerprint(&system.identity, requirements)?));
     let (python, stamp) = (folder.join("bin/python"), folder.join(STAMP));

