@@ -24,6 +24,10 @@ LAMBDA = 0.5
 
 GRADIENT_SCALES = 4
 
+SSI_LEAST_PIXELS = 16
+SSI_LEAST_SPREAD = 0.01
+"""Of inverse depth, 1/m: a flat wall has no shape to be scaled."""
+
 
 def _valid(predicted: torch.Tensor, truth: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     mask = truth.isfinite()
@@ -132,6 +136,28 @@ def gradient_matching(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> t
     return total / GRADIENT_SCALES
 
 
+def scale_shift_invariant(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
+    """Mean absolute difference of inverse depths, each shifted by its median and scaled to 1.
+
+    Ranftl et al., "Towards robust monocular depth estimation", 2020, equations 6 and 7: an image's
+    own scale and shift do not count, so that images with a wrong scale teach shape. The scale is
+    the mean absolute difference from the median. Images with fewer than 16 known pixels are
+    skipped.
+    """
+    losses = []
+    for p, t in zip((-log_predicted.float()).exp(), (-log_truth).exp(), strict=True):
+        known = t.isfinite()
+        if known.sum() < SSI_LEAST_PIXELS:
+            continue
+        losses.append((_unit_spread(p[known]) - _unit_spread(t[known])).abs().mean())
+    return torch.stack(losses).mean() if losses else log_predicted.float().sum() * 0.0
+
+
+def _unit_spread(values: torch.Tensor) -> torch.Tensor:
+    centered = values - values.median()
+    return centered / centered.abs().mean().clamp(min=SSI_LEAST_SPREAD)
+
+
 def cross_entropy(
     logits: torch.Tensor,
     labels: torch.Tensor,
@@ -167,6 +193,7 @@ IN_LOG: dict[str, Loss] = {
     "berhu_log": berhu,
     "silog": silog,
     "gradient": gradient_matching,
+    "ssi": scale_shift_invariant,
 }
 """Losses of the logarithm of depth."""
 

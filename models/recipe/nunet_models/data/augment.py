@@ -85,7 +85,7 @@ def augmented(
             sample.depth_m[:, ::-1].copy(),
             sample.labels[:, ::-1].copy(),
         )
-    return Sample(_recoloured(sample.rgb, how, random), sample.depth_m, sample.labels)
+    return Sample(recolored(sample.rgb, how, random), sample.depth_m, sample.labels)
 
 
 def zoomed(sample: Sample, zoom: float, *, size: tuple[int, int], corner: np.ndarray) -> Sample:
@@ -152,7 +152,8 @@ def _turned(sample: Sample, degrees: float) -> Sample:
     )
 
 
-def _recoloured(rgb: np.ndarray, how: Augmentation, random: np.random.Generator) -> np.ndarray:
+def recolored(rgb: np.ndarray, how: Augmentation, random: np.random.Generator) -> np.ndarray:
+    """Blur, other colors, noise and covered rectangles: uint8 `[h, w, 3]` to the same."""
     if random.random() < how.blur:
         height, width = rgb.shape[:2]
         factor = random.uniform(1.2, 2.5)

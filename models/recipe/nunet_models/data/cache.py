@@ -42,10 +42,14 @@ class Cached:
         # Errors
         `DataError` naming a file that is no picture.
         """
-        rgb = read_rgb(path)
+        return cls.of_rgb(path.stem, read_rgb(path))
+
+    @classmethod
+    def of_rgb(cls, identity: str, rgb: np.ndarray) -> Self:
+        """One image, uint8 `[H, W, 3]`, without truth."""
         size = (1, *rgb.shape[:2])
         labels = np.full(size, IGNORE, np.uint8)
-        return cls((path.stem,), rgb[None], np.full(size, NONE, np.uint16), labels)
+        return cls((identity,), rgb[None], np.full(size, NONE, np.uint16), labels)
 
     def __len__(self) -> int:
         """How many pairs."""

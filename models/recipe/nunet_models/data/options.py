@@ -63,7 +63,44 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
 
 def add_cache_option(parser: argparse.ArgumentParser) -> None:
     """Add the option that `open_cached` reads beside the others."""
-    parser.add_argument("--cache", type=Path, required=True, help="folder for decoded pictures")
+    parser.add_argument("--cache", type=Path, help="folder for decoded images of `--data`")
+
+
+def add_sets_option(parser: argparse.ArgumentParser) -> None:
+    """Add the dataset list, which takes the place of `--data` and its options."""
+    parser.add_argument(
+        "--sets",
+        type=Path,
+        metavar="LIST.toml",
+        help="dataset list: folders of several cameras, instead of `--data`",
+    )
+
+
+_WITHOUT_SETS = ("data", "class_map", "depth_scale", "window", "cache")
+
+
+def check_sets_or_data(options: argparse.Namespace, *needed: str) -> None:
+    """Refuse `--sets` beside the options of `--data`, and neither of them.
+
+    `needed` names the options that go with `--data`.
+
+    # Errors
+    `OptionError` naming the option.
+    """
+    if options.sets is None:
+        for name in ("data", *needed):
+            if getattr(options, name) is None:
+                raise OptionError(f"`{_flag(name)}` is missing; hint: pass it, or `--sets LIST`")
+        return
+    for name in (*_WITHOUT_SETS, *needed):
+        if getattr(options, name, None) is not None:
+            raise OptionError(
+                f"`{_flag(name)}` is given beside `--sets {options.sets}`, which says it per set"
+            )
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def open_cached(options: argparse.Namespace, ids: Path) -> Cached:

@@ -184,11 +184,16 @@ def file_state(paths: Sequence[Path]) -> str:
 
 
 def read_ids(path: Path) -> list[str]:
-    """Ids of a list file in UTF-8, one a line; blank lines are allowed, repeated ids are not.
+    """Ids of a list file in UTF-8, one per line; blank lines are allowed, repeated ids are not.
 
     # Errors
-    `DataError` naming a file that is missing or no such list.
+    `DataError` naming a file that is missing or is not such a list.
     """
+    return list(list_of_lines(path))
+
+
+def list_of_lines(path: Path) -> dict[str, int]:
+    """The same, each id with its line, from 1."""
     if not path.is_file():
         what = "is no file" if path.exists() else "is missing"
         raise DataError(f"`{path}` {what}; expected a list of ids, one a line")
@@ -196,10 +201,10 @@ def read_ids(path: Path) -> list[str]:
         lines = path.read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
         raise DataError(f"`{path}` is no list of ids in UTF-8: {error}") from error
-    ids = [line.strip() for line in lines if line.strip()]
-    if not ids:
+    named = [(line.strip(), number) for number, line in enumerate(lines, 1) if line.strip()]
+    if not named:
         raise DataError(f"`{path}` holds no ids")
-    if len(set(ids)) != len(ids):
+    if len(ids := dict(named)) != len(named):
         raise DataError(f"`{path}` names an id twice")
     return ids
 

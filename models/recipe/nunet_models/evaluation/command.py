@@ -13,7 +13,12 @@ import numpy as np
 from tqdm import tqdm
 
 from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
-from nunet_models.data.options import add_data_options, open_pairs
+from nunet_models.data.options import (
+    add_data_options,
+    add_sets_option,
+    check_sets_or_data,
+    open_pairs,
+)
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import ConfigError, DataError, OptionError
 from nunet_models.evaluation.baseline import kept_baseline, named_baseline
@@ -27,6 +32,7 @@ from nunet_models.evaluation.compare import (
 )
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, PROTOCOLS
+from nunet_models.evaluation.sets_command import run_sets
 
 MUCH_BEYOND = 0.05  # of the truth; rooms of NYU Depth V2 and 7-Scenes have next to none there
 
@@ -35,8 +41,14 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     """Register `evaluate` and its options."""
     parser = verbs.add_parser("evaluate", help="measure a model file against truth")
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
-    add_data_options(parser)
-    parser.add_argument("--ids", type=Path, required=True, help="pictures to measure on")
+    add_data_options(parser, required=False)
+    parser.add_argument("--ids", type=Path, help="images of `--data` to measure on")
+    add_sets_option(parser)
+    parser.add_argument(
+        "--accuracy-only",
+        action="store_true",
+        help="of `--sets`: no border, noise, roughness and rotation, a fifth of the time",
+    )
     baseline = parser.add_mutually_exclusive_group()
     baseline.add_argument(
         "--baseline-ids", type=Path, help="training pictures of this data, for the mean image"
@@ -78,6 +90,9 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
+    check_sets_or_data(options, "ids")
+    if options.sets is not None:
+        return run_sets(options)
     if options.fx is not None and not 0.0 < options.fx < math.inf:
         raise OptionError(
             f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "

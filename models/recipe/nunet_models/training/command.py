@@ -9,9 +9,17 @@ import torch
 
 from nunet_models.data.cache import Cached
 from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
-from nunet_models.data.options import add_cache_option, add_data_options, open_cached
+from nunet_models.data.options import (
+    add_cache_option,
+    add_data_options,
+    add_sets_option,
+    check_sets_or_data,
+    open_cached,
+)
 from nunet_models.data.pairs import read_ids
+from nunet_models.data.sets.mixture import open_dataset_list
 from nunet_models.errors import ConfigError, OptionError
+from nunet_models.training.feed import FolderFeed, SetsFeed
 from nunet_models.training.graph import add_graph_options, build_graph, require_shape
 from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
@@ -39,10 +47,16 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    add_data_options(parser)
+    add_data_options(parser, required=False)
     add_cache_option(parser)
-    parser.add_argument("--train-ids", type=Path, required=True)
-    parser.add_argument("--val-ids", type=Path, required=True)
+    parser.add_argument("--train-ids", type=Path)
+    parser.add_argument("--val-ids", type=Path)
+    add_sets_option(parser)
+    parser.add_argument(
+        "--epoch-images",
+        type=int,
+        help="images that an epoch of `--sets` draws (default: as many as there are)",
+    )
     parser.add_argument(
         "--show",
         type=Path,
@@ -91,29 +105,45 @@ def run(options: argparse.Namespace) -> int:
     last = options.folder / Trainer.LAST
     if last.exists() and not options.resume:
         raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
-    _check_ids(options)
+    check_sets_or_data(options, "cache", "train_ids", "val_ids")
+    if options.sets is None:
+        _check_ids(options)
     torch.manual_seed(settings.seed)
     graph, before = build_graph(options)
-    _check_labels(options, graph.spec)
-    train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
-    if options.intrinsics:
-        require_shape(graph.spec.camera, train)
+    feed = _sets_feed(options) if options.sets else _folder_feed(options, graph.spec)
     _say_camera(options, graph.spec, resuming=last.exists())
-    before.provenance[settings.component] = run_provenance(options, train=train.ids, val=val.ids)
-    trainer = Trainer(
-        graph,
-        settings,
-        train=train,
-        val=val,
-        shown=Cached.of_picture(options.show) if options.show else None,
-        folder=options.folder,
-        before=before,
-    )
+    before.provenance[settings.component] = run_provenance(options, feed.provenance(options))
+    trainer = Trainer(graph, settings, feed=feed, folder=options.folder, before=before)
     if options.resume and last.exists():
         trainer.resume()
     done = trainer.run(minutes=options.minutes, quiet=options.quiet)
     print(f"{last}: {'finished' if done else 'stopped in time, to be resumed'}")
     return 0
+
+
+def _folder_feed(options: argparse.Namespace, spec: GraphSpec) -> FolderFeed:
+    if options.epoch_images is not None:
+        raise OptionError(f"`--epoch-images {options.epoch_images}` is for `--sets`")
+    _check_labels(options, spec)
+    train, val = (open_cached(options, ids) for ids in (options.train_ids, options.val_ids))
+    if options.intrinsics:
+        require_shape(spec.camera, train)
+    return FolderFeed(train, val, _show(options))
+
+
+def _sets_feed(options: argparse.Namespace) -> SetsFeed:
+    train, val = open_dataset_list(options.sets)
+    images = len(train) if options.epoch_images is None else options.epoch_images
+    if images < options.batch:
+        raise ConfigError(
+            f"an epoch of `{options.sets}` has {images} images; expected at least "
+            f"`--batch {options.batch}` of them"
+        )
+    return SetsFeed(train, val, images, _show(options))
+
+
+def _show(options: argparse.Namespace) -> Cached | None:
+    return Cached.of_picture(options.show) if options.show else None
 
 
 def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
@@ -129,7 +159,7 @@ def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
 
 def _say_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool) -> None:
     """Name the camera that is assumed where nobody named one and metres hang on it."""
-    given = options.intrinsics or options.start or resuming
+    given = options.intrinsics or options.start or options.sets or resuming
     if given or options.data.suffix == MAT_SUFFIX or spec.encoding != "metric":
         return
     camera = spec.camera

@@ -7,29 +7,46 @@ from pathlib import Path
 from typing import Any
 
 from nunet_models.data.pairs import MILLIMETRE_M
+from nunet_models.data.sets.mixture import Mixture, mixture_summary
 
 
-def run_provenance(
-    options: argparse.Namespace, *, train: Sequence[str], val: Sequence[str]
-) -> dict[str, Any]:
+def run_provenance(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
     """Data, where the weights began, and what the settings do not hold, of one component's run.
 
+    `data` is `folder_provenance` or `sets_provenance`.
     `origin` names what the options gave and is empty where all weights began at random. Files and
     folders are named without the way to them, which is a matter of the machine.
     """
     return {
-        "data": {
-            "name": options.data.resolve().name,
-            "class_map": options.class_map and _file(options.class_map),
-            "depth_scale": MILLIMETRE_M if options.depth_scale is None else options.depth_scale,
-            "depth_offset": options.depth_offset,
-            "window": options.window,
-            "train": list_of_ids(train),
-            "val": list_of_ids(val),
-        },
+        "data": data,
         "origin": _origin(options),
         "dropout": options.dropout,
         "drop_path": options.drop_path,
+    }
+
+
+def folder_provenance(
+    options: argparse.Namespace, *, train: Sequence[str], val: Sequence[str]
+) -> dict[str, Any]:
+    """The images of `--data`."""
+    return {
+        "name": options.data.resolve().name,
+        "class_map": options.class_map and _file(options.class_map),
+        "depth_scale": MILLIMETRE_M if options.depth_scale is None else options.depth_scale,
+        "depth_offset": options.depth_offset,
+        "window": options.window,
+        "train": list_of_ids(train),
+        "val": list_of_ids(val),
+    }
+
+
+def sets_provenance(options: argparse.Namespace, *, train: Mixture, val: Mixture) -> dict[str, Any]:
+    """The sets of `--sets`; a folder that still grows is listed as it was at the start."""
+    return {
+        "sets": options.sets.name,
+        "epoch_images": options.epoch_images,
+        "train_sets": mixture_summary(train),
+        "val_sets": mixture_summary(val),
     }
 
 

@@ -45,6 +45,7 @@ def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> li
     for name, option in _LIST_OPTIONS.items():
         if name in before and name in now and before[name] != now[name]:
             found.append(f"another list than that of `{option}`")
+    found += _set_differences(before, now)
     if "origin" in started and "origin" in given:
         before, now = _origins(started["origin"]), _origins(given["origin"])
         for option in before | now:
@@ -52,6 +53,26 @@ def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> li
             if _content(one) != _content(other):
                 found.append(difference(option, one, other))
     return found
+
+
+def _set_differences(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """Other sets, or other images in sets that do not grow."""
+    if before and now and ("sets" in before) != ("sets" in now):
+        return [difference("--sets", before.get("sets"), now.get("sets"))]
+    found = []
+    for use in ("train_sets", "val_sets"):
+        one, other = (_settled(data.get(use, [])) for data in (before, now))
+        names = {name for name in one | other if one.get(name) != other.get(name)}
+        found += [f"another set `{name}` in the list of `--sets`" for name in sorted(names)]
+    if before.get("epoch_images") != now.get("epoch_images"):
+        one, other = before.get("epoch_images"), now.get("epoch_images")
+        found.append(difference("--epoch-images", one, other))
+    return found
+
+
+def _settled(sets: list[dict[str, Any]]) -> dict[str, Any]:
+    """Content by name; of a set that grows its name alone."""
+    return {of["set"]: "growing" if of["growing"] else of["ids_sha256"] for of in sets}
 
 
 def graph_options(spec: GraphSpec) -> dict[str, str]:

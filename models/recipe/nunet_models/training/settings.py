@@ -5,6 +5,7 @@ from dataclasses import MISSING, asdict, dataclass, fields
 from typing import Any
 
 from nunet_models.data.augment import BALANCED, NO_AUGMENTATION, STRONG, Augmentation
+from nunet_models.data.sets.draw import WHOLE, ViewRanges
 from nunet_models.errors import OptionError
 from nunet_models.losses import parse_loss
 
@@ -13,6 +14,13 @@ AUGMENTATIONS: dict[str, Augmentation] = {
     "strong": STRONG,
     "balanced": BALANCED,
 }
+
+VIEWS: dict[str, ViewRanges] = {
+    "none": WHOLE,
+    "strong": ViewRanges(),
+    "balanced": ViewRanges(near_chance=0.1, zoom=(0.85, 1.2)),
+}
+"""The same names for the images of a dataset list, whose cameras are known."""
 
 MAY_CHANGE = frozenset({"epochs", "threads", "workers", "validate_every"})
 """Settings that a resumed run may be given anew: none of them changes a step already made."""
@@ -25,6 +33,7 @@ _NUMBERS = {
     "threads": ("at least 1", lambda n: n >= 1),
     "workers": ("0 or more", lambda n: n >= 0),
     "validate_every": ("at least 1", lambda n: n >= 1),
+    "patch": ("0 < x <= 1", lambda x: 0.0 < x <= 1.0),
     "seed": ("0 to 2^64 - 1", lambda n: 0 <= n < _SEEDS),
     "lr": ("more than 0", lambda x: 0.0 < x < math.inf),
     "encoder_lr": ("0 or more", lambda x: 0.0 <= x < math.inf),
@@ -55,6 +64,9 @@ class Settings:
     processes of their own; with 0 the training does it itself, which is quicker where augmentation
     is little work: a fork breaks the parent's huge pages.
 
+    `patch` trains on parts of the views of `--sets`, of this share of each side: pixels are as
+    large as in the whole view, so that the weights fit, and a step takes less time.
+
     A run resumed with more `epochs` goes on along the schedule of the new length: `cosine` rises
     at once to where the longer curve is at that step; `constant` does not change.
 
@@ -78,6 +90,7 @@ class Settings:
     joint_noise: float = 0.0
     unfrozen: bool = False
     augmentation: str = "strong"
+    patch: float = 1.0
     ema: float = 0.998
     clip: float = 1.0
     seed: int = 0

@@ -2,7 +2,6 @@
 
 import copy
 import time
-from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,8 @@ from torch import nn
 from tqdm import tqdm
 
 from nunet_models.classes import IGNORE
-from nunet_models.data.batches import Batch, epoch_batches
-from nunet_models.data.cache import REACH_M, Cached
+from nunet_models.data.batches import Batch
+from nunet_models.data.cache import REACH_M
 from nunet_models.data.encode import encoded_depth
 from nunet_models.errors import ConfigError
 from nunet_models.export.deploy import normalise
@@ -22,16 +21,15 @@ from nunet_models.losses import cross_entropy, parse_loss, weighted_depth_loss
 from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.depthwise import quicken
 from nunet_models.training.ema import Averaged
+from nunet_models.training.feed import Feed
 from nunet_models.training.log import RunLog
 from nunet_models.training.same_run import graph_differences, provenance_differences
 from nunet_models.training.schedule import learning_rate_factor
-from nunet_models.training.settings import AUGMENTATIONS, Settings
-from nunet_models.training.validate import predictions, validate
+from nunet_models.training.settings import Settings
 from nunet_models.zoo import Component, SerialGraph
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
 LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer
-VALIDATION_BATCH = 8
 OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
 
@@ -39,8 +37,7 @@ class Trainer:
     """Trains the component of `graph` that `settings` name.
 
     `LAST` in the run's folder holds what `resume` needs, `BEST` the averaged weights of the best
-    epoch. `shown` holds the picture whose prediction each validation keeps, the first one of `val`
-    by default. `before` is the checkpoint that the graph came from: its history is carried on, and
+    epoch. `before` is the checkpoint that the graph came from: its history is carried on, and
     its provenance, which says where this run comes from too.
     """
 
@@ -52,14 +49,11 @@ class Trainer:
         graph: SerialGraph,
         settings: Settings,
         *,
-        train: Cached,
-        val: Cached,
+        feed: Feed,
         folder: Path,
-        shown: Cached | None = None,
         before: Checkpoint | None = None,
     ) -> None:
-        self.graph, self.settings, self.data, self.val = graph, settings, train, val
-        self.shown, self.folder = shown or val, folder
+        self.graph, self.settings, self.feed, self.folder = graph, settings, feed, folder
         self.component = graph.component(settings.component)
         self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
@@ -78,7 +72,7 @@ class Trainer:
                 quicken(component)
         self.averages = [Averaged(component, settings.ema) for component in self.trained]
         self.optimiser = _optimiser(self.trained, settings)
-        self.weights = _class_weights(train, graph, settings) if self.segments else None
+        self.weights = _class_weights(feed, graph, settings) if self.segments else None
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
         self.losses: list[float] = []
@@ -86,13 +80,13 @@ class Trainer:
         self.before = before or Checkpoint(graph.spec, {})
 
     def _check_truth(self) -> None:
-        for data, name in ((self.data, "training"), (self.val, "validation")):
-            if self.segments and not data.has_labels:
+        for name, there in self.feed.has("labels" if self.segments else "depth").items():
+            if self.segments and not there:
                 raise ConfigError(
                     f"the {name} data has no labels; hint: it needs a folder `labels` (classes "
                     "from 0 to 12) or `label40` (from 0 to 39)"
                 )
-            if not self.segments and not data.has_depth:
+            if not there:
                 raise ConfigError(
                     f"the {name} data has no depth; hint: every pixel of `depth` is 0, outside of "
                     f"`--window`, or beyond {REACH_M:.1f} m by `--depth-scale`"
@@ -101,7 +95,7 @@ class Trainer:
     @property
     def batches(self) -> int:
         """Optimiser's steps of an epoch."""
-        return len(self.data) // self.settings.batch
+        return self.feed.images() // self.settings.batch
 
     def run(self, *, minutes: float | None, quiet: bool) -> bool:
         """Train until the last epoch or until `minutes` have passed; True when all is done."""
@@ -126,7 +120,7 @@ class Trainer:
     def _train_epoch(self, forward: tuple, log: RunLog, deadline: float, quiet: bool) -> bool:
         saved = time.monotonic()
         progress = tqdm(
-            self._epoch_batches(),
+            self.feed.epoch(self.graph, self.settings, self.epoch, self.batch),
             total=self.batches,
             initial=self.batch,
             desc=f"{self.settings.component} {self.epoch + 1}/{self.settings.epochs}",
@@ -153,18 +147,6 @@ class Trainer:
             rate = self.optimiser.param_groups[-1]["lr"]
             log.step(self.step, {"loss": float(np.mean(self.losses)), "lr": rate})
         self.losses = []
-
-    def _epoch_batches(self) -> Iterator[Batch]:
-        return epoch_batches(
-            self.data,
-            AUGMENTATIONS[self.settings.augmentation],
-            size=self.graph.spec.inner_size,
-            batch=self.settings.batch,
-            seed=self.settings.seed,
-            epoch=self.epoch,
-            first=self.batch,
-            workers=self.settings.workers,
-        )
 
     def _step(self, batch: Batch, forward: tuple) -> float:
         settings = self.settings
@@ -232,13 +214,8 @@ class Trainer:
             self.save()
             return
         graph = self.averaged_graph()
-        how = {
-            "component": self.index,
-            "bf16": self.settings.bf16,
-            "workers": self.settings.workers,
-        }
-        figures = validate(graph, self.val, batch=VALIDATION_BATCH, **how)
-        log.prediction(self.epoch, next(predictions(graph, self.shown, batch=1, **how)))
+        figures = self.feed.validate(graph, self.index, self.settings)
+        log.prediction(self.epoch, self.feed.shown(graph, self.index, self.settings))
         log.epoch(self.epoch, figures)
         if not quiet:
             shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())
@@ -328,8 +305,10 @@ class Trainer:
 
 
 def _score(figures: dict[str, float]) -> float:
-    """More is better: mIoU of labels, or the negative RMSE of depth."""
-    return figures["miou"] if "miou" in figures else -figures["rmse"]
+    """More is better: mIoU of labels; of depth the negative RMSE, or AbsRel of several sets."""
+    if "miou" in figures:
+        return figures["miou"]
+    return -figures["rmse"] if "mse" in figures else -figures["abs_rel"]
 
 
 def _optimiser(components: list[Component], settings: Settings) -> torch.optim.Optimizer:
@@ -350,11 +329,9 @@ def _optimiser(components: list[Component], settings: Settings) -> torch.optim.O
     return OPTIMISERS[settings.optimiser](listed, fused=True)  # one pass over the weights
 
 
-def _class_weights(data: Cached, graph: SerialGraph, settings: Settings) -> torch.Tensor:
+def _class_weights(feed: Feed, graph: SerialGraph, settings: Settings) -> torch.Tensor:
     """Frequency to the power `-class_power`, scaled to a mean of 1 over pixels; `[C]`."""
-    counts = np.zeros(256)
-    for picture in data.labels[:: max(1, len(data) // 200)]:
-        counts += np.bincount(picture[::4, ::4].ravel(), minlength=256)
+    counts = feed.label_counts()
     share = counts[: len(graph.spec.classes)] / max(1.0, counts[:IGNORE].sum())
     weights = np.maximum(share, 1e-3) ** -settings.class_power
     mean = (weights * share).sum() or 1.0  # 0 where no label is among those looked at

@@ -1,0 +1,1 @@
+"""Many cameras in one run: the dataset list, its cameras, masks, views and batches."""

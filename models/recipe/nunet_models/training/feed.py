@@ -1,0 +1,173 @@
+"""What a training reads: one folder (`--data`), or the cameras of a dataset list (`--sets`)."""
+
+import argparse
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from nunet_models.data.batches import Batch, epoch_batches
+from nunet_models.data.cache import Cached
+from nunet_models.data.sets.draw import Shapes
+from nunet_models.data.sets.mixture import Mixture, mixed_batches
+from nunet_models.errors import OptionError
+from nunet_models.training.provenance import folder_provenance, sets_provenance
+from nunet_models.training.settings import AUGMENTATIONS, VIEWS, Settings
+from nunet_models.training.validate import predictions, validate
+from nunet_models.training.validate_sets import validate_sets
+from nunet_models.zoo import SerialGraph
+
+VALIDATION_BATCH = 8
+
+
+class Feed(Protocol):
+    """Batches to train on and images to validate on."""
+
+    def images(self) -> int:
+        """Images of an epoch."""
+        ...
+
+    def has(self, what: str) -> dict[str, bool]:
+        """Whether the data for "training" and "validation" have "labels" or "depth"."""
+        ...
+
+    def epoch(self, graph: SerialGraph, settings: Settings, epoch: int, first: int) -> Iterator:
+        """Batches of an epoch from batch `first` on."""
+        ...
+
+    def label_counts(self) -> np.ndarray:
+        """How many pixels have each label 0..255, of some of the images."""
+        ...
+
+    def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
+        """Figures of the graph."""
+        ...
+
+    def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
+        """The prediction that each validation keeps."""
+        ...
+
+    def provenance(self, options: argparse.Namespace) -> dict[str, Any]:
+        """What a checkpoint records of the data."""
+        ...
+
+
+@dataclass
+class FolderFeed:
+    """Decoded images of one camera; `show` holds the image whose prediction is kept."""
+
+    train: Cached
+    val: Cached
+    show: Cached | None = None
+
+    def images(self) -> int:
+        """Images of an epoch."""
+        return len(self.train)
+
+    def has(self, what: str) -> dict[str, bool]:
+        """Whether the data have "labels" or "depth"."""
+        named = {"training": self.train, "validation": self.val}
+        return {name: getattr(data, f"has_{what}") for name, data in named.items()}
+
+    def epoch(
+        self, graph: SerialGraph, settings: Settings, epoch: int, first: int
+    ) -> Iterator[Batch]:
+        """Batches of an epoch from batch `first` on."""
+        if settings.patch != 1.0:
+            raise OptionError(f"`--patch {settings.patch}` is for `--sets`")
+        return epoch_batches(
+            self.train,
+            AUGMENTATIONS[settings.augmentation],
+            size=graph.spec.inner_size,
+            batch=settings.batch,
+            seed=settings.seed,
+            epoch=epoch,
+            first=first,
+            workers=settings.workers,
+        )
+
+    def label_counts(self) -> np.ndarray:
+        """How many pixels have each label, of some of the images."""
+        return _label_counts(self.train.labels[:: max(1, len(self.train) // 200)])
+
+    def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
+        """Figures of the graph."""
+        how = _how(component, settings)
+        return validate(graph, self.val, batch=VALIDATION_BATCH, **how)
+
+    def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
+        """The prediction for the image of `show`, or the first one of validation."""
+        return next(predictions(graph, self.show or self.val, batch=1, **_how(component, settings)))
+
+    def provenance(self, options: argparse.Namespace) -> dict[str, Any]:
+        """What a checkpoint records of the data."""
+        return folder_provenance(options, train=self.train.ids, val=self.val.ids)
+
+
+@dataclass
+class SetsFeed:
+    """The cameras of a dataset list; an epoch draws `epoch_images` of them."""
+
+    train: Mixture
+    val: Mixture
+    epoch_images: int
+    show: Cached | None = None
+
+    def images(self) -> int:
+        """Images of an epoch."""
+        return self.epoch_images
+
+    def has(self, what: str) -> dict[str, bool]:
+        """Whether any set has labels; every set has depth."""
+        named = {"training": self.train, "validation": self.val}
+        if what == "depth":
+            return {name: len(mixture) > 0 for name, mixture in named.items()}
+        return {name: any(s.has_labels for s in m.sets) for name, m in named.items()}
+
+    def epoch(
+        self, graph: SerialGraph, settings: Settings, epoch: int, first: int
+    ) -> Iterator[Batch]:
+        """Batches of an epoch from batch `first` on; folders that grow are read again first."""
+        self.train.refresh()
+        return mixed_batches(
+            self.train,
+            VIEWS[settings.augmentation],
+            how=Shapes.of_part(graph.spec.inner_size, settings.patch, graph.spec.camera),
+            count=self.epoch_images,
+            batch=settings.batch,
+            seed=settings.seed,
+            epoch=epoch,
+            first=first,
+            workers=settings.workers,
+        )
+
+    def label_counts(self) -> np.ndarray:
+        """How many pixels have each label, of some of the images."""
+        places = range(0, len(self.train), max(1, len(self.train) // 200))
+        labels = (self.train[place].pair.labels for place in places)
+        return _label_counts(found for found in labels if found is not None)
+
+    def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
+        """Figures of the graph, mean over sets and of each set."""
+        return validate_sets(graph, self.val, component=component, bf16=settings.bf16)
+
+    def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
+        """The prediction for the image of `show`, or the first one of validation."""
+        show = self.show or Cached.of_rgb(self.val[0].pair.id, self.val[0].pair.rgb)
+        return next(predictions(graph, show, batch=1, **_how(component, settings)))
+
+    def provenance(self, options: argparse.Namespace) -> dict[str, Any]:
+        """What a checkpoint records of the data."""
+        return sets_provenance(options, train=self.train, val=self.val)
+
+
+def _how(component: int, settings: Settings) -> dict:
+    return {"component": component, "bf16": settings.bf16, "workers": settings.workers}
+
+
+def _label_counts(images: Iterable[np.ndarray]) -> np.ndarray:
+    counts = np.zeros(256)
+    for labels in images:
+        counts += np.bincount(labels[::4, ::4].ravel(), minlength=256)
+    return counts

@@ -1,0 +1,94 @@
+"""Figures of a graph on the validation sets of a dataset list while it trains."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from PIL import Image
+
+from nunet_models.data.sets.mixture import Mixture
+from nunet_models.errors import ConfigError
+from nunet_models.evaluation.sets import set_figures
+from nunet_models.export.deploy import FromInner, ToInner
+from nunet_models.metrics import LabelMetrics
+from nunet_models.zoo import SerialGraph
+
+FIGURES = ("abs_rel", "delta1", "abs_rel_median", "rmse")
+
+
+def validate_sets(
+    graph: SerialGraph, val: Mixture, *, component: int, bf16: bool
+) -> dict[str, float]:
+    """`abs_rel`, `delta1`, ... as the mean over sets, and `SET.abs_rel`, ... of each set.
+
+    Of a component that segments: `miou` and `accuracy` over all images with labels.
+
+    # Errors
+    `ConfigError` where no pixel has both truth and an answer, and for stretched depth.
+    """
+    spec = graph.spec
+    if spec.components[component].task == "segmentation":
+        return _label_figures(graph, val, component, bf16)
+    if spec.encoding != "metric":
+        raise ConfigError("a dataset list needs a graph that gives meters (`--encoding metric`)")
+    predict = depth_of(graph, component=component, bf16=bf16)
+    by_set = {
+        images.entry.name: set_figures(images, predict, training=spec.camera) for images in val.sets
+    }
+    measured = {name: found for name, found in by_set.items() if "abs_rel" in found}
+    if not measured:
+        raise ConfigError("no pixel of the validation sets has both truth and an answer")
+    figures = {k: float(np.mean([f[k] for f in measured.values()])) for k in FIGURES}
+    for name, found in measured.items():
+        figures |= {f"{name}.{k}": found[k] for k in FIGURES}
+    return figures
+
+
+def depth_of(
+    graph: SerialGraph, *, component: int, bf16: bool
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The graph as a model file answers: an image of any size to depth at that size."""
+    spec = graph.spec
+    to_inner, from_inner = ToInner(spec), FromInner(spec)
+
+    def predict(rgb: np.ndarray) -> np.ndarray:
+        shape = spec.input_size[::-1]
+        given = np.array(Image.fromarray(rgb).resize(shape, Image.Resampling.BILINEAR))
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
+            raw = _raw(graph, to_inner(torch.from_numpy(given)[None]), component)
+        depth = from_inner.depth(raw.float())
+        return F.interpolate(depth, size=rgb.shape[:2], mode="bilinear")[0, 0].numpy()
+
+    return predict
+
+
+def _raw(graph: SerialGraph, image: torch.Tensor, component: int) -> torch.Tensor:
+    image = image.contiguous(memory_format=torch.channels_last)
+    outputs: list[torch.Tensor] = []
+    for module in graph.components[: component + 1]:
+        outputs.append(module(graph.joint(image, outputs)))
+    return outputs[-1]
+
+
+def _label_figures(
+    graph: SerialGraph, val: Mixture, component: int, bf16: bool
+) -> dict[str, float]:
+    spec = graph.spec
+    to_inner = ToInner(spec)
+    metrics = LabelMetrics(len(spec.classes))
+    for place in range(len(val)):
+        pair = val[place].pair
+        if pair.labels is None:
+            continue
+        shape = spec.input_size[::-1]
+        given = np.array(Image.fromarray(pair.rgb).resize(shape, Image.Resampling.BILINEAR))
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
+            logits = _raw(graph, to_inner(torch.from_numpy(given)[None]), component)
+        found = logits.argmax(1, keepdim=True).to(torch.uint8)
+        labels = F.interpolate(found, size=pair.labels.shape, mode="nearest")[0, 0].numpy()
+        metrics.add(labels, pair.labels)
+    figures = metrics.figures()
+    if not figures:
+        raise ConfigError("no image of the validation sets has labels")
+    return figures
