@@ -1,4 +1,7 @@
-"""Self-test of a model file: the picture `nunet-selftest-1` and its answer (docs/book/model-file.md)."""
+"""Self-test of a model file: the image `nunet-selftest-1` and its answer.
+
+See docs/book/model-file.md.
+"""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -32,6 +32,12 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--quantise-heads", action="store_true", help="quantise the last layers too"
     )
+    parser.add_argument(
+        "--equalize",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="bring the channels of each tensor to one range first (default %(default)s)",
+    )
     parser.add_argument("--reduce-range", action="store_true", help="7-bit weights, without VNNI")
     parser.set_defaults(carry_out=run)
 
@@ -52,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
         options.method,
         float_heads=not options.quantise_heads,
         float_nodes=tuple(options.float_node),
+        equalize=options.equalize,
         reduce_range=options.reduce_range,
     )
     quantise(

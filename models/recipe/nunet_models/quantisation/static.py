@@ -25,6 +25,7 @@ from nunet_models.export.measure import INT8_MARGIN, quantised_selftest
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import load_model, read_metadata, write_metadata
 from nunet_models.export.selftest import selftest_picture
+from nunet_models.quantisation.equalize import equalize_channels
 from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
 
 QUANTISED = ("Conv", "Gemm", "MatMul", "Add", "Concat", "Resize", "Clip", "Relu", "AveragePool")
@@ -43,13 +44,15 @@ class Plan:
     """How to quantise: calibration method, which nodes stay in float, and the weights' range.
 
     `float_heads` keeps the convolution before each result in float: its output is read as a
-    number, not as a feature. `float_nodes` names further ones. `reduce_range` uses 7 bits of
-    weights, for processors without VNNI whose 16-bit sums saturate.
+    number, not as a feature. `float_nodes` names further ones. `equalize` brings channels to one
+    range first (see `equalize_channels`). `reduce_range` uses 7 bits of weights, for processors
+    without VNNI whose 16-bit sums saturate.
     """
 
     method: str = "minmax"
     float_heads: bool = True
     float_nodes: tuple[str, ...] = ()
+    equalize: bool = True
     reduce_range: bool = False
 
 
@@ -99,6 +102,10 @@ def quantise(
     if not shown:
         raise ConfigError("no picture to calibrate on; expected one or more")
     factors = balance_joints(model, lambda names: _magnitudes(model, names, shown, Predictor(path)))
+    equalized = 0
+    if plan.equalize:
+        predictor = Predictor(path)
+        equalized = equalize_channels(model, lambda n: _channel_ranges(model, n, shown, predictor))
     quantised = _quantised(model, shown, plan, keep)
     double_by_copies(quantised)
     training = json.loads(values["nunet.training"])
@@ -106,6 +113,7 @@ def quantise(
         "method": plan.method,
         "float_nodes": keep,
         "joints": factors,
+        "equalized_sites": equalized,
         "margin": INT8_MARGIN,
         "calibration": {"used": len(shown), **(calibration or {})},
     }
@@ -156,9 +164,17 @@ def _shown(what: str, pictures: list[np.ndarray]) -> Iterable[np.ndarray]:
 
 
 def _magnitudes(
-    model: onnx.ModelProto, names: list[str], pictures: list[np.ndarray], predictor: Predictor
+    model: onnx.ModelProto, names: list[str], images: list[np.ndarray], predictor: Predictor
 ) -> dict[str, float]:
-    """The largest magnitude of each named tensor over `pictures`."""
+    """The largest magnitude of each named tensor over `images`."""
+    found = _channel_ranges(model, names, images, predictor)
+    return {name: float(values.max()) for name, values in found.items()}
+
+
+def _channel_ranges(
+    model: onnx.ModelProto, names: list[str], images: list[np.ndarray], predictor: Predictor
+) -> dict[str, np.ndarray]:
+    """The largest magnitude of each channel of named tensors `[1, C, h, w]` over `images`."""
     probe = onnx.ModelProto()
     probe.CopyFrom(model)
     del probe.graph.output[:]
@@ -166,10 +182,11 @@ def _magnitudes(
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, None) for name in names
     )
     session = ort.InferenceSession(probe.SerializeToString(), providers=["CPUExecutionProvider"])
-    largest = dict.fromkeys(names, 0.0)
-    for rgb in _shown("ranges at the joint", pictures):
+    largest: dict[str, np.ndarray] = {}
+    for rgb in _shown("ranges of channels", images):
         for name, values in zip(names, session.run(names, predictor.inputs(rgb)), strict=True):
-            largest[name] = max(largest[name], float(np.abs(values).max()))
+            found = np.abs(values).max(axis=(0, 2, 3))
+            largest[name] = np.maximum(largest.get(name, 0.0), found)
     return largest
 
 
