@@ -1,6 +1,6 @@
 /* Reads depth from a running nunetd: subscribe CAMERA [FRAMES]. How to compile it: docs/book/shared-memory.md.
  *
- * Prints each frame's sequence number, how long ago it was sent, and the depth at the picture's centre. */
+ * Prints each frame's sequence number, the time since its capture, and the depth at the center of the image. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,10 +16,12 @@ static int print(const nunet_frame_t *frame) {
   const nunet_header_t *header;
   const float *depth; /* a view of shared memory */
   uint32_t width, height;
+  int64_t age_nanos; /* INT64_MIN where the camera does not know */
   double age_ms;
   if (nunet_frame_header(frame, &header) || nunet_frame_depth(frame, &depth, &width, &height)) return 0;
-  age_ms = (double)(nunet_monotonic_nanos() - header->publish_nanos) / 1e6;
-  printf("frame %" PRIu64 ": sent %.2f ms ago, centre %.3f\n", header->sequence, age_ms,
+  if (nunet_frame_age(frame, &age_nanos)) return 0;
+  age_ms = (double)age_nanos / 1e6;
+  printf("frame %" PRIu64 ": captured %.2f ms ago, center %.3f\n", header->sequence, age_ms,
          (double)depth[height / 2 * width + width / 2]);
   return 1;
 }
@@ -33,7 +35,7 @@ int main(int argc, char **argv) {
     nunet_frame_t *frame;
     nunet_status_t status = nunet_reader_next(reader, NUNET_TOPIC_DEPTH, 1000, &frame);
     if (status == NUNET_TIMEOUT) {
-      fprintf(stderr, "%s\n", nunet_last_error()); /* the next owner's frames will arrive here */
+      fprintf(stderr, "%s\n", nunet_last_error()); /* frames of the next publisher will arrive here */
       continue;
     }
     if (status || !print(frame)) return fail();

@@ -16,16 +16,16 @@ int main(int argc, char **argv) try {
   while (frames > 0) {
     auto set = reader.next_set(1s);
     if (!set) {
-      std::cerr << nunet_last_error() << '\n'; // the next owner's frames will arrive here
+      std::cerr << nunet_last_error() << '\n'; // frames of the next publisher will arrive here
       continue;
     }
     const nunet::Frame &frame = (*set)[NUNET_TOPIC_DEPTH];
     const auto depth = frame.depth(); // a view of shared memory, as long as the set lives
     const auto labels = (*set)[NUNET_TOPIC_LABELS].labels();
     const auto x = depth.width / 2, y = depth.height / 2;
-    const auto age_ms = std::chrono::duration<double, std::milli>(frame.age()).count();
-    std::cout << "frame " << frame.header().sequence << std::fixed << std::setprecision(2) << ": sent " << age_ms
-              << " ms ago, centre " << std::setprecision(3) << depth(x, y) << ", class " << int(labels(x, y)) << '\n';
+    const auto age_ms = std::chrono::duration<double, std::milli>(frame.age().value_or(0ns)).count();
+    std::cout << "frame " << frame.header().sequence << std::fixed << std::setprecision(2) << ": captured " << age_ms
+              << " ms ago, center " << std::setprecision(3) << depth(x, y) << ", class " << int(labels(x, y)) << '\n';
     frames--;
   }
 } catch (const nunet::Error &error) {

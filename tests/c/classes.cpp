@@ -84,6 +84,10 @@ static void publishing(const std::string &own) {
   // A position in a recording says nothing about the time of day: it is now, in this century.
   HOLDS(frame && frame->header().capture_nanos == 5 && frame->header().capture_unix_nanos > 946684800000000000);
   HOLDS(frame && frame->header().fy == 11 && std::string(frame->header().frame_id) == "optical");
+  auto old = publisher.loan();
+  old.send(nunet_monotonic_nanos() - 5000000000, NUNET_CLOCK_MONOTONIC);
+  auto late = reader.next(NUNET_TOPIC_RGB, 30s);
+  HOLDS(late && late->age() >= 5s); // since its capture, not since it was sent
   reader.close();
   publisher.close();
   HOLDS(thrown([&] { reader.wait(0ms); }) == NUNET_BAD_ARGUMENT);

@@ -4,7 +4,6 @@ import ctypes
 import itertools
 import os
 import pathlib
-import shutil
 import signal
 import subprocess
 
@@ -81,8 +80,8 @@ def test_the_examples_read_depth(build, camera):
         assert len(lines) == 5 and numbers == sorted(set(numbers)), lines
         for line in lines:
             words = line.replace(",", "").split()
-            assert float(words[words.index("sent") + 1]) > 0, line
-            assert float(words[words.index("centre") + 1]) > 0, line
+            assert float(words[words.index("captured") + 1]) > 0, line
+            assert float(words[words.index("center") + 1]) > 0, line
 
 
 def test_the_examples_fit_on_a_screen():
@@ -226,34 +225,53 @@ def test_a_daemon_takes_every_encoding_as_c_lays_it(build, nunetd, contract, enc
     assert done.returncode == 0, done.stderr
 
 
-def test_the_pkg_config_file_leads_to_the_library(library, camera, tmp_path):
-    template = (ROOT / "crates" / "nunet-c" / "nunet.pc.in").read_text()
-    version = next(line for line in (ROOT / "Cargo.toml").read_text().splitlines() if line.startswith("version = "))
-    filled = template.replace("@PREFIX@", str(tmp_path)).replace("@VERSION@", version.split('"')[1])
-    assert "@" not in filled
-    variables = dict(line.split("=", 1) for line in filled.splitlines() if "=" in line.split(":")[0])
-    fields = dict(line.split(": ", 1) for line in filled.splitlines() if ": " in line)
-    for name in variables:
-        for other, value in variables.items():
-            variables[name] = variables[name].replace(f"${{{other}}}", value)
-    for name, value in variables.items():
-        fields = {field: text.replace(f"${{{name}}}", value) for field, text in fields.items()}
-    for folder, files in [("include", INCLUDE.iterdir()), ("lib", library.glob("libnunet.*"))]:
-        (tmp_path / folder).mkdir()
-        for file in files:
-            if file.suffix in (".h", ".hpp", ".a", ".so"):
-                (tmp_path / folder / file.name).symlink_to(file)
-    program = str(tmp_path / "program")
+@pytest.fixture(scope="session")
+def installed(library, tmp_path_factory):
+    """A prefix in which `install.sh` put everything."""
+    prefix = tmp_path_factory.mktemp("prefix")
+    run(ROOT / "crates" / "nunet-c" / "install.sh", library, prefix)
+    return prefix
+
+
+def test_the_shared_library_has_a_versioned_soname(installed):
+    said = run("readelf", "-d", installed / "lib" / "libnunet.so")
+    assert "Library soname: [libnunet.so.0]" in said
+    assert (installed / "lib" / "libnunet.so.0").resolve().name == "libnunet.so.0.1.0"
+
+
+def test_pkg_config_leads_to_the_libraries(installed, camera, tmp_path):
+    environment = os.environ | {"PKG_CONFIG_PATH": str(installed / "lib" / "pkgconfig")}
+    flags = run("pkg-config", "--cflags", "--libs", "nunet", env=environment).split()
+    static = run("pkg-config", "--variable=libdir", "nunet", env=environment).strip() + "/libnunet.a"
     source = str(ROOT / "examples" / "c" / "subscribe.c")
-    flags = [*fields["Cflags"].split(), source, "-o", program, *fields["Libs"].split()]
-    run(C[0], *flags)
+    run(C[0], source, "-o", tmp_path / "shared", *flags)
     # What `ldconfig` does for a folder of the system.
-    lines = run(program, camera, "2", env=os.environ | {"LD_LIBRARY_PATH": str(tmp_path / "lib")}).splitlines()
-    assert len(lines) == 2, lines
-    run(C[0], *fields["Cflags"].split(), source, "-o", program, str(tmp_path / "lib" / "libnunet.a"),
-        *fields["Libs.private"].split())
-    assert len(run(program, camera, "2").splitlines()) == 2
-    if shutil.which("pkg-config"):
-        (tmp_path / "nunet.pc").write_text(filled)
-        said = run("pkg-config", "--libs", str(tmp_path / "nunet.pc"))
-        assert said.split() == fields["Libs"].split()
+    environment["LD_LIBRARY_PATH"] = str(installed / "lib")
+    assert len(run(tmp_path / "shared", camera, "2", env=environment).splitlines()) == 2
+    run(C[0], source, "-o", tmp_path / "static", flags[0], static, *SYSTEM)
+    assert len(run(tmp_path / "static", camera, "2").splitlines()) == 2
+
+
+def test_cmake_finds_the_package(installed, camera, tmp_path):
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.16)\nproject(reader LANGUAGES C CXX)\n"
+        "find_package(nunet 0.1 REQUIRED)\n"
+        f"add_executable(shared {ROOT}/examples/cpp/subscribe.cpp)\n"
+        f"add_executable(static {ROOT}/examples/c/subscribe.c)\n"
+        "set_target_properties(shared PROPERTIES CXX_STANDARD 17)\n"
+        "target_link_libraries(shared PRIVATE nunet::nunet)\n"
+        "target_link_libraries(static PRIVATE nunet::static)\n"
+    )
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={installed}")
+    run("cmake", "--build", tmp_path / "build")
+    for program in ("shared", "static"):
+        assert len(run(tmp_path / "build" / program, camera, "2").splitlines()) == 2
+
+
+def test_cmake_refuses_a_package_of_another_version(installed, tmp_path):
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.16)\nproject(reader LANGUAGES C)\nfind_package(nunet 0.2 REQUIRED)\n"
+    )
+    command = ["cmake", "-S", tmp_path, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={installed}"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode != 0 and "0.1.0" in done.stderr, done.stderr

@@ -621,6 +621,16 @@ nunet_status_t nunet_frame_header(const nunet_frame_t *frame, const nunet_header
 nunet_status_t nunet_frame_bytes(const nunet_frame_t *frame, const void **bytes, size_t *byte_count);
 
 /**
+ * The time since capture, in nanoseconds: by the monotonic clock where the camera uses it, otherwise by the time of day.
+ *
+ * `*age_nanos` is `INT64_MIN` where the sender knows neither.
+ *
+ * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+ */
+nunet_status_t nunet_frame_age(const nunet_frame_t *frame,
+                               int64_t *age_nanos);
+
+/**
  * A depth map: `height` rows from the top of `width` floats, in the header's units (metres, mostly), NaN where there
  * is no measurement.
  *

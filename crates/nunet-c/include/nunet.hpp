@@ -136,9 +136,12 @@ public:
     check(nunet_frame_stats(handle_.get(), &stats));
     return *stats;
   }
-  /** The time since it was sent. */
-  std::chrono::nanoseconds age() const {
-    return std::chrono::nanoseconds(nunet_monotonic_nanos() - header().publish_nanos);
+  /** The time since capture; empty where the sender knows neither the monotonic clock's time nor the time of day. */
+  std::optional<std::chrono::nanoseconds> age() const {
+    std::int64_t nanos;
+    check(nunet_frame_age(handle_.get(), &nanos));
+    if (nanos == INT64_MIN) return std::nullopt;
+    return std::chrono::nanoseconds(nanos);
   }
   nunet_frame_t *get() const noexcept { return handle_.get(); }
 

@@ -4,7 +4,7 @@
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
 
-use nunet_ipc::{CloudPoint, Frame, FrameHeader, IpcError, StatsRecord, Topic};
+use nunet_ipc::{CloudPoint, Frame, FrameHeader, IpcError, StatsRecord, Topic, monotonic_nanos, unix_nanos};
 
 use crate::argument::{fill, place, pointer_to};
 use crate::handle::{Table, locked};
@@ -62,6 +62,25 @@ pub extern "C" fn nunet_frame_bytes(
         let frame = locked(&frame);
         *bytes = pointer_to(frame.bytes());
         fill(byte_count, frame.bytes().len());
+        Ok(())
+    })
+}
+
+/// The time since capture, in nanoseconds: by the monotonic clock where the camera uses it, otherwise by the time of day.
+///
+/// `*age_nanos` is `INT64_MIN` where the sender knows neither.
+///
+/// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_age(
+    frame: *const FrameHandle,
+    age_nanos: Option<&mut MaybeUninit<i64>>,
+) -> Status {
+    guard(|| {
+        let age_nanos = place(age_nanos, "age_nanos", i64::MIN)?;
+        let frame = FRAMES.get(frame)?;
+        let age = locked(&frame).header().age_nanos(monotonic_nanos(), unix_nanos());
+        *age_nanos = age.unwrap_or(i64::MIN);
         Ok(())
     })
 }

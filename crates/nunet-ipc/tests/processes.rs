@@ -7,7 +7,9 @@ mod support;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, IpcError, Limits, Publisher, Reader, Topic, TopicPlan, Wake, orphans};
+use nunet_ipc::{
+    CameraName, IpcError, IpcErrorKind, Limits, Publisher, Reader, Topic, TopicPlan, Wake, orphans,
+};
 use support::{
     HEIGHT, PATIENCE, Sandbox, WIDTH, describe, eventually, listen, plan, publish_depth, role, say,
 };
@@ -20,6 +22,11 @@ fn peer() {
         "own" => own(&argument),
         "own in vain" => say(&create(&argument).unwrap_err().to_string()),
         "read" => read(&argument),
+        "look once" => {
+            Reader::open(&CameraName::new(&argument).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+            say("ready");
+        }
+        "wait in vain" => wait_in_vain(&argument),
         "show a pointer" => show_a_pointer(&argument),
         "look at a pointer" => look_at_a_pointer(&argument),
         "publish everything of vga" => publish_everything_of_vga(&argument),
@@ -58,6 +65,16 @@ fn read(camera: &str) {
             held.drain(..held.len() - 1);
         }
     }
+}
+
+/// Opens a camera that is never published again and again, as programs do that wait for one.
+fn wait_in_vain(camera: &str) {
+    let camera = CameraName::new(camera).unwrap();
+    for _ in 0..10 {
+        let error = Reader::open(&camera, &[Topic::Depth], Duration::from_millis(20)).unwrap_err();
+        assert_eq!(error.kind(), IpcErrorKind::NobodyPublishes, "{error}");
+    }
+    say("waited");
 }
 
 /// Where an address lies: the file behind its mapping, by inode, and the offset in it.
@@ -245,4 +262,19 @@ fn nothing_is_left_after_owners_and_readers_were_killed_at_any_moment() {
     next.finish();
     let left: Vec<_> = leftovers(&sandbox).into_iter().filter(|file| file.starts_with("/dev/shm")).collect();
     assert_eq!(left, Vec::<PathBuf>::new());
+}
+
+/// A node of iceoryx2 is a few files that are written, synced and removed: once is fine, ten times a second is not.
+#[test]
+fn waiting_for_an_absent_publisher_creates_no_files() {
+    let sandbox = Sandbox::new();
+    let mut other = sandbox.spawn("peer", "own", "other");
+    assert_eq!(other.line(), "ready");
+    let nodes = sandbox.root().join("nodes");
+    let changed = || std::fs::metadata(&nodes).unwrap().modified().unwrap();
+    let before = changed();
+    assert_eq!(sandbox.spawn("peer", "wait in vain", "absent").line(), "waited");
+    assert_eq!(changed(), before, "a node was created or removed");
+    assert_eq!(sandbox.spawn("peer", "look once", "other").line(), "ready");
+    assert_ne!(changed(), before, "opening what is there does create one");
 }

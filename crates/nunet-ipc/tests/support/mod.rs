@@ -104,6 +104,11 @@ impl Sandbox {
         Self { folder, prefix }
     }
 
+    /// The folder of iceoryx2's files.
+    pub(crate) fn root(&self) -> PathBuf {
+        self.folder.path().join("iceoryx2")
+    }
+
     /// Runs a role of this test binary (see [`role`]) in another process.
     pub(crate) fn spawn(&self, test: &str, role: &str, argument: &str) -> Peer {
         let child = Command::new(std::env::current_exe().unwrap())
@@ -138,7 +143,7 @@ impl Sandbox {
             }
         }
         let mut found = Vec::new();
-        walk(&self.folder.path().join("iceoryx2"), &mut found);
+        walk(&self.root(), &mut found);
         found
     }
 }
