@@ -6,7 +6,8 @@ use std::num::NonZeroU32;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nunet_core::camera::{Camera, Intrinsics, RayTable};
-use nunet_core::cloud::{CloudPoint, NO_LABEL, cloud_size, organised_cloud};
+use nunet_core::cloud::{CloudOptions, CloudPoint, NO_LABEL, cloud_size, organized_cloud};
+use nunet_core::filter::Appearance;
 
 const SIZE: (u32, u32) = (640, 480);
 const BLANK: CloudPoint = CloudPoint { x: 0.0, y: 0.0, z: 0.0, b: 0, g: 0, r: 0, label: NO_LABEL };
@@ -20,16 +21,18 @@ fn cloud(criterion: &mut Criterion) {
     let rgb = vec![128; 3 * pixels];
     let labels = vec![7; pixels];
     for (case, labels, stride) in [
-        ("organised", None, 1),
-        ("organised_labels", Some(&labels[..]), 1),
+        ("organized", None, 1),
+        ("organized_labels", Some(&labels[..]), 1),
         ("stride_2", Some(&labels[..]), 2),
     ] {
         let stride = NonZeroU32::new(stride).expect("one or two");
         let (width, height) = cloud_size(SIZE.0, SIZE.1, stride);
+        let appearance = Appearance { rgb: &rgb, labels };
+        let options = CloudOptions { stride, max_range_m: 10.0 };
         let mut out = vec![BLANK; (width * height) as usize];
         criterion.bench_function(&format!("cloud/{case}/640x480"), |bencher| {
             bencher.iter(|| {
-                organised_cloud(black_box(&depth_m), &rays, &rgb, labels, stride, black_box(&mut out))
+                organized_cloud(black_box(&depth_m), &rays, &appearance, options, black_box(&mut out))
                     .expect("buffers of the camera's size");
             });
         });

@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use nunet_core::filter::{Chain, Decimation, FilterOptions, Look};
+use nunet_core::filter::{Appearance, Decimation, FilterChain, FilterOptions};
 use nunet_core::graph::StageTimes;
 
 const SIZE: (u32, u32) = (640, 480);
@@ -34,7 +34,7 @@ fn decimation(criterion: &mut Criterion) {
         for (case, for_cloud) in [("", false), ("_cloud", true)] {
             criterion.bench_function(&format!("filter/decimation_{factor}{case}/640x480"), |bencher| {
                 bencher.iter(|| {
-                    let full = Look { rgb: black_box(&rgb), labels: Some(black_box(&labels)) };
+                    let full = Appearance { rgb: black_box(&rgb), labels: Some(black_box(&labels)) };
                     decimation
                         .reduce(full, black_box(&mut small), None, for_cloud)
                         .expect("buffers of the size");
@@ -47,7 +47,7 @@ fn decimation(criterion: &mut Criterion) {
 fn keeping_the_size(criterion: &mut Criterion) {
     let depth_m = depth_map();
     for text in ["spatial", "spatial=magnitude:5,fill:5", "temporal", "holes=farthest", "holes=left"] {
-        let mut chain = Chain::new(&options(text), SIZE);
+        let mut chain = FilterChain::new(&options(text), SIZE);
         let name = text.replace(['=', ':', ','], "_");
         criterion.bench_function(&format!("filter/{name}/640x480"), |bencher| {
             bencher.iter_batched_ref(

@@ -32,7 +32,7 @@ fn graph(criterion: &mut Criterion) {
         let mut graph =
             SerialGraph::load(&path, &runtime, &GraphOptions::default()).expect("a shipped model");
         let (width, height) = graph.size();
-        let rgb = selftest::picture(width, height);
+        let rgb = selftest::image(width, height);
         let mut depth = vec![0.0; rgb.len() / 3];
         let mut labels = graph.has_labels().then(|| vec![0; rgb.len() / 3]);
         group.bench_function(format!("{case}/{width}x{height}"), |bencher| {

@@ -20,6 +20,7 @@ const CORE: Order = Order {
         "clock",
         "text",
         "plain_file",
+        "error_kind",
         "frame",
         "camera",
         "preprocess",
@@ -29,6 +30,7 @@ const CORE: Order = Order {
         "filter",
         "cloud",
         "pipeline",
+        "hints",
     ],
     ahead: &[(
         "model",

@@ -1,9 +1,8 @@
 //! Time as an argument.
 
-/// A monotonic clock that the caller owns.
+/// A monotonic clock that the caller provides.
 ///
-/// Nanoseconds since a start of its own choosing; only differences mean anything. This crate never reads a clock by
-/// itself, so that a test or a replay decides what time it is.
+/// Nanoseconds since an arbitrary start. This crate reads no clock of its own, so that a test or a replay can set the time.
 pub trait Clock {
     /// Nanoseconds now, never less than in an earlier call.
     fn nanos(&self) -> u64;

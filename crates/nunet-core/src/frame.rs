@@ -1,10 +1,15 @@
-//! A picture as a camera gives it: bytes that somebody else owns, and how to read them.
+//! An image as a camera delivers it: borrowed bytes, and their format.
 
+use std::borrow::Cow;
+
+use nunet_types::Hint;
 pub use nunet_types::{MAX_SIDE_PX, PixelFormat};
 
-/// A picture in memory that somebody else keeps alive: rows from the top, pixels from the left.
+use crate::error_kind::ErrorKind;
+
+/// A borrowed image: rows from the top, pixels from the left.
 ///
-/// Made by [`ImageView::new`] alone, which checks that the bytes hold the picture; nobody checks again later.
+/// [`ImageView::new`] checks that the bytes hold the image, so later stages do not check again.
 #[derive(Debug, Clone, Copy)]
 pub struct ImageView<'a> {
     bytes: &'a [u8],
@@ -15,12 +20,12 @@ pub struct ImageView<'a> {
 }
 
 impl<'a> ImageView<'a> {
-    /// A view of `bytes` as a picture of `width` x `height` pixels whose rows begin `row_stride` bytes apart.
+    /// A view of `bytes` as an image of `width` x `height` pixels whose rows start `row_stride` bytes apart.
     ///
-    /// Bytes behind the last row are ignored.
+    /// Bytes after the last row are ignored.
     ///
     /// # Errors
-    /// A side that is 0 or longer than [`MAX_SIDE_PX`], a stride shorter than a row, and too few bytes.
+    /// A side of 0 or longer than [`MAX_SIDE_PX`], a stride shorter than a row, too few bytes.
     pub fn new(
         bytes: &'a [u8],
         width: u32,
@@ -57,19 +62,19 @@ impl<'a> ImageView<'a> {
         Self::new(bytes, width, height, format.min_stride(width), format)
     }
 
-    /// The picture's bytes, [`PixelFormat::byte_len`] of them.
+    /// The image's bytes, [`PixelFormat::byte_len`] of them.
     #[must_use]
     pub fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
-    /// Pixels from left to right.
+    /// Width, pixels.
     #[must_use]
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Pixels from top to bottom.
+    /// Height, pixels.
     #[must_use]
     pub fn height(&self) -> u32 {
         self.height
@@ -87,54 +92,53 @@ impl<'a> ImageView<'a> {
         self.row_stride
     }
 
-    /// How the pixels lie.
+    /// The pixel format.
     #[must_use]
     pub fn format(&self) -> PixelFormat {
         self.format
     }
 
-    /// Whether no padding lies between the rows.
+    /// Whether there is no padding between rows.
     #[must_use]
     pub fn is_packed(&self) -> bool {
         self.row_stride == self.format.min_stride(self.width)
     }
 }
 
-/// What is wrong with a picture.
+/// What is wrong with the bytes of an image.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// A side is 0 or too long.
-    #[error("a picture of `{width}x{height}` pixels; sides are 1 to `{MAX_SIDE_PX}`")]
+    /// A side of 0 pixels, or too long.
+    #[error("image size {width}x{height} is out of range; sides are 1 to {MAX_SIDE_PX}")]
     Size {
-        /// Pixels from left to right.
+        /// Width, pixels.
         width: u32,
-        /// Pixels from top to bottom.
+        /// Height, pixels.
         height: u32,
     },
-    /// Rows are longer than the distance between their starts.
-    #[error("rows begin `{row_stride}` bytes apart, but `{width}` pixels of {format} take `{least}`")]
+    /// A stride shorter than a row.
+    #[error("the row stride is {row_stride} bytes, but {width} pixels of {format} have {least}")]
     Stride {
-        /// How the pixels lie.
+        /// The pixel format.
         format: PixelFormat,
-        /// Pixels from left to right.
+        /// Width, pixels.
         width: u32,
-        /// Bytes from row to row, as given.
+        /// Bytes from row to row.
         row_stride: u32,
         /// Bytes of one row.
         least: u32,
     },
-    /// The bytes end before the picture does.
+    /// Fewer bytes than the image has.
     #[error(
-        "`{got}` bytes for a {format} picture of `{width}x{height}` with rows `{row_stride}` bytes apart, which takes \
-         `{expected}`"
+        "an image of {width}x{height} in {format} with a row stride of {row_stride} has {expected} bytes, got {got}"
     )]
     TooShort {
-        /// How the pixels lie.
+        /// The pixel format.
         format: PixelFormat,
-        /// Pixels from left to right.
+        /// Width, pixels.
         width: u32,
-        /// Pixels from top to bottom.
+        /// Height, pixels.
         height: u32,
         /// Bytes from row to row.
         row_stride: u32,
@@ -143,6 +147,20 @@ pub enum FrameError {
         /// Bytes given.
         got: usize,
     },
+}
+
+impl FrameError {
+    /// [`ErrorKind::Image`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Image
+    }
+}
+
+impl Hint for FrameError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        None
+    }
 }
 
 #[cfg(test)]
@@ -156,14 +174,14 @@ mod tests {
     }
 
     #[test]
-    fn bytes_that_do_not_hold_the_picture_are_refused() {
-        let error = ImageView::packed(&[0; 11], 2, 2, PixelFormat::Rgb8).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "`11` bytes for a rgb8 picture of `2x2` with rows `6` bytes apart, which takes `12`"
-        );
-        let error = ImageView::new(&[0; 12], 2, 2, 5, PixelFormat::Rgb8).unwrap_err();
-        assert_eq!(error.to_string(), "rows begin `5` bytes apart, but `2` pixels of rgb8 take `6`");
+    fn too_few_bytes_and_a_short_stride_are_refused() {
+        let format = PixelFormat::Rgb8;
+        let error = ImageView::packed(&[0; 11], 2, 2, format).unwrap_err();
+        let short =
+            FrameError::TooShort { format, width: 2, height: 2, row_stride: 6, expected: 12, got: 11 };
+        assert_eq!(error, short);
+        let error = ImageView::new(&[0; 12], 2, 2, 5, format).unwrap_err();
+        assert_eq!(error, FrameError::Stride { format, width: 2, row_stride: 5, least: 6 });
         assert!(ImageView::packed(&[], 0, 2, PixelFormat::Mono8).is_err());
         assert!(ImageView::packed(&[], 1, u32::MAX, PixelFormat::Yuyv).is_err());
     }

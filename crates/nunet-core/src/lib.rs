@@ -1,18 +1,60 @@
-//! From a picture to metric depth and a point cloud.
+//! From an image to metric depth and a point cloud.
 //!
-//! A frame's journey reads in the order of the modules: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] ->
-//! [`filter`] -> [`cloud`]. A later stage may import an earlier one, never the reverse. Nothing here starts threads, opens
-//! sockets, prints, or reads a clock, and every large buffer belongs to the caller.
+//! The modules read in the order of a frame's journey: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] -> [`filter`] ->
+//! [`cloud`], called in turn by [`pipeline`]. A later module may import an earlier one, never the reverse. Nothing here starts
+//! threads, opens sockets, prints, or reads a clock, and every large buffer is the caller's.
+//!
+//! # Example: depth, labels and points of one image
+//! ```no_run
+//! use nunet_core::camera::Calibration;
+//! use nunet_core::cloud::CloudPoint;
+//! use nunet_core::frame::{ImageView, PixelFormat};
+//! use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
+//! use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // A camera of 640x480 with its calibration, as ROS's camera_calibration writes it.
+//! let bytes = vec![0; 640 * 480 * 3];
+//! let frame = ImageView::packed(&bytes, 640, 480, PixelFormat::Rgb8)?;
+//! let camera = Calibration::parse(&std::fs::read_to_string("front.yaml")?)?.at_size(640, 480)?;
+//!
+//! // The network: `ORT_DISABLE_TELEMETRY=1` keeps ONNX Runtime off the network.
+//! let runtime = Runtime::load("libonnxruntime.so".as_ref())?;
+//! let graph = SerialGraph::load("wnet_c.onnx".as_ref(), &runtime, &GraphOptions::default())?;
+//! let options = PipelineOptions { camera: Some(camera), ..PipelineOptions::default() };
+//! let mut pipeline = Pipeline::new(graph, options)?;
+//! let clock = || 0; // pass a real clock to measure times
+//! pipeline.selftest(&clock)?;
+//!
+//! // Results are written into buffers of the caller, at the network's size.
+//! let (width, height) = pipeline.size();
+//! let pixels = width as usize * height as usize;
+//! let (mut depth_m, mut labels) = (vec![0.0; pixels], vec![0; pixels]);
+//! let mut cloud = vec![CloudPoint::NONE; pixels];
+//! let outputs =
+//!     Outputs { depth_m: &mut depth_m, labels: Some(&mut labels), cloud: Some(&mut cloud) };
+//! let report = pipeline.process(&frame, outputs, &clock)?;
+//! println!("{} of {pixels} pixels without depth", report.invalid_pixels);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Errors have a `kind` ([`ErrorKind`]), and what to do about them is a text of its own ([`hint_of`]).
 
 pub mod camera;
 pub mod clock;
 pub mod cloud;
 pub mod depth;
+mod error_kind;
 pub mod filter;
 pub mod frame;
 pub mod graph;
+mod hints;
 pub mod model;
 pub mod pipeline;
 pub mod plain_file;
 pub mod preprocess;
 pub mod text;
+
+pub use error_kind::ErrorKind;
+pub use hints::hint_of;

@@ -1,16 +1,16 @@
-//! Files of others: opening a pipe waits for its writer, and a device may have no end.
+//! Regular files: opening a pipe would wait for its writer, and a device may have no end.
 
 use std::fs::File;
 use std::io::{self, Read as _, Take};
 use std::path::Path;
 
-/// Opens a plain file for reading, its first `most` bytes; `None` of a folder, a pipe, a socket or a device, none of which
-/// is touched.
+/// Opens a regular file for reading its first `most` bytes; `None` for a folder, a pipe, a socket or a device, which is not
+/// opened.
 ///
 /// # Errors
 /// As [`File::open`].
 pub fn open(path: &Path, most: u64) -> io::Result<Option<Take<File>>> {
-    // Looked at before it is opened: that alone would wait.
+    // Checked before it is opened, because opening a pipe waits.
     if !path.metadata()?.is_file() {
         return Ok(None);
     }
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plain_file_is_read_up_to_the_bound() {
+    fn a_regular_file_is_read_up_to_the_limit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         std::fs::write(&path, b"12345").unwrap();
@@ -46,7 +46,7 @@ mod tests {
         for path in [pipe, "/dev/zero".into(), folder.path().to_owned()] {
             let (send, opened) = channel();
             let shown = path.display().to_string();
-            // On a thread of its own: a pipe that is opened waits for ever.
+            // On another thread, because opening a pipe would wait forever.
             std::thread::spawn(move || send.send(open(&path, 1).unwrap().is_some()));
             assert_eq!(opened.recv_timeout(Duration::from_secs(60)), Ok(false), "{shown}");
         }

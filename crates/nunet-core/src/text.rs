@@ -1,11 +1,11 @@
-//! Words of others, cut to what a terminal bears: an error must not repeat a file.
+//! Messages of other libraries, shortened so that an error does not repeat a whole file.
 
-/// The most characters of one line.
+/// The most characters of a line.
 const MAX_LINE: usize = 160;
 /// The most lines.
 const MAX_LINES: usize = 12;
 
-/// A parser's message with its lines cut: some repeat the line that is wrong, which may be the whole file.
+/// A parser's message with its lines shortened: some repeat the invalid line, which may be the whole file.
 #[must_use]
 pub fn shortened(message: &str) -> String {
     let line = |line: &str| match line.char_indices().nth(MAX_LINE) {
@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_lines_are_cut_and_the_last_line_stays() {
+    fn long_lines_are_shortened_and_the_last_line_stays() {
         let long = "ß".repeat(5000);
         let short = shortened(&format!("at line 1\n1 | {long}\nexpected `]`\n"));
         assert!(short.starts_with("at line 1\n1 | ß"), "{short}");

@@ -184,7 +184,7 @@ fn count<N: FromStr>(text: &str) -> Result<N, String> {
 #[derive(Debug, Args, Clone)]
 pub struct EngineArgs {
     /// What computes: auto, cpu, openvino, cuda or tensorrt
-    #[arg(long, default_value_t = Provider::Auto)]
+    #[arg(long, default_value_t = Provider::Auto, value_parser = crate::exit::parsed::<Provider>)]
     pub provider: Provider,
     /// Threads of one prediction, at most four a core [default: one a core]
     #[arg(long, value_name = "N", value_parser = count::<NonZeroUsize>)]

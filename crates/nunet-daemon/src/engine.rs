@@ -44,7 +44,7 @@ impl Engine {
     ) -> anyhow::Result<LoadedModel> {
         self.0.load(model, every, stop.flag()).map_err(|error| match error {
             EngineError::Stopped => Stopped.into(),
-            EngineError::Graph(GraphError::UnknownStage { .. }) => {
+            EngineError::Graph(GraphError::UnknownStage { .. } | GraphError::EveryTwice { .. }) => {
                 anyhow::Error::from(error).context(BadArguments("`--every` does not fit the model".into()))
             }
             error => error.into(),
@@ -92,10 +92,12 @@ fn pipeline_options(optics: &CameraArgs) -> Result<PipelineOptions, BadArguments
         },
         cloud_stride: optics.cloud_stride,
         filters: filters(&optics.filters)?,
+        max_range_m: optics.max_range,
+        ..PipelineOptions::default()
     })
 }
 
 /// What clap cannot check, because it parses one value after the other.
 pub(crate) fn filters(arguments: &FilterArgs) -> Result<FilterOptions, BadArguments> {
-    arguments.options().map_err(|error| BadArguments(error.to_string()))
+    arguments.options().map_err(|error| BadArguments(nunet_types::text_with_hint(&error)))
 }

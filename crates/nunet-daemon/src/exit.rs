@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::io::Write as _;
+use std::str::FromStr;
 
 use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
@@ -69,11 +70,21 @@ type Cause = dyn StdError + 'static;
 type HintOf = fn(&Cause) -> Option<Cow<'static, str>>;
 
 /// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
-const HINTS: &[HintOf] =
-    &[hint_of::<WithHint>, hint_of::<EngineError>, hint_of::<IpcError>, hint_of::<CameraNameError>];
+const HINTS: &[HintOf] = &[
+    hint_of::<WithHint>,
+    nunet_core::hint_of,
+    hint_of::<EngineError>,
+    hint_of::<IpcError>,
+    hint_of::<CameraNameError>,
+];
 
 fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, str>> {
     cause.downcast_ref::<E>()?.hint()
+}
+
+/// Parses an argument; the text of an error has its hint.
+pub(crate) fn parsed<T: FromStr<Err: StdError + Hint>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|error: T::Err| text_with_hint(&error))
 }
 
 /// A camera's name as the user wrote it.

@@ -106,7 +106,7 @@ impl Engine {
             provider: self.options.provider,
             threads: self.options.threads,
             every: every.iter().map(|(stage, count)| (stage.clone(), count.get())).collect(),
-            only: allowed_hashes,
+            allowed_hashes,
         };
         let graph = SerialGraph::load(&path, &self.runtime, &options)?;
         Ok(LoadedModel { path, graph })
@@ -174,7 +174,7 @@ impl LoadedModel {
         log_model(&path, &first, &report);
         let mut pipelines = vec![first];
         for options in options {
-            let graph = pipelines[0].graph().sibling()?;
+            let graph = pipelines[0].graph().share_sessions()?;
             pipelines.push(Pipeline::new(graph, options)?);
         }
         if pipelines.len() > 1 {

@@ -184,12 +184,13 @@ impl Hint for EngineError {
             Self::NoChecker => {
                 "install nunetd, or describe this program's installation (`Installation::describe`)".into()
             }
-            // The causes have hints of their own.
-            Self::Filter(_)
-            | Self::Graph(_)
-            | Self::Runtime(_)
-            | Self::Pipeline(_)
-            | Self::SelfTest { .. }
+            // Transparent: these are not in the chain of causes themselves.
+            Self::Filter(error) => return error.hint(),
+            Self::Graph(error) => return error.hint(),
+            Self::Runtime(error) => return error.hint(),
+            Self::Pipeline(error) => return error.hint(),
+            // The cause has a hint of its own.
+            Self::SelfTest { .. }
             | Self::Stopped
             | Self::System { .. } => return None,
         })

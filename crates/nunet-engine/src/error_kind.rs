@@ -49,7 +49,7 @@ impl EngineErrorKind {
     pub(crate) fn of_graph(error: &GraphError) -> Self {
         match error {
             GraphError::Wiring { .. } => Self::Wiring,
-            GraphError::UnknownStage { .. } => Self::Argument,
+            GraphError::UnknownStage { .. } | GraphError::EveryTwice { .. } => Self::Argument,
             GraphError::Provider { .. } => Self::Library,
             _ => Self::Model,
         }

@@ -162,7 +162,7 @@ impl Model {
     fn colors(&self, image: &ImageView<'_>, points: Option<&[CloudPoint]>, pixels: usize) -> Pooled<u8> {
         let mut rgb = self.pools.rgb.take(3 * pixels);
         match points {
-            None => rgb.copy_from_slice(self.pipeline.picture_of(image)),
+            None => rgb.copy_from_slice(self.pipeline.network_image(image)),
             Some(points) => {
                 for (pixel, point) in rgb.chunks_exact_mut(3).zip(points) {
                     pixel.copy_from_slice(&[point.r, point.g, point.b]);

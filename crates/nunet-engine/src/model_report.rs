@@ -139,8 +139,8 @@ impl ModelReport<'_> {
         }
         for stage in self.graph.stages() {
             writeln!(text, "  stage        {}", stage_text(stage))?;
-            if !stage.memory.is_empty() {
-                writeln!(text, "  state        {}", state_text(&stage.memory))?;
+            if !stage.state.is_empty() {
+                writeln!(text, "  state        {}", state_text(&stage.state))?;
             }
         }
         if !about.classes.is_empty() {
@@ -209,7 +209,7 @@ fn stage_json(stage: &StageInfo) -> Value {
         "every": stage.every,
         "inputs": stage.inputs.iter().map(tensor_json).collect::<Vec<_>>(),
         "outputs": stage.outputs.iter().map(tensor_json).collect::<Vec<_>>(),
-        "memory": stage.memory,
+        "memory": stage.state,
     })
 }
 

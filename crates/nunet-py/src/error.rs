@@ -4,8 +4,7 @@ use std::ffi::CString;
 use std::fmt::Display;
 
 use nunet_core::camera::CameraError;
-use nunet_daemon::embed;
-use nunet_engine::EngineErrorKind;
+use nunet_daemon::embed::{self, EngineErrorKind};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;

@@ -1,4 +1,4 @@
-//! The lens of most cameras: rings pulled in or out, and small errors of centring, of parallelism and of tilt.
+//! The lens of most cameras: radial, tangential, thin prism and tilt distortion.
 
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
 
@@ -6,39 +6,39 @@ use super::CameraError;
 use super::coefficients::{MAX_COEFFICIENTS, checked};
 use super::roots::{TOLERANCE, first_sign_change, inverse_of_rising};
 
-const NAMES: [&str; MAX_COEFFICIENTS] =
+pub(super) const NAMES: [&str; MAX_COEFFICIENTS] =
     ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tilt_x", "tilt_y"];
 
-/// A ray farther out than this many focal lengths is 89.94 degrees from the axis: no lens of this kind sees it.
+/// A point this many focal lengths from the axis is at 89.94 degrees: no lens of this kind sees it.
 const MAX_RADIUS: f64 = 1e3;
 
-/// Newton's method doubles the digits with each step; the start is good to some thousandths.
+/// Newton's method doubles the digits with each step; the start is good to a few thousandths.
 const MAX_STEPS: usize = 30;
 
-/// A step that does not come nearer is halved this often, then given up.
+/// A step that does not reduce the error is halved this often, then given up.
 const MAX_HALVINGS: usize = 12;
 
-/// Where Newton's method starts for a point that the rings alone do not reach, as part of their reach. Not at its end,
-/// where the slope is zero.
-const START_OF_THE_UNREACHED: f64 = 0.9;
+/// Where Newton's method starts for a point beyond what radial distortion alone can reach, as a fraction of
+/// `max_radius`. Not at its end, where the derivative is zero.
+const START_FRACTION: f64 = 0.9;
 
 /// Brown-Conrady distortion with up to 14 coefficients, in the form and the order of OpenCV.
 ///
-/// A ray `(x, y)` at depth 1, `r² = x² + y²`, is thrown on
+/// A point `(x, y)` at depth 1, `r² = x² + y²`, appears at
 ///
 /// ```text
 /// x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴
 /// y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶) + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴
 /// ```
 ///
-/// and, where the sensor is tilted, from there through a homography (`tilt_x`, `tilt_y`, radians).
+/// and, if the sensor is tilted, is then mapped by a homography (`tilt_x`, `tilt_y`, radians).
 ///
 /// Source: D. C. Brown, *Decentering distortion of lenses*, 1966; in this form the documentation of OpenCV's module
 /// calib3d, "Detailed Description". ROS calls it `plumb_bob` (5 coefficients) and `rational_polynomial` (8).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrownConrady {
     coefficients: [f64; MAX_COEFFICIENTS],
-    /// Rays farther out are folded back over nearer ones: the formula means nothing there.
+    /// Beyond it the distorted radius falls again: the formula is not valid there.
     max_radius: f64,
 }
 
@@ -46,71 +46,75 @@ impl BrownConrady {
     /// `k1 k2 p1 p2`, then optionally `k3`, `k4 k5 k6`, `s1 s2 s3 s4`, `tilt_x tilt_y`: 4, 5, 8, 12 or 14 numbers.
     ///
     /// # Errors
-    /// Another count, a coefficient that is not finite or beyond any lens.
+    /// Another count, a coefficient that is not finite or out of range.
     pub fn new(coefficients: &[f64]) -> Result<Self, CameraError> {
         let coefficients = checked("brown_conrady", coefficients, &NAMES, &[4, 5, 8, 12, 14])?;
         Ok(Self { coefficients, max_radius: max_radius(&coefficients) })
     }
 
-    /// `k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tilt_x tilt_y`; what was not given is 0.
+    /// `k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tilt_x tilt_y`; those that were not given are 0.
     #[must_use]
     pub fn coefficients(&self) -> &[f64; MAX_COEFFICIENTS] {
         &self.coefficients
     }
 
-    /// Where the lens throws a ray; `None` for one that it folds back.
-    pub(super) fn thrown(&self, ray: Point2<f64>) -> Option<Point2<f64>> {
-        if ray.coords.norm() > self.max_radius {
+    /// Where a point at depth 1 appears; `None` where the model folds back.
+    pub(super) fn distort(&self, point: Point2<f64>) -> Option<Point2<f64>> {
+        if point.coords.norm() > self.max_radius {
             return None;
         }
-        let (bent, slope) = self.bent(ray);
-        if slope.determinant() <= 0.0 {
+        let (untilted, jacobian) = self.distort_untilted(point);
+        if jacobian.determinant() <= 0.0 {
             return None;
         }
         match self.tilt() {
-            Some(tilt) => seen_through(&tilt, bent),
-            None => Some(bent),
+            Some(tilt) => apply_homography(&tilt, untilted),
+            None => Some(untilted),
         }
     }
 
-    /// The ray that the lens throws on `seen`; `None` where it throws none.
-    pub(super) fn ray(&self, seen: Point2<f64>) -> Option<Point2<f64>> {
+    /// The inverse of [`Self::distort`]; `None` where no point appears at `distorted`.
+    pub(super) fn undistort(&self, distorted: Point2<f64>) -> Option<Point2<f64>> {
         match self.tilt() {
-            Some(tilt) => self.unbent(seen_through(&tilt.try_inverse()?, seen)?),
-            None => self.unbent(seen),
+            Some(tilt) => self.undistort_untilted(apply_homography(&tilt.try_inverse()?, distorted)?),
+            None => self.undistort_untilted(distorted),
         }
     }
 
-    /// Newton's method from the answer for the rings alone, which is always found; what remains is small.
+    /// The inverse of [`Self::distort_untilted`].
     ///
-    /// OpenCV's fixed point iteration was rejected: it does not converge where a barrel is strong.
-    fn unbent(&self, target: Point2<f64>) -> Option<Point2<f64>> {
+    /// First the radial part alone is inverted, a function of one variable with an exact range. From there Newton's
+    /// method in two variables removes the tangential and prism parts, which are small. A step that does not reduce the
+    /// error, or leaves the range, is halved. OpenCV's fixed point iteration was rejected: it does not converge for a
+    /// strong barrel distortion.
+    fn undistort_untilted(&self, target: Point2<f64>) -> Option<Point2<f64>> {
         let radius = target.coords.norm();
-        let start = inverse_of_rising(|r| self.ring(r), radius, self.max_radius)
-            .unwrap_or(START_OF_THE_UNREACHED * self.max_radius);
-        let mut ray = if radius > 0.0 { target * (start / radius) } else { target };
+        let start = inverse_of_rising(|r| self.distorted_radius(r), radius, self.max_radius)
+            .unwrap_or(START_FRACTION * self.max_radius);
+        let mut point = if radius > 0.0 { target * (start / radius) } else { target };
         for _ in 0..MAX_STEPS {
-            let (bent, slope) = self.bent(ray);
-            let error = target - bent;
+            let (distorted, jacobian) = self.distort_untilted(point);
+            let error = target - distorted;
             if error.norm() <= TOLERANCE * (1.0 + radius) {
-                return (slope.determinant() > 0.0).then_some(ray);
+                return (jacobian.determinant() > 0.0).then_some(point);
             }
-            ray = self.nearer(ray, slope.try_inverse()? * error, target, error.norm())?;
+            point = self.damped_step(point, jacobian.try_inverse()? * error, target, error.norm())?;
         }
         None
     }
 
-    /// The ray after the step, or after as much of it as comes nearer to the target within the lens's range.
-    fn nearer(
+    /// `point` after `step`, halved until the error is smaller than `error` and the point is within `max_radius`.
+    fn damped_step(
         &self,
-        ray: Point2<f64>,
+        point: Point2<f64>,
         mut step: Vector2<f64>,
         target: Point2<f64>,
         error: f64,
     ) -> Option<Point2<f64>> {
         for _ in 0..MAX_HALVINGS {
-            let next = ray + step;
-            if next.coords.norm() <= self.max_radius && (target - self.bent(next).0).norm() < error {
+            let next = point + step;
+            let in_range = next.coords.norm() <= self.max_radius;
+            if in_range && (target - self.distort_untilted(next).0).norm() < error {
                 return Some(next);
             }
             step *= 0.5;
@@ -118,13 +122,13 @@ impl BrownConrady {
         None
     }
 
-    /// Where the rings alone throw a ray of radius `r`, and the slope of that.
-    fn ring(&self, r: f64) -> (f64, f64) {
+    /// The radius `r` after radial distortion alone, and its derivative.
+    fn distorted_radius(&self, r: f64) -> (f64, f64) {
         let (factor, slope) = self.radial(r * r);
         (r * factor, factor + 2.0 * r * r * slope)
     }
 
-    /// The factor of a ring of `u` = r², and its slope over `u`.
+    /// The radial factor at `u` = r², and its derivative by `u`.
     fn radial(&self, u: f64) -> (f64, f64) {
         let [k1, k2, _, _, k3, k4, k5, k6, ..] = self.coefficients;
         let (above, below) = (1.0 + u * (k1 + u * (k2 + u * k3)), 1.0 + u * (k4 + u * (k5 + u * k6)));
@@ -134,27 +138,27 @@ impl BrownConrady {
         (factor, (above_slope - factor * below_slope) / below)
     }
 
-    /// Everything but the tilt, and the matrix of its slopes.
-    fn bent(&self, ray: Point2<f64>) -> (Point2<f64>, Matrix2<f64>) {
+    /// Radial, tangential and prism distortion of a point, and their Jacobian.
+    fn distort_untilted(&self, point: Point2<f64>) -> (Point2<f64>, Matrix2<f64>) {
         let [_, _, p1, p2, _, _, _, _, s1, s2, s3, s4, ..] = self.coefficients;
-        let (x, y) = (ray.x, ray.y);
+        let (x, y) = (point.x, point.y);
         let u = x * x + y * y;
         let (factor, slope) = self.radial(u);
-        let bent = Point2::new(
+        let distorted = Point2::new(
             x * factor + 2.0 * p1 * x * y + p2 * (u + 2.0 * x * x) + u * (s1 + u * s2),
             y * factor + p1 * (u + 2.0 * y * y) + 2.0 * p2 * x * y + u * (s3 + u * s4),
         );
         let (prism_x, prism_y) = (2.0 * (s1 + 2.0 * u * s2), 2.0 * (s3 + 2.0 * u * s4));
         let across = 2.0 * (x * y * slope + p1 * x + p2 * y);
         #[rustfmt::skip]
-        let slopes = Matrix2::new(
+        let jacobian = Matrix2::new(
             factor + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_x, across + y * prism_x,
             across + x * prism_y, factor + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_y,
         );
-        (bent, slopes)
+        (distorted, jacobian)
     }
 
-    /// The homography of a tilted sensor; `None` for one that stands straight.
+    /// The homography of a tilted sensor; `None` without tilt.
     fn tilt(&self) -> Option<Matrix3<f64>> {
         let [.., tilt_x, tilt_y] = self.coefficients;
         if tilt_x == 0.0 && tilt_y == 0.0 {
@@ -184,13 +188,13 @@ impl BrownConrady {
     }
 }
 
-/// A point of the plane through a homography; `None` where it ends behind the plane.
-fn seen_through(homography: &Matrix3<f64>, point: Point2<f64>) -> Option<Point2<f64>> {
+/// Maps a point by a homography; `None` for a point behind the plane.
+fn apply_homography(homography: &Matrix3<f64>, point: Point2<f64>) -> Option<Point2<f64>> {
     let seen = homography * point.to_homogeneous();
     (seen.z > 0.0).then(|| (seen.xy() / seen.z).into())
 }
 
-/// The radius until which rings farther out are thrown farther out.
+/// The radius up to which the distorted radius rises.
 ///
 /// `r N(r²) / D(r²)` rises while `N D + 2 u (N' D - N D')` is positive (`u = r²`, the quotient rule), and until `D`
 /// has a root. Both are polynomials of `u`.

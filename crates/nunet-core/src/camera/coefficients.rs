@@ -1,17 +1,17 @@
-//! What all lens models ask of their coefficients.
+//! Checks that all lens models make on their coefficients.
 
 use super::CameraError;
 
-/// Coefficients that a lens model may have: OpenCV's longest, and the room of a message's header.
+/// The most coefficients of a lens model: OpenCV's longest, and the room in the frame header.
 pub const MAX_COEFFICIENTS: usize = 14;
 
-/// Rational models reach some hundreds; what is beyond this is no lens, and its powers would not be finite.
+/// Rational models reach some hundreds. Beyond this, powers of a coefficient would overflow.
 const MAX_COEFFICIENT: f64 = 1e6;
 
-/// A sensor tilted by 90 degrees (1.571) would be seen from its edge.
+/// A sensor tilted by 90 degrees (1.571) would see nothing.
 const MAX_TILT_RAD: f64 = 1.5;
 
-/// The coefficients with zeros behind them, of a model that takes `counts` of the `names`.
+/// Checks the coefficients of a model that has one of `counts` coefficients, called `names`, and fills them up with zeros.
 pub(super) fn checked(
     model: &'static str,
     coefficients: &[f64],

@@ -82,6 +82,6 @@ mod tests {
         assert!(matches!(refused(none), CameraError::CoefficientCount { model: "none", got: 14, .. }));
         let mut bad = info(brown_conrady());
         bad.distortion[0] = f64::INFINITY;
-        assert!(refused(bad).to_string().starts_with("lens coefficient `k1` is `inf`"));
+        assert!(matches!(refused(bad), CameraError::Coefficient { name: "k1", .. }));
     }
 }

@@ -1,4 +1,4 @@
-//! The fisheye: the angle to the axis becomes the distance from the centre.
+//! The fisheye: the angle to the axis becomes the distance from the image center.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -12,13 +12,13 @@ const NAMES: [&str; 4] = ["k1", "k2", "k3", "k4"];
 
 /// Kannala-Brandt distortion with four coefficients, in the form of OpenCV's fisheye model.
 ///
-/// A ray at the angle `θ` to the optical axis is thrown on the same side of the centre, at the distance
+/// A point at the angle `θ` to the optical axis appears in the same direction from the center, at the distance
 ///
 /// ```text
 /// θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)
 /// ```
 ///
-/// Rays at 90 degrees and more have no point at depth 1: pixels that see them have no ray here.
+/// Directions at 90 degrees and more have no point at depth 1, so pixels that see them have no ray.
 ///
 /// Source: J. Kannala and S. S. Brandt, *A generic camera model and calibration method for conventional, wide-angle,
 /// and fish-eye lenses*, 2006, equation 6, whose first coefficient goes into the focal length; in this form the
@@ -26,7 +26,7 @@ const NAMES: [&str; 4] = ["k1", "k2", "k3", "k4"];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KannalaBrandt {
     coefficients: [f64; 4],
-    /// Radians; rays farther out are folded back over nearer ones, or behind the camera.
+    /// Radians; beyond it the polynomial falls again, or the direction is behind the camera.
     max_angle: f64,
 }
 
@@ -34,7 +34,7 @@ impl KannalaBrandt {
     /// `k1 k2 k3 k4`. Four zeros are an equidistant fisheye, not a pinhole.
     ///
     /// # Errors
-    /// Another count, a coefficient that is not finite or beyond any lens.
+    /// Another count, a coefficient that is not finite or out of range.
     pub fn new(coefficients: &[f64]) -> Result<Self, CameraError> {
         let [k1, k2, k3, k4, ..] = checked("kannala_brandt", coefficients, &NAMES, &[4])?;
         let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4];
@@ -42,7 +42,7 @@ impl KannalaBrandt {
         Ok(Self { coefficients: [k1, k2, k3, k4], max_angle })
     }
 
-    /// `k1 k2 k3 k4`, zeros behind them.
+    /// `k1 k2 k3 k4`, followed by zeros.
     #[must_use]
     pub fn coefficients(&self) -> [f64; MAX_COEFFICIENTS] {
         let mut all = [0.0; MAX_COEFFICIENTS];
@@ -50,29 +50,29 @@ impl KannalaBrandt {
         all
     }
 
-    /// Where the lens throws a ray; `None` for one that it folds back.
-    pub(super) fn thrown(&self, ray: Point2<f64>) -> Option<Point2<f64>> {
-        let radius = ray.coords.norm();
+    /// Where a point at depth 1 appears; `None` beyond the largest angle.
+    pub(super) fn distort(&self, point: Point2<f64>) -> Option<Point2<f64>> {
+        let radius = point.coords.norm();
         let angle = radius.atan();
         if angle > self.max_angle {
             return None;
         }
-        // At the centre itself both are 0, and the ray goes straight.
-        Some(if radius > 0.0 { ray * (self.ring(angle).0 / radius) } else { ray })
+        // At the center both are 0.
+        Some(if radius > 0.0 { point * (self.distorted_radius(angle).0 / radius) } else { point })
     }
 
-    /// The ray that the lens throws on `seen`; `None` where it throws none that is in front of the camera.
-    pub(super) fn ray(&self, seen: Point2<f64>) -> Option<Point2<f64>> {
-        let radius = seen.coords.norm();
-        let angle = inverse_of_rising(|angle| self.ring(angle), radius, self.max_angle)?;
+    /// The inverse of [`Self::distort`]; `None` where no point in front of the camera appears.
+    pub(super) fn undistort(&self, distorted: Point2<f64>) -> Option<Point2<f64>> {
+        let radius = distorted.coords.norm();
+        let angle = inverse_of_rising(|angle| self.distorted_radius(angle), radius, self.max_angle)?;
         if angle >= FRAC_PI_2 {
             return None;
         }
-        Some(if radius > 0.0 { seen * (angle.tan() / radius) } else { seen })
+        Some(if radius > 0.0 { distorted * (angle.tan() / radius) } else { distorted })
     }
 
-    /// The distance from the centre of a ray at `angle` to the axis, and the slope of that.
-    fn ring(&self, angle: f64) -> (f64, f64) {
+    /// The distance from the center of a point at `angle` to the axis, and its derivative.
+    fn distorted_radius(&self, angle: f64) -> (f64, f64) {
         let [k1, k2, k3, k4] = self.coefficients;
         let u = angle * angle;
         let factor = 1.0 + u * (k1 + u * (k2 + u * (k3 + u * k4)));

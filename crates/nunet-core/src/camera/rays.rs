@@ -1,4 +1,6 @@
-//! Where each pixel looks: the table that turns depth into points.
+//! The direction that each pixel sees: the table that turns depth into points.
+
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -6,9 +8,9 @@ use super::{Camera, Intrinsics};
 
 /// For each pixel the direction it sees, as the point of its ray at depth 1: `[x / z, y / z]`.
 ///
-/// `[height][width]`, camera's optical frame (x right, y down, z forward). A pixel that sees no point in front of the
-/// camera has NaN: one of a fisheye at 90 degrees and more, or one in a corner where the lens model throws nothing. A lens
-/// with distortion fills the same table, so that nothing after it knows of lenses.
+/// `[height][width]`, camera's optical frame (x right, y down, z forward). A pixel without a ray has NaN: it sees a point
+/// at or beyond the largest angle (90 degrees or less), or the lens model is not defined there. Lens distortion is in the
+/// table, so that later stages do not depend on the lens model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RayTable {
     width: u32,
@@ -20,39 +22,48 @@ impl RayTable {
     /// The rays of all pixels of `camera`, at the size of its intrinsics.
     #[must_use]
     pub fn new(camera: &Camera) -> Self {
+        Self::within_angle(camera, f64::INFINITY)
+    }
+
+    /// The rays of `camera` that are at most `max_angle_rad` from the optical axis; other pixels have none.
+    ///
+    /// Near 90 degrees a ray is almost parallel to the image plane: a depth of 10 m becomes a point kilometers away.
+    #[must_use]
+    pub fn within_angle(camera: &Camera, max_angle_rad: f64) -> Self {
+        let max_tangent = if max_angle_rad < FRAC_PI_2 { max_angle_rad.tan() } else { f64::INFINITY };
         let Intrinsics { width, height, .. } = camera.intrinsics;
         let lens_from_pixel = lens_from_pixel(&camera.intrinsics);
         let ray = |(column, row): (u32, u32)| -> [f32; 2] {
-            let seen = lens_from_pixel * Vector3::new(f64::from(column), f64::from(row), 1.0);
-            match camera.distortion.ray(seen.xy().into()) {
-                Some(ray) => [ray.x as f32, ray.y as f32],
-                None => [f32::NAN; 2],
+            let distorted = lens_from_pixel * Vector3::new(f64::from(column), f64::from(row), 1.0);
+            match camera.distortion.undistort(distorted.xy().into()) {
+                Some(ray) if ray.coords.norm() <= max_tangent => [ray.x as f32, ray.y as f32],
+                _ => [f32::NAN; 2],
             }
         };
         let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
         Self { width, height, rays: pixels.map(ray).collect() }
     }
 
-    /// Pixels from left to right.
+    /// Width, pixels.
     #[must_use]
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Pixels from top to bottom.
+    /// Height, pixels.
     #[must_use]
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// All rays, row after row from the top.
+    /// All rays, row by row from the top.
     #[must_use]
     pub fn rays(&self) -> &[[f32; 2]] {
         &self.rays
     }
 }
 
-/// The matrix that takes a pixel `(column, row, 1)` to where the lens threw it, on the plane at depth 1.
+/// The matrix that takes a pixel `(column, row, 1)` to its distorted point on the plane at depth 1.
 fn lens_from_pixel(intrinsics: &Intrinsics) -> Matrix3<f64> {
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = *intrinsics;
     #[rustfmt::skip]
@@ -74,6 +85,15 @@ mod tests {
         let intrinsics = Intrinsics::new(2.0, 4.0, 0.5, 1.0, 2, 2).unwrap();
         let table = RayTable::new(&Camera::pinhole(intrinsics));
         assert_eq!(table.rays(), [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.0], [0.25, 0.0]]);
+    }
+
+    #[test]
+    fn rays_beyond_the_largest_angle_are_nan() {
+        // Columns 0 to 4 see tangents of 0 to 4; 75 degrees has one of 3.73.
+        let intrinsics = Intrinsics::new(1.0, 1.0, 0.0, 0.0, 5, 1).unwrap();
+        let table = RayTable::within_angle(&Camera::pinhole(intrinsics), 75.0_f64.to_radians());
+        assert_eq!(table.rays()[..4], [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]);
+        assert!(table.rays()[4].iter().all(|side| side.is_nan()));
     }
 
     proptest! {

@@ -1,22 +1,22 @@
-//! Where a lens's polynomials turn, and the way back through a rising function.
+//! Sign changes of polynomials, and the inverse of a rising function.
 
 use std::iter::once;
 
-/// The highest degree asked for: that of the rational lens's slope.
+/// The highest degree in use: that of the rational model's derivative.
 const MAX_DEGREE: usize = 6;
 
-/// Halving an interval of doubles more often changes nothing.
+/// An interval of doubles cannot be halved more often.
 const MAX_HALVINGS: usize = 200;
 
-/// Newton's method doubles the digits with each step; this many suffice for halving alone.
+/// Newton's method doubles the digits with each step; this many suffice for bisection alone.
 const MAX_STEPS: usize = 100;
 
-/// How near a function must come to its target, in focal lengths: a millionth of a thousandth of a pixel.
+/// The largest error of an inverse, in focal lengths: about 1e-9 pixels.
 pub(super) const TOLERANCE: f64 = 1e-12;
 
-/// The first place between 0 and `end` where a polynomial changes its sign; `end` when it keeps it.
+/// The first place between 0 and `end` where a polynomial changes its sign; `end` if it does not.
 ///
-/// `polynomial` has the constant first and [`MAX_DEGREE`] + 1 coefficients at most.
+/// `polynomial` has the constant first and at most [`MAX_DEGREE`] + 1 coefficients.
 pub(super) fn first_sign_change(polynomial: &[f64], end: f64) -> f64 {
     sign_changes(polynomial, end).iter().next().unwrap_or(end)
 }
@@ -33,24 +33,25 @@ impl Places {
     }
 }
 
-/// Between two turns a polynomial changes its sign once at most, and it turns where its slope changes sign.
+/// All places between 0 and `end` where a polynomial changes its sign.
 ///
-/// Found in this way no pair of near roots is stepped over, as on a grid. Nothing is allocated: a camera's lens comes
-/// anew with each frame's header.
+/// Between two extrema a polynomial changes its sign at most once, and its extrema are where its derivative changes sign;
+/// so this recurses over the derivatives. Unlike a search on a grid it misses no pair of close roots. Nothing is
+/// allocated, because a lens is built from every frame header.
 fn sign_changes(polynomial: &[f64], end: f64) -> Places {
     let mut found = Places { values: [0.0; MAX_DEGREE], count: 0 };
     if polynomial.len() < 2 {
         return found;
     }
-    let mut slope = [0.0; MAX_DEGREE];
+    let mut derivative = [0.0; MAX_DEGREE];
     for (power, coefficient) in polynomial.iter().enumerate().skip(1) {
-        slope[power - 1] = power as f64 * coefficient;
+        derivative[power - 1] = power as f64 * coefficient;
     }
-    let turns = sign_changes(&slope[..polynomial.len() - 1], end);
+    let extrema = sign_changes(&derivative[..polynomial.len() - 1], end);
     let mut low = 0.0;
-    for high in turns.iter().chain(once(end)) {
+    for high in extrema.iter().chain(once(end)) {
         if (value(polynomial, low) < 0.0) != (value(polynomial, high) < 0.0) {
-            found.values[found.count] = halved(polynomial, low, high);
+            found.values[found.count] = bisect(polynomial, low, high);
             found.count += 1;
         }
         low = high;
@@ -63,7 +64,7 @@ fn value(polynomial: &[f64], at: f64) -> f64 {
     polynomial.iter().rev().fold(0.0, |sum, coefficient| sum * at + coefficient)
 }
 
-fn halved(polynomial: &[f64], mut low: f64, mut high: f64) -> f64 {
+fn bisect(polynomial: &[f64], mut low: f64, mut high: f64) -> f64 {
     let negative_at_low = value(polynomial, low) < 0.0;
     for _ in 0..MAX_HALVINGS {
         let middle = 0.5 * (low + high);
@@ -79,9 +80,9 @@ fn halved(polynomial: &[f64], mut low: f64, mut high: f64) -> f64 {
     low
 }
 
-/// Where a function that rises from 0 at 0 until `end` has the value `target`; `None` beyond its value at `end`.
+/// Where a function that rises from 0 at 0 to `end` has the value `target`; `None` beyond its value at `end`.
 ///
-/// `function` gives value and slope. Newton's steps, and halving where one would leave what is known to hold the answer.
+/// `function` returns value and derivative. Newton's method, with bisection where a step would leave the bracket.
 pub(super) fn inverse_of_rising(function: impl Fn(f64) -> (f64, f64), target: f64, end: f64) -> Option<f64> {
     if !(0.0..=function(end).0).contains(&target) {
         return None;

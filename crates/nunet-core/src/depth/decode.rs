@@ -1,28 +1,33 @@
-//! What a network's number `v` means, undone in place.
+//! Decoding of network outputs, in place.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What a network's number `v` means.
+use super::DepthError;
+
+/// What a network's output value `v` means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Encoding {
-    /// Metres: z = v.
+pub enum DepthEncoding {
+    /// Meters: z = v.
     Metric,
-    /// Inverse metres: z = 1 / v.
+    /// Inverse meters: z = 1 / v.
     Inverse,
-    /// Logarithm of metres: z = exp(v).
+    /// Logarithm of meters: z = exp(v).
     Log,
-    /// Nearer or farther, without a unit: kept as it is.
+    /// Depth without a unit, larger = farther: z = v.
     Relative,
-    /// 0 for a picture's nearest point to 1 for its farthest, without a unit: what a network says beyond is its end.
+    /// Inverse depth without a unit, larger = nearer, as `MiDaS` and Depth Anything output it: z = 1 / v.
+    RelativeInverse,
+    /// 0 for the nearest point of an image to 1 for the farthest, without a unit. Values outside are clamped.
     MinMax,
 }
 
-impl Encoding {
+impl DepthEncoding {
     /// All encodings, in the order of the documentation.
-    pub const ALL: [Self; 5] = [Self::Metric, Self::Inverse, Self::Log, Self::Relative, Self::MinMax];
+    pub const ALL: [Self; 6] =
+        [Self::Metric, Self::Inverse, Self::Log, Self::Relative, Self::RelativeInverse, Self::MinMax];
 
-    /// The name in a model's metadata.
+    /// The name in metadata and sidecars.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -30,39 +35,104 @@ impl Encoding {
             Self::Inverse => "inverse",
             Self::Log => "log",
             Self::Relative => "relative",
+            Self::RelativeInverse => "relative_inverse",
             Self::MinMax => "minmax",
         }
     }
 
-    /// Whether the decoded numbers are metres.
+    /// Whether the decoded values are meters.
     #[must_use]
     pub fn is_metric(self) -> bool {
         matches!(self, Self::Metric | Self::Inverse | Self::Log)
     }
 
-    /// Turns the network's numbers into depth, in place, and returns how many of them are no measurement (NaN).
+    /// Decodes network outputs to depth in place, and returns how many are not a measurement (NaN).
     ///
-    /// Metres come out of the metric encodings: what the network says, if it lies in `range`, times `focal_factor`;
-    /// the range is the network's, so it is checked before the factor. The encodings without a unit ignore both and
-    /// lose nothing but what is not finite.
-    pub fn decode(self, values: &mut [f32], range: DepthRange, focal_factor: f32) -> u32 {
+    /// `output` is applied first. For the metric encodings a depth outside `range` is not a measurement; valid depth is
+    /// multiplied by `focal_factor`. The range is the network's, so it is checked before the factor. The other encodings
+    /// ignore both.
+    pub fn decode(
+        self,
+        values: &mut [f32],
+        output: OutputScale,
+        range: DepthRange,
+        focal_factor: f32,
+    ) -> u32 {
+        let OutputScale { scale, shift } = output;
+        let v = |value: f32| scale * value + shift;
         match self {
-            Self::Metric => range.apply(values, focal_factor, |v| v),
-            Self::Inverse => range.apply(values, focal_factor, |v| 1.0 / v),
-            Self::Log => range.apply(values, focal_factor, f32::exp),
-            Self::Relative => replace_each(values, |v| (v, v.is_finite())),
-            Self::MinMax => replace_each(values, |v| (v.clamp(0.0, 1.0), v.is_finite())),
+            Self::Metric => range.apply(values, focal_factor, v),
+            Self::Inverse => range.apply(values, focal_factor, |value| 1.0 / v(value)),
+            Self::Log => range.apply(values, focal_factor, |value| v(value).exp()),
+            Self::Relative => replace_each(values, |value| (v(value), v(value).is_finite())),
+            Self::RelativeInverse => replace_each(values, |value| {
+                let z = 1.0 / v(value);
+                (z, z > 0.0 && z.is_finite())
+            }),
+            Self::MinMax => replace_each(values, |value| (v(value).clamp(0.0, 1.0), v(value).is_finite())),
         }
     }
 }
 
-impl fmt::Display for Encoding {
+/// A linear map of a network's output before it is decoded: `v = scale * output + shift`.
+///
+/// # Example: monodepth2's sigmoid output, z = 1 / (0.01 + 9.99 output)
+/// ```
+/// # use nunet_core::depth::{DepthEncoding, DepthError, DepthRange, OutputScale};
+/// let output = OutputScale::new(9.99, 0.01)?;
+/// let mut values = [1.0, 0.0];
+/// let invalid = DepthEncoding::Inverse.decode(&mut values, output, DepthRange::new(0.0, 100.0)?, 1.0);
+/// assert!((values[0] - 0.1).abs() < 1e-6 && (values[1] - 100.0).abs() < 1e-4 && invalid == 0);
+/// # Ok::<(), DepthError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutputScale {
+    scale: f32,
+    shift: f32,
+}
+
+impl OutputScale {
+    /// `v = output`.
+    pub const IDENTITY: Self = Self { scale: 1.0, shift: 0.0 };
+
+    /// `v = scale * output + shift`.
+    ///
+    /// # Errors
+    /// Numbers that are not finite, and a scale of 0.
+    pub fn new(scale: f32, shift: f32) -> Result<Self, DepthError> {
+        if scale.is_finite() && shift.is_finite() && scale != 0.0 {
+            Ok(Self { scale, shift })
+        } else {
+            Err(DepthError::OutputScale { scale, shift })
+        }
+    }
+
+    /// The factor.
+    #[must_use]
+    pub fn scale(self) -> f32 {
+        self.scale
+    }
+
+    /// The summand.
+    #[must_use]
+    pub fn shift(self) -> f32 {
+        self.shift
+    }
+}
+
+impl Default for OutputScale {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl fmt::Display for DepthEncoding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
     }
 }
 
-impl FromStr for Encoding {
+impl FromStr for DepthEncoding {
     type Err = DepthError;
 
     fn from_str(text: &str) -> Result<Self, DepthError> {
@@ -73,7 +143,7 @@ impl FromStr for Encoding {
     }
 }
 
-/// The depths that a network can measure; what lies outside is no measurement.
+/// The depths that a network can measure. Depth outside is not a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthRange {
     min_m: f32,
@@ -81,7 +151,7 @@ pub struct DepthRange {
 }
 
 impl DepthRange {
-    /// From `min_m` to `max_m`, both included, metres.
+    /// From `min_m` to `max_m`, both included, meters.
     ///
     /// # Errors
     /// Numbers that are not finite, a negative minimum, a maximum not above the minimum.
@@ -93,21 +163,21 @@ impl DepthRange {
         }
     }
 
-    /// The nearest depth, metres.
+    /// The smallest depth, meters.
     #[must_use]
     pub fn min_m(self) -> f32 {
         self.min_m
     }
 
-    /// The farthest depth, metres.
+    /// The largest depth, meters.
     #[must_use]
     pub fn max_m(self) -> f32 {
         self.max_m
     }
 
-    /// Replaces each value by its depth times `factor`, or NaN where the depth is out of range.
+    /// Replaces each value by its depth times `factor`, or by NaN if the depth is out of range.
     ///
-    /// The two comparisons also sort out NaN, infinity, and depths that are not positive.
+    /// The two comparisons are also false for NaN, infinity, and depths that are not positive.
     fn apply(self, values: &mut [f32], factor: f32, depth_m: impl Fn(f32) -> f32) -> u32 {
         let nearest_m = self.min_m.max(f32::MIN_POSITIVE);
         replace_each(values, |v| {
@@ -117,9 +187,9 @@ impl DepthRange {
     }
 }
 
-/// Replaces each value by what `decoded` makes of it, or NaN where that is no measurement, and counts the latter.
+/// Replaces each value by what `decoded` returns for it, or by NaN if that is invalid, and counts the latter.
 ///
-/// No branch and no early exit, so that the compiler makes vector instructions of it.
+/// No branch and no early exit, so that the compiler can vectorize it.
 fn replace_each(values: &mut [f32], decoded: impl Fn(f32) -> (f32, bool)) -> u32 {
     let mut invalid = 0;
     for value in values {
@@ -128,28 +198,6 @@ fn replace_each(values: &mut [f32], decoded: impl Fn(f32) -> (f32, bool)) -> u32
         invalid += u32::from(!valid);
     }
     invalid
-}
-
-/// What is wrong with the description of a network's depth.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DepthError {
-    /// The name of an encoding is none of ours.
-    #[error("`{text}` is no depth encoding\nhint: one of metric, inverse, log, relative, minmax")]
-    UnknownEncoding {
-        /// What was written.
-        text: String,
-    },
-    /// No depth lies in the range.
-    #[error(
-        "depth range `{min_m}` to `{max_m}` m; it must be finite, start at 0 or more, and end above its start"
-    )]
-    Range {
-        /// The nearest depth, metres.
-        min_m: f32,
-        /// The farthest depth, metres.
-        max_m: f32,
-    },
 }
 
 #[cfg(test)]
@@ -163,9 +211,9 @@ mod tests {
         DepthRange::new(0.5, 10.0).unwrap()
     }
 
-    fn decode(encoding: Encoding, values: &[f32], factor: f32) -> (Vec<f32>, u32) {
+    fn decode(encoding: DepthEncoding, values: &[f32], factor: f32) -> (Vec<f32>, u32) {
         let mut values = values.to_vec();
-        let invalid = encoding.decode(&mut values, range(), factor);
+        let invalid = encoding.decode(&mut values, OutputScale::IDENTITY, range(), factor);
         (values, invalid)
     }
 
@@ -178,57 +226,102 @@ mod tests {
     }
 
     #[test]
-    fn metres_are_kept_and_what_lies_outside_the_range_is_nan() {
+    fn meters_are_kept_and_depth_outside_the_range_is_nan() {
         let (depth, invalid) =
-            decode(Encoding::Metric, &[0.5, 0.499, 10.0, 10.001, -1.0, NAN, f32::INFINITY], 1.0);
+            decode(DepthEncoding::Metric, &[0.5, 0.499, 10.0, 10.001, -1.0, NAN, f32::INFINITY], 1.0);
         assert_same(&depth, &[0.5, NAN, 10.0, NAN, NAN, NAN, NAN]);
         assert_eq!(invalid, 5);
     }
 
     #[test]
-    fn inverse_metres_are_inverted_and_infinity_is_no_depth() {
+    fn inverse_meters_are_inverted_and_infinity_is_nan() {
         let (depth, invalid) =
-            decode(Encoding::Inverse, &[0.5, 2.0, 0.25, 0.0, -0.5, f32::INFINITY, 0.01], 1.0);
+            decode(DepthEncoding::Inverse, &[0.5, 2.0, 0.25, 0.0, -0.5, f32::INFINITY, 0.01], 1.0);
         assert_same(&depth, &[2.0, 0.5, 4.0, NAN, NAN, NAN, NAN]);
         assert_eq!(invalid, 4);
     }
 
     #[test]
-    fn logarithms_are_raised() {
+    fn logarithms_are_exponentiated() {
         let e = std::f32::consts::E;
-        let (depth, invalid) = decode(Encoding::Log, &[0.0, 1.0, -1.0, 90.0, f32::NEG_INFINITY, NAN], 1.0);
+        let (depth, invalid) =
+            decode(DepthEncoding::Log, &[0.0, 1.0, -1.0, 90.0, f32::NEG_INFINITY, NAN], 1.0);
         assert_same(&depth, &[1.0, e, NAN, NAN, NAN, NAN]);
         assert_eq!(invalid, 4);
     }
 
     #[test]
-    fn numbers_without_a_unit_lose_only_what_is_not_finite() {
+    fn values_without_a_unit_are_nan_only_where_they_are_not_finite() {
         let numbers = [0.0, -3.0, 0.5, 1000.0, NAN, f32::INFINITY];
-        let (depth, invalid) = decode(Encoding::Relative, &numbers, 2.0);
+        let (depth, invalid) = decode(DepthEncoding::Relative, &numbers, 2.0);
         assert_same(&depth, &[0.0, -3.0, 0.5, 1000.0, NAN, NAN]);
         assert_eq!(invalid, 2);
-        let (depth, invalid) = decode(Encoding::MinMax, &numbers, 2.0);
+        let (depth, invalid) = decode(DepthEncoding::MinMax, &numbers, 2.0);
         assert_same(&depth, &[0.0, 0.0, 0.5, 1.0, NAN, NAN]);
         assert_eq!(invalid, 2);
     }
 
     #[test]
+    fn relative_inverse_depth_is_larger_where_the_output_is_smaller() {
+        let numbers = [0.5, 4.0, 0.0, -2.0, NAN, f32::INFINITY, 1e-42];
+        let (depth, invalid) = decode(DepthEncoding::RelativeInverse, &numbers, 2.0);
+        assert_same(&depth, &[2.0, 0.25, NAN, NAN, NAN, NAN, NAN]);
+        assert_eq!(invalid, 5);
+    }
+
+    #[test]
+    fn scale_and_shift_come_before_the_encoding() {
+        let output = OutputScale::new(2.0, -1.0).unwrap();
+        for (encoding, expected) in [
+            (DepthEncoding::Metric, [3.0, NAN]),
+            (DepthEncoding::Inverse, [NAN, NAN]),
+            (DepthEncoding::Log, [NAN, NAN]),
+            (DepthEncoding::Relative, [3.0, -1.0]),
+            (DepthEncoding::RelativeInverse, [1.0 / 3.0, NAN]),
+            (DepthEncoding::MinMax, [1.0, 0.0]),
+        ] {
+            let mut values = [2.0, 0.0];
+            encoding.decode(&mut values, output, range(), 1.0);
+            assert_same(&values, &expected);
+        }
+        let mut monodepth2 = [0.019_019_02, 0.191_191_2];
+        let output = OutputScale::new(9.99, 0.01).unwrap();
+        DepthEncoding::Inverse.decode(&mut monodepth2, output, range(), 1.0);
+        assert!(
+            (monodepth2[0] - 5.0).abs() < 1e-3 && (monodepth2[1] - 0.52083).abs() < 1e-3,
+            "{monodepth2:?}"
+        );
+    }
+
+    #[test]
+    fn a_scale_of_zero_or_without_a_number_is_refused() {
+        for (scale, shift) in [(0.0, 1.0), (NAN, 0.0), (1.0, f32::INFINITY)] {
+            assert!(OutputScale::new(scale, shift).is_err(), "{scale} {shift}");
+        }
+    }
+
+    #[test]
     fn the_range_is_checked_before_the_focal_factor() {
-        let (depth, invalid) = decode(Encoding::Metric, &[0.5, 8.0, 0.25], 2.0);
+        let (depth, invalid) = decode(DepthEncoding::Metric, &[0.5, 8.0, 0.25], 2.0);
         assert_same(&depth, &[1.0, 16.0, NAN]);
         assert_eq!(invalid, 1);
     }
 
     #[test]
-    fn zero_is_no_depth_even_where_the_range_begins_there() {
+    fn zero_is_nan_even_if_the_range_begins_there() {
         let mut values = [0.0, -0.0, 0.001];
-        let invalid = Encoding::Metric.decode(&mut values, DepthRange::new(0.0, 1.0).unwrap(), 1.0);
+        let invalid = DepthEncoding::Metric.decode(
+            &mut values,
+            OutputScale::IDENTITY,
+            DepthRange::new(0.0, 1.0).unwrap(),
+            1.0,
+        );
         assert_same(&values, &[NAN, NAN, 0.001]);
         assert_eq!(invalid, 2);
     }
 
     #[test]
-    fn a_range_that_holds_no_depth_is_refused() {
+    fn an_empty_range_is_refused() {
         for (min_m, max_m) in [(1.0, 1.0), (2.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (0.0, f32::INFINITY)] {
             assert!(DepthRange::new(min_m, max_m).is_err(), "{min_m} {max_m}");
         }
@@ -236,23 +329,20 @@ mod tests {
 
     #[test]
     fn names_are_read_as_they_are_written() {
-        for encoding in Encoding::ALL {
+        for encoding in DepthEncoding::ALL {
             assert_eq!(encoding.to_string().parse(), Ok(encoding));
         }
-        let error = "metres".parse::<Encoding>().unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "`metres` is no depth encoding\nhint: one of metric, inverse, log, relative, minmax"
-        );
+        let error = "meters".parse::<DepthEncoding>().unwrap_err();
+        assert_eq!(error, DepthError::UnknownEncoding { text: "meters".to_owned() });
     }
 
     proptest! {
         #[test]
-        fn what_is_counted_is_nan_and_the_rest_lies_in_the_range(
+        fn the_count_is_that_of_nan_and_the_rest_is_in_the_range(
             bits in prop::collection::vec(any::<u32>(), 0..100), which in 0usize..3,
         ) {
             let values: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
-            let (depth, invalid) = decode(Encoding::ALL[which], &values, 1.0);
+            let (depth, invalid) = decode(DepthEncoding::ALL[which], &values, 1.0);
             prop_assert_eq!(depth.iter().filter(|z| z.is_nan()).count(), invalid as usize);
             prop_assert!(depth.iter().all(|z| z.is_nan() || (0.5..=10.0).contains(z)));
         }

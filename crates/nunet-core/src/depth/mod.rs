@@ -1,8 +1,12 @@
-//! From a network's numbers to depth: decoding, the range of what counts as a measurement, and the scale.
+//! From network outputs to depth: encodings, the valid range, and the scale.
 
+mod border;
 mod decode;
+mod error;
 mod scale;
 
-pub use decode::{DepthError, DepthRange, Encoding};
+pub use border::BorderFill;
+pub use decode::{DepthEncoding, DepthRange, OutputScale};
+pub use error::DepthError;
 pub use nunet_types::{ScaleSource, Units};
 pub use scale::Scale;

@@ -1,28 +1,28 @@
-//! What the numbers of a depth map are, and where their scale comes from.
+//! The unit of a depth map, and where its scale comes from.
 
 use nunet_types::{ScaleSource, Units};
 
-use super::Encoding;
+use super::DepthEncoding;
 
-/// How to scale what a network says, decided once when the pipeline is built.
+/// How a network's depth is scaled; fixed until the camera changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     /// The unit of the depth map.
     pub units: Units,
     /// Where its scale comes from.
     pub source: ScaleSource,
-    /// What to multiply the network's metres by.
+    /// What the network's meters are multiplied by.
     pub focal_factor: f32,
 }
 
 impl Scale {
     /// The scale of a network's depth from the focal lengths of both cameras, in pixels at the network's size.
     ///
-    /// Depth from one picture grows with the focal length: an object twice as large in the picture is half as far,
-    /// or seen with twice the focal length. Without a training camera there is nothing to correct for.
+    /// Depth from one image grows with the focal length: an object that is twice as large in the image is half as far,
+    /// or seen with twice the focal length. Without a training camera nothing is corrected.
     #[must_use]
     pub fn from_focal_lengths(
-        encoding: Encoding,
+        encoding: DepthEncoding,
         training_fx_px: Option<f64>,
         input_fx_px: Option<f64>,
     ) -> Self {
@@ -37,9 +37,9 @@ impl Scale {
         Self { units: Units::Metre, source, focal_factor: factor as f32 }
     }
 
-    /// The scale of a network's depth taken as it is, whatever the camera (`--focal off`).
+    /// The scale of a network's depth without correction for the focal length.
     #[must_use]
-    pub fn unscaled(encoding: Encoding) -> Self {
+    pub fn unscaled(encoding: DepthEncoding) -> Self {
         Self::from_focal_lengths(encoding, None, None)
     }
 }
@@ -50,19 +50,19 @@ mod tests {
 
     #[test]
     fn twice_the_focal_length_is_twice_the_depth() {
-        let scale = Scale::from_focal_lengths(Encoding::Inverse, Some(500.0), Some(1000.0));
+        let scale = Scale::from_focal_lengths(DepthEncoding::Inverse, Some(500.0), Some(1000.0));
         assert_eq!(scale, Scale { units: Units::Metre, source: ScaleSource::FocalScaled, focal_factor: 2.0 });
     }
 
     #[test]
     fn an_unknown_camera_is_assumed_to_be_the_training_camera() {
-        let scale = Scale::from_focal_lengths(Encoding::Metric, Some(500.0), None);
+        let scale = Scale::from_focal_lengths(DepthEncoding::Metric, Some(500.0), None);
         assert_eq!((scale.source, scale.focal_factor), (ScaleSource::AssumedCamera, 1.0));
     }
 
     #[test]
-    fn a_network_without_a_unit_is_never_called_metres() {
-        for encoding in [Encoding::Relative, Encoding::MinMax] {
+    fn a_network_without_a_unit_is_never_called_meters() {
+        for encoding in [DepthEncoding::Relative, DepthEncoding::RelativeInverse, DepthEncoding::MinMax] {
             let scale = Scale::from_focal_lengths(encoding, Some(500.0), Some(1000.0));
             assert_eq!(
                 scale,
@@ -72,8 +72,8 @@ mod tests {
     }
 
     #[test]
-    fn without_scaling_the_networks_metres_stand() {
-        let scale = Scale::unscaled(Encoding::Log);
+    fn without_scaling_the_networks_meters_are_unchanged() {
+        let scale = Scale::unscaled(DepthEncoding::Log);
         assert_eq!((scale.units, scale.source), (Units::Metre, ScaleSource::Metric));
     }
 }

@@ -1,4 +1,4 @@
-//! Fewer, larger pixels: each block of the network's picture becomes one.
+//! Fewer, larger pixels: each block of the network's depth map becomes one.
 
 use std::fmt;
 use std::num::NonZeroU32;
@@ -10,6 +10,9 @@ use super::{FilterError, check_size, pixels};
 /// Pixels on each side of a block.
 const FACTOR: RangeInclusive<u32> = 2..=8;
 const FACTOR_DEFAULT: u32 = 2;
+
+/// From this factor on depth is the mean of a block, not its median, as in librealsense.
+const MEAN_FACTOR: usize = 4;
 
 /// Pixels of the largest block.
 const MAX_BLOCK: usize = (*FACTOR.end() * *FACTOR.end()) as usize;
@@ -24,7 +27,7 @@ impl DecimationOptions {
     pub(super) const NAME: &str = "decimation";
     pub(super) const EXAMPLE: &str = "decimation=2";
 
-    /// `factor:2`, or the number alone.
+    /// `factor:2`, or only the number.
     pub(super) fn parse(text: &str) -> Result<Self, FilterError> {
         let settings = Settings::parse(Self::NAME, text, &["factor"], Some("factor"), Self::EXAMPLE)?;
         let factor = settings.number("factor", &FACTOR, FACTOR_DEFAULT)?;
@@ -37,8 +40,8 @@ impl DecimationOptions {
         self.factor
     }
 
-    /// Whole blocks of a picture, from left to right and from top to bottom. Columns and rows at the right and at the
-    /// bottom that fill no block are left out: a pixel made of fewer would lie elsewhere than the camera says.
+    /// The number of whole blocks along both sides. Columns at the right and rows at the bottom that do not fill a block are
+    /// cut off: the center of a smaller block would not be where the camera's intrinsics put it.
     #[must_use]
     pub fn reduced(self, (width, height): (u32, u32)) -> (u32, u32) {
         (width / self.factor, height / self.factor)
@@ -51,20 +54,21 @@ impl fmt::Display for DecimationOptions {
     }
 }
 
-/// What a picture shows beside depth, at one size.
+/// Colors and labels of a depth map, at its size.
 #[derive(Debug, Clone, Copy)]
-pub struct Look<'a> {
+pub struct Appearance<'a> {
     /// `[H, W, 3]`, RGB, rows top to bottom.
     pub rgb: &'a [u8],
-    /// `[H, W]`, class indices, where there are any.
+    /// `[H, W]`, class indices, if there are any.
     pub labels: Option<&'a [u8]>,
 }
 
-/// Makes depth, labels and colours smaller.
+/// Decimates depth, labels and colors.
 ///
-/// Depth becomes the median of the block's measurements, the nearer of both middle ones where their count is even, so
-/// that no depth appears between two surfaces; NaN where the block has none. (librealsense takes the mean from 4x4 on,
-/// for speed.) Labels become the block's most frequent class, the smallest of equals, and colours the mean.
+/// Depth is, as in librealsense, the median of a block's measurements for factors 2 and 3 and their mean from 4 on; NaN if
+/// the block has none. Of an even count of measurements the nearer of the two middle ones is the median, so that no depth
+/// appears between two surfaces; a mean has no such guarantee. Labels are the most frequent class of a block, the smallest
+/// of equals, and colors the mean.
 #[derive(Debug)]
 pub struct Decimation {
     factor: usize,
@@ -79,7 +83,7 @@ impl Decimation {
     /// The name of its stage.
     pub const NAME: &str = DecimationOptions::NAME;
 
-    /// Makes all buffers for a network's results of `network_size`: width and height.
+    /// Allocates all buffers for a network's results of `network_size`: width and height.
     ///
     /// # Errors
     /// A size that holds no whole block.
@@ -99,33 +103,37 @@ impl Decimation {
         })
     }
 
-    /// Where the network's own depth map goes, `[H, W]` at the network's size, before it is made smaller.
+    /// The buffer for the network's own depth map, `[H, W]` at the network's size.
     pub fn network_depth(&mut self) -> &mut [f32] {
         &mut self.network_depth_m
     }
 
-    /// Makes everything that is wanted smaller: the depth in [`Self::network_depth`] into `depth_m`, and the labels of
-    /// `full`, at the network's size, into `labels`. The look of the result means nothing where no cloud is wanted.
+    /// Decimates the depth in [`Self::network_depth`] into `depth_m`, and the labels of `full`, at the network's size, into
+    /// `labels`. The returned colors are valid only if `for_cloud`.
     ///
     /// # Errors
     /// Buffers of another size.
     pub fn reduce<'a>(
         &'a mut self,
-        full: Look<'_>,
+        full: Appearance<'_>,
         depth_m: &mut [f32],
         labels: Option<&'a mut [u8]>,
         for_cloud: bool,
-    ) -> Result<Look<'a>, FilterError> {
+    ) -> Result<Appearance<'a>, FilterError> {
         let (large, small) = (pixels(self.network_size), pixels(self.size));
         let check = |buffer, got, expected| check_size(Self::NAME, buffer, got, expected);
         check("depth", depth_m.len(), small)?;
         check("labels", labels.as_ref().map_or(small, |labels| labels.len()), small)?;
         check("network's labels", full.labels.map_or(large, <[u8]>::len), large)?;
-        check("picture", full.rgb.len(), 3 * large)?;
+        check("image", full.rgb.len(), 3 * large)?;
 
         let (factor, width) = (self.factor, self.network_size.0 as usize);
         let blocks = Blocks { factor, width, columns: self.size.0 as usize };
-        blocks.fill(depth_m, &self.network_depth_m, median);
+        if factor < MEAN_FACTOR {
+            blocks.fill(depth_m, &self.network_depth_m, median);
+        } else {
+            blocks.fill(depth_m, &self.network_depth_m, |block| mean_depth(block));
+        }
         let room = match labels {
             None if for_cloud => Some(&mut self.labels[..]),
             wanted => wanted,
@@ -136,25 +144,25 @@ impl Decimation {
             &*small
         });
         if for_cloud {
-            blocks.fill(self.rgb.as_chunks_mut().0, full.rgb.as_chunks().0, |block| mean(block));
+            blocks.fill(self.rgb.as_chunks_mut().0, full.rgb.as_chunks().0, |block| mean_color(block));
         }
-        Ok(Look { rgb: &self.rgb, labels })
+        Ok(Appearance { rgb: &self.rgb, labels })
     }
 }
 
-/// How a large picture is cut into blocks, one for each pixel of the small one.
+/// How a large image is cut into blocks, one for each pixel of the small one.
 #[derive(Clone, Copy)]
 struct Blocks {
     /// Pixels on each side of a block.
     factor: usize,
-    /// Pixels of the large picture from left to right.
+    /// Width of the large image, pixels.
     width: usize,
-    /// Pixels of the small one.
+    /// Width of the small one, pixels.
     columns: usize,
 }
 
 impl Blocks {
-    fn fill<T: Copy + Default>(self, small: &mut [T], large: &[T], mut made_of: impl FnMut(&mut [T]) -> T) {
+    fn fill<T: Copy + Default>(self, small: &mut [T], large: &[T], mut reduce: impl FnMut(&mut [T]) -> T) {
         let mut block = [T::default(); MAX_BLOCK];
         let bands = large.chunks_exact(self.width * self.factor);
         for (band, small_row) in bands.zip(small.chunks_exact_mut(self.columns)) {
@@ -163,13 +171,13 @@ impl Blocks {
                 for (part, row) in block.chunks_exact_mut(self.factor).zip(band.chunks_exact(self.width)) {
                     part.copy_from_slice(&row[first..first + self.factor]);
                 }
-                *pixel = made_of(&mut block[..self.factor * self.factor]);
+                *pixel = reduce(&mut block[..self.factor * self.factor]);
             }
         }
     }
 }
 
-/// The lower median of what is measured.
+/// The lower median of the measurements.
 fn median(block: &mut [f32]) -> f32 {
     let mut count = 0;
     for index in 0..block.len() {
@@ -183,8 +191,20 @@ fn median(block: &mut [f32]) -> f32 {
     }
 }
 
-/// The most frequent class, the smallest of equals. `votes` are zeros before and after: clearing 256 counters would
-/// take longer than counting a block.
+/// The mean of the measurements.
+fn mean_depth(block: &[f32]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for &depth in block {
+        let is_valid = !depth.is_nan();
+        sum += if is_valid { depth } else { 0.0 };
+        count += f32::from(u8::from(is_valid));
+    }
+    // 0 / 0 is NaN.
+    sum / count
+}
+
+/// The most frequent class, the smallest of equals. `votes` are zeros before and after, because clearing 256 counters
+/// takes longer than counting a block.
 fn most_frequent(block: &[u8], votes: &mut [u8; 256]) -> u8 {
     for &label in block {
         votes[usize::from(label)] += 1;
@@ -197,8 +217,8 @@ fn most_frequent(block: &[u8], votes: &mut [u8; 256]) -> u8 {
     most
 }
 
-/// The mean colour, rounded.
-fn mean(block: &[[u8; 3]]) -> [u8; 3] {
+/// The mean color, rounded.
+fn mean_color(block: &[[u8; 3]]) -> [u8; 3] {
     let count = block.len() as u32;
     let sum = block.iter().fold([0; 3], |sum: [u32; 3], pixel| {
         std::array::from_fn(|channel| sum[channel] + u32::from(pixel[channel]))

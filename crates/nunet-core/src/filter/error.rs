@@ -1,86 +1,115 @@
-//! What is wrong with a filter as it was written, or with its buffers.
+//! What is wrong with a filter's text or buffers.
 
-/// What is wrong with a filter.
+use std::borrow::Cow;
+
+use nunet_types::Hint;
+
+use crate::error_kind::ErrorKind;
+
+/// What is wrong with a filter's text or buffers.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FilterError {
-    /// The name of a filter is none of ours.
-    #[error("`{text}` is no filter\nhint: one of decimation, spatial, temporal, holes")]
+    /// An unknown name.
+    #[error("`{text}` is not a filter")]
     UnknownFilter {
-        /// What was written.
+        /// The text.
         text: String,
     },
-    /// Two settings of one filter.
-    #[error("filter `{filter}` is given twice\nhint: write all of its settings together, as in `{example}`")]
+    /// One filter twice.
+    #[error("filter `{filter}` is given twice")]
     FilterTwice {
         /// The filter.
         filter: &'static str,
         /// How it is written.
         example: &'static str,
     },
-    /// Something that is not `key:value`.
-    #[error("`{text}` is no setting of filter `{filter}`\nhint: write it as in `{example}`")]
+    /// Text that is not `key:value`.
+    #[error("`{text}` is not a setting of filter `{filter}`")]
     NoSetting {
         /// The filter.
         filter: &'static str,
-        /// What was written.
+        /// The text.
         text: String,
         /// How it is written.
         example: &'static str,
     },
-    /// The name of a setting is none of the filter's.
-    #[error("filter `{filter}` has no `{key}`\nhint: it has {}", known.join(", "))]
+    /// A setting that the filter does not have.
+    #[error("filter `{filter}` has no setting `{key}`")]
     UnknownKey {
         /// The filter.
         filter: &'static str,
-        /// What was written.
+        /// The text.
         key: String,
-        /// What it has.
+        /// The filter's settings.
         known: &'static [&'static str],
     },
-    /// A setting that is given two values.
-    #[error("`{key}` of filter `{filter}` is given twice")]
+    /// A setting twice.
+    #[error("setting `{key}` of filter `{filter}` is given twice")]
     KeyTwice {
         /// The filter.
         filter: &'static str,
         /// The setting.
         key: &'static str,
     },
-    /// A setting that is out of its range, or no number at all.
-    #[error("`{key}` of filter `{filter}` is `{text}`; expected {expected}")]
+    /// A setting that is not a number, or out of its range.
+    #[error("setting `{key}` of filter `{filter}` is `{text}`, expected {expected}")]
     Value {
         /// The filter.
         filter: &'static str,
         /// The setting.
         key: &'static str,
-        /// What was written.
+        /// The text.
         text: String,
-        /// What is taken.
+        /// What is accepted.
         expected: String,
     },
-    /// Not one block of decimation fits.
-    #[error(
-        "a depth map of `{width}x{height}` holds no block of `{factor}x{factor}` pixels\nhint: a smaller \
-         `decimation`"
-    )]
+    /// A depth map smaller than one block of decimation.
+    #[error("a depth map of {width}x{height} has no block of {factor}x{factor} pixels")]
     TooSmall {
-        /// The network's pixels from left to right.
+        /// Width, pixels.
         width: u32,
-        /// The network's pixels from top to bottom.
+        /// Height, pixels.
         height: u32,
-        /// Pixels on each side of a block.
+        /// Pixels along each side of a block.
         factor: u32,
     },
-    /// A buffer of another size than the filter was made for.
-    #[error("the `{buffer}` of filter `{filter}` holds `{got}` elements; it was made for `{expected}`")]
+    /// A buffer of another size than the filter's.
+    #[error("the buffer `{buffer}` of filter `{filter}` has {got} elements, expected {expected}")]
     Size {
         /// The filter.
         filter: &'static str,
-        /// Which buffer.
+        /// The buffer.
         buffer: &'static str,
         /// Elements given.
         got: usize,
         /// Elements needed.
         expected: usize,
     },
+}
+
+impl FilterError {
+    /// What the error is about.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Size { .. } => ErrorKind::Buffer,
+            _ => ErrorKind::Argument,
+        }
+    }
+}
+
+impl Hint for FilterError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::UnknownFilter { .. } => "use one of decimation, spatial, temporal, holes".into(),
+            Self::FilterTwice { example, .. } => {
+                format!("write all of its settings together, as in `{example}`").into()
+            }
+            Self::NoSetting { example, .. } => format!("write it as in `{example}`").into(),
+            Self::UnknownKey { known, .. } => format!("its settings are {}", known.join(", ")).into(),
+            Self::TooSmall { .. } => "use a smaller decimation".into(),
+            Self::KeyTwice { .. } | Self::Value { .. } | Self::Size { .. } => return None,
+        })
+    }
 }

@@ -1,15 +1,14 @@
-//! From decoded depth to depth that is smoother, smaller, or without holes: librealsense's post-processing, in metres.
+//! Filters of depth maps: librealsense's post-processing, in meters.
 //!
-//! All are off unless asked for. They always run in librealsense's order, `decimation`, `spatial`, `temporal`, `holes`:
-//! what makes the picture smaller comes first because the others are then cheaper, and holes come last because what is
-//! invented there must not be smoothed into what was measured.
+//! All are off by default. They always run in librealsense's order, `decimation`, `spatial`, `temporal`, `holes`:
+//! decimation first because the others are then cheaper, hole filling last because filled depth must not be smoothed into
+//! measured depth.
 //!
 //! Parameters and defaults are those of librealsense's
 //! [post-processing filters](https://github.com/IntelRealSense/librealsense/blob/master/doc/post-processing-filters.md)
-//! where they mean the same. `delta` is the one with another unit: librealsense counts steps of the depth image, and a
-//! D400's step is a millimetre unless it is set otherwise, so its 20 is 0.02 m here. (In its disparity domain 20 is 2 cm
-//! at a metre as well and grows with the square of the distance; metres do not.) For a network whose depth has no unit,
-//! `delta` is in the network's numbers.
+//! where they mean the same. Only `delta` has another unit: librealsense counts steps of the depth image, by default
+//! millimeters of a D400, so its 20 is 0.02 m here. (In its disparity domain 20 is 2 cm at 1 m as well, and grows with the
+//! square of the distance; here it does not.) For a network whose depth has no unit, `delta` is in the network's unit.
 
 mod decimation;
 mod error;
@@ -19,7 +18,7 @@ mod settings;
 mod spatial;
 mod temporal;
 
-pub use decimation::{Decimation, DecimationOptions, Look};
+pub use decimation::{Appearance, Decimation, DecimationOptions};
 pub use error::FilterError;
 pub use holes::{HoleFilling, HolesOptions};
 pub use options::{FilterOptions, FilterSpec};
@@ -31,25 +30,25 @@ use crate::graph::StageTimes;
 
 /// A filter of depth maps of one size, in place.
 pub trait DepthFilter: Send {
-    /// Its name in the command line, in headers and in statistics.
+    /// Its name in options, headers and statistics.
     fn name(&self) -> &'static str;
 
-    /// Filters `[H, W]` depth, rows top to bottom, NaN where there is none. Allocates nothing.
+    /// Filters `[H, W]` depth, rows top to bottom, NaN where nothing was measured. Allocates nothing.
     ///
     /// # Errors
-    /// A depth map of another size than the filter was made for.
+    /// A depth map of another size than the filter's.
     fn apply(&mut self, depth_m: &mut [f32]) -> Result<(), FilterError>;
 
-    /// The next depth map does not follow those before it.
+    /// Marks a discontinuity: the next depth map does not follow the earlier ones.
     fn reset(&mut self) {}
 }
 
 /// The filters that keep the size, in their order.
 #[derive(Default)]
-pub struct Chain(Vec<Box<dyn DepthFilter>>);
+pub struct FilterChain(Vec<Box<dyn DepthFilter>>);
 
-impl Chain {
-    /// Makes all buffers, for depth maps of `size`: width and height, after decimation.
+impl FilterChain {
+    /// Allocates all buffers, for depth maps of `size`: width and height, after decimation.
     #[must_use]
     pub fn new(options: &FilterOptions, size: (u32, u32)) -> Self {
         let filters: [Option<Box<dyn DepthFilter>>; 3] = [
@@ -87,24 +86,24 @@ impl Chain {
         Ok(())
     }
 
-    /// The next depth map does not follow those before it.
+    /// Marks a discontinuity: the next depth map does not follow the earlier ones.
     pub fn reset(&mut self) {
         self.0.iter_mut().for_each(|filter| filter.reset());
     }
 }
 
-/// How many pixels have no depth.
+/// How many pixels are NaN.
 #[must_use]
 pub fn count_invalid(depth_m: &[f32]) -> u32 {
     depth_m.iter().map(|depth| u32::from(depth.is_nan())).sum()
 }
 
-/// Pixels of a picture of `size`.
+/// The number of pixels of a size.
 fn pixels((width, height): (u32, u32)) -> usize {
     width as usize * height as usize
 }
 
-/// A buffer of another size would be filtered with the wrong neighbours.
+/// A buffer of another size would be filtered with the wrong neighbors.
 fn check_size(
     filter: &'static str,
     buffer: &'static str,

@@ -10,7 +10,7 @@ const MAGNITUDE: RangeInclusive<u32> = 1..=5;
 const MAGNITUDE_DEFAULT: u32 = 2;
 const ALPHA: RangeInclusive<f32> = 0.25..=1.0;
 const ALPHA_DEFAULT: f32 = 0.5;
-/// librealsense ends at 50 steps, 5 cm: too little for depth from one picture, which scatters by more.
+/// librealsense ends at 50 steps, 5 cm: too little for depth from one image, which scatters more.
 const DELTA_M: RangeInclusive<f32> = 0.001..=1.0;
 const DELTA_M_DEFAULT: f32 = 0.02; // 20 steps of a D400
 const FILL: RangeInclusive<usize> = 0..=5;

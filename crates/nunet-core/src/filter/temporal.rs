@@ -8,7 +8,7 @@ use super::{DepthFilter, FilterError, check_size, pixels};
 
 const ALPHA: RangeInclusive<f32> = 0.0..=1.0;
 const ALPHA_DEFAULT: f32 = 0.4;
-/// librealsense ends at 100 steps, 10 cm: too little for depth from one picture, which scatters by more.
+/// librealsense ends at 100 steps, 10 cm: too little for depth from one image, which scatters more.
 const DELTA_M: RangeInclusive<f32> = 0.001..=1.0;
 const DELTA_M_DEFAULT: f32 = 0.02; // 20 steps of a D400
 const PERSISTENCE: RangeInclusive<usize> = 0..=8;

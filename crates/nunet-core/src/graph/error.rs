@@ -1,7 +1,11 @@
-//! What can go wrong with a graph.
+//! What is wrong with a graph: its files, their wiring, or a run.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
+use nunet_types::Hint;
+
+use crate::error_kind::ErrorKind;
 use crate::graph::{ElementType, ManifestError, Provider, WiringError};
 use crate::model::ModelError;
 
@@ -9,7 +13,7 @@ use crate::model::ModelError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GraphError {
-    /// A file cannot be read.
+    /// A file that cannot be read.
     #[error("cannot read `{}`", path.display())]
     Read {
         /// The file.
@@ -17,20 +21,20 @@ pub enum GraphError {
         /// Why.
         source: std::io::Error,
     },
-    /// A path that is not a plain file.
+    /// A path that is not a regular file.
     #[error("`{}` is not a file", path.display())]
     NotAFile {
         /// The path.
         path: PathBuf,
     },
-    /// The file is empty.
+    /// An empty file.
     #[error("`{}` is empty", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// The file is larger than any model that ONNX Runtime loads.
-    #[error("`{}` has `{bytes}` bytes; a model file has at most `{most}`", path.display())]
+    /// A file larger than ONNX Runtime loads.
+    #[error("`{}` has {bytes} bytes, at most {most} are supported", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -39,36 +43,29 @@ pub enum GraphError {
         /// The limit.
         most: u64,
     },
-    /// The file is none of those that may be loaded.
-    #[error(
-        "`{}` is not the file that was tested: it has changed since\nhint: start again when nothing writes it any more",
-        path.display()
-    )]
+    /// A file with a hash that is not allowed.
+    #[error("`{}` has changed since it was checked", path.display())]
     Changed {
         /// The file.
         path: PathBuf,
     },
-    /// ONNX Runtime does not take the file.
-    #[error("cannot load the model `{}`: {reason}{hint}", path.display())]
+    /// A file that ONNX Runtime does not load.
+    #[error("cannot load the model `{}`: {reason}", path.display())]
     Model {
         /// The file.
         path: PathBuf,
-        /// ONNX Runtime's words.
+        /// ONNX Runtime's message.
         reason: String,
-        /// A second line with the way out, where one is known.
-        hint: &'static str,
     },
-    /// The chosen provider is not to be had.
-    #[error(
-        "provider `{provider}` is not available: {reason}\nhint: `auto` takes the best one that this ONNX Runtime has"
-    )]
+    /// A provider that is not available.
+    #[error("provider `{provider}` is not available: {reason}")]
     Provider {
-        /// What was asked for.
+        /// The requested provider.
         provider: Provider,
-        /// ONNX Runtime's words.
+        /// ONNX Runtime's message.
         reason: String,
     },
-    /// The staged graph's file is wrong.
+    /// An invalid manifest.
     #[error("cannot use the staged graph `{}`", path.display())]
     Manifest {
         /// The file.
@@ -76,32 +73,62 @@ pub enum GraphError {
         /// Why.
         source: ManifestError,
     },
-    /// The stages do not fit together, or not to the contract.
-    #[error("the graph `{}` does not fit together", path.display())]
+    /// Stages that do not fit together, or not to the contract.
+    #[error("the stages of `{}` do not fit together", path.display())]
     Wiring {
         /// The file.
         path: PathBuf,
         /// Why.
         source: Box<WiringError>,
     },
-    /// What the file says of itself is wrong.
-    #[error("the model `{}` does not describe itself as it should", path.display())]
+    /// An invalid description.
+    #[error("cannot use the description of the model `{}`", path.display())]
     Description {
         /// The file.
         path: PathBuf,
         /// Why.
         source: ModelError,
     },
-    /// ONNX Runtime refused memory for a tensor.
-    #[error("cannot make a tensor for `{tensor}`: {reason}")]
+    /// A foreign network that does not run at the size in its sidecar.
+    #[error("the model `{}` does not run on an image of {width}x{height}, the size in its sidecar: {reason}", path.display())]
+    ImageSize {
+        /// The file.
+        path: PathBuf,
+        /// Image width, pixels.
+        width: u32,
+        /// Image height, pixels.
+        height: u32,
+        /// ONNX Runtime's message.
+        reason: String,
+    },
+    /// A foreign network that rounds the size in its sidecar.
+    #[error(
+        "the model `{}` returns depth of {depth_width}x{depth_height} for an image of {width}x{height}, the size in its \
+         sidecar: it cuts off part of the image",
+        path.display()
+    )]
+    DepthSize {
+        /// The file.
+        path: PathBuf,
+        /// Image width, pixels.
+        width: u32,
+        /// Image height, pixels.
+        height: u32,
+        /// Width of the depth, pixels.
+        depth_width: u32,
+        /// Height of the depth, pixels.
+        depth_height: u32,
+    },
+    /// Memory for a tensor that ONNX Runtime does not accept.
+    #[error("cannot create a tensor for `{tensor}`: {reason}")]
     Tensor {
         /// `stage.tensor` or `image`.
         tensor: String,
-        /// ONNX Runtime's words.
+        /// ONNX Runtime's message.
         reason: String,
     },
-    /// A caller's buffer has another length than the tensor.
-    #[error("the buffer for `{tensor}` holds `{got}` elements, but the graph has `{expected}`")]
+    /// A caller's buffer of another length than the tensor.
+    #[error("the buffer for `{tensor}` has {got} elements, expected {expected}")]
     Buffer {
         /// `image`, `depth` or `labels`.
         tensor: &'static str,
@@ -110,8 +137,8 @@ pub enum GraphError {
         /// Elements needed.
         expected: usize,
     },
-    /// A caller's buffer has another element type than the tensor.
-    #[error("the buffer for `{tensor}` holds {got}, but the graph has {expected}")]
+    /// A caller's buffer of another element type than the tensor.
+    #[error("the buffer for `{tensor}` is {got}, expected {expected}")]
     ElementType {
         /// `image`, `depth` or `labels`.
         tensor: &'static str,
@@ -123,20 +150,74 @@ pub enum GraphError {
     /// `every` for a stage that the graph does not have.
     #[error("no stage is named `{stage}`; the stages are {stages}")]
     UnknownStage {
-        /// What was asked for.
+        /// The requested stage.
         stage: String,
-        /// What there is.
+        /// The existing stages.
         stages: String,
     },
-    /// Labels were asked of a graph that has none.
-    #[error("the graph gives no labels")]
+    /// `every` twice for one stage.
+    #[error("`every` is given twice for stage `{stage}`: {first} and {second}")]
+    EveryTwice {
+        /// The stage.
+        stage: String,
+        /// The first number.
+        first: u32,
+        /// The second number.
+        second: u32,
+    },
+    /// Labels were requested of a graph without labels.
+    #[error("the graph has no labels")]
     NoLabels,
-    /// A run failed.
+    /// A run that failed.
     #[error("stage `{stage}` failed: {reason}")]
     Run {
         /// The stage.
         stage: String,
-        /// ONNX Runtime's words.
+        /// ONNX Runtime's message.
         reason: String,
     },
+}
+
+impl GraphError {
+    /// What the error is about.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Wiring { .. } | Self::UnknownStage { .. } | Self::EveryTwice { .. } => ErrorKind::Wiring,
+            Self::Provider { .. } => ErrorKind::Runtime,
+            Self::Buffer { .. } | Self::ElementType { .. } | Self::NoLabels => ErrorKind::Buffer,
+            Self::Run { .. } | Self::Tensor { .. } => ErrorKind::Inference,
+            _ => ErrorKind::Model,
+        }
+    }
+}
+
+impl Hint for GraphError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::Changed { .. } => "start again when nothing writes the file any more".into(),
+            Self::Model { reason, .. } => return hint_of_load(reason).map(Cow::Borrowed),
+            Self::Provider { .. } => "use `auto`, the best provider that this ONNX Runtime has".into(),
+            Self::ImageSize { .. } => {
+                "set `size = [h, w]` in the sidecar to sides that the network accepts, often multiples of 14 or 32".into()
+            }
+            Self::DepthSize { depth_width, depth_height, .. } => format!(
+                "set `size = [{depth_height}, {depth_width}]` in the sidecar, or other multiples of the network's step"
+            )
+            .into(),
+            Self::EveryTwice { .. } => "name each stage once".into(),
+            _ => return None,
+        })
+    }
+}
+
+/// What to do about the most frequent messages of ONNX Runtime.
+fn hint_of_load(reason: &str) -> Option<&'static str> {
+    if reason.contains("rotobuf") || reason.contains("ModelProto") {
+        Some("the file is damaged or is not an ONNX model; download or export it again")
+    } else if reason.contains("xternal data") {
+        Some("keep the weights inside the file (torch.onnx.export with external_data=False)")
+    } else {
+        None
+    }
 }

@@ -1,4 +1,4 @@
-//! What enters and leaves a serial graph: options at load, a picture and buffers for each run, a report back.
+//! Inputs and outputs of a serial graph: options at load; image, buffers and report of each run.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -9,38 +9,38 @@ use crate::graph::wiring::{Wired, WiredStage};
 use crate::graph::{Provider, Signature, StageTimes, TensorSpec};
 use crate::model::StateTensor;
 
-/// How a graph is to be loaded.
+/// Options for loading a graph.
 #[derive(Debug, Clone, Default)]
 pub struct GraphOptions {
-    /// Who does the arithmetic.
+    /// The execution provider.
     pub provider: Provider,
-    /// Threads of one stage's arithmetic; `None` for as many as the process may use.
+    /// Threads of one stage; `None` for as many as the process may use.
     pub threads: Option<NonZeroUsize>,
-    /// `(stage, n)`: run that stage each n-th frame, whatever the manifest says.
+    /// `(stage, n)`: run that stage each n-th frame, overriding the manifest. A stage may be named once.
     pub every: Vec<(String, u32)>,
-    /// SHA-256 of the files that may be loaded, see [`model_hashes`](crate::graph::model_hashes); empty where any may.
-    pub only: Vec<[u8; 32]>,
+    /// SHA-256 of the files that may be loaded ([`model_hashes`](crate::graph::model_hashes)); empty for any.
+    pub allowed_hashes: Vec<[u8; 32]>,
 }
 
-/// What a stage is, as `inspect` shows it.
+/// A stage of a loaded graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageInfo {
     /// Its name.
     pub name: String,
     /// Its model file.
     pub model: PathBuf,
-    /// What it takes.
+    /// Its inputs.
     pub inputs: Vec<TensorSpec>,
-    /// What it gives.
+    /// Its outputs.
     pub outputs: Vec<TensorSpec>,
     /// It runs each n-th frame.
     pub every: u32,
-    /// What it remembers from one of its runs to the next; empty for most.
-    pub memory: Vec<StateTensor>,
+    /// Its state tensors; empty for most.
+    pub state: Vec<StateTensor>,
 }
 
 impl StageInfo {
-    /// Inputs as the file has them, outputs as the plan fetches them, without the stage's name before theirs.
+    /// Inputs as the file has them, outputs as the plan fetches them, without the stage's name in front.
     pub(super) fn new(stage: &WiredStage, plan: &Wired, model: PathBuf, signature: &Signature) -> Self {
         let prefix = stage.name.len() + 1;
         let output = |spec: &TensorSpec| TensorSpec { name: spec.name[prefix..].to_owned(), ..spec.clone() };
@@ -50,26 +50,26 @@ impl StageInfo {
             inputs: signature.inputs.clone(),
             outputs: plan.tensors[stage.outputs.clone()].iter().map(output).collect(),
             every: stage.every,
-            memory: stage.memory.clone(),
+            state: stage.state.clone(),
         }
     }
 }
 
-/// The picture that enters a graph, at the graph's size.
+/// The image that enters a graph, at the graph's size.
 #[derive(Debug, Clone, Copy)]
 pub enum GraphInput<'a> {
-    /// `[1, H, W, 3]`, `u8`, RGB, rows top to bottom: what every network of the contract takes.
+    /// `[1, H, W, 3]`, `u8`, RGB, rows top to bottom: for networks of the contract.
     Rgb(&'a [u8]),
     /// A foreign network's `f32` tensor, filled as its [`crate::preprocess::TensorFormat`] says.
     Float(&'a [f32]),
 }
 
-/// Where a graph's results go: memory of the caller, into which ONNX Runtime writes.
+/// Memory of the caller into which a graph's results are written.
 #[derive(Debug)]
 pub struct GraphOutputs<'a> {
     /// `[H, W]`, `f32`, in the network's encoding.
     pub depth: &'a mut [f32],
-    /// `[H, W]`, `u8`, class indices; `None` where nobody wants them.
+    /// `[H, W]`, `u8`, class indices; `None` if they are not wanted.
     pub labels: Option<&'a mut [u8]>,
 }
 
@@ -80,7 +80,8 @@ pub struct GraphReport {
     pub stages: StageTimes,
     /// Whether a stage was skipped.
     pub quality: Quality,
-    /// Bytes of results that had to be copied, because their stage runs less often than each frame.
+    /// Bytes of results that were copied or resized: labels of a stage that does not run for each frame, and depth of
+    /// another size than the image.
     pub bytes_copied: u64,
 }
 

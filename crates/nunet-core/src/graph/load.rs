@@ -1,5 +1,6 @@
-//! From a path to loaded model files: a fused `.onnx`, a foreign one with its sidecar, or a staged `.toml`.
+//! Loads a graph: a fused `.onnx`, a foreign one with its sidecar, or a staged `.toml`.
 
+use std::collections::BTreeMap;
 use std::io::Read as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -9,36 +10,36 @@ use sha2::{Digest, Sha256};
 use crate::graph::manifest::{MAX_TOML_BYTES, Manifest};
 use crate::graph::onnx::{Model, Runtime};
 use crate::graph::wiring::{Contract, Unwired, Wired};
-use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider};
-use crate::model::{ModelDescription, ModelError, SelfTest, Sidecar, StateTensor};
+use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider, Signature, trial};
+use crate::model::{ExtraInput, ModelDescription, ModelError, SelfTest, Sidecar, SidecarError, StateTensor};
 use crate::plain_file;
 use crate::preprocess::TensorFormat;
 
 /// The most bytes of a model file: what a protobuf can be.
 const MAX_MODEL_BYTES: u64 = (1 << 31) - 1;
 
-/// Everything of a graph but the memory to run it in.
+/// Everything of a graph except the memory to run it in.
 pub(super) struct Loaded {
     pub(super) plan: Wired,
-    /// One for each stage of the plan, with the path of its file.
+    /// The model of each stage, with the path of its file.
     pub(super) models: Vec<(PathBuf, Model)>,
     pub(super) description: ModelDescription,
     pub(super) provider: Provider,
-    /// How a foreign network wants its picture.
+    /// The format of a foreign network's image.
     pub(super) float_input: Option<TensorFormat>,
 }
 
-/// Loads and proves a graph.
+/// Loads and checks a graph.
 pub(super) fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Loaded, GraphError> {
     let loader = Loader::new(runtime, options)?;
     if is_manifest(path) { loader.staged(path, options) } else { loader.single(path, options) }
 }
 
-/// Every file that a graph consists of: the model file, with its sidecar where it has one, or the manifest and the
-/// files that it names. Reads manifests only.
+/// Every file of a graph: the model file and its sidecar if there is one, or the manifest and the files that it names.
+/// Reads only manifests.
 ///
 /// # Errors
-/// A manifest that cannot be read or is wrong.
+/// A manifest that cannot be read or is invalid.
 pub fn model_files(path: &Path) -> Result<Vec<PathBuf>, GraphError> {
     if is_manifest(path) {
         let (_, manifest) = read_manifest(path)?;
@@ -49,16 +50,16 @@ pub fn model_files(path: &Path) -> Result<Vec<PathBuf>, GraphError> {
     Ok(std::iter::once(path.to_owned()).chain(sidecar).collect())
 }
 
-/// The SHA-256 of each of [`model_files`], in their order: what [`GraphOptions::only`] takes.
+/// The SHA-256 of each of [`model_files`], in their order, for [`GraphOptions::allowed_hashes`].
 ///
 /// # Errors
-/// A manifest that cannot be read or is wrong; a file that is no plain one, is empty or larger than a model can be.
+/// A manifest that cannot be read or is invalid; a file that is not a regular one, is empty, or is too large.
 pub fn model_hashes(path: &Path) -> Result<Vec<[u8; 32]>, GraphError> {
     let hash = |file: PathBuf| -> Result<[u8; 32], GraphError> {
         let most = if is_manifest(&file) { MAX_TOML_BYTES } else { MAX_MODEL_BYTES };
         match read(&file, most) {
             Ok(bytes) => Ok(Sha256::digest(&bytes).into()),
-            // A sidecar that is none: only a network that needs it is refused.
+            // Not a sidecar. Only a network that needs it is refused later.
             Err(_) if is_manifest(&file) && !is_manifest(path) => Ok([0; 32]),
             Err(error) => Err(error),
         }
@@ -70,13 +71,13 @@ fn is_manifest(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
 }
 
-/// The manifest's bytes and what they say.
+/// The manifest's bytes and their content.
 fn read_manifest(path: &Path) -> Result<(Vec<u8>, Manifest), GraphError> {
     let bytes = read(path, MAX_TOML_BYTES)?;
-    let wrong = |source| GraphError::Manifest { path: path.to_owned(), source };
+    let invalid = |source| GraphError::Manifest { path: path.to_owned(), source };
     let text = std::str::from_utf8(&bytes)
-        .map_err(|error| wrong(ManifestError::Syntax { reason: error.to_string() }))?;
-    let manifest = Manifest::parse(text).map_err(wrong)?;
+        .map_err(|error| invalid(ManifestError::Syntax { reason: error.to_string() }))?;
+    let manifest = Manifest::parse(text).map_err(invalid)?;
     Ok((bytes, manifest))
 }
 
@@ -87,7 +88,7 @@ fn file_of(manifest: &Path, model: &str) -> PathBuf {
 
 struct Loader<'a> {
     runtime: &'a Runtime,
-    only: &'a [[u8; 32]],
+    allowed_hashes: &'a [[u8; 32]],
     provider: Provider,
     threads: NonZeroUsize,
 }
@@ -102,7 +103,7 @@ impl<'a> Loader<'a> {
             .provider
             .resolve(runtime, threads)
             .map_err(|error| GraphError::Provider { provider: error.provider, reason: error.reason })?;
-        Ok(Self { runtime, only: &options.only, provider, threads })
+        Ok(Self { runtime, allowed_hashes: &options.allowed_hashes, provider, threads })
     }
 
     /// A fused file, or a foreign network with its sidecar: a graph of one stage.
@@ -115,8 +116,20 @@ impl<'a> Loader<'a> {
             let segments = model.signature().outputs.iter().any(|output| output.name == "labels");
             let manifest = Manifest::fused(&file, "rgb", "depth", segments.then_some("labels"));
             let models = vec![(path.to_owned(), model)];
-            return self.prove(path, manifest, models, description, Contract::Nunet, options);
+            return self.wire(path, manifest, models, description, options);
         }
+        self.foreign(path, model, hash, options)
+    }
+
+    /// A foreign network with its sidecar.
+    fn foreign(
+        &self,
+        path: &Path,
+        model: Model,
+        hash: [u8; 32],
+        options: &GraphOptions,
+    ) -> Result<Loaded, GraphError> {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
         let sidecar = self.sidecar_of(path)?;
         let manifest = Manifest::fused(&file, &sidecar.input, &sidecar.depth, None);
         let contract = Contract::Foreign {
@@ -124,10 +137,22 @@ impl<'a> Loader<'a> {
             image: sidecar.image_shape(),
             size: sidecar.size,
         };
-        let models = vec![(path.to_owned(), model)];
-        let mut loaded = self.prove(path, manifest, models, sidecar.describe(hash), contract, options)?;
-        loaded.float_input = sidecar.format;
-        Ok(loaded)
+        let signature = trial::with_depth_size(path, &model, &sidecar)?;
+        let parts = Parts {
+            manifest,
+            signatures: vec![signature],
+            states: vec![Vec::new()],
+            extra_inputs: &sidecar.extra_inputs,
+            contract,
+        };
+        let plan = parts.wire(path, options)?;
+        Ok(Loaded {
+            plan,
+            models: vec![(path.to_owned(), model)],
+            description: sidecar.describe(hash),
+            provider: self.provider,
+            float_input: sidecar.format,
+        })
     }
 
     /// A manifest and the files that it names.
@@ -150,27 +175,25 @@ impl<'a> Loader<'a> {
         let mut description = ModelDescription::from_metadata(model.metadata(), hash.finalize().into())
             .map_err(|source| GraphError::Description { path: file.clone(), source })?;
         if manifest.outputs.labels.is_none() {
-            // Those that the network has are not wanted.
+            // The graph does not use the network's labels.
             description.selftest = description.selftest.map(SelfTest::without_labels);
         }
-        self.prove(path, manifest, models, description, Contract::Nunet, options)
+        self.wire(path, manifest, models, description, options)
     }
 
     fn model(&self, path: &Path) -> Result<(Model, [u8; 32]), GraphError> {
         let bytes = read(path, MAX_MODEL_BYTES)?;
-        // Before ONNX Runtime sees anything of it.
+        // Before ONNX Runtime reads anything of it.
         let hash = self.hash(path, &bytes)?;
-        let model = Model::load(&bytes, self.runtime, self.provider, self.threads).map_err(|reason| {
-            let hint = hint(&reason);
-            GraphError::Model { path: path.to_owned(), reason, hint }
-        })?;
+        let model = Model::load(&bytes, self.runtime, self.provider, self.threads)
+            .map_err(|reason| GraphError::Model { path: path.to_owned(), reason })?;
         Ok((model, hash))
     }
 
     /// The hash of a file that may be loaded.
     fn hash(&self, path: &Path, bytes: &[u8]) -> Result<[u8; 32], GraphError> {
         let hash: [u8; 32] = Sha256::digest(bytes).into();
-        if self.only.is_empty() || self.only.contains(&hash) {
+        if self.allowed_hashes.is_empty() || self.allowed_hashes.contains(&hash) {
             Ok(hash)
         } else {
             Err(GraphError::Changed { path: path.to_owned() })
@@ -181,48 +204,68 @@ impl<'a> Loader<'a> {
     fn sidecar_of(&self, model: &Path) -> Result<Sidecar, GraphError> {
         let path = model.with_extension("toml");
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let wrong = |source| GraphError::Description { path: model.to_owned(), source };
+        let invalid = |source| GraphError::Description { path: model.to_owned(), source };
         if !path.exists() {
-            return Err(wrong(ModelError::Undescribed { sidecar: name }));
+            return Err(invalid(ModelError::Undescribed { sidecar: name }));
         }
         let bytes = read(&path, MAX_TOML_BYTES)?;
         self.hash(&path, &bytes)?;
-        let parsed = std::str::from_utf8(&bytes).map_err(|error| error.to_string()).and_then(Sidecar::parse);
-        parsed.map_err(|reason| wrong(ModelError::Sidecar { sidecar: name, reason }))
+        let text =
+            std::str::from_utf8(&bytes).map_err(|error| SidecarError::Syntax { reason: error.to_string() });
+        let parsed = text.and_then(Sidecar::parse);
+        parsed.map_err(|source| invalid(ModelError::Sidecar { sidecar: name, source }))
     }
 
-    fn prove(
+    /// Checks a graph of the contract.
+    fn wire(
         &self,
         path: &Path,
-        mut manifest: Manifest,
+        manifest: Manifest,
         models: Vec<(PathBuf, Model)>,
         description: ModelDescription,
-        contract: Contract,
         options: &GraphOptions,
     ) -> Result<Loaded, GraphError> {
-        override_every(&mut manifest, options)?;
-        let signatures = models.iter().map(|(_, model)| model.signature().clone()).collect();
-        let memories = models.iter().map(|(file, model)| memory_of(file, model, contract));
-        let memories = memories.collect::<Result<_, _>>()?;
-        let plan = Unwired { manifest: &manifest, signatures, memories, contract }
-            .wire()
-            .map_err(|source| GraphError::Wiring { path: path.to_owned(), source: Box::new(source) })?;
+        let states = models.iter().map(|(file, model)| {
+            StateTensor::list(model.metadata())
+                .map_err(|source| GraphError::Description { path: file.clone(), source })
+        });
+        let parts = Parts {
+            manifest,
+            signatures: models.iter().map(|(_, model)| model.signature().clone()).collect(),
+            states: states.collect::<Result<_, _>>()?,
+            extra_inputs: &BTreeMap::new(),
+            contract: Contract::Nunet,
+        };
+        let plan = parts.wire(path, options)?;
         Ok(Loaded { plan, models, description, provider: self.provider, float_input: None })
     }
 }
 
-/// What a stage's file remembers. A sidecar knows no memory: without a description the key means nothing.
-fn memory_of(file: &Path, model: &Model, contract: Contract) -> Result<Vec<StateTensor>, GraphError> {
-    match contract {
-        Contract::Nunet => StateTensor::list(model.metadata())
-            .map_err(|source| GraphError::Description { path: file.to_owned(), source }),
-        Contract::Foreign { .. } => Ok(Vec::new()),
+/// What the wiring checks.
+struct Parts<'a> {
+    manifest: Manifest,
+    signatures: Vec<Signature>,
+    states: Vec<Vec<StateTensor>>,
+    extra_inputs: &'a BTreeMap<String, ExtraInput>,
+    contract: Contract,
+}
+
+impl Parts<'_> {
+    fn wire(mut self, path: &Path, options: &GraphOptions) -> Result<Wired, GraphError> {
+        override_every(&mut self.manifest, options)?;
+        let Self { manifest, signatures, states, extra_inputs, contract } = self;
+        Unwired { manifest: &manifest, signatures, states, extra_inputs, contract }
+            .wire()
+            .map_err(|source| GraphError::Wiring { path: path.to_owned(), source: Box::new(source) })
     }
 }
 
-/// `--every STAGE=N` over what the manifest says.
+/// Applies [`GraphOptions::every`] to a manifest.
 fn override_every(manifest: &mut Manifest, options: &GraphOptions) -> Result<(), GraphError> {
-    for (name, every) in &options.every {
+    for (index, (name, every)) in options.every.iter().enumerate() {
+        if let Some((_, first)) = options.every[..index].iter().find(|(earlier, _)| earlier == name) {
+            return Err(GraphError::EveryTwice { stage: name.clone(), first: *first, second: *every });
+        }
         let names: Vec<String> = manifest.stages.iter().map(|stage| format!("`{}`", stage.name)).collect();
         let stage = manifest
             .stages
@@ -234,7 +277,7 @@ fn override_every(manifest: &mut Manifest, options: &GraphOptions) -> Result<(),
     Ok(())
 }
 
-/// A whole file, if it is a plain one of reasonable size.
+/// A whole file, if it is a regular one of a reasonable size.
 fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
     let failed = |source| GraphError::Read { path: path.to_owned(), source };
     let Some(mut file) = plain_file::open(path, most).map_err(failed)? else {
@@ -250,18 +293,7 @@ fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
         _ => {}
     }
     let mut bytes = Vec::new();
-    // A file that grows meanwhile is cut, and then refused for what it is.
+    // A file that grows meanwhile is cut off here and refused when it is parsed.
     file.read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
-}
-
-/// The way out of ONNX Runtime's most frequent complaints.
-fn hint(reason: &str) -> &'static str {
-    if reason.contains("rotobuf") || reason.contains("ModelProto") {
-        "\nhint: the file is damaged or is not an ONNX model; download or export it again"
-    } else if reason.contains("xternal data") {
-        "\nhint: keep the weights inside the file (torch.onnx.export with external_data=False)"
-    } else {
-        ""
-    }
 }

@@ -1,21 +1,24 @@
 //! The staged graph as a user writes it, in TOML.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Component, Path};
 
+use nunet_types::Hint;
 use serde::Deserialize;
 
+use crate::error_kind::ErrorKind;
 use crate::text::shortened;
 
-/// The most stages of one graph: as many as a frame's header has room to time, with those around the graph.
+/// The most stages of one graph: the room for stage times in the frame header, less those around the graph.
 pub const MAX_STAGES: usize = 12;
 /// The most characters of a stage's name.
 const MAX_STAGE_NAME: usize = 32;
 /// The most bytes of a manifest or a sidecar: a hundred times what one needs.
 pub(crate) const MAX_TOML_BYTES: u64 = 64 * 1024;
-/// The format that this program reads.
+/// The supported version of the format.
 const VERSION: u32 = 1;
-/// What the pipeline and the loop around it call their own stages, and what a manifest calls the picture.
+/// Names of the pipeline's own stages, and of the image in a manifest.
 const RESERVED_NAMES: [&str; 10] = [
     "image",
     "queue",
@@ -28,10 +31,10 @@ const RESERVED_NAMES: [&str; 10] = [
     "cloud",
     "publish",
 ];
-/// The name of the one stage of a fused file.
+/// The name of the only stage of a fused file.
 const FUSED_STAGE: &str = "network";
 
-/// A staged graph as its file says it, not yet proved to fit.
+/// A staged graph as written, before it is wired.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -40,11 +43,11 @@ pub struct Manifest {
     /// The stages in the order in which they run.
     #[serde(rename = "stage", default)]
     pub stages: Vec<ManifestStage>,
-    /// What leaves the graph.
+    /// The results of the graph.
     pub outputs: ManifestOutputs,
 }
 
-/// One stage as the manifest says it.
+/// One stage as written.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ManifestStage {
@@ -59,13 +62,13 @@ pub struct ManifestStage {
     pub every: u32,
 }
 
-/// What leaves the graph, as `stage.tensor`.
+/// The results of the graph, as `stage.tensor`.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ManifestOutputs {
     /// The depth map.
     pub depth: String,
-    /// The labels, where a stage segments.
+    /// The labels, if a stage segments.
     pub labels: Option<String>,
 }
 
@@ -74,11 +77,11 @@ fn each_frame() -> u32 {
 }
 
 impl Manifest {
-    /// Reads a manifest's text; whether its stages fit is for the wiring to prove.
+    /// Parses a manifest. The wiring checks later whether its stages fit.
     ///
     /// # Errors
-    /// Text that is not TOML, unknown or missing keys, another version, no stage or too many, a name with other
-    /// characters, and a model outside the manifest's folder.
+    /// Text that is not TOML, unknown or missing keys, another version, no stage or too many, an invalid name, and a model
+    /// outside the manifest's folder.
     pub fn parse(text: &str) -> Result<Self, ManifestError> {
         let manifest: Self = toml::from_str(text)
             .map_err(|error| ManifestError::Syntax { reason: shortened(&error.to_string()) })?;
@@ -95,7 +98,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// What a manifest for a single file would say: one stage that takes the picture and gives the results.
+    /// The manifest of a single file: one stage that takes the image and returns the results.
     pub(crate) fn fused(model: &str, input: &str, depth: &str, labels: Option<&str>) -> Self {
         let stage = ManifestStage {
             name: FUSED_STAGE.to_owned(),
@@ -122,7 +125,7 @@ fn check_name(name: &str) -> Result<(), ManifestError> {
     Ok(())
 }
 
-/// A manifest is data from elsewhere: it may name files beside itself, and no others.
+/// A manifest is untrusted: it may name only files in its own folder.
 fn check_model(stage: &ManifestStage) -> Result<(), ManifestError> {
     let mut parts = Path::new(&stage.model).components();
     let inside =
@@ -141,46 +144,62 @@ pub enum ManifestError {
     /// Not TOML, or other keys than a manifest has.
     #[error("{reason}")]
     Syntax {
-        /// The parser's words, with line and column.
+        /// The parser's message, with line and column.
         reason: String,
     },
-    /// Another format.
-    #[error("`version = {version}`, but this program reads version `{VERSION}`")]
+    /// Another version of the format.
+    #[error("`version` is {version}, expected {VERSION}")]
     Version {
         /// The manifest's.
         version: u32,
     },
     /// No stage, or too many.
-    #[error("`{count}` stages; a graph has 1 to {MAX_STAGES}\nhint: each stage is a `[[stage]]` table")]
+    #[error("there are {count} stages, expected 1 to {MAX_STAGES}")]
     StageCount {
         /// How many.
         count: usize,
     },
-    /// A stage's name has other characters, or too many.
-    #[error(
-        "`{name:.60}` cannot name a stage\nhint: 1 to {MAX_STAGE_NAME} lower-case letters, digits, `_` or `-`"
-    )]
+    /// A name with other characters, or too long.
+    #[error("`{name:.60}` is not a valid stage name")]
     StageName {
         /// The name.
         name: String,
     },
-    /// A stage has a name that means something else.
-    #[error("`{name}` cannot name a stage: the pipeline uses it for something else")]
+    /// A name that the pipeline uses.
+    #[error("stage name `{name}` is reserved")]
     ReservedName {
         /// The name.
         name: String,
     },
-    /// A model that is not in the manifest's folder.
-    #[error(
-        "stage `{stage}` names the model `{model:.200}`, which is not beside the manifest\nhint: a path relative to the \
-         manifest, without `..`"
-    )]
+    /// A model outside the manifest's folder.
+    #[error("model `{model:.200}` of stage `{stage}` is outside the manifest's folder")]
     ModelOutside {
         /// The stage.
         stage: String,
         /// The path.
         model: String,
     },
+}
+
+impl ManifestError {
+    /// [`ErrorKind::Model`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Model
+    }
+}
+
+impl Hint for ManifestError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::StageCount { .. } => "write each stage as a `[[stage]]` table".into(),
+            Self::StageName { .. } => {
+                format!("use 1 to {MAX_STAGE_NAME} lower-case letters, digits, `_` or `-`").into()
+            }
+            Self::ModelOutside { .. } => "use a path relative to the manifest, without `..`".into(),
+            _ => return None,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -213,9 +232,10 @@ mod tests {
     }
 
     #[test]
-    fn unknown_keys_are_errors_that_name_the_key() {
+    fn unknown_keys_are_refused_by_name() {
         let error = Manifest::parse(&TWO_STAGES.replace("every = 2", "evry = 2")).unwrap_err();
-        assert!(error.to_string().contains("unknown field `evry`"), "{error}");
+        let ManifestError::Syntax { reason } = &error else { panic!("{error}") };
+        assert!(reason.contains("unknown field `evry`"), "{reason}");
     }
 
     #[test]

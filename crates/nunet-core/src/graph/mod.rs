@@ -1,8 +1,10 @@
-//! The serial graph: N components in series, from a picture to depth, labels, and what lies between them.
+//! The serial graph: N components in series, from an image to depth, labels, and the tensors between them.
 //!
-//! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (proof that the stages
-//! fit) -> [`state`] (what stages remember) -> [`serial`] (the run). Only the folder [`onnx`] knows ONNX Runtime.
+//! Read in this order: [`manifest`] (what a user wrote) -> [`load`] (the files) -> [`wiring`] (the check that the stages
+//! fit) -> [`state`] (recurrent state) -> [`serial`] (the run). Only the folder [`onnx`] uses ONNX Runtime.
 
+mod depth_resize;
+mod element_bytes;
 mod error;
 mod io;
 mod load;
@@ -12,6 +14,7 @@ mod serial;
 mod signature;
 mod state;
 mod times;
+mod trial;
 mod wiring;
 
 pub use error::GraphError;

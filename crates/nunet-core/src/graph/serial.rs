@@ -1,21 +1,23 @@
-//! The run: each stage in turn, each reading what the earlier ones left.
+//! The run: each stage in turn, reading the tensors of earlier stages.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use nunet_types::Quality;
 
+use crate::camera::Intrinsics;
 use crate::clock::Clock;
+use crate::graph::depth_resize::DepthResize;
 use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, TensorView};
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
 use crate::graph::state::State;
 use crate::graph::wiring::{Source, Wired, WiredStage, is_due};
-use crate::graph::{GraphError, Provider, Runtime};
+use crate::graph::{GraphError, Provider, Runtime, TensorSpec};
 use crate::model::ModelDescription;
 use crate::preprocess::TensorFormat;
 
-/// N components in series, proved to fit, ready to run.
+/// N components in series, ready to run.
 pub struct SerialGraph {
     description: ModelDescription,
     stages: Vec<StageInfo>,
@@ -25,12 +27,14 @@ pub struct SerialGraph {
     sessions: Vec<Session>,
     image: CallerTensor,
     depth: CallerTensor,
+    /// For depth of another size than the image, which stays inside.
+    depth_resize: Option<DepthResize>,
     labels: Option<CallerTensor>,
     own: OwnTensors,
     state: State,
     /// Runs since the last reset; `every` counts in it.
     runs: u64,
-    /// Whether the labels of the last run went into the caller's memory.
+    /// Whether the labels of the last run were written into the caller's memory.
     labels_left: bool,
 }
 
@@ -38,8 +42,8 @@ impl SerialGraph {
     /// Loads a fused `.onnx` file, or a staged graph's `.toml` with the files that it names.
     ///
     /// # Errors
-    /// Files that cannot be read or that ONNX Runtime does not take, stages that do not fit, and a description that
-    /// is missing or wrong.
+    /// Files that cannot be read or that ONNX Runtime does not load, stages that do not fit together, and a description
+    /// that is missing or invalid.
     pub fn load(path: &Path, runtime: &Runtime, options: &GraphOptions) -> Result<Self, GraphError> {
         let Loaded { plan, models, description, provider, float_input } = load(path, runtime, options)?;
         let mut stages = Vec::with_capacity(models.len());
@@ -47,23 +51,23 @@ impl SerialGraph {
         for (stage, (file, model)) in plan.stages.iter().zip(models) {
             let info = StageInfo::new(stage, &plan, file, model.signature());
             let session = model
-                .into_session(&info.inputs, &info.outputs)
+                .session(&info.inputs, &info.outputs)
                 .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })?;
             sessions.push(session);
             stages.push(info);
         }
-        Self::around(plan, sessions, description, stages, provider, float_input)
+        Self::new(plan, sessions, description, stages, provider, float_input)
     }
 
-    /// Another graph that runs the same sessions: weights are in memory once, and everything else is its own. What one of
-    /// them remembers, keeps or reuses of its frames, the other never sees. For several streams of frames.
+    /// Another graph with the same ONNX Runtime sessions, for another stream of frames. Weights are in memory once; state,
+    /// reused results and buffers are separate.
     ///
     /// # Errors
     /// No memory for the tensors between the stages.
-    pub fn sibling(&self) -> Result<Self, GraphError> {
-        Self::around(
+    pub fn share_sessions(&self) -> Result<Self, GraphError> {
+        Self::new(
             self.plan.clone(),
-            self.sessions.iter().map(Session::sibling).collect(),
+            self.sessions.iter().map(Session::share).collect(),
             self.description.clone(),
             self.stages.clone(),
             self.provider,
@@ -72,7 +76,7 @@ impl SerialGraph {
     }
 
     /// A graph before its first frame.
-    fn around(
+    fn new(
         plan: Wired,
         sessions: Vec<Session>,
         description: ModelDescription,
@@ -81,24 +85,56 @@ impl SerialGraph {
         float_input: Option<TensorFormat>,
     ) -> Result<Self, GraphError> {
         let spec = |index: usize| plan.tensors[index].clone();
-        Ok(Self {
+        let depth_spec = TensorSpec {
+            shape: vec![1, 1, i64::from(plan.size.1), i64::from(plan.size.0)],
+            ..spec(plan.depth)
+        };
+        let is_resized = plan.depth_size != plan.size;
+        let mut graph = Self {
             description,
             stages,
             provider,
             float_input,
             sessions,
             image: CallerTensor::new("image", plan.image.clone()),
-            depth: CallerTensor::new("depth", spec(plan.depth)),
+            depth: CallerTensor::new("depth", if is_resized { depth_spec } else { spec(plan.depth) }),
+            depth_resize: is_resized.then(|| DepthResize::new(plan.depth_size, plan.size)),
             labels: plan.labels.map(|index| CallerTensor::new("labels", spec(index))),
             own: OwnTensors::new(&State::with_buffers(&plan))?,
             state: State::new(&plan),
             plan,
             runs: 0,
             labels_left: false,
-        })
+        };
+        graph.feed_extra_inputs(None);
+        Ok(graph)
     }
 
-    /// What the model file says of itself.
+    /// Feeds the inputs that depend on the camera. `camera` is at the size of [`Self::size`].
+    pub fn set_camera(&mut self, camera: &Intrinsics) {
+        self.feed_extra_inputs(Some(camera));
+    }
+
+    /// Whether an input depends on the camera ([`Self::set_camera`]).
+    #[must_use]
+    pub fn needs_camera(&self) -> bool {
+        self.plan.extras.iter().any(|extra| extra.value.needs_camera())
+    }
+
+    /// Writes the extra inputs: all for a camera, the constants without one.
+    fn feed_extra_inputs(&mut self, camera: Option<&Intrinsics>) {
+        let none = Intrinsics::new(1.0, 1.0, 0.0, 0.0, 1, 1).expect("these numbers are those of a camera");
+        for (index, extra) in self.plan.extras.iter().enumerate() {
+            if extra.value.needs_camera() && camera.is_none() {
+                continue;
+            }
+            if let Some(bytes) = extra.bytes(camera.unwrap_or(&none)) {
+                self.own.write(State::extra_index(&self.plan, index), &bytes);
+            }
+        }
+    }
+
+    /// The description of the model.
     #[must_use]
     pub fn description(&self) -> &ModelDescription {
         &self.description
@@ -110,59 +146,58 @@ impl SerialGraph {
         &self.stages
     }
 
-    /// Width and height of the picture, the depth map and the labels, in pixels.
+    /// Width and height of the image, the depth map and the labels, pixels.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
         self.plan.size
     }
 
-    /// Whether the graph gives labels.
+    /// Whether the graph has labels.
     #[must_use]
     pub fn has_labels(&self) -> bool {
         self.plan.labels.is_some()
     }
 
-    /// The provider that does the arithmetic; never [`Provider::Auto`].
+    /// The execution provider; never [`Provider::Auto`].
     #[must_use]
     pub fn provider(&self) -> Provider {
         self.provider
     }
 
-    /// How many nodes of all stages each provider computes, by ONNX Runtime's names, such as `CPUExecutionProvider`.
-    /// What a provider cannot compute goes to the processor, silently. Nodes are counted as providers took them, before
-    /// they fuse them.
+    /// How many nodes of all stages each provider executes, by ONNX Runtime's names, such as `CPUExecutionProvider`.
+    /// ONNX Runtime assigns nodes that a provider does not support to the CPU without an error. Nodes are counted before
+    /// providers fuse them.
     ///
     /// # Errors
-    /// ONNX Runtime's words.
-    pub fn placement(&self) -> Result<BTreeMap<String, usize>, GraphError> {
-        let mut placement = BTreeMap::new();
+    /// ONNX Runtime's message.
+    pub fn node_assignment(&self) -> Result<BTreeMap<String, usize>, GraphError> {
+        let mut assignment = BTreeMap::new();
         for (stage, session) in self.stages.iter().zip(&self.sessions) {
             let part = session
-                .placement()
+                .node_assignment()
                 .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })?;
             for (provider, nodes) in part {
-                *placement.entry(provider).or_default() += nodes;
+                *assignment.entry(provider).or_default() += nodes;
             }
         }
-        Ok(placement)
+        Ok(assignment)
     }
 
-    /// How a foreign network wants its picture ([`GraphInput::Float`]); `None` where it takes camera bytes
-    /// ([`GraphInput::Rgb`]).
+    /// The format of a foreign network's image ([`GraphInput::Float`]); `None` for camera bytes ([`GraphInput::Rgb`]).
     #[must_use]
     pub fn float_input(&self) -> Option<&TensorFormat> {
         self.float_input.as_ref()
     }
 
-    /// Runs all stages that are due on one picture; their results are in `outputs` when it returns.
+    /// Runs all stages that are due on one image and writes the results into `outputs`.
     ///
-    /// The picture is read where it lies and the results are written where they shall be: nothing is copied, and
-    /// nothing allocated on the Rust side once each buffer's address has been seen. Labels of a stage that does not
-    /// run for each frame are the exception: they are kept inside, and copied out.
+    /// ONNX Runtime reads the image and writes the results in place: nothing is copied, and nothing is allocated on the
+    /// Rust side once each buffer's address has been seen. Exceptions are labels of a stage that does not run for each
+    /// frame, which are kept inside and copied, and depth of another size than the image, which is resized.
     ///
     /// # Errors
-    /// Buffers of another length or type than the graph's, and what ONNX Runtime reports. After an error every stage
-    /// is due again, and stages with a memory remember what they did before the run: as if the picture had not come.
+    /// Buffers of another length or type than the graph's, and ONNX Runtime's errors. After an error every stage is due
+    /// again, and state is that before the run.
     pub fn run(
         &mut self,
         image: GraphInput<'_>,
@@ -172,7 +207,7 @@ impl SerialGraph {
         let run = self.runs;
         self.runs = 0;
         let report = self.run_due_stages(run, image, outputs, clock)?;
-        self.state.keep(run);
+        self.state.commit(run);
         self.runs = run + 1;
         Ok(report)
     }
@@ -187,13 +222,20 @@ impl SerialGraph {
         let GraphOutputs { depth, labels } = outputs;
         let (labels, kept_labels) = if self.keeps_labels() { (None, labels) } else { (labels, None) };
         self.labels_left = labels.is_some();
-        let homes = Homes {
+        if self.depth_resize.is_some() {
+            // Checks the length.
+            self.depth.lend_mut(&mut *depth)?;
+        }
+        let tensors = RunTensors {
             plan: &self.plan,
             image: match image {
                 GraphInput::Rgb(bytes) => self.image.lend(bytes)?,
                 GraphInput::Float(values) => self.image.lend(values)?,
             },
-            depth: self.depth.lend_mut(depth)?,
+            depth: match &self.depth_resize {
+                None => Some(self.depth.lend_mut(depth)?),
+                Some(_) => None,
+            },
             labels: match (labels, &mut self.labels) {
                 (Some(memory), Some(tensor)) => Some(tensor.lend_mut(memory)?),
                 (Some(_), None) => return Err(GraphError::NoLabels),
@@ -207,19 +249,23 @@ impl SerialGraph {
         for (stage, session) in self.plan.stages.iter().zip(&mut self.sessions) {
             let start = clock.nanos();
             if is_due(stage.every, run) {
-                homes.run(stage, session)?;
+                tensors.run(stage, session)?;
             } else {
                 report.quality = Quality::ReusedLabels;
             }
             report.stages.push(start, clock.nanos());
         }
         if let (Some(memory), Some(index)) = (kept_labels, self.plan.labels) {
-            report.bytes_copied = copy_out(self.own.bytes(index), memory)?;
+            report.bytes_copied += copy_out(self.own.bytes(index), memory)?;
+        }
+        if let Some(resize) = &self.depth_resize {
+            resize.fill(self.own.values(self.plan.depth), depth);
+            report.bytes_copied += size_of_val(depth) as u64;
         }
         Ok(report)
     }
 
-    /// Whether the labels have to outlive a run, because their stage will be skipped.
+    /// Whether the labels must be kept after a run, because their stage is skipped in others.
     fn keeps_labels(&self) -> bool {
         let gives = |index| move |stage: &&WiredStage| stage.outputs.contains(&index);
         self.plan
@@ -227,72 +273,74 @@ impl SerialGraph {
             .is_some_and(|index| self.plan.stages.iter().find(gives(index)).is_some_and(|s| s.every > 1))
     }
 
-    /// Whether a run depends on its picture alone: no stage remembers anything, and none is left out now and then.
+    /// Whether a run depends only on its image: no stage has state, and none is skipped in some frames.
     #[must_use]
-    pub fn is_memoryless(&self) -> bool {
+    pub fn is_stateless(&self) -> bool {
         self.state.is_empty() && self.plan.stages.iter().all(|stage| stage.every <= 1)
     }
 
-    /// Forgets earlier frames: the next run runs every stage, and those with a memory begin with zeros.
+    /// Discards earlier frames: the next run runs every stage, and state starts with zeros.
     pub fn reset(&mut self) {
         self.runs = 0;
-        self.state.forget(&mut self.own);
+        self.state.clear(&mut self.own);
     }
 
-    /// The labels of the last run, `[H, W]`, where they stayed inside: nobody asked for them, or their stage does not
-    /// run for each frame.
+    /// The labels of the last run, `[H, W]`, if they were not written into the caller's memory: they were not requested, or
+    /// their stage does not run for each frame.
     #[must_use]
     pub fn labels(&self) -> Option<&[u8]> {
         let index = self.plan.labels.filter(|_| self.runs > 0 && !self.labels_left)?;
         Some(self.own.bytes(index))
     }
 
-    /// A tensor of the last run by `stage.tensor`, inner ones too; the one stage of a fused file is `network`.
+    /// An output of any stage after the last run, by `stage.tensor`; the only stage of a fused file is `network`.
     ///
-    /// `None` for a name that no stage gives, before the first run, and for a result that went into the caller's
-    /// memory.
+    /// `None` for an unknown name, before the first run, and for a result that was written into the caller's memory.
     #[must_use]
     pub fn tensor(&self, name: &str) -> Option<TensorView<'_>> {
         let index = self.plan.tensors.iter().position(|spec| spec.name == name)?;
-        let left = index == self.plan.depth || (self.labels_left && Some(index) == self.plan.labels);
-        if left || self.runs == 0 {
+        let is_outside = (index == self.plan.depth && self.depth_resize.is_none())
+            || (self.labels_left && Some(index) == self.plan.labels);
+        if is_outside || self.runs == 0 {
             return None;
         }
         Some(TensorView {
             spec: &self.plan.tensors[index],
-            bytes: self.own.bytes(self.state.place_after_run(index)),
+            bytes: self.own.bytes(self.state.buffer_after_run(index)),
         })
     }
 }
 
-/// Where each tensor of one run lies.
-struct Homes<'run> {
+/// The memory of each tensor of one run.
+struct RunTensors<'run> {
     plan: &'run Wired,
     image: Lent<'run>,
-    depth: Lent<'run>,
+    /// `None` if depth stays inside.
+    depth: Option<Lent<'run>>,
     labels: Option<Lent<'run>>,
     own: LentTensors<'run>,
     state: &'run State,
     run: u64,
 }
 
-impl Homes<'_> {
+impl RunTensors<'_> {
     fn run(&self, stage: &WiredStage, session: &mut Session) -> Result<(), GraphError> {
         let inputs = stage.inputs.iter().map(|&source| match source {
             Source::Image => self.image,
-            Source::Tensor(index) => self.of(index),
-            Source::State(index) => self.own.get(self.state.kept(index)),
+            Source::Tensor(index) => self.tensor(index),
+            Source::State(index) => self.own.get(self.state.current(index)),
+            Source::Extra(index) => self.own.get(State::extra_index(self.plan, index)),
         });
         session
-            .run(inputs, stage.outputs.clone().map(|index| self.of(index)))
+            .run(inputs, stage.outputs.clone().map(|index| self.tensor(index)))
             .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })
     }
 
-    fn of(&self, index: usize) -> Lent<'_> {
-        match self.labels {
-            Some(labels) if Some(index) == self.plan.labels => labels,
-            _ if index == self.plan.depth => self.depth,
-            _ => self.own.get(self.state.place_in_run(index, self.run)),
+    fn tensor(&self, index: usize) -> Lent<'_> {
+        match (self.labels, self.depth) {
+            (Some(labels), _) if Some(index) == self.plan.labels => labels,
+            (_, Some(depth)) if index == self.plan.depth => depth,
+            _ => self.own.get(self.state.buffer_in_run(index, self.run)),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a model file takes and gives: names, element types, shapes.
+//! Inputs and outputs of a model file: names, element types, shapes.
 
 use std::fmt;
 
@@ -17,12 +17,12 @@ pub enum ElementType {
     Bfloat16,
     Float32,
     Float64,
-    /// Texts, sub-byte integers, sequences and the like, which no stage can hand on.
+    /// Strings, sub-byte integers, sequences and the like, which are not supported.
     Other,
 }
 
 impl ElementType {
-    /// Bytes of one element; `None` for what is not a fixed number of bytes.
+    /// Bytes of one element; `None` without a fixed number of bytes.
     #[must_use]
     pub fn bytes(self) -> Option<usize> {
         match self {
@@ -67,13 +67,12 @@ pub struct TensorSpec {
     pub name: String,
     /// Its element type.
     pub element: ElementType,
-    /// Its dimensions; -1 where the file leaves one open.
+    /// Its dimensions; -1 for an open one.
     pub shape: Vec<i64>,
 }
 
 impl TensorSpec {
-    /// How many bytes such a tensor takes; `None` where a dimension is open, the type has no size, or the product
-    /// overflows.
+    /// Its size in bytes; `None` if a dimension is open, the type has no size, or the product overflows.
     #[must_use]
     pub fn bytes(&self) -> Option<usize> {
         self.shape
@@ -88,7 +87,7 @@ impl TensorSpec {
     }
 }
 
-/// Type and shape as messages show them.
+/// Type and shape for messages.
 pub(crate) fn kind(element: ElementType, shape: &[i64]) -> String {
     let dims: Vec<String> =
         shape.iter().map(|&dim| if dim < 0 { "?".to_owned() } else { dim.to_string() }).collect();
@@ -98,8 +97,8 @@ pub(crate) fn kind(element: ElementType, shape: &[i64]) -> String {
 /// All inputs and outputs of a model file.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Signature {
-    /// What it takes, in the file's order.
+    /// Its inputs, in the file's order.
     pub inputs: Vec<TensorSpec>,
-    /// What it gives, in the file's order.
+    /// Its outputs, in the file's order.
     pub outputs: Vec<TensorSpec>,
 }

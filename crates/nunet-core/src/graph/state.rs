@@ -1,82 +1,88 @@
-//! What stages remember from frame to frame, without a copy: two buffers for each tensor, which swap roles.
+//! The state of recurrent stages, without a copy: two buffers for each tensor, which swap roles.
 //!
-//! A run reads the one that is kept and writes the other. They swap when **all** stages have succeeded: a run that
-//! fails half-way may have written the other buffer, and the memory of the last good run is whole all the same.
+//! A run reads the current buffer and writes the other. They swap when **all** stages have succeeded: a run that fails
+//! half-way may have written the other buffer, but the state of the last good run is intact.
 
 use crate::graph::TensorSpec;
 use crate::graph::onnx::OwnTensors;
 use crate::graph::wiring::{Wired, is_due};
 
-/// The memory of all stages. Its buffers are among the graph's own tensors; here is which of them are meant.
+/// The state of all stages: which of the graph's own tensors are its buffers.
 pub(super) struct State(Vec<Pair>);
 
-/// One tensor of a stage's memory.
+/// One state tensor.
 struct Pair {
-    /// The tensor of the plan that the stage gives.
+    /// The index of its output in the plan's tensors.
     tensor: usize,
-    /// Its two buffers, as places among the graph's own tensors.
+    /// Its two buffers, as indices of the graph's own tensors.
     buffers: [usize; 2],
-    /// Which of them holds what the last good run left, 0 or 1.
-    kept: usize,
-    /// Its stage runs each n-th frame: between those the memory stays as it is.
+    /// Which of them holds the state after the last good run, 0 or 1.
+    current: usize,
+    /// Its stage runs each n-th frame; in between the state does not change.
     every: u32,
 }
 
 impl State {
-    /// The memory of a plan's stages, in the order in which [`crate::graph::wiring::Source::State`] counts.
+    /// The state of a plan's stages, in the order in which [`crate::graph::wiring::Source::State`] counts.
     pub(super) fn new(plan: &Wired) -> Self {
         let pairs = plan.states.iter().enumerate().map(|(index, state)| Pair {
             tensor: state.output,
             buffers: [state.output, plan.tensors.len() + index],
-            kept: 0,
+            current: 0,
             every: state.every,
         });
         Self(pairs.collect())
     }
 
-    /// Whether no stage remembers anything.
+    /// Whether no stage has state.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// All tensors of which the graph needs memory of its own: those of the plan, then the second buffers.
+    /// All tensors for which the graph allocates memory: those of the plan, the second buffers, then the extra inputs.
     pub(super) fn with_buffers(plan: &Wired) -> Vec<TensorSpec> {
         let second = plan.states.iter().map(|state| plan.tensors[state.output].clone());
-        plan.tensors.iter().cloned().chain(second).collect()
+        let extras = plan.extras.iter().map(|extra| extra.spec.clone());
+        plan.tensors.iter().cloned().chain(second).chain(extras).collect()
     }
 
-    /// Where the memory `index` lies that a run reads.
-    pub(super) fn kept(&self, index: usize) -> usize {
+    /// The index of an extra input among them.
+    pub(super) fn extra_index(plan: &Wired, extra: usize) -> usize {
+        plan.tensors.len() + plan.states.len() + extra
+    }
+
+    /// The buffer of state `index` that a run reads.
+    pub(super) fn current(&self, index: usize) -> usize {
         let pair = &self.0[index];
-        pair.buffers[pair.kept]
+        pair.buffers[pair.current]
     }
 
-    /// Where the plan's tensor `tensor` lies during run number `run`, for the stage that gives it and for later ones.
-    pub(super) fn place_in_run(&self, tensor: usize, run: u64) -> usize {
-        self.place(tensor, |pair| if is_due(pair.every, run) { 1 - pair.kept } else { pair.kept })
+    /// The buffer of the plan's tensor `tensor` during run number `run`, for the stage that writes it and for later ones.
+    pub(super) fn buffer_in_run(&self, tensor: usize, run: u64) -> usize {
+        self.buffer(tensor, |pair| if is_due(pair.every, run) { 1 - pair.current } else { pair.current })
     }
 
-    /// Where it lies between the runs.
-    pub(super) fn place_after_run(&self, tensor: usize) -> usize {
-        self.place(tensor, |pair| pair.kept)
+    /// Its buffer between the runs.
+    pub(super) fn buffer_after_run(&self, tensor: usize) -> usize {
+        self.buffer(tensor, |pair| pair.current)
     }
 
-    fn place(&self, tensor: usize, buffer: impl Fn(&Pair) -> usize) -> usize {
+    fn buffer(&self, tensor: usize, which: impl Fn(&Pair) -> usize) -> usize {
         let pair = self.0.iter().find(|pair| pair.tensor == tensor);
-        pair.map_or(tensor, |pair| pair.buffers[buffer(pair)])
+        pair.map_or(tensor, |pair| pair.buffers[which(pair)])
     }
 
-    /// Run number `run` has succeeded: what its stages left is the memory now.
-    pub(super) fn keep(&mut self, run: u64) {
+    /// Makes what run number `run` has written the current state.
+    pub(super) fn commit(&mut self, run: u64) {
         for pair in self.0.iter_mut().filter(|pair| is_due(pair.every, run)) {
-            pair.kept = 1 - pair.kept;
+            pair.current = 1 - pair.current;
         }
     }
 
-    /// Zeros, as before the first frame.
-    pub(super) fn forget(&self, own: &mut OwnTensors) {
+    /// Sets the state to zeros, as before the first frame.
+    pub(super) fn clear(&self, own: &mut OwnTensors) {
         for index in 0..self.0.len() {
-            own.zero(self.kept(index));
+            own.zero(self.current(index));
         }
     }
 }

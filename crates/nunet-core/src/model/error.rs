@@ -1,54 +1,54 @@
-//! What can be wrong with what a model says of itself.
+//! What is wrong with the description of a model.
 
+use std::borrow::Cow;
+
+use nunet_types::Hint;
+
+use super::SidecarError;
+use crate::error_kind::ErrorKind;
 use crate::text::shortened;
 
-/// What is wrong with a model's description.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+/// What is wrong with the description of a model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
     /// Neither metadata nor sidecar.
-    #[error(
-        "it has no `nunet.version` in its metadata, and there is no sidecar `{sidecar}`\nhint: describe a foreign \
-         network in `{sidecar}`: [input] tensor, layout, size and [output] depth, encoding"
-    )]
+    #[error("the file has no `nunet.version` in its metadata, and there is no sidecar `{sidecar}`")]
     Undescribed {
         /// The name that the sidecar would have.
         sidecar: String,
     },
     /// Metadata of another version of the contract.
-    #[error(
-        "its metadata has `nunet.version` `{version:.60}`, but this program reads version `{expected}`\nhint: export the \
-         model again with this release's recipe, or use the release that it was made for"
-    )]
+    #[error("metadata `nunet.version` is `{version:.60}`, expected `{expected}`")]
     Version {
-        /// The file's.
+        /// The file's version.
         version: String,
-        /// Ours.
+        /// The supported version.
         expected: &'static str,
     },
-    /// A key that must be there is not.
-    #[error("its metadata has no `{key}`")]
+    /// A required key is absent.
+    #[error("metadata `{key}` is missing")]
     Missing {
         /// The key.
         key: &'static str,
     },
-    /// A key has a value that means nothing.
-    #[error("its metadata has `{key}` `{value}`: {reason}")]
+    /// A value that is not valid for its key.
+    #[error("metadata `{key}` is `{value}`: {reason}")]
     Invalid {
         /// The key.
         key: &'static str,
-        /// Its value, cut short.
+        /// Its value, shortened.
         value: String,
         /// What is wrong with it.
         reason: String,
     },
-    /// The sidecar is not what a sidecar is.
-    #[error("its sidecar `{sidecar}` is wrong: {reason}")]
+    /// An invalid sidecar.
+    #[error("cannot read the sidecar `{sidecar}`")]
     Sidecar {
         /// The sidecar's file name.
         sidecar: String,
         /// What is wrong with it.
-        reason: String,
+        source: SidecarError,
     },
 }
 
@@ -56,12 +56,43 @@ pub enum ModelError {
 const SHOWN: usize = 60;
 
 impl ModelError {
-    /// A value that means nothing, cut to a length that a terminal bears.
+    /// A value that is not valid for its key, shortened.
     pub(super) fn invalid(key: &'static str, value: &str, reason: impl ToString) -> Self {
         let mut shown: String = value.chars().take(SHOWN).collect();
         if shown.len() < value.len() {
             shown.push('…');
         }
         Self::Invalid { key, value: shown, reason: shortened(&reason.to_string()) }
+    }
+
+    /// [`ErrorKind::Model`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Model
+    }
+}
+
+impl Hint for ModelError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::Undescribed { sidecar } => Some(
+                format!(
+                    "describe a foreign network in `{sidecar}`: [input] tensor, layout, size and [output] depth, \
+                     encoding"
+                )
+                .into(),
+            ),
+            Self::Version { .. } => {
+                Some("export the model again with the recipe of this release, or use the release it was made for".into())
+            }
+            Self::Invalid { key: "nunet.depth.encoding", .. } => {
+                Some("use one of metric, inverse, log, relative, relative_inverse, minmax".into())
+            }
+            Self::Invalid { key: "nunet.state", .. } => Some(
+                "list each input and output once, with a fixed positive shape; a network without state has no such key"
+                    .into(),
+            ),
+            Self::Missing { .. } | Self::Invalid { .. } | Self::Sidecar { .. } => None,
+        }
     }
 }

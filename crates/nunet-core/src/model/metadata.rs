@@ -1,13 +1,13 @@
-//! An ONNX file's `metadata_props` -> a checked description. Keys and meanings: `docs/book/model-file.md`.
+//! The description in an ONNX file's `metadata_props`. The keys are documented in `docs/book/model-file.md`.
 
 use std::collections::BTreeMap;
 
 use serde::de::DeserializeOwned;
 
 use super::{Component, ModelDescription, ModelError, SelfTest, TrainingCamera};
-use crate::depth::{DepthRange, Encoding};
+use crate::depth::{DepthEncoding, DepthRange, OutputScale};
 
-/// The version of the contract that this program reads.
+/// The version of the contract that this library reads.
 const VERSION: &str = "1";
 
 /// All keys of the contract, for `nunetd contract --json`.
@@ -31,23 +31,23 @@ pub const METADATA_KEYS: [&str; 16] = [
 ];
 
 impl ModelDescription {
-    /// Whether a sidecar describes the network, of whose training and size nothing is known.
+    /// Whether a sidecar describes the network, so that its training and size are not known.
     #[must_use]
     pub fn is_foreign(&self) -> bool {
         self.architecture == super::FOREIGN
     }
 
-    /// Whether the metadata claims to follow the contract, whatever its version.
+    /// Whether the metadata follows the contract, in any version.
     #[must_use]
     pub fn is_in(metadata: &BTreeMap<String, String>) -> bool {
         metadata.contains_key("nunet.version")
     }
 
-    /// Reads the metadata of a model file whose hash is `hash`, but for `nunet.state`: each file of a staged graph has
-    /// its own ([`super::StateTensor::list`]). Keys that the contract does not name are ignored.
+    /// Parses the metadata of a model file whose hash is `hash`, except `nunet.state`, which each file of a staged graph
+    /// has on its own ([`super::StateTensor::list`]). Keys that the contract does not name are ignored.
     ///
     /// # Errors
-    /// Another version, a key that must be there and is not, and a value that means nothing.
+    /// Another version, a missing key, an invalid value.
     pub fn from_metadata(metadata: &BTreeMap<String, String>, hash: [u8; 32]) -> Result<Self, ModelError> {
         let entries = Entries(metadata);
         let version = entries.required("nunet.version")?;
@@ -59,6 +59,7 @@ impl ModelDescription {
             architecture: entries.required("nunet.architecture")?.to_owned(),
             components: entries.json::<Vec<Component>>("nunet.components")?.unwrap_or_default(),
             encoding,
+            output_scale: OutputScale::IDENTITY,
             range: entries.range(encoding)?,
             classes: entries.json("nunet.classes")?.unwrap_or_default(),
             camera: entries.camera()?,
@@ -95,12 +96,12 @@ impl Entries<'_> {
         text.parse().map_err(|error| ModelError::invalid(key, text, error))
     }
 
-    fn encoding(&self) -> Result<Encoding, ModelError> {
+    fn encoding(&self) -> Result<DepthEncoding, ModelError> {
         let text = self.required("nunet.depth.encoding")?;
         text.parse().map_err(|error| ModelError::invalid("nunet.depth.encoding", text, error))
     }
 
-    fn range(&self, encoding: Encoding) -> Result<DepthRange, ModelError> {
+    fn range(&self, encoding: DepthEncoding) -> Result<DepthRange, ModelError> {
         if !encoding.is_metric() {
             return Ok(super::unlimited());
         }
@@ -111,11 +112,8 @@ impl Entries<'_> {
 
     fn camera(&self) -> Result<Option<TrainingCamera>, ModelError> {
         let camera: Option<TrainingCamera> = self.json("nunet.camera")?;
-        let sound = |length: f64| length.is_finite() && length > 0.0;
         match camera {
-            Some(TrainingCamera { width, height, fx, fy })
-                if width == 0 || height == 0 || !sound(fx) || !sound(fy) =>
-            {
+            Some(camera) if !camera.is_plausible() => {
                 let text = self.optional("nunet.camera").unwrap_or_default();
                 Err(ModelError::invalid("nunet.camera", text, "sizes and focal lengths must be positive"))
             }
@@ -127,7 +125,7 @@ impl Entries<'_> {
         match self.optional("nunet.trained") {
             Some("true") => Ok(true),
             Some("false") | None => Ok(false),
-            Some(other) => Err(ModelError::invalid("nunet.trained", other, "`true` or `false`")),
+            Some(other) => Err(ModelError::invalid("nunet.trained", other, "expected `true` or `false`")),
         }
     }
 
@@ -165,10 +163,6 @@ mod tests {
         ModelDescription::from_metadata(&metadata, [7; 32])
     }
 
-    fn message(key: &str, value: &str) -> String {
-        with(key, value).unwrap_err().to_string()
-    }
-
     #[test]
     fn a_minimal_description_is_untrained_and_knows_its_range() {
         let description = ModelDescription::from_metadata(&minimal(), [7; 32]).unwrap();
@@ -194,8 +188,8 @@ mod tests {
 
     #[test]
     fn another_version_is_refused_by_name() {
-        let message = message("nunet.version", "2");
-        assert!(message.contains("`nunet.version` `2`, but this program reads version `1`"), "{message}");
+        let expected = ModelError::Version { version: "2".to_owned(), expected: "1" };
+        assert_eq!(with("nunet.version", "2"), Err(expected));
     }
 
     #[test]
@@ -222,21 +216,25 @@ mod tests {
             ("nunet.depth.max_m", "0.1"),
             ("nunet.selftest", "{}"),
         ] {
-            let message = message(key, value);
-            assert!(message.starts_with(&format!("its metadata has `{key}` `{value}`")), "{message}");
+            let error = with(key, value).unwrap_err();
+            let ModelError::Invalid { key: named, value: shown, .. } = &error else { panic!("{error}") };
+            assert_eq!((*named, shown.as_str()), (key, value));
         }
     }
 
     #[test]
-    fn a_long_value_is_cut_in_the_message() {
-        assert!(message("nunet.classes", &"x".repeat(100_000)).len() < 300);
+    fn a_long_value_is_shortened_in_the_message() {
+        let error = with("nunet.classes", &"x".repeat(100_000)).unwrap_err();
+        assert!(error.to_string().len() < 300, "{error}");
     }
 
     #[test]
     fn a_network_without_unit_needs_no_range() {
         let mut metadata = minimal();
-        metadata.insert("nunet.depth.encoding".to_owned(), "relative".to_owned());
         metadata.remove("nunet.depth.min_m");
-        assert!(ModelDescription::from_metadata(&metadata, [0; 32]).is_ok());
+        for encoding in ["relative", "relative_inverse", "minmax"] {
+            metadata.insert("nunet.depth.encoding".to_owned(), encoding.to_owned());
+            assert!(ModelDescription::from_metadata(&metadata, [0; 32]).is_ok(), "{encoding}");
+        }
     }
 }

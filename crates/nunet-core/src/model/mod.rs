@@ -1,57 +1,61 @@
-//! What a model file says of itself: metadata, or a sidecar for foreign networks -> a checked description.
+//! The description of a model: ONNX metadata, or the sidecar of a foreign network.
 
 mod error;
+mod extra_input;
 mod metadata;
 pub mod selftest;
 mod sidecar;
 mod state;
 
-use crate::depth::{DepthRange, Encoding};
+use crate::depth::{DepthEncoding, DepthRange, OutputScale};
 
 pub use error::ModelError;
+pub use extra_input::ExtraInput;
 pub use metadata::METADATA_KEYS;
 pub use selftest::{SelfTest, SelfTestGrid, SelfTestMismatch, SelfTestReport, Tolerance};
-pub use sidecar::Sidecar;
+pub use sidecar::{Sidecar, SidecarError};
 pub use state::StateTensor;
 
-/// The architecture of a network that a sidecar describes, of which little is known.
+/// The architecture of a network that a sidecar describes.
 const FOREIGN: &str = "foreign";
 
-/// The range of a network that names none.
+/// The range of a network without one.
 fn unlimited() -> DepthRange {
     DepthRange::new(0.0, f32::MAX).expect("0 is not negative and below the largest number")
 }
 
-/// What a model file says of itself, checked.
+/// The description of a model, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelDescription {
     /// `unet`, `wnet`, `wnet_c`, ...; `foreign` for a network described by a sidecar.
     pub architecture: String,
     /// The components in series.
     pub components: Vec<Component>,
-    /// What the depth's numbers mean.
-    pub encoding: Encoding,
-    /// The depths that the network can measure, in metres; meaningless where the encoding has no unit.
+    /// What the values of the depth output mean.
+    pub encoding: DepthEncoding,
+    /// The linear map that is applied to the depth output before it is decoded.
+    pub output_scale: OutputScale,
+    /// The depths that the network can measure, meters; ignored if the encoding has no unit.
     pub range: DepthRange,
-    /// The name of each label, in order; empty where there are no labels.
+    /// The name of each label, in order; empty without labels.
     pub classes: Vec<String>,
-    /// The camera of the training pictures.
+    /// The camera of the training images, at which the network's meters hold.
     pub camera: Option<TrainingCamera>,
-    /// Height and width inside the network, where it works at another size than its input's.
+    /// Height and width inside the network, if it works at another size than its input's.
     pub inner_size: Option<[u32; 2]>,
-    /// Whether the weights were trained at all.
+    /// Whether the weights were trained.
     pub trained: bool,
-    /// How it was trained: free form.
+    /// How it was trained; any JSON.
     pub training: serde_json::Value,
-    /// How good it is: free form.
+    /// Its measured accuracy; any JSON.
     pub accuracy: serde_json::Value,
-    /// The licence of the weights.
+    /// The license of the weights.
     pub license: Option<String>,
-    /// The providers that the file is made for.
+    /// The execution providers that the file is made for.
     pub targets: Vec<String>,
-    /// The answer to the self-test picture.
+    /// The expected answer to the self-test image.
     pub selftest: Option<SelfTest>,
-    /// SHA-256 of the model file; of a staged graph over the manifest's bytes and then each stage file's SHA-256.
+    /// SHA-256 of the model file; for a staged graph that of the manifest's bytes followed by each stage file's SHA-256.
     pub hash: [u8; 32],
 }
 
@@ -64,23 +68,31 @@ pub struct Component {
     pub task: String,
     /// The encoder.
     pub backbone: String,
-    /// Whether it sees the original picture besides the component before.
+    /// Whether it takes the image in addition to the output of the component before.
     pub connected: bool,
     /// Number of weights.
     pub parameters: u64,
-    /// Billions of operations for one picture, a multiply-add counted as two.
+    /// Billions of operations per image; a multiply-add counts as two.
     pub gflop: f64,
 }
 
-/// The camera of the training pictures.
+/// The camera of the training images.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct TrainingCamera {
-    /// Pixels from left to right.
+    /// Image width, pixels.
     pub width: u32,
-    /// Pixels from top to bottom.
+    /// Image height, pixels.
     pub height: u32,
     /// Horizontal focal length, pixels at that size.
     pub fx: f64,
     /// Vertical focal length, pixels at that size.
     pub fy: f64,
+}
+
+impl TrainingCamera {
+    /// Whether sizes and focal lengths are positive and finite.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let positive = |length: f64| length.is_finite() && length > 0.0;
+        self.width > 0 && self.height > 0 && positive(self.fx) && positive(self.fy)
+    }
 }

@@ -1,9 +1,9 @@
-//! The picture's last step before the graph.
+//! The network's input tensor.
 
 use crate::graph::{GraphInput, SerialGraph};
 use crate::preprocess::TensorFormat;
 
-/// The picture as the graph wants it: as it is, or as a foreign network's tensor in memory kept for it.
+/// The image as the graph takes it: unchanged, or as a foreign network's tensor in a buffer of its own.
 pub(super) enum Input {
     Rgb,
     Float { format: TensorFormat, tensor: Vec<f32> },
@@ -18,8 +18,8 @@ impl Input {
         }
     }
 
-    /// The graph's input for a picture of its size, and the bytes written to make it.
-    pub(super) fn of<'a>(&'a mut self, rgb: &'a [u8]) -> (GraphInput<'a>, u64) {
+    /// The graph's input for an image of its size, and the bytes written for it.
+    pub(super) fn fill<'a>(&'a mut self, rgb: &'a [u8]) -> (GraphInput<'a>, u64) {
         match self {
             Self::Rgb => (GraphInput::Rgb(rgb), 0),
             Self::Float { format, tensor } => {

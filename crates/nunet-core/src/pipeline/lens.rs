@@ -1,47 +1,69 @@
 //! The camera at the sizes of the network and of its results, and the rays of the latter.
 
+use std::num::NonZeroU32;
+
+use super::PipelineOptions;
 use crate::camera::{Camera, CameraError, Intrinsics, RayTable};
-use crate::filter::DecimationOptions;
+use crate::cloud::{CloudError, CloudOptions, CloudPoint, organized_cloud};
+use crate::filter::Appearance;
+use crate::graph::SerialGraph;
 use crate::model::ModelDescription;
 
-/// Horizontal field of view of a camera of which nothing is known, not even by the model: that of a common webcam.
+/// Horizontal field of view of an unknown camera for a model without a training camera: that of a common webcam.
 const ASSUMED_HFOV_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
 /// The camera, known or assumed.
 pub(super) struct Lens {
-    /// At the size of depth; `None` where the rays are those of an assumed camera.
+    /// At the size of depth; `None` if the camera is assumed.
     pub(super) known: Option<Camera>,
-    /// At the size of depth, known or assumed: the one whose rays these are.
+    /// At the size of depth, known or assumed: the camera of the rays.
     pub(super) camera: Camera,
     /// The known camera's focal length at the network's width, pixels.
     pub(super) network_fx_px: Option<f64>,
-    /// Of every pixel of depth.
-    pub(super) rays: RayTable,
+    /// The ray of every pixel of depth.
+    rays: RayTable,
+    cloud_stride: NonZeroU32,
 }
 
 impl Lens {
-    pub(super) fn new(
-        camera: Option<Camera>,
-        description: &ModelDescription,
-        (width, height): (u32, u32),
-        decimation: Option<DecimationOptions>,
-    ) -> Result<Self, CameraError> {
-        let reduced = |camera: Camera| match decimation {
-            Some(decimation) => camera.binned(decimation.factor()),
-            None => camera,
-        };
-        let at_network = camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
-        let known = at_network.map(reduced);
-        let camera = match known {
+    /// Also feeds the camera to the graph's inputs that depend on it.
+    pub(super) fn new(options: &PipelineOptions, graph: &mut SerialGraph) -> Result<Self, CameraError> {
+        let (width, height) = graph.size();
+        let known = options.camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
+        let at_network = match known {
             Some(camera) => camera,
-            None => reduced(assumed_camera(description, width, height)?),
+            None => assumed_camera(graph.description(), width, height)?,
         };
-        let network_fx_px = at_network.map(|camera| camera.intrinsics.fx_px);
-        Ok(Self { known, camera, network_fx_px, rays: RayTable::new(&camera) })
+        graph.set_camera(&at_network.intrinsics);
+        let camera = match options.filters.decimation() {
+            Some(decimation) => at_network.decimated(decimation.factor()),
+            None => at_network,
+        };
+        let network_fx_px = known.map(|camera| camera.intrinsics.fx_px);
+        Ok(Self {
+            known: known.map(|_| camera),
+            camera,
+            network_fx_px,
+            rays: RayTable::within_angle(&camera, options.max_ray_angle_rad),
+            cloud_stride: options.cloud_stride,
+        })
+    }
+
+    /// Fills a cloud, if one is wanted. Points farther than `max_range_m` have no coordinates.
+    pub(super) fn fill_cloud(
+        &self,
+        depth_m: &[f32],
+        appearance: &Appearance<'_>,
+        max_range_m: f32,
+        cloud: Option<&mut [CloudPoint]>,
+    ) -> Result<(), CloudError> {
+        let Some(points) = cloud else { return Ok(()) };
+        let options = CloudOptions { stride: self.cloud_stride, max_range_m };
+        organized_cloud(depth_m, &self.rays, appearance, options, points)
     }
 }
 
-/// The training camera, else one of [`ASSUMED_HFOV_RAD`], looking through the middle of the picture.
+/// The training camera, else one of [`ASSUMED_HFOV_RAD`], with its principal point in the middle of the image.
 fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Result<Camera, CameraError> {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     let (fx, fy) = description.camera.map_or_else(

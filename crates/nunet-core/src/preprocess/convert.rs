@@ -4,7 +4,7 @@ use yuv::{YuvBiPlanarImage, YuvConversionMode, YuvPackedImage, YuvRange, YuvStan
 
 use crate::frame::{ImageView, PixelFormat};
 
-/// What webcams send: the driver's default for YUV without a stated colour space.
+/// What webcams send: the default of drivers for YUV without a color space.
 const RANGE: YuvRange = YuvRange::Limited;
 const MATRIX: YuvStandardMatrix = YuvStandardMatrix::Bt601;
 
@@ -13,8 +13,8 @@ const FITS: &str = "the view was checked and the buffer sized for it";
 
 /// Writes `frame` as packed RGB into `rgb`, which holds exactly as many pixels.
 ///
-/// A packed frame goes through in one call. A padded one goes row by row: its last row may end with its last pixel,
-/// which `yuv` refuses or leaves out.
+/// A packed frame is converted in one call. A padded one is converted row by row, because its last row may end with its
+/// last pixel, which `yuv` refuses or drops.
 pub(super) fn to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
     let (width, height) = frame.size();
     if frame.format() == PixelFormat::Nv12 {
@@ -30,21 +30,21 @@ pub(super) fn to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
     }
 }
 
-/// Packed rows of any format but NV12.
+/// Packed rows of any format except NV12.
 fn rows_to_rgb(format: PixelFormat, rows: &[u8], width: u32, height: u32, rgb: &mut [u8]) {
     match format {
         PixelFormat::Rgb8 => rgb.copy_from_slice(rows),
         PixelFormat::Bgr8 => yuv::bgr_to_rgb(rows, 3 * width, rgb, 3 * width, width, height).expect(FITS),
-        PixelFormat::Mono8 => spread_grey(rows, rgb),
+        PixelFormat::Mono8 => spread_gray(rows, rgb),
         PixelFormat::Yuyv => {
             let yuyv = YuvPackedImage { yuy: rows, yuy_stride: format.min_stride(width), width, height };
             yuv::yuyv422_to_rgb(&yuyv, rgb, 3 * width, RANGE, MATRIX).expect(FITS);
         }
-        PixelFormat::Nv12 => unreachable!("two planes are no rows"),
+        PixelFormat::Nv12 => unreachable!("NV12 has planes"),
     }
 }
 
-/// As [`to_rgb`] for two planes; here a band is the whole picture, or the two rows that share a row of colour.
+/// As [`to_rgb`] for two planes. A band is the whole image, or the two rows that share a row of chroma.
 fn nv12_to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
     let (width, height) = frame.size();
     let (stride, uv_stride) = (frame.row_stride(), frame.format().min_stride(width));
@@ -61,14 +61,14 @@ fn nv12_to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
     }
 }
 
-/// Writes each grey pixel of `grey` three times into `rgb`.
-pub(super) fn spread_grey(grey: &[u8], rgb: &mut [u8]) {
-    for (pixel, grey) in rgb.as_chunks_mut::<3>().0.iter_mut().zip(grey) {
-        *pixel = [*grey; 3];
+/// Writes each pixel of `gray` three times into `rgb`.
+pub(super) fn spread_gray(gray: &[u8], rgb: &mut [u8]) {
+    for (pixel, gray) in rgb.as_chunks_mut::<3>().0.iter_mut().zip(gray) {
+        *pixel = [*gray; 3];
     }
 }
 
-/// Turns RGB into BGR or back, in place.
+/// Swaps RGB and BGR, in place.
 pub(super) fn swap_red_and_blue(pixels: &mut [u8]) {
     for pixel in pixels.as_chunks_mut::<3>().0 {
         pixel.swap(0, 2);

@@ -1,4 +1,4 @@
-//! From a camera's picture to the network's: as it lies where it fits, else in one pass into a buffer of our own.
+//! From a camera's image to the network's: unchanged if it fits, else converted and resized into a buffer of our own.
 
 mod convert;
 mod resize;
@@ -9,32 +9,32 @@ pub use tensor::{ChannelOrder, TensorFormat, TensorLayout};
 use crate::frame::{ImageView, PixelFormat};
 use resize::Resizer;
 
-/// The network's picture.
+/// The network's image.
 #[derive(Debug, Clone, Copy)]
 pub struct Prepared<'a> {
     /// `[height][width][3]`, `u8`, RGB, rows top to bottom, at the network's size.
     pub rgb: &'a [u8],
-    /// Bytes written to get there; 0 where `rgb` is the camera's picture as it lies.
+    /// Bytes written for it; 0 if `rgb` is the camera's image itself.
     pub bytes_copied: u64,
 }
 
-/// Makes pictures of one size out of pictures of any.
+/// Converts images of any size and format to RGB images of one size.
 ///
-/// The picture that it makes lies at one address for its whole life, so that a binding to it can be kept.
+/// Its own image keeps one address, so that a binding to it can be kept.
 #[derive(Debug)]
 pub struct Preprocessor {
     width: u32,
     height: u32,
-    /// What is handed out: RGB at the network's size.
+    /// The result: RGB at the network's size.
     rgb: Vec<u8>,
-    /// What lies between two steps: the camera's picture as RGB, or a grey one at the network's size.
+    /// Between two steps: the camera's image as RGB, or a gray one at the network's size.
     between: Vec<u8>,
     resize_rgb: Resizer<3>,
-    resize_grey: Resizer<1>,
+    resize_gray: Resizer<1>,
 }
 
 impl Preprocessor {
-    /// For a network that takes pictures of `width` x `height` pixels, at least one of them.
+    /// For a network that takes images of `width` x `height` pixels, neither of them 0.
     #[must_use]
     pub fn new(width: u32, height: u32) -> Self {
         Self {
@@ -43,17 +43,16 @@ impl Preprocessor {
             rgb: vec![0; 3 * width as usize * height as usize],
             between: Vec::new(),
             resize_rgb: Resizer::to_size(width, height),
-            resize_grey: Resizer::to_size(width, height),
+            resize_gray: Resizer::to_size(width, height),
         }
     }
 
-    /// The network's picture of `frame`.
+    /// The network's image of `frame`.
     ///
-    /// A packed RGB frame of the network's size is handed back as it lies. Another shape is stretched: the whole
-    /// field of view is kept, each axis scaled by itself. The first frame of a size or format allocates, later ones
-    /// do not.
+    /// A packed RGB frame of the network's size is returned unchanged. Another aspect ratio is stretched: the whole field of
+    /// view is kept, each axis scaled by its own factor. Only the first frame of a size or format allocates.
     pub fn prepare<'a>(&'a mut self, frame: &ImageView<'a>) -> Prepared<'a> {
-        if self.takes_as_it_lies(frame) {
+        if self.is_network_format(frame) {
             return Prepared { rgb: frame.bytes(), bytes_copied: 0 };
         }
         let bytes_between = if frame.size() == (self.width, self.height) {
@@ -65,20 +64,20 @@ impl Preprocessor {
         Prepared { rgb: &self.rgb, bytes_copied: (bytes_between + self.rgb.len()) as u64 }
     }
 
-    /// What [`Preprocessor::prepare`] handed out for `frame`, when it was the last one.
+    /// What [`Preprocessor::prepare`] returned for `frame`, if that was the last one.
     #[must_use]
     pub fn last<'a>(&'a self, frame: &ImageView<'a>) -> &'a [u8] {
-        if self.takes_as_it_lies(frame) { frame.bytes() } else { &self.rgb }
+        if self.is_network_format(frame) { frame.bytes() } else { &self.rgb }
     }
 
-    fn takes_as_it_lies(&self, frame: &ImageView<'_>) -> bool {
+    fn is_network_format(&self, frame: &ImageView<'_>) -> bool {
         let fits = frame.size() == (self.width, self.height);
         fits && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
     }
 
     /// Fills `rgb` from a frame of another size; returns the bytes written on the way.
     ///
-    /// Channels that do not mix are resized first: reordering or spreading the smaller picture is less work.
+    /// Formats whose channels are independent are resized first: converting the smaller image is less work.
     fn resize(&mut self, frame: &ImageView<'_>) -> usize {
         let network_pixels = self.width as usize * self.height as usize;
         match frame.format() {
@@ -93,8 +92,8 @@ impl Preprocessor {
             }
             PixelFormat::Mono8 => {
                 self.between.resize(network_pixels, 0);
-                self.resize_grey.resize(frame, &mut self.between);
-                convert::spread_grey(&self.between, &mut self.rgb);
+                self.resize_gray.resize(frame, &mut self.between);
+                convert::spread_gray(&self.between, &mut self.rgb);
                 self.between.len()
             }
             PixelFormat::Yuyv | PixelFormat::Nv12 => {

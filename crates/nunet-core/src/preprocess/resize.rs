@@ -1,4 +1,4 @@
-//! One pass to the network's size.
+//! Resizing to the network's size in one pass.
 
 use std::fmt;
 use std::sync::Arc;
@@ -7,20 +7,20 @@ use pic_scale::{BufferStore, ImageSize, ImageStore, ImageStoreMut, Resampling, R
 
 use crate::frame::ImageView;
 
-/// Weighs a pixel by 2|t|^3 - 3t^2 + 1, t being its distance in pixels of the coarser picture: nothing between two
-/// samples is lost when shrinking, nothing overshoots when growing.
+/// Weighs a pixel by 2|t|^3 - 3t^2 + 1, where t is its distance in pixels of the coarser image: downsampling skips no
+/// pixel, and upsampling does not overshoot.
 ///
-/// `pic-scale`'s `Area` is four target pixels wide, and its `Bilinear` drops the last tap at most ratios, which moves
-/// the picture by a fraction of a pixel; this one has room for all of its taps.
+/// `pic-scale`'s `Area` is four target pixels wide, and its `Bilinear` drops the last tap at most ratios, which shifts the
+/// image by a fraction of a pixel.
 const FILTER: ResamplingFunction = ResamplingFunction::Hermite;
 
 /// Why `pic-scale` cannot fail here.
 const FITS: &str = "the view was checked, and plan, scratch and buffer were sized for it";
 
-/// Resizes pictures of `N` bytes a pixel to one size, with vector instructions where the processor has them.
+/// Resizes images of `N` bytes per pixel to one size, with vector instructions if the processor has them.
 ///
-/// Weights and scratch memory are made for the first picture of a size and kept, so that later ones allocate nothing.
-/// (`fast_image_resize` is as fast, but computes its weights anew for each picture, in a thousand allocations.)
+/// Weights and scratch memory are kept for the size of the first image, so that later ones allocate nothing.
+/// (`fast_image_resize` is as fast, but computes its weights for each image, in a thousand allocations.)
 pub(super) struct Resizer<const N: usize> {
     target: ImageSize,
     plan: Option<Arc<Resampling<u8, N>>>,
@@ -41,12 +41,12 @@ where
         Self { target: image_size(width, height), plan: None, scratch: Vec::new() }
     }
 
-    /// Fills `out`, packed and of the target's size, with the stretched `frame`, whose format has `N` bytes a pixel.
+    /// Resizes `frame`, whose format has `N` bytes per pixel, into `out`, packed and of the target's size.
     pub(super) fn resize(&mut self, frame: &ImageView<'_>, out: &mut [u8]) {
         let source = image_size(frame.width(), frame.height());
         let known = self.plan.take().filter(|plan| plan.source_size() == source);
         let plan = known.unwrap_or_else(|| self.plan_for(source));
-        let picture = ImageStore::<u8, N> {
+        let image = ImageStore::<u8, N> {
             buffer: frame.bytes().into(),
             channels: N,
             width: source.width,
@@ -62,7 +62,7 @@ where
             stride: self.target.width * N,
             bit_depth: u8::BITS as usize,
         };
-        plan.resample_with_scratch(&picture, &mut out, &mut self.scratch).expect(FITS);
+        plan.resample_with_scratch(&image, &mut out, &mut self.scratch).expect(FITS);
         self.plan = Some(plan);
     }
 
@@ -73,7 +73,7 @@ where
     }
 }
 
-/// `pic-scale` has a planning method for each number of channels; this is one name for those used here.
+/// `pic-scale` has a planning method for each number of channels; this is one name for two of them.
 pub(super) trait Plan<const N: usize> {
     fn plan(&self, source: ImageSize, target: ImageSize) -> Arc<Resampling<u8, N>>;
 }

@@ -29,7 +29,7 @@ pub enum ChannelOrder {
     Bgr,
 }
 
-/// How a foreign network wants its picture: `(byte * scale - mean) / std` for each channel.
+/// The format of a foreign network's image: `(byte * scale - mean) / std` for each channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TensorFormat {
     /// The order of the dimensions.
@@ -38,7 +38,7 @@ pub struct TensorFormat {
     pub channels: ChannelOrder,
     /// Multiplies the byte, 1/255 for 0 to 1.
     pub scale: f32,
-    /// Taken off each channel, in the order of `channels`.
+    /// Subtracted from each channel, in the order of `channels`.
     pub mean: [f32; 3],
     /// Divides each channel, in the order of `channels`.
     pub std: [f32; 3],
@@ -48,11 +48,11 @@ impl TensorFormat {
     /// Writes `rgb` (`[H][W][3]`, RGB) into `out`, of as many elements, in this format.
     ///
     /// # Panics
-    /// If the two differ in length, or hold no whole number of pixels: both are sized when the graph is loaded.
+    /// If the two differ in length, or are not whole pixels: both are sized when the graph is loaded.
     pub fn fill(&self, rgb: &[u8], out: &mut [f32]) {
-        assert_eq!(rgb.len(), out.len(), "the tensor has the picture's size");
+        assert_eq!(rgb.len(), out.len(), "the tensor has the image's size");
         let (pixels, rest) = rgb.as_chunks();
-        assert!(rest.is_empty(), "a picture is a whole number of pixels");
+        assert!(rest.is_empty(), "an image is a whole number of pixels");
         match self.layout {
             TensorLayout::Nchw => self.fill_planes(pixels, out),
             TensorLayout::Nhwc => self.fill_pixels(pixels, out),

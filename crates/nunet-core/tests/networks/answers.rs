@@ -3,7 +3,7 @@
 use nunet_core::graph::{GraphInput, GraphOptions, GraphOutputs, Quality, SerialGraph};
 use nunet_testkit::models;
 
-use crate::{Folder, SIZE, options, picture, pixels, refusal, run, runtime, ticking};
+use crate::{Folder, SIZE, image, options, pixels, refusal, run, runtime, ticking};
 
 const TWO_STAGES: &str = r#"
 version = 1
@@ -54,7 +54,7 @@ fn two_stages(is_connected: bool) -> Folder {
 }
 
 fn expected(depth: impl Fn([u8; 3]) -> f32) -> (Vec<f32>, Vec<u8>) {
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     (pixels(&rgb).map(depth).collect(), pixels(&rgb).map(models::label).collect())
 }
 
@@ -63,7 +63,7 @@ fn one_component_gives_depth_and_no_labels() {
     let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
     let mut graph = folder.load("unet.onnx").unwrap();
     assert_eq!((graph.size(), graph.has_labels(), graph.stages().len()), (SIZE, false, 1));
-    assert_eq!(run(&mut graph, &picture(SIZE)).depth, expected(models::plain_depth).0);
+    assert_eq!(run(&mut graph, &image(SIZE)).depth, expected(models::plain_depth).0);
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn one_component_runs_as_a_staged_graph_too() {
                     inputs = { rgb = \"image\" }\n[outputs]\ndepth = \"depth.depth\"\n";
     let folder = Folder::new().model("unet.onnx", &models::unet(SIZE)).text("graph.toml", manifest);
     let mut graph = folder.load("graph.toml").unwrap();
-    assert_eq!(run(&mut graph, &picture(SIZE)).depth, expected(models::plain_depth).0);
+    assert_eq!(run(&mut graph, &image(SIZE)).depth, expected(models::plain_depth).0);
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn two_components_agree_fused_and_staged() {
             [fused.load("wnet.onnx").unwrap(), two_stages(is_connected).load("graph.toml").unwrap()];
         assert_eq!(graphs.each_ref().map(|graph| graph.stages().len()), [1, 2]);
         for graph in &mut graphs {
-            let answer = run(graph, &picture(SIZE));
+            let answer = run(graph, &image(SIZE));
             assert_eq!((answer.depth, answer.labels), expected(depth));
             assert_eq!((answer.report.quality, answer.report.bytes_copied), (Quality::Full, 0));
         }
@@ -100,7 +100,7 @@ fn three_components_run_in_series_plain_and_connected() {
             .model("refine.onnx", &models::refine_stage(SIZE, is_connected))
             .text("graph.toml", &manifest);
         let mut graph = folder.load("graph.toml").unwrap();
-        let answer = run(&mut graph, &picture(SIZE));
+        let answer = run(&mut graph, &image(SIZE));
         let expected = expected(|pixel| match is_connected {
             false => 2.0 * models::plain_depth(pixel),
             true => 2.0 * models::connected_depth(pixel) + f32::from(pixel[1]) / 32.0,
@@ -114,7 +114,7 @@ fn three_components_run_in_series_plain_and_connected() {
 fn inner_outputs_are_results_too() {
     let mut graph = two_stages(true).load("graph.toml").unwrap();
     assert!(graph.tensor("segmentation.logits").is_none(), "nothing has run yet");
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     run(&mut graph, &rgb);
     let logits = graph.tensor("segmentation.logits").unwrap();
     assert_eq!(logits.spec.shape, [1, 3, 3, 6]);
@@ -131,7 +131,7 @@ fn inner_outputs_are_results_too() {
 fn labels_that_nobody_asked_for_stay_inside() {
     let folder = Folder::new().model("wnet.onnx", &models::wnet(SIZE, true));
     let mut graph = folder.load("wnet.onnx").unwrap();
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     let mut depth = vec![0.0; rgb.len() / 3];
     let outputs = GraphOutputs { depth: &mut depth, labels: None };
     graph.run(GraphInput::Rgb(&rgb), outputs, &ticking()).unwrap();
@@ -149,11 +149,11 @@ fn a_skipped_stage_is_reused_stamped_and_its_copy_counted() {
         .replace("inputs = { rgb = \"image\" }", "inputs = { rgb = \"image\" }\nevery = 2");
     let folder = folder.text("graph.toml", &manifest);
     let mut graph = folder.load("graph.toml").unwrap();
-    let first = picture(SIZE);
+    let first = image(SIZE);
     let second: Vec<u8> = first.iter().map(|value| 255 - value).collect();
     let labels_of = |rgb: &[u8]| pixels(rgb).map(models::label).collect::<Vec<_>>();
     let pixel_count = first.len() as u64 / 3;
-    assert!(!graph.is_memoryless(), "whether the stage is skipped depends on the runs before");
+    assert!(!graph.is_stateless(), "whether the stage is skipped depends on the runs before");
 
     let answer = run(&mut graph, &first);
     assert_eq!((answer.labels, answer.report.quality), (labels_of(&first), Quality::Full));
@@ -161,7 +161,7 @@ fn a_skipped_stage_is_reused_stamped_and_its_copy_counted() {
     let answer = run(&mut graph, &second);
     assert_eq!((&answer.labels, answer.report.quality), (&labels_of(&first), Quality::ReusedLabels));
     assert_eq!(answer.report.bytes_copied, pixel_count);
-    // Features of the first picture, the picture itself of the second.
+    // Features of the first image, the image itself of the second.
     let mixed: Vec<f32> = pixels(&first)
         .zip(pixels(&second))
         .map(|(old, new)| models::plain_depth(old) + f32::from(new[0]) / 32.0)
@@ -187,8 +187,14 @@ fn every_can_be_set_from_outside_for_stages_that_exist() {
     assert_eq!(graph.stages().iter().map(|stage| stage.every).collect::<Vec<_>>(), [3, 1]);
     let message = refusal(load(&[("segmantation".to_owned(), 3)]));
     assert_eq!(message, "no stage is named `segmantation`; the stages are `segmentation`, `depth`");
+    let twice = [("segmentation".to_owned(), 3), ("segmentation".to_owned(), 2)];
+    let message = refusal(load(&twice));
+    assert!(
+        message.starts_with("`every` is given twice for stage `segmentation`: 3 and 2\nhint: "),
+        "{message}"
+    );
     let message = refusal(load(&[("depth".to_owned(), 2)]));
-    assert!(message.contains("stage `depth` has `every = 2`, but it gives the depth"), "{message}");
+    assert!(message.contains("stage `depth` has `every = 2`, but computes the depth"), "{message}");
 }
 
 #[test]
@@ -197,7 +203,7 @@ fn stages_of_mixed_sizes_are_refused_with_both_sides() {
     let message = refusal(folder.load("graph.toml"));
     assert!(
         message.contains(
-            "stage `depth` expects `features` of float32 [1, 3, 6, 12], but stage `segmentation` gives `logits` of \
+            "stage `depth` expects `features` of float32 [1, 3, 6, 12], but `logits` of stage `segmentation` is \
              float32 [1, 3, 3, 6]\nhint: "
         ),
         "{message}"
@@ -206,7 +212,7 @@ fn stages_of_mixed_sizes_are_refused_with_both_sides() {
     let message = refusal(folder.load("graph.toml"));
     assert!(
         message.contains(
-            "stage `depth` takes a picture of uint8 [1, 6, 12, 3], but stage `segmentation` takes one of uint8 \
+            "stage `depth` takes an image of uint8 [1, 6, 12, 3], but stage `segmentation` takes one of uint8 \
              [1, 3, 6, 3]"
         ),
         "{message}"

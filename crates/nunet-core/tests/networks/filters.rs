@@ -12,7 +12,7 @@ use nunet_testkit::models;
 use nunet_testkit::models::Size;
 use nunet_testkit::onnx::ModelBuilder;
 
-use crate::{Folder, chain, picture, pixels, ticking};
+use crate::{Folder, chain, image, pixels, ticking};
 
 /// No multiple of 3: a column is left over at the right and a row at the bottom.
 const LARGE: Size = (10, 7);
@@ -67,7 +67,7 @@ fn block<T: Copy>(values: &[T], column: usize, row: usize) -> Vec<T> {
 
 #[test]
 fn decimation_makes_depth_labels_and_cloud_smaller_and_the_camera_follows() {
-    let rgb = picture(LARGE);
+    let rgb = image(LARGE);
     let mut pipeline = pipeline(&models::wnet(LARGE, true), &["decimation=3"]);
     assert_eq!((pipeline.size(), pipeline.cloud_size(), pipeline.graph().size()), ((3, 2), (3, 2), LARGE));
     assert_eq!(pipeline.decimation(), NonZeroU32::new(3).unwrap());
@@ -76,7 +76,7 @@ fn decimation_makes_depth_labels_and_cloud_smaller_and_the_camera_follows() {
     for labels_wanted in [true, false] {
         let answer = run(&mut pipeline, &rgb, labels_wanted);
         let camera = answer.report.camera.unwrap();
-        assert_eq!(camera, self::camera().binned(NonZeroU32::new(3).unwrap()));
+        assert_eq!(camera, self::camera().decimated(NonZeroU32::new(3).unwrap()));
         for (i, point) in answer.cloud.iter().enumerate() {
             let (column, row) = (i % 3, i / 3);
             let mut of_block = block(&depth, column, row);
@@ -93,7 +93,7 @@ fn decimation_makes_depth_labels_and_cloud_smaller_and_the_camera_follows() {
 
             let [u, v] = camera.project([point.x, point.y, point.z].map(f64::from)).unwrap();
             assert!((u - column as f64).abs() < 1e-5 && (v - row as f64).abs() < 1e-5, "{i}: {u} {v}");
-            // The middle of the block is its middle pixel: the large picture's camera sees the point there.
+            // The middle of the block is its middle pixel: the large image's camera sees the point there.
             let [u, v] = self::camera().project([point.x, point.y, point.z].map(f64::from)).unwrap();
             let (middle_u, middle_v) = ((3 * column + 1) as f64, (3 * row + 1) as f64);
             assert!((u - middle_u).abs() < 1e-5 && (v - middle_v).abs() < 1e-5, "{i}: {u} {v}");
@@ -111,13 +111,13 @@ fn a_cloud_stride_counts_pixels_of_the_smaller_depth_map() {
     };
     let mut pipeline = Pipeline::new(graph, options).unwrap();
     assert_eq!((pipeline.size(), pipeline.cloud_size()), ((5, 3), (3, 2)));
-    let answer = run(&mut pipeline, &picture(LARGE), false);
+    let answer = run(&mut pipeline, &image(LARGE), false);
     assert_eq!(answer.cloud[4].z, answer.depth_m[2 * 5 + 2]);
     assert!(answer.report.camera.is_none());
 }
 
 #[test]
-fn metres_are_scaled_by_the_focal_length_at_the_networks_size_whatever_the_decimation() {
+fn meters_are_scaled_by_the_focal_length_at_the_networks_size_whatever_the_decimation() {
     let scale = |texts: &[&str]| {
         let graph = Folder::new().model("m.onnx", &models::unet(LARGE)).load("m.onnx").unwrap();
         let options =
@@ -137,20 +137,20 @@ fn each_filter_that_is_on_has_its_time_in_the_order_in_which_they_run() {
     let mut every = pipeline(&models::unet(LARGE), &all);
     let names = ["preprocess", "network", "decode", "decimation", "spatial", "temporal", "holes", "cloud"];
     assert_eq!(every.stage_names(), names);
-    assert!(pipeline(&models::unet(LARGE), &["decimation", "spatial", "holes"]).is_memoryless());
-    let report = run(&mut every, &picture(LARGE), false).report;
+    assert!(pipeline(&models::unet(LARGE), &["decimation", "spatial", "holes"]).is_stateless());
+    let report = run(&mut every, &image(LARGE), false).report;
     assert_eq!(report.stages.micros(), [1000; 8], "one tick of the clock each");
     let mut two = pipeline(&models::unet(LARGE), &["holes", "spatial"]);
     assert_eq!(two.stage_names(), ["preprocess", "network", "decode", "spatial", "holes", "cloud"]);
-    assert_eq!(run(&mut two, &picture(LARGE), false).report.stages.micros(), [1000; 6]);
+    assert_eq!(run(&mut two, &image(LARGE), false).report.stages.micros(), [1000; 6]);
 }
 
 #[test]
 fn invalid_pixels_are_those_that_are_left_after_the_filters() {
-    // Up to 5 m: some of this picture is farther, and no measurement.
+    // Up to 5 m: some of this image is farther, and no measurement.
     let model = models::unet(LARGE).metadata("nunet.depth.max_m", "5");
     let holes = |texts: &[&str]| {
-        let answer = run(&mut pipeline(&model, texts), &picture(LARGE), false);
+        let answer = run(&mut pipeline(&model, texts), &image(LARGE), false);
         let counted = answer.depth_m.iter().filter(|depth| depth.is_nan()).count();
         assert_eq!(answer.report.invalid_pixels as usize, counted, "{texts:?}");
         assert_eq!(answer.cloud.iter().filter(|point| point.z.is_nan()).count(), counted, "{texts:?}");
@@ -166,7 +166,7 @@ fn invalid_pixels_are_those_that_are_left_after_the_filters() {
 #[test]
 fn what_temporal_remembers_is_forgotten_with_everything_else() {
     let mut pipeline = pipeline(&models::unet(LARGE), &["temporal=alpha:0,delta:1"]);
-    assert!(!pipeline.is_memoryless());
+    assert!(!pipeline.is_stateless());
     let (dark, light) = (vec![0; 210], vec![2; 210]);
     let dark_m = models::plain_depth([0; 3]);
     let light_m = models::plain_depth([2; 3]);
@@ -187,7 +187,7 @@ fn the_self_test_is_of_the_networks_own_size() {
     let options = PipelineOptions { filters, ..PipelineOptions::default() };
     let mut pipeline = Pipeline::new(graph, options).unwrap();
     pipeline.selftest(&ticking()).unwrap();
-    let rgb = selftest::picture(size.0, size.1);
+    let rgb = selftest::image(size.0, size.1);
     let frame = ImageView::packed(&rgb, size.0, size.1, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; 8 * 6];
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
@@ -199,15 +199,15 @@ fn what_does_not_fit_is_refused() {
     let graph = Folder::new().model("m.onnx", &models::unet(LARGE)).load("m.onnx").unwrap();
     let options = PipelineOptions { filters: filters(&["decimation=8"]), ..PipelineOptions::default() };
     let Err(error) = Pipeline::new(graph, options) else { panic!("7 rows hold no block of 8") };
-    assert!(chain(&error).contains("`10x7` holds no block of `8x8` pixels"), "{}", chain(&error));
+    assert!(chain(&error).contains("10x7 has no block of 8x8 pixels"), "{}", chain(&error));
 
     let mut pipeline = pipeline(&models::unet(LARGE), &["decimation=2"]);
-    let rgb = picture(LARGE);
+    let rgb = image(LARGE);
     let frame = ImageView::packed(&rgb, LARGE.0, LARGE.1, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; 70];
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let message = chain(&pipeline.process(&frame, outputs, &ticking()).unwrap_err());
-    assert!(message.contains("the `depth` of filter `decimation` holds `70` elements"), "{message}");
+    assert!(message.contains("the buffer `depth` of filter `decimation` has 70 elements"), "{message}");
     let outputs = Outputs { depth_m: &mut depth_m[..15], labels: Some(&mut [0; 15]), cloud: None };
     assert!(pipeline.process(&frame, outputs, &ticking()).is_err(), "this network has no labels");
 }

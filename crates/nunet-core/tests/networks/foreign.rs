@@ -5,7 +5,7 @@ use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
-use crate::{Folder, SIZE, picture, pixels, refusal, ticking};
+use crate::{Folder, SIZE, image, pixels, refusal, ticking};
 
 const F32: ElementType = ElementType::F32;
 
@@ -29,7 +29,7 @@ fn weighted_values() -> ModelBuilder {
 
 fn depth_of(folder: &Folder) -> (Vec<f32>, u64) {
     let mut pipeline = Pipeline::new(folder.load("m.onnx").unwrap(), PipelineOptions::default()).unwrap();
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     let mut depth_m = vec![0.0; rgb.len() / 3];
     let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
@@ -54,7 +54,7 @@ fn planes_and_values_in_either_channel_order_are_fed_as_the_sidecar_says() {
     ] {
         let text = sidecar(&format!("layout = \"{layout}\"\ncolor = \"{color}\""));
         let folder = Folder::new().model("m.onnx", &model).text("m.toml", &text);
-        let expected: Vec<f32> = pixels(&picture(SIZE))
+        let expected: Vec<f32> = pixels(&image(SIZE))
             .map(|pixel| pixel.map(f32::from))
             .map(|[r, g, b]| if color == "rgb" { 4.0 * r + 2.0 * g + b } else { 4.0 * b + 2.0 * g + r })
             .collect();
@@ -69,7 +69,7 @@ fn scale_mean_and_std_are_applied_in_that_order() {
     let text = sidecar("layout = \"nchw\"\nscale = 0.5\nmean = [8, 4, 2]\nstd = [2, 4, 8]");
     let model = weighted_planes(&[1, 3, 3, 6], &[1, 1, 3, 6]);
     let folder = Folder::new().model("m.onnx", &model).text("m.toml", &text);
-    let expected: Vec<f32> = pixels(&picture(SIZE))
+    let expected: Vec<f32> = pixels(&image(SIZE))
         .map(|pixel| pixel.map(|value| f32::from(value) * 0.5))
         .map(|[r, g, b]| 4.0 * (r - 8.0) / 2.0 + 2.0 * (g - 4.0) / 4.0 + (b - 2.0) / 8.0)
         .collect();
@@ -82,7 +82,7 @@ fn bytes_in_rows_are_bound_as_they_lie() {
     let text = "[input]\ntensor = \"rgb\"\nlayout = \"nhwc\"\ndtype = \"uint8\"\nsize = [3, 6]\n\
                 [output]\ndepth = \"depth\"\nencoding = \"metric\"\n";
     let folder = Folder::new().model("m.onnx", &model).text("m.toml", text);
-    let expected: Vec<f32> = pixels(&picture(SIZE)).map(models::plain_depth).collect();
+    let expected: Vec<f32> = pixels(&image(SIZE)).map(models::plain_depth).collect();
     assert_eq!(depth_of(&folder), (expected, 0));
 }
 
@@ -91,7 +91,7 @@ fn dimensions_that_the_file_leaves_open_are_the_sidecars() {
     let text = sidecar("layout = \"nchw\"");
     let model = weighted_planes(&[-1, 3, -1, -1], &[-1, 1, -1, -1]);
     let folder = Folder::new().model("m.onnx", &model).text("m.toml", &text);
-    let first = picture(SIZE)[..3].iter().zip([4.0, 2.0, 1.0]).map(|(&v, w)| f32::from(v) * w).sum::<f32>();
+    let first = image(SIZE)[..3].iter().zip([4.0, 2.0, 1.0]).map(|(&v, w)| f32::from(v) * w).sum::<f32>();
     assert_eq!(depth_of(&folder).0[0], first);
 }
 
@@ -101,14 +101,20 @@ fn sidecars_that_do_not_fit_are_refused() {
     let good = sidecar("layout = \"nchw\"");
     for (text, says) in [
         (good.replace("\"x\"", "\"input\""), "stage `network` has no input `input`; its inputs are `x`"),
-        (good.replace("\"y\"", "\"z\""), "output `depth` takes `z` of stage `network`, which gives `y`"),
+        (
+            good.replace("\"y\"", "\"z\""),
+            "output `depth` takes `z` of stage `network`, whose outputs are `y`",
+        ),
         (
             good.replace("[3, 6]", "[6, 12]"),
-            "`x` of float32 [1, 3, 3, 6], but a picture is float32 [1, 3, 6, 12]",
+            "`x` of float32 [1, 3, 3, 6], but the image is float32 [1, 3, 6, 12]",
         ),
-        (good.replace("nchw", "nhwc"), "but a picture is float32 [1, 3, 6, 3]"),
-        (good.replace("relative", "feet"), "its sidecar `m.toml` is wrong: `feet` is no depth encoding"),
-        ("version = 1\n".to_owned(), "its sidecar `m.toml` is wrong: "),
+        (good.replace("nchw", "nhwc"), "but the image is float32 [1, 3, 6, 3]"),
+        (
+            good.replace("relative", "feet"),
+            "cannot read the sidecar `m.toml`: `feet` is not a depth encoding",
+        ),
+        ("version = 1\n".to_owned(), "cannot read the sidecar `m.toml`: "),
     ] {
         let message = refusal(Folder::new().model("m.onnx", &model).text("m.toml", &text).load("m.onnx"));
         assert!(message.contains(says), "{message}");

@@ -1,16 +1,17 @@
-//! Small networks of every kind, run by the real ONNX Runtime and held to answers computed by hand.
+//! Small networks of every kind, run by ONNX Runtime and compared with answers computed by hand.
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 mod answers;
 mod bad_models;
+mod buffers;
 mod filters;
 mod foreign;
-mod memory;
+mod foreign_cases;
 mod pipeline;
 mod recurrent;
 mod runtime;
+mod shared_sessions;
 mod shipped;
-mod siblings;
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +22,7 @@ use nunet_testkit::models::Size;
 use nunet_testkit::onnx::ModelBuilder;
 use tempfile::TempDir;
 
-/// An odd, wide size: swapped sides, or a picture read transposed, cannot pass.
+/// An odd, wide size: swapped sides, or a transposed image, cannot pass.
 const SIZE: Size = (6, 3);
 
 fn runtime() -> Runtime {
@@ -64,8 +65,8 @@ impl Folder {
     }
 }
 
-/// A picture without any symmetry: every pixel and every channel differs from its neighbours.
-fn picture((width, height): Size) -> Vec<u8> {
+/// An image without symmetry: every pixel and every channel differs from its neighbors.
+fn image((width, height): Size) -> Vec<u8> {
     let pixels = u32::from(u8::MAX) - 5;
     (0..width * height)
         .flat_map(|i| [(i * 37 + 11) % pixels, (i * 59 + 83) % pixels, (i * 23 + 149) % pixels])
@@ -77,18 +78,18 @@ fn pixels(rgb: &[u8]) -> impl Iterator<Item = [u8; 3]> {
     rgb.as_chunks().0.iter().copied()
 }
 
-/// What a graph made of one picture.
+/// A graph's results for one image.
 struct Answer {
     depth: Vec<f32>,
     labels: Vec<u8>,
     report: GraphReport,
 }
 
-/// Runs a graph with labels if it has any. Each reading of the clock is a millisecond later than the one before.
+/// Runs a graph, with labels if it has any. Each reading of the clock is a millisecond later than the one before.
 fn run(graph: &mut SerialGraph, rgb: &[u8]) -> Answer {
     let clock = ticking();
     let pixels = rgb.len() / 3;
-    // Values that no network here gives, so that memory which was never written to shows.
+    // Values that no network here returns, so that memory that was not written shows.
     let (mut depth, mut labels) = (vec![-1.0; pixels], vec![99; pixels]);
     let wanted = graph.has_labels().then_some(&mut labels[..]);
     let outputs = GraphOutputs { depth: &mut depth, labels: wanted };
@@ -104,21 +105,23 @@ fn ticking() -> impl Fn() -> u64 {
     }
 }
 
-/// The error's whole chain, as `main` would print it.
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(error) = source {
-        text += &format!(": {error}");
-        source = error.source();
+/// The error's whole chain with its hints, as a front end prints it.
+fn chain(error: &(dyn std::error::Error + 'static)) -> String {
+    let (mut text, mut hints) = (String::new(), String::new());
+    let mut cause = Some(error);
+    while let Some(error) = cause {
+        let separator = if text.is_empty() { "" } else { ": " };
+        text += &format!("{separator}{error}");
+        hints.extend(nunet_core::hint_of(error).map(|hint| format!("\nhint: {hint}")));
+        cause = error.source();
     }
-    text
+    text + &hints
 }
 
 /// The chain of a load that must fail.
 fn refusal(result: Result<SerialGraph, GraphError>) -> String {
     match result {
-        Ok(_) => panic!("the graph was taken"),
+        Ok(_) => panic!("the graph was loaded"),
         Err(error) => chain(&error),
     }
 }

@@ -6,11 +6,11 @@ use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
-use crate::{Folder, SIZE, picture, pixels, refusal, run, ticking};
+use crate::{Folder, SIZE, image, pixels, refusal, run, ticking};
 
-/// A picture of its own for each number; the first pixel's red is the number too.
+/// A image of its own for each number; the first pixel's red is the number too.
 fn numbered(number: u8) -> Vec<u8> {
-    let mut rgb: Vec<u8> = picture(SIZE).iter().map(|value| value.wrapping_mul(number | 1)).collect();
+    let mut rgb: Vec<u8> = image(SIZE).iter().map(|value| value.wrapping_mul(number | 1)).collect();
     rgb[0] = number;
     rgb
 }
@@ -20,7 +20,7 @@ struct Trail(Vec<f32>);
 
 impl Trail {
     fn new() -> Self {
-        Self(vec![0.0; picture(SIZE).len() / 3])
+        Self(vec![0.0; image(SIZE).len() / 3])
     }
 
     fn remember(&mut self, rgb: &[u8]) {
@@ -69,7 +69,7 @@ fn a_memory_goes_from_frame_to_frame_and_nothing_is_copied() {
         assert_eq!(floats(&graph, "network.trail_out"), trail.0, "what it remembers is a result too");
         assert_eq!(floats(&graph, "network.count_out"), [f32::from(number) + 1.0]);
     }
-    assert_eq!(graph.stages()[0].memory.len(), 2);
+    assert_eq!(graph.stages()[0].state.len(), 2);
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn a_stage_that_is_skipped_remembers_its_own_last_run() {
 #[test]
 fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
     let mut pipeline = Pipeline::new(load(&models::remembering(SIZE)), PipelineOptions::default()).unwrap();
-    assert!(!pipeline.is_memoryless());
+    assert!(!pipeline.is_stateless());
     let depth_of = |pipeline: &mut Pipeline, number: u8| {
         let (rgb, mut depth_m) = (numbered(number), vec![0.0; 18]);
         let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
@@ -181,23 +181,11 @@ fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
 #[test]
 fn a_memory_that_the_file_does_not_keep_to_is_refused_naming_both_sides() {
     for (from, to, says) in [
-        (
-            "[1]",
-            "[2]",
-            "the input `count_in` (`nunet.state`) of float32 [2], but its file has it of float32 [1]",
-        ),
-        (
-            "trail_in",
-            "rgb",
-            "the input `rgb` (`nunet.state`) of float32 [1, 1, 3, 6], but its file has it of uint8",
-        ),
+        ("[1]", "[2]", "the input `count_in` of float32 [2], but its file has it of float32 [1]"),
+        ("trail_in", "rgb", "the input `rgb` of float32 [1, 1, 3, 6], but its file has it of uint8"),
         ("trail_in", "trial_in", "the inputs of its file are `rgb`, `trail_in`, `count_in`\nhint: "),
-        (
-            "trail_out",
-            "depth",
-            "output `depth` is `network.depth`, which `nunet.state` keeps for the next frame",
-        ),
-        ("count_in", "trail_in", "does not describe itself as it should: its metadata has `nunet.state`"),
+        ("trail_out", "depth", "output `depth` is `network.depth`, which is also part of a state"),
+        ("count_in", "trail_in", "metadata `nunet.state` is"),
     ] {
         let state = models::trail_state(SIZE).replace(from, to);
         let message = message(&models::remembering(SIZE).metadata("nunet.state", &state));
@@ -211,7 +199,7 @@ fn a_stages_memory_is_described_in_its_own_file() {
     let folder = Folder::new().model("trail.onnx", &wrong);
     let folder = folder.model("depth.onnx", &models::refine_stage(SIZE, false));
     let message = refusal(folder.text("graph.toml", TRAIL_AND_DEPTH).load("graph.toml"));
-    assert!(message.contains("trail.onnx` does not describe itself as it should: "), "{message}");
+    assert!(message.contains("cannot use the description of the model `"), "{message}");
 }
 
 /// What a memory's file promises and what it computes may differ: an error of the run, and the memory stays whole.
@@ -234,7 +222,7 @@ fn a_memory_that_turns_out_otherwise_than_promised_is_an_error_of_the_run() {
     match folder.load("liar.onnx") {
         Err(error) => drop(refusal(Err(error))),
         Ok(mut graph) => {
-            let message = fail(&mut graph, &picture(SIZE));
+            let message = fail(&mut graph, &image(SIZE));
             assert!(message.starts_with("stage `network` failed: "), "{message}");
         }
     }

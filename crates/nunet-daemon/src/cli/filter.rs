@@ -3,6 +3,8 @@
 use clap::Args;
 use nunet_core::filter::{FilterError, FilterOptions, FilterSpec};
 
+use crate::exit::parsed;
+
 /// What is done to depth after the network.
 #[derive(Debug, Args, Clone, Default)]
 pub struct FilterArgs {
@@ -10,7 +12,7 @@ pub struct FilterArgs {
     ///
     /// They run in this order, librealsense's, whatever the order given, and with its defaults:
     ///
-    /// decimation=2: blocks of 2x2 to 8x8 pixels become one, their median; labels and cloud follow
+    /// decimation=2: blocks of 2x2 to 8x8 pixels become one, their median, or from 4x4 on their mean; labels and cloud follow
     ///
     /// spatial=magnitude:2,alpha:0.5,delta:0.02,fill:0: smooths within surfaces, 1 to 5 times, with 0.25 to 1 of a
     /// pixel's own depth; neighbours that differ by `delta` metres or more are an edge; `fill` 0 to 5 fills holes along
@@ -21,7 +23,7 @@ pub struct FilterArgs {
     /// last 8 frames, 2: 2 of 3, 3: 2 of 4, 4: 2 of 8, 5: 1 of 2, 6: 1 of 5, 7: 1 of 8, 8: ever
     ///
     /// holes=farthest: fills pixels without depth from the `left`, or with the `farthest` or `nearest` around
-    #[arg(long = "filter", value_name = "NAME[=key:value,...]")]
+    #[arg(long = "filter", value_name = "NAME[=key:value,...]", value_parser = parsed::<FilterSpec>)]
     pub filters: Vec<FilterSpec>,
 }
 

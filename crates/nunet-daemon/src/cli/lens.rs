@@ -7,12 +7,13 @@ use clap::{Args, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 
 use super::{FilterArgs, count};
+use crate::exit::parsed;
 
 /// Where the camera's rays go, where the user knows it.
 #[derive(Debug, Args, Clone, Default)]
 pub struct GeometryArgs {
     /// Focal lengths and principal point in pixels of a camera without distortion: `fx,fy,cx,cy[@WxH]`
-    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
+    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true, value_parser = parsed::<IntrinsicsSpec>)]
     pub intrinsics: Option<IntrinsicsSpec>,
     /// The camera and its lens: a `camera_info` file of ROS (`plumb_bob`, `rational_polynomial`, `equidistant`)
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
@@ -46,12 +47,26 @@ pub struct CameraArgs {
     /// Every N-th row and column of depth become points of the cloud
     #[arg(long, value_name = "N", default_value = "1", value_parser = count::<NonZeroU32>)]
     pub cloud_stride: NonZeroU32,
+    /// Drop points farther from the camera than M meters from the cloud [default: the model's maximum depth]
+    #[arg(long, value_name = "M", value_parser = range)]
+    pub max_range: Option<f32>,
+}
+
+/// A distance in meters.
+fn range(text: &str) -> Result<f32, String> {
+    let range: Option<f32> = text.parse().ok().filter(|range: &f32| range.is_finite() && *range > 0.0);
+    range.ok_or_else(|| "expected a number of meters greater than 0".to_owned())
 }
 
 impl Default for CameraArgs {
     /// An unknown camera, no filter, and a cloud of every pixel.
     fn default() -> Self {
-        Self { lens: LensArgs::default(), filters: FilterArgs::default(), cloud_stride: NonZeroU32::MIN }
+        Self {
+            lens: LensArgs::default(),
+            filters: FilterArgs::default(),
+            cloud_stride: NonZeroU32::MIN,
+            max_range: None,
+        }
     }
 }
 

@@ -203,7 +203,7 @@ impl Outlet {
             self.sent.labels = true;
         }
         if let Some(loan) = cloud {
-            let camera = report.camera.map(|camera| camera.decimated(self.cloud_stride));
+            let camera = report.camera.map(|camera| camera.subsampled(self.cloud_stride));
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
             self.sent.cloud = true;
         }

@@ -102,8 +102,12 @@ pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
         let message = format!("cannot read the calibration `{path_shown}`");
         WithHint::usage(message, "pass a ROS `camera_info` file in YAML").because(error)
     })?;
-    Calibration::parse(&text)
-        .with_context(|| BadArguments(format!("cannot use the calibration `{path_shown}`")))
+    let calibration = Calibration::parse(&text)
+        .with_context(|| BadArguments(format!("cannot use the calibration `{path_shown}`")))?;
+    if let Some(skew) = calibration.ignored_skew() {
+        warn!("calibration `{path_shown}`: {skew}");
+    }
+    Ok(calibration)
 }
 
 /// No more than tells that a file is too long, whatever it is. What is not UTF-8 is for the parser to refuse.

@@ -177,7 +177,7 @@ impl Worker {
     /// Whether somebody who comes later could read something of the last frame that was not made, and it can be made then:
     /// what a network or a filter remembers must not see a frame twice.
     fn may_be_asked_again(&self) -> bool {
-        self.outlet.left_something_out() && self.pipeline.is_memoryless()
+        self.outlet.left_something_out() && self.pipeline.is_stateless()
     }
 
     /// Makes labels and cloud of the last frame for readers that came since. The frame has been counted; this is work for

@@ -83,7 +83,7 @@ const CPU_PROVIDER: &str = "CPUExecutionProvider";
 /// run on the processor without a message.
 fn provider(graph: &SerialGraph) -> Finding {
     let provider = graph.provider();
-    let nodes = graph.placement().map_err(Problem::of)?;
+    let nodes = graph.node_assignment().map_err(Problem::of)?;
     let shares: Vec<_> = nodes.iter().map(|(name, nodes)| format!("{nodes} nodes on {name}")).collect();
     let detail = format!("{provider}: {}", shares.join(", "));
     if provider != Provider::Cpu && nodes.keys().all(|name| name == CPU_PROVIDER) {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use image::RgbImage;
-use nunet_core::depth::Encoding;
+use nunet_core::depth::DepthEncoding;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use tracing::{error, warn};
 
@@ -131,9 +131,9 @@ impl Work {
         let pixels = width as usize * height as usize;
         let description = pipeline.graph().description();
         let kind = match description.encoding {
-            Encoding::MinMax => Kind::MinMax,
-            Encoding::Relative => Kind::Relative,
-            Encoding::Metric | Encoding::Inverse | Encoding::Log => Kind::Metric,
+            DepthEncoding::MinMax => Kind::MinMax,
+            DepthEncoding::Relative | DepthEncoding::RelativeInverse => Kind::Relative,
+            DepthEncoding::Metric | DepthEncoding::Inverse | DepthEncoding::Log => Kind::Metric,
         };
         Self {
             optics,

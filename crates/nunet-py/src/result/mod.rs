@@ -10,9 +10,9 @@ use std::sync::Arc;
 
 use numpy::{PyArray2, PyArray3, PyArrayMethods as _};
 use nunet_core::camera;
-use nunet_core::cloud::{CloudPoint, organised_cloud};
-use nunet_daemon::embed::{self, Played, Results};
-use nunet_engine::Inferred;
+use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
+use nunet_core::filter::Appearance;
+use nunet_daemon::embed::{self, Inferred, Played, Results};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -138,11 +138,11 @@ impl Result {
             depth: array(py, depth, [rows, columns])?.cast_into()?.unbind(),
             labels: labels.map(|labels| labels.cast_into().map(Bound::unbind)).transpose()?,
             rgb: array(py, rgb, [rows, columns, 3])?.cast_into()?.unbind(),
-            units: report.units.name().to_owned(),
-            scale_source: report.scale_source.name().to_owned(),
+            units: embed::units_name(report.units).to_owned(),
+            scale_source: embed::scale_source_name(report.scale_source).to_owned(),
             timings: timings.unbind(),
             invalid_pixels: report.invalid_pixels,
-            quality: report.quality.name().to_owned(),
+            quality: embed::quality_name(report.quality).to_owned(),
             camera: report.camera.map(Camera),
             origin,
             points_camera,
@@ -176,7 +176,9 @@ impl Result {
         let points = py.detach(|| {
             let mut points = vec![CloudPoint::NONE; depth.len()];
             let rays = self.shared.rays(camera);
-            organised_cloud(depth, &rays, rgb, labels, NonZeroU32::MIN, &mut points).map(|()| points)
+            let options = CloudOptions { stride: NonZeroU32::MIN, max_range_m: f32::INFINITY };
+            let appearance = Appearance { rgb, labels };
+            organized_cloud(depth, &rays, &appearance, options, &mut points).map(|()| points)
         });
         points.map_err(|error| NunetError::new_err(error.to_string()))
     }

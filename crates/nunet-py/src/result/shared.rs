@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nunet_core::camera::{Camera, RayTable};
+use nunet_core::pipeline::MAX_RAY_ANGLE_RAD;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -24,7 +25,10 @@ impl Shared {
         let mut kept = self.rays.lock().unwrap_or_else(PoisonError::into_inner);
         match &*kept {
             Some((of, rays)) if *of == camera => Arc::clone(rays),
-            _ => Arc::clone(&kept.insert((camera, Arc::new(RayTable::new(&camera)))).1),
+            _ => {
+                let rays = RayTable::within_angle(&camera, MAX_RAY_ANGLE_RAD);
+                Arc::clone(&kept.insert((camera, Arc::new(rays))).1)
+            }
         }
     }
 }

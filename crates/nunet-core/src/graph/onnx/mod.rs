@@ -1,7 +1,7 @@
-//! ONNX Runtime, and nothing else: the only folder that names `ort`.
+//! ONNX Runtime: the only folder that names `ort`.
 //!
-//! [`library`] looks into a shared library, [`runtime`] loads it, [`provider`] chooses who computes, [`model`] loads
-//! a file, [`tensor`] lends memory, [`session`] runs. Unsafe code is in `library`, `tensor` and `session` alone.
+//! [`library`] inspects a shared library, [`runtime`] loads it, [`provider`] chooses an execution provider, [`model`]
+//! loads a file, [`tensor`] lends memory, [`session`] runs. Only `library`, `tensor` and `session` have unsafe code.
 
 mod library;
 mod model;

@@ -1,28 +1,30 @@
-//! One model file, loaded: what it takes and gives, and what it says of itself.
+//! One loaded model file: its inputs, outputs and metadata.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
+use std::sync::{Arc, Mutex};
 
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType};
 
-use super::{Provider, Runtime, Session};
+use super::session::{Session, SharedSession};
+use super::{Provider, Runtime};
 use crate::graph::{ElementType, Signature, TensorSpec};
 
-/// A loaded model file, before it is known which of its outputs are wanted.
+/// A loaded model file, before its outputs are chosen.
 pub(in crate::graph) struct Model {
-    session: ort::session::Session,
+    session: SharedSession,
     signature: Signature,
     metadata: BTreeMap<String, String>,
 }
 
 impl Model {
-    /// Loads a model from the bytes of its file. From bytes and not by path, so that what was hashed is what runs.
+    /// Loads a model from the bytes of its file, not by path, so that the hashed bytes are those that run.
     ///
     /// `provider` is resolved, not `auto`.
     ///
     /// # Errors
-    /// ONNX Runtime's words.
+    /// ONNX Runtime's message.
     pub(in crate::graph) fn load(
         bytes: &[u8],
         runtime: &Runtime,
@@ -34,10 +36,10 @@ impl Model {
             .map_err(|error| first_line(error.message()))?;
         let signature = Signature { inputs: specs(session.inputs()), outputs: specs(session.outputs()) };
         let metadata = metadata(&session).map_err(|error| first_line(error.message()))?;
-        Ok(Self { session, signature, metadata })
+        Ok(Self { session: Arc::new(Mutex::new(session)), signature, metadata })
     }
 
-    /// What the model takes and gives.
+    /// Its inputs and outputs.
     pub(in crate::graph) fn signature(&self) -> &Signature {
         &self.signature
     }
@@ -47,31 +49,38 @@ impl Model {
         &self.metadata
     }
 
-    /// Ready to run with these inputs and outputs, in this order.
+    /// A session for runs with these inputs and outputs, in this order.
     ///
     /// # Errors
-    /// A name that C cannot take.
-    pub(in crate::graph) fn into_session(
-        self,
+    /// A name with a zero byte.
+    pub(in crate::graph) fn session(
+        &self,
         inputs: &[TensorSpec],
         outputs: &[TensorSpec],
     ) -> Result<Session, String> {
-        Session::new(self.session, inputs, outputs)
+        Session::new(Arc::clone(&self.session), inputs, outputs)
     }
 }
 
-/// Where ONNX Runtime shall look for weights outside the model's file: nowhere. By default it would look in the
-/// working directory, and a frame's model hash would not say what computed it.
+/// The folder for weights outside the model file: none. ONNX Runtime's default is the working directory, and then a
+/// frame's model hash would not identify the model.
 const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folder_path", "/dev/null");
 
-/// Threads spin between the operators of a run and sleep as soon as it ends: waking one for each of 160 operators costs
-/// an eighth of a frame, and spinning between two frames would burn the cores that the rest of the robot needs.
+/// Threads sleep as soon as a run ends. Spinning between two frames would burn the cores that the rest of the robot needs.
 const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 
-/// Who computes which node is kept for who asks ([`Session::placement`]): a few names for each node.
-const RECORD_PLACEMENT: (&str, &str) = ("session.record_ep_graph_assignment_info", "1");
+/// Within a run a thread that waits for another one spins for 20 us, then sleeps.
+///
+/// Most of the 160 operators of a network end within that, so threads are rarely woken. Without a limit, the thread whose
+/// sibling has lost its core to another process spins until it is back. `wnet_c.onnx` on two cores, median in ms, quiet and
+/// with another process on one core: unlimited 27.1 and 80.8, 20 us 27.7 and 46.6, 50 us 27.3 and 47.4, no spinning 30.4 and
+/// 46.2, one thread 45.7 and 45.4. Before ONNX Runtime 1.31 the option does not exist and is ignored.
+const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "20");
 
-/// A number of threads is always set, because ONNX Runtime pins the threads of its own default to cores.
+/// Keeps the provider of each node for [`Session::node_assignment`]: a few names per node.
+const RECORD_ASSIGNMENT: (&str, &str) = ("session.record_ep_graph_assignment_info", "1");
+
+/// The number of threads is always set, because ONNX Runtime pins threads to cores by default.
 fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort::Result<SessionBuilder> {
     let builder = SessionBuilder::new(runtime.environment())?
         .with_optimization_level(GraphOptimizationLevel::All)?
@@ -80,8 +89,9 @@ fn builder(runtime: &Runtime, provider: Provider, threads: NonZeroUsize) -> ort:
         .with_intra_op_spinning(true)?
         .with_inter_op_spinning(false)?
         .with_config_entry(SLEEP_AFTER_RUN.0, SLEEP_AFTER_RUN.1)?
+        .with_config_entry(SPIN_DURATION.0, SPIN_DURATION.1)?
         .with_config_entry(NO_FOLDER.0, NO_FOLDER.1)?
-        .with_config_entry(RECORD_PLACEMENT.0, RECORD_PLACEMENT.1)?;
+        .with_config_entry(RECORD_ASSIGNMENT.0, RECORD_ASSIGNMENT.1)?;
     provider.register(builder, threads)
 }
 

@@ -1,23 +1,26 @@
-//! Who does the arithmetic.
+//! ONNX Runtime's execution providers.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::num::NonZeroUsize;
 use std::str::FromStr;
 
+use nunet_types::Hint;
 use ort::ep::{self, ExecutionProvider, ExecutionProviderDispatch};
 use ort::session::builder::SessionBuilder;
 
 use super::Runtime;
+use crate::error_kind::ErrorKind;
 
-/// Who does the arithmetic: one of ONNX Runtime's execution providers.
+/// One of ONNX Runtime's execution providers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Provider {
-    /// The best one that the loaded library has and that starts on this machine.
+    /// The best one that the loaded library has and that registers on this machine.
     #[default]
     Auto,
-    /// ONNX Runtime's own, on every processor.
+    /// ONNX Runtime's own, for every processor.
     Cpu,
-    /// Intel's OpenVINO, on processors of x86-64 and Arm.
+    /// Intel's OpenVINO, for x86-64 and Arm processors.
     OpenVino,
     /// NVIDIA graphics cards.
     Cuda,
@@ -29,7 +32,7 @@ impl Provider {
     /// All of them, in the order of the documentation.
     pub const ALL: [Self; 5] = [Self::Auto, Self::Cpu, Self::OpenVino, Self::Cuda, Self::TensorRt];
 
-    /// The name on the command line, in files and in messages.
+    /// The name in options, files and messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -43,15 +46,15 @@ impl Provider {
 }
 
 impl Provider {
-    /// What `auto` tries, best first. Not TensorRT: it builds an engine for minutes before the first frame.
+    /// What `auto` tries, best first. Not TensorRT, which builds an engine for minutes before the first frame.
     pub(super) const AUTOMATIC: [Self; 3] = [Self::Cuda, Self::OpenVino, Self::Cpu];
 
-    /// The provider that will really compute: `self`, or the best one for [`Provider::Auto`].
+    /// `self`, or the best provider for [`Provider::Auto`].
     ///
-    /// A trial registration decides, because a library may have a provider whose own libraries or devices are missing.
+    /// Decided by a trial registration, because a library may have a provider whose own libraries or devices are missing.
     ///
     /// # Errors
-    /// A named provider that does not register; [`Provider::Auto`] always finds the processor.
+    /// A named provider that does not register; [`Provider::Auto`] always finds `cpu`.
     pub(in crate::graph) fn resolve(
         self,
         runtime: &Runtime,
@@ -76,10 +79,10 @@ impl Provider {
         self.register(builder, threads).map(drop).map_err(|error| failed(error.to_string()))
     }
 
-    /// Adds the provider to a session in the making. ONNX Runtime's own needs no adding.
+    /// Adds the provider to a session builder. ONNX Runtime's own is always there.
     ///
     /// # Errors
-    /// What ONNX Runtime says; without `error_on_failure` ort would go on with the processor, silently.
+    /// ONNX Runtime's error. Without `error_on_failure` ort would fall back to `cpu` without one.
     pub(super) fn register(
         self,
         builder: SessionBuilder,
@@ -112,7 +115,7 @@ impl Provider {
     }
 }
 
-/// A provider that does not register, and ONNX Runtime's words about it.
+/// A provider that does not register, and ONNX Runtime's message.
 #[derive(Debug)]
 pub(in crate::graph) struct ProviderError {
     pub(in crate::graph) provider: Provider,
@@ -136,10 +139,24 @@ impl FromStr for Provider {
     }
 }
 
-/// The name of a provider is none of ours.
+/// An unknown provider name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is no provider\nhint: one of auto, cpu, openvino, cuda, tensorrt")]
+#[error("`{text}` is not an execution provider")]
 pub struct UnknownProvider {
-    /// What was written.
+    /// The text.
     pub text: String,
+}
+
+impl UnknownProvider {
+    /// [`ErrorKind::Argument`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Argument
+    }
+}
+
+impl Hint for UnknownProvider {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some("use one of auto, cpu, openvino, cuda, tensorrt".into())
+    }
 }

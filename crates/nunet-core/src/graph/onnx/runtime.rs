@@ -1,13 +1,16 @@
 //! The ONNX Runtime library: loaded by path, once for the life of the process.
 
+use std::borrow::Cow;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use nunet_types::Hint;
 use ort::environment::Environment;
 use ort::logging::LogLevel;
 
 use super::{Provider, library};
+use crate::error_kind::ErrorKind;
 
 /// The process's ONNX Runtime: ort allows one environment for the life of a process.
 static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
@@ -73,7 +76,7 @@ impl Runtime {
         Provider::Auto.resolve(self, NonZeroUsize::MIN).unwrap_or(Provider::Cpu)
     }
 
-    /// Where the library lies, with links resolved.
+    /// The library's path, with links resolved.
     #[must_use]
     pub fn library(&self) -> &Path {
         &self.library
@@ -86,7 +89,7 @@ impl Runtime {
     }
 }
 
-/// `path` with links resolved, so that ort neither looks for it beside the executable nor waits for a pipe to open.
+/// `path` with links resolved, so that ort does not search for it beside the executable, and a pipe is not opened.
 fn plain_file(path: &Path) -> Result<PathBuf, RuntimeError> {
     let missing = |source| RuntimeError::Missing { library: path.to_owned(), source };
     let library = path.canonicalize().map_err(missing)?;
@@ -98,7 +101,7 @@ fn plain_file(path: &Path) -> Result<PathBuf, RuntimeError> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RuntimeError {
-    /// Nothing there, or nothing that may be read.
+    /// No file, or one that cannot be read.
     #[error("no ONNX Runtime at `{}`", library.display())]
     Missing {
         /// The path.
@@ -106,50 +109,64 @@ pub enum RuntimeError {
         /// Why.
         source: std::io::Error,
     },
-    /// A folder, a pipe, a device.
+    /// Not a regular file.
     #[error("`{}` is not a file", library.display())]
     NotAFile {
         /// The path.
         library: PathBuf,
     },
-    /// A file that the dynamic linker does not take.
+    /// A file that the dynamic linker does not load.
     #[error("`{}` is not a shared library for this machine: {reason}", library.display())]
     NotALibrary {
         /// The file.
         library: PathBuf,
-        /// The linker's words.
+        /// The linker's message.
         reason: String,
     },
-    /// A shared library of something else.
+    /// Another shared library.
     #[error("`{}` is not ONNX Runtime: it has no `OrtGetApiBase`", library.display())]
     NotOnnxRuntime {
         /// The file.
         library: PathBuf,
     },
-    /// Older than the interface that this program is built for.
-    #[error("`{}` is ONNX Runtime `{version}`, but `1.{minimum}` or newer is needed", library.display())]
+    /// Older than the interface that this library is built for.
+    #[error("`{}` is ONNX Runtime {version}, expected 1.{minimum} or newer", library.display())]
     TooOld {
         /// The file.
         library: PathBuf,
         /// Its version.
         version: String,
-        /// The oldest minor version that will do.
+        /// The oldest supported minor version.
         minimum: u32,
     },
-    /// The process has one already.
-    #[error("this process has already loaded ONNX Runtime from `{}`, and cannot load `{}` as well", loaded.display(), library.display())]
+    /// The process has loaded another one.
+    #[error("this process has already loaded ONNX Runtime from `{}` and cannot load `{}`", loaded.display(), library.display())]
     AnotherLoaded {
         /// The path asked for.
         library: PathBuf,
         /// The path in use.
         loaded: PathBuf,
     },
-    /// It was loaded, but does not start.
-    #[error("ONNX Runtime of `{}` does not start: {reason}", library.display())]
+    /// It was loaded, but does not initialize.
+    #[error("cannot initialize ONNX Runtime from `{}`: {reason}", library.display())]
     Start {
         /// The file.
         library: PathBuf,
-        /// Its words.
+        /// Its message.
         reason: String,
     },
+}
+
+impl RuntimeError {
+    /// [`ErrorKind::Runtime`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Runtime
+    }
+}
+
+impl Hint for RuntimeError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        None
+    }
 }

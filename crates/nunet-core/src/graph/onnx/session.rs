@@ -3,43 +3,47 @@
     reason = "calls a session through ONNX Runtime's C interface, because ort's own call allocates"
 )]
 
-//! One run of one model file.
+//! Runs of one model file.
 
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString, c_char};
+use std::ptr::NonNull;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ort::AsPointer;
 use ort::sys::{OrtEpAssignedSubgraph, OrtValue};
 
-use super::tensor::{Lent, check};
+use super::tensor::{Lent, Value, check};
 use crate::graph::TensorSpec;
 
-/// A session with the names and pointers of a run laid out once, so that a run allocates nothing on the Rust side.
+/// An ONNX Runtime session that several [`Session`]s run.
+pub(in crate::graph) type SharedSession = Arc<Mutex<ort::session::Session>>;
+
+/// A session with the names and pointers of a run prepared, so that a run allocates nothing on the Rust side.
 ///
-/// The session itself, with the weights in it, may be shared ([`Self::sibling`]). Its runs take turns: not every provider
-/// runs one session twice at the same time.
+/// The ONNX Runtime session with its weights can be shared ([`Self::share`]). Its runs are serialized, because not every
+/// provider can run one session twice at the same time.
 pub(in crate::graph) struct Session {
-    session: Arc<Mutex<ort::session::Session>>,
+    session: SharedSession,
     input_names: Names,
     output_names: Names,
     inputs: Vec<*const OrtValue>,
     outputs: Vec<*mut OrtValue>,
 }
 
-// SAFETY: the session is `Send`, and shared behind a lock; the name pointers point into texts that `Names` owns; the value pointers are dead
-// between runs.
+// SAFETY: the session is `Send`, and shared behind a lock; the name pointers point into strings that `Names` owns; the
+// value pointers are not used between runs.
 unsafe impl Send for Session {}
 
 impl Session {
-    /// For runs that give all `inputs` and take all `outputs`, in this order.
+    /// For runs with all of `inputs` and `outputs`, in this order.
     pub(in crate::graph) fn new(
-        session: ort::session::Session,
+        session: SharedSession,
         inputs: &[TensorSpec],
         outputs: &[TensorSpec],
     ) -> Result<Self, String> {
         Ok(Self {
-            session: Arc::new(Mutex::new(session)),
+            session,
             input_names: Names::new(inputs)?,
             output_names: Names::new(outputs)?,
             inputs: Vec::with_capacity(inputs.len()),
@@ -47,8 +51,8 @@ impl Session {
         })
     }
 
-    /// The same session, for runs of somebody else: weights are in memory once.
-    pub(in crate::graph) fn sibling(&self) -> Self {
+    /// The same ONNX Runtime session for another caller: weights are in memory once.
+    pub(in crate::graph) fn share(&self) -> Self {
         Self {
             session: Arc::clone(&self.session),
             input_names: Names::of(self.input_names.texts.clone()),
@@ -58,31 +62,61 @@ impl Session {
         }
     }
 
-    /// How many nodes of the model each provider computes, by ONNX Runtime's names of providers.
-    pub(in crate::graph) fn placement(&self) -> Result<BTreeMap<String, usize>, String> {
+    /// How many nodes of the model each provider executes, by ONNX Runtime's names of providers.
+    pub(in crate::graph) fn node_assignment(&self) -> Result<BTreeMap<String, usize>, String> {
         let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut parts, mut count) = (std::ptr::null(), 0);
         // SAFETY: the session lives in `self` and is locked; both places may be written.
         check(unsafe {
             (ort::api().Session_GetEpGraphAssignmentInfo)(session.ptr(), &raw mut parts, &raw mut count)
         })?;
-        // Of nothing there may be no array at all.
+        // Without nodes the array may be null.
         let parts = if parts.is_null() {
             &[]
         } else {
             // SAFETY: ONNX Runtime gave `count` pointers, which live as long as the session, which is locked.
             unsafe { std::slice::from_raw_parts(parts, count) }
         };
-        let mut placement = BTreeMap::new();
+        let mut assignment = BTreeMap::new();
         for &one in parts {
-            // SAFETY: one of this session's, as above.
+            // SAFETY: it belongs to this session, as above.
             let (provider, nodes) = unsafe { part(one) }?;
-            *placement.entry(provider).or_default() += nodes;
+            *assignment.entry(provider).or_default() += nodes;
         }
-        Ok(placement)
+        Ok(assignment)
     }
 
-    /// Runs once: reads `inputs`, writes `outputs` where they lie. As many of each as there are names.
+    /// Runs once and lets ONNX Runtime allocate the outputs; returns the shape of each.
+    pub(in crate::graph) fn output_shapes<'run>(
+        &mut self,
+        inputs: impl Iterator<Item = Lent<'run>>,
+    ) -> Result<Vec<Vec<i64>>, String> {
+        self.inputs.clear();
+        self.inputs.extend(inputs.map(|lent| lent.value.as_ptr().cast_const()));
+        if self.inputs.len() != self.input_names.len() {
+            return Err("the run has another number of inputs than the model".to_owned());
+        }
+        let mut outputs = vec![std::ptr::null_mut(); self.output_names.len()];
+        let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: as in `run`, except that the outputs are null, so ONNX Runtime allocates them and hands them over.
+        let status = unsafe {
+            (ort::api().Run)(
+                session.ptr().cast_mut(),
+                std::ptr::null(),
+                self.input_names.as_ptr(),
+                self.inputs.as_ptr(),
+                self.inputs.len(),
+                self.output_names.as_ptr(),
+                outputs.len(),
+                outputs.as_mut_ptr(),
+            )
+        };
+        let outputs: Vec<_> = outputs.into_iter().filter_map(NonNull::new).map(Value::from_run).collect();
+        check(status)?;
+        outputs.iter().map(Value::shape).collect()
+    }
+
+    /// Runs once: reads `inputs` and writes `outputs` in place. As many of each as there are names.
     pub(in crate::graph) fn run<'run>(
         &mut self,
         inputs: impl Iterator<Item = Lent<'run>>,
@@ -95,18 +129,18 @@ impl Session {
             let value = lent.value.as_ptr();
             let aliased = self.inputs.contains(&value.cast_const()) || self.outputs.contains(&value);
             if !lent.writable || aliased {
-                return Err("an output's memory is in use as something else".to_owned());
+                return Err("the memory of an output is used by another tensor".to_owned());
             }
             self.outputs.push(value);
         }
         if self.inputs.len() != self.input_names.len() || self.outputs.len() != self.output_names.len() {
-            return Err("a run was given another number of tensors than the model has".to_owned());
+            return Err("the run has another number of tensors than the model".to_owned());
         }
-        // A panic while the lock was held left nothing half done: the guard is only read through.
+        // A panic while the lock was held left nothing half-written: the guard is only read through.
         let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: session and names live in `self`, and nobody else runs the session. Each value lives in a `CallerTensor` or `OwnTensors` that the tokens
-        // borrow for `'run`, and so does the memory behind it; no output is read-only, an input, or given twice.
-        // Outputs are not null, so ONNX Runtime writes into them and makes none of its own.
+        // SAFETY: session and names live in `self`, and the session is locked. Each value lives in a `CallerTensor` or
+        // `OwnTensors` that the tokens borrow for `'run`, and so does its memory; no output is read-only, an input, or
+        // given twice. Outputs are not null, so ONNX Runtime writes into them and allocates none of its own.
         let status = unsafe {
             (ort::api().Run)(
                 session.ptr().cast_mut(),
@@ -123,10 +157,10 @@ impl Session {
     }
 }
 
-/// A part of a model: who computes it, and how many nodes it has.
+/// A part of a model: its provider, and how many nodes it has.
 ///
 /// # Safety
-/// `part` is one of a session that lives.
+/// `part` belongs to a session that is alive.
 unsafe fn part(part: *const OrtEpAssignedSubgraph) -> Result<(String, usize), String> {
     let (mut name, mut nodes, mut count) = (std::ptr::null(), std::ptr::null(), 0);
     // SAFETY: the caller's promise; the places may be written.
@@ -136,12 +170,12 @@ unsafe fn part(part: *const OrtEpAssignedSubgraph) -> Result<(String, usize), St
     if name.is_null() {
         return Err("a provider has no name".to_owned());
     }
-    // SAFETY: not null, so a text of ONNX Runtime's that ends with 0 and lives as long as the session.
+    // SAFETY: not null, so a string of ONNX Runtime's that ends with 0 and lives as long as the session.
     let name = unsafe { CStr::from_ptr(name) };
     Ok((name.to_string_lossy().into_owned(), count))
 }
 
-/// Names as C wants them: the texts, and the pointers to them.
+/// Names for the C interface: the strings, and the pointers to them.
 struct Names {
     texts: Vec<CString>,
     pointers: Vec<*const c_char>,

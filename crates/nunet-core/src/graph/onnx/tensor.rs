@@ -5,11 +5,11 @@
 
 //! Memory as ONNX Runtime sees it.
 //!
-//! An `OrtValue` over memory that is not its own holds an address, a type and a shape; making or keeping one reads
-//! nothing. Memory is touched only while a run is given the value. So the rule that keeps this sound is: **a run takes
-//! [`Lent`] tokens alone, and a token borrows the memory it stands for.** A value that is kept for an address which the
-//! caller has since given up is stale, and harmless: it comes into a run again only inside a token that borrows live
-//! memory at that same address and of the same length.
+//! An `OrtValue` over memory that it does not own holds an address, a type and a shape; creating or keeping one reads
+//! nothing. Memory is accessed only during a run with the value. The rule that keeps this sound: **a run takes only
+//! [`Lent`] tokens, and a token borrows the memory it stands for.** A value for an address that the caller has freed is
+//! stale but harmless: it takes part in a run again only inside a token that borrows live memory at the same address and
+//! of the same length.
 
 use std::ffi::c_void;
 use std::marker::PhantomData;
@@ -17,22 +17,22 @@ use std::ptr::NonNull;
 
 use ort::AsPointer;
 use ort::memory::{AllocationDevice, AllocatorType, MemoryInfo, MemoryType};
-use ort::sys::{ONNXTensorElementDataType as OrtElement, OrtValue};
+use ort::sys::{ONNXTensorElementDataType as OrtElement, OrtTensorTypeAndShapeInfo, OrtValue};
 
 use crate::graph::{ElementType, GraphError, TensorSpec};
 
-/// How many addresses of the caller are remembered for one tensor. Shared-memory pools recycle far fewer chunks; more
-/// than that costs a value a frame, not memory without end.
+/// How many of the caller's addresses are cached for one tensor. Shared-memory pools recycle far fewer chunks; beyond
+/// that a value is created per frame, and memory stays bounded.
 const MAX_ADDRESSES: usize = 64;
 
-/// An `OrtValue` that is ours to release.
-struct Value(NonNull<OrtValue>);
+/// An owned `OrtValue`.
+pub(super) struct Value(NonNull<OrtValue>);
 
 // SAFETY: an `OrtValue` belongs to no thread; ONNX Runtime reads it from worker threads itself.
 unsafe impl Send for Value {}
 
 impl Value {
-    /// A value that stands for `spec.bytes()` bytes at `address`, which are not touched here.
+    /// A value for `spec.bytes()` bytes at `address`, which are not accessed here.
     fn new(address: NonNull<c_void>, bytes: usize, spec: &TensorSpec) -> Result<Self, String> {
         let memory = MemoryInfo::new(AllocationDevice::CPU, 0, AllocatorType::Device, MemoryType::Default)
             .map_err(|error| error.to_string())?;
@@ -51,13 +51,39 @@ impl Value {
             )
         };
         check(status)?;
-        NonNull::new(value).map(Self).ok_or_else(|| "no value was made".to_owned())
+        NonNull::new(value).map(Self).ok_or_else(|| "no value was created".to_owned())
     }
+
+    /// A value that a run has allocated.
+    pub(super) fn from_run(value: NonNull<OrtValue>) -> Self {
+        Self(value)
+    }
+
+    /// Its dimensions.
+    pub(super) fn shape(&self) -> Result<Vec<i64>, String> {
+        let mut info = std::ptr::null_mut();
+        // SAFETY: the value is alive; the place may be written.
+        check(unsafe { (ort::api().GetTensorTypeAndShape)(self.0.as_ptr(), &raw mut info) })?;
+        let dimensions = dimensions(info);
+        // SAFETY: returned by `GetTensorTypeAndShape`, released once.
+        unsafe { (ort::api().ReleaseTensorTypeAndShapeInfo)(info) };
+        dimensions
+    }
+}
+
+fn dimensions(info: *const OrtTensorTypeAndShapeInfo) -> Result<Vec<i64>, String> {
+    let mut count = 0;
+    // SAFETY: `info` comes from `GetTensorTypeAndShape` and is alive; the place may be written.
+    check(unsafe { (ort::api().GetDimensionsCount)(info, &raw mut count) })?;
+    let mut dimensions = vec![0; count];
+    // SAFETY: as above; there is room for `count` dimensions.
+    check(unsafe { (ort::api().GetDimensions)(info, dimensions.as_mut_ptr(), count) })?;
+    Ok(dimensions)
 }
 
 impl Drop for Value {
     fn drop(&mut self) {
-        // SAFETY: made by `CreateTensorWithDataAsOrtValue`, released once; it does not own the memory it stands for.
+        // SAFETY: created by `CreateTensorWithDataAsOrtValue` or a run, and released once.
         unsafe { (ort::api().ReleaseValue)(self.0.as_ptr()) }
     }
 }
@@ -83,7 +109,7 @@ impl Element for f32 {
     const TYPE: ElementType = ElementType::Float32;
 }
 
-/// A tensor whose memory the caller gives anew for each run: the picture, the depth map, the labels.
+/// A tensor whose memory the caller provides for each run: the image, the depth map, the labels.
 pub(in crate::graph) struct CallerTensor {
     role: &'static str,
     spec: TensorSpec,
@@ -141,7 +167,7 @@ impl CallerTensor {
         Ok(Lent { value, writable, memory: PhantomData })
     }
 
-    /// The value for an address: kept from an earlier run, or made now in place of the one made longest ago.
+    /// The value for an address: cached, or created now in place of the oldest one.
     fn value_at(&mut self, address: NonNull<c_void>) -> Result<NonNull<OrtValue>, String> {
         let key = address.as_ptr() as usize;
         if let Some((_, value)) = self.known.iter().find(|(known, _)| *known == key) {
@@ -159,12 +185,12 @@ impl CallerTensor {
     }
 }
 
-/// 64 bytes, so that memory of ours is aligned as ONNX Runtime aligns its own.
+/// 64 bytes, so that our memory is aligned as ONNX Runtime aligns its own.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct Line([u8; 64]);
 
-/// A tensor in memory of ours.
+/// A tensor in our own memory.
 struct OwnTensor {
     memory: NonNull<[Line]>,
     bytes: usize,
@@ -179,7 +205,7 @@ impl OwnTensor {
         let bytes = spec.bytes().ok_or("its size is not known")?;
         let lines: Box<[Line]> = vec![Line([0; 64]); bytes.div_ceil(64).max(1)].into();
         let memory = NonNull::from(Box::leak(lines));
-        // Built before the value, so that the memory is given back where making the value fails.
+        // Created before the value, so that the memory is freed if that fails.
         let guard = OwnedLines(memory);
         let value = Value::new(memory.cast(), bytes, spec)?;
         std::mem::forget(guard);
@@ -193,21 +219,21 @@ impl Drop for OwnTensor {
     }
 }
 
-/// Gives leaked lines back.
+/// Frees leaked lines.
 struct OwnedLines(NonNull<[Line]>);
 
 impl Drop for OwnedLines {
     fn drop(&mut self) {
-        // SAFETY: leaked from a `Box` by `OwnTensor::new`, given back once.
+        // SAFETY: leaked from a `Box` by `OwnTensor::new`, freed once.
         drop(unsafe { Box::from_raw(self.0.as_ptr()) });
     }
 }
 
-/// The tensors between the stages, and results that the caller did not ask for.
+/// The tensors between the stages, results that the caller did not request, state and constants.
 pub(in crate::graph) struct OwnTensors(Vec<OwnTensor>);
 
 impl OwnTensors {
-    /// Zeroed memory for each tensor of `specs`, in their order; that also touches it before the first frame.
+    /// Zeroed memory for each tensor of `specs`, in their order. Zeroing also maps it before the first frame.
     pub(in crate::graph) fn new(specs: &[TensorSpec]) -> Result<Self, GraphError> {
         let make = |spec: &TensorSpec| {
             OwnTensor::new(spec).map_err(|reason| GraphError::Tensor { tensor: spec.name.clone(), reason })
@@ -215,7 +241,7 @@ impl OwnTensors {
         specs.iter().map(make).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Lends all of them: nobody can look into them while a token lives.
+    /// Lends all of them. They cannot be read while a token is alive.
     pub(in crate::graph) fn lend(&mut self) -> LentTensors<'_> {
         LentTensors(&self.0)
     }
@@ -223,8 +249,24 @@ impl OwnTensors {
     /// Writes zeros into one tensor.
     pub(in crate::graph) fn zero(&mut self, index: usize) {
         let tensor = &self.0[index];
-        // SAFETY: `tensor` owns at least that many bytes, and `self` is borrowed mutably: no token and no view lives.
+        // SAFETY: `tensor` owns at least that many bytes, and `self` is borrowed mutably: no token and no view is alive.
         unsafe { std::ptr::write_bytes(tensor.memory.as_ptr().cast::<u8>(), 0, tensor.bytes) };
+    }
+
+    /// Writes one tensor. `bytes` has its length.
+    pub(in crate::graph) fn write(&mut self, index: usize, bytes: &[u8]) {
+        let tensor = &self.0[index];
+        assert_eq!(tensor.bytes, bytes.len(), "a tensor is written as a whole");
+        // SAFETY: `tensor` owns that many bytes, which `bytes` does not overlap because `self` is borrowed mutably; no
+        // token and no view is alive.
+        unsafe { tensor.memory.as_ptr().cast::<u8>().copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+    }
+
+    /// The values of one `f32` tensor.
+    pub(in crate::graph) fn values(&self, index: usize) -> &[f32] {
+        let bytes = self.bytes(index);
+        // SAFETY: memory of lines is aligned to 64 bytes, and every bit pattern is an `f32`.
+        unsafe { std::slice::from_raw_parts(bytes.as_ptr().cast(), bytes.len() / size_of::<f32>()) }
     }
 
     /// The bytes of one tensor.
@@ -236,7 +278,7 @@ impl OwnTensors {
     }
 }
 
-/// [`OwnTensors`] in the hands of a run.
+/// [`OwnTensors`] during a run.
 #[derive(Clone, Copy)]
 pub(in crate::graph) struct LentTensors<'run>(&'run [OwnTensor]);
 
@@ -247,9 +289,9 @@ impl<'run> LentTensors<'run> {
     }
 }
 
-/// A status of the C interface as a result.
+/// A status of the C interface as a `Result`.
 pub(super) fn check(status: ort::sys::OrtStatusPtr) -> Result<(), String> {
-    // SAFETY: a status fresh from the C interface, taken over once.
+    // SAFETY: a status that the C interface has just returned, taken over once.
     unsafe { ort::Error::result_from_status(status) }.map_err(|error| error.to_string())
 }
 

@@ -1,67 +1,65 @@
-//! Why stages do not fit together: what one side gives, what the other wants, and the way out.
+//! Why the stages of a graph do not fit together.
 
-/// Why stages do not fit together.
+use std::borrow::Cow;
+
+use nunet_types::Hint;
+
+use crate::error_kind::ErrorKind;
+
+/// Why the stages of a graph do not fit together.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what each field is")]
 pub enum WiringError {
-    /// No stage takes the picture.
-    #[error("no stage takes the picture\nhint: bind an input of the first stage to `image`")]
+    /// No stage takes the image.
+    #[error("no stage takes the image")]
     NoImage,
-    /// A stage wants a picture that the graph cannot give.
-    #[error("stage `{stage}` takes the picture as `{tensor}` of {kind}, but a picture is {expected}")]
+    /// A stage takes an image that the graph cannot provide.
+    #[error("stage `{stage}` takes the image as `{tensor}` of {kind}, but the image is {expected}")]
     Image { stage: Box<str>, tensor: Box<str>, kind: Box<str>, expected: Box<str> },
-    /// Two stages want pictures that differ.
-    #[error(
-        "stage `{stage}` takes a picture of {kind}, but stage `{first}` takes one of {first_kind}\nhint: export all \
-         stages for one size of input"
-    )]
+    /// Two stages take different images.
+    #[error("stage `{stage}` takes an image of {kind}, but stage `{first}` takes one of {first_kind}")]
     ImagesDiffer { first: Box<str>, first_kind: Box<str>, stage: Box<str>, kind: Box<str> },
-    /// The picture has sides beyond any camera's.
-    #[error("a picture of {kind} is larger than any camera's")]
+    /// The image has sides beyond any camera's.
+    #[error("an image of {kind} is larger than any camera's")]
     TooLarge { kind: Box<str> },
     /// `every` of 0.
-    #[error("stage `{stage}` has `every = 0`\nhint: 1 runs it for each frame, 2 for each second one")]
+    #[error("stage `{stage}` has `every = 0`")]
     EveryZero { stage: Box<str> },
-    /// The stage that gives the depth does not run for each frame.
+    /// The stage of the depth output does not run for each frame.
     #[error(
-        "stage `{stage}` has `every = {every}`, but it gives the depth\nhint: depth is measured for each frame; skip \
-         an earlier stage"
+        "stage `{stage}` has `every = {every}`, but computes the depth, which is measured for each frame"
     )]
     DepthSkipped { stage: Box<str>, every: u32 },
     /// Two stages of one name.
     #[error("two stages are named `{stage}`")]
     DuplicateStage { stage: Box<str> },
-    /// The manifest binds an input that the file does not have.
+    /// No stage and no output of the graph uses a stage.
+    #[error("stage `{stage}` is not used: no later stage and no output of the graph reads its tensors")]
+    UnusedStage { stage: Box<str> },
+    /// The manifest or the sidecar names an input that the file does not have.
     #[error("stage `{stage}` has no input `{tensor}`; its inputs are {inputs}")]
     UnknownInput { stage: Box<str>, tensor: Box<str>, inputs: Box<str> },
-    /// The file has an input that the manifest does not bind.
-    #[error(
-        "stage `{stage}` is given nothing for its input `{tensor}` of {kind}\nhint: inputs = {{ {tensor} = \"image\" }} or a tensor of an earlier stage, \"stage.tensor\""
-    )]
-    Unbound { stage: Box<str>, tensor: Box<str>, kind: Box<str> },
-    /// A reference to a stage that is not there.
-    #[error(
-        "{user} takes `{reference}`, but no stage has that name; the stages are {stages}\nhint: `image`, or `stage.tensor`"
-    )]
+    /// The file has an input without a source.
+    #[error("input `{tensor}` of stage `{stage}`, {kind}, has no source")]
+    Unbound { stage: Box<str>, tensor: Box<str>, kind: Box<str>, in_sidecar: bool },
+    /// A value of the sidecar that does not fit its input.
+    #[error("input `{tensor}` is {kind}, which the sidecar's value of {elements} elements does not fit")]
+    ExtraInput { tensor: Box<str>, kind: Box<str>, elements: Box<str> },
+    /// A reference to a stage that does not exist.
+    #[error("{user} takes `{reference}`, but no stage has that name; the stages are {stages}")]
     UnknownStage { user: Box<str>, reference: Box<str>, stages: Box<str> },
     /// A reference to the stage itself or a later one.
-    #[error(
-        "{user} takes a tensor of stage `{stage}`, which has not run by then\nhint: stages run in the order of the file"
-    )]
+    #[error("{user} takes a tensor of stage `{stage}`, which runs later")]
     NotEarlier { user: Box<str>, stage: Box<str> },
-    /// A reference to a tensor that the stage does not give.
-    #[error("{user} takes `{tensor}` of stage `{stage}`, which gives {outputs}")]
+    /// A reference to a tensor that the stage does not have.
+    #[error("{user} takes `{tensor}` of stage `{stage}`, whose outputs are {outputs}")]
     UnknownTensor { user: Box<str>, stage: Box<str>, tensor: Box<str>, outputs: Box<str> },
-    /// A tensor that is used, but whose size is not fixed or not reasonable.
-    #[error(
-        "stage `{stage}` gives `{tensor}` of {kind}, whose size is not fixed\nhint: export the model with fixed dimensions"
-    )]
+    /// A tensor that is used, but whose size is not fixed or too large.
+    #[error("output `{tensor}` of stage `{stage}` is {kind}, whose size is not fixed or too large")]
     OpenOutput { stage: Box<str>, tensor: Box<str>, kind: Box<str> },
-    /// Both sides are there and differ.
-    #[error(
-        "stage `{stage}` expects `{input}` of {expected}, but stage `{from}` gives `{tensor}` of {given}\nhint: export both stages for one size, with one element type where they meet"
-    )]
+    /// Both sides exist and differ.
+    #[error("stage `{stage}` expects `{input}` of {expected}, but `{tensor}` of stage `{from}` is {given}")]
     Mismatch {
         stage: Box<str>,
         input: Box<str>,
@@ -70,29 +68,25 @@ pub enum WiringError {
         tensor: Box<str>,
         given: Box<str>,
     },
-    /// The memory of a stage has a tensor that the file does not have.
+    /// A state tensor that the file does not have.
     #[error(
-        "stage `{stage}` remembers the {side} `{tensor}` (`nunet.state`), but the {side}s of its file are {there}\nhint: export the model again; `nunet.state` names the file's own tensors"
+        "the state of stage `{stage}` has the {side} `{tensor}`, but the {side}s of its file are {there}"
     )]
     StateMissing { stage: Box<str>, side: &'static str, tensor: Box<str>, there: Box<str> },
-    /// The memory of a stage has a tensor that is another in the file.
+    /// A state tensor of another type or shape in the file.
     #[error(
-        "stage `{stage}` remembers the {side} `{tensor}` (`nunet.state`) of {expected}, but its file has it of {given}\nhint: a memory is float32 of one fixed shape, the same in input, output and `nunet.state`"
+        "the state of stage `{stage}` has the {side} `{tensor}` of {expected}, but its file has it of {given}"
     )]
     StateKind { stage: Box<str>, side: &'static str, tensor: Box<str>, expected: Box<str>, given: Box<str> },
-    /// An input of a stage's memory is given something else as well.
-    #[error(
-        "stage `{stage}` takes `{tensor}` from its own memory (`nunet.state`), but is given `{source_name}` for it too\nhint: leave `{tensor}` out of the stage's `inputs`, or out of `nunet.state`"
-    )]
+    /// A state input with another source.
+    #[error("input `{tensor}` of stage `{stage}` is part of its state, but is also bound to `{source_name}`")]
     StateBound { stage: Box<str>, tensor: Box<str>, source_name: Box<str> },
-    /// The depth map is part of a memory.
-    #[error(
-        "output `depth` is `{reference}`, which `nunet.state` keeps for the next frame, but depth leaves with its frame\nhint: give the memory an output of its own"
-    )]
+    /// The depth map is part of a state.
+    #[error("output `depth` is `{reference}`, which is also part of a state")]
     StateIsDepth { reference: Box<str> },
-    /// A result of the graph is not what the contract says.
+    /// A result of the graph that is not as the contract specifies.
     #[error(
-        "output `{role}` is `{reference}` of {given}, but for a picture of {width}x{height} it must be {expected}"
+        "output `{role}` is `{reference}` of {given}, expected {expected} for an image of {width}x{height}"
     )]
     Result {
         role: &'static str,
@@ -102,4 +96,47 @@ pub enum WiringError {
         width: u32,
         height: u32,
     },
+}
+
+impl WiringError {
+    /// [`ErrorKind::Wiring`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Wiring
+    }
+}
+
+impl Hint for WiringError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::NoImage => "bind an input of the first stage to `image`".into(),
+            Self::ImagesDiffer { .. } => "export all stages for one image size".into(),
+            Self::EveryZero { .. } => "1 runs the stage for each frame, 2 for every second one".into(),
+            Self::DepthSkipped { .. } => "skip an earlier stage instead".into(),
+            Self::UnusedStage { .. } => "remove the stage, or use one of its tensors".into(),
+            Self::Unbound { tensor, in_sidecar: true, .. } => format!(
+                "feed it in the sidecar's `[inputs]`: `{tensor} = 1800` (a constant or a list), or `{tensor} = \
+                 \"intrinsics\"` (the camera matrix)"
+            )
+            .into(),
+            Self::Unbound { tensor, .. } => format!(
+                "write `inputs = {{ {tensor} = \"image\" }}`, or a tensor of an earlier stage, \"stage.tensor\""
+            )
+            .into(),
+            Self::ExtraInput { .. } => "write as many numbers as the input has elements, of its type".into(),
+            Self::UnknownStage { .. } => "write `image`, or `stage.tensor`".into(),
+            Self::NotEarlier { .. } => "stages run in the order of the file".into(),
+            Self::OpenOutput { .. } => "export the model with fixed dimensions".into(),
+            Self::Mismatch { .. } => "export both stages for one size and element type".into(),
+            Self::StateMissing { .. } => "`nunet.state` lists tensors of the file; export the model again".into(),
+            Self::StateKind { .. } => {
+                "a state is float32 of one fixed shape, the same for input, output and `nunet.state`".into()
+            }
+            Self::StateBound { tensor, .. } => {
+                format!("remove `{tensor}` from the stage's `inputs`, or from `nunet.state`").into()
+            }
+            Self::StateIsDepth { .. } => "give the state an output of its own".into(),
+            _ => return None,
+        })
+    }
 }

@@ -1,46 +1,56 @@
-//! Proof that the stages of a graph fit together, before anything runs: [`Unwired`] -> [`Wired`].
+//! Checks that the stages of a graph fit together, before anything runs: [`Unwired`] -> [`Wired`].
 //!
-//! Pure: signatures in, a plan or an error out. What a plan says has been checked here once, and nobody checks it again.
+//! Pure: signatures in, a plan or an error out. A plan is correct by construction; nothing checks it again.
+//!
+//! Approach: stages are wired in the order of the manifest, so every input of a stage can only come from the image, an
+//! earlier stage's tensor, the stage's own state, or a value that the sidecar feeds. Each input is looked up in exactly
+//! these places and compared in type and shape. The results of the graph are compared with the contract at the end.
 
 mod error;
-mod picture;
+mod extras;
+mod image;
+mod results;
 mod state;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::graph::manifest::{Manifest, ManifestStage};
-use crate::graph::signature::{ElementType, Signature, TensorSpec, kind};
-use crate::model::StateTensor;
+use crate::graph::signature::{ElementType, Signature, TensorSpec};
+use crate::model::{ExtraInput, StateTensor};
 
 pub use error::WiringError;
+pub(in crate::graph) use extras::wired_extra;
 
-/// The most bytes of one tensor: more than any network for pictures needs, and small enough to be had.
+/// The most bytes of one tensor: more than any network for images needs, and small enough to allocate.
 const MAX_TENSOR_BYTES: usize = 1 << 30;
-/// How a manifest names the picture.
+/// The name of the image in a manifest.
 const IMAGE: &str = "image";
 
-/// Stages that nobody has proved to fit.
+/// Stages that have not been checked.
 pub(crate) struct Unwired<'a> {
-    /// What the user wrote.
+    /// The manifest as written.
     pub(crate) manifest: &'a Manifest,
-    /// What each stage's file takes and gives, in the manifest's order.
+    /// Inputs and outputs of each stage's file, in the manifest's order.
     pub(crate) signatures: Vec<Signature>,
-    /// What each stage's file says that it remembers, in the same order.
-    pub(crate) memories: Vec<Vec<StateTensor>>,
-    /// What the whole graph must take and give.
+    /// The state tensors of each stage's file, in the same order.
+    pub(crate) states: Vec<Vec<StateTensor>>,
+    /// What the sidecar feeds to other inputs than the image.
+    pub(crate) extra_inputs: &'a BTreeMap<String, ExtraInput>,
+    /// What the whole graph must take and return.
     pub(crate) contract: Contract,
 }
 
-/// What the whole graph must take and give.
+/// What the whole graph must take and return.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Contract {
-    /// Camera bytes to depth, as `docs/book/model-file.md` says.
+    /// Camera bytes to depth, as `docs/book/model-file.md` specifies.
     Nunet,
-    /// What a sidecar says of a foreign network: the element type and the shape of its picture, and its size.
+    /// A foreign network as its sidecar describes it.
     Foreign {
-        /// `float32` or `uint8`.
+        /// The element type of its image, `float32` or `uint8`.
         element: ElementType,
         /// Batch, channels, height and width in the sidecar's layout.
         image: [i64; 4],
@@ -49,32 +59,45 @@ pub(crate) enum Contract {
     },
 }
 
-/// The plan of a graph that fits.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// The plan of a graph whose stages fit.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Wired {
     /// The stages in the order in which they run.
     pub(crate) stages: Vec<WiredStage>,
-    /// All tensors that stages give, in the order in which they come to be; the name is `stage.tensor`.
+    /// The outputs of all stages, in order; the name is `stage.tensor`.
     pub(crate) tensors: Vec<TensorSpec>,
-    /// The picture.
+    /// The image.
     pub(crate) image: TensorSpec,
-    /// Width and height of picture, depth and labels, pixels.
+    /// Width and height of image, depth and labels, pixels.
     pub(crate) size: (u32, u32),
-    /// Which tensor is the depth map.
+    /// The index of the depth map in `tensors`.
     pub(crate) depth: usize,
-    /// Which tensor is the labels.
+    /// Width and height of that tensor, pixels; another size than `size` is resized to it.
+    pub(crate) depth_size: (u32, u32),
+    /// The index of the labels in `tensors`.
     pub(crate) labels: Option<usize>,
-    /// What all stages remember, in their order.
+    /// The state of all stages, in their order.
     pub(crate) states: Vec<WiredState>,
+    /// The inputs that the sidecar feeds.
+    pub(crate) extras: Vec<WiredExtra>,
 }
 
-/// A tensor that a stage keeps for its next run.
+/// A state tensor that a stage keeps for its next run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct WiredState {
-    /// Which tensor of the plan the stage gives.
+    /// The index in [`Wired::tensors`] of the output that writes it.
     pub(crate) output: usize,
     /// The stage runs each n-th frame.
     pub(crate) every: u32,
+}
+
+/// An input that the sidecar feeds.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct WiredExtra {
+    /// Name, type, and shape without open dimensions.
+    pub(crate) spec: TensorSpec,
+    /// What it is fed with.
+    pub(crate) value: ExtraInput,
 }
 
 /// One stage of the plan.
@@ -85,21 +108,23 @@ pub(crate) struct WiredStage {
     pub(crate) every: u32,
     /// Where each input of the file comes from, in the file's order.
     pub(crate) inputs: Vec<Source>,
-    /// Which tensors it gives, in the file's order.
+    /// Its outputs in [`Wired::tensors`], in the file's order.
     pub(crate) outputs: Range<usize>,
-    /// What it remembers from one of its runs to the next.
-    pub(crate) memory: Vec<StateTensor>,
+    /// Its state tensors.
+    pub(crate) state: Vec<StateTensor>,
 }
 
 /// Where an input comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Source {
-    /// The picture.
+    /// The image.
     Image,
     /// A tensor of an earlier stage.
     Tensor(usize),
     /// What the stage itself left in its last run: an index into [`Wired::states`].
     State(usize),
+    /// A value that the sidecar feeds: an index into [`Wired::extras`].
+    Extra(usize),
 }
 
 /// Whether a stage that runs each `every`-th frame runs in frame number `run`.
@@ -108,49 +133,68 @@ pub(crate) fn is_due(every: u32, run: u64) -> bool {
 }
 
 impl Unwired<'_> {
-    /// Proves that every input of every stage is given what it wants, and that the graph gives what it must.
+    /// Checks that every input of every stage has a matching source, and that the results follow the contract.
     ///
     /// # Errors
-    /// The first thing that does not fit, with both sides.
+    /// The first mismatch, with both sides.
     pub(crate) fn wire(self) -> Result<Wired, WiringError> {
         self.check_stages()?;
+        let image = self.image()?;
         let mut plan = Wired {
             stages: Vec::new(),
             tensors: Vec::new(),
-            image: self.image()?,
-            size: (0, 0),
+            size: self.size(&image)?,
+            image,
             depth: 0,
+            depth_size: (0, 0),
             labels: None,
             states: Vec::new(),
+            extras: self.extras()?,
         };
-        plan.size = self.size(&plan.image)?;
-        let stages = self.manifest.stages.iter().zip(&self.signatures).zip(&self.memories);
-        for ((stage, signature), memory) in stages {
-            let inputs = signature.inputs.iter().map(|input| self.wire_input(stage, input, memory, &plan));
-            let inputs = inputs.collect::<Result<_, _>>()?;
-            let first = plan.tensors.len();
-            plan.tensors.extend(self.outputs_to_fetch(stage, signature));
-            let outputs = first..plan.tensors.len();
-            for tensor in memory {
-                let reference = format!("{}.{}", stage.name, tensor.output);
-                let output =
-                    self.find(&format!("the memory of stage `{}`", stage.name), &reference, &plan)?;
-                plan.states.push(WiredState { output, every: stage.every });
-            }
-            let (name, every, memory) = (stage.name.clone(), stage.every, memory.clone());
-            plan.stages.push(WiredStage { name, every, inputs, outputs, memory });
+        for index in 0..self.manifest.stages.len() {
+            self.wire_stage(index, &mut plan)?;
         }
-        let outputs = &self.manifest.outputs;
-        plan.depth = self.result("depth", &outputs.depth, ElementType::Float32, &plan)?;
-        if let Some(labels) = &outputs.labels {
-            plan.labels = Some(self.result("labels", labels, ElementType::Uint8, &plan)?);
-        }
+        self.wire_results(&mut plan)?;
         check_depth_each_frame(&plan)?;
-        state::check_depth_leaves(&plan)?;
+        state::check_depth_is_not_state(&plan)?;
+        self.check_all_used(&plan)?;
         Ok(plan)
     }
 
-    /// What is wrong with a stage by itself, whatever it is connected to.
+    /// Adds a stage to the plan that has those before it.
+    fn wire_stage(&self, index: usize, plan: &mut Wired) -> Result<(), WiringError> {
+        let (stage, signature, state) =
+            (&self.manifest.stages[index], &self.signatures[index], &self.states[index]);
+        let inputs = signature.inputs.iter().map(|input| self.wire_input(stage, input, state, plan));
+        let inputs = inputs.collect::<Result<_, _>>()?;
+        let first = plan.tensors.len();
+        plan.tensors.extend(self.outputs_to_fetch(stage, signature));
+        let outputs = first..plan.tensors.len();
+        for tensor in state {
+            let reference = format!("{}.{}", stage.name, tensor.output);
+            let output = self.find(&format!("the state of stage `{}`", stage.name), &reference, plan)?;
+            plan.states.push(WiredState { output, every: stage.every });
+        }
+        let (name, every, state) = (stage.name.clone(), stage.every, state.clone());
+        plan.stages.push(WiredStage { name, every, inputs, outputs, state });
+        Ok(())
+    }
+
+    /// A stage whose outputs are not used would cost its time in every frame.
+    fn check_all_used(&self, plan: &Wired) -> Result<(), WiringError> {
+        let is_read = |index: &usize| {
+            let source = Source::Tensor(*index);
+            plan.stages.iter().any(|stage| stage.inputs.contains(&source))
+                || *index == plan.depth
+                || Some(*index) == plan.labels
+        };
+        match plan.stages.iter().find(|stage| !stage.outputs.clone().any(|index| is_read(&index))) {
+            Some(stage) => Err(WiringError::UnusedStage { stage: stage.name.clone().into() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks each stage by itself.
     fn check_stages(&self) -> Result<(), WiringError> {
         let stages = &self.manifest.stages;
         for (index, (stage, signature)) in stages.iter().zip(&self.signatures).enumerate() {
@@ -167,7 +211,7 @@ impl Unwired<'_> {
                     inputs: list(&signature.inputs).into(),
                 });
             }
-            state::check_memory(stage, signature, &self.memories[index])?;
+            state::check_state(stage, signature, &self.states[index])?;
         }
         Ok(())
     }
@@ -176,17 +220,21 @@ impl Unwired<'_> {
         &self,
         stage: &ManifestStage,
         input: &TensorSpec,
-        memory: &[StateTensor],
+        state: &[StateTensor],
         plan: &Wired,
     ) -> Result<Source, WiringError> {
-        if let Some(place) = memory.iter().position(|tensor| tensor.input == input.name) {
+        if let Some(place) = state.iter().position(|tensor| tensor.input == input.name) {
             return Ok(Source::State(plan.states.len() + place));
+        }
+        if let Some(place) = plan.extras.iter().position(|extra| extra.spec.name == input.name) {
+            return Ok(Source::Extra(place));
         }
         let Some(source) = stage.inputs.get(&input.name) else {
             return Err(WiringError::Unbound {
                 stage: stage.name.clone().into(),
                 tensor: input.name.clone().into(),
                 kind: input.kind().into(),
+                in_sidecar: matches!(self.contract, Contract::Foreign { .. }),
             });
         };
         if source == IMAGE {
@@ -208,7 +256,7 @@ impl Unwired<'_> {
         })
     }
 
-    /// The index of the tensor that `reference` names, among those of earlier stages.
+    /// The index of the tensor that `reference` names, among the outputs of earlier stages.
     fn find(&self, user: &str, reference: &str, plan: &Wired) -> Result<usize, WiringError> {
         if let Some(index) = plan.tensors.iter().position(|tensor| tensor.name == reference) {
             return Ok(index);
@@ -241,8 +289,8 @@ impl Unwired<'_> {
         }
     }
 
-    /// What a stage gives that has a known size, and with it memory of ours to be written to. An output of open size
-    /// that nobody uses is left alone; [`Self::find`] refuses it where somebody does.
+    /// The outputs of a stage that have a known size and so can be allocated. Another output that something uses is
+    /// refused by [`Self::find`].
     fn outputs_to_fetch<'s>(
         &'s self,
         stage: &'s ManifestStage,
@@ -250,50 +298,13 @@ impl Unwired<'_> {
     ) -> impl Iterator<Item = TensorSpec> + 's {
         signature.outputs.iter().filter_map(move |output| {
             let name = format!("{}.{}", stage.name, output.name);
-            let shape = match self.contract {
-                Contract::Foreign { size, .. } if name == self.manifest.outputs.depth => {
-                    close(&output.shape, size)
-                }
-                _ => output.shape.clone(),
-            };
-            let spec = TensorSpec { name, element: output.element, shape };
+            let spec = TensorSpec { name, element: output.element, shape: output.shape.clone() };
             spec.bytes().is_some_and(|bytes| (1..=MAX_TENSOR_BYTES).contains(&bytes)).then_some(spec)
-        })
-    }
-
-    /// A result of the whole graph: there, of the right type, of the picture's size.
-    fn result(
-        &self,
-        role: &'static str,
-        reference: &str,
-        element: ElementType,
-        plan: &Wired,
-    ) -> Result<usize, WiringError> {
-        let index = self.find(&format!("output `{role}`"), reference, plan)?;
-        let given = &plan.tensors[index];
-        let (width, height) = (i64::from(plan.size.0), i64::from(plan.size.1));
-        let expected = if role == "depth" { vec![1, 1, height, width] } else { vec![1, height, width] };
-        let shape_fits = match self.contract {
-            Contract::Nunet => given.shape == expected,
-            Contract::Foreign { .. } => {
-                given.shape.iter().filter(|&&dim| dim != 1).eq(expected.iter().filter(|&&dim| dim != 1))
-            }
-        };
-        if given.element == element && shape_fits {
-            return Ok(index);
-        }
-        Err(WiringError::Result {
-            role,
-            reference: reference.to_owned().into(),
-            given: given.kind().into(),
-            expected: kind(element, &expected).into(),
-            width: plan.size.0,
-            height: plan.size.1,
         })
     }
 }
 
-/// A depth map under a new capture time is of that time: the stage that gives it runs for each frame.
+/// Depth with a new capture time must be computed for it: its stage runs for each frame.
 fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
     match plan.stages.iter().find(|stage| stage.outputs.contains(&plan.depth)) {
         Some(stage) if stage.every != 1 => {
@@ -303,19 +314,12 @@ fn check_depth_each_frame(plan: &Wired) -> Result<(), WiringError> {
     }
 }
 
-/// Whether shapes are equal where neither is open.
+/// Whether `shape` equals `expected`, except for its open dimensions.
 fn agree(shape: &[i64], expected: &[i64]) -> bool {
     shape.len() == expected.len() && shape.iter().zip(expected).all(|(&dim, &want)| dim < 0 || dim == want)
 }
 
-/// A foreign depth map's shape with open dimensions filled in from the back: width, height, then ones.
-fn close(shape: &[i64], (width, height): (u32, u32)) -> Vec<i64> {
-    let mut expected = vec![1; shape.len().saturating_sub(2)];
-    expected.extend([i64::from(height), i64::from(width)]);
-    shape.iter().zip(expected).map(|(&dim, want)| if dim < 0 { want } else { dim }).collect()
-}
-
-/// `stage.tensor` at its first dot: stages have none in their names, tensors may.
+/// `stage.tensor` split at its first dot: names of tensors may have dots, names of stages have none.
 fn split(reference: &str) -> (&str, &str) {
     reference.split_once('.').unwrap_or((reference, ""))
 }

@@ -1,4 +1,5 @@
-//! The memory of a stage: what its `nunet.state` lists is in the file, alike on both sides, and nobody else's.
+//! The state of a stage: the tensors in `nunet.state` are in its file, with the same type and shape on both sides, and
+//! have no other source.
 
 use super::{Wired, WiredState, list, named};
 use crate::graph::WiringError;
@@ -6,13 +7,13 @@ use crate::graph::manifest::ManifestStage;
 use crate::graph::signature::{ElementType, Signature, TensorSpec, kind};
 use crate::model::StateTensor;
 
-/// Proves that a stage's file has the tensors of its memory, and that the manifest leaves them alone.
-pub(super) fn check_memory(
+/// Checks that a stage's file has its state tensors, and that the manifest does not bind them.
+pub(super) fn check_state(
     stage: &ManifestStage,
     signature: &Signature,
-    memory: &[StateTensor],
+    state: &[StateTensor],
 ) -> Result<(), WiringError> {
-    for tensor in memory {
+    for tensor in state {
         check_side(stage, ("input", &signature.inputs), &tensor.input, &tensor.shape)?;
         check_side(stage, ("output", &signature.outputs), &tensor.output, &tensor.shape)?;
         if let Some(source) = stage.inputs.get(&tensor.input) {
@@ -52,10 +53,10 @@ fn check_side(
     })
 }
 
-/// Depth goes into memory of the caller, who takes it away with the frame: it cannot be what the next frame reads.
-pub(super) fn check_depth_leaves(plan: &Wired) -> Result<(), WiringError> {
-    let kept = |state: &WiredState| state.output == plan.depth;
-    if plan.states.iter().any(kept) {
+/// Depth is written into memory of the caller, so the next frame cannot read it as state.
+pub(super) fn check_depth_is_not_state(plan: &Wired) -> Result<(), WiringError> {
+    let is_depth = |state: &WiredState| state.output == plan.depth;
+    if plan.states.iter().any(is_depth) {
         let reference = plan.tensors[plan.depth].name.clone().into();
         return Err(WiringError::StateIsDepth { reference });
     }

@@ -56,8 +56,17 @@ fn depth_stage() -> Signature {
 }
 
 fn wire(manifest: &Manifest, signatures: &[Signature]) -> Result<Wired, WiringError> {
-    let memories = vec![Vec::new(); signatures.len()];
-    Unwired { manifest, signatures: signatures.to_vec(), memories, contract: Contract::Nunet }.wire()
+    let states = vec![Vec::new(); signatures.len()];
+    wire_parts(manifest, signatures.to_vec(), states, Contract::Nunet)
+}
+
+fn wire_parts(
+    manifest: &Manifest,
+    signatures: Vec<Signature>,
+    states: Vec<Vec<StateTensor>>,
+    contract: Contract,
+) -> Result<Wired, WiringError> {
+    Unwired { manifest, signatures, states, extra_inputs: &BTreeMap::new(), contract }.wire()
 }
 
 const SEES_IMAGE: Inputs<'static> = &[("rgb", "image")];
@@ -87,14 +96,15 @@ fn a_single_stage_is_a_graph() {
 }
 
 #[test]
-fn an_input_bound_to_nothing_is_named() {
-    let error = wnet(SEES_IMAGE, &[segmentation(), depth_stage()]).unwrap_err().to_string();
-    assert!(
-        error.starts_with(
-            "stage `depth` is given nothing for its input `features` of float32 [1, 13, 480, 640]\nhint: "
-        ),
-        "{error}"
-    );
+fn an_input_without_a_source_is_named() {
+    let error = wnet(SEES_IMAGE, &[segmentation(), depth_stage()]).unwrap_err();
+    let expected = WiringError::Unbound {
+        stage: "depth".into(),
+        tensor: "features".into(),
+        kind: "float32 [1, 13, 480, 640]".into(),
+        in_sidecar: false,
+    };
+    assert_eq!(error, expected);
 }
 
 #[test]
@@ -114,10 +124,13 @@ fn references_to_nothing_say_what_there_is() {
         ("logits", "stage `depth` takes `logits`, but no stage has that name"),
         (
             "segmentation.logit",
-            "stage `depth` takes `logit` of stage `segmentation`, which gives `logits`, `labels`",
+            "stage `depth` takes `logit` of stage `segmentation`, whose outputs are `logits`, `labels`",
         ),
-        ("segmentation", "stage `depth` takes `` of stage `segmentation`, which gives `logits`, `labels`"),
-        ("depth.depth", "stage `depth` takes a tensor of stage `depth`, which has not run by then"),
+        (
+            "segmentation",
+            "stage `depth` takes `` of stage `segmentation`, whose outputs are `logits`, `labels`",
+        ),
+        ("depth.depth", "stage `depth` takes a tensor of stage `depth`, which runs later"),
     ] {
         let inputs = &[("rgb", "image"), ("features", source)];
         let error = wnet(inputs, &[segmentation(), depth_stage()]).unwrap_err().to_string();
@@ -138,8 +151,8 @@ fn shapes_that_differ_are_refused_naming_both_sides() {
     let error = wnet(CONNECTED, &[small, depth_stage()]).unwrap_err().to_string();
     assert!(
         error.starts_with(
-            "stage `depth` expects `features` of float32 [1, 13, 480, 640], but stage `segmentation` gives `logits` \
-             of float32 [1, 13, 240, 320]\nhint: "
+            "stage `depth` expects `features` of float32 [1, 13, 480, 640], but `logits` of stage `segmentation` \
+             is float32 [1, 13, 240, 320]"
         ),
         "{error}"
     );
@@ -151,15 +164,18 @@ fn element_types_that_differ_are_refused_naming_both_sides() {
     let error =
         wnet(CONNECTED, &[signature(&[rgb()], &[half, labels()]), depth_stage()]).unwrap_err().to_string();
     assert!(error.contains("expects `features` of float32 [1, 13, 480, 640]"), "{error}");
-    assert!(error.contains("gives `logits` of float16 [1, 13, 480, 640]"), "{error}");
+    assert!(error.contains("`logits` of stage `segmentation` is float16 [1, 13, 480, 640]"), "{error}");
 }
 
 #[test]
-fn an_open_dimension_that_is_used_is_refused_and_one_that_is_not_is_left_alone() {
+fn an_open_dimension_is_refused_only_if_it_is_used() {
     let open = tensor("logits", ElementType::Float32, &[-1, 13, 480, 640]);
     let error =
         wnet(CONNECTED, &[signature(&[rgb()], &[open, labels()]), depth_stage()]).unwrap_err().to_string();
-    assert!(error.starts_with("stage `segmentation` gives `logits` of float32 [?, 13, 480, 640]"), "{error}");
+    assert!(
+        error.starts_with("output `logits` of stage `segmentation` is float32 [?, 13, 480, 640]"),
+        "{error}"
+    );
 
     let unused = tensor("debug", ElementType::Float32, &[-1]);
     let one = signature(&[rgb()], &[unused, depth()]);
@@ -178,6 +194,16 @@ fn stage_names_are_unique_and_every_is_not_zero() {
 }
 
 #[test]
+fn a_stage_that_nothing_uses_is_refused() {
+    let stages = [("segmentation", 1, SEES_IMAGE), ("depth", 1, SEES_IMAGE)];
+    let alone = signature(&[rgb()], &[depth()]);
+    let unused = wire(&manifest(&stages, "depth.depth", None), &[segmentation(), alone.clone()]);
+    assert_eq!(unused, Err(WiringError::UnusedStage { stage: "segmentation".into() }));
+    let labels = Some("segmentation.labels");
+    assert!(wire(&manifest(&stages, "depth.depth", labels), &[segmentation(), alone]).is_ok());
+}
+
+#[test]
 fn the_stage_of_the_depth_runs_for_each_frame() {
     let stages = [("segmentation", 4, SEES_IMAGE), ("depth", 2, CONNECTED)];
     let error = wire(&manifest(&stages, "depth.depth", None), &[segmentation(), depth_stage()]).unwrap_err();
@@ -185,7 +211,7 @@ fn the_stage_of_the_depth_runs_for_each_frame() {
 }
 
 #[test]
-fn results_have_the_contracts_type_and_the_pictures_size() {
+fn results_have_the_contracts_type_and_the_images_size() {
     for (given, says) in [
         (tensor("depth", ElementType::Float64, &[1, 1, 480, 640]), "float64 [1, 1, 480, 640]"),
         (tensor("depth", ElementType::Float32, &[1, 1, 240, 320]), "float32 [1, 1, 240, 320]"),
@@ -197,8 +223,7 @@ fn results_have_the_contracts_type_and_the_pictures_size() {
         assert_eq!(
             error.to_string(),
             format!(
-                "output `depth` is `a.depth` of {says}, but for a picture of 640x480 it must be float32 [1, 1, 480, \
-                 640]"
+                "output `depth` is `a.depth` of {says}, expected float32 [1, 1, 480, 640] for an image of 640x480"
             )
         );
     }
@@ -206,20 +231,20 @@ fn results_have_the_contracts_type_and_the_pictures_size() {
     let wide = tensor("labels", ElementType::Int64, &[1, 480, 640]);
     let one = signature(&[rgb()], &[depth(), wide]);
     let error = wire(&manifest(&stages, "a.depth", Some("a.labels")), &[one]).unwrap_err().to_string();
-    assert!(error.ends_with("it must be uint8 [1, 480, 640]"), "{error}");
+    assert!(error.ends_with("expected uint8 [1, 480, 640] for an image of 640x480"), "{error}");
 }
 
 #[test]
-fn a_missing_result_says_what_the_stage_gives() {
+fn a_missing_result_is_refused_with_the_outputs_of_the_stage() {
     let error = wire(&manifest(&[("a", 1, SEES_IMAGE)], "a.depht", None), &[signature(&[rgb()], &[depth()])]);
     assert_eq!(
         error.unwrap_err().to_string(),
-        "output `depth` takes `depht` of stage `a`, which gives `depth`"
+        "output `depth` takes `depht` of stage `a`, whose outputs are `depth`"
     );
 }
 
 #[test]
-fn pictures_are_bytes_in_rows_of_rgb() {
+fn images_are_bytes_in_rows_of_rgb() {
     for bad in [
         tensor("rgb", ElementType::Float32, &[1, 480, 640, 3]),
         tensor("rgb", ElementType::Uint8, &[1, 3, 480, 640]),
@@ -231,13 +256,13 @@ fn pictures_are_bytes_in_rows_of_rgb() {
         let one = signature(&[bad], &[depth()]);
         let error = wire(&manifest(&[("a", 1, SEES_IMAGE)], "a.depth", None), &[one]).unwrap_err();
         let expected =
-            format!("stage `a` takes the picture as `rgb` of {kind}, but a picture is uint8 [1, H, W, 3]");
+            format!("stage `a` takes the image as `rgb` of {kind}, but the image is uint8 [1, H, W, 3]");
         assert_eq!(error.to_string(), expected);
     }
 }
 
 #[test]
-fn some_stage_takes_the_picture() {
+fn some_stage_takes_the_image() {
     let error = wire(&manifest(&[("a", 1, &[])], "a.depth", None), &[signature(&[], &[depth()])]);
     assert_eq!(error.unwrap_err(), WiringError::NoImage);
 }
@@ -251,7 +276,7 @@ fn a_tensors_name_may_have_dots() {
 }
 
 #[test]
-fn a_tensor_too_large_to_be_had_is_refused_where_it_is_used() {
+fn a_tensor_that_is_too_large_is_refused_if_it_is_used() {
     let huge = tensor("logits", ElementType::Float32, &[1, i64::MAX, 480, 640]);
     let error = wnet(CONNECTED, &[signature(&[rgb()], &[huge, labels()]), depth_stage()]).unwrap_err();
     assert!(matches!(error, WiringError::OpenOutput { .. }), "{error}");
@@ -262,21 +287,28 @@ fn a_foreign_network_may_leave_dimensions_open_that_its_sidecar_fixes() {
     let contract =
         Contract::Foreign { element: ElementType::Float32, image: [1, 3, 480, 640], size: (640, 480) };
     let input = tensor("x", ElementType::Float32, &[-1, 3, -1, -1]);
-    for shape in [&[-1, 1, -1, -1][..], &[-1, -1, -1], &[480, 640], &[1, 480, 640, 1]] {
+    for shape in [&[1, 1, 480, 640][..], &[1, 480, 640], &[480, 640], &[1, 480, 640, 1]] {
         let one = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, shape)]);
         let manifest = manifest(&[("network", 1, &[("x", "image")])], "network.y", None);
-        let memories = vec![Vec::new()];
-        let plan = Unwired { manifest: &manifest, signatures: vec![one], memories, contract }.wire().unwrap();
+        let plan = wire_parts(&manifest, vec![one], vec![Vec::new()], contract).unwrap();
         assert_eq!(plan.image.shape, [1, 3, 480, 640]);
         assert_eq!(plan.tensors[0].bytes(), Some(480 * 640 * 4), "{shape:?}");
+        assert_eq!(plan.depth_size, (640, 480));
+    }
+    let half = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, &[1, 240, 320])]);
+    let manifest_of_y = manifest(&[("network", 1, &[("x", "image")])], "network.y", None);
+    let plan = wire_parts(&manifest_of_y, vec![half], vec![Vec::new()], contract).unwrap();
+    assert_eq!((plan.size, plan.depth_size), ((640, 480), (320, 240)));
+    for shape in [&[2, 480, 640][..], &[480], &[-1, 480, 640]] {
+        let bad = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, shape)]);
+        assert!(wire_parts(&manifest_of_y, vec![bad], vec![Vec::new()], contract).is_err(), "{shape:?}");
     }
     let other = tensor("x", ElementType::Float32, &[1, 3, 240, 320]);
     let one = signature(&[other], &[depth()]);
     let manifest = manifest(&[("network", 1, &[("x", "image")])], "network.depth", None);
-    let memories = vec![Vec::new()];
-    let error = Unwired { manifest: &manifest, signatures: vec![one], memories, contract }.wire();
+    let error = wire_parts(&manifest, vec![one], vec![Vec::new()], contract);
     let error = error.unwrap_err().to_string();
-    assert!(error.ends_with("but a picture is float32 [1, 3, 480, 640]"), "{error}");
+    assert!(error.ends_with("but the image is float32 [1, 3, 480, 640]"), "{error}");
 }
 
 fn state(input: &str, output: &str, shape: &[i64]) -> StateTensor {
@@ -285,88 +317,86 @@ fn state(input: &str, output: &str, shape: &[i64]) -> StateTensor {
 
 const CELL: &[i64] = &[1, 4, 15, 20];
 
-/// One stage whose file has `cell_in` and `cell_out` of these kinds beside picture and depth.
-fn with_memory(
+/// One stage whose file has `cell_in` and `cell_out` of these kinds beside image and depth.
+fn with_state(
     cell_in: (ElementType, &[i64]),
     cell_out: (ElementType, &[i64]),
     inputs: Inputs<'_>,
-    memory: &[StateTensor],
+    state: &[StateTensor],
 ) -> Result<Wired, WiringError> {
     let given = [rgb(), tensor("cell_in", cell_in.0, cell_in.1)];
     let taken = [depth(), tensor("cell_out", cell_out.0, cell_out.1)];
     let manifest = manifest(&[("network", 1, inputs)], "network.depth", None);
-    let (signatures, memories) = (vec![signature(&given, &taken)], vec![memory.to_vec()]);
-    Unwired { manifest: &manifest, signatures, memories, contract: Contract::Nunet }.wire()
+    wire_parts(&manifest, vec![signature(&given, &taken)], vec![state.to_vec()], Contract::Nunet)
 }
 
 const F32: ElementType = ElementType::Float32;
 
 #[test]
-fn a_stage_is_given_its_own_memory() {
+fn a_stage_reads_its_own_state() {
     let plan =
-        with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]).unwrap();
+        with_state((F32, CELL), (F32, CELL), SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]).unwrap();
     assert_eq!(plan.stages[0].inputs, [Source::Image, Source::State(0)]);
     assert_eq!(plan.states, [WiredState { output: 1, every: 1 }]);
 }
 
 #[test]
-fn a_memory_that_the_file_does_not_have_is_named_beside_what_it_has() {
-    for (memory, says) in [
+fn a_state_tensor_that_the_file_does_not_have_is_refused_with_those_it_has() {
+    for (tensor, says) in [
         (
             state("cel_in", "cell_out", CELL),
-            "stage `network` remembers the input `cel_in` (`nunet.state`), but the inputs of its file are `rgb`, \
-             `cell_in`\nhint: ",
+            "the state of stage `network` has the input `cel_in`, but the inputs of its file are `rgb`, `cell_in`",
         ),
         (
             state("cell_in", "cel_out", CELL),
-            "stage `network` remembers the output `cel_out` (`nunet.state`), but the outputs of its file are \
-             `depth`, `cell_out`\nhint: ",
+            "the state of stage `network` has the output `cel_out`, but the outputs of its file are `depth`, \
+             `cell_out`",
         ),
     ] {
-        let error = with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[memory]).unwrap_err().to_string();
+        let error = with_state((F32, CELL), (F32, CELL), SEES_IMAGE, &[tensor]).unwrap_err().to_string();
         assert!(error.starts_with(says), "{error}");
     }
 }
 
 #[test]
-fn a_memory_is_float32_of_one_fixed_shape_on_both_sides() {
+fn a_state_is_float32_of_one_fixed_shape_on_both_sides() {
     let open: &[i64] = &[-1, 4, 15, 20];
     for (cell_in, cell_out, says) in [
         (
             (F32, open),
             (F32, CELL),
-            "the input `cell_in` (`nunet.state`) of float32 [1, 4, 15, 20], but its file has it of float32 [?, 4, 15, 20]",
+            "the input `cell_in` of float32 [1, 4, 15, 20], but its file has it of float32 [?, 4, 15, 20]",
         ),
         (
             (F32, CELL),
             (F32, &[1, 4, 20, 15][..]),
-            "the output `cell_out` (`nunet.state`) of float32 [1, 4, 15, 20], but its file has it of float32 [1, 4, 20, 15]",
+            "the output `cell_out` of float32 [1, 4, 15, 20], but its file has it of float32 [1, 4, 20, 15]",
         ),
-        ((ElementType::Float16, CELL), (F32, CELL), "but its file has it of float16 [1, 4, 15, 20]\nhint: "),
+        ((ElementType::Float16, CELL), (F32, CELL), "but its file has it of float16 [1, 4, 15, 20]"),
     ] {
-        let error = with_memory(cell_in, cell_out, SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]);
+        let error = with_state(cell_in, cell_out, SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]);
         let error = error.unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
     }
 }
 
 #[test]
-fn a_memory_is_not_given_anything_else_and_is_not_the_depth() {
+fn a_state_has_no_other_source_and_is_not_the_depth() {
     let both: Inputs<'_> = &[("rgb", "image"), ("cell_in", "image")];
-    let error = with_memory((F32, CELL), (F32, CELL), both, &[state("cell_in", "cell_out", CELL)]);
+    let error = with_state((F32, CELL), (F32, CELL), both, &[state("cell_in", "cell_out", CELL)]);
     assert!(matches!(error, Err(WiringError::StateBound { .. })), "{error:?}");
     let shape: &[i64] = &[1, 1, 480, 640];
-    let error = with_memory((F32, shape), (F32, CELL), SEES_IMAGE, &[state("cell_in", "depth", shape)]);
+    let error = with_state((F32, shape), (F32, CELL), SEES_IMAGE, &[state("cell_in", "depth", shape)]);
     assert_eq!(error.unwrap_err(), WiringError::StateIsDepth { reference: "network.depth".into() });
 }
 
 #[test]
-fn an_input_that_no_memory_lists_is_still_given_nothing() {
-    let error = with_memory((F32, CELL), (F32, CELL), SEES_IMAGE, &[]).unwrap_err().to_string();
-    assert!(error.starts_with("stage `network` is given nothing for its input `cell_in`"), "{error}");
+fn an_input_that_is_not_in_the_state_still_needs_a_source() {
+    let error = with_state((F32, CELL), (F32, CELL), SEES_IMAGE, &[]).unwrap_err();
+    assert!(matches!(error, WiringError::Unbound { .. }), "{error}");
 }
 
-/// A manifest from elsewhere meets files that exist: whatever it says, the wiring proves it or refuses it.
+/// Whatever a manifest says of existing files, the wiring accepts or refuses it.
 #[test]
 fn damaged_manifests_are_wired_or_refused_and_never_panic() {
     const MANIFEST: &str = "version = 1

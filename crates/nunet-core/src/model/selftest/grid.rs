@@ -4,7 +4,7 @@
 pub const GRID_WIDTH: usize = 8;
 /// Cells of the answer's grid from top to bottom.
 pub const GRID_HEIGHT: usize = 6;
-/// An answer to the self-test picture: 8 x 6 cells.
+/// An answer to the self-test image: 8 x 6 cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SelfTestGrid {
     /// `[row][column]`: the lower median of the decoded depth's finite values, `None` where there is none.

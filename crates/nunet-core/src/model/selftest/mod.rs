@@ -1,37 +1,41 @@
-//! The self-test: one procedural picture and the answer that the network gave to it when it was exported.
+//! The self-test: one procedural image and the network's answer to it at export.
 //!
-//! It catches a provider, a processor or a quantisation that computes something else. Picture, grid and format are
-//! those of `docs/book/model-file.md`, to the byte.
+//! It detects a provider, processor or quantization that computes something else. Image, grid and format are specified to
+//! the byte in `docs/book/model-file.md`.
 
 mod grid;
-mod picture;
+mod image;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
+use nunet_types::Hint;
 use serde::Deserialize;
+
+use crate::error_kind::ErrorKind;
 
 use grid::cells;
 pub use grid::{GRID_HEIGHT, GRID_WIDTH, SelfTestGrid};
-pub use picture::picture;
+pub use image::image;
 
-/// The format of the answer that this program reads.
+/// The supported version of the answer's format.
 const VERSION: u32 = 1;
-/// The name of [`picture`].
-const PICTURE: &str = "nunet-selftest-1";
+/// The name of [`image`].
+const IMAGE: &str = "nunet-selftest-1";
 
-/// The answer that a model file carries.
+/// The expected answer in a model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SelfTest {
     /// The precision of the file itself, `fp32`, `int8`, ...
     pub precision: String,
-    /// What the network answered at export.
+    /// The network's answer at export.
     pub answer: SelfTestGrid,
-    /// How far another runtime may be off, by the precision in which it computes.
+    /// The tolerance for another runtime, by the precision in which it computes.
     pub tolerance: BTreeMap<String, Tolerance>,
 }
 
-/// How far an answer may be off.
+/// How far an answer may differ.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct Tolerance {
     /// The largest difference of a cell's depth, in the unit of the depth.
@@ -40,10 +44,10 @@ pub struct Tolerance {
     pub label_cells: u32,
 }
 
-/// A self-test that passed.
+/// The result of a self-test that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SelfTestReport {
-    /// `false` where the model carries no answer: the run was a warm-up and nothing more.
+    /// `false` if the model has no answer to compare with: the run was only a warm-up.
     pub checked: bool,
     /// The largest difference of a cell's depth.
     pub worst_depth: f32,
@@ -54,7 +58,7 @@ pub struct SelfTestReport {
 }
 
 impl SelfTestReport {
-    /// The report of a model that carries no answer.
+    /// The report of a model without an answer.
     pub(crate) const UNCHECKED: Self =
         Self { checked: false, worst_depth: 0.0, tolerance: 0.0, label_cells: 0 };
 }
@@ -70,14 +74,14 @@ impl fmt::Display for SelfTestReport {
 }
 
 impl SelfTest {
-    /// Reads the value of `nunet.selftest`.
+    /// Parses the value of `nunet.selftest`.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// What is wrong, as text for [`super::ModelError::Invalid`].
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|error| error.to_string())?;
-        if file.version != VERSION || file.picture != PICTURE {
-            return Err(format!("version {VERSION} of picture `{PICTURE}` is all that this program knows"));
+        if file.version != VERSION || file.picture != IMAGE {
+            return Err(format!("expected version {VERSION} of the image `{IMAGE}`"));
         }
         if !file.tolerance.contains_key(&file.precision) {
             return Err(format!("no tolerance for the file's own precision `{}`", file.precision));
@@ -92,17 +96,17 @@ impl SelfTest {
         Ok(Self { precision: file.precision, answer, tolerance: file.tolerance })
     }
 
-    /// The same question to a graph that leaves the labels out.
+    /// The same test for a graph that does not use the labels.
     #[must_use]
     pub fn without_labels(mut self) -> Self {
         self.answer.labels = None;
         self
     }
 
-    /// Compares an answer of this machine with the one of the export, computing in the file's own precision.
+    /// Compares an answer with that at export, with the tolerance of the file's own precision.
     ///
     /// # Errors
-    /// The cell that differs most, or the first one whose label differs.
+    /// The cell whose depth differs most, or the first one whose label differs.
     pub fn compare(&self, got: &SelfTestGrid) -> Result<SelfTestReport, SelfTestMismatch> {
         let tolerance = self.tolerance[&self.precision];
         let worst_depth = self.compare_depth(got, tolerance.depth)?;
@@ -175,10 +179,10 @@ struct File {
     tolerance: BTreeMap<String, Tolerance>,
 }
 
-/// A cell's depth as messages show it.
+/// A cell's depth for messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell(
-    /// `None` where nothing was measured.
+    /// `None` if nothing was measured.
     pub Option<f32>,
 );
 
@@ -196,22 +200,37 @@ impl std::fmt::Display for Cell {
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what each field is")]
 pub enum SelfTestMismatch {
-    /// A cell's depth is off by more than the tolerance; the cell that is off most.
-    #[error(
-        "self-test: depth of cell (row {row}, column {column}) is `{got}`, expected `{expected}` within \
-         `{tolerance}`\nhint: try another `--provider`; `cpu` is the one that models are exported with"
-    )]
+    /// A cell's depth differs by more than the tolerance; the cell that differs most.
+    #[error("depth of cell (row {row}, column {column}) is {got}, expected {expected} within {tolerance}")]
     Depth { row: usize, column: usize, got: Cell, expected: Cell, tolerance: f32 },
     /// More cells than allowed have another label; the first of them.
     #[error(
-        "self-test: `{cells}` cells have another label, `{allowed}` may; the first is (row {row}, column {column}) \
-         with `{got}`, expected `{expected}`\nhint: try another `--provider`; `cpu` is the one that models are \
-         exported with"
+        "{cells} cells have another label, at most {allowed} may; the first is (row {row}, column {column}) with {got}, \
+         expected {expected}"
     )]
     Label { row: usize, column: usize, got: u8, expected: u8, cells: u32, allowed: u32 },
-    /// Either the graph or the answer has labels, not both.
-    #[error("self-test: the graph and the answer in its metadata do not both have labels")]
+    /// Only one of the graph and the answer has labels.
+    #[error("only one of the graph and the answer in its metadata has labels")]
     LabelsMissing,
+}
+
+impl SelfTestMismatch {
+    /// [`ErrorKind::Inference`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Inference
+    }
+}
+
+impl Hint for SelfTestMismatch {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::Depth { .. } | Self::Label { .. } => {
+                Some("try another execution provider; models are exported with `cpu`".into())
+            }
+            Self::LabelsMissing => None,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -242,19 +261,21 @@ mod tests {
 
     #[test]
     fn a_cell_that_is_off_is_named_with_both_numbers() {
-        let mut got = answer().answer;
-        got.depth[1][2] = Some(2.5);
-        got.depth[4][5] = Some(1.0);
-        let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(error.contains("cell (row 4, column 5) is `1`, expected `2` within `0.01`"), "{error}");
+        let mut grid = answer().answer;
+        grid.depth[1][2] = Some(2.5);
+        grid.depth[4][5] = Some(1.0);
+        let (got, expected) = (Cell(Some(1.0)), Cell(Some(2.0)));
+        let mismatch = SelfTestMismatch::Depth { row: 4, column: 5, got, expected, tolerance: 0.01 };
+        assert_eq!(answer().compare(&grid), Err(mismatch));
     }
 
     #[test]
     fn a_cell_without_measurement_differs_from_one_with() {
-        let mut got = answer().answer;
-        got.depth[0][7] = None;
-        let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(error.contains("cell (row 0, column 7) is `none`, expected `2`"), "{error}");
+        let mut grid = answer().answer;
+        grid.depth[0][7] = None;
+        let (got, expected) = (Cell(None), Cell(Some(2.0)));
+        let mismatch = SelfTestMismatch::Depth { row: 0, column: 7, got, expected, tolerance: 0.01 };
+        assert_eq!(answer().compare(&grid), Err(mismatch));
     }
 
     #[test]
@@ -262,11 +283,9 @@ mod tests {
         let mut got = answer().answer;
         let labels = got.labels.as_mut().unwrap();
         (labels[2][1], labels[3][3]) = (0, 1);
-        let error = answer().compare(&got).unwrap_err().to_string();
-        assert!(
-            error.contains("`2` cells have another label, `1` may; the first is (row 2, column 1)"),
-            "{error}"
-        );
+        let mismatch =
+            SelfTestMismatch::Label { row: 2, column: 1, got: 0, expected: 3, cells: 2, allowed: 1 };
+        assert_eq!(answer().compare(&got), Err(mismatch));
     }
 
     #[test]
@@ -279,7 +298,7 @@ mod tests {
     #[test]
     fn broken_answers_are_refused() {
         let good = serde_json::json!({
-            "version": 1, "picture": PICTURE, "precision": "fp32", "depth": vec![vec![2.0; 8]; 6],
+            "version": 1, "picture": IMAGE, "precision": "fp32", "depth": vec![vec![2.0; 8]; 6],
             "tolerance": {"fp32": {"depth": 0.01, "label_cells": 0}},
         });
         assert!(SelfTest::parse(&good.to_string()).is_ok());

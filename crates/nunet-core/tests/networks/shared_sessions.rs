@@ -3,11 +3,11 @@
 use nunet_core::graph::{Quality, SerialGraph};
 use nunet_testkit::models;
 
-use crate::{Folder, SIZE, picture, run};
+use crate::{Folder, SIZE, image, run};
 
-/// A picture for each stream and frame.
+/// A image for each stream and frame.
 fn numbered(number: u8) -> Vec<u8> {
-    picture(SIZE).iter().map(|value| value.wrapping_mul(2 * number + 1)).collect()
+    image(SIZE).iter().map(|value| value.wrapping_mul(2 * number + 1)).collect()
 }
 
 #[test]
@@ -22,7 +22,7 @@ fn each_sibling_remembers_its_own_frames() {
     let mut first = load();
     // A sibling begins with zeros, whatever the first has seen.
     run(&mut first, &numbered(5));
-    let mut second = first.sibling().unwrap();
+    let mut second = first.share_sessions().unwrap();
     first.reset();
     for frame in 0..3 {
         assert_eq!(run(&mut first, &numbered([1, 2, 3][frame])).depth, front[frame]);
@@ -56,7 +56,7 @@ fn each_sibling_counts_its_own_frames_and_reuses_its_own_results() {
         .model("depth.onnx", &models::depth_stage(SIZE, true))
         .text("graph.toml", EACH_THIRD);
     let mut first = folder.load("graph.toml").unwrap();
-    let mut second = first.sibling().unwrap();
+    let mut second = first.share_sessions().unwrap();
     let begun = run(&mut first, &numbered(1));
     let other = run(&mut second, &numbered(4));
     assert_eq!((begun.report.quality, other.report.quality), (Quality::Full, Quality::Full));

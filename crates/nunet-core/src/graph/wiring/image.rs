@@ -1,4 +1,4 @@
-//! The picture: every stage that sees it sees the same one, and it is what the contract says.
+//! The image: all stages that take it agree on its type and shape, and these follow the contract.
 
 use super::{Contract, IMAGE, Unwired, agree};
 use crate::frame::MAX_SIDE_PX;
@@ -7,7 +7,7 @@ use crate::graph::manifest::ManifestStage;
 use crate::graph::signature::{ElementType, TensorSpec, kind};
 
 impl Unwired<'_> {
-    /// The picture that all stages which see it agree on.
+    /// The image that all stages which take it agree on.
     pub(super) fn image(&self) -> Result<TensorSpec, WiringError> {
         let mut seen: Option<(&str, TensorSpec)> = None;
         for (stage, signature) in self.manifest.stages.iter().zip(&self.signatures) {
@@ -30,7 +30,7 @@ impl Unwired<'_> {
         seen.map(|(_, image)| image).ok_or(WiringError::NoImage)
     }
 
-    /// One stage's picture, checked against the contract.
+    /// One stage's image, checked against the contract.
     fn image_of(&self, stage: &str, input: &TensorSpec) -> Result<TensorSpec, WiringError> {
         let (fits, shape) = match self.contract {
             Contract::Nunet => {
@@ -70,6 +70,7 @@ impl Unwired<'_> {
 }
 
 impl Contract {
+    /// Type and shape of the image, for messages.
     fn image_kind(self) -> String {
         match self {
             Self::Nunet => "uint8 [1, H, W, 3]".to_owned(),
@@ -77,6 +78,7 @@ impl Contract {
         }
     }
 }
+
 fn takes_image(stage: &ManifestStage, input: &TensorSpec) -> bool {
     stage.inputs.get(&input.name).is_some_and(|source| source == IMAGE)
 }

@@ -1,11 +1,11 @@
-//! The procedural picture.
+//! The procedural image.
 
-/// The picture `nunet-selftest-1`: `[height][width][3]`, RGB, rows top to bottom. No side may be 0.
+/// The image `nunet-selftest-1`: `[height][width][3]`, RGB, rows top to bottom. No side may be 0.
 ///
-/// Integers alone, so that every language draws the same; no symmetry in colour, left to right or top to bottom, so
-/// that swapped channels or a mirrored picture give another answer.
+/// Computed with integers, so that every language draws the same. No symmetry in color, left to right or top to bottom, so
+/// that swapped channels or a mirrored image give another answer.
 #[must_use]
-pub fn picture(width: u32, height: u32) -> Vec<u8> {
+pub fn image(width: u32, height: u32) -> Vec<u8> {
     let mut rgb = Vec::with_capacity(3 * width as usize * height as usize);
     for y in 0..u64::from(height) {
         for x in 0..u64::from(width) {
@@ -17,7 +17,7 @@ pub fn picture(width: u32, height: u32) -> Vec<u8> {
     rgb
 }
 
-/// The colour at (u, v), both 0 to 255.
+/// The color at (u, v), both 0 to 255.
 fn pixel(u: i32, v: i32) -> [i32; 3] {
     let fine = (7 * u + 13 * v + u * v / 32) % 23;
     let in_disc = (u - 140).pow(2) + (v - 180).pow(2) < 28 * 28;
@@ -42,8 +42,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_picture_is_the_documented_one_to_the_byte() {
-        let rgb = picture(640, 480);
+    fn the_image_is_the_documented_one_to_the_byte() {
+        let rgb = image(640, 480);
         let first = [150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164];
         assert_eq!(rgb[..16], first);
         let digest: String =

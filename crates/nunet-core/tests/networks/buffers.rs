@@ -4,7 +4,7 @@ use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
-use crate::{Folder, SIZE, picture, pixels, refusal, ticking};
+use crate::{Folder, SIZE, image, pixels, refusal, ticking};
 
 fn wnet() -> SerialGraph {
     Folder::new().model("wnet.onnx", &models::wnet(SIZE, true)).load("wnet.onnx").unwrap()
@@ -13,11 +13,11 @@ fn wnet() -> SerialGraph {
 #[test]
 fn many_buffers_in_turn_each_get_their_own_answer() {
     let mut graph = wnet();
-    let pixel_count = picture(SIZE).len() / 3;
+    let pixel_count = image(SIZE).len() / 3;
     // More than are remembered, so that remembered ones are forgotten and met again.
     let mut buffers: Vec<(Vec<u8>, Vec<f32>, Vec<u8>)> = (0..150_u8)
         .map(|i| {
-            let rgb = picture(SIZE).iter().map(|value| value.wrapping_add(i)).collect();
+            let rgb = image(SIZE).iter().map(|value| value.wrapping_add(i)).collect();
             (rgb, vec![-1.0; pixel_count], vec![99; pixel_count])
         })
         .collect();
@@ -40,7 +40,7 @@ fn an_address_that_was_freed_and_given_out_again_is_sound() {
     let mut graph = wnet();
     for i in 0..200_u8 {
         // Fresh allocations each time: the allocator hands the same addresses out again and again.
-        let rgb: Vec<u8> = picture(SIZE).iter().map(|value| value.wrapping_mul(i | 1)).collect();
+        let rgb: Vec<u8> = image(SIZE).iter().map(|value| value.wrapping_mul(i | 1)).collect();
         let mut depth = vec![-1.0; rgb.len() / 3];
         graph
             .run(GraphInput::Rgb(&rgb), GraphOutputs { depth: &mut depth, labels: None }, &ticking())
@@ -52,7 +52,7 @@ fn an_address_that_was_freed_and_given_out_again_is_sound() {
 #[test]
 fn memory_may_lie_at_any_address() {
     let mut graph = wnet();
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     let pixel_count = rgb.len() / 3;
     let mut bytes = vec![0; rgb.len() + 64];
     let mut floats = vec![0.0; pixel_count + 64];
@@ -80,21 +80,21 @@ fn memory_may_lie_at_any_address() {
 #[test]
 fn buffers_of_another_length_or_type_are_refused() {
     let mut graph = wnet();
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     let mut run = |rgb: GraphInput<'_>, depth_len: usize, labels_len: usize| {
         let (mut depth, mut labels) = (vec![0.0; depth_len], vec![0; labels_len]);
         let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
         graph.run(rgb, outputs, &ticking()).map(drop).map_err(|error| error.to_string())
     };
     let error = |buffer: &str, got: usize, expected: usize| {
-        Err(format!("the buffer for `{buffer}` holds `{got}` elements, but the graph has `{expected}`"))
+        Err(format!("the buffer for `{buffer}` has {got} elements, expected {expected}"))
     };
     assert_eq!(run(GraphInput::Rgb(&rgb[..51]), 18, 18), error("image", 51, 54));
     assert_eq!(run(GraphInput::Rgb(&rgb), 17, 18), error("depth", 17, 18));
     assert_eq!(run(GraphInput::Rgb(&rgb), 18, 19), error("labels", 19, 18));
     assert_eq!(
         run(GraphInput::Float(&[0.0; 54]), 18, 18),
-        Err("the buffer for `image` holds float32, but the graph has uint8".to_owned())
+        Err("the buffer for `image` is float32, expected uint8".to_owned())
     );
     assert_eq!(run(GraphInput::Rgb(&rgb), 18, 18), Ok(()), "an error leaves the graph usable");
 }
@@ -104,8 +104,8 @@ fn labels_cannot_be_asked_of_a_graph_without() {
     let mut graph = Folder::new().model("unet.onnx", &models::unet(SIZE)).load("unet.onnx").unwrap();
     let (mut depth, mut labels) = ([0.0; 18], [0; 18]);
     let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
-    let error = graph.run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking()).unwrap_err();
-    assert_eq!(error.to_string(), "the graph gives no labels");
+    let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
+    assert_eq!(error.to_string(), "the graph has no labels");
 }
 
 /// Depth that comes out of an operator which only renames memory: the caller's must be written all the same.
@@ -123,7 +123,7 @@ fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
         .output("depth", ElementType::F32, &[1, 1, 3, 6]);
     let model = models::describe(model, "red", false);
     let mut graph = Folder::new().model("red.onnx", &model).load("red.onnx").unwrap();
-    let rgb = picture(SIZE);
+    let rgb = image(SIZE);
     let red: Vec<f32> = pixels(&rgb).map(|[r, _, _]| f32::from(r)).collect();
     assert_eq!(crate::run(&mut graph, &rgb).depth, red);
 }
@@ -144,6 +144,6 @@ fn a_model_that_lies_about_its_output_is_refused_before_or_in_the_run() {
     };
     let mut depth = [0.0; 18];
     let outputs = GraphOutputs { depth: &mut depth, labels: None };
-    let error = graph.run(GraphInput::Rgb(&picture(SIZE)), outputs, &ticking()).unwrap_err();
+    let error = graph.run(GraphInput::Rgb(&image(SIZE)), outputs, &ticking()).unwrap_err();
     assert!(error.to_string().starts_with("stage `network` failed: "), "{error}");
 }

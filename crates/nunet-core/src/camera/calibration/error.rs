@@ -1,0 +1,135 @@
+//! What is wrong with a calibration.
+
+use std::borrow::Cow;
+
+use nunet_types::Hint;
+
+use super::{MAX_BYTES, MAX_IGNORED_SKEW};
+use crate::camera::CameraError;
+use crate::error_kind::ErrorKind;
+
+/// What is wrong with a calibration.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrationError {
+    /// More text than any calibration has.
+    #[error("the file has more than {MAX_BYTES} bytes")]
+    TooLong,
+    /// No text.
+    #[error("the file is empty")]
+    Empty,
+    /// Not YAML, or a value of the wrong type.
+    #[error("it is not a ROS `camera_info` file in YAML: {reason}")]
+    Syntax {
+        /// The parser's message, with line and column.
+        reason: String,
+    },
+    /// A required key is absent.
+    #[error("`{key}` is missing")]
+    Missing {
+        /// The key.
+        key: String,
+    },
+    /// The count of numbers is not rows x cols.
+    #[error("`{key}` has {got} values, expected {rows} x {cols}")]
+    Shape {
+        /// The matrix.
+        key: &'static str,
+        /// Its `rows`.
+        rows: usize,
+        /// Its `cols`.
+        cols: usize,
+        /// Numbers in its `data`.
+        got: usize,
+    },
+    /// NaN or infinite.
+    #[error("value {place} of `{key}` is `{value}`, expected a finite number")]
+    NotFinite {
+        /// The matrix.
+        key: &'static str,
+        /// Counted from 1.
+        place: usize,
+        /// The value.
+        value: f64,
+    },
+    /// Not nine numbers.
+    #[error("`camera_matrix` has {got} values, expected 9")]
+    CameraMatrixSize {
+        /// How many there are.
+        got: usize,
+    },
+    /// A skew too large to ignore.
+    #[error(
+        "the camera matrix has a skew of {skew_px} px, {:.2} % of fx; at most {} % can be ignored",
+        100.0 * skew_px.abs() / fx_px.abs(),
+        100.0 * MAX_IGNORED_SKEW
+    )]
+    Skew {
+        /// Row 1, column 2 of the camera matrix, pixels.
+        skew_px: f64,
+        /// Row 1, column 1, pixels.
+        fx_px: f64,
+    },
+    /// Other numbers where a camera matrix has zeros and a one.
+    #[error("`camera_matrix` is not of the form `[fx, 0, cx, 0, fy, cy, 0, 0, 1]`")]
+    NotACameraMatrix,
+    /// A lens model that is not supported.
+    #[error(
+        "distortion model `{model:.60}` is not supported; supported are `plumb_bob`, `rational_polynomial` and \
+         `equidistant`"
+    )]
+    UnknownModel {
+        /// The name as written.
+        model: String,
+    },
+    /// Numbers that no camera has.
+    #[error("the camera matrix does not fit an image of {width}x{height}")]
+    Intrinsics {
+        /// Image width, pixels.
+        width: u32,
+        /// Image height, pixels.
+        height: u32,
+        /// What is wrong with them.
+        source: CameraError,
+    },
+    /// Coefficients that no lens has.
+    #[error(transparent)]
+    Lens(#[from] CameraError),
+}
+
+impl CalibrationError {
+    /// [`ErrorKind::Camera`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Camera
+    }
+}
+
+impl Hint for CalibrationError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        let text = match self {
+            Self::TooLong | Self::Empty | Self::Syntax { .. } => {
+                "pass a `camera_info` file as ROS's camera_calibration writes it (YAML, about 1 kB)"
+            }
+            Self::Missing { .. } => {
+                "a `camera_info` file has `image_width`, `image_height`, `camera_matrix`, `distortion_model` and \
+                 `distortion_coefficients`; the matrices have `rows`, `cols` and `data`"
+            }
+            Self::Shape { .. } => "write rows x cols numbers",
+            Self::NotFinite { .. } => "calibrate again; this calibration did not converge",
+            Self::CameraMatrixSize { .. } | Self::NotACameraMatrix => {
+                "write the matrix row by row: `[fx, 0, cx, 0, fy, cy, 0, 0, 1]`, in pixels"
+            }
+            Self::Skew { .. } => "calibrate with the skew fixed at 0 (OpenCV: `CALIB_FIX_SKEW`)",
+            Self::UnknownModel { .. } => {
+                "use `plumb_bob` with five zeros for an image without distortion, or calibrate with a supported model"
+            }
+            Self::Intrinsics { .. } => {
+                "write `[fx, 0, cx, 0, fy, cy, 0, 0, 1]` in pixels of the calibrated size; ROS writes zeros for a \
+                 camera that is not calibrated"
+            }
+            Self::Lens(error) => return error.hint(),
+        };
+        Some(text.into())
+    }
+}

@@ -1,0 +1,160 @@
+//! What is wrong with a camera's numbers.
+
+use std::borrow::Cow;
+
+use nunet_types::Hint;
+
+use crate::error_kind::ErrorKind;
+
+/// What is wrong with a camera's numbers.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CameraError {
+    /// Not four numbers.
+    #[error("intrinsics `{text}` have {got} values, expected 4")]
+    Count {
+        /// How many there are.
+        got: usize,
+        /// The text.
+        text: String,
+    },
+    /// Text that is not a number.
+    #[error("intrinsic `{name}` is `{text}`, expected a number")]
+    NotANumber {
+        /// `fx`, `fy`, `cx` or `cy`.
+        name: &'static str,
+        /// The text.
+        text: String,
+    },
+    /// Text that is not a size.
+    #[error("`{text}` is not an image size")]
+    NotASize {
+        /// The text.
+        text: String,
+    },
+    /// NaN or infinite.
+    #[error("intrinsic `{name}` is `{value}`, expected a finite number")]
+    NotFinite {
+        /// `fx`, `fy`, `cx` or `cy`.
+        name: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// A focal length of zero or less.
+    #[error("focal length `{name}` is `{value}`, expected a number greater than 0")]
+    NotPositive {
+        /// `fx` or `fy`.
+        name: &'static str,
+        /// The value, pixels.
+        value: f64,
+    },
+    /// No lens has this number at this image size.
+    #[error("intrinsic `{name}` is {value} px, which is not plausible for an image side of {side} px")]
+    OutOfRange {
+        /// `fx`, `fy`, `cx` or `cy`.
+        name: &'static str,
+        /// The value, pixels.
+        value: f64,
+        /// The image side along it, pixels.
+        side: u32,
+    },
+    /// A count of coefficients that the lens model does not have.
+    #[error("lens model `{model}` has {} coefficients, got {got}", alternatives(expected))]
+    CoefficientCount {
+        /// The lens model.
+        model: &'static str,
+        /// How many there are.
+        got: usize,
+        /// The counts that the model has.
+        expected: &'static [usize],
+    },
+    /// A nonzero coefficient beyond the last one of the lens model.
+    #[error("lens model `{model}` has at most {most} coefficients, but number {place} ({name}) is `{value}`")]
+    ExtraCoefficient {
+        /// The lens model.
+        model: &'static str,
+        /// How many coefficients the model has at most.
+        most: usize,
+        /// The coefficient's place, counted from 1.
+        place: usize,
+        /// Its usual name.
+        name: String,
+        /// Its value.
+        value: f64,
+    },
+    /// No lens has this coefficient.
+    #[error("lens coefficient `{name}` is `{value}`, expected a number between -{limit} and {limit}")]
+    Coefficient {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The largest accepted absolute value.
+        limit: f64,
+    },
+    /// An image of another aspect ratio than the calibration's.
+    #[error(
+        "a calibration for images of {calibrated_width}x{calibrated_height} does not fit images of {width}x{height}: \
+         the aspect ratios differ"
+    )]
+    Aspect {
+        /// The calibration's width, pixels.
+        calibrated_width: u32,
+        /// The calibration's height, pixels.
+        calibrated_height: u32,
+        /// The image's width, pixels.
+        width: u32,
+        /// The image's height, pixels.
+        height: u32,
+    },
+    /// A side of 0 pixels.
+    #[error("a camera image of {width}x{height} pixels")]
+    Size {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+    },
+}
+
+impl CameraError {
+    /// [`ErrorKind::Camera`].
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Camera
+    }
+}
+
+impl Hint for CameraError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::Count { .. } | Self::NotANumber { .. } => "write `fx,fy,cx,cy` or `fx,fy,cx,cy@WxH`".into(),
+            Self::NotASize { .. } => "write width and height in pixels, as in `640x480`".into(),
+            Self::OutOfRange { .. } => {
+                "write intrinsics in pixels, not millimeters, with the size they were calibrated at: \
+                 `fx,fy,cx,cy@WxH`"
+                    .into()
+            }
+            Self::CoefficientCount { .. } => "write all coefficients of the model, unused ones as 0".into(),
+            Self::ExtraCoefficient { model: "plumb_bob", .. } => {
+                "use `rational_polynomial`, the model that has this coefficient".into()
+            }
+            Self::ExtraCoefficient { .. } => "calibrate with a supported lens model".into(),
+            Self::Coefficient { .. } => "calibrate again; this calibration did not converge".into(),
+            Self::Aspect { width, height, .. } => {
+                format!("calibrate at {width}x{height}; images may be resized, but not cropped or stretched")
+                    .into()
+            }
+            Self::NotFinite { .. } | Self::NotPositive { .. } | Self::Size { .. } => return None,
+        })
+    }
+}
+
+/// `4`, `4 or 5`, `4, 5 or 8`.
+fn alternatives(counts: &[usize]) -> String {
+    let words: Vec<String> = counts.iter().map(ToString::to_string).collect();
+    match words.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+        _ => words.concat(),
+    }
+}

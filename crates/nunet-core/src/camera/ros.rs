@@ -1,0 +1,199 @@
+//! Lens models by their ROS names.
+
+use super::{BrownConrady, CalibrationError, CameraError, Distortion, KannalaBrandt, brown_conrady};
+
+const PLUMB_BOB: &str = "plumb_bob";
+const RATIONAL_POLYNOMIAL: &str = "rational_polynomial";
+const EQUIDISTANT: &str = "equidistant";
+
+/// A lens model as ROS and related tools name it.
+struct RosModel {
+    /// ROS's name (`sensor_msgs/distortion_models.hpp`).
+    name: &'static str,
+    /// The names of the same model in Kalibr, Foxglove, OpenCV and depthai.
+    aliases: &'static [&'static str],
+    /// Accepted counts of coefficients, rising.
+    counts: &'static [usize],
+}
+
+/// `rational_polynomial` has eight coefficients in ROS's documentation. ROS's tools also pass OpenCV's shorter and longer
+/// models under that name, and a shorter one is the same model with zeros.
+const MODELS: [RosModel; 3] = [
+    RosModel { name: PLUMB_BOB, aliases: &["radtan", "brown_conrady"], counts: &[4, 5] },
+    RosModel { name: RATIONAL_POLYNOMIAL, aliases: &[], counts: &[4, 5, 8, 12, 14] },
+    RosModel { name: EQUIDISTANT, aliases: &["fisheye", "kannala_brandt"], counts: &[4] },
+];
+
+impl Distortion {
+    /// The lens of a ROS `CameraInfo`: `distortion_model` and `d`.
+    ///
+    /// No coefficients mean no distortion, and so do zeros, except for `equidistant`, whose zeros are an ideal fisheye.
+    /// Zeros after a model's last coefficient are ignored: the camera `RealSense` T265 writes `equidistant` with a fifth one.
+    ///
+    /// # Errors
+    /// An unsupported model, a nonzero coefficient that the model does not have, another count of coefficients than the
+    /// model has, a coefficient out of range.
+    pub fn from_ros(model: &str, coefficients: &[f64]) -> Result<Self, CalibrationError> {
+        if coefficients.is_empty() {
+            return Ok(Self::None);
+        }
+        let name = model.to_ascii_lowercase();
+        let found = MODELS.iter().find(|known| known.name == name || known.aliases.contains(&name.as_str()));
+        let all_zero = coefficients.iter().all(|&coefficient| coefficient == 0.0);
+        let known = match found {
+            Some(known) if known.name == EQUIDISTANT => known,
+            Some(_) if all_zero => return Ok(Self::None),
+            None if all_zero && (name.is_empty() || name == "none") => return Ok(Self::None),
+            Some(known) => known,
+            None => return Err(CalibrationError::UnknownModel { model: model.to_owned() }),
+        };
+        let coefficients = known.without_trailing_zeros(coefficients)?;
+        Ok(match known.name {
+            EQUIDISTANT => Self::KannalaBrandt(KannalaBrandt::new(coefficients)?),
+            _ => Self::BrownConrady(BrownConrady::new(coefficients)?),
+        })
+    }
+
+    /// The ROS name of the lens model, and as many coefficients as ROS tools expect of it.
+    #[must_use]
+    pub fn to_ros(&self) -> (&'static str, Vec<f64>) {
+        let all = self.coefficients();
+        let used = all.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
+        let (model, count) = match (self, used) {
+            (Self::KannalaBrandt(_), _) => (EQUIDISTANT, 4),
+            (Self::None, _) | (Self::BrownConrady(_), 0..=5) => (PLUMB_BOB, 5),
+            (Self::BrownConrady(_), 6..=8) => (RATIONAL_POLYNOMIAL, 8),
+            (Self::BrownConrady(_), 9..=12) => (RATIONAL_POLYNOMIAL, 12),
+            (Self::BrownConrady(_), _) => (RATIONAL_POLYNOMIAL, all.len()),
+        };
+        (model, all[..count].to_vec())
+    }
+}
+
+impl RosModel {
+    /// The coefficients, cut to an accepted count where the rest is zeros.
+    fn without_trailing_zeros<'a>(&self, coefficients: &'a [f64]) -> Result<&'a [f64], CameraError> {
+        let got = coefficients.len();
+        let needed =
+            coefficients.iter().rposition(|&coefficient| coefficient != 0.0).map_or(0, |last| last + 1);
+        let most = self.counts.last().copied().unwrap_or(0);
+        if needed > most {
+            let place = most + coefficients[most..].iter().position(|&value| value != 0.0).unwrap_or(0);
+            return Err(CameraError::ExtraCoefficient {
+                model: self.name,
+                most,
+                place: place + 1,
+                name: self.coefficient_name(place),
+                value: coefficients[place],
+            });
+        }
+        let accepted = self.counts.iter().rev().find(|&&count| needed <= count && count <= got);
+        accepted.map(|&count| &coefficients[..count]).ok_or(CameraError::CoefficientCount {
+            model: self.name,
+            got,
+            expected: self.counts,
+        })
+    }
+
+    /// The usual name of the coefficient at `place`, counted from 0.
+    fn coefficient_name(&self, place: usize) -> String {
+        match brown_conrady::NAMES.get(place) {
+            Some(name) if self.name != EQUIDISTANT => (*name).to_owned(),
+            _ => format!("k{}", place + 1),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FISHEYE: [f64; 4] = [0.0175, -0.0031, 0.0003, -0.0007];
+
+    fn fisheye(coefficients: &[f64]) -> Distortion {
+        Distortion::KannalaBrandt(KannalaBrandt::new(coefficients).unwrap())
+    }
+
+    fn brown(coefficients: &[f64]) -> Distortion {
+        Distortion::BrownConrady(BrownConrady::new(coefficients).unwrap())
+    }
+
+    #[test]
+    fn a_lens_goes_to_ros_and_back() {
+        let long = [0.1, 0.2, 0.001, 0.002, 0.3, 0.4, 0.5, 0.6, 0.01, 0.02, 0.03, 0.04, 0.05, -0.05];
+        for count in [5, 8, 12, 14] {
+            let lens = brown(&long[..count]);
+            let (model, coefficients) = lens.to_ros();
+            assert_eq!(model, if count == 5 { "plumb_bob" } else { "rational_polynomial" });
+            assert_eq!(coefficients, long[..count]);
+            assert_eq!(Distortion::from_ros(model, &coefficients), Ok(lens));
+        }
+        let lens = fisheye(&[0.1, 0.0, 0.0, 0.0]);
+        assert_eq!(lens.to_ros(), ("equidistant", vec![0.1, 0.0, 0.0, 0.0]));
+        assert_eq!(Distortion::None.to_ros(), ("plumb_bob", vec![0.0; 5]));
+        assert_eq!(Distortion::from_ros("plumb_bob", &[0.0; 5]), Ok(Distortion::None));
+    }
+
+    #[test]
+    fn zeros_after_the_last_coefficient_of_a_model_are_ignored() {
+        let [k1, k2, k3, k4] = FISHEYE;
+        for count in 5..=14 {
+            let mut coefficients = vec![0.0; count];
+            coefficients[..4].copy_from_slice(&[k1, k2, k3, k4]);
+            assert_eq!(Distortion::from_ros("equidistant", &coefficients), Ok(fisheye(&FISHEYE)), "{count}");
+        }
+        assert_eq!(Distortion::from_ros("equidistant", &[0.0; 5]), Ok(fisheye(&[0.0; 4])));
+        let five = [-0.3, 0.1, 0.001, 0.0005, 0.02];
+        for count in 6..=14 {
+            let mut coefficients = vec![0.0; count];
+            coefficients[..5].copy_from_slice(&five);
+            assert_eq!(Distortion::from_ros("plumb_bob", &coefficients), Ok(brown(&five)), "{count}");
+        }
+        let nine = [0.5, -2.7, 0.001, 0.0005, 1.5, 0.4, -2.5, 1.4, 0.0];
+        assert_eq!(Distortion::from_ros("rational_polynomial", &nine), Ok(brown(&nine[..8])));
+    }
+
+    #[test]
+    fn a_nonzero_coefficient_that_the_model_does_not_have_is_named() {
+        let [k1, k2, k3, k4] = FISHEYE;
+        for (model, coefficients, expected) in [
+            ("equidistant", vec![k1, k2, k3, k4, 0.25], ("k5", 5, 4)),
+            ("equidistant", vec![k1, k2, k3, k4, 0.0, 0.25], ("k6", 6, 4)),
+            ("plumb_bob", vec![-0.3, 0.1, 0.0, 0.0, 0.0, 0.25], ("k4", 6, 5)),
+            ("plumb_bob", vec![-0.3, 0.1, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0], ("k5", 7, 5)),
+        ] {
+            let error = Distortion::from_ros(model, &coefficients).unwrap_err();
+            let (name, place, most) = expected;
+            let expected =
+                CameraError::ExtraCoefficient { model, most, place, name: name.to_owned(), value: 0.25 };
+            assert_eq!(error, CalibrationError::Lens(expected), "{coefficients:?}");
+        }
+    }
+
+    #[test]
+    fn another_count_than_the_model_has_is_refused() {
+        for (model, got, expected) in [
+            ("equidistant", 3, &[4][..]),
+            ("plumb_bob", 3, &[4, 5]),
+            ("rational_polynomial", 10, &[4, 5, 8, 12, 14]),
+        ] {
+            let error = Distortion::from_ros(model, &vec![0.01; got]).unwrap_err();
+            assert_eq!(error, CalibrationError::Lens(CameraError::CoefficientCount { model, got, expected }));
+        }
+    }
+
+    #[test]
+    fn other_tools_names_of_the_same_models_are_read() {
+        for name in ["equidistant", "kannala_brandt", "fisheye", "EQUIDISTANT"] {
+            assert_eq!(Distortion::from_ros(name, &FISHEYE), Ok(fisheye(&FISHEYE)), "{name}");
+        }
+        let four = [-0.31, 0.11, 0.0007, -0.0004];
+        for name in ["plumb_bob", "radtan", "Brown_Conrady", "rational_polynomial"] {
+            assert_eq!(Distortion::from_ros(name, &four), Ok(brown(&four)), "{name}");
+        }
+        assert_eq!(Distortion::from_ros("", &[]), Ok(Distortion::None));
+        assert_eq!(Distortion::from_ros("none", &[0.0; 5]), Ok(Distortion::None));
+        let error = Distortion::from_ros("omni", &four).unwrap_err();
+        assert_eq!(error, CalibrationError::UnknownModel { model: "omni".to_owned() });
+    }
+}

@@ -1,0 +1,100 @@
+//! Depth of another size than the image, resized to it.
+
+/// Resizes the output of a foreign network to the size of its image, bilinearly.
+///
+/// Values are resized before they are decoded, as the authors of such networks do. Pixel centers follow the half-pixel
+/// rule, and the border is repeated. Indices and weights are computed once; a frame allocates nothing.
+pub(super) struct DepthResize {
+    columns: Vec<Tap>,
+    rows: Vec<Tap>,
+    source_width: usize,
+}
+
+/// The two source pixels of a target pixel along one axis.
+#[derive(Clone, Copy)]
+struct Tap {
+    first: usize,
+    second: usize,
+    /// Of the second pixel.
+    weight: f32,
+}
+
+impl DepthResize {
+    /// From width and height `source` to `target`, pixels, none of them 0.
+    pub(super) fn new(source: (u32, u32), target: (u32, u32)) -> Self {
+        Self {
+            columns: taps(source.0, target.0),
+            rows: taps(source.1, target.1),
+            source_width: source.0 as usize,
+        }
+    }
+
+    /// Fills `target` from `source`, both row by row from the top.
+    pub(super) fn fill(&self, source: &[f32], target: &mut [f32]) {
+        let row_of = |row: usize| &source[row * self.source_width..(row + 1) * self.source_width];
+        for (row, target_row) in self.rows.iter().zip(target.chunks_exact_mut(self.columns.len())) {
+            let (above, below) = (row_of(row.first), row_of(row.second));
+            for (column, value) in self.columns.iter().zip(target_row) {
+                let upper = column.mix(above[column.first], above[column.second]);
+                let lower = column.mix(below[column.first], below[column.second]);
+                *value = row.mix(upper, lower);
+            }
+        }
+    }
+}
+
+impl Tap {
+    fn mix(self, first: f32, second: f32) -> f32 {
+        // Exact where both are equal, unlike a weighted sum.
+        first + self.weight * (second - first)
+    }
+}
+
+fn taps(source: u32, target: u32) -> Vec<Tap> {
+    let last = source as usize - 1;
+    let tap = |pixel: u32| {
+        let place = (f64::from(pixel) + 0.5) * f64::from(source) / f64::from(target) - 0.5;
+        let place = place.clamp(0.0, last as f64);
+        let first = place as usize;
+        Tap { first, second: (first + 1).min(last), weight: (place - first as f64) as f32 }
+    };
+    (0..target).map(tap).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twice_the_size_follows_the_half_pixel_rule() {
+        let mut target = [0.0; 8];
+        DepthResize::new((2, 1), (4, 2)).fill(&[1.0, 3.0], &mut target);
+        assert_eq!(target, [1.0, 1.5, 2.5, 3.0, 1.0, 1.5, 2.5, 3.0]);
+    }
+
+    #[test]
+    fn half_the_size_is_the_mean_of_the_middle() {
+        let source = [1.0, 3.0, 5.0, 7.0, 1.0, 3.0, 5.0, 7.0];
+        let mut target = [0.0; 2];
+        DepthResize::new((4, 2), (2, 1)).fill(&source, &mut target);
+        assert_eq!(target, [2.0, 6.0]);
+    }
+
+    #[test]
+    fn a_plane_stays_a_plane_inside() {
+        let (source, target) = ((7, 5), (21, 20));
+        let plane = |(x, y): (f64, f64)| 2.0 + 0.5 * x + 0.25 * y;
+        let pixels = |(width, height): (u32, u32)| {
+            (0..height).flat_map(move |y| (0..width).map(move |x| (f64::from(x), f64::from(y))))
+        };
+        let input: Vec<f32> = pixels(source).map(|at| plane(at) as f32).collect();
+        let mut output = vec![0.0; 420];
+        DepthResize::new(source, target).fill(&input, &mut output);
+        for ((x, y), value) in pixels(target).zip(output) {
+            let at = ((x + 0.5) / 3.0 - 0.5, (y + 0.5) / 4.0 - 0.5);
+            if (0.0..=6.0).contains(&at.0) && (0.0..=4.0).contains(&at.1) {
+                assert!((f64::from(value) - plane(at)).abs() < 1e-5, "{x} {y}");
+            }
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! A sidecar's text: the keys and their defaults.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::SidecarError;
+use crate::depth::{DepthRange, OutputScale};
+use crate::model::{ExtraInput, TrainingCamera, unlimited};
+use crate::preprocess::{ChannelOrder, TensorFormat, TensorLayout};
+use crate::text::shortened;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    pub(super) input: Input,
+    #[serde(default)]
+    pub(super) inputs: BTreeMap<String, toml::Value>,
+    pub(super) output: Output,
+    pub(super) camera: Option<CameraTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Input {
+    pub(super) tensor: String,
+    layout: Layout,
+    #[serde(default)]
+    dtype: Dtype,
+    #[serde(default)]
+    color: Color,
+    pub(super) size: [u32; 2],
+    #[serde(default)]
+    mean: [f32; 3],
+    #[serde(default = "ones")]
+    std: [f32; 3],
+    #[serde(default = "one")]
+    scale: f32,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+enum Layout {
+    Nchw,
+    Nhwc,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Default)]
+#[serde(rename_all = "lowercase")]
+enum Dtype {
+    #[default]
+    Float32,
+    Uint8,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Default)]
+#[serde(rename_all = "lowercase")]
+enum Color {
+    #[default]
+    Rgb,
+    Bgr,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn ones() -> [f32; 3] {
+    [1.0; 3]
+}
+
+impl Input {
+    pub(super) fn format(&self) -> Result<Option<TensorFormat>, SidecarError> {
+        let finite = |values: &[f32; 3]| values.iter().all(|value| value.is_finite());
+        if !self.scale.is_finite() || !finite(&self.mean) || !finite(&self.std) || self.std.contains(&0.0) {
+            return Err(SidecarError::Normalization);
+        }
+        let unchanged = self.scale == 1.0 && self.mean == [0.0; 3] && self.std == ones();
+        match self.dtype {
+            Dtype::Float32 => Ok(Some(TensorFormat {
+                layout: if self.layout == Layout::Nchw { TensorLayout::Nchw } else { TensorLayout::Nhwc },
+                channels: if self.color == Color::Rgb { ChannelOrder::Rgb } else { ChannelOrder::Bgr },
+                scale: self.scale,
+                mean: self.mean,
+                std: self.std,
+            })),
+            Dtype::Uint8 if self.layout == Layout::Nhwc && self.color == Color::Rgb && unchanged => Ok(None),
+            Dtype::Uint8 => Err(SidecarError::Uint8),
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Output {
+    pub(super) depth: String,
+    pub(super) encoding: String,
+    min_m: Option<f32>,
+    max_m: Option<f32>,
+    #[serde(default = "one")]
+    scale: f32,
+    #[serde(default)]
+    shift: f32,
+}
+
+impl Output {
+    pub(super) fn range(&self) -> Result<DepthRange, SidecarError> {
+        let min_m = self.min_m.unwrap_or(unlimited().min_m());
+        let max_m = self.max_m.unwrap_or(unlimited().max_m());
+        Ok(DepthRange::new(min_m, max_m)?)
+    }
+
+    pub(super) fn scale(&self) -> Result<OutputScale, SidecarError> {
+        Ok(OutputScale::new(self.scale, self.shift)?)
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraTable {
+    width: Option<u32>,
+    height: Option<u32>,
+    fx: f64,
+    fy: Option<f64>,
+}
+
+impl CameraTable {
+    /// The training camera. Without a size its focal lengths are at the network's.
+    pub(super) fn training_camera(
+        &self,
+        (width, height): (u32, u32),
+    ) -> Result<TrainingCamera, SidecarError> {
+        let camera = TrainingCamera {
+            width: self.width.unwrap_or(width),
+            height: self.height.unwrap_or(height),
+            fx: self.fx,
+            fy: self.fy.unwrap_or(self.fx),
+        };
+        if camera.is_plausible() { Ok(camera) } else { Err(SidecarError::Camera) }
+    }
+}
+
+/// The value of one key of `[inputs]`.
+pub(super) fn extra_input(input: &str, value: &toml::Value) -> Result<ExtraInput, SidecarError> {
+    let invalid = || SidecarError::Input { input: input.to_owned(), value: shortened(&value.to_string()) };
+    if let toml::Value::String(name) = value {
+        let known = ExtraInput::NAMES.into_iter().find(|(known, _)| known == name);
+        return known.map(|(_, input)| input).ok_or_else(invalid);
+    }
+    let mut numbers = Vec::new();
+    flatten(value, &mut numbers).ok_or_else(invalid)?;
+    if numbers.is_empty() { Err(invalid()) } else { Ok(ExtraInput::Constant(numbers)) }
+}
+
+/// Collects the numbers of a value and of its nested lists; `None` for anything else in them.
+fn flatten(value: &toml::Value, numbers: &mut Vec<f64>) -> Option<()> {
+    match value {
+        toml::Value::Integer(number) => numbers.push(*number as f64),
+        toml::Value::Float(number) => numbers.push(*number),
+        toml::Value::Boolean(flag) => numbers.push(f64::from(u8::from(*flag))),
+        toml::Value::Array(list) => list.iter().try_for_each(|value| flatten(value, numbers))?,
+        _ => return None,
+    }
+    Some(())
+}
