@@ -91,7 +91,7 @@ def make_bag(folder, form, *, images=None, info=True):
     name = "sensor_msgs/msg/Image" if raw else "sensor_msgs/msg/CompressedImage"
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         topic = "/eye/image_raw" if raw else "/eye/image_raw/compressed"
-        images = bag.add_connection(topic, name, typestore=STORE)
+        channel = bag.add_connection(topic, name, typestore=STORE)
         infos = bag.add_connection("/eye/camera_info", "sensor_msgs/msg/CameraInfo", typestore=STORE)
         for index, rgb in enumerate(images or map(image, range(FRAMES))):
             nanos = FIRST_NANOS + index * PERIOD_NANOS
@@ -100,7 +100,7 @@ def make_bag(folder, form, *, images=None, info=True):
             else:
                 data = compressed(rgb, form)
                 message = ros("sensor_msgs/msg/CompressedImage", header=header(nanos), format=form, data=data)
-            bag.write(images, nanos + 1000, STORE.serialize_cdr(message, name))
+            bag.write(channel, nanos + 1000, STORE.serialize_cdr(message, name))
             if info:
                 cdr = STORE.serialize_cdr(camera_info(nanos), "sensor_msgs/msg/CameraInfo")
                 bag.write(infos, nanos + 1000, cdr)
@@ -271,12 +271,12 @@ def test_eval_measures_a_recordings_own_depth(nunetd, replayed, tmp_path):
     images = [np.asarray(Image.fromarray(image(index)).resize(size)) for index in range(FRAMES)]
     with Writer(tmp_path / "small", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         name = "sensor_msgs/msg/CompressedImage"
-        images = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
+        channel = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
         for index, rgb in enumerate(images):
             nanos = FIRST_NANOS + index * PERIOD_NANOS
             data = compressed(rgb, "png")
             message = ros(name, header=header(nanos), format="png", data=data)
-            bag.write(images, nanos, STORE.serialize_cdr(message, name))
+            bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     replay(nunetd, next((tmp_path / "small").glob("*.mcap")), tmp_path / "truth.mcap", "--publish", "depth")
     said = subprocess.run([*command[:3], str(tmp_path / "truth.mcap"), *command[4:]], check=True, capture_output=True)
     found = json.loads(said.stdout)
@@ -396,12 +396,12 @@ def test_a_recording_with_two_topics_of_images_is_asked_about(nunetd, tmp_path):
     name = "sensor_msgs/msg/CompressedImage"
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         for eye in ("left", "right"):
-            images = bag.add_connection(f"/{eye}/image_raw/compressed", name, typestore=STORE)
+            channel = bag.add_connection(f"/{eye}/image_raw/compressed", name, typestore=STORE)
             for index in range(1 + (eye == "right")):
                 nanos = FIRST_NANOS + index * PERIOD_NANOS
                 data = compressed(image(index), "png")
                 message = ros(name, header=header(nanos), format="png", data=data)
-                bag.write(images, nanos, STORE.serialize_cdr(message, name))
+                bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     given = next((tmp_path / "bag").glob("*.mcap"))
     topics = "`/left/image_raw/compressed`, `/right/image_raw/compressed`"
     _, said = replay(nunetd, given, tmp_path / "out.mcap", code=2)
@@ -419,10 +419,10 @@ def test_time_that_runs_backwards_in_a_recording_loses_no_image(nunetd, tmp_path
     name = "sensor_msgs/msg/CompressedImage"
     stamps = [FIRST_NANOS - index * PERIOD_NANOS for index in range(FRAMES)]
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-        images = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
+        channel = bag.add_connection("/eye/image_raw/compressed", name, typestore=STORE)
         for index, nanos in enumerate(stamps):
             message = ros(name, header=header(nanos), format="png", data=compressed(image(index), "png"))
-            bag.write(images, nanos, STORE.serialize_cdr(message, name))
+            bag.write(channel, nanos, STORE.serialize_cdr(message, name))
     given = next((tmp_path / "bag").glob("*.mcap"))
     said, _ = replay(nunetd, given, tmp_path / "out.mcap")
     assert said.startswith(f"{FRAMES} frames, 0 lost")

@@ -1,8 +1,8 @@
 """The systemd unit: how it is rated, and nunetd under a real systemd with all of its restrictions.
 
-A systemd of the test's own runs in new PID and mount namespaces, with private `/tmp`, `/run` and `/dev/shm` but the cgroups of
-this machine. That takes root, so this is a job of its own: elsewhere it is skipped with a message, and under `CI=true`
-as root it fails instead.
+A systemd of the test's own runs in new PID and mount namespaces, with private `/tmp`, `/run` and `/dev/shm` but the
+cgroups of this machine. That takes root, so this is a job of its own: elsewhere it is skipped with a message, and
+under `CI=true` as root it fails instead.
 """
 
 import importlib.util

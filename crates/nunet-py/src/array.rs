@@ -10,6 +10,15 @@ use pyo3::types::PyTuple;
 
 use crate::error::hinted;
 
+/// Imports numpy, which the package itself does not. Otherwise the first array imports it, and a failure there (Ctrl-C, or
+/// no numpy) would be a panic.
+///
+/// # Errors
+/// Whatever the import raises.
+pub(crate) fn import_numpy(py: Python<'_>) -> PyResult<()> {
+    py.import("numpy").map(drop)
+}
+
 /// The argument called `name` as an array of any type.
 pub(crate) fn untyped<'a, 'py>(
     name: &str,

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 
 use crate::argument::{self, shown, taken};
+use crate::array::import_numpy;
 use crate::error::{PyCameraError, failure, hinted, of_camera};
 
 /// How a camera is written, for hints.
@@ -159,6 +160,7 @@ impl Camera {
     /// The camera matrix, float64 (3, 3): `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        import_numpy(py)?;
         let rows = [[self.fx(), 0.0, self.cx()], [0.0, self.fy(), self.cy()], [0.0, 0.0, 1.0]];
         Ok(PyArray2::from_vec2(py, &rows.map(Vec::from))?)
     }

@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::argument;
-use crate::array::{check_order, check_type, read, shape_text, untyped};
+use crate::array::{check_order, check_type, import_numpy, read, shape_text, untyped};
 use crate::error::hinted;
 
 /// Color a depth map like nunetd's `depth.png`: near is red, far is blue, no depth is gray.
@@ -39,13 +39,14 @@ fn colorize<'py>(
     #[pyo3(from_py_with = argument::near)] near: Option<f32>,
     #[pyo3(from_py_with = argument::far)] far: Option<f32>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    import_numpy(py)?;
     let (columns, rows) = check_depth(depth)?;
     check_range(near, far)?;
     let depth = read::<f32, Ix2>("depth", depth)?;
     let values = depth.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
-    let range = py.detach(|| embed::colour_range(values, near, far));
+    let range = py.detach(|| embed::color_range(values, near, far));
     check_own_range((near, far), range)?;
-    let colors = py.detach(|| embed::colours(values, (columns, rows), range));
+    let colors = py.detach(|| embed::colors(values, (columns, rows), range));
     let colors = Array3::from_shape_vec((rows as usize, columns as usize, 3), colors);
     let colors = colors.map_err(|error| PyValueError::new_err(error.to_string()))?;
     Ok(PyArray3::from_owned_array(py, colors))

@@ -4,7 +4,8 @@ use std::ffi::CString;
 use std::fmt::Display;
 
 use nunet_core::camera::CameraError;
-use nunet_daemon::embed::{self, EngineErrorKind};
+use nunet_daemon::embed;
+use nunet_engine::EngineErrorKind;
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;

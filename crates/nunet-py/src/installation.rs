@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use nunet_daemon::embed::Installation;
+use nunet_engine::Installation;
 use pyo3::prelude::*;
 
 /// Sets how `nunetd` is started and where the models and the ONNX Runtime library are. Called once, on import.

@@ -126,7 +126,7 @@ fn replay(
 ) -> PyResult<Replay> {
     let camera = camera.map(|camera| camera.0);
     let player = py.detach(|| Player::open(&path, topic, camera)).map_err(|error| failure(&error))?;
-    let (topic, images) = (player.topic().to_owned(), player.pictures());
+    let (topic, images) = (player.topic().to_owned(), player.image_count());
     let path = path.display().to_string();
     Ok(Replay { model, player: Mutex::new(Some(player)), topic, images, path })
 }

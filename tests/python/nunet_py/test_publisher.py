@@ -259,7 +259,8 @@ def test_a_subscriber_continues_with_the_successor_of_a_killed_publisher():
         finally:
             process.kill()
             process.communicate(timeout=TIMEOUT)
-        with pytest.raises(TimeoutError, match=f"process {process.pid}, which published `rgb`, is dead"):
+        # Another process on this machine may have cleaned up after it first.
+        with pytest.raises(TimeoutError, match=f"process {process.pid}, .* is dead|no longer published"):
             for _ in range(1000):
                 frames.next(timeout=0.2)
     frames.close()

@@ -126,11 +126,15 @@ def test_ctrl_c_ends_a_replay(tmp_path):
     code = """
 import os, signal, sys, threading, nunet_py as nunet
 net = nunet.Model(sys.argv[2], provider="cpu")
-threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+started = threading.Event()
+def interrupt():
+    started.wait()
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=interrupt).start()
 try:
     while True:
         for result in nunet.replay(sys.argv[1], net):
-            pass
+            started.set()
 except KeyboardInterrupt:
     print("interrupted")
 """

@@ -54,7 +54,9 @@ def test_a_killed_daemon_is_named_and_the_same_subscriber_continues_with_its_suc
         expected = held.copy()
         process.kill()
         process.wait(timeout=30)
-    with pytest.raises(TimeoutError, match=f"process {process.pid}, which published `depth`, is dead") as error:
+    # Another process on this machine may have cleaned up after it first.
+    dead = f"process {process.pid}, which published `depth`, is dead|`depth` is no longer published"
+    with pytest.raises(TimeoutError, match=dead) as error:
         for _ in range(1000):
             frames.next(timeout=0.3)
     assert "start it again" in hint_of(error)

@@ -1,7 +1,5 @@
-//! The pipeline inside another program: what the Python package is made of.
-//!
-//! The same search for files, the same model check and the same pipeline as in `nunetd`'s verbs; the host brings
-//! pictures and takes results.
+//! What the Python package shares with nunetd besides the engine: reading images, calibrations and recordings, writing
+//! results, and the texts and kinds of errors.
 
 mod player;
 
@@ -9,40 +7,38 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use nunet_core::camera::{Calibration, Camera};
-use nunet_core::depth::{ScaleSource, Units};
-use nunet_core::graph::Quality;
+use nunet_engine::EngineErrorKind;
 use nunet_ipc::FrameHeader;
 
 pub use crate::sink::files::{Results, write as write_results, write_cloud};
-pub use nunet_engine::{EngineErrorKind, Inferred, Installation, Model, ModelOptions, Pooled};
 pub use player::{Played, Player, Step};
 
 use crate::exit::{NotFound, is_usage};
 use crate::source::{self, Frame};
 use crate::{exit, stream};
 
-/// The text of a failure as `nunetd` prints it: one line a cause, then the hints.
+/// The text of an error as `nunetd` prints it: one line per cause, then the hints.
 #[must_use]
 pub fn message(error: &anyhow::Error) -> String {
     let text = exit::chain_text(error);
     text.strip_prefix("error: ").unwrap_or(&text).trim_end().to_owned()
 }
 
-/// The kind of a failure, which decides about Python's exception. The innermost cause that has a kind decides.
+/// The kind of an error, which selects Python's exception. The innermost cause that has a kind decides.
 #[must_use]
 pub fn error_kind(error: &anyhow::Error) -> EngineErrorKind {
     if error.chain().any(|cause| cause.is::<NotFound>()) {
         return EngineErrorKind::NotFound;
     }
-    let kinds = error.chain().filter_map(|cause| EngineErrorKind::of(cause));
+    let kinds = error.chain().filter_map(EngineErrorKind::of);
     let usage = || is_usage(error).then_some(EngineErrorKind::Argument);
     kinds.last().or_else(usage).unwrap_or(EngineErrorKind::Other)
 }
 
-/// Reads ROS's `camera_info` in YAML, as `--calibration` does.
+/// Reads a `camera_info` file of ROS in YAML, as `--calibration` does.
 ///
 /// # Errors
-/// A file that cannot be read or is no calibration.
+/// The file cannot be read or is not a calibration.
 pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     stream::read_calibration(path)
 }
@@ -58,41 +54,18 @@ pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
     Ok((frame.view()?.bytes().to_vec(), frame.size))
 }
 
-/// The camera that a message tells of; `None` where its sender does not know it.
+/// The camera in the header of a message; `None` if it is unknown.
 ///
 /// # Errors
-/// Numbers that no camera has, or a lens model without a meaning.
+/// Invalid intrinsics, or an unknown distortion model.
 pub fn camera_of(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
     source::camera_in(header)
 }
 
-/// Says in a message what is known of its camera, which must be one of the message's size.
-pub fn set_camera(header: &mut FrameHeader, camera: &Camera) {
-    header.set_camera(&camera.into());
-}
-
-/// The contract's word for a unit.
+/// The depths of the reddest and the bluest color. A missing one is the first or last percentile of the map; a map without
+/// depth gets an arbitrary range.
 #[must_use]
-pub fn units_name(units: Units) -> &'static str {
-    units.name()
-}
-
-/// The contract's word for where a scale comes from.
-#[must_use]
-pub fn scale_source_name(source: ScaleSource) -> &'static str {
-    source.name()
-}
-
-/// The contract's word for whether a stage was skipped.
-#[must_use]
-pub fn quality_name(quality: Quality) -> &'static str {
-    quality.name()
-}
-
-/// The depths of the reddest and the bluest colour: where one is not given, the map's own first or last percentile. A map
-/// without any depth has no own ones, and gets some that are in order.
-#[must_use]
-pub fn colour_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32, f32) {
+pub fn color_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32, f32) {
     match (near, far) {
         (Some(near), Some(far)) => (near, far),
         (Some(near), None) if !depth.iter().any(|value| value.is_finite()) => (near, near + 1.0),
@@ -104,15 +77,14 @@ pub fn colour_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32,
     }
 }
 
-/// Depth in the colours of `depth.png`, without its scale: `[H, W, 3]`, RGB, near is red, far is blue, no depth is
-/// grey.
+/// Depth in the colors of `depth.png`, without its scale: `[H, W, 3]`, RGB. Near is red, far is blue, no depth is gray.
 ///
-/// Colours are spread from `near` to `far`: see [`colour_range`].
+/// Colors range from `near` to `far`, see [`color_range`].
 ///
 /// # Panics
 /// `depth` does not hold `width * height` numbers.
 #[must_use]
-pub fn colours(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> Vec<u8> {
+pub fn colors(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> Vec<u8> {
     assert_eq!(depth.len(), width as usize * height as usize, "a depth map of another size");
     crate::sink::files::paint(depth, (width, height), (near, far)).into_raw()
 }

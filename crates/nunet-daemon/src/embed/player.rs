@@ -1,88 +1,87 @@
-//! A recording through a model, one picture after the other.
+//! A recording run through a model, image by image.
 
 use std::path::Path;
 
 use nunet_core::camera::Camera;
+use nunet_engine::{Inferred, Model};
 
-use super::{Inferred, Model};
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _};
 use crate::stream::Continuity;
 
-/// A recording that is read from its beginning.
+/// A recording, read from its beginning.
 pub struct Player {
     source: RecordingSource,
     camera: Option<Camera>,
     continuity: Continuity,
     frame: Frame,
-    /// The model's count of runs after the last frame: another one means that somebody else used it in between.
+    /// The model's count of runs after the last frame. Another count means that it ran on something else in between.
     left_at: Option<u64>,
 }
 
-/// A picture of a recording, with its results.
+/// An image of a recording, with its results.
 #[derive(Debug)]
 pub struct Played {
     /// The results.
     pub inferred: Inferred,
-    /// Counts the recording's pictures from 0, readable or not.
+    /// The image's index in the recording, from 0. Unreadable images count.
     pub sequence: u64,
-    /// The picture's own stamp, nanoseconds since 1970.
+    /// The image's time stamp, nanoseconds since 1970.
     pub capture_unix_nanos: i64,
-    /// The picture's coordinate frame.
+    /// The image's coordinate frame.
     pub frame_id: String,
     /// Width and height as recorded, pixels.
     pub frame_size: (u32, u32),
 }
 
-/// What came next.
+/// The outcome of [`Player::step`].
 #[derive(Debug)]
 pub enum Step {
-    /// A picture's results.
+    /// The results of an image.
     Played(Box<Played>),
-    /// A picture that is lost; the next one may be good.
+    /// An image that cannot be read. The next one may be good.
     Lost {
-        /// Its place, from 0.
+        /// Its index, from 0.
         sequence: u64,
-        /// Why.
+        /// The reason.
         error: anyhow::Error,
     },
-    /// No picture for a while; ask again.
+    /// No image yet: call again.
     Nothing,
-    /// The recording is over.
+    /// The recording has ended.
     End,
 }
 
 impl Player {
-    /// Opens a recording: the pictures on `topic`, where it has several, taken with `camera` where it is not what the
-    /// recording says.
+    /// Opens a recording. `topic` selects one of several image topics, and `camera` overrides the recording's own.
     ///
     /// # Errors
-    /// No file, no MCAP, no topic or several topics with pictures.
+    /// The file does not exist or is not MCAP, or has no or several image topics.
     pub fn open(path: &Path, topic: Option<&str>, camera: Option<Camera>) -> anyhow::Result<Self> {
         let source = RecordingSource::open(path, Opening { topic, ..Opening::default() })?;
         let (continuity, frame) = (Continuity::default(), Frame::default());
         Ok(Self { source, camera, continuity, frame, left_at: None })
     }
 
-    /// The topic whose pictures are read.
+    /// The image topic.
     #[must_use]
     pub fn topic(&self) -> &str {
         self.source.topic()
     }
 
-    /// How many pictures there are, where the file's index says so.
+    /// The number of images; `None` if the recording has no index.
     #[must_use]
-    pub fn pictures(&self) -> Option<u64> {
+    pub fn image_count(&self) -> Option<u64> {
         self.source.pictures()
     }
 
-    /// Reads up to the next picture and takes it through `model`.
+    /// Reads the next image and runs it through `model`.
     ///
     /// # Errors
-    /// The file is damaged or cut off here; everything before was given.
+    /// The file is damaged or cut off at this point. All images before were returned.
     pub fn step(&mut self, model: &mut Model) -> anyhow::Result<Step> {
         let sequence = |frame: &Frame| frame.sequence;
         match self.source.fill(&mut self.frame) {
-            Fill::Frame => Ok(match self.take_through(model) {
+            Fill::Frame => Ok(match self.process(model) {
                 Ok(played) => Step::Played(Box::new(played)),
                 Err(error) => Step::Lost { sequence: sequence(&self.frame), error },
             }),
@@ -93,7 +92,7 @@ impl Player {
         }
     }
 
-    fn take_through(&mut self, model: &mut Model) -> anyhow::Result<Played> {
+    fn process(&mut self, model: &mut Model) -> anyhow::Result<Played> {
         let frame = &self.frame;
         let (width, height) = frame.size;
         let named = self.camera.map(|camera| camera.fitted_to(width, height)).transpose()?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use nunet_daemon::embed;
+use nunet_engine::Model;
 
 /// What never changes, so that reading it does not wait for an image to be done.
 pub(super) struct About {
@@ -16,7 +16,7 @@ pub(super) struct About {
 }
 
 impl About {
-    pub(super) fn of(model: &embed::Model) -> Self {
+    pub(super) fn of(model: &Model) -> Self {
         let graph = model.pipeline().graph();
         Self {
             path: model.path().to_owned(),

@@ -8,13 +8,14 @@ mod warnings;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nunet_daemon::embed::{self, Inferred, ModelOptions};
+use nunet_engine::{Inferred, ModelOptions};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use self::about::About;
 use self::warnings::Warnings;
 use crate::argument;
+use crate::array::import_numpy;
 use crate::camera::{Camera, camera_argument};
 use crate::error::{failure, of_camera, warn};
 use crate::image::{ChannelOrder, Image};
@@ -69,7 +70,7 @@ use crate::result::{Result, Shared};
 #[pyclass(frozen, module = "nunet_py")]
 pub(crate) struct Model {
     // The threads of ONNX Runtime do not exist in a fork, and dropping it there would wait for them.
-    inner: Own<Mutex<embed::Model>>,
+    inner: Own<Mutex<nunet_engine::Model>>,
     about: About,
     shared: Arc<Shared>,
     warnings: Warnings,
@@ -83,7 +84,7 @@ impl Model {
     pub(crate) fn exclusive<T: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut embed::Model) -> T + Send,
+        work: impl FnOnce(&mut nunet_engine::Model) -> T + Send,
     ) -> PyResult<T> {
         let inner = self.inner.get("model")?;
         // After a panic the buffers may hold values of an older image: every run overwrites them.
@@ -133,10 +134,11 @@ impl Model {
         #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
         filters: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        import_numpy(py)?;
         let (provider, threads) = (options::provider(provider)?, options::threads(threads)?);
         let filters = filters.map(options::filters).transpose()?.unwrap_or_default();
         let options = ModelOptions { provider, threads, filters };
-        let model = py.detach(|| embed::Model::open(&name_or_path, options));
+        let model = py.detach(|| nunet_engine::Model::open(&name_or_path, options));
         let model = model.map_err(|error| failure(&error.into()))?;
         let description = model.pipeline().graph().description();
         let path = model.path().display();

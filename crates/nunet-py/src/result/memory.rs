@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "promises that the memory of a result stays in place while its object lives")]
 
 use numpy::{Element, PyArrayDescr, dtype};
-use nunet_daemon::embed::Pooled;
+use nunet_engine::Pooled;
 use pyo3::prelude::*;
 
 use crate::memory::{self, Memory, Shape};

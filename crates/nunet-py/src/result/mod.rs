@@ -12,7 +12,8 @@ use numpy::{PyArray2, PyArray3, PyArrayMethods as _};
 use nunet_core::camera;
 use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
 use nunet_core::filter::Appearance;
-use nunet_daemon::embed::{self, Inferred, Played, Results};
+use nunet_daemon::embed::{self, Played, Results};
+use nunet_engine::Inferred;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -138,11 +139,11 @@ impl Result {
             depth: array(py, depth, [rows, columns])?.cast_into()?.unbind(),
             labels: labels.map(|labels| labels.cast_into().map(Bound::unbind)).transpose()?,
             rgb: array(py, rgb, [rows, columns, 3])?.cast_into()?.unbind(),
-            units: embed::units_name(report.units).to_owned(),
-            scale_source: embed::scale_source_name(report.scale_source).to_owned(),
+            units: report.units.name().to_owned(),
+            scale_source: report.scale_source.name().to_owned(),
             timings: timings.unbind(),
             invalid_pixels: report.invalid_pixels,
-            quality: embed::quality_name(report.quality).to_owned(),
+            quality: report.quality.name().to_owned(),
             camera: report.camera.map(Camera),
             origin,
             points_camera,

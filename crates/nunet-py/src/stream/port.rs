@@ -4,7 +4,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nunet_core::camera::Camera;
-use nunet_daemon::embed;
 use nunet_ipc::{
     CameraName, Clock, FrameHeader, IpcError, Limits, Topic, TopicPlan, Wake, monotonic_nanos, unix_nanos,
 };
@@ -178,7 +177,7 @@ impl Source {
         header.row_stride_bytes = self.layout.row_bytes;
         header.set_frame_id(&self.frame_id);
         if let Some(optics) = &self.optics {
-            embed::set_camera(header, optics);
+            header.set_camera(&optics.into());
         }
     }
 }

@@ -12,6 +12,7 @@ use super::layout::Layout;
 use super::loan::Loan;
 use super::port::{Capture, Port, Source};
 use crate::argument;
+use crate::array::import_numpy;
 use crate::camera::{Camera, intrinsics_argument, whole_size};
 use crate::error::{hinted, of_camera};
 
@@ -81,6 +82,7 @@ fn publisher(
     #[pyo3(from_py_with = argument::frame_id)] frame_id: &str,
     #[pyo3(from_py_with = argument::readers)] readers: u32,
 ) -> PyResult<Publisher> {
+    import_numpy(py)?;
     let camera = camera_name(camera)?;
     let size = whole_size(size)?;
     let layout = Layout::new(size, encoding)?;

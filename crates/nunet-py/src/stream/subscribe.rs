@@ -15,6 +15,7 @@ use super::stats::Stats;
 use super::topics::{TOPICS, topics_of};
 use super::wait::{self, Deadline, MAX_WAIT};
 use crate::argument;
+use crate::array::import_numpy;
 use crate::error::{NunetError, hinted};
 use crate::own::Own;
 
@@ -72,6 +73,7 @@ fn subscribe(
     topics: Option<&Bound<'_, PyAny>>,
     #[pyo3(from_py_with = argument::timeout)] timeout: Option<f64>,
 ) -> PyResult<Subscriber> {
+    import_numpy(py)?;
     let camera = camera_name(camera)?;
     let topics = topics.map_or_else(|| Ok(vec![Topic::Depth]), topics_of)?;
     let timeout = wait::timeout(timeout)?;
