@@ -15,8 +15,6 @@ use crate::rust_source::{is_test_file, paths, without_tests};
 const KNOWN: &[&str] = &[
     "crates/nunet-core: graph::{error, onnx}",
     "crates/nunet-core: graph::onnx::{library, provider, runtime}",
-    "crates/nunet-daemon: cli::{record, run}",
-    "crates/nunet-daemon: sink::recording::{disk, recorder}",
     "crates/nunet-daemon: source::{files, recording}",
     "crates/nunet-daemon: source::demo::{solid, texture}",
 ];

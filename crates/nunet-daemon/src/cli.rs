@@ -1,4 +1,4 @@
-//! The command line as clap sees it. Checked values are made from it in the verbs.
+//! The command line as clap sees it. The subcommands make checked values from it.
 #![expect(missing_docs, reason = "a doc comment on a flattened group would become its help text")]
 
 use std::ffi::OsString;
@@ -10,34 +10,39 @@ use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use nunet_core::graph::Provider;
 
+use crate::options::LogOptions;
+
 mod config;
 mod eval;
 mod filter;
 mod lens;
 mod record;
+#[cfg(test)]
+mod reference;
 mod run;
 
 pub use config::ConfigArgs;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
-pub use record::{MountArg, RecordArgs, ReplayArgs};
-pub(crate) use run::MAX_FRAME_ID;
-pub use run::{AccessArgs, Publish, RunArgs, SourceArgs, StreamArgs};
+pub use record::{RecordArgs, ReplayArgs};
+pub use run::{AccessArgs, RunArgs, SourceArgs, StreamArgs};
 
 /// The model that runs when none is named.
 pub const DEFAULT_MODEL: &str = "wnet_c.onnx";
 
-/// One camera becomes a depth sensor.
+/// Turns one camera into a depth sensor
 ///
-/// Without a command, `nunetd` means `nunetd run`: see `nunetd run --help`.
+/// nunetd runs a neural network on the images of a camera and publishes depth maps, labels and point clouds in shared memory.
+///
+/// Without a subcommand, nunetd runs the subcommand `run`: see `nunetd run --help` for its flags.
 #[derive(Debug, Parser)]
 #[command(name = "nunetd", version, subcommand_required = true)]
 pub struct Cli {
     #[command(flatten)]
     pub logging: LogArgs,
     #[command(subcommand)]
-    pub verb: Verb,
+    pub subcommand: SubcommandArgs,
 }
 
 impl Cli {
@@ -47,8 +52,8 @@ impl Cli {
     /// What clap has to say: a mistake, or the help that was asked for.
     pub fn parse_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut arguments: Vec<_> = arguments.into_iter().collect();
-        if let Some(place) = place_of_default_verb(&arguments) {
-            refuse_unknown_verb(arguments.get(place))?;
+        if let Some(place) = place_of_default_subcommand(&arguments) {
+            refuse_unknown_subcommand(arguments.get(place))?;
             arguments.insert(place, "run".into());
         }
         let mut command = Self::command();
@@ -63,34 +68,38 @@ impl Cli {
         let mut parsed = parsed.map_err(|error| error.format(&mut command))?.into_iter();
         let no_line = || command.clone().error(clap::error::ErrorKind::ValueValidation, "no camera to run");
         let mut cli = parsed.next().ok_or_else(no_line)?;
-        if let Some(run) = cli.verb.run_mut() {
-            run.others = parsed.filter_map(|mut other| Some(other.verb.run_mut()?.stream.clone())).collect();
+        if let Some(run) = cli.subcommand.run_mut() {
+            run.others =
+                parsed.filter_map(|mut other| Some(other.subcommand.run_mut()?.stream.clone())).collect();
         }
-        if let Verb::Config(config) = &mut cli.verb {
+        if let SubcommandArgs::Config(config) = &mut cli.subcommand {
             config.effective = config::effective(&command, &matches);
         }
         Ok(cli)
     }
 }
 
-/// `run` takes flags only, so a bare word in its place is a verb that does not exist.
-fn refuse_unknown_verb(argument: Option<&OsString>) -> Result<(), clap::Error> {
+/// `run` takes flags only, so a bare word in its place is a subcommand that does not exist.
+fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Error> {
     match argument.map(|word| word.to_string_lossy()) {
         Some(word) if !word.starts_with('-') => {
             let mut command = Cli::command();
-            let verbs: Vec<_> = command.get_subcommands().filter(|verb| !verb.is_hide_set()).collect();
-            let names: Vec<_> = verbs.iter().map(|verb| verb.get_name().to_owned()).collect();
-            let message = format!("`{word}` is no command of nunetd\nhint: one of {}", names.join(", "));
+            let subcommands: Vec<_> =
+                command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set()).collect();
+            let names: Vec<_> =
+                subcommands.iter().map(|subcommand| subcommand.get_name().to_owned()).collect();
+            let message =
+                format!("`{word}` is not a subcommand of nunetd\nhint: one of {}", names.join(", "));
             Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
         }
         _ => Ok(()),
     }
 }
 
-/// Where `run` is to be put in; `None` where a verb, help or the version is asked for.
+/// Where `run` is to be put in; `None` if a subcommand, help or the version is given.
 ///
-/// clap's own way (flattening the default verb's arguments into the program's) would refuse `nunetd -q infer ...`.
-fn place_of_default_verb(arguments: &[OsString]) -> Option<usize> {
+/// clap's own way (flattening the arguments of the default subcommand into the program's) would refuse `nunetd -q infer ...`.
+fn place_of_default_subcommand(arguments: &[OsString]) -> Option<usize> {
     let mut place = 1;
     while let Some(argument) = arguments.get(place).and_then(|argument| argument.to_str()) {
         let letters = argument.strip_prefix('-').filter(|letters| !letters.is_empty());
@@ -111,38 +120,38 @@ fn place_of_default_verb(arguments: &[OsString]) -> Option<usize> {
 
 /// What `nunetd` can do.
 #[derive(Debug, Subcommand)]
-pub enum Verb {
-    /// Turn a source of frames into depth in shared memory (the default)
+pub enum SubcommandArgs {
+    /// Publish depth of a camera in shared memory (the default)
     Run(Box<RunArgs>),
-    /// Depth, labels and cloud of single pictures, as files
+    /// Write depth, labels and cloud of single images as files
     Infer(InferArgs),
-    /// Publish a source's frames and its camera in shared memory, as a camera driver would
+    /// Publish the frames of a source in shared memory, as a camera driver does
     Feed(FeedArgs),
-    /// Show what a running daemon publishes
+    /// Print what a running nunetd publishes
     Watch(WatchArgs),
-    /// Say what a model file is
+    /// Describe a model file
     Inspect(InspectArgs),
-    /// Check this machine, the library and the model: every problem with its mend
+    /// Check this machine, ONNX Runtime and the model; print a fix for each problem
     Doctor(DoctorArgs),
     /// Print the shared-memory contract
     Contract(ContractArgs),
-    /// Measure predictions of one picture, as the paper's Table 2 does
+    /// Measure the latency of predictions, as in Table 2 of the paper
     Bench(BenchArgs),
-    /// Find out which provider and how many threads are fastest for a model on this machine
+    /// Find the fastest provider and number of threads for a model on this machine
     Tune(TuneArgs),
-    /// Take a recording through the network into another recording, every frame, the same bytes each time
+    /// Re-run a recording through the model into another recording, deterministically
     Replay(Box<ReplayArgs>),
-    /// Measure a model against pictures with true depth
+    /// Measure the accuracy of a model against images with known depth
     Eval(Box<EvalArgs>),
-    /// Check what `run` would do with these flags and this file, and print it with all defaults, as a file
+    /// Check the flags and the configuration file of `run`, and print the resulting configuration
     Config(Box<ConfigArgs>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)
     #[command(hide = true, name = "check-model")]
     Vet(VetArgs),
 }
 
-impl Verb {
-    /// What `run` is to do, of the verbs that take its arguments.
+impl SubcommandArgs {
+    /// What `run` is to do, for the subcommands that take its arguments.
     fn run_mut(&mut self) -> Option<&mut RunArgs> {
         match self {
             Self::Run(run) => Some(run),
@@ -152,26 +161,40 @@ impl Verb {
     }
 }
 
-/// How to speak to people.
+/// How much is logged, and how.
 #[derive(Debug, Args, Clone)]
 pub struct LogArgs {
-    /// More detail on stderr; twice for a span of every frame
+    /// Log more to stderr; repeat for a span per frame
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
-    /// Errors only
+    /// Log errors only
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
-    /// How log lines look
+    /// The format of log lines and fatal errors
     #[arg(long, value_enum, default_value_t = LogFormat::Text, global = true)]
     pub log_format: LogFormat,
+}
+
+impl LogArgs {
+    /// As checked values.
+    #[must_use]
+    pub fn options(&self) -> LogOptions {
+        LogOptions { verbose: self.verbose, quiet: self.quiet, json: self.log_format == LogFormat::Json }
+    }
+}
+
+/// Whether a command line asks for `--log-format json`, also if the rest of it is wrong.
+pub(crate) fn asks_for_json_log(arguments: &[OsString]) -> bool {
+    let follows = |pair: &[OsString]| pair[0] == "--log-format" && pair[1] == "json";
+    arguments.iter().any(|argument| argument == "--log-format=json") || arguments.windows(2).any(follows)
 }
 
 /// How log lines look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
-    /// For people.
+    /// Lines for people.
     Text,
-    /// One JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 
@@ -183,13 +206,13 @@ fn count<N: FromStr>(text: &str) -> Result<N, String> {
 /// What runs the networks.
 #[derive(Debug, Args, Clone)]
 pub struct EngineArgs {
-    /// What computes: auto, cpu, openvino, cuda or tensorrt
+    /// The execution provider: auto, cpu, openvino, cuda or tensorrt
     #[arg(long, default_value_t = Provider::Auto, value_parser = crate::exit::parsed::<Provider>)]
     pub provider: Provider,
-    /// Threads of one prediction, at most four a core [default: one a core]
+    /// Threads per prediction, at most four per core [default: one per core]
     #[arg(long, value_name = "N", value_parser = count::<NonZeroUsize>)]
     pub threads: Option<NonZeroUsize>,
-    /// ONNX Runtime's shared library
+    /// The shared library of ONNX Runtime [default: searched]
     #[arg(long, value_name = "PATH", env = "ORT_DYLIB_PATH", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub onnxruntime: Option<PathBuf>,
 }
@@ -197,13 +220,13 @@ pub struct EngineArgs {
 /// `nunetd infer`
 #[derive(Debug, Args, Clone)]
 pub struct InferArgs {
-    /// JPEG or PNG pictures, folders of them, or globs
+    /// JPEG or PNG images, folders with images, or globs
     #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
     pub images: Vec<PathBuf>,
-    /// Folder for the results (with several pictures: one folder below it for each)
+    /// The folder for the results; several images get a folder each below it
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
     #[command(flatten)]
@@ -215,9 +238,9 @@ pub struct InferArgs {
 /// `nunetd feed`
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
-    /// demo, a folder, a glob of pictures, a recording FILE.mcap, a camera /dev/videoN, or - for stdin
+    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, or - for stdin
     pub source: String,
-    /// Name of the camera in shared memory
+    /// The name of the camera in shared memory
     #[arg(long, value_name = "NAME")]
     pub camera: String,
     #[command(flatten)]
@@ -229,15 +252,15 @@ pub struct FeedArgs {
 /// `nunetd watch`
 #[derive(Debug, Args, Clone)]
 pub struct WatchArgs {
-    /// Name of the camera in shared memory
+    /// The name of the camera in shared memory
     pub camera: String,
-    /// One JSON object a frame
+    /// Print one JSON object per frame
     #[arg(long)]
     pub json: bool,
     /// Stop after N frames
     #[arg(long, value_name = "N", value_parser = count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
-    /// Seconds to wait for the camera, and for each frame of it
+    /// Seconds to wait for the camera and for each of its frames
     #[arg(long, value_name = "SECONDS", default_value = "10")]
     pub timeout: f64,
 }
@@ -245,9 +268,9 @@ pub struct WatchArgs {
 /// `nunetd inspect`
 #[derive(Debug, Args, Clone)]
 pub struct InspectArgs {
-    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
     pub model: PathBuf,
-    /// The description as JSON
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -260,7 +283,7 @@ pub struct DoctorArgs {
     /// The model to check with
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
-    /// The checks as JSON
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -270,7 +293,7 @@ pub struct DoctorArgs {
 /// `nunetd contract`
 #[derive(Debug, Args, Clone)]
 pub struct ContractArgs {
-    /// As JSON (the only form there is)
+    /// Print JSON (the only format)
     #[arg(long, required = true)]
     pub json: bool,
 }
@@ -278,16 +301,16 @@ pub struct ContractArgs {
 /// `nunetd bench`
 #[derive(Debug, Args, Clone)]
 pub struct BenchArgs {
-    /// Models to measure, interleaved
+    /// A model to measure; several are measured interleaved
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: Vec<PathBuf>,
-    /// The picture to predict from [default: the demo scene's first]
+    /// The image to predict from [default: the first of the demo scene]
     #[arg(long, value_name = "IMAGE")]
     pub image: Option<PathBuf>,
-    /// Predictions to measure
+    /// The number of predictions
     #[arg(long, value_name = "N", default_value = "100", value_parser = count::<NonZeroU32>)]
     pub runs: NonZeroU32,
-    /// The result as JSON
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -297,19 +320,19 @@ pub struct BenchArgs {
 /// `nunetd tune`
 #[derive(Debug, Args, Clone)]
 pub struct TuneArgs {
-    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
     #[arg(value_name = "NAME|PATH")]
     pub model: PathBuf,
-    /// The picture to predict from [default: the demo scene's first]
+    /// The image to predict from [default: the first of the demo scene]
     #[arg(long, value_name = "IMAGE")]
     pub image: Option<PathBuf>,
-    /// Predictions to measure, of each way
+    /// The number of predictions per combination
     #[arg(long, value_name = "N", default_value = "50", value_parser = count::<NonZeroU32>)]
     pub runs: NonZeroU32,
-    /// Write the fastest way as a configuration, which `--config` reads
+    /// Write the fastest combination as a file for `--config`
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
-    /// The result as JSON
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -358,30 +381,30 @@ mod tests {
     }
 
     #[test]
-    fn without_a_verb_it_is_run_wherever_the_logging_flags_stand() {
+    fn without_a_subcommand_it_is_run_wherever_the_logging_flags_stand() {
         for line in
             ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"]
         {
-            assert!(matches!(parse(line).verb, Verb::Run(_)), "{line}");
+            assert!(matches!(parse(line).subcommand, SubcommandArgs::Run(_)), "{line}");
         }
     }
 
     #[test]
-    fn logging_flags_may_stand_before_and_behind_a_verb() {
+    fn logging_flags_may_stand_before_and_behind_a_subcommand() {
         for line in
             ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"]
         {
             let cli = parse(line);
-            assert!(cli.logging.quiet && matches!(cli.verb, Verb::Inspect(_)), "{line}");
+            assert!(cli.logging.quiet && matches!(cli.subcommand, SubcommandArgs::Inspect(_)), "{line}");
         }
     }
 
     #[test]
-    fn a_word_that_is_no_verb_is_answered_with_the_verbs() {
+    fn an_unknown_subcommand_is_answered_with_the_known_ones() {
         let error =
             Cli::parse_line(["nunetd", "inferr", "x.jpg"].map(OsString::from)).unwrap_err().to_string();
         assert!(
-            error.contains("`inferr` is no command of nunetd\nhint: one of run, infer, feed,"),
+            error.contains("`inferr` is not a subcommand of nunetd\nhint: one of run, infer, feed,"),
             "{error}"
         );
         assert!(!error.contains("check-model"), "{error}");

@@ -98,21 +98,35 @@ const BAD_ARGUMENTS: u8 = 2;
 const LOST: u8 = 3;
 
 /// Prints clap's message (help and version are no failure).
-pub(crate) fn from_usage_error(error: &clap::Error) -> u8 {
+pub(crate) fn from_usage_error(error: &clap::Error, is_json: bool) -> u8 {
+    if error.use_stderr() && is_json {
+        let text = error.render().to_string();
+        let text = text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default();
+        let (text, hint) =
+            text.split_once("\nhint: ").map_or((text, None), |(text, hint)| (text, Some(hint)));
+        let hints = hint.map(str::to_owned).into_iter().collect();
+        log_as_json(&Report { causes: vec![without_empty_lines(text)], hints }, BAD_ARGUMENTS);
+        return BAD_ARGUMENTS;
+    }
     // Printing fails only if the terminal is gone: nobody can read it.
     let _ = error.print();
     if error.use_stderr() { BAD_ARGUMENTS } else { DONE }
 }
 
 /// Prints the chain of a failure and picks the exit code.
-pub(crate) fn from_result(result: anyhow::Result<Outcome>) -> u8 {
+pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 {
     match result {
         Ok(Outcome::Done) => DONE,
         Ok(Outcome::Lost) => LOST,
         Err(error) if is_closed_pipe(&error) => DONE,
         Err(error) => {
-            print_chain(&error);
-            if is_usage(&error) { BAD_ARGUMENTS } else { FAILURE }
+            let code = if is_usage(&error) { BAD_ARGUMENTS } else { FAILURE };
+            if is_json {
+                log_as_json(&Report::of(&error), code);
+            } else {
+                print_chain(&error);
+            }
+            code
         }
     }
 }
@@ -144,6 +158,15 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 fn print_chain(error: &anyhow::Error) {
     let mut stderr = std::io::stderr().lock();
     let _ = stderr.write_all(chain_text(error).as_bytes());
+}
+
+/// One JSON object among the other log lines, with the time and level that they have.
+fn log_as_json(report: &Report, exit_code: u8) {
+    let Report { causes, hints } = report;
+    let (message, because) =
+        causes.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
+    let (because, hint) = (because.join(": "), hints.join("; "));
+    tracing::error!(because, hint, exit_code, "{message}");
 }
 
 /// A failure, split into what is printed.
@@ -229,8 +252,11 @@ mod tests {
         let wrapped = anyhow::Error::from(WithHint::new("cannot start", "try again").because(bad()));
         let usage = anyhow::Error::from(WithHint::usage("no", "yes")).context("outer");
         for error in [bad().context("outer"), wrapped.context("outer"), usage] {
-            assert_eq!(from_result(Err(error)), BAD_ARGUMENTS);
+            assert_eq!(from_result(Err(error), false), BAD_ARGUMENTS);
         }
-        assert_eq!(from_result(Err(WithHint::new("the disk is full", "free some space").into())), FAILURE);
+        assert_eq!(
+            from_result(Err(WithHint::new("the disk is full", "free some space").into()), false),
+            FAILURE
+        );
     }
 }

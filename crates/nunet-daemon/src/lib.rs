@@ -12,6 +12,7 @@ mod exit;
 #[doc(hidden)]
 pub mod fuzzing;
 mod logging;
+pub mod options;
 pub mod sink;
 pub mod source;
 pub mod stream;
@@ -26,6 +27,8 @@ use std::process::ExitCode;
 
 pub use exit::Outcome;
 
+use self::options::LogOptions;
+
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///
 /// stdout is data, stderr is people. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
@@ -36,14 +39,21 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// The same, for a host that has exit codes of its own.
 pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let json_asked = cli::asks_for_json_log(&arguments);
     let cli = match cli::Cli::parse_line(arguments) {
         Ok(cli) => cli,
-        Err(error) => return exit::from_usage_error(&error),
+        Err(error) => {
+            if json_asked {
+                logging::start(LogOptions { verbose: 0, quiet: false, json: true });
+            }
+            return exit::from_usage_error(&error, json_asked);
+        }
     };
-    logging::start(&cli.logging);
-    let code = exit::from_result(subcommands::dispatch(cli.verb));
-    // A binary's end does it by itself, another host's does not: a last line without its end would be lost. A reader that
-    // went away is told of by the verb, or is none.
+    let log = cli.logging.options();
+    logging::start(log);
+    let code = exit::from_result(subcommands::dispatch(cli.subcommand), log.json);
+    // A binary flushes at its end, a host program may not. If the reader is gone, the subcommand has reported it.
     let _ = std::io::stdout().flush();
     code
 }

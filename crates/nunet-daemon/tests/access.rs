@@ -232,7 +232,7 @@ fn a_group_or_a_mode_that_cannot_be_is_a_bad_argument() {
     let (code, stderr) = refused(&["--access-group", "61999"]);
     assert_eq!(code, Some(1), "{stderr}");
     assert!(
-        stderr.contains("to group 61999\n") && stderr.contains("\nhint: the user must be a member"),
+        stderr.contains("to group 61999\n") && stderr.contains("\nhint: make the user a member"),
         "{stderr}"
     );
 }

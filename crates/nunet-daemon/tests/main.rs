@@ -3,6 +3,7 @@
 
 mod access;
 mod bad_input;
+mod command_line;
 mod doctor;
 mod eval;
 mod filters;

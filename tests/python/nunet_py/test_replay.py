@@ -19,7 +19,7 @@ def tiny():
 
 
 def hash_of(results):
-    """What `nunetd replay` prints of the same results."""
+    """What `nunetd replay --json` prints as the hash of depth and labels."""
     total = hashlib.sha256()
     for result in results:
         total.update(result.depth.tobytes())
@@ -30,7 +30,7 @@ def hash_of(results):
 def replayed_by_nunetd(nunetd, path, out, file):
     command = [nunetd, "-q", "replay", str(path), str(out), "--json", "--model", str(file), *ON_THE_COMMAND_LINE]
     done = subprocess.run(command, check=True, capture_output=True, timeout=120)
-    return json.loads(done.stdout)["results_sha256"]
+    return json.loads(done.stdout)["depth_and_labels_sha256"]
 
 
 @pytest.mark.parametrize("form", ["png", "rgb8", "bgr8"])

@@ -34,8 +34,8 @@ pub struct ConfigArgs {
     pub effective: String,
 }
 
-/// The verbs that take a configuration.
-const VERBS: [&str; 2] = ["run", "config"];
+/// The subcommands that take a configuration.
+const WITH_CONFIG: [&str; 2] = ["run", "config"];
 
 /// A key of the file as flags.
 #[derive(Clone)]
@@ -61,11 +61,13 @@ pub(super) fn expand(
     // What the command line lacks may stand in the file.
     let lenient = command.clone().ignore_errors(true).try_get_matches_from(&arguments);
     let Ok(matches) = lenient else { return Ok(vec![arguments]) };
-    let Some((verb, given)) = matches.subcommand().filter(|(verb, _)| VERBS.contains(verb)) else {
+    let Some((subcommand, given)) =
+        matches.subcommand().filter(|(subcommand, _)| WITH_CONFIG.contains(subcommand))
+    else {
         return Ok(vec![arguments]);
     };
     let Some(path) = given.get_one::<PathBuf>("config") else { return Ok(vec![arguments]) };
-    let run = command.find_subcommand(verb).cloned().unwrap_or_default();
+    let run = command.find_subcommand(subcommand).cloned().unwrap_or_default();
     let said =
         |argument: &Arg| given.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine);
     let typed: Vec<&Arg> = run.get_arguments().filter(|argument| said(argument)).collect();
@@ -165,7 +167,7 @@ fn check(command: &Command, place: &str, line: Vec<OsString>) -> Result<Vec<OsSt
 }
 
 /// Flags that mean nothing without another one. Above the sections they are for the cameras that have that other one.
-const NEEDS: [(&str, &str); 2] = [("force", "record"), ("format", "size")];
+const NEEDS: [(&str, &str); 3] = [("force", "record"), ("record-lossless", "record"), ("format", "size")];
 
 /// Whether `shared`, which is said to all cameras, means nothing to one with these flags of its own.
 fn is_moot(argument: &Arg, own: &[&Arg], shared: &[Setting<'_>]) -> bool {
@@ -213,23 +215,25 @@ fn setting_of_camera<'a>(run: &'a Command, key: &str, value: &Value) -> Result<S
     let own = stream_flags();
     let is_own = |argument: &Arg| argument.get_long().is_some_and(|long| own.iter().any(|own| own == long));
     let known = || run.get_arguments().filter(|argument| is_own(argument));
-    let flag = if key == NAME { "camera".to_owned() } else { key.replace('_', "-") };
+    let flag = if key == CAMERA_NAME_KEY { "camera".to_owned() } else { key.replace('_', "-") };
     match named(known(), &flag).filter(|_| key != "camera") {
         Some(argument) => Ok(Setting { argument, flags: flags_of(argument, key, value)? }),
         None if named(run.get_arguments().filter(|argument| is_setting(argument)), &flag).is_none() => {
             let names = known().filter_map(Arg::get_long).filter(|&name| name != "camera");
-            Err(unknown(key, names.chain([NAME])))
+            Err(unknown(key, names.chain([CAMERA_NAME_KEY])))
         }
-        None if key == "camera" => Err(format!("unknown key `camera`\nhint: in a section it is `{NAME}`")),
+        None if key == "camera" => {
+            Err(format!("unknown key `camera`\nhint: in a section it is `{CAMERA_NAME_KEY}`"))
+        }
         None => Err(format!("`{key}` is not for one camera\nhint: put it above the first `[[camera]]`")),
     }
 }
 
 /// The key of a camera's name in its section.
-const NAME: &str = "name";
+pub(super) const CAMERA_NAME_KEY: &str = "name";
 
 /// The long names of the flags that belong to one camera.
-fn stream_flags() -> Vec<String> {
+pub(super) fn stream_flags() -> Vec<String> {
     let command = StreamArgs::augment_args(Command::new("camera"));
     command.get_arguments().filter_map(Arg::get_long).map(str::to_owned).collect()
 }
@@ -252,7 +256,7 @@ fn unknown<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
 }
 
 /// The file cannot name another file, and asking for help is no setting.
-fn is_setting(argument: &Arg) -> bool {
+pub(super) fn is_setting(argument: &Arg) -> bool {
     argument.get_long().is_some_and(|name| !["config", "help", "version"].contains(&name))
 }
 
@@ -299,8 +303,8 @@ fn shown(value: &Value) -> String {
 /// What `nunetd run` would do, as a file that `--config` takes; a line of `lines` for each camera.
 pub(super) fn effective(command: &Command, lines: &[ArgMatches]) -> String {
     let runs: Vec<_> = lines.iter().filter_map(ArgMatches::subcommand).collect();
-    let Some(&(verb, first)) = runs.first() else { return String::new() };
-    let run = command.find_subcommand(verb).cloned().unwrap_or_default();
+    let Some(&(subcommand, first)) = runs.first() else { return String::new() };
+    let run = command.find_subcommand(subcommand).cloned().unwrap_or_default();
     let settings = || run.get_arguments().filter(|argument| is_setting(argument));
     if let [_] = runs.as_slice() {
         return settings().map(|argument| said(argument, first, None)).collect();
@@ -313,7 +317,7 @@ pub(super) fn effective(command: &Command, lines: &[ArgMatches]) -> String {
         text += "\n[[camera]]\n";
         for argument in settings().filter(is_own) {
             let is_name = argument.get_long() == Some("camera");
-            text += &said(argument, camera, is_name.then_some(NAME));
+            text += &said(argument, camera, is_name.then_some(CAMERA_NAME_KEY));
         }
     }
     text
@@ -374,21 +378,22 @@ fn source_of(matches: &ArgMatches, id: &str) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Cli, Verb};
+    use super::super::{Cli, SubcommandArgs};
     use super::*;
 
-    fn parse(config: &str, rest: &str) -> Result<Verb, String> {
+    fn parse(config: &str, rest: &str) -> Result<SubcommandArgs, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("nunetd.toml");
         std::fs::write(&path, config).unwrap();
         let line = format!("nunetd {rest} --config {}", path.display());
         let cli = Cli::parse_line(line.split_whitespace().map(OsString::from));
-        cli.map(|cli| cli.verb).map_err(|error| error.to_string().replace(path.to_str().unwrap(), "[FILE]"))
+        cli.map(|cli| cli.subcommand)
+            .map_err(|error| error.to_string().replace(path.to_str().unwrap(), "[FILE]"))
     }
 
     fn run(config: &str, rest: &str) -> RunArgs {
         match parse(config, rest) {
-            Ok(Verb::Run(arguments)) => *arguments,
+            Ok(SubcommandArgs::Run(arguments)) => *arguments,
             other => panic!("{other:?}"),
         }
     }
@@ -415,7 +420,7 @@ mod tests {
         let arguments =
             run("model = 'a.onnx'\npublish = ['depth', 'cloud']", "--model b.onnx --publish labels");
         assert_eq!(arguments.model, PathBuf::from("b.onnx"));
-        assert_eq!(arguments.stream.publish, [super::super::Publish::Labels]);
+        assert_eq!(arguments.stream.publish, [crate::options::Publish::Labels]);
         let geometry =
             run("intrinsics = '500,500,320,240'", "run --calibration a.yaml").stream.optics.lens.geometry;
         assert_eq!((geometry.intrinsics, geometry.calibration), (None, Some("a.yaml".into())));
@@ -489,11 +494,13 @@ mod tests {
 
     #[test]
     fn the_effective_configuration_is_a_configuration_again() {
-        let Ok(Verb::Config(first)) = parse("rate = 5\nloop = true", "config --frames 3") else { panic!() };
+        let Ok(SubcommandArgs::Config(first)) = parse("rate = 5\nloop = true", "config --frames 3") else {
+            panic!()
+        };
         assert!(first.effective.contains("rate = \"5\"\nloop = true\n"), "{}", first.effective);
         assert!(first.effective.contains("model = \"wnet_c.onnx\"  # default"), "{}", first.effective);
         assert!(first.effective.contains("# record is not set"), "{}", first.effective);
-        let Ok(Verb::Config(second)) = parse(&first.effective, "config") else { panic!() };
+        let Ok(SubcommandArgs::Config(second)) = parse(&first.effective, "config") else { panic!() };
         let plain = |text: &str| text.replace("  # default", "");
         assert_eq!(plain(&first.effective), plain(&second.effective));
     }
@@ -501,7 +508,7 @@ mod tests {
     #[test]
     fn defaults_that_depend_on_other_flags_are_shown_as_run_takes_them() {
         let shown = |rest: &str| match parse("access-group = 'video'", &format!("config {rest}")) {
-            Ok(Verb::Config(config)) => config.effective,
+            Ok(SubcommandArgs::Config(config)) => config.effective,
             other => panic!("{other:?}"),
         };
         let demo = shown("");
@@ -587,12 +594,12 @@ mod tests {
 
     #[test]
     fn several_cameras_are_shown_as_sections_that_are_a_configuration_again() {
-        let Ok(Verb::Config(first)) = parse(TWO, "config --frames 4") else { panic!() };
+        let Ok(SubcommandArgs::Config(first)) = parse(TWO, "config --frames 4") else { panic!() };
         let text = &first.effective;
         assert_eq!(text.matches("[[camera]]\nsource = ").count(), 2, "{text}");
         assert_eq!(text.matches("frames = \"4\"\n").count(), 2, "{text}");
         assert!(text.contains("name = \"rear\"\n") && !text.contains("\ncamera ="), "{text}");
-        let Ok(Verb::Config(second)) = parse(text, "config") else { panic!() };
+        let Ok(SubcommandArgs::Config(second)) = parse(text, "config") else { panic!() };
         let plain = |text: &str| text.replace("  # default", "");
         assert_eq!(plain(text), plain(&second.effective));
     }

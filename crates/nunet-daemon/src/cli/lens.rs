@@ -1,4 +1,4 @@
-//! The arguments that say what the camera is.
+//! The flags that describe the camera.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -8,24 +8,33 @@ use nunet_core::camera::IntrinsicsSpec;
 
 use super::{FilterArgs, count};
 use crate::exit::parsed;
+use crate::options::CameraGeometry;
 
-/// Where the camera's rays go, where the user knows it.
+/// The camera, as far as the user knows it.
 #[derive(Debug, Args, Clone, Default)]
 pub struct GeometryArgs {
-    /// Focal lengths and principal point in pixels of a camera without distortion: `fx,fy,cx,cy[@WxH]`
+    /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are valid for
     #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true, value_parser = parsed::<IntrinsicsSpec>)]
     pub intrinsics: Option<IntrinsicsSpec>,
-    /// The camera and its lens: a `camera_info` file of ROS (`plumb_bob`, `rational_polynomial`, `equidistant`)
+    /// A calibration with distortion: a ROS `camera_info` file (`plumb_bob`, `rational_polynomial`, `equidistant`)
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
     pub calibration: Option<PathBuf>,
 }
 
-/// What the camera's lens does to depth.
+impl GeometryArgs {
+    /// As checked values.
+    #[must_use]
+    pub fn options(&self) -> CameraGeometry {
+        CameraGeometry { intrinsics: self.intrinsics, calibration: self.calibration.clone() }
+    }
+}
+
+/// How the lens affects depth.
 #[derive(Debug, Args, Clone)]
 pub struct LensArgs {
     #[command(flatten)]
     pub geometry: GeometryArgs,
-    /// Scale metric depth by this camera's focal length over the training camera's
+    /// Scale metric depth by the ratio of the focal lengths of this camera and the training camera, if known
     #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
     pub focal: FocalArg,
 }
@@ -44,7 +53,7 @@ pub struct CameraArgs {
     pub lens: LensArgs,
     #[command(flatten)]
     pub filters: FilterArgs,
-    /// Every N-th row and column of depth become points of the cloud
+    /// Take every N-th row and column of depth for the cloud
     #[arg(long, value_name = "N", default_value = "1", value_parser = count::<NonZeroU32>)]
     pub cloud_stride: NonZeroU32,
     /// Drop points farther from the camera than M meters from the cloud [default: the model's maximum depth]
@@ -73,7 +82,7 @@ impl Default for CameraArgs {
 /// Whether depth follows the focal length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum FocalArg {
-    /// Where the intrinsics are known.
+    /// If the intrinsics are known.
     Auto,
     /// Never.
     Off,

@@ -96,7 +96,8 @@ impl Player {
         let frame = &self.frame;
         let (width, height) = frame.size;
         let named = self.camera.map(|camera| camera.fitted_to(width, height)).transpose()?;
-        let keep_state = self.continuity.jump_to(frame).is_none() && self.left_at == Some(model.runs());
+        let keep_state =
+            self.continuity.discontinuity_to(frame).is_none() && self.left_at == Some(model.runs());
         let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state)?;
         self.continuity.took(frame);
         self.left_at = Some(model.runs());

@@ -1,10 +1,196 @@
-//! Where results go.
+//! Where results go. Results are computed in shared memory, published there, and then passed to each [`Sink`].
+//!
+//! To add a sink, write a file that implements [`Sink`] and has an `open` function, and add one line to [`REGISTRY`].
 
-pub(crate) mod collect;
 pub mod files;
+pub(crate) mod last_frame;
 pub(crate) mod metrics;
-pub(crate) mod patience;
+pub(crate) mod queue;
 pub(crate) mod recording;
 pub(crate) mod shm;
+pub(crate) mod shutdown;
 pub(crate) mod stats;
+#[cfg(test)]
+mod tests;
 pub(crate) mod writing;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nunet_core::camera::Camera;
+use nunet_core::cloud::CloudPoint;
+use nunet_core::pipeline::Pipeline;
+use nunet_ipc::CameraName;
+use nunet_types::{ScaleSource, Units};
+
+use self::metrics::MetricsServer;
+use self::shutdown::DrainTimeout;
+use self::stats::Common;
+use crate::Outcome;
+use crate::options::MountOption;
+use crate::source::Frame;
+use crate::telemetry::{Counts, Totals};
+
+/// All sinks but shared memory, which is always on.
+pub(crate) const REGISTRY: &[OpenSink] = &[recording::open, last_frame::open, metrics::open];
+
+/// Opens a sink; `None` if it is not wanted.
+pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>>;
+
+/// What a sink may be made from.
+pub(crate) struct SinkContext<'a> {
+    pub(crate) options: SinkOptions<'a>,
+    pub(crate) camera: &'a CameraName,
+    pub(crate) frame_id: Option<&'a str>,
+    pub(crate) mount: Option<MountOption>,
+    pub(crate) common: Common<'a>,
+    pub(crate) pipeline: &'a Pipeline,
+    /// The endpoint for all cameras, if one is wanted.
+    pub(crate) metrics: Option<&'a MetricsServer>,
+    /// To be called when a sink that had no room has room again.
+    pub(crate) on_room: OnRoom,
+}
+
+/// Called from a sink's own thread.
+pub(crate) type OnRoom = Arc<dyn Fn() + Send + Sync>;
+
+/// What the user wants of the sinks of one camera.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SinkOptions<'a> {
+    /// `--record`: a file that does not exist yet.
+    pub(crate) record: Option<&'a Path>,
+    /// `--force`
+    pub(crate) force: bool,
+    /// `--record-lossless`
+    pub(crate) lossless: bool,
+    /// `--out`: a folder.
+    pub(crate) out: Option<&'a Path>,
+}
+
+/// Takes the results of one camera. All its functions run on the inference thread and must not block: a sink that writes
+/// copies what it needs into a queue of its own ([`queue::SinkQueue`]).
+pub(crate) trait Sink: Send {
+    /// What it takes of each frame; what no sink and no reader takes is not computed. Depth is always computed.
+    fn wants(&self) -> Wants;
+
+    /// Takes a frame that was just published. If it has no room, it drops the frame and counts it.
+    fn on_frame(&mut self, frame: &PublishedFrame<'_>);
+
+    /// Takes the counts, after each frame and about five times per second while the source is paused.
+    fn on_status(&mut self, _status: &Status<'_>) {}
+
+    /// Whether the next frame may be processed. While it returns false, a source that has all its frames waits. It must
+    /// return true for a live source, whose frames are dropped instead.
+    fn has_room(&mut self) -> bool {
+        true
+    }
+
+    /// Ends the stream; `last` are the results of the last frame. It blocks as little as the other functions: what is still
+    /// to be written is left to the returned value.
+    fn finish(self: Box<Self>, last: Option<&Results<'_>>) -> FinishingSink;
+}
+
+/// Opens all sinks that the user wants.
+pub(crate) fn open_all(context: &SinkContext<'_>) -> anyhow::Result<Vec<Box<dyn Sink>>> {
+    REGISTRY.iter().filter_map(|open| open(context).transpose()).collect()
+}
+
+/// The results that a sink takes of each frame beside depth.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Wants {
+    pub(crate) labels: bool,
+    pub(crate) cloud: bool,
+}
+
+impl Wants {
+    pub(crate) fn union(self, other: Self) -> Self {
+        Self { labels: self.labels || other.labels, cloud: self.cloud || other.cloud }
+    }
+}
+
+/// A frame that readers have by now.
+#[derive(Clone, Copy)]
+pub(crate) struct PublishedFrame<'a> {
+    /// The image and its times.
+    pub(crate) frame: &'a Frame,
+    /// The camera at the size of the image, if it is known.
+    pub(crate) camera: Option<Camera>,
+    pub(crate) results: Results<'a>,
+    pub(crate) timings: Timings<'a>,
+}
+
+/// The results of a frame where they lie: in shared memory, or in a buffer of the subcommand.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Results<'a> {
+    /// The unit of depth.
+    pub(crate) units: Units,
+    /// Where the scale of depth comes from.
+    pub(crate) scale_source: ScaleSource,
+    /// Width and height of depth and labels, pixels.
+    pub(crate) size: (u32, u32),
+    /// `[H, W]`, NaN = no measurement.
+    pub(crate) depth: &'a [f32],
+    /// `[H, W]`, class indices; `None` if they were not computed.
+    pub(crate) labels: Option<&'a [u8]>,
+    /// Width and height of the cloud, points.
+    pub(crate) cloud_size: (u32, u32),
+    /// Organized points; `None` if they were not computed.
+    pub(crate) cloud: Option<&'a [CloudPoint]>,
+    /// The camera at the size of depth, if it is known.
+    pub(crate) camera: Option<Camera>,
+}
+
+/// How long a frame took.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Timings<'a> {
+    /// From the source to the wake-up of the readers.
+    pub(crate) total_micros: u32,
+    /// Waiting for the inference thread.
+    pub(crate) queue_micros: u32,
+    /// The stages of the pipeline.
+    pub(crate) inner_micros: &'a [u32],
+    pub(crate) publish_micros: u32,
+}
+
+impl Timings<'_> {
+    /// In the order of [`shm::stage_names`].
+    pub(crate) fn stages(&self) -> impl Iterator<Item = u32> {
+        let inner = self.inner_micros.iter().copied();
+        std::iter::once(self.queue_micros).chain(inner).chain(std::iter::once(self.publish_micros))
+    }
+}
+
+/// The state of a stream.
+pub(crate) struct Status<'a> {
+    /// Whether the source gives frames: false while it waits, and at the end.
+    pub(crate) is_up: bool,
+    pub(crate) counts: &'a Counts,
+    pub(crate) totals: &'a Totals,
+}
+
+/// A sink that takes no more frames; what it took may still be on its way to a disk.
+pub(crate) struct FinishingSink(Box<WaitForSink>);
+
+type WaitForSink = dyn FnOnce(&mut DrainTimeout<'_>) -> anyhow::Result<Outcome> + Send;
+
+impl FinishingSink {
+    /// `wait` returns whether everything was written, and logs what was lost.
+    pub(crate) fn new(
+        wait: impl FnOnce(&mut DrainTimeout<'_>) -> anyhow::Result<Outcome> + Send + 'static,
+    ) -> Self {
+        Self(Box::new(wait))
+    }
+
+    /// Nothing is left to do.
+    pub(crate) fn done() -> Self {
+        Self::new(|_| Ok(Outcome::Done))
+    }
+
+    /// Waits until everything is written, within `timeout`.
+    ///
+    /// # Errors
+    /// The sink could not write.
+    pub(crate) fn wait(self, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<Outcome> {
+        (self.0)(timeout)
+    }
+}

@@ -1,17 +1,24 @@
-//! Depth, labels, cloud and figures into shared memory, where the pipeline writes them itself.
+//! Depth, labels, cloud and stats in shared memory, where the pipeline writes them itself.
+//!
+//! Not a [`Sink`](super::Sink): the results lie in the memory that is loaned here, and the sinks read them there after they
+//! were published.
+#![expect(unsafe_code, reason = "published messages are read where they lie")]
+
+use std::marker::PhantomData;
 
 use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
 use nunet_ipc::{
-    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, StatsRecord, Topic,
-    TopicPlan, Units, Wake, monotonic_nanos,
+    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, ScaleSource,
+    StatsRecord, Topic, TopicPlan, Units, Wake, monotonic_nanos,
 };
 use tracing::{info, warn};
 
-use crate::cli::{MAX_FRAME_ID, Publish};
+use super::{Results, Wants};
 use crate::exit::BadArguments;
+use crate::options::{MAX_FRAME_ID, Publish};
 use crate::source::Frame;
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations};
 use crate::words;
@@ -30,8 +37,8 @@ pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
     std::iter::once(QUEUE).chain(inner).chain(std::iter::once(PUBLISH))
 }
 
-/// What an outlet publishes, and for whom.
-pub(crate) struct OutletOptions<'a> {
+/// What is published, and for whom.
+pub(crate) struct ShmPublisherOptions<'a> {
     pub(crate) camera: &'a CameraName,
     pub(crate) frame_id: Option<&'a str>,
     pub(crate) publish: &'a [Publish],
@@ -41,8 +48,8 @@ pub(crate) struct OutletOptions<'a> {
     pub(crate) given_up: &'a dyn Fn() -> bool,
 }
 
-/// The owner of a camera's results.
-pub(crate) struct Outlet {
+/// Publishes the results of a camera.
+pub(crate) struct ShmPublisher {
     publisher: Publisher,
     topics: Vec<Topic>,
     header: FrameHeader,
@@ -51,15 +58,47 @@ pub(crate) struct Outlet {
     cloud_stride: std::num::NonZeroU32,
     stats: StatsRecord,
     summarised_nanos: u64,
-    /// What went out of the last frame beside depth.
-    sent: Sent,
+    /// The last frame, as far as it was published.
+    last: Last,
 }
 
-/// Results that are made only where somebody reads them.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sent {
-    labels: bool,
-    cloud: bool,
+/// The messages of one frame.
+#[derive(Debug, Default)]
+struct Last {
+    report: Option<(Units, ScaleSource, Option<Camera>)>,
+    depth: Option<Message<f32>>,
+    labels: Option<Message<u8>>,
+    cloud: Option<Message<CloudPoint>>,
+}
+
+impl Last {
+    /// What was published of the frame beside depth.
+    fn has(&self) -> Wants {
+        Wants { labels: self.labels.is_some(), cloud: self.cloud.is_some() }
+    }
+}
+
+/// Where the payload of a published message lies. An address instead of a pointer, so that it can move between threads.
+#[derive(Debug)]
+struct Message<T> {
+    address: usize,
+    count: usize,
+    of: PhantomData<fn() -> T>,
+}
+
+impl<T> Message<T> {
+    /// Notes the payload of a loan before it is sent.
+    fn of(payload: &mut [T]) -> Self {
+        Self { address: payload.as_mut_ptr().expose_provenance(), count: payload.len(), of: PhantomData }
+    }
+
+    /// # Safety
+    /// The message was sent, and no newer one of its topic for as long as the result is borrowed: until then the history
+    /// of its service holds its memory, and nobody writes into what was sent.
+    unsafe fn payload<'a>(&self) -> &'a [T] {
+        // SAFETY: address and count are those of a slice (see `of`); the caller keeps its memory alive and unchanged.
+        unsafe { std::slice::from_raw_parts(std::ptr::with_exposed_provenance(self.address), self.count) }
+    }
 }
 
 /// Chunks of shared memory for one frame's results.
@@ -97,9 +136,9 @@ pub(crate) fn frame_id(camera: &CameraName, asked: Option<&str>) -> Result<Strin
     )))
 }
 
-impl Outlet {
+impl ShmPublisher {
     /// Becomes the owner of the camera's results; all memory is reserved and touched here.
-    pub(crate) fn open(pipeline: &Pipeline, options: &OutletOptions<'_>) -> anyhow::Result<Self> {
+    pub(crate) fn open(pipeline: &Pipeline, options: &ShmPublisherOptions<'_>) -> anyhow::Result<Self> {
         let frame_id = frame_id(options.camera, options.frame_id)?;
         let plans = plans(pipeline, options.publish);
         let publisher = Publisher::create_unless(options.camera, &plans, &options.limits, options.given_up)?;
@@ -120,46 +159,58 @@ impl Outlet {
             cloud_stride: pipeline.cloud_stride(),
             stats,
             summarised_nanos: 0,
-            sent: Sent::default(),
+            last: Last::default(),
         })
     }
 
-    /// What is published of a frame.
-    pub(crate) fn topics(&self) -> &[Topic] {
-        &self.topics
+    /// Memory for the results that a reader or a sink (`wants`) takes; depth always.
+    pub(crate) fn loan(&self, wants: Wants) -> anyhow::Result<Loans> {
+        let is_read = |topic| self.publisher.has_readers(topic);
+        self.loan_for(wants.union(Wants { labels: is_read(Topic::Labels), cloud: is_read(Topic::Cloud) }))
     }
 
-    /// Chunks for the results that somebody reads; depth always.
-    pub(crate) fn loan(&self) -> anyhow::Result<Loans> {
-        self.loan_beside(Sent::default())
-    }
-
-    /// Whether the last frame went out without something that somebody could have read.
-    pub(crate) fn left_something_out(&self) -> bool {
-        let Sent { labels, cloud } = self.sent;
+    /// Whether the last frame was published without something that a reader could take.
+    pub(crate) fn has_omitted_results(&self) -> bool {
+        let Wants { labels, cloud } = self.last.has();
         [(labels, Topic::Labels), (cloud, Topic::Cloud)]
             .iter()
             .any(|(sent, topic)| !sent && self.topics.contains(topic))
     }
 
-    /// Chunks for what the last frame went out without and somebody has come to read; `None` where nobody has.
+    /// Memory for what the last frame was published without and a reader takes by now; `None` if there is no such reader.
     pub(crate) fn loan_for_late_readers(&self) -> anyhow::Result<Option<Loans>> {
-        let Sent { labels, cloud } = self.sent;
+        let sent = self.last.has();
         let late = |sent: bool, topic| !sent && self.publisher.has_readers(topic);
-        let anybody = late(labels, Topic::Labels) || late(cloud, Topic::Cloud);
-        anybody.then(|| self.loan_beside(self.sent)).transpose()
+        let wants = Wants { labels: late(sent.labels, Topic::Labels), cloud: late(sent.cloud, Topic::Cloud) };
+        (wants != Wants::default()).then(|| self.loan_for(wants)).transpose()
     }
 
     /// Depth always: the pipeline writes it in any case.
-    fn loan_beside(&self, sent: Sent) -> anyhow::Result<Loans> {
-        let wanted = |sent: bool, topic| {
-            (!sent && self.publisher.has_readers(topic)).then(|| self.chunk(topic)).transpose()
+    fn loan_for(&self, wants: Wants) -> anyhow::Result<Loans> {
+        let loan = |wanted: bool, topic| {
+            (wanted && self.topics.contains(&topic)).then(|| self.chunk(topic)).transpose()
         };
         Ok(Loans {
             depth: self.chunk(Topic::Depth)?,
-            labels: wanted(sent.labels, Topic::Labels)?,
-            cloud: wanted(sent.cloud, Topic::Cloud)?,
+            labels: loan(wants.labels, Topic::Labels)?,
+            cloud: loan(wants.cloud, Topic::Cloud)?,
         })
+    }
+
+    /// The results of the last published frame, where they lie.
+    pub(crate) fn last_results(&self) -> Option<Results<'_>> {
+        let Last { report, depth, labels, cloud } = &self.last;
+        let (units, scale_source, camera) = (*report)?;
+        let depth = depth.as_ref()?;
+        // SAFETY: `last` has messages that were sent. Newer ones are sent by `publish` and `publish_to_late_readers`, which
+        // borrow `self` exclusively, so that none is sent while the results are borrowed.
+        let depth = unsafe { depth.payload() };
+        // SAFETY: as above.
+        let labels = labels.as_ref().map(|message| unsafe { message.payload() });
+        // SAFETY: as above.
+        let cloud = cloud.as_ref().map(|message| unsafe { message.payload() });
+        let (size, cloud_size) = (self.size, self.cloud_size);
+        Some(Results { units, scale_source, size, depth, labels, cloud_size, cloud, camera })
     }
 
     /// Sends a frame's results, depth last, and wakes the readers once.
@@ -171,10 +222,13 @@ impl Outlet {
         queue_micros: u32,
     ) -> anyhow::Result<()> {
         self.describe(frame, report, queue_micros);
-        let Loans { depth, labels, cloud } = loans;
-        self.sent = Sent::default();
+        let Loans { mut depth, labels, cloud } = loans;
+        self.last = Last::default();
         self.send_beside_depth(labels, cloud, report)?;
+        let message = Message::of(depth.slice_mut()?);
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
+        self.last.depth = Some(message);
+        self.last.report = Some((report.units, report.scale_source, report.camera));
         self.wake()
     }
 
@@ -197,15 +251,17 @@ impl Outlet {
         cloud: Option<Loan>,
         report: &FrameReport,
     ) -> anyhow::Result<()> {
-        if let Some(loan) = labels {
+        if let Some(mut loan) = labels {
+            let message = Message::of(loan.bytes_mut());
             let header = self.shaped(Encoding::LabelsU8, self.size, report.camera);
             send(loan, FrameHeader { units: Units::None.into(), ..header })?;
-            self.sent.labels = true;
+            self.last.labels = Some(message);
         }
-        if let Some(loan) = cloud {
+        if let Some(mut loan) = cloud {
+            let message = Message::of(loan.slice_mut()?);
             let camera = report.camera.map(|camera| camera.subsampled(self.cloud_stride));
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
-            self.sent.cloud = true;
+            self.last.cloud = Some(message);
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! Where a stream breaks. A network with a memory sees each frame as the successor of the last one; where it is not,
-//! the memory is of another place or time, and worse than none.
+//! Finds discontinuities in a stream. A recurrent network takes each frame as the successor of the last one. After a
+//! discontinuity its state describes another place or time, which is worse than no state.
 
 use std::fmt;
 
@@ -8,8 +8,8 @@ use nunet_ipc::Clock;
 
 use crate::source::Frame;
 
-/// The longest time between two frames that belong together. A robot at walking pace has moved by its own length by
-/// then; a camera that drops some frames has not come near it.
+/// The longest time between two consecutive frames. A robot at walking pace moves by its own length in that time. A
+/// camera that drops some frames stays far below it.
 const MAX_GAP_NANOS: i64 = 1_000_000_000;
 
 /// Follows a stream from one frame that the network took to the next.
@@ -18,7 +18,7 @@ pub(crate) struct Continuity {
     last: Option<Seen>,
 }
 
-/// What is compared of a frame.
+/// The properties of a frame that are compared.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     stretch: u64,
@@ -31,42 +31,42 @@ struct Seen {
 
 /// Why a frame does not follow the one before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Jump {
-    /// The source began again from its start.
+pub(crate) enum Discontinuity {
+    /// The source restarted from its beginning (`--loop`).
     Repeated,
-    /// The source counts its frames from a smaller number: another process publishes now.
+    /// The sequence number went back: another process publishes now.
     Restarted,
-    /// Pictures of another size.
+    /// The image size changed.
     Size,
-    /// Another camera, or another focal length.
+    /// The camera or its focal length changed.
     Camera,
-    /// Capture times are of another clock, and cannot be compared.
+    /// Capture times come from another clock and cannot be compared.
     Clock,
-    /// Capture time ran backwards.
+    /// The capture time went back.
     Backwards,
-    /// Too long a time between the frames, nanoseconds.
+    /// More than [`MAX_GAP_NANOS`] between the frames; nanoseconds.
     Gap(i64),
 }
 
 impl Continuity {
-    /// Why `frame` does not follow the last one that the network took; `None` where it does, and for the first.
+    /// Why `frame` does not follow the last frame that the network took; `None` if it does, and for the first frame.
     ///
-    /// Frames that were superseded or failed in between change nothing: the network has not seen them, and the time
-    /// that passes with them counts.
-    pub(crate) fn jump_to(&self, frame: &Frame) -> Option<Jump> {
+    /// Frames that were superseded or failed in between change nothing: the network has not seen them, and their time
+    /// counts.
+    pub(crate) fn discontinuity_to(&self, frame: &Frame) -> Option<Discontinuity> {
         let (last, next) = (self.last?, Seen::of(frame));
         let gap_nanos = next.nanos.saturating_sub(last.nanos);
-        let jumps = [
-            (next.stretch != last.stretch, Jump::Repeated),
+        let candidates = [
+            (next.stretch != last.stretch, Discontinuity::Repeated),
             // Equal numbers say nothing: not every publisher counts.
-            (next.sequence < last.sequence, Jump::Restarted),
-            (next.size != last.size, Jump::Size),
-            (next.camera != last.camera, Jump::Camera),
-            (next.clock != last.clock, Jump::Clock),
-            (gap_nanos < 0, Jump::Backwards),
-            (seen_in_time(frame) && gap_nanos > MAX_GAP_NANOS, Jump::Gap(gap_nanos)),
+            (next.sequence < last.sequence, Discontinuity::Restarted),
+            (next.size != last.size, Discontinuity::Size),
+            (next.camera != last.camera, Discontinuity::Camera),
+            (next.clock != last.clock, Discontinuity::Clock),
+            (gap_nanos < 0, Discontinuity::Backwards),
+            (is_in_camera_time(frame) && gap_nanos > MAX_GAP_NANOS, Discontinuity::Gap(gap_nanos)),
         ];
-        jumps.into_iter().find_map(|(is_so, jump)| is_so.then_some(jump))
+        candidates.into_iter().find_map(|(applies, reason)| applies.then_some(reason))
     }
 
     /// The network took `frame`: the next one is compared with it.
@@ -75,9 +75,9 @@ impl Continuity {
     }
 }
 
-/// Whether a gap in capture time is one in what the camera saw. A picture from disk that waits for its turn is stamped
-/// when it is read; one of a recording carries the camera's own time, at whatever pace it is read.
-fn seen_in_time(frame: &Frame) -> bool {
+/// Whether a gap in capture time is a gap in what the camera saw. An image file that waits for the network is stamped when
+/// it is read; an image of a recording carries the camera's time, however fast it is read.
+fn is_in_camera_time(frame: &Frame) -> bool {
     frame.in_real_time || frame.capture.clock != Clock::Monotonic
 }
 
@@ -94,16 +94,16 @@ impl Seen {
     }
 }
 
-impl fmt::Display for Jump {
+impl fmt::Display for Discontinuity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Repeated => f.write_str("the source began again from its start"),
-            Self::Restarted => f.write_str("the source counts its frames from a smaller number"),
-            Self::Size => f.write_str("the pictures have another size"),
-            Self::Camera => f.write_str("another camera took it"),
-            Self::Clock => f.write_str("its capture time is of another clock"),
-            Self::Backwards => f.write_str("its capture time lies before the last one's"),
-            Self::Gap(nanos) => write!(f, "{:.1} s have passed since the last one", *nanos as f64 / 1e9),
+            Self::Repeated => f.write_str("the source restarted"),
+            Self::Restarted => f.write_str("the sequence number went back"),
+            Self::Size => f.write_str("the image size changed"),
+            Self::Camera => f.write_str("the camera changed"),
+            Self::Clock => f.write_str("the capture clock changed"),
+            Self::Backwards => f.write_str("the capture time went back"),
+            Self::Gap(nanos) => write!(f, "{:.1} s passed since the last frame", *nanos as f64 / 1e9),
         }
     }
 }
@@ -128,22 +128,22 @@ mod tests {
         Camera::pinhole(Intrinsics::new(fx_px, fx_px, 319.5, 239.5, 640, 480).unwrap())
     }
 
-    /// What becomes of a frame that differs from the last one by `change`.
-    fn after(change: impl Fn(&mut Frame)) -> Option<Jump> {
+    /// The discontinuity of a frame that differs from the last one by `change`.
+    fn after(change: impl Fn(&mut Frame)) -> Option<Discontinuity> {
         let mut continuity = Continuity::default();
         let mut next = frame();
         continuity.took(&next);
         change(&mut next);
-        continuity.jump_to(&next)
+        continuity.discontinuity_to(&next)
     }
 
     #[test]
-    fn the_first_frame_follows_nothing_and_jumps_nowhere() {
-        assert_eq!(Continuity::default().jump_to(&frame()), None);
+    fn the_first_frame_follows_nothing_and_has_no_discontinuity() {
+        assert_eq!(Continuity::default().discontinuity_to(&frame()), None);
     }
 
     #[test]
-    fn frames_that_were_dropped_in_between_are_no_jump() {
+    fn frames_that_were_dropped_in_between_are_no_discontinuity() {
         assert_eq!(after(|next| next.capture.nanos += SECOND / 30), None);
         assert_eq!(after(|next| (next.sequence, next.capture.nanos) = (37, 101 * SECOND)), None);
     }
@@ -154,37 +154,37 @@ mod tests {
     }
 
     #[test]
-    fn a_source_that_begins_again_is_a_jump() {
-        assert_eq!(after(|next| next.stretch += 1), Some(Jump::Repeated));
-        assert_eq!(after(|next| next.sequence = 0), Some(Jump::Restarted));
+    fn a_source_that_begins_again_is_a_discontinuity() {
+        assert_eq!(after(|next| next.stretch += 1), Some(Discontinuity::Repeated));
+        assert_eq!(after(|next| next.sequence = 0), Some(Discontinuity::Restarted));
     }
 
     #[test]
-    fn another_size_camera_or_clock_is_a_jump() {
-        assert_eq!(after(|next| next.size = (480, 640)), Some(Jump::Size));
-        assert_eq!(after(|next| next.camera = Some(camera(510.0))), Some(Jump::Camera));
-        assert_eq!(after(|next| next.camera = None), Some(Jump::Camera));
-        assert_eq!(after(|next| next.capture.clock = Clock::Media), Some(Jump::Clock));
+    fn another_size_camera_or_clock_is_a_discontinuity() {
+        assert_eq!(after(|next| next.size = (480, 640)), Some(Discontinuity::Size));
+        assert_eq!(after(|next| next.camera = Some(camera(510.0))), Some(Discontinuity::Camera));
+        assert_eq!(after(|next| next.camera = None), Some(Discontinuity::Camera));
+        assert_eq!(after(|next| next.capture.clock = Clock::Media), Some(Discontinuity::Clock));
     }
 
     #[test]
-    fn time_that_runs_backwards_is_a_jump_however_short() {
-        assert_eq!(after(|next| next.capture.nanos -= 1), Some(Jump::Backwards));
-        assert_eq!(after(|next| next.capture.nanos = i64::MIN), Some(Jump::Backwards));
+    fn time_that_runs_backwards_is_a_discontinuity_however_short() {
+        assert_eq!(after(|next| next.capture.nanos -= 1), Some(Discontinuity::Backwards));
+        assert_eq!(after(|next| next.capture.nanos = i64::MIN), Some(Discontinuity::Backwards));
     }
 
     #[test]
-    fn a_gap_of_more_than_a_second_of_the_frames_own_clock_is_a_jump() {
+    fn a_gap_of_more_than_a_second_of_the_frames_own_clock_is_a_discontinuity() {
         assert_eq!(after(|next| next.capture.nanos += MAX_GAP_NANOS), None);
         let gap = after(|next| next.capture.nanos += MAX_GAP_NANOS + 1);
-        assert_eq!(gap, Some(Jump::Gap(MAX_GAP_NANOS + 1)));
-        assert_eq!(gap.unwrap().to_string(), "1.0 s have passed since the last one");
-        assert!(matches!(after(|next| next.capture.nanos = i64::MAX), Some(Jump::Gap(_))));
+        assert_eq!(gap, Some(Discontinuity::Gap(MAX_GAP_NANOS + 1)));
+        assert_eq!(gap.unwrap().to_string(), "1.0 s passed since the last frame");
+        assert!(matches!(after(|next| next.capture.nanos = i64::MAX), Some(Discontinuity::Gap(_))));
     }
 
-    /// A slow network must not forget between two pictures of a folder that belong together.
+    /// A slow network must not lose its state between two images of one clip.
     #[test]
-    fn pictures_that_wait_for_the_network_have_no_gaps_but_all_other_jumps() {
+    fn images_that_wait_for_the_network_have_no_gaps_but_all_other_discontinuities() {
         let waiting = |change: fn(&mut Frame)| {
             after(|next| {
                 next.in_real_time = false;
@@ -192,9 +192,9 @@ mod tests {
             })
         };
         assert_eq!(waiting(|next| next.capture.nanos += 60 * SECOND), None);
-        assert_eq!(waiting(|next| next.capture.nanos -= 1), Some(Jump::Backwards));
-        assert_eq!(waiting(|next| next.stretch += 1), Some(Jump::Repeated));
-        assert_eq!(waiting(|next| next.size = (320, 240)), Some(Jump::Size));
+        assert_eq!(waiting(|next| next.capture.nanos -= 1), Some(Discontinuity::Backwards));
+        assert_eq!(waiting(|next| next.stretch += 1), Some(Discontinuity::Repeated));
+        assert_eq!(waiting(|next| next.size = (320, 240)), Some(Discontinuity::Size));
     }
 
     #[test]
@@ -204,7 +204,7 @@ mod tests {
         (next.in_real_time, next.capture.clock) = (false, Clock::Unix);
         continuity.took(&next);
         next.capture.nanos += 600 * SECOND;
-        assert_eq!(continuity.jump_to(&next), Some(Jump::Gap(600 * SECOND)));
+        assert_eq!(continuity.discontinuity_to(&next), Some(Discontinuity::Gap(600 * SECOND)));
     }
 
     #[test]
@@ -214,10 +214,10 @@ mod tests {
         continuity.took(&next);
         for _ in 0..3 {
             next.capture.nanos += SECOND / 2;
-            let _failed = continuity.jump_to(&next);
+            let _failed = continuity.discontinuity_to(&next);
         }
-        assert_eq!(continuity.jump_to(&next), Some(Jump::Gap(3 * SECOND / 2)));
+        assert_eq!(continuity.discontinuity_to(&next), Some(Discontinuity::Gap(3 * SECOND / 2)));
         continuity.took(&next);
-        assert_eq!(continuity.jump_to(&next), None);
+        assert_eq!(continuity.discontinuity_to(&next), None);
     }
 }

@@ -3,23 +3,23 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::bell::Bell;
+use super::notify::Notify;
 use crate::source::Reuse;
 
-/// A mailbox with room for one item, and a shelf of used ones to be filled again.
+/// A mailbox with room for one item, and a pool of used items that can be filled again.
 ///
-/// A queue would only add latency: of two waiting frames a robot wants the newer. Whether the older is replaced
-/// ([`Mailbox::put_latest`]) or the sender waits ([`Mailbox::put_waiting`]) is the sender's policy.
-/// Used items travel back, so that a steady stream allocates nothing.
+/// A queue would only add latency: of two waiting frames a robot wants the newer one. The sender decides whether the older
+/// one is replaced ([`Mailbox::put_latest`]) or the sender waits ([`Mailbox::put_waiting`]).
+/// Used items return to the sender, so that a steady stream allocates nothing.
 #[derive(Debug)]
 pub struct Mailbox<T> {
-    state: Mutex<State<T>>,
+    state: Mutex<MailboxState<T>>,
     changed: Condvar,
-    bell: Arc<Bell>,
+    notify: Arc<Notify>,
 }
 
 #[derive(Debug)]
-struct State<T> {
+struct MailboxState<T> {
     waiting: Option<T>,
     used: Vec<T>,
     closed: bool,
@@ -30,9 +30,9 @@ struct State<T> {
 pub enum Put {
     /// It waits for the receiver.
     Accepted,
-    /// It waits for the receiver; an older one was replaced and lies on the shelf.
+    /// It waits for the receiver; an older one was replaced and returned to the pool.
     Replaced,
-    /// Nobody will take it: the mailbox is closed, or its sender gave up.
+    /// The mailbox is closed, or the sender gave up.
     Refused,
 }
 
@@ -41,28 +41,28 @@ pub enum Put {
 pub enum Taken<T> {
     /// An item.
     Item(T),
-    /// None came in time.
+    /// None arrived in time.
     Nothing,
-    /// None will come any more.
+    /// The mailbox is closed and empty.
     Closed,
 }
 
 /// How many used items are kept: one being filled, one waiting, one in work.
-const SHELF: usize = 3;
-/// How long a sender that waits may not see that it is to give up.
-const GLANCE: Duration = Duration::from_millis(50);
+const POOL_SIZE: usize = 3;
+/// How often a waiting sender checks whether it has to give up.
+const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 impl<T: Reuse> Default for Mailbox<T> {
     fn default() -> Self {
-        Self::with_bell(Arc::default())
+        Self::with_notify(Arc::default())
     }
 }
 
 impl<T: Reuse> Mailbox<T> {
-    /// One of several mailboxes of a receiver, who waits for `bell`: it rings when there is something to see.
-    pub fn with_bell(bell: Arc<Bell>) -> Self {
-        let state = State { waiting: None, used: Vec::with_capacity(SHELF), closed: false };
-        Self { state: Mutex::new(state), changed: Condvar::new(), bell }
+    /// One of several mailboxes of a receiver that waits for `notify`, which is notified of every change.
+    pub fn with_notify(notify: Arc<Notify>) -> Self {
+        let state = MailboxState { waiting: None, used: Vec::with_capacity(POOL_SIZE), closed: false };
+        Self { state: Mutex::new(state), changed: Condvar::new(), notify }
     }
 
     /// Puts `item` in at once; an older one that still waits is replaced.
@@ -73,21 +73,21 @@ impl<T: Reuse> Mailbox<T> {
         }
         let replaced = state.waiting.replace(item);
         let put = if replaced.is_some() { Put::Replaced } else { Put::Accepted };
-        state.shelve(replaced);
+        state.recycle(replaced);
         drop(state);
-        self.tell();
+        self.notify_all();
         put
     }
 
-    /// Waits until there is room, then puts `item` in. Refused also when `given_up` says so, which is asked while there is
-    /// none: whoever makes room may be waiting for something that never comes.
+    /// Waits until there is room, then puts `item` in. It is refused as well if `given_up` returns true, which is called
+    /// while there is no room.
     pub fn put_waiting(&self, item: T, given_up: impl Fn() -> bool) -> Put {
         let mut state = self.lock();
         while state.waiting.is_some() && !state.closed {
             if given_up() {
                 return Put::Refused;
             }
-            let waited = self.changed.wait_timeout(state, GLANCE);
+            let waited = self.changed.wait_timeout(state, POLL_PERIOD);
             (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         }
         if state.closed {
@@ -95,14 +95,14 @@ impl<T: Reuse> Mailbox<T> {
         }
         state.waiting = Some(item);
         drop(state);
-        self.tell();
+        self.notify_all();
         Put::Accepted
     }
 
-    /// Waits for an item, `patience` long at the most.
-    pub fn take(&self, patience: Duration) -> Taken<T> {
-        let empty = |state: &mut State<T>| state.waiting.is_none() && !state.closed;
-        let waited = self.changed.wait_timeout_while(self.lock(), patience, empty);
+    /// Waits at most `timeout` for an item.
+    pub fn take(&self, timeout: Duration) -> Taken<T> {
+        let empty = |state: &mut MailboxState<T>| state.waiting.is_none() && !state.closed;
+        let waited = self.changed.wait_timeout_while(self.lock(), timeout, empty);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         match state.waiting.take() {
             Some(item) => {
@@ -114,57 +114,57 @@ impl<T: Reuse> Mailbox<T> {
         }
     }
 
-    /// Takes back the item that waits; says whether there was one.
+    /// Takes the waiting item back; returns whether there was one.
     pub fn recall(&self) -> bool {
         let mut state = self.lock();
         let waiting = state.waiting.take();
         let recalled = waiting.is_some();
-        state.shelve(waiting);
+        state.recycle(waiting);
         recalled
     }
 
-    /// Waits until the mailbox is closed, `patience` long at the most; says whether it is.
-    pub fn wait_closed(&self, patience: Duration) -> bool {
-        let open = |state: &mut State<T>| !state.closed;
-        let waited = self.changed.wait_timeout_while(self.lock(), patience, open);
+    /// Waits at most `timeout` until the mailbox is closed; returns whether it is.
+    pub fn wait_closed(&self, timeout: Duration) -> bool {
+        let open = |state: &mut MailboxState<T>| !state.closed;
+        let waited = self.changed.wait_timeout_while(self.lock(), timeout, open);
         waited.unwrap_or_else(PoisonError::into_inner).0.closed
     }
 
-    /// Gives a used item back, to be filled again.
+    /// Returns a used item to the pool.
     pub fn give_back(&self, item: T) {
-        self.lock().shelve(Some(item));
+        self.lock().recycle(Some(item));
     }
 
-    /// A used item, if one is on the shelf.
+    /// A used item, if the pool has one.
     pub fn used(&self) -> Option<T> {
         self.lock().used.pop()
     }
 
-    /// No more items: senders are refused, the receiver still gets the one that waits.
+    /// Refuses further items; the receiver still gets the waiting one.
     pub fn close(&self) {
         self.lock().closed = true;
-        self.tell();
+        self.notify_all();
     }
 
-    /// Closes, and drops the item that nobody took; says whether there was one.
+    /// Closes and drops the waiting item; returns whether there was one.
     pub fn close_and_empty(&self) -> bool {
         self.close();
         self.recall()
     }
 
-    fn tell(&self) {
+    fn notify_all(&self) {
         self.changed.notify_all();
-        self.bell.ring();
+        self.notify.notify();
     }
 
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
+    fn lock(&self) -> MutexGuard<'_, MailboxState<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<T: Reuse> State<T> {
-    fn shelve(&mut self, item: Option<T>) {
-        if self.used.len() < SHELF {
+impl<T: Reuse> MailboxState<T> {
+    fn recycle(&mut self, item: Option<T>) {
+        if self.used.len() < POOL_SIZE {
             self.used.extend(item.map(|mut item| {
                 item.release();
                 item
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn the_latest_item_wins_and_the_older_returns_to_the_shelf() {
+    fn the_latest_item_wins_and_the_older_returns_to_the_pool() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.put_latest(1), Put::Accepted);
         assert_eq!(mailbox.put_latest(2), Put::Replaced);
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn patience_ends_and_a_recalled_item_is_gone() {
+    fn the_timeout_ends_and_a_recalled_item_is_gone() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
         mailbox.put_latest(1);
@@ -245,9 +245,10 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_of_several_mailboxes_hears_of_each_change() {
-        let bell = Arc::new(Bell::default());
-        let mailboxes: Vec<Mailbox<i32>> = (0..2).map(|_| Mailbox::with_bell(Arc::clone(&bell))).collect();
+    fn a_receiver_of_several_mailboxes_is_notified_of_each_change() {
+        let notify = Arc::new(Notify::default());
+        let mailboxes: Vec<Mailbox<i32>> =
+            (0..2).map(|_| Mailbox::with_notify(Arc::clone(&notify))).collect();
         let mut received = Vec::new();
         std::thread::scope(|scope| {
             for (number, mailbox) in (0..).zip(&mailboxes) {
@@ -263,14 +264,14 @@ mod tests {
                 if taken.iter().all(|taken| *taken == Taken::Closed) {
                     break;
                 }
-                // Behind an item there may be an end that has rung already: nobody waits before there is nothing.
+                // An item may be followed by a close that was notified already, so wait only if there was nothing.
                 let before = received.len();
                 received.extend(taken.into_iter().filter_map(|taken| match taken {
                     Taken::Item(item) => Some(item),
                     Taken::Nothing | Taken::Closed => None,
                 }));
                 if received.len() == before {
-                    bell.wait(LONG);
+                    notify.wait(LONG);
                 }
             }
         });
@@ -279,11 +280,11 @@ mod tests {
     }
 
     #[test]
-    fn the_shelf_is_bounded() {
+    fn the_pool_is_bounded() {
         let mailbox = Mailbox::default();
         for item in 0..10 {
             mailbox.give_back(item);
         }
-        assert_eq!(std::iter::from_fn(|| mailbox.used()).count(), SHELF);
+        assert_eq!(std::iter::from_fn(|| mailbox.used()).count(), POOL_SIZE);
     }
 }

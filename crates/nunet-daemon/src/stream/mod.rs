@@ -1,28 +1,32 @@
-//! The loop: a source's thread, one mailbox, the inference thread; bounded, and every frame accounted for.
+//! The loop: a capture thread per camera, one mailbox per camera, one inference thread; bounded, and every frame accounted
+//! for.
 //!
-//! [`pump`](pump::pump) captures on a thread of its own; [`Worker`] turns frames into depth on the caller's thread and
-//! publishes them; readers are other processes. Nothing waits for a reader. [`Continuity`]
-//! says where a stream breaks, for networks that remember. Several cameras have a source's thread, a mailbox and a worker
-//! each, and [take turns](turns::take_turns) on the inference thread; one camera is the same with nobody to wait for.
+//! [`capture`](capture::capture) reads the source on a thread of its own. [`StreamTask`] turns frames into depth on the
+//! caller's thread, publishes them, and passes them to the sinks. Readers are other processes. Nothing waits for a reader
+//! or a sink, except that a source that has all its frames is asked for the next one when there is room for it.
+//! [`Continuity`] finds discontinuities for recurrent networks. Several cameras take turns on the inference thread
+//! ([`round_robin`]); a single camera is a round of one.
 
-mod bell;
+mod camera_resolver;
+mod capture;
 mod continuity;
+mod drive;
 mod mailbox;
-mod optics;
-mod pump;
+mod notify;
+mod round_robin;
+mod state;
 mod stop;
+mod task;
 #[cfg(test)]
 mod tests;
-mod turns;
-mod worker;
 
-pub use bell::Bell;
+pub(crate) use camera_resolver::{CameraResolver, read_calibration};
 pub(crate) use continuity::Continuity;
+pub(crate) use drive::{FrameHandler, Pace, SourceEnd, drive};
 pub use mailbox::{Mailbox, Put, Taken};
-pub(crate) use optics::{Optics, read_calibration};
-pub(crate) use pump::{CloseOnDrop, Lane, Pace, SourceEnd, pump};
+pub use notify::Notify;
 pub(crate) use stop::{Stop, Stopped};
-pub(crate) use worker::{Remains, Sinks, Worker};
+pub(crate) use task::{StreamSummary, StreamTask};
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,6 +35,8 @@ use anyhow::Context as _;
 use nunet_ipc::orphans;
 use tracing::{Span, debug};
 
+use self::capture::capture;
+use self::state::{CloseOnDrop, StreamState};
 use crate::source::Source;
 use crate::telemetry::Counts;
 
@@ -38,65 +44,67 @@ use crate::telemetry::Counts;
 pub(crate) struct Stream {
     pub(crate) source: Box<dyn Source>,
     pub(crate) pace: Pace,
-    pub(crate) worker: Worker,
-    /// What its log lines stand in.
+    pub(crate) task: StreamTask,
+    /// The context of its log lines.
     pub(crate) span: Span,
 }
 
-/// A camera that is over.
+/// A camera after its end.
 pub(crate) struct Ended {
     pub(crate) counts: Counts,
-    pub(crate) remains: Remains,
-    /// How its source ended, or why it failed.
+    pub(crate) summary: StreamSummary,
+    /// How its source ended, or why the camera failed.
     pub(crate) source: anyhow::Result<SourceEnd>,
 }
 
-/// Runs each stream until its source ends, its pace's limit is reached, or `stop` is requested; returns when all have
-/// ended, in their order. One that fails leaves the others. `bell` rings when a sink has room again.
-pub(crate) fn run(streams: Vec<Stream>, bell: &Arc<Bell>, stop: &Stop) -> anyhow::Result<Vec<Ended>> {
-    let (mut sources, mut workers, mut lanes) = (Vec::new(), Vec::new(), Vec::new());
-    for Stream { source, pace, worker, span } in streams {
+/// Runs each stream until its source ends, its pace's limit is reached, or `stop` is requested. Returns when all have
+/// ended, in their order. If one fails, the others go on. Sinks notify `notify` when they have room again.
+pub(crate) fn run(streams: Vec<Stream>, notify: &Arc<Notify>, stop: &Stop) -> anyhow::Result<Vec<Ended>> {
+    let (mut sources, mut tasks, mut states) = (Vec::new(), Vec::new(), Vec::new());
+    for Stream { source, pace, task, span } in streams {
         sources.push((source, pace));
-        workers.push(worker);
-        lanes.push(Lane::new(stop.clone(), Arc::clone(bell), span));
+        tasks.push(task);
+        states.push(StreamState::new(stop.clone(), Arc::clone(notify), span));
     }
-    let lanes = &lanes[..];
-    let (remains, ends) = std::thread::scope(|scope| {
-        // Also where a thread cannot start: those before it must not run for ever.
-        let closed: Vec<_> = lanes.iter().map(CloseOnDrop).collect();
-        let mut captures = Vec::with_capacity(lanes.len());
-        for ((source, pace), lane) in sources.iter_mut().zip(lanes) {
-            let capture = move || pump(source.as_mut(), *pace, lane);
-            let capture = named("capture").spawn_scoped(scope, capture);
-            captures.push(capture.context("cannot start a source's thread")?);
+    let states = &states[..];
+    let (summaries, ends) = std::thread::scope(|scope| {
+        // If a thread cannot start, the threads before it must not run forever.
+        let closed: Vec<_> = states.iter().map(CloseOnDrop).collect();
+        let mut captures = Vec::with_capacity(states.len());
+        for ((source, pace), state) in sources.iter_mut().zip(states) {
+            let run = move || capture(source.as_mut(), *pace, state);
+            let thread = named("capture").spawn_scoped(scope, run);
+            captures.push(thread.context("cannot start the capture thread")?);
         }
-        let janitor = named("janitor").spawn_scoped(scope, || clean_up(lanes));
-        janitor.context("cannot start the janitor's thread")?;
-        let remains = turns::take_turns(workers, lanes, bell);
+        let janitor = named("janitor").spawn_scoped(scope, || clean_up(states));
+        janitor.context("cannot start the cleanup thread")?;
+        let summaries = round_robin::run_round_robin(tasks, states, notify);
         drop(closed);
-        let failed = |_| anyhow::anyhow!("the source's thread has failed: see the lines above");
+        let failed = |_| anyhow::anyhow!("the capture thread panicked: see the lines above");
         let ends: Vec<_> =
             captures.into_iter().map(|capture| capture.join().map_err(failed).flatten()).collect();
-        Ok::<_, anyhow::Error>((remains, ends))
+        Ok::<_, anyhow::Error>((summaries, ends))
     })?;
-    let counts = lanes.iter().map(|lane| lane.ledger.counts());
-    let ended = counts.zip(remains).zip(ends);
-    Ok(ended.map(|((counts, remains), source)| Ended { counts, remains, source }).collect())
+    let ended = states.iter().zip(summaries).zip(ends).map(|((state, mut summary), source)| {
+        let source = summary.failure.take().map_or(source, Err);
+        Ended { counts: state.ledger.counts(), summary, source }
+    });
+    Ok(ended.collect())
 }
 
 fn named(name: &str) -> std::thread::Builder {
     std::thread::Builder::new().name(name.into())
 }
 
-/// How soon the place of a killed reader is free again, and work for it ends.
+/// How soon the resources of a killed reader are released.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(1);
 
 /// Removes what killed readers left, off the frame's path, until all mailboxes are closed.
-fn clean_up(lanes: &[Lane]) {
-    while !lanes.iter().all(|lane| lane.mailbox.wait_closed(CLEAN_UP_PERIOD)) {
-        let dead = orphans::list().is_ok_and(|orphans| !orphans.is_empty());
-        if let Some(error) = dead.then(orphans::clean).and_then(Result::err) {
-            debug!("dead readers are not cleaned up after: {error}");
+fn clean_up(states: &[StreamState]) {
+    while !states.iter().all(|state| state.mailbox.wait_closed(CLEAN_UP_PERIOD)) {
+        let has_orphans = orphans::list().is_ok_and(|orphans| !orphans.is_empty());
+        if let Some(error) = has_orphans.then(orphans::clean).and_then(Result::err) {
+            debug!("cannot clean up after killed readers: {error}");
         }
     }
 }

@@ -1,16 +1,20 @@
-//! SIGINT, SIGTERM and SIGHUP: the first finishes what is in flight, a second SIGINT or SIGTERM ends the process at
-//! once.
+//! SIGINT, SIGTERM and SIGHUP: the first finishes what is in flight. A second SIGINT or SIGTERM ends the process at once
+//! if it arrives at least one second after the first.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::flag;
+use signal_hook::iterator::Signals;
+use signal_hook::{flag, low_level};
 
 /// Exit code of the second signal.
 const INTERRUPTED_TWICE: i32 = 130;
+/// Two signals within this time count as one. `timeout` of coreutils signals the process and its group, `ros2 launch` and
+/// a terminal do the same: nobody has lost patience yet.
+const ONE_REQUEST: Duration = Duration::from_secs(1);
 /// How long a stop may go unseen.
 const GLANCE: Duration = Duration::from_millis(50);
 
@@ -28,16 +32,14 @@ impl Stop {
     pub(crate) fn on_signals() -> anyhow::Result<Self> {
         let stop = Self::default();
         let failed = "cannot listen to SIGINT, SIGTERM and SIGHUP";
-        let asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
-            // The order matters: the conditional exit has to look at its flag before this signal sets it.
-            flag::register_conditional_shutdown(signal, INTERRUPTED_TWICE, Arc::clone(&asked))
-                .and_then(|_| flag::register(signal, Arc::clone(&asked)))
-                .and_then(|_| flag::register(signal, Arc::clone(&stop.0)))
-                .context(failed)?;
+            flag::register(signal, Arc::clone(&stop.0)).context(failed)?;
         }
-        // It comes twice where a terminal is closed, of the kernel and of the shell, and SIGTERM may follow: nobody is
-        // impatient, so that it does not count as the first of two.
+        let signals = Signals::new([SIGINT, SIGTERM]).context(failed)?;
+        let thread = std::thread::Builder::new().name("signals".into());
+        thread.spawn(|| exit_on_second_signal(signals)).context(failed)?;
+        // A closed terminal sends it twice, from the kernel and from the shell, and SIGTERM may follow: it does not count as
+        // the first of two.
         if !is_ignored(SIGHUP) {
             flag::register(SIGHUP, Arc::clone(&stop.0)).context(failed)?;
         }
@@ -79,6 +81,21 @@ impl Stop {
     }
 }
 
+/// Runs on a thread of its own, so that a second signal works even if all other threads hang.
+fn exit_on_second_signal(mut signals: Signals) {
+    let mut first = None;
+    for _signal in &mut signals {
+        if is_second_request(&mut first, Instant::now()) {
+            low_level::exit(INTERRUPTED_TWICE);
+        }
+    }
+}
+
+/// Whether a signal that arrives `now` is a second request; `first` is when the first one arrived.
+fn is_second_request(first: &mut Option<Instant>, now: Instant) -> bool {
+    now.duration_since(*first.get_or_insert(now)) >= ONE_REQUEST
+}
+
 /// Whether this process was started with a signal ignored, as `nohup` does, and is to go on so. Read in the kernel's
 /// table, since asking for the handler itself takes unsafe code.
 fn is_ignored(signal: i32) -> bool {
@@ -103,6 +120,15 @@ mod tests {
         assert!(ignores(status, signal_hook::consts::SIGPIPE));
         assert!(!ignores(status, SIGINT) && !ignores(status, SIGTERM));
         assert!(!ignores("Name:\tnunetd\n", SIGHUP) && !ignores("SigIgn:\tnone\n", SIGHUP));
+    }
+
+    #[test]
+    fn signals_within_a_second_count_as_one_and_a_later_one_as_the_second() {
+        let (mut first, start) = (None, Instant::now());
+        let counts: Vec<bool> = [0, 1, 500, 999, 1000, 5000]
+            .map(|millis| is_second_request(&mut first, start + Duration::from_millis(millis)))
+            .into();
+        assert_eq!(counts, [false, false, false, false, true, true]);
     }
 
     #[test]

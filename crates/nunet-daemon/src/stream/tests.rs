@@ -12,12 +12,13 @@ use nunet_ipc::{CameraName, Limits, Reader, Topic, monotonic_nanos};
 use nunet_testkit::models;
 
 use super::*;
-use crate::cli::Publish;
-use crate::sink::collect::Collector;
-use crate::sink::patience::Patience;
-use crate::sink::recording::{Archive, Record, Recorder, Tally};
-use crate::sink::shm::{Outlet, OutletOptions};
-use crate::source::{Fill, Frame, Rate};
+use crate::Outcome;
+use crate::options::{CameraGeometry, Publish};
+use crate::sink::recording::{Archive, Record, record_into};
+use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
+use crate::sink::shutdown::DrainTimeout;
+use crate::sink::{Sink, last_frame};
+use crate::source::{Fill, Frame};
 
 /// No test waits longer for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -126,19 +127,15 @@ fn pipeline() -> Pipeline {
     Pipeline::new(graph, PipelineOptions::default()).unwrap()
 }
 
-fn stream(name: &CameraName, source: Grey, recording: Option<(&Arc<Disk>, &Arc<Bell>)>) -> Stream {
-    stream_with(name, source, |outlet| {
-        let recorder = recording.map(|(disk, bell)| {
-            let bell = Arc::clone(bell);
-            Recorder::start(Arc::clone(disk), name, outlet, move || bell.ring()).unwrap()
-        });
-        Sinks { recorder, ..Sinks::default() }
-    })
+/// A sink that records to `disk`.
+fn recorder(disk: &Arc<Disk>, notify: &Arc<Notify>) -> Vec<Box<dyn Sink>> {
+    let notify = Arc::clone(notify);
+    vec![record_into(Box::new(Arc::clone(disk)), Arc::new(move || notify.notify())).unwrap()]
 }
 
-fn stream_with(name: &CameraName, source: Grey, sinks: impl FnOnce(&Outlet) -> Sinks) -> Stream {
+fn stream(name: &CameraName, source: Grey, sinks: Vec<Box<dyn Sink>>) -> Stream {
     let pipeline = pipeline();
-    let options = OutletOptions {
+    let options = ShmPublisherOptions {
         camera: name,
         frame_id: None,
         publish: &[Publish::Depth],
@@ -146,11 +143,9 @@ fn stream_with(name: &CameraName, source: Grey, sinks: impl FnOnce(&Outlet) -> S
         model: "model.onnx",
         given_up: &|| false,
     };
-    let outlet = Outlet::open(&pipeline, &options).unwrap();
-    let sinks = sinks(&outlet);
-    let worker = Worker::new(pipeline, Optics::default(), outlet, sinks);
-    let pace = Pace { rate: Rate::Max, limit: None };
-    Stream { source: Box::new(source), pace, worker, span: Span::none() }
+    let publisher = ShmPublisher::open(&pipeline, &options).unwrap();
+    let task = StreamTask::new(pipeline, CameraResolver::default(), publisher, sinks);
+    Stream { source: Box::new(source), pace: Pace::ALL, task, span: Span::none() }
 }
 
 /// Waits until a frame of at least this number is out.
@@ -170,16 +165,16 @@ fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_o
     const FRAMES: u64 = 40;
     // Far more turns than the queues in front of the disk have places.
     const TURNS: u64 = 200;
-    let (disk, bell, stop) = (Arc::new(Disk::default()), Arc::new(Bell::default()), Stop::default());
+    let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
     let (recorded, live) = (camera("recorded"), camera("live"));
     let streams = vec![
-        stream(&recorded, Grey { left: FRAMES, sequence: 0, live: false }, Some((&disk, &bell))),
-        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, None),
+        stream(&recorded, Grey { left: FRAMES, sequence: 0, live: false }, recorder(&disk, &notify)),
+        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];
     let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
     let held = Reader::open(&recorded, &[Topic::Depth], PATIENCE).unwrap();
     let mut ended = std::thread::scope(|scope| {
-        let ended = scope.spawn(|| run(streams, &bell, &stop).unwrap());
+        let ended = scope.spawn(|| run(streams, &notify, &stop).unwrap());
         let _let_go = LetGo(&disk, &stop);
         assert!(disk.wait(|disk| disk.asked), "nothing was recorded");
         let now = wait_for_frame(&reader, 0);
@@ -193,39 +188,38 @@ fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_o
         ended.join().unwrap()
     });
     assert_eq!(disk.state.lock().unwrap().written, (0..FRAMES).collect::<Vec<_>>());
-    let Ended { counts, remains, source } = ended.remove(0);
+    let Ended { counts, mut summary, source } = ended.remove(0);
     assert_eq!((counts.captured, counts.published), (FRAMES, FRAMES));
-    assert_eq!(source.unwrap(), SourceEnd::Whole);
-    let tally = remains.recording.unwrap().tally(&mut Patience::new(&|| false));
-    assert_eq!(tally, Tally { recorded: FRAMES, left_out: 0, whole: true });
+    assert_eq!(source.unwrap(), SourceEnd::Complete);
+    let recorded = summary.sinks.remove(0).wait(&mut DrainTimeout::new(&|| false));
+    assert_eq!(recorded.unwrap(), Outcome::Done);
 }
 
 #[test]
 fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_out() {
     // As many frames as there is room for in front of the disk; then the source waits, and so does its next frame.
     const UNDER_WAY: u64 = 8;
-    let (disk, bell, stop) = (Arc::new(Disk::default()), Arc::new(Bell::default()), Stop::default());
+    let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
     let name = camera("held");
     let source = Grey { left: u64::MAX, sequence: 0, live: false };
-    let streams = vec![stream(&name, source, Some((&disk, &bell)))];
+    let streams = vec![stream(&name, source, recorder(&disk, &notify))];
     let reader = Reader::open(&name, &[Topic::Depth], PATIENCE).unwrap();
     std::thread::scope(|scope| {
         let (done, ended) = channel();
-        let (bell, stop) = (&bell, &stop);
+        let (notify, stop) = (&notify, &stop);
         let _let_go = LetGo(&disk, stop);
-        scope.spawn(move || done.send(run(streams, bell, stop).unwrap()));
+        scope.spawn(move || done.send(run(streams, notify, stop).unwrap()));
         wait_for_frame(&reader, UNDER_WAY - 1);
         stop.request();
         let mut ended = ended.recv_timeout(PATIENCE).expect("the stop was not seen");
-        let Ended { counts, remains, source } = ended.remove(0);
+        let Ended { counts, mut summary, source } = ended.remove(0);
         assert_eq!((counts.published, counts.failed, counts.in_flight), (UNDER_WAY, 0, 0));
         assert_eq!(counts.captured, UNDER_WAY + counts.superseded, "nothing is lost from the ledger");
-        assert_eq!(source.unwrap(), SourceEnd::Whole);
+        assert_ne!(source.unwrap(), SourceEnd::Truncated);
         let stopped = || stop.requested();
-        let mut patience = Patience::with(&stopped, Duration::from_millis(50), PATIENCE);
-        let tally = remains.recording.unwrap().tally(&mut patience);
-        assert_eq!(tally, Tally { recorded: 0, left_out: UNDER_WAY, whole: false });
-        assert!(!tally.say(), "that is a loss");
+        let mut timeout = DrainTimeout::with(&stopped, Duration::from_millis(50), PATIENCE);
+        let recorded = summary.sinks.remove(0).wait(&mut timeout);
+        assert_eq!(recorded.unwrap(), Outcome::Lost);
     });
 }
 
@@ -236,21 +230,22 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
     // Nobody reads it, so that opening it for writing never returns: a mount that has died.
     let pipe = std::process::Command::new("mkfifo").arg(folder.path().join("depth.npy")).status().unwrap();
     assert!(pipe.success());
-    let (disk, bell, stop) = (Arc::new(Disk::default()), Arc::new(Bell::default()), Stop::default());
+    let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
     let (over, live) = (camera("over"), camera("beside"));
     let streams = vec![
-        stream_with(&over, Grey { left: 3, sequence: 0, live: false }, |outlet| {
-            let collector = Collector::attach(folder.path().to_owned(), &over, outlet).unwrap();
-            Sinks { collector: Some(collector), ..Sinks::default() }
-        }),
-        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, None),
+        stream(
+            &over,
+            Grey { left: 3, sequence: 0, live: false },
+            vec![last_frame::in_folder(folder.path().to_owned())],
+        ),
+        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];
     let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
     std::thread::scope(|scope| {
         let (done, ended) = channel();
-        let (bell, stop) = (&bell, &stop);
+        let (notify, stop) = (&notify, &stop);
         let _let_go = LetGo(&disk, stop);
-        scope.spawn(move || done.send(run(streams, bell, stop).unwrap()));
+        scope.spawn(move || done.send(run(streams, notify, stop).unwrap()));
         let start = Instant::now();
         while Reader::open(&over, &[Topic::Depth], Duration::ZERO).is_ok() {
             assert!(start.elapsed() < PATIENCE, "the camera that has ended keeps its memory");
@@ -260,10 +255,27 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
         wait_for_frame(&reader, now + TURNS);
         stop.request();
         let mut ended = ended.recv_timeout(PATIENCE).expect("the stop was not seen");
-        let Ended { counts, remains, .. } = ended.remove(0);
+        let Ended { counts, mut summary, .. } = ended.remove(0);
         assert_eq!((counts.captured, counts.published), (3, 3));
-        let mut patience = Patience::with(&|| true, Duration::ZERO, PATIENCE);
-        let error = remains.files.unwrap().expect("they are wanted").end(&mut patience).unwrap_err();
+        let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, PATIENCE);
+        let error = summary.sinks.remove(0).wait(&mut timeout).unwrap_err();
         assert!(error.to_string().starts_with("cannot write the files in `"), "{error}");
     });
+}
+
+/// A source of another size than the camera that the user named.
+#[test]
+fn a_camera_that_fits_no_frame_ends_its_stream_at_the_first_one() {
+    let (notify, stop) = (Arc::new(Notify::default()), Stop::default());
+    let geometry =
+        CameraGeometry { intrinsics: Some("50,50,32,18@64x36".parse().unwrap()), calibration: None };
+    let source = Grey { left: u64::MAX, sequence: 0, live: true };
+    let stream = stream(&camera("misfit"), source, Vec::new());
+    let task = stream.task.with_camera(CameraResolver::new(&geometry).unwrap());
+    let mut ended = run(vec![Stream { task, ..stream }], &notify, &stop).unwrap();
+    let Ended { counts, source, .. } = ended.remove(0);
+    let error = source.unwrap_err();
+    assert!(crate::exit::is_usage(&error), "{error:#}");
+    assert_eq!((counts.published, counts.failed, counts.in_flight), (0, 1, 0), "{counts:?}");
+    assert!(counts.balances());
 }

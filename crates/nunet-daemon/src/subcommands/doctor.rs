@@ -9,8 +9,9 @@ use nunet_ipc::orphans::{self, Cleaning};
 use nunet_ipc::{IpcError, Limits, Reservation, Topic, cameras, free_shared_memory_bytes};
 
 use crate::Outcome;
-use crate::cli::{CameraArgs, DoctorArgs, Publish};
+use crate::cli::{CameraArgs, DoctorArgs};
 use crate::engine::{Engine, tested};
+use crate::options::Publish;
 use crate::sink::shm::plans;
 use crate::source;
 

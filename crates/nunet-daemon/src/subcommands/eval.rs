@@ -16,7 +16,7 @@ use crate::engine::{Engine, tested_pipeline};
 use crate::sink::files::{check_folder, make_folder};
 use crate::sink::stats::{ModelName, write_json};
 use crate::source::Frame;
-use crate::stream::Optics;
+use crate::stream::CameraResolver;
 use crate::telemetry::MonotonicClock;
 
 mod baseline;
@@ -43,7 +43,7 @@ const MUCH_BEYOND: f64 = 0.05;
 /// Measures every picture; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     refuse_own_depth(arguments)?;
-    let optics = Optics::new(&arguments.lens.geometry)?;
+    let optics = CameraResolver::new(&arguments.lens.geometry.options())?;
     if let Some(out) = &arguments.out {
         check_folder(out)?;
     }
@@ -101,7 +101,7 @@ fn name_of(dataset: &Path) -> String {
 /// The pipeline, and what was found so far.
 struct Work {
     pipeline: Pipeline,
-    optics: Optics,
+    optics: CameraResolver,
     frame: Frame,
     depth: Vec<f32>,
     labels: Vec<u8>,
@@ -123,7 +123,7 @@ impl Work {
     fn new(
         protocol: ProtocolArg,
         pipeline: Pipeline,
-        optics: Optics,
+        optics: CameraResolver,
         baseline: Option<Baseline>,
         clip: bool,
     ) -> Self {
@@ -191,7 +191,7 @@ impl Work {
         if !self.clip {
             self.pipeline.reset();
         }
-        self.optics.follow(&self.frame, &mut self.pipeline)?;
+        self.optics.update(&self.frame, &mut self.pipeline)?;
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
         self.pipeline.process(&self.frame.view()?, outputs, &MonotonicClock)?;

@@ -1,6 +1,6 @@
 //! `nunetd feed`: publishes a source's frames in shared memory, as a camera driver would.
 
-use std::num::NonZeroU64;
+use std::ops::ControlFlow;
 use std::sync::OnceLock;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Instant;
@@ -16,8 +16,9 @@ use tracing::{error, info, warn};
 use crate::Outcome;
 use crate::cli::FeedArgs;
 use crate::exit::{BadArguments, camera_name};
-use crate::source::{self, Fill, Frame, Kind, Opening, Pacer, Rate, Source};
-use crate::stream::{Optics, Stop};
+use crate::source::{self, Frame, Kind, Opening, Rate};
+use crate::stream::{CameraResolver, FrameHandler, Pace, SourceEnd, Stop, drive};
+use crate::telemetry::RateLimit;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
 pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
@@ -28,7 +29,7 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
             "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
         ));
     }
-    let optics = Optics::new(&arguments.geometry)?;
+    let resolver = CameraResolver::new(&arguments.geometry.options())?;
     let opening = Opening { stopped: Some(stop.flag()), ..arguments.pace.opening() };
     let source = source::open(&kind, opening);
     if stop.requested() {
@@ -36,24 +37,22 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
     }
     let mut source = source?;
     let port = OnceLock::new();
-    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, optics, &port);
-    // A camera was asked for the rate; it keeps it by itself.
-    let pacer =
-        Pacer::new(arguments.pace.rate.unwrap_or(Rate::Max), Instant::now()).filter(|_| !source.is_live());
-    serving_late_joiners(&port, || feeder.run(source.as_mut(), pacer, arguments.pace.frames, &stop))?;
+    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, resolver, &port, &stop);
+    let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
+    let end = serving_late_joiners(&port, || drive(source.as_mut(), pace, &stop, &mut feeder))?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
     if feeder.failed > 0 {
         error!("{} of {} frames were lost", feeder.failed, feeder.sent + feeder.failed);
     }
-    Ok(if feeder.failed == 0 && !feeder.cut { Outcome::Done } else { Outcome::Lost })
+    Ok(if feeder.failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
 }
 
 /// Hands the last picture to readers that come while `feed` waits for the next one. On a thread of its own: a pipe is
 /// silent for as long as it likes, and a slow pace sleeps.
 fn serving_late_joiners(
     port: &OnceLock<Port>,
-    feed: impl FnOnce() -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
+    feed: impl FnOnce() -> anyhow::Result<SourceEnd>,
+) -> anyhow::Result<SourceEnd> {
     std::thread::scope(|scope| {
         let (feeding, over) = channel::<()>();
         let serve = move || {
@@ -74,11 +73,14 @@ fn serving_late_joiners(
 /// A camera of the first picture's size.
 struct Feeder<'a> {
     camera: CameraName,
-    optics: Optics,
+    resolver: CameraResolver,
     port: &'a OnceLock<Port>,
+    stop: Stop,
+    /// The memory of the next frame.
+    frame: Frame,
+    lost: RateLimit,
     sent: u64,
     failed: u64,
-    cut: bool,
 }
 
 /// The owner of the `rgb` topic.
@@ -90,71 +92,68 @@ struct Port {
 }
 
 impl<'a> Feeder<'a> {
-    fn new(camera: CameraName, optics: Optics, port: &'a OnceLock<Port>) -> Self {
-        Self { camera, optics, port, sent: 0, failed: 0, cut: false }
+    fn new(camera: CameraName, resolver: CameraResolver, port: &'a OnceLock<Port>, stop: &Stop) -> Self {
+        let (frame, lost) = (Frame::default(), RateLimit::default());
+        Self { camera, resolver, port, stop: stop.clone(), frame, lost, sent: 0, failed: 0 }
     }
 
-    fn run(
-        &mut self,
-        source: &mut dyn Source,
-        mut pacer: Option<Pacer>,
-        limit: Option<NonZeroU64>,
-        stop: &Stop,
-    ) -> anyhow::Result<()> {
-        let mut frame = Frame::default();
-        let limit = limit.map_or(u64::MAX, NonZeroU64::get);
-        let mut next_is_due = true;
-        while self.sent + self.failed < limit && !stop.requested() {
-            if next_is_due && let Some(pacer) = &mut pacer {
-                stop.sleep(pacer.wait(Instant::now()));
+    /// Sends a frame; opens shared memory at the first one.
+    fn send(&mut self, frame: &Frame) -> anyhow::Result<ControlFlow<()>> {
+        let camera = match self.resolver.resolve(frame) {
+            Ok(camera) => camera,
+            // The named camera does not fit: it will not fit the next frame either.
+            Err(error) if error.is::<BadArguments>() => return Err(error),
+            Err(error) => {
+                self.lose(frame, &error);
+                return Ok(ControlFlow::Continue(()));
             }
-            let fill = source.fill(&mut frame);
-            next_is_due = fill.had_frame();
-            match fill {
-                Fill::Frame => self.send(&frame, stop)?,
-                Fill::Failed(error) => self.lose(&frame, &error),
-                Fill::Nothing | Fill::Crowded => {}
-                Fill::End => break,
-                Fill::Cut(_) | Fill::Broken(_) if stop.requested() => break,
-                Fill::Cut(error) => {
-                    error!("the source ends early: {error:#}");
-                    self.cut = true;
-                    break;
-                }
-                Fill::Broken(error) => return Err(error),
-            }
-        }
-        Ok(())
-    }
-
-    fn send(&mut self, frame: &Frame, stop: &Stop) -> anyhow::Result<()> {
+        };
         let port = match self.port.get() {
             Some(port) => port,
-            None => match Port::open(&self.camera, frame, stop) {
-                Err(_) if stop.requested() => return Ok(()),
+            None => match Port::open(&self.camera, frame, &self.stop) {
+                Err(_) if self.stop.requested() => return Ok(ControlFlow::Break(())),
                 opened => {
                     let opened = opened?;
                     self.port.get_or_init(|| opened)
                 }
             },
         };
-        if let Err(error) = port.has_room(frame) {
-            self.lose(frame, &error);
-            return Ok(());
-        }
-        match self.optics.camera_of(frame) {
-            Ok(camera) => {
+        match port.has_room(frame) {
+            Ok(()) => {
                 port.send(frame, camera)?;
                 self.sent += 1;
             }
-            Err(error) => self.lose(frame, &error.into()),
+            Err(error) => self.lose(frame, &error),
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     fn lose(&mut self, frame: &Frame, error: &anyhow::Error) {
-        warn!("frame {} is lost: {error:#}", frame.sequence);
+        if let Some(suppressed) = self.lost.allow(Instant::now()) {
+            warn!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
+        }
         self.failed += 1;
+    }
+}
+
+impl FrameHandler for Feeder<'_> {
+    fn buffer(&mut self) -> Frame {
+        std::mem::take(&mut self.frame)
+    }
+
+    fn on_frame(&mut self, frame: Frame) -> anyhow::Result<ControlFlow<()>> {
+        let sent = self.send(&frame);
+        self.frame = frame;
+        sent
+    }
+
+    fn on_lost(&mut self, frame: Frame) {
+        self.failed += 1;
+        self.frame = frame;
+    }
+
+    fn on_idle(&mut self, frame: Frame, _is_crowded: bool) {
+        self.frame = frame;
     }
 }
 
@@ -213,24 +212,10 @@ fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera
 
 #[cfg(test)]
 mod tests {
-    use std::sync::mpsc::channel;
-    use std::time::Duration;
+    use std::num::NonZeroU64;
 
     use super::*;
-
-    /// Silence before each picture, none of which can be read: they need no shared memory.
-    struct Sparse(u64);
-
-    impl Source for Sparse {
-        fn fill(&mut self, _frame: &mut Frame) -> Fill {
-            self.0 += 1;
-            if self.0.is_multiple_of(10) {
-                Fill::Failed(anyhow::anyhow!("unreadable"))
-            } else {
-                Fill::Nothing
-            }
-        }
-    }
+    use crate::source::{Fill, Source};
 
     /// A grey picture, and then a colour one.
     struct Turning(u64);
@@ -252,27 +237,10 @@ mod tests {
     fn a_picture_that_there_is_no_room_for_is_lost_alone() {
         let camera = camera_name(&format!("turning_{}", std::process::id())).unwrap();
         let port = OnceLock::new();
-        let mut feeder = Feeder::new(camera, Optics::default(), &port);
-        feeder.run(&mut Turning(0), None, NonZeroU64::new(3), &Stop::default()).unwrap();
-        assert_eq!((feeder.sent, feeder.failed), (1, 2));
-    }
-
-    #[test]
-    fn a_rate_is_of_frames_and_silence_costs_no_turn() {
         let stop = Stop::default();
-        let (send, failed) = channel();
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                let port = OnceLock::new();
-                let mut feeder = Feeder::new(camera_name("sparse").unwrap(), Optics::default(), &port);
-                // Nobody waits for a second turn of this rate.
-                let pacer = Pacer::new(Rate::Hz(0.001), Instant::now());
-                feeder.run(&mut Sparse(0), pacer, NonZeroU64::new(1), &stop).unwrap();
-                send.send(feeder.failed).unwrap();
-            });
-            let failed = failed.recv_timeout(Duration::from_secs(60));
-            stop.request();
-            assert_eq!(failed, Ok(1), "the first frame is due at once");
-        });
+        let mut feeder = Feeder::new(camera, CameraResolver::default(), &port, &stop);
+        let pace = Pace { rate: Rate::Max, limit: NonZeroU64::new(3) };
+        drive(&mut Turning(0), pace, &stop, &mut feeder).unwrap();
+        assert_eq!((feeder.sent, feeder.failed), (1, 2));
     }
 }

@@ -17,7 +17,7 @@ use crate::exit::BadArguments;
 use crate::sink::files::{self, Results, check_folder};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{Frame, decode, glance, list};
-use crate::stream::{Optics, Stop, Stopped};
+use crate::stream::{CameraResolver, Stop, Stopped};
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 
 /// Infers one picture after the other; a bad one does not end it. A stop waits for the picture that is at work.
@@ -35,14 +35,14 @@ pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
 fn infer_unless(arguments: &InferArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     let images: Vec<PathBuf> = pictures(&arguments.images)?;
     let folders = result_folders(&images, &arguments.out)?;
-    let optics = Optics::new(&arguments.optics.lens.geometry)?;
+    let camera = CameraResolver::new(&arguments.optics.lens.geometry.options())?;
     check_folder(&arguments.out)?;
     refuse_no_pictures(&images)?;
     let engine = Engine::start(&arguments.engine)?;
     let loaded = engine.load_unless(&arguments.model, &[], stop)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipeline = tested_pipeline(loaded, &arguments.optics)?;
-    let mut work = Work::new(pipeline, optics, model);
+    let mut work = Work::new(pipeline, camera, model);
 
     let mut failures = Vec::new();
     let mut looked_at = 0;
@@ -139,22 +139,22 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
 /// The pipeline and everything around one picture after the other.
 struct Work {
     pipeline: Pipeline,
-    optics: Optics,
+    camera: CameraResolver,
     model: ModelName,
     frame: Frame,
     buffers: Buffers,
 }
 
 impl Work {
-    fn new(pipeline: Pipeline, optics: Optics, model: ModelName) -> Self {
-        Self { buffers: Buffers::new(&pipeline), pipeline, optics, model, frame: Frame::default() }
+    fn new(pipeline: Pipeline, camera: CameraResolver, model: ModelName) -> Self {
+        Self { buffers: Buffers::new(&pipeline), pipeline, camera, model, frame: Frame::default() }
     }
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
         decode(image, &mut self.frame).map_err(|error| unreadable(error, image))?;
         let ready_nanos = MonotonicClock.nanos();
-        self.optics.follow(&self.frame, &mut self.pipeline)?;
+        self.camera.update(&self.frame, &mut self.pipeline)?;
         // Single pictures are no stream.
         self.pipeline.reset();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;

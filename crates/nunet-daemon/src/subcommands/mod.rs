@@ -16,23 +16,23 @@ mod tune;
 mod watch;
 
 use crate::Outcome;
-use crate::cli::Verb;
+use crate::cli::SubcommandArgs;
 
 /// Runs a subcommand.
-pub(crate) fn dispatch(verb: Verb) -> anyhow::Result<Outcome> {
-    match verb {
-        Verb::Run(arguments) => run::run(*arguments),
-        Verb::Infer(arguments) => infer::infer(&arguments),
-        Verb::Feed(arguments) => feed::feed(&arguments),
-        Verb::Watch(arguments) => watch::watch(&arguments),
-        Verb::Inspect(arguments) => inspect::inspect(&arguments),
-        Verb::Doctor(arguments) => doctor::doctor(&arguments),
-        Verb::Contract(_) => contract::contract(),
-        Verb::Bench(arguments) => bench::bench(&arguments),
-        Verb::Tune(arguments) => tune::tune(&arguments),
-        Verb::Replay(arguments) => replay::replay(&arguments),
-        Verb::Eval(arguments) => eval::eval(&arguments),
-        Verb::Config(arguments) => config::config(&arguments),
-        Verb::Vet(arguments) => check_model::check_model(&arguments),
+pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
+    match subcommand {
+        SubcommandArgs::Run(arguments) => run::run(*arguments),
+        SubcommandArgs::Infer(arguments) => infer::infer(&arguments),
+        SubcommandArgs::Feed(arguments) => feed::feed(&arguments),
+        SubcommandArgs::Watch(arguments) => watch::watch(&arguments),
+        SubcommandArgs::Inspect(arguments) => inspect::inspect(&arguments),
+        SubcommandArgs::Doctor(arguments) => doctor::doctor(&arguments),
+        SubcommandArgs::Contract(_) => contract::contract(),
+        SubcommandArgs::Bench(arguments) => bench::bench(&arguments),
+        SubcommandArgs::Tune(arguments) => tune::tune(&arguments),
+        SubcommandArgs::Replay(arguments) => replay::replay(&arguments),
+        SubcommandArgs::Eval(arguments) => eval::eval(&arguments),
+        SubcommandArgs::Config(arguments) => config::config(&arguments),
+        SubcommandArgs::Vet(arguments) => check_model::check_model(&arguments),
     }
 }

@@ -1,4 +1,4 @@
-//! How far a long verb is; seen on a terminal only.
+//! The progress of a long subcommand; shown on a terminal only.
 
 use indicatif::{ProgressBar, ProgressStyle};
 

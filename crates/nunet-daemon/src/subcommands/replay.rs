@@ -1,24 +1,29 @@
-//! `nunetd replay`: a recording through the network into another recording; every frame, the same bytes each time.
+//! `nunetd replay`: re-runs a recording through the model into another recording, every frame, deterministically.
 
+use anyhow::Context as _;
 use indicatif::ProgressBar;
-use nunet_core::camera::Camera;
-use nunet_core::pipeline::Pipeline;
+use nunet_core::pipeline::{FrameReport, Pipeline};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
 use tracing::{error, info, warn};
 
 use super::progress::progress;
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::cli::{Publish, ReplayArgs};
+use crate::cli::ReplayArgs;
 use crate::engine::{Engine, tested_pipeline};
-use crate::exit::camera_name;
-use crate::sink::recording::{About, FrameWriter, Record, Results, refuse_output, settings};
+use crate::exit::{BadArguments, camera_name};
+use crate::options::Publish;
+use crate::sink::Results;
+use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
 use crate::sink::stats::ModelName;
 use crate::source::{Fill, Frame, Opening, RecordingSource, Source};
-use crate::stream::{Continuity, Optics, Stop, Stopped};
-use crate::telemetry::MonotonicClock;
+use crate::stream::{CameraResolver, Continuity, FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
+use crate::telemetry::{MonotonicClock, RateLimit};
 use crate::words::hexadecimal;
 
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
@@ -39,7 +44,7 @@ pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
 fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     refuse_output(&arguments.output, Some(&arguments.input), arguments.force)?;
     let camera = camera_name(&arguments.camera)?;
-    let optics = Optics::new(&arguments.optics.lens.geometry)?;
+    let resolver = CameraResolver::new(&arguments.optics.lens.geometry.options())?;
     let how = Opening { topic: arguments.topic.as_deref(), stopped: Some(stop.flag()), ..Opening::default() };
     let source = RecordingSource::open(&arguments.input, how);
     stop.check()?;
@@ -62,15 +67,16 @@ fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome>
         provider: pipeline.graph().provider().name(),
         settings: settings(&pipeline),
         force: arguments.force,
+        lossless: true,
     };
     let writer = FrameWriter::create(&arguments.output, &about)?;
-    let mut replay = Replay::new(pipeline, optics, writer, &arguments.publish);
+    let mut replay = Replay::new(pipeline, resolver, writer, &arguments.publish);
     replay.run(&mut source, frame, first, stop)?;
     replay.finish(arguments)
 }
 
-/// The first that is more than nothing: other topics may have had many messages before, and the pictures' coordinate frame is
-/// known with the first picture alone.
+/// The first request that is not idle. Other topics may have many messages before the first image, and only the first image
+/// tells the coordinate frame.
 fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
     loop {
         match source.fill(frame) {
@@ -83,100 +89,135 @@ fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
 /// The pipeline and both recordings.
 struct Replay {
     pipeline: Pipeline,
-    optics: Optics,
+    camera: CameraResolver,
     continuity: Continuity,
     buffers: Buffers,
     record: Record,
     writer: FrameWriter,
     labels: bool,
     cloud: bool,
-    hash: Sha256,
+    /// Of depth and labels alone: equal for equal results, whatever is recorded beside them.
+    results: Sha256,
     frames: u64,
     failed: u64,
     cut: bool,
+    /// The memory of the next frame.
+    frame: Frame,
+    progress: ProgressBar,
+    lost: RateLimit,
+}
+
+/// A source whose first frame was filled already.
+struct StartingWith<'a> {
+    first: Option<Fill>,
+    source: &'a mut dyn Source,
+}
+
+impl Source for StartingWith<'_> {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        self.first.take().unwrap_or_else(|| self.source.fill(frame))
+    }
+}
+
+impl FrameHandler for Replay {
+    fn buffer(&mut self) -> Frame {
+        std::mem::take(&mut self.frame)
+    }
+
+    fn on_frame(&mut self, mut frame: Frame) -> anyhow::Result<ControlFlow<()>> {
+        match self.replay_frame(&mut frame) {
+            Ok(()) => self.frames += 1,
+            Err(Trouble::Frame(error)) => {
+                if let Some(suppressed) = self.lost.allow(Instant::now()) {
+                    let number = frame.sequence;
+                    self.progress.suspend(|| warn!("frame {number} is lost: {error:#}{suppressed}"));
+                }
+                self.failed += 1;
+            }
+            Err(Trouble::Output(error)) => return Err(error),
+        }
+        self.progress.inc(1);
+        self.frame = frame;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn on_lost(&mut self, frame: Frame) {
+        self.failed += 1;
+        self.progress.inc(1);
+        self.frame = frame;
+    }
+
+    fn on_idle(&mut self, frame: Frame, _is_crowded: bool) {
+        self.frame = frame;
+    }
+
+    fn around_log(&self, log: &mut dyn FnMut()) {
+        self.progress.suspend(log);
+    }
 }
 
 impl Replay {
-    fn new(pipeline: Pipeline, optics: Optics, writer: FrameWriter, publish: &[Publish]) -> Self {
+    fn new(pipeline: Pipeline, camera: CameraResolver, writer: FrameWriter, publish: &[Publish]) -> Self {
         Self {
             buffers: Buffers::new(&pipeline),
             pipeline,
-            optics,
+            camera,
             continuity: Continuity::default(),
             record: Record::default(),
             writer,
             labels: publish.contains(&Publish::Labels),
             cloud: publish.contains(&Publish::Cloud),
-            hash: Sha256::new(),
+            results: Sha256::new(),
             frames: 0,
             failed: 0,
             cut: false,
+            frame: Frame::default(),
+            progress: ProgressBar::hidden(),
+            lost: RateLimit::default(),
         }
     }
 
+    /// Replays `first`, which is filled already, and all frames after it.
     fn run(
         &mut self,
         source: &mut RecordingSource,
-        mut frame: Frame,
+        frame: Frame,
         first: Fill,
         stop: &Stop,
     ) -> anyhow::Result<()> {
-        let progress = progress("replay", source.pictures());
-        let (mut fill, mut over) = (first, false);
-        while !stop.requested() {
-            let was_frame = fill.had_frame();
-            match fill {
-                Fill::Frame => match self.take_through(&mut frame) {
-                    Ok(()) => self.frames += 1,
-                    Err(Trouble::Frame(error)) => self.lose(&progress, &frame, &error),
-                    Err(Trouble::Output(error)) => return Err(error),
-                },
-                Fill::Failed(error) => self.lose(&progress, &frame, &error),
-                Fill::Nothing | Fill::Crowded => {}
-                Fill::End => {
-                    over = true;
-                    break;
-                }
-                Fill::Cut(error) => {
-                    progress.suspend(|| error!("the source ends early: {error:#}"));
-                    self.cut = true;
-                    break;
-                }
-                Fill::Broken(error) => return Err(error),
-            }
-            progress.inc(u64::from(was_frame));
-            fill = source.fill(&mut frame);
-        }
-        progress.finish_and_clear();
-        if stop.requested() && !over {
-            error!("stopped before the recording's end");
-            self.cut = true;
+        self.progress = progress("replay", source.pictures());
+        self.frame = frame;
+        let mut source = StartingWith { first: Some(first), source };
+        let end = drive(&mut source, Pace::ALL, stop, self)?;
+        self.progress.finish_and_clear();
+        self.cut = end != SourceEnd::Complete;
+        if end == SourceEnd::Stopped {
+            error!("stopped before the end of the recording");
         }
         Ok(())
     }
 
-    fn lose(&mut self, progress: &ProgressBar, frame: &Frame, error: &anyhow::Error) {
-        progress.suspend(|| warn!("frame {} is lost: {error:#}", frame.sequence));
-        self.failed += 1;
-    }
-
     /// The frame's memory travels into the record and back.
-    fn take_through(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
-        let depth_camera = self.infer(frame).map_err(Trouble::Frame)?;
-        let camera = self.optics.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
+    fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
+        let report = self.infer(frame).map_err(|error| {
+            // The named camera does not fit: no frame of the recording can be replayed.
+            if error.is::<BadArguments>() { Trouble::Output(error) } else { Trouble::Frame(error) }
+        })?;
+        let camera = self.camera.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
         self.record.copy_results(&Results {
-            scale: self.pipeline.scale(),
+            units: report.units,
+            scale_source: report.scale_source,
             size: self.pipeline.size(),
             depth: self.buffers.depth(),
             labels: self.buffers.labels().filter(|_| self.labels),
             cloud_size: self.pipeline.cloud_size(),
-            cloud: if self.cloud { self.buffers.cloud() } else { &[] },
-            camera: depth_camera,
+            cloud: self.cloud.then(|| self.buffers.cloud()),
+            camera: report.camera,
         });
         let written = self.writer.write(&self.record);
-        self.hash.update(self.record.depth().bytes);
-        self.hash.update(self.record.labels().unwrap_or_default());
+        self.results.update(self.record.depth().bytes);
+        self.results.update(self.record.labels().unwrap_or_default());
         *frame = std::mem::take(&mut self.record.frame);
         written.map_err(Trouble::Output)?;
         // By frames, not by time: the file is the same each time.
@@ -187,20 +228,20 @@ impl Replay {
         }
     }
 
-    fn infer(&mut self, frame: &Frame) -> anyhow::Result<Option<Camera>> {
-        self.optics.follow(frame, &mut self.pipeline)?;
-        if self.continuity.jump_to(frame).is_some() {
+    fn infer(&mut self, frame: &Frame) -> anyhow::Result<FrameReport> {
+        self.camera.update(frame, &mut self.pipeline)?;
+        if self.continuity.discontinuity_to(frame).is_some() {
             self.pipeline.reset();
         }
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         self.continuity.took(frame);
-        Ok(report.camera)
+        Ok(report)
     }
 
     fn finish(self, arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
         let Self { frames, failed, cut, .. } = self;
         self.writer.finish()?;
-        let hash = hexadecimal(self.hash.finalize().as_slice());
+        let hash = file_sha256(&arguments.output)?;
         let text = if arguments.json {
             json!({
                 "contract": nunet_ipc::CONTRACT_VERSION,
@@ -208,6 +249,7 @@ impl Replay {
                 "failed": failed,
                 "cut": cut,
                 "results_sha256": hash,
+                "depth_and_labels_sha256": hexadecimal(self.results.finalize().as_slice()),
             })
             .to_string()
         } else {
@@ -216,6 +258,22 @@ impl Replay {
         writeln!(std::io::stdout(), "{text}")?;
         info!("`{}` -> `{}`", arguments.input.display(), arguments.output.display());
         Ok(if failed == 0 && !cut { Outcome::Done } else { Outcome::Lost })
+    }
+}
+
+/// The hash of a whole recording, hexadecimal: every message, its times and its schema. `sha256sum` prints the same.
+fn file_sha256(path: &Path) -> anyhow::Result<String> {
+    let unreadable = || format!("cannot read `{}` to compute its hash", path.display());
+    if !path.metadata().with_context(unreadable)?.is_file() {
+        return Ok("unavailable: the output is not a regular file".to_owned());
+    }
+    let mut file = std::fs::File::open(path).with_context(unreadable)?;
+    let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 20]);
+    loop {
+        match file.read(&mut part).with_context(unreadable)? {
+            0 => return Ok(hexadecimal(hash.finalize().as_slice())),
+            bytes => hash.update(part.get(..bytes).unwrap_or_default()),
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use nunet_engine::find_model;
 use nunet_ipc::{Access, IpcError, share_with};
 use tracing::{error, info};
 
@@ -14,14 +15,14 @@ use self::camera::span_of;
 use self::outputs::Outputs;
 use crate::Outcome;
 use crate::cli::{AccessArgs, RunArgs};
-use crate::engine::{Engine, check_threads, tested_pipelines};
+use crate::engine::{Engine, check_threads, filters, tested_pipelines};
 use crate::exit::BadArguments;
-use crate::sink::metrics::Metrics;
-use crate::sink::patience::Patience;
-use crate::sink::recording::Tally;
+use crate::sink::metrics::MetricsServer;
+use crate::sink::shutdown::DrainTimeout;
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::sink::writing::Writing;
-use crate::stream::{self, Bell, Ended, Remains, SourceEnd, Stop, Stopped};
+use crate::source;
+use crate::stream::{self, Ended, Notify, SourceEnd, Stop, Stopped, StreamSummary};
 use crate::telemetry::Counts;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
@@ -39,7 +40,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 /// Everything before the first frame may take long, so that a stop is asked for before each step.
 fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments)?, stop)?;
+    let cameras = camera::prepare(camera::plans(arguments)?, stop, source::open)?;
     let outputs = Outputs::of(&cameras, arguments.stats_json.as_deref());
     outputs.check()?;
 
@@ -54,31 +55,35 @@ fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     let common = Common { model: &model, provider: &provider, classes: &classes };
 
     let names: Vec<String> = cameras.iter().map(|camera| camera.plan.name.to_string()).collect();
-    let shown: Vec<&str> = names.iter().map(String::as_str).collect();
     let several = names.len() > 1;
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
-    let metrics = arguments.metrics.map(|address| Metrics::serve(address, &shown)).transpose()?;
-    let mut metrics = metrics.into_iter().flatten();
+    let metrics = arguments.metrics.map(MetricsServer::open).transpose()?;
     // Last of all: a start that fails leaves no folders and no recordings. After the first recording a stop is one of the
     // stream's.
     stop.check()?;
     outputs.make()?;
-    let bell = Arc::new(Bell::default());
-    let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.next(), &bell));
+    let notify = Arc::new(Notify::default());
+    let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.as_ref(), &notify));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
-    let ended = stream::run(streams, &bell, stop)?;
+    let ended = stream::run(streams, &notify, stop)?;
     let stopped = || stop.requested();
-    finish(&names, ended, common, arguments.stats_json.as_deref(), &mut Patience::new(&stopped))
+    finish(&names, ended, common, arguments.stats_json.as_deref(), &mut DrainTimeout::new(&stopped))
 }
 
-/// What can be said of the arguments before anything is opened or made. `nunetd config` says it too.
+/// Everything that `run` checks before it loads the model: the model's file, calibrations, sources and outputs too. Nothing
+/// is created, and no camera or pipe is read. For `nunetd config`.
 pub(super) fn check(arguments: &RunArgs) -> anyhow::Result<()> {
     access(&arguments.access)?;
     check_threads(arguments.engine.threads)?;
-    camera::plans(arguments).map(drop)
+    for stream in arguments.streams() {
+        filters(&stream.optics.filters)?;
+    }
+    find_model(&arguments.model)?;
+    let cameras = camera::prepare(camera::plans(arguments)?, &Stop::default(), camera::probe_source)?;
+    Outputs::of(&cameras, arguments.stats_json.as_deref()).check()
 }
 
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
@@ -93,91 +98,98 @@ fn access(arguments: &AccessArgs) -> Result<Option<Access>, BadArguments> {
     arguments.access_mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
 }
 
-/// A camera's end, told.
+/// A camera after its end.
 struct End<'a> {
     camera: &'a str,
     counts: Counts,
     error: Option<String>,
-    remains: Remains,
+    summary: StreamSummary,
 }
 
-/// Tells how it ended and writes the figures, also where all cameras have failed.
+/// Logs how each camera ended, writes the stats, and waits for the sinks; also if all cameras failed.
 fn finish(
     names: &[String],
     ended: Vec<Ended>,
     common: Common<'_>,
     stats_json: Option<&Path>,
-    patience: &mut Patience<'_>,
+    timeout: &mut DrainTimeout<'_>,
 ) -> anyhow::Result<Outcome> {
-    let (ends, outcome) = conclude(names, ended, patience);
-    let written = stats_json.map_or(Ok(()), |path| write_figures(path, figures(&ends, common)?, patience));
-    let files = ends.into_iter().map(|end| {
-        let writing = end.remains.files?;
-        writing.map_or(Ok(()), |writing| writing.end(patience))
-    });
-    let problems = std::iter::once(written).chain(files).filter_map(Result::err);
-    // All of them, before anything is returned: what is not waited for is not written.
-    let mut problems = problems.collect::<Vec<_>>().into_iter();
-    let result = match outcome {
-        Ok(outcome) => problems.next().map_or(Ok(outcome), Err),
-        failure => failure,
-    };
-    problems.for_each(|problem| error!("{problem:#}"));
-    result
+    let (ends, outcome) = conclude(names, ended);
+    let written = stats_json.map_or(Ok(()), |path| write_stats(path, stats(&ends, common)?, timeout));
+    let mut results = vec![written.map(|()| Outcome::Done)];
+    let several = names.len() > 1;
+    for End { camera, summary, .. } in ends {
+        let _camera = span_of(camera, several).entered();
+        // Each of them, before anything is returned: what is not waited for is not written.
+        results.extend(summary.sinks.into_iter().map(|sink| sink.wait(timeout)));
+    }
+    combine(outcome, results)
 }
 
-/// The disk of the figures may be the one that hangs.
-fn write_figures(path: &Path, stats: Stats, patience: &mut Patience<'_>) -> anyhow::Result<()> {
-    let (what, path) = (format!("the figures in `{}`", path.display()), path.to_owned());
-    Writing::start(what, move || write_json(&path, &stats))?.end(patience)
+/// The outcome of the cameras, then that of everything that was written: the first failure is returned, others are logged.
+fn combine(
+    cameras: anyhow::Result<Outcome>,
+    written: Vec<anyhow::Result<Outcome>>,
+) -> anyhow::Result<Outcome> {
+    let mut failure = None;
+    let mut outcome = Outcome::Done;
+    for result in std::iter::once(cameras).chain(written) {
+        match result {
+            Ok(Outcome::Done) => {}
+            Ok(Outcome::Lost) => outcome = Outcome::Lost,
+            Err(error) if failure.is_none() => failure = Some(error),
+            Err(error) => error!("{error:#}"),
+        }
+    }
+    failure.map_or(Ok(outcome), Err)
 }
 
-/// Says how each camera ended. One whose source failed leaves the others; where none is left, that is the failure.
-fn conclude<'a>(
-    names: &'a [String],
-    ended: Vec<Ended>,
-    patience: &mut Patience<'_>,
-) -> (Vec<End<'a>>, anyhow::Result<Outcome>) {
+/// The disk of the stats may be the one that hangs.
+fn write_stats(path: &Path, stats: Stats, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<()> {
+    let (what, path) = (format!("the stats in `{}`", path.display()), path.to_owned());
+    Writing::start(what, move || write_json(&path, &stats))?.end(timeout)
+}
+
+/// Logs how each camera ended. If one fails, the others went on; if all failed, that is the failure of the run.
+fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Result<Outcome>) {
     let several = names.len() > 1;
     let all_failed = ended.iter().all(|ended| ended.source.is_err());
     let (mut ends, mut outcome, mut failure) = (Vec::new(), Outcome::Done, None);
-    for (camera, Ended { counts, mut remains, source }) in names.iter().zip(ended) {
+    for (camera, Ended { counts, summary, source }) in names.iter().zip(ended) {
         let _camera = span_of(camera, several).entered();
-        let recording = remains.recording.take().map(|ending| ending.tally(patience));
         let (source, reason) = match source {
             Ok(end) => (end, None),
-            Err(reason) => (SourceEnd::Cut, Some(reason)),
+            Err(reason) => (SourceEnd::Truncated, Some(reason)),
         };
         let error = reason.as_ref().map(|reason| format!("{reason:#}"));
-        if say_how_it_ended(&counts, source, recording) == Outcome::Lost {
+        if log_counts(&counts, source) == Outcome::Lost {
             outcome = Outcome::Lost;
         }
         match reason {
             Some(reason) if all_failed && failure.is_none() => failure = Some(reason),
-            Some(reason) => error!("camera `{camera}` has failed: {reason:#}"),
+            Some(reason) => error!("camera `{camera}` failed: {reason:#}"),
             None => {}
         }
-        ends.push(End { camera, counts, error, remains });
+        ends.push(End { camera, counts, error, summary });
     }
     (ends, failure.map_or(Ok(outcome), Err))
 }
 
-/// Frames that a newer one replaced are the policy of a live source; failed ones are a loss. What sets the exit code is an
-/// error, so that it is told with `-q` as well.
-fn say_how_it_ended(counts: &Counts, source: SourceEnd, recording: Option<Tally>) -> Outcome {
+/// Superseded frames are the policy of a live source; failed ones are a loss. What sets the exit code is logged as an
+/// error, so that `-q` shows it.
+fn log_counts(counts: &Counts, source: SourceEnd) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
     info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");
     if *failed > 0 {
         error!("{failed} of {captured} frames were lost");
     }
-    let recorded = recording.is_none_or(Tally::say);
-    if *failed == 0 && source == SourceEnd::Whole && recorded { Outcome::Done } else { Outcome::Lost }
+    if *failed == 0 && source != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost }
 }
 
-/// Of the camera, or of all together where there are several.
-fn figures(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
-    let of = |End { camera, counts, error, remains }: &End<'_>| {
-        let Remains { scale, totals, latencies, .. } = remains;
+/// The stats of the camera, or of all together if there are several.
+fn stats(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
+    let of = |End { camera, counts, error, summary }: &End<'_>| {
+        let StreamSummary { scale, totals, latencies, .. } = summary;
         let stats = Stats::new((*camera).to_owned(), common, *scale, *counts, totals, latencies);
         Stats { error: error.clone(), ..stats }
     };
@@ -185,12 +197,12 @@ fn figures(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
     if others.is_empty() {
         return Ok(of(first));
     }
-    let (mut totals, mut latencies) = (first.remains.totals.clone(), first.remains.latencies.clone());
+    let (mut totals, mut latencies) = (first.summary.totals.clone(), first.summary.latencies.clone());
     for other in others {
-        totals.join(&other.remains.totals);
-        latencies.join(&other.remains.latencies);
+        totals.join(&other.summary.totals);
+        latencies.join(&other.summary.latencies);
     }
-    Ok(Stats::of_all(ends.iter().map(of).collect(), common, first.remains.scale, &totals, &latencies))
+    Ok(Stats::of_all(ends.iter().map(of).collect(), common, first.summary.scale, &totals, &latencies))
 }
 
 #[cfg(test)]
@@ -202,18 +214,19 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
+    use crate::sink::FinishingSink;
     use crate::telemetry::{Latencies, Totals};
 
     fn broken(published: u64, why: &'static str) -> Ended {
-        let remains = Remains {
+        let summary = StreamSummary {
             scale: Scale { units: Units::Metre, source: ScaleSource::Metric, focal_factor: 1.0 },
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
-            recording: None,
-            files: Ok(None),
+            sinks: Vec::new(),
+            failure: None,
         };
         let counts = Counts { captured: published + 1, published, failed: 1, ..Counts::default() };
-        Ended { counts, remains, source: Err(anyhow!(why)) }
+        Ended { counts, summary, source: Err(anyhow!(why)) }
     }
 
     /// As `run` has it, without a stop.
@@ -224,11 +237,11 @@ mod tests {
         path: &Path,
     ) -> anyhow::Result<Outcome> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
-        finish(&names, ended, common, Some(path), &mut Patience::new(&|| false))
+        finish(&names, ended, common, Some(path), &mut DrainTimeout::new(&|| false))
     }
 
     #[test]
-    fn the_figures_of_cameras_that_all_broke_on_the_way_are_written_before_that_is_the_failure() {
+    fn the_stats_of_cameras_that_all_failed_are_written_before_the_failure_is_returned() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("stats.json");
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
@@ -248,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_that_cannot_be_written_do_not_hide_why_the_cameras_failed() {
+    fn stats_that_cannot_be_written_do_not_hide_why_the_cameras_failed() {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
         let common = Common { model: &model, provider: "cpu", classes: &[] };
         let path = Path::new("/nonexistent/stats.json");
@@ -257,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn files_whose_disk_hangs_are_told_of_after_the_figures_and_do_not_keep_those_of_other_cameras() {
+    fn files_whose_disk_hangs_hold_up_neither_the_stats_nor_the_files_of_other_cameras() {
         let folder = tempfile::tempdir().unwrap();
         let (path, slow) = (folder.path().join("stats.json"), folder.path().join("slow"));
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
@@ -271,12 +284,13 @@ mod tests {
         });
         let ended = [hanging, slowly].map(|writing| {
             let ended = broken(7, "");
-            let remains = Remains { files: writing.map(Some), ..ended.remains };
-            Ended { remains, source: Ok(SourceEnd::Whole), ..ended }
+            let sink = FinishingSink::new(move |timeout| writing?.end(timeout).map(|()| Outcome::Done));
+            let summary = StreamSummary { sinks: vec![sink], ..ended.summary };
+            Ended { summary, source: Ok(SourceEnd::Complete), ..ended }
         });
-        let mut patience = Patience::with(&|| true, Duration::ZERO, Duration::from_secs(60));
+        let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, Duration::from_secs(60));
         let names = ["front".to_owned(), "rear".to_owned()];
-        let failure = finish(&names, ended.into(), common, Some(&path), &mut patience).unwrap_err();
+        let failure = finish(&names, ended.into(), common, Some(&path), &mut timeout).unwrap_err();
         assert!(failure.to_string().starts_with("cannot write the files in `o`: "), "{failure}");
         let stats: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!(stats["frames"]["published"], 14);

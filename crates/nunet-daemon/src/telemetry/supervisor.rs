@@ -1,21 +1,23 @@
-//! What a service manager hears: ready, alive, stopping (systemd's notification protocol; silent without one).
+//! Notifies a service manager: ready, alive, stopping (systemd's protocol; silent without a service manager).
 
 use std::time::{Duration, Instant};
 
 use sd_notify::NotifyState;
 use tracing::debug;
 
+use super::StallDetector;
+
 /// The service manager of this process, if it has one.
 #[derive(Debug)]
 pub(crate) struct Supervisor {
-    /// How often it wants to hear of us; `None` where it does not.
+    /// How often its watchdog is notified; `None` without a watchdog.
     period: Option<Duration>,
     fed: Option<Instant>,
-    /// How many frames had been captured when nothing was to do, and since when it is as many.
-    quiet: Option<(u64, Instant)>,
+    /// Frames that are captured while nothing is to do.
+    captured: StallDetector,
 }
 
-/// So many times in a period is it told, so that one late frame is not the end.
+/// Notifications per watchdog period, so that one late frame does not end the process.
 const TIMES_A_PERIOD: u32 = 4;
 
 impl Supervisor {
@@ -24,42 +26,45 @@ impl Supervisor {
     }
 
     fn new(watchdog: Option<Duration>) -> Self {
-        Self { period: watchdog.map(|period| period / TIMES_A_PERIOD), fed: None, quiet: None }
-    }
-
-    /// The model has passed its test, and memory is reserved: frames may come.
-    pub(crate) fn ready(&self, status: &str) {
-        tell(&[NotifyState::Ready, NotifyState::Status(status)]);
-    }
-
-    /// A frame went out, which feeds the watchdog: a process that only breathes is to be restarted.
-    pub(crate) fn frame_done(&mut self) {
-        if self.is_due(Instant::now()) {
-            tell(&[NotifyState::Watchdog]);
+        Self {
+            period: watchdog.map(|period| period / TIMES_A_PERIOD),
+            fed: None,
+            captured: StallDetector::new(Instant::now()),
         }
     }
 
-    /// There is nothing to do. `waiting` where every source says of itself that it waits for what gives it frames: that
-    /// feeds the watchdog too, since a restart would plug no camera in. `captured` counts the frames of all: while they come
-    /// and none goes out, nobody is fed. Returns whether it was.
-    pub(crate) fn nothing_to_do(&mut self, waiting: bool, captured: u64) -> bool {
+    /// The model passed its self-test, and memory is reserved.
+    pub(crate) fn ready(&self, status: &str) {
+        notify(&[NotifyState::Ready, NotifyState::Status(status)]);
+    }
+
+    /// A frame was published, which feeds the watchdog. A process that publishes nothing is restarted.
+    pub(crate) fn frame_done(&mut self) {
+        if self.is_due(Instant::now()) {
+            notify(&[NotifyState::Watchdog]);
+        }
+    }
+
+    /// No camera has a frame. If all sources report that they wait (`waiting`), the watchdog is fed as well, because a
+    /// restart does not plug a camera in. `captured` counts the frames of all cameras: while it grows and no frame is
+    /// published, the watchdog is not fed. Returns whether it was.
+    pub(crate) fn idle(&mut self, waiting: bool, captured: u64) -> bool {
         let fed = self.waits_well(waiting, captured, Instant::now());
         if fed {
-            tell(&[NotifyState::Watchdog]);
+            notify(&[NotifyState::Watchdog]);
         }
         fed
     }
 
     fn waits_well(&mut self, waiting: bool, captured: u64, now: Instant) -> bool {
         let Some(period) = self.period else { return false };
-        let since = self.quiet.filter(|(seen, _)| *seen == captured).map_or(now, |(_, since)| since);
-        self.quiet = Some((captured, since));
-        waiting && now.duration_since(since) >= period && self.is_due(now)
+        let quiet = self.captured.stalled_for(captured, true, now);
+        waiting && quiet >= period && self.is_due(now)
     }
 
     /// The stream has ended.
     pub(crate) fn stopping() {
-        tell(&[NotifyState::Stopping]);
+        notify(&[NotifyState::Stopping]);
     }
 
     fn is_due(&mut self, now: Instant) -> bool {
@@ -72,10 +77,10 @@ impl Supervisor {
     }
 }
 
-/// A service manager that does not listen is none of the stream's business.
-fn tell(states: &[NotifyState<'_>]) {
+/// A service manager that does not listen does not affect the stream.
+fn notify(states: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(states) {
-        debug!("the service manager is not told {states:?}: {error}");
+        debug!("cannot notify the service manager of {states:?}: {error}");
     }
 }
 
@@ -116,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_watchdog_nobody_is_told() {
+    fn without_a_watchdog_nothing_is_sent() {
         assert!(!Supervisor::new(None).is_due(Instant::now()));
         assert!(!Supervisor::new(None).waits_well(true, 0, Instant::now()));
     }

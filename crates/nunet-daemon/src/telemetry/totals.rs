@@ -30,6 +30,11 @@ impl Totals {
         self.bytes_copied += bytes_copied;
     }
 
+    /// How many frames were published.
+    pub(crate) fn frames(&self) -> u64 {
+        self.frames
+    }
+
     /// Another stream beside this one.
     pub(crate) fn join(&mut self, other: &Self) {
         self.start_nanos = self.start_nanos.min(other.start_nanos);

@@ -1,10 +1,14 @@
 //! `--record FILE.mcap` and `nunetd replay`: frames and their results as a recording.
 
-mod disk;
+mod archive;
 mod record;
 mod recorder;
 mod writer;
 
-pub(crate) use record::{Record, Results};
-pub(crate) use recorder::{Ending, Recorder, Tally};
-pub(crate) use writer::{About, Archive, FrameWriter, recording_path, refuse_output, settings};
+#[cfg(test)]
+pub(crate) use archive::Archive;
+pub(crate) use record::Record;
+pub(crate) use recorder::open;
+#[cfg(test)]
+pub(crate) use recorder::record_into;
+pub(crate) use writer::{About, FrameWriter, recording_path, refuse_output, settings};

@@ -1,12 +1,11 @@
-//! One frame with its results, in memory of its own that is used again.
+//! One frame with its results, in memory of its own that is reused. Everything is little-endian, like shared memory.
 
 use nunet_core::camera::Camera;
-use nunet_core::cloud::CloudPoint;
-use nunet_core::depth::Scale;
-use nunet_ipc::{FrameSet, Topic, Units};
+use nunet_ipc::Units;
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
 
-use crate::source::{Frame, Pixels, camera_in};
+use crate::sink::Results;
+use crate::source::{Frame, Pixels};
 
 /// A frame as it is recorded.
 #[derive(Debug, Default)]
@@ -14,9 +13,9 @@ pub(crate) struct Record {
     /// The picture and its times.
     pub(crate) frame: Frame,
     /// The camera at the picture's size.
-    pub(crate) camera: Option<CameraDescription>,
+    pub(crate) camera: Option<Camera>,
     /// The camera at the size of depth.
-    pub(crate) depth_camera: Option<CameraDescription>,
+    pub(crate) depth_camera: Option<Camera>,
     /// Units of depth, and where its scale comes from.
     scale: [&'static str; 2],
     size: (u32, u32),
@@ -26,19 +25,6 @@ pub(crate) struct Record {
     cloud: Vec<u8>,
 }
 
-/// Results as a pipeline leaves them.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Results<'a> {
-    pub(crate) scale: Scale,
-    pub(crate) size: (u32, u32),
-    pub(crate) depth: &'a [f32],
-    pub(crate) labels: Option<&'a [u8]>,
-    pub(crate) cloud_size: (u32, u32),
-    pub(crate) cloud: &'a [CloudPoint],
-    /// The camera at the size of depth, where it is known.
-    pub(crate) camera: Option<Camera>,
-}
-
 impl Record {
     /// Takes a frame, and its camera at the picture's size. Memory that another process lends is given back at once.
     pub(crate) fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
@@ -46,50 +32,34 @@ impl Record {
             frame.pixels = Pixels::Owned(sample.bytes().to_vec());
         }
         self.frame = frame;
-        self.camera = camera.map(|camera| describe(&camera));
+        self.camera = camera;
     }
 
-    /// Copies results out of shared memory.
-    pub(crate) fn copy_set(&mut self, set: &FrameSet) {
-        self.clear();
-        for topic in [Topic::Depth, Topic::Labels, Topic::Cloud] {
-            let Some(sample) = set.get(topic) else { continue };
-            let size = (sample.header().width, sample.header().height);
-            match topic {
-                Topic::Labels => sample.bytes().clone_into(&mut self.labels),
-                Topic::Cloud => {
-                    self.cloud_size = size;
-                    sample.bytes().clone_into(&mut self.cloud);
-                }
-                _ => {
-                    self.size = size;
-                    sample.bytes().clone_into(&mut self.depth);
-                    let header = sample.header();
-                    self.scale = [
-                        header.units().map_or("", |units| units.name()),
-                        header.scale_source().map_or("", |source| source.name()),
-                    ];
-                    self.depth_camera = camera_in(header).ok().flatten().map(|camera| describe(&camera));
-                }
-            }
+    /// Copies a frame, and its camera at the size of the image. If the image came as a file, the file is enough.
+    pub(crate) fn copy_frame(&mut self, frame: &Frame, camera: Option<Camera>) {
+        let own = &mut self.frame;
+        frame.file.clone_into(&mut own.file);
+        if frame.file.is_empty()
+            && let Ok(view) = frame.view()
+        {
+            own.buffer(view.bytes().len()).copy_from_slice(view.bytes());
         }
+        (own.size, own.row_stride, own.format) = (frame.size, frame.row_stride, frame.format);
+        (own.sequence, own.capture, own.ready_nanos) = (frame.sequence, frame.capture, frame.ready_nanos);
+        (own.camera, own.stretch, own.in_real_time) = (frame.camera, frame.stretch, frame.in_real_time);
+        self.camera = camera;
     }
 
-    /// Copies results of a pipeline.
+    /// Copies the results of a frame.
     pub(crate) fn copy_results(&mut self, results: &Results<'_>) {
         self.clear();
-        self.scale = [results.scale.units.name(), results.scale.source.name()];
+        self.scale = [results.units.name(), results.scale_source.name()];
         self.size = results.size;
-        self.depth.extend(results.depth.iter().flat_map(|metres| metres.to_le_bytes()));
+        self.depth.extend_from_slice(bytemuck::cast_slice(results.depth));
         self.labels.extend_from_slice(results.labels.unwrap_or_default());
         self.cloud_size = results.cloud_size;
-        for point in results.cloud {
-            for coordinate in [point.x, point.y, point.z] {
-                self.cloud.extend(coordinate.to_le_bytes());
-            }
-            self.cloud.extend([point.b, point.g, point.r, point.label]);
-        }
-        self.depth_camera = results.camera.map(|camera| describe(&camera));
+        self.cloud.extend_from_slice(bytemuck::cast_slice(results.cloud.unwrap_or_default()));
+        self.depth_camera = results.camera;
     }
 
     fn clear(&mut self) {
@@ -119,8 +89,8 @@ impl Record {
     }
 }
 
-/// A camera in ROS' words.
-fn describe(camera: &Camera) -> CameraDescription {
+/// A camera as ROS describes it.
+pub(super) fn describe(camera: &Camera) -> CameraDescription {
     let intrinsics = camera.intrinsics;
     let (model, coefficients) = camera.distortion.to_ros();
     CameraDescription {

@@ -1,37 +1,42 @@
-//! Records into a file, pictures as JPEG or PNG.
+//! Writes records into a file, images as JPEG or PNG.
 
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder as _};
 use nunet_core::pipeline::Pipeline;
 use nunet_core::preprocess::Preprocessor;
 use nunet_ipc::Clock;
 use nunet_mcap::{EncodedPicture, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
 
-use super::Record;
-use crate::cli::MountArg;
+use super::archive::Archive;
+use super::record::{Record, describe};
 use crate::exit::BadArguments;
+use crate::options::MountOption;
 use crate::sink::stats::ModelName;
 use crate::source::Frame;
 use crate::words;
+use tracing::info;
 
-/// Of pictures that did not come as files; losses below are hardly seen and the file is a tenth of the raw picture.
+/// For raw images: lower qualities become visible, and the file is a tenth of the raw image.
 const JPEG_QUALITY: u8 = 92;
 
 /// What is known of a recording before its first frame.
 pub(crate) struct About<'a> {
     pub(crate) camera: &'a str,
     pub(crate) frame_id: Option<&'a str>,
-    pub(crate) mount: Option<MountArg>,
+    pub(crate) mount: Option<MountOption>,
     pub(crate) model: &'a ModelName,
     pub(crate) provider: &'a str,
     /// From [`settings`].
     pub(crate) settings: [(&'static str, String); 2],
-    /// Overwrite a file that is there.
+    /// Overwrite an existing file.
     pub(crate) force: bool,
+    /// Raw images become PNG instead of JPEG.
+    pub(crate) lossless: bool,
 }
 
 impl About<'_> {
@@ -102,21 +107,6 @@ fn utc(unix_nanos: i64) -> String {
     format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{:02}Z", second % 60)
 }
 
-/// What a recorder writes to.
-pub(crate) trait Archive: Send + 'static {
-    /// Where it is.
-    fn path(&self) -> &Path;
-
-    /// Adds a frame.
-    fn write(&mut self, record: &Record) -> anyhow::Result<()>;
-
-    /// What was written until now outlives the process and the machine.
-    fn sync(&mut self) -> anyhow::Result<()>;
-
-    /// Nothing more is added.
-    fn finish(self: Box<Self>) -> anyhow::Result<()>;
-}
-
 impl Archive for FrameWriter {
     fn path(&self) -> &Path {
         &self.path
@@ -139,13 +129,14 @@ impl Archive for FrameWriter {
 pub(crate) struct FrameWriter {
     path: PathBuf,
     writer: RecordingWriter,
-    pictures: PictureEncoder,
+    images: ImageEncoder,
 }
 
 impl FrameWriter {
     pub(crate) fn create(path: &Path, about: &About<'_>) -> anyhow::Result<Self> {
         let writer = RecordingWriter::create(path, about.options())?;
-        Ok(Self { path: path.to_owned(), writer, pictures: PictureEncoder::default() })
+        let images = ImageEncoder { lossless: about.lossless, ..ImageEncoder::default() };
+        Ok(Self { path: path.to_owned(), writer, images })
     }
 
     pub(crate) fn write(&mut self, record: &Record) -> anyhow::Result<()> {
@@ -153,13 +144,15 @@ impl FrameWriter {
         let capture = frame.capture;
         // What was recorded before keeps its log time; a camera's frame is logged when it was taken.
         let log_nanos = if capture.clock == Clock::Unix { capture.nanos } else { capture.unix_nanos };
+        let camera = record.camera.as_ref().map(describe);
+        let depth_camera = record.depth_camera.as_ref().map(describe);
         self.writer.write(&FrameRecord {
             log_nanos: log_nanos.try_into().unwrap_or_default(),
             stamp_nanos: capture.unix_nanos,
-            picture: Some(self.pictures.encoded(frame)?),
-            camera: record.camera.as_ref(),
+            picture: Some(self.images.encoded(frame)?),
+            camera: camera.as_ref(),
             depth: record.depth(),
-            depth_camera: record.depth_camera.as_ref(),
+            depth_camera: depth_camera.as_ref(),
             labels: record.labels(),
             cloud: record.cloud(),
         })?;
@@ -175,30 +168,44 @@ impl FrameWriter {
     }
 }
 
-/// Gives pictures as files: as they came, else as JPEG.
+/// Encodes images: files as they came, raw images as JPEG or PNG.
 #[derive(Default)]
-struct PictureEncoder {
+struct ImageEncoder {
+    lossless: bool,
     to_rgb: Option<((u32, u32), Preprocessor)>,
-    jpeg: Vec<u8>,
+    encoded: Vec<u8>,
+    has_noted_jpeg: bool,
 }
 
-impl PictureEncoder {
+impl ImageEncoder {
     fn encoded<'a>(&'a mut self, frame: &'a Frame) -> anyhow::Result<EncodedPicture<'a>> {
         if !frame.file.is_empty() {
             let format = if frame.file.starts_with(&[0xff, 0xd8]) { "jpeg" } else { "png" };
             return Ok(EncodedPicture { format, data: &frame.file });
         }
+        if !self.lossless && !std::mem::replace(&mut self.has_noted_jpeg, true) {
+            info!(
+                "raw images are recorded as JPEG (quality {JPEG_QUALITY}): a replay sees slightly different images; pass \
+                 --record-lossless for PNG"
+            );
+        }
         let (width, height) = frame.size;
-        if self.to_rgb.as_ref().is_none_or(|(size, _)| *size != frame.size) {
-            self.to_rgb = Some((frame.size, Preprocessor::new(width, height)));
+        let (size, to_rgb) =
+            self.to_rgb.get_or_insert_with(|| (frame.size, Preprocessor::new(width, height)));
+        if *size != frame.size {
+            (*size, *to_rgb) = (frame.size, Preprocessor::new(width, height));
         }
-        self.jpeg.clear();
-        if let Some((_, to_rgb)) = &mut self.to_rgb {
-            let picture = to_rgb.prepare(&frame.view()?);
-            let mut encoder = JpegEncoder::new_with_quality(&mut self.jpeg, JPEG_QUALITY);
-            encoder.encode(picture.rgb, width, height, ExtendedColorType::Rgb8)?;
+        let rgb = to_rgb.prepare(&frame.view()?).rgb;
+        self.encoded.clear();
+        if self.lossless {
+            let encoder =
+                PngEncoder::new_with_quality(&mut self.encoded, CompressionType::Fast, FilterType::Adaptive);
+            encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
+            return Ok(EncodedPicture { format: "png", data: &self.encoded });
         }
-        Ok(EncodedPicture { format: "jpeg", data: &self.jpeg })
+        let mut encoder = JpegEncoder::new_with_quality(&mut self.encoded, JPEG_QUALITY);
+        encoder.encode(rgb, width, height, ExtendedColorType::Rgb8)?;
+        Ok(EncodedPicture { format: "jpeg", data: &self.encoded })
     }
 }
 
@@ -217,6 +224,23 @@ mod tests {
         assert_eq!(name(951_782_400), "front_20000229T000000Z.mcap");
         assert_eq!(name(1_795_324_515), "front_20261122T051515Z.mcap");
         assert_eq!(recording_path(Path::new("a.mcap"), false, "front", 0), Path::new("a.mcap"));
+    }
+
+    #[test]
+    fn raw_images_are_jpeg_by_default_and_exact_as_png() {
+        let mut frame = Frame::default();
+        let pixels: Vec<u8> = (0..12).map(|value| value * 20).collect();
+        frame.rgb_buffer((2, 2)).copy_from_slice(&pixels);
+        for (lossless, expected) in [(false, "jpeg"), (true, "png")] {
+            let mut encoder = ImageEncoder { lossless, ..ImageEncoder::default() };
+            let encoded = encoder.encoded(&frame).unwrap();
+            assert_eq!(encoded.format, expected);
+            let decoded = image::load_from_memory(encoded.data).unwrap().into_rgb8().into_raw();
+            assert_eq!(decoded == pixels, lossless, "{expected}");
+        }
+        frame.file = vec![0xff, 0xd8];
+        let encoder = &mut ImageEncoder { lossless: true, ..ImageEncoder::default() };
+        assert_eq!(encoder.encoded(&frame).unwrap().data, [0xff, 0xd8], "files stay as they came");
     }
 
     #[test]

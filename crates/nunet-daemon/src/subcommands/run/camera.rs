@@ -10,13 +10,13 @@ use tracing::{Span, error, error_span, warn};
 
 use crate::cli::{RunArgs, SourceArgs, StreamArgs};
 use crate::exit::{BadArguments, camera_name};
-use crate::sink::collect::Collector;
-use crate::sink::metrics::Metrics;
-use crate::sink::recording::{About, FrameWriter, Recorder, recording_path, refuse_output, settings};
-use crate::sink::shm::{Outlet, OutletOptions, frame_id};
+use crate::sink::metrics::MetricsServer;
+use crate::sink::recording::{recording_path, refuse_output};
+use crate::sink::shm::{ShmPublisher, ShmPublisherOptions, frame_id};
 use crate::sink::stats::Common;
-use crate::source::{self, Kind, Opening, Rate, Source};
-use crate::stream::{Bell, Optics, Pace, Sinks, Stop, Stream, Worker};
+use crate::sink::{self, SinkContext, SinkOptions};
+use crate::source::{self, Fill, Frame, Kind, Opening, Rate, Source};
+use crate::stream::{CameraResolver, Notify, Pace, Stop, Stream, StreamTask};
 
 /// A camera's arguments, checked as far as they can be without the machine.
 pub(super) struct Plan<'a> {
@@ -121,18 +121,24 @@ fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
 pub(super) struct Prepared<'a> {
     pub(super) plan: Plan<'a>,
     source: Box<dyn Source>,
-    optics: Optics,
+    camera: CameraResolver,
 }
 
 /// Opens the sources of all cameras. Bad arguments of one camera are an error, and so is a source that cannot be opened
 /// where no other can; beside others its camera is waited for, or fails alone.
-pub(super) fn prepare<'a>(plans: Vec<Plan<'a>>, stop: &Stop) -> anyhow::Result<Vec<Prepared<'a>>> {
+///
+/// With `open` of [`probe_source`] nothing is read from cameras and pipes: `nunetd config` refuses what `run` would.
+pub(super) fn prepare<'a>(
+    plans: Vec<Plan<'a>>,
+    stop: &Stop,
+    open: impl Fn(&Kind, Opening<'_>) -> anyhow::Result<Box<dyn Source>>,
+) -> anyhow::Result<Vec<Prepared<'a>>> {
     let several = plans.len() > 1;
     let inputs: Vec<PathBuf> = plans.iter().filter_map(Plan::input).map(Into::into).collect();
     let mut opened = Vec::new();
     for plan in plans {
         let opening = Opening { stopped: Some(stop.flag()), ..plan.arguments.pace.opening() };
-        let source = source::open(&plan.kind, opening);
+        let source = open(&plan.kind, opening);
         stop.check()?;
         let source = match source {
             Err(error) if error.is::<BadArguments>() => {
@@ -140,10 +146,10 @@ pub(super) fn prepare<'a>(plans: Vec<Plan<'a>>, stop: &Stop) -> anyhow::Result<V
             }
             source => source,
         };
-        let optics = Optics::new(&plan.arguments.optics.lens.geometry);
-        let optics = optics.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
+        let camera = CameraResolver::new(&plan.arguments.optics.lens.geometry.options());
+        let camera = camera.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
         refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name.as_str(), several))?;
-        opened.push((plan, source, optics));
+        opened.push((plan, source, camera));
     }
     if opened.iter().all(|(_, source, _)| source.is_err()) {
         let mut errors = opened.into_iter().filter_map(|(plan, source, _)| Some((plan, source.err()?)));
@@ -152,12 +158,31 @@ pub(super) fn prepare<'a>(plans: Vec<Plan<'a>>, stop: &Stop) -> anyhow::Result<V
         return first.map_or_else(|| Ok(Vec::new()), Err);
     }
     let mut cameras = Vec::new();
-    for (plan, source, optics) in opened {
+    for (plan, source, camera) in opened {
         let opening = plan.arguments.pace.opening();
         let source = source.unwrap_or_else(|error| source::in_place_of(&plan.kind, opening, error));
-        cameras.push(Prepared { plan, source, optics });
+        cameras.push(Prepared { plan, source, camera });
     }
     Ok(cameras)
+}
+
+/// Stands in for a source that is not to be read.
+struct Unread;
+
+impl Source for Unread {
+    fn fill(&mut self, _frame: &mut Frame) -> Fill {
+        Fill::End
+    }
+}
+
+/// Checks a source without taking anything from it: a camera may be in use, and what is read from a pipe is gone.
+pub(super) fn probe_source(kind: &Kind, opening: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
+    opening.check(kind)?;
+    match kind {
+        Kind::Pipe => Ok(Box::new(Unread)),
+        Kind::Video(path) if path.exists() => Ok(Box::new(Unread)),
+        kind => source::open(kind, opening),
+    }
 }
 
 /// Says which of several cameras is meant; what kind of error it is stays.
@@ -189,9 +214,9 @@ impl<'a> Prepared<'a> {
         let span = span_of(name.as_str(), several);
         let open = || {
             let _camera = span.enter();
-            let outlet = Outlet::open(
+            ShmPublisher::open(
                 &pipeline,
-                &OutletOptions {
+                &ShmPublisherOptions {
                     camera: name,
                     frame_id: arguments.frame_id.as_deref(),
                     publish: &arguments.publish,
@@ -199,63 +224,61 @@ impl<'a> Prepared<'a> {
                     model: &common.model.name,
                     given_up: &|| stop.requested(),
                 },
-            )?;
-            let folder = arguments.out.clone();
-            let collector = folder.map(|folder| Collector::attach(folder, name, &outlet)).transpose()?;
-            Ok((outlet, collector))
+            )
         };
         let opened = open();
         stop.check()?;
-        let (outlet, collector) = opened.map_err(|error| in_camera(error, name.as_str(), several))?;
-        Ok(Opened { prepared: self, pipeline, outlet, collector, span })
+        let publisher = opened.map_err(|error| in_camera(error, name.as_str(), several))?;
+        Ok(Opened { prepared: self, pipeline, publisher, span })
     }
 }
 
-/// A camera that owns its shared memory.
+/// A camera with its shared memory.
 pub(super) struct Opened<'a> {
     prepared: Prepared<'a>,
     pipeline: Pipeline,
-    outlet: Outlet,
-    collector: Option<Collector>,
+    publisher: ShmPublisher,
     span: Span,
 }
 
 impl Opened<'_> {
-    /// Begins the recording, where one is wanted.
+    /// Opens the sinks.
     pub(super) fn start(
         self,
         common: Common<'_>,
-        metrics: Option<Metrics>,
-        bell: &Arc<Bell>,
+        metrics: Option<&MetricsServer>,
+        notify: &Arc<Notify>,
     ) -> anyhow::Result<Stream> {
-        let Self { prepared, pipeline, outlet, collector, span } = self;
-        let Prepared { plan: Plan { arguments, name, kind: _, record }, source, optics } = prepared;
+        let Self { prepared, pipeline, publisher, span } = self;
+        let Prepared { plan: Plan { arguments, name, kind: _, record }, source, camera } = prepared;
         let entered = span.clone().entered();
-        let about = About {
-            camera: name.as_str(),
+        let notify = Arc::clone(notify);
+        let context = SinkContext {
+            options: SinkOptions {
+                record: record.as_deref(),
+                force: arguments.recording.force,
+                lossless: arguments.recording.record_lossless,
+                out: arguments.out.as_deref(),
+            },
+            camera: &name,
             frame_id: arguments.frame_id.as_deref(),
             mount: arguments.recording.mount.mount,
-            model: common.model,
-            provider: common.provider,
-            settings: settings(&pipeline),
-            force: arguments.recording.force,
+            common,
+            pipeline: &pipeline,
+            metrics,
+            on_room: Arc::new(move || notify.notify()),
         };
-        let bell = Arc::clone(bell);
-        let recorder = record.as_deref().map(|path| {
-            Recorder::start(FrameWriter::create(path, &about)?, &name, &outlet, move || bell.ring())
-        });
-        let sinks = Sinks { recorder: recorder.transpose()?, collector, metrics };
+        let sinks = sink::open_all(&context)?;
         let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
         drop(entered);
-        Ok(Stream { source, pace, worker: Worker::new(pipeline, optics, outlet, sinks), span })
+        Ok(Stream { source, pace, task: StreamTask::new(pipeline, camera, publisher, sinks), span })
     }
 }
 
-/// Clouds are by far the largest messages: half as many may read them. nunetd's own readers come on top.
+/// Clouds are by far the largest messages: half as many processes may read them.
 fn limits(arguments: &StreamArgs) -> Limits {
-    let own = usize::from(arguments.recording.record.is_some()) + usize::from(arguments.out.is_some());
     let readers = arguments.readers.map_or(Limits::DEFAULT.max_readers, |readers| readers.get() as usize);
-    Limits { max_readers: readers + own, max_cloud_readers: readers.div_ceil(2) + own, ..Limits::default() }
+    Limits { max_readers: readers, max_cloud_readers: readers.div_ceil(2), ..Limits::default() }
 }
 
 /// A file is written for a robot: depth of an invented room must not go out under a camera's name because a line is

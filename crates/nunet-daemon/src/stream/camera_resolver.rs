@@ -1,4 +1,4 @@
-//! Which camera a frame was taken with: what the user said, else what the source knows.
+//! Finds the camera that took a frame: the one that the user named, otherwise the one that the source knows.
 
 use std::io::{self, ErrorKind, Read as _};
 use std::path::Path;
@@ -10,19 +10,22 @@ use nunet_core::pipeline::Pipeline;
 use nunet_core::plain_file;
 use tracing::warn;
 
-use crate::cli::GeometryArgs;
 use crate::exit::{BadArguments, WithHint};
+use crate::options::CameraGeometry;
 use crate::source::Frame;
 
 /// The camera of a stream's frames, followed from frame to frame.
 #[derive(Debug, Default)]
-pub(crate) struct Optics {
+pub(crate) struct CameraResolver {
     named: Option<Named>,
-    told: Option<Key>,
-    warned: bool,
+    /// What the pipeline's camera was made from.
+    current: Option<Key>,
+    has_warned: bool,
+    /// The named camera, if any, fitted a frame.
+    fits: bool,
 }
 
-/// What the user said of the camera.
+/// The camera that the user named.
 #[derive(Debug)]
 enum Named {
     Intrinsics(IntrinsicsSpec),
@@ -38,27 +41,27 @@ impl Named {
     }
 }
 
-/// What the camera depends on.
+/// A camera is resolved again when one of these changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Key {
     size: (u32, u32),
     camera: Option<Camera>,
 }
 
-impl Optics {
-    /// A camera that the user named comes before that of the source.
+impl CameraResolver {
+    /// A camera that the user named takes precedence over that of the source.
     ///
     /// # Errors
-    /// A calibration file that cannot be read or is none.
-    pub(crate) fn new(geometry: &GeometryArgs) -> anyhow::Result<Self> {
+    /// The calibration file cannot be read or is not a calibration.
+    pub(crate) fn new(geometry: &CameraGeometry) -> anyhow::Result<Self> {
         let named = match (&geometry.calibration, geometry.intrinsics) {
             (Some(path), _) => Some(Named::Calibration(read_calibration(path)?)),
             (None, intrinsics) => intrinsics.map(Named::Intrinsics),
         };
-        Ok(Self { named, told: None, warned: false })
+        Ok(Self { named, current: None, has_warned: false, fits: false })
     }
 
-    /// The camera that took `frame`, at the frame's size; `None` when nobody knows it.
+    /// The camera that took `frame`, at the frame's size; `None` if it is unknown.
     ///
     /// # Errors
     /// The named camera does not fit the frame's size.
@@ -67,19 +70,38 @@ impl Optics {
         Ok(named.or(frame.camera))
     }
 
-    /// Tells the pipeline of a camera that is another than the last frame's, and the user, once, of a guess.
+    /// The same, for a stream of frames.
     ///
     /// # Errors
-    /// A camera that does not fit the frame's or the network's size; the next frame tries again.
-    pub(crate) fn follow(&mut self, frame: &Frame, pipeline: &mut Pipeline) -> anyhow::Result<()> {
+    /// [`BadArguments`] if the camera that the user named does not fit the first frame: it will not fit the next one
+    /// either. Otherwise it does not fit this frame; the next frame tries again.
+    pub(crate) fn resolve(&mut self, frame: &Frame) -> anyhow::Result<Option<Camera>> {
+        match self.camera_of(frame) {
+            Err(error) if !self.fits => {
+                let text = "the given calibration or intrinsics do not fit the images of the source";
+                Err(anyhow::Error::from(error).context(BadArguments(text.into())))
+            }
+            camera => {
+                let camera = camera?;
+                self.fits = true;
+                Ok(camera)
+            }
+        }
+    }
+
+    /// Passes the camera to the pipeline if it changed. Warns once if the camera is unknown.
+    ///
+    /// # Errors
+    /// As [`CameraResolver::resolve`], or the camera does not fit the network.
+    pub(crate) fn update(&mut self, frame: &Frame, pipeline: &mut Pipeline) -> anyhow::Result<()> {
         let key = Key { size: frame.size, camera: frame.camera };
-        if self.told == Some(key) {
+        if self.current == Some(key) {
             return Ok(());
         }
-        let camera = self.camera_of(frame)?;
+        let camera = self.resolve(frame)?;
         pipeline.set_camera(camera)?;
-        self.told = Some(key);
-        if camera.is_none() && !std::mem::replace(&mut self.warned, true) {
+        self.current = Some(key);
+        if camera.is_none() && !std::mem::replace(&mut self.has_warned, true) {
             let training_camera = pipeline.graph().description().camera.is_some();
             let guess = match pipeline.scale().source {
                 ScaleSource::AssumedCamera => "metres and points assume the training camera",
@@ -95,7 +117,7 @@ impl Optics {
 /// Reads a calibration that the user named.
 ///
 /// # Errors
-/// A file that cannot be read or is no calibration.
+/// The file cannot be read or is not a calibration.
 pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     let path_shown = path.display();
     let text = read_start(path).map_err(|error| {
@@ -110,7 +132,7 @@ pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     Ok(calibration)
 }
 
-/// No more than tells that a file is too long, whatever it is. What is not UTF-8 is for the parser to refuse.
+/// Reads at most one byte more than a calibration may have. The parser refuses what is not UTF-8.
 fn read_start(path: &Path) -> io::Result<String> {
     let Some(mut file) = plain_file::open(path, Calibration::MAX_BYTES as u64 + 1)? else {
         return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a plain file"));

@@ -1,0 +1,95 @@
+//! What the user can choose, as checked values. The command line (`cli`) makes them; everything else takes them and knows no
+//! flags.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use nunet_core::camera::IntrinsicsSpec;
+
+/// A topic that `--publish` names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Publish {
+    /// The depth map; always published.
+    Depth,
+    /// Class indices.
+    Labels,
+    /// The organized point cloud.
+    Cloud,
+}
+
+impl Publish {
+    /// All of them: the default.
+    pub const ALL: [Self; 3] = [Self::Depth, Self::Labels, Self::Cloud];
+
+    /// As the user writes it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "depth",
+            Self::Labels => "labels",
+            Self::Cloud => "cloud",
+        }
+    }
+}
+
+/// The camera on the robot: `x,y,z,roll,pitch,yaw` in `base_link` (x forward, y left, z up).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountOption {
+    /// Meters.
+    pub translation_m: [f64; 3],
+    /// Radians.
+    pub roll_pitch_yaw_rad: [f64; 3],
+}
+
+impl FromStr for MountOption {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+        match numbers.as_deref() {
+            Ok(&[x, y, z, roll, pitch, yaw])
+                if [x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) =>
+            {
+                Ok(Self { translation_m: [x, y, z], roll_pitch_yaw_rad: [roll, pitch, yaw] })
+            }
+            _ => Err("expected six numbers `x,y,z,roll,pitch,yaw`: meters, then radians".to_owned()),
+        }
+    }
+}
+
+/// What the user knows of the camera. At most one of both is given.
+#[derive(Debug, Clone, Default)]
+pub struct CameraGeometry {
+    /// Focal lengths and principal point of a camera without distortion.
+    pub intrinsics: Option<IntrinsicsSpec>,
+    /// A calibration file.
+    pub calibration: Option<PathBuf>,
+}
+
+/// How log lines are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LogOptions {
+    /// 0: info, 1: debug, 2 and more: trace with a span per frame.
+    pub verbose: u8,
+    /// Errors only.
+    pub quiet: bool,
+    /// One JSON object per line.
+    pub json: bool,
+}
+
+/// The bytes of a coordinate frame's name that fit into the header of a message.
+pub const MAX_FRAME_ID: usize = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mount_is_six_finite_numbers() {
+        let mount: MountOption = "1, 2,3,0,-0.5,0.25".parse().unwrap();
+        assert_eq!((mount.translation_m, mount.roll_pitch_yaw_rad), ([1.0, 2.0, 3.0], [0.0, -0.5, 0.25]));
+        for wrong in ["", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,nan", "1,2,3,4,5,x"] {
+            assert!(wrong.parse::<MountOption>().unwrap_err().starts_with("expected six numbers"), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! The recording's thread: it alone waits for the disk.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use tracing::error;
+
+use super::record::Record;
+use crate::sink::queue::Writer;
+
+/// At most so much is lost if the process or the machine dies.
+const SYNC_PERIOD: Duration = Duration::from_secs(1);
+
+/// What a recorder writes to.
+pub(crate) trait Archive: Send + 'static {
+    /// Where it is.
+    fn path(&self) -> &Path;
+
+    /// Adds a frame.
+    fn write(&mut self, record: &Record) -> anyhow::Result<()>;
+
+    /// Makes everything written so far durable.
+    fn sync(&mut self) -> anyhow::Result<()>;
+
+    /// Adds nothing more.
+    fn finish(self: Box<Self>) -> anyhow::Result<()>;
+}
+
+/// Writes frames into an archive and makes them durable once per second.
+pub(super) struct ArchiveWriter {
+    /// `None` after the first failure, and after the end of the file.
+    archive: Option<Box<dyn Archive>>,
+    pub(super) recorded: u64,
+    pub(super) lost: u64,
+    failed: bool,
+    synced: Instant,
+    since_sync: u64,
+    /// Frames that are durable, visible to the other threads also while the disk hangs.
+    durable: Arc<AtomicU64>,
+}
+
+impl ArchiveWriter {
+    pub(super) fn new(archive: Box<dyn Archive>, durable: Arc<AtomicU64>) -> Self {
+        Self {
+            archive: Some(archive),
+            recorded: 0,
+            lost: 0,
+            failed: false,
+            synced: Instant::now(),
+            since_sync: 0,
+            durable,
+        }
+    }
+
+    /// Whether the file is complete: it has its end, and nothing that was written is missing.
+    pub(super) fn is_complete(&self) -> bool {
+        self.archive.is_none() && !self.failed
+    }
+
+    fn sync(&mut self) {
+        self.synced = Instant::now();
+        if self.since_sync == 0 {
+            return;
+        }
+        let synced = self.archive.as_mut().map_or(Ok(()), |archive| archive.sync());
+        if self.succeeded(synced) {
+            self.since_sync = 0;
+            self.durable.store(self.recorded, Ordering::Relaxed);
+        }
+    }
+
+    /// The first failure is logged and ends the recording; the stream goes on. Frames after the last sync are lost.
+    fn succeeded(&mut self, result: anyhow::Result<()>) -> bool {
+        let Err(failure) = result else { return true };
+        error!("the recording ends here: {failure:#}");
+        self.failed = true;
+        self.recorded -= self.since_sync;
+        self.lost += self.since_sync;
+        self.since_sync = 0;
+        self.archive = None;
+        false
+    }
+}
+
+impl Writer for ArchiveWriter {
+    type Item = Record;
+
+    fn write(&mut self, record: &Record) {
+        let Some(archive) = &mut self.archive else {
+            self.lost += 1;
+            return;
+        };
+        let written = archive.write(record);
+        if self.succeeded(written) {
+            self.recorded += 1;
+            self.since_sync += 1;
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    fn flush_if_due(&mut self) {
+        if self.synced.elapsed() >= SYNC_PERIOD {
+            self.sync();
+        }
+    }
+
+    fn finish(&mut self) {
+        if let Some(archive) = self.archive.take()
+            && self.succeeded(archive.finish())
+        {
+            self.durable.store(self.recorded, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Accepts everything; only the first sync succeeds.
+    struct OneSync {
+        used: bool,
+    }
+
+    impl Archive for OneSync {
+        fn path(&self) -> &Path {
+            Path::new("archive of a test")
+        }
+
+        fn write(&mut self, _record: &Record) -> anyhow::Result<()> {
+            Ok(())
+        }
+
+        fn sync(&mut self) -> anyhow::Result<()> {
+            anyhow::ensure!(!std::mem::replace(&mut self.used, true), "the disk is full");
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> anyhow::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn frames_are_durable_after_a_sync_and_not_before() {
+        let durable = Arc::default();
+        let mut writer = ArchiveWriter::new(Box::new(OneSync { used: false }), Arc::clone(&durable));
+        let mut seen = Vec::new();
+        for _ in 0..2 {
+            writer.write(&Record::default());
+            writer.write(&Record::default());
+            seen.push(durable.load(Ordering::Relaxed));
+            writer.sync();
+            seen.push(durable.load(Ordering::Relaxed));
+        }
+        assert_eq!(seen, [0, 2, 2, 2], "the second sync failed");
+        assert_eq!((writer.recorded, writer.lost), (2, 2));
+        assert!(!writer.is_complete());
+    }
+}

@@ -1,0 +1,288 @@
+//! One camera's work on the inference thread: each frame through its pipeline, straight into shared memory, then to the
+//! sinks.
+
+use std::time::{Duration, Instant};
+
+use nunet_core::clock::Clock as _;
+use nunet_core::depth::Scale;
+use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_ipc::LATE_JOINER_PERIOD;
+use tracing::{debug, error, trace_span, warn};
+
+use super::camera_resolver::CameraResolver;
+use super::continuity::Continuity;
+use super::mailbox::Taken;
+use super::round_robin::{Poll, RoundRobinTask};
+use super::state::StreamState;
+use crate::exit::BadArguments;
+use crate::sink::shm::{ShmPublisher, stage_names};
+use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Timings, Wants};
+use crate::source::Frame;
+use crate::telemetry::{
+    Counts, End, Latencies, MonotonicClock, RateLimit, Totals, allocations_of_this_thread,
+};
+
+/// If so many frames fail in a row before the first one is published, the next ones will fail too.
+const MAX_FAILURES_BEFORE_FIRST_FRAME: u32 = 30;
+
+/// Everything between a camera's mailbox and its readers and sinks.
+pub(crate) struct StreamTask {
+    pipeline: Pipeline,
+    camera: CameraResolver,
+    continuity: Continuity,
+    publisher: ShmPublisher,
+    sinks: Vec<Box<dyn Sink>>,
+    totals: Totals,
+    latencies: Latencies,
+    /// The counts that readers and sinks were given last.
+    last_reported: Counts,
+    served: Instant,
+    /// The last frame, if results that it was published without can still be made of it.
+    kept: Option<Frame>,
+    lost: RateLimit,
+    failures: u32,
+    /// Why the stream cannot go on.
+    failure: Option<anyhow::Error>,
+}
+
+/// What remains of a camera after its end.
+pub(crate) struct StreamSummary {
+    /// The scale of the last frame.
+    pub(crate) scale: Scale,
+    pub(crate) totals: Totals,
+    pub(crate) latencies: Latencies,
+    /// The sinks; their last frames may still be on their way to the disk.
+    pub(crate) sinks: Vec<FinishingSink>,
+    /// Why frames could not be processed at all.
+    pub(crate) failure: Option<anyhow::Error>,
+}
+
+impl StreamTask {
+    pub(crate) fn new(
+        pipeline: Pipeline,
+        camera: CameraResolver,
+        publisher: ShmPublisher,
+        sinks: Vec<Box<dyn Sink>>,
+    ) -> Self {
+        Self {
+            latencies: Latencies::new(stage_names(&pipeline)),
+            pipeline,
+            camera,
+            continuity: Continuity::default(),
+            publisher,
+            sinks,
+            totals: Totals::default(),
+            last_reported: Counts::default(),
+            served: Instant::now(),
+            kept: None,
+            lost: RateLimit::default(),
+            failures: 0,
+            failure: None,
+        }
+    }
+}
+
+#[cfg(test)]
+impl StreamTask {
+    /// The same with another camera.
+    pub(super) fn with_camera(self, camera: CameraResolver) -> Self {
+        Self { camera, ..self }
+    }
+}
+
+impl RoundRobinTask for StreamTask {
+    type Summary = StreamSummary;
+
+    fn begin(mut self) -> Self {
+        self.totals.start(MonotonicClock.nanos());
+        self
+    }
+
+    /// Takes the waiting frame, if there is one. It goes on waiting while a sink has no room for it, so that other cameras
+    /// do not.
+    fn poll(&mut self, state: &StreamState) -> Poll {
+        if state.stop.requested() || self.failure.is_some() {
+            return self.wind_up(state);
+        }
+        // Every sink is asked: it may have to warn that it stalls.
+        let full = self.sinks.iter_mut().filter_map(|sink| (!sink.has_room()).then_some(())).count();
+        if full > 0 {
+            self.idle(state);
+            return Poll::Idle;
+        }
+        match state.mailbox.take(Duration::ZERO) {
+            Taken::Item(frame) => {
+                // First of all: a source in shared memory lends few frames.
+                self.kept.take().into_iter().for_each(|kept| state.mailbox.give_back(kept));
+                Poll::Frame(self.handle_frame(frame, state))
+            }
+            Taken::Nothing => {
+                self.idle(state);
+                Poll::Idle
+            }
+            Taken::Closed => Poll::Ended,
+        }
+    }
+
+    /// Sinks begin to finish, and shared memory is released. It waits for no disk, because other cameras go on.
+    fn end(mut self, state: &StreamState) -> StreamSummary {
+        self.report_stats(state, false);
+        let last = self.publisher.last_results();
+        let sinks = self.sinks.into_iter().map(|sink| sink.finish(last.as_ref())).collect();
+        StreamSummary {
+            scale: self.pipeline.scale(),
+            totals: self.totals,
+            latencies: self.latencies,
+            sinks,
+            failure: self.failure,
+        }
+    }
+}
+
+impl StreamTask {
+    /// A stop finishes the frame in work, not the waiting one. The capture thread supersedes that one as well: whoever
+    /// comes first counts it.
+    fn wind_up(&mut self, state: &StreamState) -> Poll {
+        // Asked first: a closed mailbox takes no more frames.
+        let closed = state.mailbox.wait_closed(Duration::ZERO);
+        if state.mailbox.recall() {
+            state.ledger.ended(End::Superseded);
+        }
+        if closed {
+            return Poll::Ended;
+        }
+        self.idle(state);
+        Poll::Idle
+    }
+
+    /// The source is paused: readers may have joined meanwhile, and frames may have failed before they came here.
+    fn idle(&mut self, state: &StreamState) {
+        if self.served.elapsed() < LATE_JOINER_PERIOD {
+            return;
+        }
+        self.served = Instant::now();
+        self.publisher.refresh();
+        if !state.stop.requested() {
+            self.serve_late_readers();
+        }
+        self.report_stats(state, !state.is_waiting());
+    }
+
+    /// Passes the current counts and latencies to readers and sinks.
+    fn report_stats(&mut self, state: &StreamState, is_up: bool) {
+        let counts = state.ledger.counts();
+        if counts != self.last_reported || !is_up {
+            self.publisher.publish_stats(&counts, &self.totals, &self.latencies);
+            self.last_reported = counts;
+        }
+        let status = Status { is_up, counts: &counts, totals: &self.totals };
+        self.sinks.iter_mut().for_each(|sink| sink.on_status(&status));
+    }
+
+    fn handle_frame(&mut self, frame: Frame, state: &StreamState) -> End {
+        let before = allocations_of_this_thread();
+        let end = self.process_frame(&frame);
+        state.ledger.ended(end);
+        self.report_stats(state, true);
+        if self.failure.is_some() {
+            state.mailbox.close();
+        }
+        if end == End::Published && self.can_serve_late_readers() {
+            self.kept = Some(frame);
+        } else {
+            state.mailbox.give_back(frame);
+        }
+        self.totals.add_allocations(before, allocations_of_this_thread());
+        self.served = Instant::now();
+        end
+    }
+
+    /// Whether a reader that joins later could want a result of the last frame that was not made, and it can be made then:
+    /// the state of a network or a filter must not see a frame twice.
+    fn can_serve_late_readers(&self) -> bool {
+        self.publisher.has_omitted_results() && self.pipeline.is_stateless()
+    }
+
+    /// Makes labels and cloud of the last frame for readers that joined since. The frame has been counted already.
+    fn serve_late_readers(&mut self) {
+        let Some(frame) = self.kept.take() else { return };
+        match self.try_serve_late_readers(&frame) {
+            Ok(()) => self.kept = Some(frame),
+            // It is not kept: it would fail again, five times a second.
+            Err(error) => warn!("late readers do not receive frame {}: {error:#}", frame.sequence),
+        }
+    }
+
+    fn try_serve_late_readers(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        let Some(mut loans) = self.publisher.loan_for_late_readers()? else { return Ok(()) };
+        let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        self.publisher.publish_to_late_readers(loans, frame, &report)
+    }
+
+    /// One span per frame. A failure is logged here and nowhere else.
+    fn process_frame(&mut self, frame: &Frame) -> End {
+        let _span = trace_span!("frame", sequence = frame.sequence).entered();
+        match self.try_process_frame(frame) {
+            Ok(()) => {
+                self.failures = 0;
+                End::Published
+            }
+            Err(error) => {
+                self.fail(frame, error);
+                End::Failed
+            }
+        }
+    }
+
+    /// A frame that fails is lost alone, unless all the next ones would fail as well.
+    fn fail(&mut self, frame: &Frame, error: anyhow::Error) {
+        self.failures = self.failures.saturating_add(1);
+        let is_first = self.totals.frames() == 0;
+        if error.is::<BadArguments>() {
+            self.failure = Some(error);
+        } else if is_first && self.failures >= MAX_FAILURES_BEFORE_FIRST_FRAME {
+            self.failure = Some(error.context(format!("the first {} frames failed", self.failures)));
+        } else if let Some(suppressed) = self.lost.allow(Instant::now()) {
+            error!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
+        }
+    }
+
+    fn try_process_frame(&mut self, frame: &Frame) -> anyhow::Result<()> {
+        let taken_nanos = MonotonicClock.nanos();
+        self.camera.update(frame, &mut self.pipeline)?;
+        if let Some(reason) = self.continuity.discontinuity_to(frame) {
+            debug!("frame {} does not follow the last one: {reason}", frame.sequence);
+            self.pipeline.reset();
+        }
+        let wants = self.sinks.iter().map(|sink| sink.wants()).fold(Wants::default(), Wants::union);
+        let mut loans = self.publisher.loan(wants)?;
+        let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        self.continuity.took(frame);
+        let queue_micros = micros(frame.ready_nanos, taken_nanos);
+        let processed_nanos = MonotonicClock.nanos();
+        self.publisher.publish(loans, frame, &report, queue_micros)?;
+        self.account(frame, &report, queue_micros, processed_nanos);
+        Ok(())
+    }
+
+    /// Counts a published frame and gives it to the sinks.
+    fn account(&mut self, frame: &Frame, report: &FrameReport, queue_micros: u32, processed_nanos: u64) {
+        let now_nanos = MonotonicClock.nanos();
+        let timings = Timings {
+            total_micros: micros(frame.ready_nanos, now_nanos),
+            queue_micros,
+            inner_micros: report.stages.micros(),
+            publish_micros: micros(processed_nanos, now_nanos),
+        };
+        self.latencies.record(timings.total_micros.into(), timings.stages().map(u64::from));
+        self.totals.add_published(now_nanos, report.bytes_copied);
+        let Some(results) = self.publisher.last_results().filter(|_| !self.sinks.is_empty()) else { return };
+        let camera = self.camera.camera_of(frame).ok().flatten();
+        let published = PublishedFrame { frame, camera, results, timings };
+        self.sinks.iter_mut().for_each(|sink| sink.on_frame(&published));
+    }
+}
+
+fn micros(start_nanos: u64, end_nanos: u64) -> u32 {
+    u32::try_from(end_nanos.saturating_sub(start_nanos) / 1000).unwrap_or(u32::MAX)
+}

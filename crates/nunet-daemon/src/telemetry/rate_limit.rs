@@ -1,0 +1,88 @@
+//! Limits log messages that every frame may cause.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+/// So many messages in a row are logged: a few bad frames are worth seeing each.
+const BURST: u32 = 5;
+/// Afterwards one message per period.
+const PERIOD: Duration = Duration::from_secs(10);
+
+/// A token bucket for one kind of message. What it holds back is counted, and the count goes with the next message.
+#[derive(Debug)]
+pub(crate) struct RateLimit {
+    tokens: u32,
+    refilled: Option<Instant>,
+    suppressed: u64,
+}
+
+/// How many messages of a kind were not logged since the last one that was; prints nothing for 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Suppressed(u64);
+
+impl Default for RateLimit {
+    fn default() -> Self {
+        Self { tokens: BURST, refilled: None, suppressed: 0 }
+    }
+}
+
+impl RateLimit {
+    /// Whether a message is to be logged now: `None` if not.
+    pub(crate) fn allow(&mut self, now: Instant) -> Option<Suppressed> {
+        let refilled = *self.refilled.get_or_insert(now);
+        let periods = now.duration_since(refilled).as_secs() / PERIOD.as_secs();
+        if periods > 0 {
+            self.tokens = u32::try_from(periods).unwrap_or(BURST).saturating_add(self.tokens).min(BURST);
+            self.refilled = Some(now);
+        }
+        if self.tokens == 0 {
+            self.suppressed += 1;
+            return None;
+        }
+        self.tokens -= 1;
+        Some(Suppressed(std::mem::take(&mut self.suppressed)))
+    }
+}
+
+impl fmt::Display for Suppressed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            0 => Ok(()),
+            1 => f.write_str(" (1 similar message was not logged)"),
+            count => write!(f, " ({count} similar messages were not logged)"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn after_a_burst_one_message_per_period_is_logged_with_the_count_of_the_others() {
+        let (mut limit, start) = (RateLimit::default(), Instant::now());
+        let mut logged = Vec::new();
+        // 30 messages per second for 25 s.
+        for tick in 0..750_u32 {
+            if let Some(Suppressed(count)) = limit.allow(start + Duration::from_secs(1) * tick / 30) {
+                logged.push((tick, count));
+            }
+        }
+        assert_eq!(logged, [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (300, 295), (600, 299)]);
+    }
+
+    #[test]
+    fn a_quiet_period_allows_a_burst_again_and_no_more() {
+        let (mut limit, start) = (RateLimit::default(), Instant::now());
+        let allowed = |limit: &mut RateLimit, at| (0..20).filter(|_| limit.allow(at).is_some()).count();
+        assert_eq!(allowed(&mut limit, start), 5);
+        assert_eq!(allowed(&mut limit, start + PERIOD * 1000), 5);
+    }
+
+    #[test]
+    fn the_count_is_printed_only_if_something_was_held_back() {
+        assert_eq!(Suppressed(0).to_string(), "");
+        assert_eq!(Suppressed(1).to_string(), " (1 similar message was not logged)");
+        assert_eq!(Suppressed(7).to_string(), " (7 similar messages were not logged)");
+    }
+}
