@@ -1,6 +1,6 @@
 // Reads depth and labels from a running nunetd: subscribe CAMERA [FRAMES]. How to compile it: docs/book/shared-memory.md.
 //
-// Prints each frame's sequence number, how long ago it was sent, and depth and class at the picture's centre.
+// Prints each frame's sequence number, the time since its capture, and depth and class at the center of the image.
 #include <cstdlib>
 #include <iomanip>
 #include <iostream>

@@ -47,7 +47,7 @@ static void reading(const std::string &camera) {
     const auto depth = (*set)[NUNET_TOPIC_DEPTH].depth();
     HOLDS(points.size() == depth.size() && (*set)[NUNET_TOPIC_LABELS].labels().size() == depth.size());
     HOLDS(&depth(1, 2) == depth.begin() + 2 * depth.width + 1);
-    HOLDS(std::any_of(depth.begin(), depth.end(), [](float metres) { return metres > 0; }));
+    HOLDS(std::any_of(depth.begin(), depth.end(), [](float meters) { return meters > 0; }));
     HOLDS(thrown([&] { (*set)[NUNET_TOPIC_DEPTH].labels(); }) == NUNET_WRONG_ENCODING);
     HOLDS(thrown([&] { (*set)[NUNET_TOPIC_RGB].header(); }) == NUNET_BAD_ARGUMENT);
     nunet::FrameSet moved = std::move(*set);

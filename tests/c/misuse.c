@@ -160,7 +160,7 @@ static void publisher_arguments(nunet_publisher_t *publisher) {
   EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_publish(publisher, lens, 36, 9, 0));
 }
 
-static void read_back(nunet_reader_t *reader, const unsigned char *picture, uint64_t sequence) {
+static void read_back(nunet_reader_t *reader, const unsigned char *image, uint64_t sequence) {
   nunet_frame_t *frame;
   const nunet_header_t *header;
   const void *bytes;
@@ -168,7 +168,7 @@ static void read_back(nunet_reader_t *reader, const unsigned char *picture, uint
   EXPECT(NUNET_OK, nunet_reader_next(reader, RGB, 30000, &frame));
   EXPECT(NUNET_OK, nunet_frame_header(frame, &header));
   EXPECT(NUNET_OK, nunet_frame_bytes(frame, &bytes, &count));
-  HOLDS((size_t)bytes % 64 == 0 && count == 36 && memcmp(bytes, picture, count) == 0);
+  HOLDS((size_t)bytes % 64 == 0 && count == 36 && memcmp(bytes, image, count) == 0);
   HOLDS(header->sequence == sequence && header->width == 4 && header->height == 3);
   HOLDS(header->encoding == NUNET_ENCODING_BGR8 && header->row_stride_bytes == 12 && header->payload_bytes == 36);
   HOLDS(header->capture_clock == NUNET_CLOCK_UNIX && header->capture_nanos == 77);
@@ -184,12 +184,12 @@ static void publishing(const char *own) {
   nunet_reader_t *reader, *crowd;
   nunet_loan_t *loan, *more;
   nunet_header_t *header;
-  unsigned char picture[36];
+  unsigned char image[36];
   size_t index, count;
   void *bytes;
   nunet_frame_t *frame;
   bool woken;
-  for (index = 0; index < sizeof picture; index++) picture[index] = (unsigned char)(index * 7);
+  for (index = 0; index < sizeof image; index++) image[index] = (unsigned char)(index * 7);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_open(own, NUNET_ENCODING_DEPTH_F32, 4, 3, 0, &publisher));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_open(own, 99, 4, 3, 0, &publisher));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_open(own, NUNET_ENCODING_RGB8, 0, 3, 0, &publisher));
@@ -203,12 +203,12 @@ static void publishing(const char *own) {
   EXPECT(NUNET_TOO_MANY_READERS, nunet_reader_open(own, NUNET_BIT_RGB, 0, &crowd));
   HOLDS(nunet_publisher_has_readers(publisher));
   EXPECT(NUNET_TIMEOUT, nunet_reader_next(reader, RGB, 0, &frame));
-  EXPECT(NUNET_OK, nunet_publisher_publish(publisher, picture, 36, NUNET_CLOCK_UNIX, 77));
-  read_back(reader, picture, 0);
+  EXPECT(NUNET_OK, nunet_publisher_publish(publisher, image, 36, NUNET_CLOCK_UNIX, 77));
+  read_back(reader, image, 0);
 
   EXPECT(NUNET_OK, nunet_publisher_loan(publisher, &loan));
   EXPECT(NUNET_TOO_MANY_LOANS, nunet_publisher_loan(publisher, &more));
-  EXPECT(NUNET_TOO_MANY_LOANS, nunet_publisher_publish(publisher, picture, 36, NUNET_CLOCK_UNIX, 77));
+  EXPECT(NUNET_TOO_MANY_LOANS, nunet_publisher_publish(publisher, image, 36, NUNET_CLOCK_UNIX, 77));
   EXPECT(NUNET_OK, nunet_loan_release(loan));
   EXPECT(NUNET_CLOSED, nunet_loan_release(loan));
   EXPECT(NUNET_OK, nunet_publisher_loan(publisher, &loan));
@@ -217,12 +217,12 @@ static void publishing(const char *own) {
   header->sequence = 1000;
   EXPECT(NUNET_OK, nunet_loan_bytes(loan, &bytes, &count));
   HOLDS(count == 36);
-  memcpy(bytes, picture, count);
+  memcpy(bytes, image, count);
   EXPECT(NUNET_OK, nunet_loan_send(loan, NUNET_CLOCK_UNIX, 77));
   EXPECT(NUNET_CLOSED, nunet_loan_send(loan, NUNET_CLOCK_UNIX, 77));
   EXPECT(NUNET_CLOSED, nunet_loan_header(loan, &header));
   EXPECT(NUNET_OK, nunet_reader_wait(reader, 0, &woken));
-  read_back(reader, picture, 1000);
+  read_back(reader, image, 1000);
   EXPECT(NUNET_OK, nunet_publisher_loan(publisher, &loan));
   EXPECT(NUNET_OK, nunet_loan_header(loan, &header));
   HOLDS(header->sequence == 1001);
@@ -254,7 +254,7 @@ static void signals(const char *own) {
   EXPECT(NUNET_OK, nunet_publisher_open(own, NUNET_ENCODING_MONO8, 4, 3, 0, &publisher));
   EXPECT(NUNET_OK, nunet_reader_open(own, NUNET_BIT_RGB, 30000, &reader));
   EXPECT(NUNET_TIMEOUT, nunet_reader_next(reader, RGB, 150, &frame));
-  HOLDS(strstr(nunet_last_error(), "hint: its owner is alive") != NULL);
+  HOLDS(strstr(nunet_last_error(), "its publisher is alive") != NULL);
   HOLDS(sigaction(SIGALRM, &action, NULL) == 0 && setitimer(ITIMER_REAL, &soon, NULL) == 0);
   EXPECT(NUNET_INTERRUPTED, nunet_reader_next(reader, RGB, NUNET_FOREVER, &frame));
   memset(&soon, 0, sizeof soon);
@@ -273,7 +273,7 @@ static void *wait_for_ever(void *reader) {
 static void *sleep_for_ever(void *reader) {
   nunet_status_t status;
   do {
-    status = nunet_reader_wait(reader, NUNET_FOREVER, NULL); /* the owner's coming may wake it */
+    status = nunet_reader_wait(reader, NUNET_FOREVER, NULL); /* a publisher that starts may wake it */
   } while (status == NUNET_OK);
   EXPECT(NUNET_CLOSED, status);
   return NULL;

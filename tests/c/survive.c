@@ -43,13 +43,13 @@ int main(int argc, char **argv) {
     nunet_frame_release(frame);
   }
   if (status != NUNET_TIMEOUT || frame) return fail("after the end");
-  if (!strstr(nunet_last_error(), "nobody publishes it any more")) return fail("text");
+  if (!strstr(nunet_last_error(), "no process publishes the camera")) return fail("text");
   if (nunet_reader_is_connected(reader)) return fail("is_connected");
   if (nunet_reader_owner(reader, NUNET_TOPIC_DEPTH, &pid, &alive) || alive) return fail("owner after the end");
   if (memcmp(before, bytes, count) != 0) return fail("the kept frame changed");
   step("alone");
 
-  /* The same reader gets the next owner's frames. */
+  /* The same reader receives the frames of the next publisher. */
   status = nunet_reader_next(reader, NUNET_TOPIC_DEPTH, 60000, &frame);
   if (status || !nunet_reader_is_connected(reader)) return fail("after the restart");
   if (memcmp(before, bytes, count) != 0) return fail("the kept frame changed after the restart");

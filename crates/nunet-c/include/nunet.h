@@ -3,30 +3,27 @@
  *
  * Written by crates/nunet-c/tests/header.rs; change the source, not this file.
  *
- * RESULTS. Functions answer NUNET_OK (0) or what went wrong; nunet_last_error() says it in words, with a hint. No
- * function exits, throws or prints (but a fault of the library's own prints where it happened). docs/book/shared-memory.md has the
- * lines to compile and link with.
+ * RESULTS. Functions return NUNET_OK (0) or a status; nunet_last_error() returns the error's text with a hint. No
+ * function exits, throws or prints, except that a bug in the library prints where it happened.
+ * docs/book/shared-memory.md shows how to compile and link.
  *
- * OWNERSHIP. Handles (reader, frame, publisher, loan) belong to the caller until closed, released or sent. A handle
- * that is used after its end is an error (NUNET_CLOSED), not a crash; so is one of another kind. Memory that a frame
- * or a loan points at belongs to the library, and ends with the frame or loan: pointers kept longer are wild. Texts
- * and arrays that are passed in are copied, and must be what the description says: ended by a zero byte, as long as
- * said.
+ * OWNERSHIP. Handles (reader, frame, publisher, loan) belong to the caller until closed, released or sent. Using a
+ * handle after that, or one of another kind, is an error (NUNET_CLOSED), not a crash. Memory of a frame or a loan belongs
+ * to the library and is valid until the frame or loan is released or sent. Strings and arrays that you pass in are copied;
+ * strings must end with a zero byte, and arrays must have the length that you state.
  *
- * NULL. Where a result goes must not be NULL, unless its description says that it may be. After a failure handles and
- * pointers that were to be given are NULL.
+ * NULL. Pointers to results must not be NULL unless the description allows it. After a failure, returned handles and
+ * pointers are NULL.
  *
- * THREADS. Everything may be called by any thread. Calls with the same reader, or the same publisher, come one after
- * the other. Any thread may read and release a frame, when nobody else still looks into it. Signal handlers must call
- * nothing here.
+ * THREADS. Any thread may call any function. Calls with the same reader or publisher run one after the other. Any
+ * thread may read a frame, and release it when no other thread uses it. Do not call these functions in signal handlers.
  *
- * FORK. Open after forking: what was open before belongs to the parent, and is NUNET_FORKED in the child.
+ * FORK. Open after forking: handles opened before belong to the parent, and return NUNET_FORKED in the child.
  *
- * UNITS. Depth in metres where the header's `units` says so, NaN where there is no measurement; times in
+ * UNITS. Depth in meters where the header's `units` says so, NaN where there is no measurement; times in
  * nanoseconds, timeouts in milliseconds, sizes and intrinsics in pixels.
  *
- * END. Close what is open before the process ends. What a killed process leaves is cleaned up by the next one that
- * opens the camera.
+ * END. Close all handles before the process ends. The next process that opens the camera cleans up after a killed one.
  */
 
 #ifndef NUNET_H
@@ -54,7 +51,7 @@
 /** Bytes of a stage's name. */
 #define NUNET_STAGE_NAME_BYTES 32
 
-/** The label of a point that no segmentation has seen. */
+/** The label of a point that has no class. */
 #define NUNET_NO_LABEL 255
 
 /** Values of the header's field `topic`. */
@@ -158,7 +155,7 @@ typedef enum nunet_bit_t {
 } nunet_bit_t;
 
 /**
- * What a message says about itself, as it lies in shared memory.
+ * The header of a message, as it lies in shared memory.
  * `nunet.v1.FrameHeader`, 1024 bytes.
  */
 typedef struct nunet_header_t {
@@ -168,9 +165,9 @@ typedef struct nunet_header_t {
   uint32_t topic;
   /** The frame's number: the same in every topic of one frame, rising, starting anywhere. */
   uint64_t sequence;
-  /** When the picture was taken, nanoseconds of `capture_clock`: the same in every topic of one frame. */
+  /** The capture time, in nanoseconds of `capture_clock`: the same in every topic of one frame. */
   int64_t capture_nanos;
-  /** When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown. */
+  /** The capture time, in nanoseconds since 1970-01-01 UTC; 0 when unknown. */
   int64_t capture_unix_nanos;
   /** When this message was sent, nanoseconds of `CLOCK_MONOTONIC`. */
   int64_t publish_nanos;
@@ -196,7 +193,7 @@ typedef struct nunet_header_t {
   double fx;
   /** Focal length in pixels, vertically. */
   double fy;
-  /** Principal point in pixels; the middle of the first pixel is 0. */
+  /** Principal point in pixels; the center of the first pixel is 0. */
   double cx;
   /** Principal point in pixels, vertically. */
   double cy;
@@ -206,7 +203,7 @@ typedef struct nunet_header_t {
   uint32_t distortion_model;
   /** How many of `stage_micros` are in use; the stages' names are in the `stats` topic. */
   uint32_t stage_count;
-  /** SHA-256 of the model; zeros in a camera's own pictures. */
+  /** SHA-256 of the model; zeros in a camera's own images. */
   uint8_t model_hash[32];
   /** Microseconds that each stage took for this frame. */
   uint32_t stage_micros[NUNET_MAX_STAGES];
@@ -221,7 +218,7 @@ typedef struct nunet_header_t {
 } nunet_header_t;
 
 /**
- * The daemon's running figures: the ledger of frames, rates, and times in microseconds.
+ * The daemon's stats: counts of frames, rates, and latencies in microseconds.
  * `captured = published + superseded + failed + in_flight`, always.
  * `nunet.v1.StatsRecord`, 2560 bytes.
  */
@@ -244,9 +241,9 @@ typedef struct nunet_stats_t {
   double fps;
   /** Mean bytes copied between the camera's memory and the network's input, a frame. */
   double bytes_copied_per_frame;
-  /** Mean heap allocations of our crates, a frame; NaN when nobody counts. */
+  /** Mean heap allocations of our crates, a frame; NaN when they are not counted. */
   double allocations_per_frame;
-  /** Time from the picture's arrival at the daemon to publication: the median. */
+  /** The median time from the image's arrival at the daemon to publication. */
   double total_p50_us;
   /** Nine of ten frames were faster. */
   double total_p90_us;
@@ -373,23 +370,23 @@ NUNET_CHECK(point_label, offsetof(nunet_point_t, label) == 15);
 
 
 /**
- * What a function answers. `NUNET_OK` is 0; everything else is described by `nunet_last_error()`.
+ * What a function returns. `NUNET_OK` is 0; `nunet_last_error()` describes everything else.
  */
 typedef enum {
   /**
-   * It worked.
+   * Success.
    */
   NUNET_OK = 0,
   /**
-   * Nothing came in time. The camera may stand still or be gone: `nunet_reader_is_connected()` tells.
+   * No frame arrived in time. `nunet_reader_is_connected()` returns whether the publisher still runs.
    */
   NUNET_TIMEOUT = 1,
   /**
-   * A signal ended the waiting.
+   * A signal ended the wait.
    */
   NUNET_INTERRUPTED = 2,
   /**
-   * Nobody publishes the camera, or not this topic of it.
+   * No process publishes the camera, or not this topic of it.
    */
   NUNET_NOBODY_PUBLISHES = 3,
   /**
@@ -401,7 +398,7 @@ typedef enum {
    */
   NUNET_TOO_MANY_READERS = 5,
   /**
-   * This reader holds as many frames of the topic as it may: release one, or copy what must live longer.
+   * This reader holds as many frames of the topic as it may: release one, or copy it.
    */
   NUNET_TOO_MANY_FRAMES_HELD = 6,
   /**
@@ -433,11 +430,11 @@ typedef enum {
    */
   NUNET_BAD_MESSAGE = 13,
   /**
-   * An argument is NULL, no text, or outside of its range.
+   * An argument is NULL, not a UTF-8 string, or out of range.
    */
   NUNET_BAD_ARGUMENT = 14,
   /**
-   * The handle was closed, released or sent before, or never was one.
+   * The handle was closed, released or sent before, or is not a handle.
    */
   NUNET_CLOSED = 15,
   /**
@@ -445,43 +442,42 @@ typedef enum {
    */
   NUNET_FORKED = 16,
   /**
-   * The system or iceoryx2 refused; the text says what.
+   * The system or iceoryx2 failed; see the text.
    */
   NUNET_SYSTEM = 17,
   /**
-   * A fault in this library. It was stopped here; please report the text.
+   * A bug in this library. Please report the text.
    */
   NUNET_PANIC = 18,
 } nunet_status_t;
 
 /**
- * One message in shared memory, read-only. What it points at stays as it is until it is released, also after its
- * reader is closed and its owner is gone. Any thread may read and release it.
+ * One message in shared memory, read-only. Its memory does not change until it is released, also after its reader is
+ * closed and its publisher has ended. Any thread may read and release it.
  */
 typedef struct nunet_frame_t nunet_frame_t;
 
 /**
- * The memory of a picture that is not sent yet. Any thread may fill and send it.
+ * The memory of an image that is not sent yet. Any thread may fill and send it.
  */
 typedef struct nunet_loan_t nunet_loan_t;
 
 /**
- * A camera's publisher: the owner of its topic `rgb`. Calls with one publisher come one after the other, whatever
- * threads make them.
+ * The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from whatever threads.
  */
 typedef struct nunet_publisher_t nunet_publisher_t;
 
 /**
- * A reader of some of a camera's topics. Calls with one reader come one after the other, whatever threads make them.
+ * A reader of some of a camera's topics. Calls with one reader come one after the other, from whatever threads.
  */
 typedef struct nunet_reader_t nunet_reader_t;
 
 /**
- * Frames of one sequence number and one time of capture.
+ * Frames with one sequence number and one capture time.
  */
 typedef struct {
   /**
-   * At the place of each `nunet_topic_t` its frame, or NULL.
+   * The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none.
    */
   nunet_frame_t *frames[6];
 } nunet_set_t;
@@ -491,20 +487,20 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * Why the last call of this thread that failed did so: what, where, expected and got, and mostly a last line
- * `hint: ...`. UTF-8; empty when none has failed yet. A call that works leaves it as it is.
+ * The error of the last failed call of this thread, usually with a last line `hint: ...`. UTF-8; empty if no call has
+ * failed yet. Successful calls do not change it.
  *
- * The text belongs to the library and stays until the next call of this thread fails.
+ * The string belongs to the library and is valid until the next call of this thread fails.
  */
 const char *nunet_last_error(void);
 
 /**
- * A status in words, such as `too many readers`; `unknown status` for a number that is none. A static text.
+ * The name of a status, such as `too many readers`; `unknown status` for any other number. A static string.
  */
 const char *nunet_status_name(int32_t status);
 
 /**
- * The library's version, such as `0.1.0`. A static text. `NUNET_VERSION` is that of the header.
+ * The library's version, such as `0.1.0`. A static string. `NUNET_VERSION` is that of the header.
  */
 const char *nunet_version(void);
 
@@ -520,11 +516,11 @@ uint32_t nunet_contract_version(void);
 int64_t nunet_monotonic_nanos(void);
 
 /**
- * Opens topics of a camera, and tries again until they are there or the time is over.
+ * Opens topics of a camera. Waits for its publisher until the timeout.
  *
  * `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
- * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that is to end by one asks
- * with a short time, again and again. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
+ * `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that must react to one
+ * calls this repeatedly with a short timeout. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
  * failure.
  *
  * Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
@@ -536,10 +532,10 @@ nunet_status_t nunet_reader_open(const char *camera,
                                  nunet_reader_t **reader);
 
 /**
- * Sleeps until there may be something new, or the time is over. Only a hint, for programs with a loop of their own:
- * look for frames whatever it says. `nunet_reader_next()` waits by itself.
+ * Sleeps until there may be a new frame, or the time is over. Only a hint, for programs with their own loop: look for
+ * frames whatever it returns. `nunet_reader_next()` waits by itself.
  *
- * `woken` (may be NULL): whether an owner published, came or went. A signal ends the sleep early.
+ * `woken` (may be NULL): whether a publisher sent something, started or ended. A signal ends the sleep early.
  *
  * Fails with `NUNET_CLOSED`, also when another thread closes the reader meanwhile; `NUNET_SYSTEM`,
  * `NUNET_BAD_ARGUMENT`.
@@ -549,14 +545,13 @@ nunet_status_t nunet_reader_wait(const nunet_reader_t *reader,
                                  bool *woken);
 
 /**
- * The newest frame of a topic that was not seen yet; waits for one without burning the processor. Older ones are
- * passed over.
+ * The newest frame of a topic that was not returned yet. Sleeps until there is one. Older frames are skipped.
  *
- * `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 looks and does not wait. `*frame` is the caller's, to be
- * released with `nunet_frame_release()`; NULL after a failure. The owner lets a reader hold a few frames of a topic
- * at a time, 2 by default.
+ * `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 does not wait. `*frame` is the caller's, to be
+ * released with `nunet_frame_release()`; NULL after a failure. A reader may hold a few frames of a topic at a time,
+ * by default 2.
  *
- * Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal's handler ran while it waited;
+ * Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal handler ran while it waited;
  * `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may; `NUNET_NO_SUCH_TOPIC`,
  * `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
@@ -566,7 +561,7 @@ nunet_status_t nunet_reader_next(const nunet_reader_t *reader,
                                  nunet_frame_t **frame);
 
 /**
- * The newest frames of all the reader's topics (but `stats`) that belong together: all of one `sequence` and one
+ * The newest frames of all the reader's topics (but `stats`) that belong together: all with one `sequence` and one
  * `capture_nanos`. Waits for them as `nunet_reader_next()` does.
  *
  * `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
@@ -579,7 +574,7 @@ nunet_status_t nunet_reader_next_set(const nunet_reader_t *reader,
                                      nunet_set_t *set);
 
 /**
- * Which process publishes a topic. It asks the file system: for the moments when no frames come, not for every one.
+ * The process that publishes a topic. It reads the file system, so call it when no frames arrive, not for every frame.
  *
  * `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was killed.
  *
@@ -592,20 +587,20 @@ nunet_status_t nunet_reader_owner(const nunet_reader_t *reader,
 
 /**
  * Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_owner()`. A reader that
- * is not connected need not be opened again: the next owner's frames arrive in it. False for a reader that is closed
+ * is not connected need not be opened again: it receives the frames of the next publisher. False for a reader that is closed
  * or NULL.
  */
 bool nunet_reader_is_connected(const nunet_reader_t *reader);
 
 /**
- * Closes a reader. Its frames stay until they are released. NULL is fine.
+ * Closes a reader. Its frames stay valid until they are released. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when it was closed before.
  */
 nunet_status_t nunet_reader_close(nunet_reader_t *reader);
 
 /**
- * What a frame says about itself.
+ * The header of a frame.
  *
  * `*header` is valid until the frame is released; NULL after a failure.
  *
@@ -614,7 +609,7 @@ nunet_status_t nunet_reader_close(nunet_reader_t *reader);
 nunet_status_t nunet_frame_header(const nunet_frame_t *frame, const nunet_header_t **header);
 
 /**
- * A frame's payload, whatever it is, aligned to 64 bytes.
+ * A frame's payload, of any encoding, aligned to 64 bytes.
  *
  * `*bytes` is valid until the frame is released; NULL after a failure. `byte_count` may be NULL.
  */
@@ -631,7 +626,7 @@ nunet_status_t nunet_frame_age(const nunet_frame_t *frame,
                                int64_t *age_nanos);
 
 /**
- * A depth map: `height` rows from the top of `width` floats, in the header's units (metres, mostly), NaN where there
+ * A depth map: `height` rows from the top of `width` floats, in the header's units (usually meters), NaN where there
  * is no measurement.
  *
  * `*depth` is valid until the frame is released; NULL after a failure. `width` and `height` may be NULL.
@@ -666,7 +661,7 @@ nunet_status_t nunet_frame_points(const nunet_frame_t *frame,
                                   uint32_t *height);
 
 /**
- * The daemon's running figures, from a frame of the topic `stats`.
+ * The daemon's counts and latencies, from a frame of the topic `stats`.
  *
  * `*stats` is valid until the frame is released; NULL after a failure.
  *
@@ -675,25 +670,25 @@ nunet_status_t nunet_frame_points(const nunet_frame_t *frame,
 nunet_status_t nunet_frame_stats(const nunet_frame_t *frame, const nunet_stats_t **stats);
 
 /**
- * Gives a frame back. Pointers into it are no longer valid. NULL is fine.
+ * Releases a frame. Pointers into it are no longer valid. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when it was released before.
  */
 nunet_status_t nunet_frame_release(nunet_frame_t *frame);
 
 /**
- * Gives all frames of a set back and makes its pointers NULL. To keep one longer, copy its pointer and make that in
- * the set NULL before. NULL is fine.
+ * Releases all frames of a set and sets its pointers to NULL. To keep a frame longer, copy its pointer and set the one in
+ * the set to NULL first. NULL is allowed.
  *
- * Fails with `NUNET_CLOSED` when one of them was released before; the others are released all the same.
+ * Fails with `NUNET_CLOSED` when one of them was released before; the others are released anyway.
  */
 nunet_status_t nunet_set_release(nunet_set_t *set);
 
 /**
- * Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
+ * Becomes the publisher of a camera, whose images `nunetd --source shm:CAMERA` reads; reserves the shared memory
  * for them.
  *
- * `encoding`: a `nunet_encoding_t` of pictures (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
+ * `encoding`: a `nunet_encoding_t` of images (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
  * `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
  * closed with `nunet_publisher_close()`; NULL after a failure.
  *
@@ -708,10 +703,10 @@ nunet_status_t nunet_publisher_open(const char *camera,
                                     nunet_publisher_t **publisher);
 
 /**
- * Says the camera's intrinsics, which every later picture carries: depth has metres with them. Without this call
+ * Sets the camera's intrinsics, which every later image carries. They are needed for depth in meters; without this call
  * the camera is unknown.
  *
- * `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the middle of
+ * `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the center of
  * the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`: `coefficient_count` of its
  * coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
  *
@@ -727,14 +722,15 @@ nunet_status_t nunet_publisher_set_camera(const nunet_publisher_t *publisher,
                                           size_t coefficient_count);
 
 /**
- * Names the camera's coordinate frame, which every later picture carries: UTF-8, at most 64 bytes, copied.
+ * Sets the name of the camera's coordinate frame, which every later image carries: UTF-8, at most 64 bytes, copied.
  *
  * Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_publisher_set_frame_id(const nunet_publisher_t *publisher, const char *frame_id);
+nunet_status_t nunet_publisher_set_frame_id(const nunet_publisher_t *publisher,
+                                            const char *frame_id);
 
 /**
- * Borrows the memory of the next picture, to be filled in place: readers see the same memory, and nothing is copied.
+ * Borrows the memory of the next image, to be filled in place: readers see the same memory, and nothing is copied.
  * One loan may be open at a time.
  *
  * `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`; NULL after
@@ -746,9 +742,9 @@ nunet_status_t nunet_publisher_loan(const nunet_publisher_t *publisher,
                                     nunet_loan_t **loan);
 
 /**
- * Publishes a copy of a picture, for bytes that already lie elsewhere; `nunet_publisher_loan()` saves the copy.
+ * Publishes a copy of an image that is in other memory already; `nunet_publisher_loan()` avoids the copy.
  *
- * `bytes`: `byte_count` of them, exactly as many as a picture of the publisher's size and encoding has without
+ * `bytes`: `byte_count` of them, exactly as many as an image of the publisher's size and encoding has without
  * padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
  *
  * Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
@@ -760,31 +756,31 @@ nunet_status_t nunet_publisher_publish(const nunet_publisher_t *publisher,
                                        int64_t capture_nanos);
 
 /**
- * Whether anybody reads the camera: a camera that nobody reads need not be computed. A reader that was killed counts
- * until it is cleaned up after. False for a publisher that is closed or NULL.
+ * Whether the camera has readers: an image without readers need not be computed. A killed reader counts until some
+ * process cleans up after it. False for a publisher that is closed or NULL.
  */
 bool nunet_publisher_has_readers(const nunet_publisher_t *publisher);
 
 /**
- * Hands the newest picture to readers that came since. Sending does the same: this is for sources that stand still; call
- * it a few times a second.
+ * Sends the newest image to readers that opened since. Sending an image does the same: this is for sources that are
+ * paused; call it a few times per second.
  *
  * Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_publisher_refresh(const nunet_publisher_t *publisher);
 
 /**
- * Closes a publisher: the camera may have another one. A loan that is still open can only be released then, and keeps
- * the camera until it is. NULL is fine.
+ * Closes a publisher, so that the camera may have another one. An open loan can only be released afterwards, and keeps the
+ * camera until it is. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when it was closed before.
  */
 nunet_status_t nunet_publisher_close(nunet_publisher_t *publisher);
 
 /**
- * The header of a picture that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
+ * The header of an image that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
  * are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version` and the times are
- * written again by `nunet_loan_send()`. Numbers of later pictures count on from `sequence`.
+ * written again by `nunet_loan_send()`. The numbers of later images continue from `sequence`.
  *
  * `*header` is valid until the loan is sent or released; NULL after a failure.
  *
@@ -794,8 +790,8 @@ nunet_status_t nunet_loan_header(const nunet_loan_t *loan,
                                  nunet_header_t **header);
 
 /**
- * The pixels of a picture that is not sent yet, aligned to 64 bytes: rows from the top without padding. Whatever an
- * earlier picture left is still in them.
+ * The pixels of an image that is not sent yet, aligned to 64 bytes: rows from the top without padding. They still
+ * contain an earlier image.
  *
  * `*bytes` is valid until the loan is sent or released; NULL after a failure. `byte_count` may be NULL.
  *
@@ -806,10 +802,10 @@ nunet_status_t nunet_loan_bytes(const nunet_loan_t *loan,
                                 size_t *byte_count);
 
 /**
- * Sends a picture and wakes its readers. The loan is used up, also when this fails.
+ * Sends an image and wakes its readers. The loan is closed, also when this fails.
  *
  * `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
- * `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken; a reader of several topics joins what has one
+ * `nunet_monotonic_nanos()`. `capture_nanos`: the capture time; a reader of several topics joins frames with one
  * `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
  * is the time of this call.
  *
@@ -820,7 +816,7 @@ nunet_status_t nunet_loan_send(nunet_loan_t *loan,
                                int64_t capture_nanos);
 
 /**
- * Gives a loan back unseen. NULL is fine.
+ * Returns a loan without sending it. NULL is allowed.
  *
  * Fails with `NUNET_CLOSED` when it was sent or released before.
  */

@@ -1,9 +1,9 @@
 /*
  * nunet.hpp: nunetd's depth, labels and clouds in shared memory, for C++17. Header only, over nunet.h; link libnunet.
  *
- * Objects own what nunet.h's handles stand for, are moved and not copied, and give it back at their end. Failures are
- * thrown as nunet::Error; nothing new in time is an empty optional. Views point into shared memory and end with their
- * frame or loan. Threads, units and forks: as nunet.h says.
+ * Objects own the handles of nunet.h, can be moved but not copied, and release their handle in the destructor. Failures
+ * are thrown as nunet::Error; a timeout is an empty optional. Views point into shared memory and are valid as long as
+ * their frame or loan. For threads, units and forks see nunet.h.
  */
 #ifndef NUNET_HPP
 #define NUNET_HPP
@@ -22,7 +22,7 @@
 
 namespace nunet {
 
-/** What went wrong: what() is the text with its hint, status() the number. */
+/** A failure: what() is the text with its hint, status() the number. */
 class Error : public std::runtime_error {
 public:
   Error(nunet_status_t status, const std::string &text) : std::runtime_error(text), status_(status) {}
@@ -32,28 +32,28 @@ private:
   nunet_status_t status_;
 };
 
-/** Throws unless it is NUNET_OK. */
+/** Throws unless `status` is NUNET_OK. */
 inline void check(nunet_status_t status) {
   if (status != NUNET_OK) throw Error(status, nunet_last_error());
 }
 
 namespace detail {
 
-/** Nothing new in time, or a signal: false. Anything else that is not NUNET_OK is thrown. */
-inline bool came(nunet_status_t status) {
+/** Returns false for a timeout or a signal; throws for any other failure. */
+inline bool arrived(nunet_status_t status) {
   if (status == NUNET_TIMEOUT || status == NUNET_INTERRUPTED) return false;
   check(status);
   return true;
 }
 
-/** Below 0 is 0; what does not fit is for ever. */
+/** Negative times are 0; times that do not fit are NUNET_FOREVER. */
 inline std::uint32_t milliseconds(std::chrono::milliseconds time) {
   if (time.count() <= 0) return 0;
   return time.count() >= static_cast<std::int64_t>(NUNET_FOREVER) ? NUNET_FOREVER
                                                                   : static_cast<std::uint32_t>(time.count());
 }
 
-/** One handle, given back at its end. */
+/** One handle, released in the destructor. */
 template <typename T, nunet_status_t (*End)(T *)> class Handle {
 public:
   Handle() = default;
@@ -79,10 +79,10 @@ private:
 
 } // namespace detail
 
-/** A wait that never ends by itself. */
+/** A timeout that never ends. */
 constexpr std::chrono::milliseconds forever{NUNET_FOREVER};
 
-/** Rows from the top of `width` cells each, somewhere in shared memory. */
+/** Rows of `width` elements in shared memory, from the top. */
 template <typename T> struct View {
   T *data = nullptr;
   std::uint32_t width = 0;
@@ -92,11 +92,11 @@ template <typename T> struct View {
   T *begin() const noexcept { return data; }
   T *end() const noexcept { return data + size(); }
   T *row(std::uint32_t y) const noexcept { return data + static_cast<std::size_t>(y) * width; }
-  /** The cell in column x of row y; not checked. */
+  /** The element in column x of row y; not checked. */
   T &operator()(std::uint32_t x, std::uint32_t y) const noexcept { return row(y)[x]; }
 };
 
-/** Bytes somewhere in shared memory. */
+/** Bytes in shared memory. */
 template <typename T> struct Bytes {
   T *data = nullptr;
   std::size_t size = 0;
@@ -104,12 +104,12 @@ template <typename T> struct Bytes {
   T *end() const noexcept { return data + size; }
 };
 
-/** One message, read-only; it stays as it is while this object lives, also after its reader and its owner. */
+/** One message, read-only; it stays valid while this object lives, also after its reader and its publisher ended. */
 class Frame {
 public:
-  /** No frame; looking into it throws. */
+  /** No frame; its functions throw. */
   Frame() = default;
-  /** Takes over a handle of nunet.h's. */
+  /** Takes ownership of a handle of nunet.h. */
   explicit Frame(nunet_frame_t *handle) noexcept : handle_(handle) {}
 
   const nunet_header_t &header() const {
@@ -117,20 +117,20 @@ public:
     check(nunet_frame_header(handle_.get(), &header));
     return *header;
   }
-  /** The payload, whatever it is, aligned to 64 bytes. */
+  /** The payload of any encoding, aligned to 64 bytes. */
   Bytes<const std::uint8_t> bytes() const {
     const void *data;
     std::size_t size;
     check(nunet_frame_bytes(handle_.get(), &data, &size));
     return {static_cast<const std::uint8_t *>(data), size};
   }
-  /** In the header's units (metres, mostly); NaN where there is no measurement. */
+  /** In the header's units (usually meters); NaN where there is no measurement. */
   View<const float> depth() const { return view<const float>(nunet_frame_depth); }
   /** The class of each pixel. */
   View<const std::uint8_t> labels() const { return view<const std::uint8_t>(nunet_frame_labels); }
   /** x right, y down, z forward, in the header's units; NaN where there is no measurement. */
   View<const nunet_point_t> points() const { return view<const nunet_point_t>(nunet_frame_points); }
-  /** The daemon's running figures. */
+  /** The daemon's counts and latencies. */
   const nunet_stats_t &stats() const {
     const nunet_stats_t *stats;
     check(nunet_frame_stats(handle_.get(), &stats));
@@ -156,17 +156,17 @@ private:
   detail::Handle<nunet_frame_t, nunet_frame_release> handle_;
 };
 
-/** Frames of several topics that belong together: all of one sequence number and one time of capture. */
+/** Frames of several topics that belong together: all with one sequence number and one capture time. */
 class FrameSet {
 public:
-  /** Takes over the frames of a set of nunet.h's. */
+  /** Takes ownership of the frames of a set of nunet.h. */
   explicit FrameSet(const nunet_set_t &set) noexcept {
     for (std::size_t topic = 0; topic < frames_.size(); topic++) frames_[topic] = Frame(set.frames[topic]);
   }
   bool has(nunet_topic_t topic) const noexcept { return frames_[topic].get() != nullptr; }
-  /** The frame of a topic. Looking into one of a topic that was not opened throws. */
+  /** The frame of a topic. The functions of a frame whose topic was not opened throw. */
   const Frame &operator[](nunet_topic_t topic) const noexcept { return frames_[topic]; }
-  /** Takes the frame of a topic out, to keep it longer than the rest. */
+  /** Removes the frame of a topic from the set, to keep it longer than the rest. */
   Frame take(nunet_topic_t topic) noexcept { return std::move(frames_[topic]); }
 
 private:
@@ -182,32 +182,32 @@ struct Process {
 /** A reader of some of a camera's topics. */
 class Reader {
 public:
-  /** Tries until the topics (NUNET_BIT_DEPTH | ...) are there or the time is over. */
+  /** Waits for the topics (NUNET_BIT_DEPTH | ...) until the timeout. */
   explicit Reader(const std::string &camera, std::uint32_t topic_bits = NUNET_BIT_DEPTH,
                   std::chrono::milliseconds timeout = std::chrono::seconds(5)) {
     nunet_reader_t *reader;
     check(nunet_reader_open(camera.c_str(), topic_bits, detail::milliseconds(timeout), &reader));
     handle_ = decltype(handle_)(reader);
   }
-  /** The newest frame of a topic that was not seen yet; empty when none came in time or a signal did. */
+  /** The newest frame of a topic that was not returned yet; empty after the timeout or a signal. */
   std::optional<Frame> next(nunet_topic_t topic, std::chrono::milliseconds timeout) {
     nunet_frame_t *frame;
-    if (!detail::came(nunet_reader_next(handle_.get(), topic, detail::milliseconds(timeout), &frame))) return {};
+    if (!detail::arrived(nunet_reader_next(handle_.get(), topic, detail::milliseconds(timeout), &frame))) return {};
     return Frame(frame);
   }
-  /** The newest frames of all topics that belong together; empty when none came in time or a signal did. */
+  /** The newest frames of all topics that belong together; empty after the timeout or a signal. */
   std::optional<FrameSet> next_set(std::chrono::milliseconds timeout) {
     nunet_set_t set;
-    if (!detail::came(nunet_reader_next_set(handle_.get(), detail::milliseconds(timeout), &set))) return {};
+    if (!detail::arrived(nunet_reader_next_set(handle_.get(), detail::milliseconds(timeout), &set))) return {};
     return FrameSet(set);
   }
-  /** Sleeps until there may be something new; a hint, for programs with a loop of their own. */
+  /** Sleeps until there may be a new frame. Only a hint, for programs with their own loop. */
   bool wait(std::chrono::milliseconds timeout) {
     bool woken;
     check(nunet_reader_wait(handle_.get(), detail::milliseconds(timeout), &woken));
     return woken;
   }
-  /** Who publishes a topic. */
+  /** The process that publishes a topic. */
   Process owner(nunet_topic_t topic) const {
     Process owner;
     check(nunet_reader_owner(handle_.get(), topic, &owner.pid, &owner.alive));
@@ -215,7 +215,7 @@ public:
   }
   /** Whether a living process publishes each of the topics. */
   bool is_connected() const noexcept { return nunet_reader_is_connected(handle_.get()); }
-  /** Closes it before its end; frames stay. */
+  /** Closes it before the destructor; its frames stay valid. */
   void close() { check(nunet_reader_close(handle_.release())); }
   nunet_reader_t *get() const noexcept { return handle_.get(); }
 
@@ -223,7 +223,7 @@ private:
   detail::Handle<nunet_reader_t, nunet_reader_close> handle_;
 };
 
-/** A picture that is being filled in shared memory; given back unseen unless it is sent. */
+/** An image that is being filled in shared memory; returned unpublished unless it is sent. */
 class Loan {
 public:
   explicit Loan(nunet_loan_t *handle) noexcept : handle_(handle) {}
@@ -240,7 +240,7 @@ public:
     check(nunet_loan_bytes(handle_.get(), &data, &size));
     return {static_cast<std::uint8_t *>(data), size};
   }
-  /** Sends it; afterwards this object is empty. */
+  /** Sends it. This object is empty afterwards. */
   void send(std::int64_t capture_nanos, nunet_clock_t clock = NUNET_CLOCK_MONOTONIC) {
     check(nunet_loan_send(handle_.release(), clock, capture_nanos));
   }
@@ -250,41 +250,41 @@ private:
   detail::Handle<nunet_loan_t, nunet_loan_release> handle_;
 };
 
-/** A camera that publishes its pictures. */
+/** A camera that publishes its images. */
 class Publisher {
 public:
-  /** Becomes the owner of a camera and reserves its memory. max_readers: 0 for the default. */
+  /** Becomes the publisher of a camera and reserves its memory. max_readers: 0 for the default. */
   Publisher(const std::string &camera, nunet_encoding_t encoding, std::uint32_t width, std::uint32_t height,
             std::uint32_t max_readers = 0) {
     nunet_publisher_t *publisher;
     check(nunet_publisher_open(camera.c_str(), encoding, width, height, max_readers, &publisher));
     handle_ = decltype(handle_)(publisher);
   }
-  /** Intrinsics in pixels, and the lens, for all later pictures. */
+  /** Intrinsics in pixels, and the lens, for all later images. */
   void set_camera(double fx, double fy, double cx, double cy,
                   nunet_distortion_model_t model = NUNET_DISTORTION_MODEL_NONE,
                   const std::vector<double> &coefficients = {}) {
     check(nunet_publisher_set_camera(handle_.get(), fx, fy, cx, cy, model, coefficients.data(), coefficients.size()));
   }
-  /** The name of the camera's coordinate frame, for all later pictures. */
+  /** The name of the camera's coordinate frame, for all later images. */
   void set_frame_id(const std::string &name) {
     check(nunet_publisher_set_frame_id(handle_.get(), name.c_str()));
   }
-  /** Borrows the memory of the next picture, to be filled in place. */
+  /** Borrows the memory of the next image, to be filled in place. */
   Loan loan() {
     nunet_loan_t *loan;
     check(nunet_publisher_loan(handle_.get(), &loan));
     return Loan(loan);
   }
-  /** Publishes a copy of a picture. */
+  /** Publishes a copy of an image. */
   void publish(const void *bytes, std::size_t byte_count, std::int64_t capture_nanos,
                nunet_clock_t clock = NUNET_CLOCK_MONOTONIC) {
     check(nunet_publisher_publish(handle_.get(), bytes, byte_count, clock, capture_nanos));
   }
   bool has_readers() const noexcept { return nunet_publisher_has_readers(handle_.get()); }
-  /** Hands the newest picture to readers that came since; for sources that stand still. */
+  /** Sends the newest image to readers that opened since; for sources that are paused. */
   void refresh() { check(nunet_publisher_refresh(handle_.get())); }
-  /** Closes it before its end. */
+  /** Closes it before the destructor. */
   void close() { check(nunet_publisher_close(handle_.release())); }
   nunet_publisher_t *get() const noexcept { return handle_.get(); }
 

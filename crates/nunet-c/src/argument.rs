@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "texts and bytes come as bare pointers")]
-//! What a caller gave, checked before anything is done with it.
+//! Checks of what a caller passes.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::MaybeUninit;
@@ -9,10 +9,10 @@ use nunet_ipc::{CameraName, Topic};
 
 use crate::status::Failure;
 
-/// The time that never ends, `NUNET_FOREVER` in C.
+/// The timeout that never ends, `NUNET_FOREVER` in C.
 pub(crate) const FOREVER_MS: u32 = u32::MAX;
 
-/// Where a result goes: filled with `empty` first, so that no failure leaves the caller with an old value.
+/// The place of a result, filled with `empty` first, so that no failure leaves an old value in it.
 pub(crate) fn place<'a, T>(
     pointer: Option<&'a mut MaybeUninit<T>>,
     name: &str,
@@ -21,17 +21,17 @@ pub(crate) fn place<'a, T>(
     pointer.map(|place| place.write(empty)).ok_or_else(|| null(name))
 }
 
-/// Fills a place that the caller may have left out.
+/// Fills the place of an optional result.
 pub(crate) fn fill<T>(pointer: Option<&mut MaybeUninit<T>>, value: T) {
     if let Some(place) = pointer {
         place.write(value);
     }
 }
 
-/// A text of the caller's.
+/// A string of the caller's.
 ///
 /// # Safety
-/// `pointer` is NULL or leads to bytes that end with a zero byte and stay as they are until the result is dropped.
+/// `pointer` is NULL or points to bytes that end with a zero byte and do not change until the result is dropped.
 pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> {
     if pointer.is_null() {
         return Err(null(name));
@@ -51,7 +51,7 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
 /// Elements of the caller's: bytes, coefficients.
 ///
 /// # Safety
-/// `pointer` is NULL or leads to `count` elements that stay as they are until the result is dropped.
+/// `pointer` is NULL or points to `count` elements that do not change until the result is dropped.
 pub(crate) unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -> Result<&'a [T], Failure> {
     if count == 0 {
         return Ok(&[]);
@@ -65,7 +65,7 @@ pub(crate) unsafe fn slice<'a, T>(pointer: *const T, count: usize, name: &str) -
         ))
         .hint("pass the array itself and how many elements it has, not how many bytes"));
     }
-    // SAFETY: not NULL, aligned, not longer than memory can be; the rest is the caller's promise.
+    // SAFETY: not NULL, aligned, not longer than the address space; the rest is the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
@@ -79,7 +79,7 @@ pub(crate) unsafe fn camera(pointer: *const c_char) -> Result<CameraName, Failur
     Ok(CameraName::new(name)?)
 }
 
-/// One word of the contract.
+/// A number that stands for a word of the contract.
 pub(crate) fn word<T: TryFrom<u32>>(value: u32, name: &str) -> Result<T, Failure>
 where
     T::Error: std::fmt::Display,
@@ -89,7 +89,7 @@ where
     })
 }
 
-/// The topics of a sum of `NUNET_BIT_...`.
+/// The topics in a sum of `NUNET_BIT_...`.
 pub(crate) fn topics(bits: u32) -> Result<Vec<Topic>, Failure> {
     let known = (1 << Topic::ALL.len()) - 1;
     if bits == 0 || bits & !known != 0 {
@@ -101,12 +101,12 @@ pub(crate) fn topics(bits: u32) -> Result<Vec<Topic>, Failure> {
     Ok(Topic::ALL.iter().copied().filter(|topic| bits & (1 << *topic as u32) != 0).collect())
 }
 
-/// A time to wait.
+/// A timeout.
 pub(crate) fn timeout(milliseconds: u32) -> Duration {
     if milliseconds == FOREVER_MS { Duration::MAX } else { Duration::from_millis(milliseconds.into()) }
 }
 
-/// A pointer for C out of a slice.
+/// A pointer for C to the first byte of a slice.
 pub(crate) fn pointer_to(bytes: &[u8]) -> *const c_void {
     bytes.as_ptr().cast()
 }

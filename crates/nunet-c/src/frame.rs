@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "exported names")]
-//! Frames as their reader sees them.
+//! The reader's view of frames.
 
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
@@ -10,16 +10,16 @@ use crate::argument::{fill, place, pointer_to};
 use crate::handle::{Table, locked};
 use crate::status::{Failure, Status, guard};
 
-/// One message in shared memory, read-only. What it points at stays as it is until it is released, also after its
-/// reader is closed and its owner is gone. Any thread may read and release it.
+/// One message in shared memory, read-only. Its memory does not change until it is released, also after its reader is
+/// closed and its publisher has ended. Any thread may read and release it.
 #[derive(Debug)]
 pub struct FrameHandle;
 
-/// Frames of one sequence number and one time of capture.
+/// Frames with one sequence number and one capture time.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Set {
-    /// At the place of each `nunet_topic_t` its frame, or NULL.
+    /// The frame of each topic, indexed by `nunet_topic_t`; NULL where there is none.
     pub frames: [*mut FrameHandle; 6],
 }
 
@@ -29,7 +29,7 @@ impl Set {
 
 pub(crate) static FRAMES: Table<Frame> = Table::new("frame");
 
-/// What a frame says about itself.
+/// The header of a frame.
 ///
 /// `*header` is valid until the frame is released; NULL after a failure.
 ///
@@ -47,7 +47,7 @@ pub extern "C" fn nunet_frame_header(
     })
 }
 
-/// A frame's payload, whatever it is, aligned to 64 bytes.
+/// A frame's payload, of any encoding, aligned to 64 bytes.
 ///
 /// `*bytes` is valid until the frame is released; NULL after a failure. `byte_count` may be NULL.
 #[unsafe(no_mangle)]
@@ -85,7 +85,7 @@ pub extern "C" fn nunet_frame_age(
     })
 }
 
-/// A depth map: `height` rows from the top of `width` floats, in the header's units (metres, mostly), NaN where there
+/// A depth map: `height` rows from the top of `width` floats, in the header's units (usually meters), NaN where there
 /// is no measurement.
 ///
 /// `*depth` is valid until the frame is released; NULL after a failure. `width` and `height` may be NULL.
@@ -129,7 +129,7 @@ pub extern "C" fn nunet_frame_points(
     guard(|| grid(frame, place(points, "points", std::ptr::null())?, width, height, Frame::points))
 }
 
-/// The daemon's running figures, from a frame of the topic `stats`.
+/// The daemon's counts and latencies, from a frame of the topic `stats`.
 ///
 /// `*stats` is valid until the frame is released; NULL after a failure.
 ///
@@ -147,7 +147,7 @@ pub extern "C" fn nunet_frame_stats(
     })
 }
 
-/// Gives a frame back. Pointers into it are no longer valid. NULL is fine.
+/// Releases a frame. Pointers into it are no longer valid. NULL is allowed.
 ///
 /// Fails with `NUNET_CLOSED` when it was released before.
 #[unsafe(no_mangle)]
@@ -155,10 +155,10 @@ pub extern "C" fn nunet_frame_release(frame: *mut FrameHandle) -> Status {
     guard(|| FRAMES.remove(frame).map(drop))
 }
 
-/// Gives all frames of a set back and makes its pointers NULL. To keep one longer, copy its pointer and make that in
-/// the set NULL before. NULL is fine.
+/// Releases all frames of a set and sets its pointers to NULL. To keep a frame longer, copy its pointer and set the one in
+/// the set to NULL first. NULL is allowed.
 ///
-/// Fails with `NUNET_CLOSED` when one of them was released before; the others are released all the same.
+/// Fails with `NUNET_CLOSED` when one of them was released before; the others are released anyway.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_set_release(set: Option<&mut Set>) -> Status {
     guard(|| {
@@ -182,7 +182,7 @@ fn grid<T>(
     let frame = locked(&frame);
     let found = view(&frame)?;
     let (columns, rows) = (frame.header().width, frame.header().height);
-    // The header is the sender's to change, even after it was checked: what is told must fit what is there.
+    // The sender can change the header after it was checked, so the returned size must match the payload.
     if (columns as usize).checked_mul(rows as usize) != Some(found.len()) {
         let detail = "its header changed while it was read".to_owned();
         return Err(IpcError::BadMessage { topic: frame.topic(), detail }.into());

@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "exported names")]
-//! A picture that is being filled.
+//! An image that is being filled.
 
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
@@ -12,7 +12,7 @@ use crate::camera::{Camera, PUBLISHERS};
 use crate::handle::{Table, locked};
 use crate::status::{Failure, Status, guard};
 
-/// The memory of a picture that is not sent yet. Any thread may fill and send it.
+/// The memory of an image that is not sent yet. Any thread may fill and send it.
 #[derive(Debug)]
 pub struct LoanHandle;
 
@@ -40,9 +40,9 @@ impl OpenLoan {
     }
 }
 
-/// The header of a picture that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
+/// The header of an image that is not sent yet. Size, encoding, sequence number, and what was set for the publisher
 /// are filled in; the rest is zero. It may be changed; `topic`, `payload_bytes`, `contract_version` and the times are
-/// written again by `nunet_loan_send()`. Numbers of later pictures count on from `sequence`.
+/// written again by `nunet_loan_send()`. The numbers of later images continue from `sequence`.
 ///
 /// `*header` is valid until the loan is sent or released; NULL after a failure.
 ///
@@ -60,8 +60,8 @@ pub extern "C" fn nunet_loan_header(
     })
 }
 
-/// The pixels of a picture that is not sent yet, aligned to 64 bytes: rows from the top without padding. Whatever an
-/// earlier picture left is still in them.
+/// The pixels of an image that is not sent yet, aligned to 64 bytes: rows from the top without padding. They still
+/// contain an earlier image.
 ///
 /// `*bytes` is valid until the loan is sent or released; NULL after a failure. `byte_count` may be NULL.
 ///
@@ -83,10 +83,10 @@ pub extern "C" fn nunet_loan_bytes(
     })
 }
 
-/// Sends a picture and wakes its readers. The loan is used up, also when this fails.
+/// Sends an image and wakes its readers. The loan is closed, also when this fails.
 ///
 /// `clock`: the `nunet_clock_t` that `capture_nanos` was read from; `NUNET_CLOCK_MONOTONIC` for V4L2's times and
-/// `nunet_monotonic_nanos()`. `capture_nanos`: when the picture was taken; a reader of several topics joins what has one
+/// `nunet_monotonic_nanos()`. `capture_nanos`: the capture time; a reader of several topics joins frames with one
 /// `sequence` and one `capture_nanos`. `capture_unix_nanos` is computed where it was left 0; with `NUNET_CLOCK_MEDIA` it
 /// is the time of this call.
 ///
@@ -104,7 +104,7 @@ pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nan
     })
 }
 
-/// Gives a loan back unseen. NULL is fine.
+/// Returns a loan without sending it. NULL is allowed.
 ///
 /// Fails with `NUNET_CLOSED` when it was sent or released before.
 #[unsafe(no_mangle)]

@@ -1,11 +1,11 @@
 #![expect(unsafe_code, reason = "exported names")]
-//! What belongs to no handle.
+//! Functions without a handle.
 
 use std::ffi::c_char;
 
 use nunet_ipc::{CONTRACT_VERSION, monotonic_nanos};
 
-/// The library's version, such as `0.1.0`. A static text. `NUNET_VERSION` is that of the header.
+/// The library's version, such as `0.1.0`. A static string. `NUNET_VERSION` is that of the header.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_version() -> *const c_char {
     const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");

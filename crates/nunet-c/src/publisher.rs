@@ -1,6 +1,6 @@
 #![expect(unsafe_code, reason = "exported names, and texts that come as bare pointers")]
 #![expect(clippy::missing_safety_doc, reason = "the header says once for all what pointers must be")]
-//! A camera that publishes its pictures.
+//! A camera that publishes its images.
 
 use std::ffi::{c_char, c_void};
 use std::mem::MaybeUninit;
@@ -14,15 +14,14 @@ use crate::handle::locked;
 use crate::loan::{LOANS, LoanHandle, OpenLoan};
 use crate::status::{Failure, Status, guard};
 
-/// A camera's publisher: the owner of its topic `rgb`. Calls with one publisher come one after the other, whatever
-/// threads make them.
+/// The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from whatever threads.
 #[derive(Debug)]
 pub struct PublisherHandle;
 
-/// Becomes the publisher of a camera, whose pictures `nunetd --source shm:CAMERA` reads; reserves the shared memory
+/// Becomes the publisher of a camera, whose images `nunetd --source shm:CAMERA` reads; reserves the shared memory
 /// for them.
 ///
-/// `encoding`: a `nunet_encoding_t` of pictures (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
+/// `encoding`: a `nunet_encoding_t` of images (rgb8, bgr8, mono8, yuyv, nv12). `width`, `height`: pixels.
 /// `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
 /// closed with `nunet_publisher_close()`; NULL after a failure.
 ///
@@ -54,10 +53,10 @@ pub unsafe extern "C" fn nunet_publisher_open(
     })
 }
 
-/// Says the camera's intrinsics, which every later picture carries: depth has metres with them. Without this call
+/// Sets the camera's intrinsics, which every later image carries. They are needed for depth in meters; without this call
 /// the camera is unknown.
 ///
-/// `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the middle of
+/// `fx`, `fy`: focal lengths in pixels at the publisher's size. `cx`, `cy`: principal point in pixels; the center of
 /// the first pixel is 0. `distortion_model`: a `nunet_distortion_model_t`; `coefficients`: `coefficient_count` of its
 /// coefficients (at most 14; `NUNET_DISTORTION_MODEL_NONE` has none), copied.
 ///
@@ -82,7 +81,7 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
     })
 }
 
-/// Names the camera's coordinate frame, which every later picture carries: UTF-8, at most 64 bytes, copied.
+/// Sets the name of the camera's coordinate frame, which every later image carries: UTF-8, at most 64 bytes, copied.
 ///
 /// Fails with `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -98,7 +97,7 @@ pub unsafe extern "C" fn nunet_publisher_set_frame_id(
     })
 }
 
-/// Borrows the memory of the next picture, to be filled in place: readers see the same memory, and nothing is copied.
+/// Borrows the memory of the next image, to be filled in place: readers see the same memory, and nothing is copied.
 /// One loan may be open at a time.
 ///
 /// `*loan` is the caller's, to be sent with `nunet_loan_send()` or given back with `nunet_loan_release()`; NULL after
@@ -120,9 +119,9 @@ pub extern "C" fn nunet_publisher_loan(
     })
 }
 
-/// Publishes a copy of a picture, for bytes that already lie elsewhere; `nunet_publisher_loan()` saves the copy.
+/// Publishes a copy of an image that is in other memory already; `nunet_publisher_loan()` avoids the copy.
 ///
-/// `bytes`: `byte_count` of them, exactly as many as a picture of the publisher's size and encoding has without
+/// `bytes`: `byte_count` of them, exactly as many as an image of the publisher's size and encoding has without
 /// padding between rows. `clock` and `capture_nanos` as in `nunet_loan_send()`.
 ///
 /// Fails with `NUNET_TOO_MANY_LOANS` while a loan is open, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
@@ -137,24 +136,22 @@ pub unsafe extern "C" fn nunet_publisher_publish(
     guard(|| {
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes an array of that length or NULL.
-        let picture = unsafe { slice(bytes.cast::<u8>(), byte_count, "bytes") }?;
+        let image = unsafe { slice(bytes.cast::<u8>(), byte_count, "bytes") }?;
         let clock = word(clock, "clock")?;
         let mut owned = locked(&owned);
         let expected = owned.image_bytes();
         if byte_count != expected {
-            return Err(Failure::argument(format!(
-                "`byte_count` is `{byte_count}`, but a picture of this publisher has {expected} bytes"
-            ))
-            .hint("leave out padding between rows; fill a loan row by row where the source has some"));
+            return Err(Failure::argument(format!("`byte_count` is `{byte_count}`, expected {expected}"))
+                .hint("pass rows without padding; if the source has padding, fill a loan row by row"));
         }
         let mut loan = owned.loan()?;
-        loan.bytes_mut().copy_from_slice(picture);
+        loan.bytes_mut().copy_from_slice(image);
         owned.send(loan, clock, capture_nanos)
     })
 }
 
-/// Whether anybody reads the camera: a camera that nobody reads need not be computed. A reader that was killed counts
-/// until it is cleaned up after. False for a publisher that is closed or NULL.
+/// Whether the camera has readers: an image without readers need not be computed. A killed reader counts until some
+/// process cleans up after it. False for a publisher that is closed or NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle) -> bool {
     let mut read = false;
@@ -165,8 +162,8 @@ pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle)
         && read
 }
 
-/// Hands the newest picture to readers that came since. Sending does the same: this is for sources that stand still; call
-/// it a few times a second.
+/// Sends the newest image to readers that opened since. Sending an image does the same: this is for sources that are
+/// paused; call it a few times per second.
 ///
 /// Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -174,8 +171,8 @@ pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> 
     guard(|| Ok(locked(&*PUBLISHERS.get(publisher)?).publisher.refresh()?))
 }
 
-/// Closes a publisher: the camera may have another one. A loan that is still open can only be released then, and keeps
-/// the camera until it is. NULL is fine.
+/// Closes a publisher, so that the camera may have another one. An open loan can only be released afterwards, and keeps the
+/// camera until it is. NULL is allowed.
 ///
 /// Fails with `NUNET_CLOSED` when it was closed before.
 #[unsafe(no_mangle)]

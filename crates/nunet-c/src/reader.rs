@@ -13,24 +13,24 @@ use crate::frame::{FRAMES, FrameHandle, Set};
 use crate::handle::{Table, locked};
 use crate::status::{Failure, Status, guard};
 
-/// A reader of some of a camera's topics. Calls with one reader come one after the other, whatever threads make them.
+/// A reader of some of a camera's topics. Calls with one reader come one after the other, from whatever threads.
 #[derive(Debug)]
 pub struct ReaderHandle;
 
 static READERS: Table<Reader> = Table::new("reader");
 
-/// The longest sleep between two looks. A late joiner gets its first frame without a wake-up, and a reader that
-/// another thread closes is noticed.
+/// The longest sleep between two attempts. A late subscriber receives its first frame without a wake-up, and a reader may
+/// be closed by another thread.
 const NAP: Duration = Duration::from_millis(100);
 
 /// nunet-ipc does not sleep for less: what is left when a sleep ends by itself is less than this.
 const SHORTEST_NAP: Duration = Duration::from_micros(10);
 
-/// Opens topics of a camera, and tries again until they are there or the time is over.
+/// Opens topics of a camera. Waits for its publisher until the timeout.
 ///
 /// `camera`: the name given to `nunetd --camera`. `topic_bits`: `NUNET_BIT_DEPTH | NUNET_BIT_LABELS | ...`.
-/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that is to end by one asks
-/// with a short time, again and again. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
+/// `timeout_ms`: milliseconds, or `NUNET_FOREVER`. A signal does not end this wait: a program that must react to one
+/// calls this repeatedly with a short timeout. `*reader` is the caller's, to be closed with `nunet_reader_close()`; NULL after a
 /// failure.
 ///
 /// Fails with `NUNET_NOBODY_PUBLISHES` after the timeout, `NUNET_TOO_MANY_READERS`, `NUNET_WRONG_CONTRACT_VERSION`,
@@ -52,10 +52,10 @@ pub unsafe extern "C" fn nunet_reader_open(
     })
 }
 
-/// Sleeps until there may be something new, or the time is over. Only a hint, for programs with a loop of their own:
-/// look for frames whatever it says. `nunet_reader_next()` waits by itself.
+/// Sleeps until there may be a new frame, or the time is over. Only a hint, for programs with their own loop: look for
+/// frames whatever it returns. `nunet_reader_next()` waits by itself.
 ///
-/// `woken` (may be NULL): whether an owner published, came or went. A signal ends the sleep early.
+/// `woken` (may be NULL): whether a publisher sent something, started or ended. A signal ends the sleep early.
 ///
 /// Fails with `NUNET_CLOSED`, also when another thread closes the reader meanwhile; `NUNET_SYSTEM`,
 /// `NUNET_BAD_ARGUMENT`.
@@ -78,14 +78,13 @@ pub extern "C" fn nunet_reader_wait(
     })
 }
 
-/// The newest frame of a topic that was not seen yet; waits for one without burning the processor. Older ones are
-/// passed over.
+/// The newest frame of a topic that was not returned yet. Sleeps until there is one. Older frames are skipped.
 ///
-/// `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 looks and does not wait. `*frame` is the caller's, to be
-/// released with `nunet_frame_release()`; NULL after a failure. The owner lets a reader hold a few frames of a topic
-/// at a time, 2 by default.
+/// `topic`: a `nunet_topic_t`. `timeout_ms`: milliseconds; 0 does not wait. `*frame` is the caller's, to be
+/// released with `nunet_frame_release()`; NULL after a failure. A reader may hold a few frames of a topic at a time,
+/// by default 2.
 ///
-/// Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal's handler ran while it waited;
+/// Fails with `NUNET_TIMEOUT`; `NUNET_INTERRUPTED` when a signal handler ran while it waited;
 /// `NUNET_TOO_MANY_FRAMES_HELD` when there is a frame but the caller holds as many as it may; `NUNET_NO_SUCH_TOPIC`,
 /// `NUNET_BAD_MESSAGE`, `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
@@ -105,7 +104,7 @@ pub extern "C" fn nunet_reader_next(
     })
 }
 
-/// The newest frames of all the reader's topics (but `stats`) that belong together: all of one `sequence` and one
+/// The newest frames of all the reader's topics (but `stats`) that belong together: all with one `sequence` and one
 /// `capture_nanos`. Waits for them as `nunet_reader_next()` does.
 ///
 /// `set->frames[NUNET_TOPIC_...]`: a frame for each topic that was opened, NULL for the others, all NULL after a
@@ -130,7 +129,7 @@ pub extern "C" fn nunet_reader_next_set(
     })
 }
 
-/// Which process publishes a topic. It asks the file system: for the moments when no frames come, not for every one.
+/// The process that publishes a topic. It reads the file system, so call it when no frames arrive, not for every frame.
 ///
 /// `pid` (may be NULL): 0 when there is none. `alive` (may be NULL): false when there is none, or it was killed.
 ///
@@ -152,7 +151,7 @@ pub extern "C" fn nunet_reader_owner(
 }
 
 /// Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_owner()`. A reader that
-/// is not connected need not be opened again: the next owner's frames arrive in it. False for a reader that is closed
+/// is not connected need not be opened again: it receives the frames of the next publisher. False for a reader that is closed
 /// or NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_reader_is_connected(reader: *const ReaderHandle) -> bool {
@@ -165,7 +164,7 @@ pub extern "C" fn nunet_reader_is_connected(reader: *const ReaderHandle) -> bool
         && connected
 }
 
-/// Closes a reader. Its frames stay until they are released. NULL is fine.
+/// Closes a reader. Its frames stay valid until they are released. NULL is allowed.
 ///
 /// Fails with `NUNET_CLOSED` when it was closed before.
 #[unsafe(no_mangle)]
@@ -173,8 +172,8 @@ pub extern "C" fn nunet_reader_close(reader: *mut ReaderHandle) -> Status {
     guard(|| READERS.remove(reader).map(drop))
 }
 
-/// Looks until there is something, the time is over, or a signal comes. The handle is looked up before each sleep, so
-/// that nobody waits with a reader that is closed.
+/// Attempts until there is a result, the time is over, or a signal arrives. The handle is looked up before each sleep, so
+/// that the wait ends when another thread closes the reader.
 fn wait_for<T>(
     handle: *const ReaderHandle,
     timeout_ms: u32,
@@ -217,7 +216,7 @@ fn nap(reader: &Reader, left: Duration) -> Result<Nap, IpcError> {
     })
 }
 
-/// Why nothing came. Who only looks is not made to pay for the reason.
+/// Why no frame arrived. Without a timeout the reason is not looked up, because that takes time.
 fn late(reader: &Reader, timeout: Duration, what: &str) -> Failure {
     let camera = reader.camera();
     if timeout.is_zero() {

@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "exported names")]
-//! What went wrong: a number for the program, a text for people.
+//! Errors: a number for programs, a text for people.
 
 use std::any::Any;
 use std::borrow::Cow;
@@ -11,23 +11,23 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use nunet_ipc::{CameraNameError, IpcError, IpcErrorKind};
 use nunet_types::Hint as _;
 
-/// What a function answers. `NUNET_OK` is 0; everything else is described by `nunet_last_error()`.
+/// What a function returns. `NUNET_OK` is 0; `nunet_last_error()` describes everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub enum Status {
-    /// It worked.
+    /// Success.
     Ok = 0,
-    /// Nothing came in time. The camera may stand still or be gone: `nunet_reader_is_connected()` tells.
+    /// No frame arrived in time. `nunet_reader_is_connected()` returns whether the publisher still runs.
     Timeout = 1,
-    /// A signal ended the waiting.
+    /// A signal ended the wait.
     Interrupted = 2,
-    /// Nobody publishes the camera, or not this topic of it.
+    /// No process publishes the camera, or not this topic of it.
     NobodyPublishes = 3,
     /// The other side speaks another version of the contract.
     WrongContractVersion = 4,
     /// All places for readers of this camera are taken.
     TooManyReaders = 5,
-    /// This reader holds as many frames of the topic as it may: release one, or copy what must live longer.
+    /// This reader holds as many frames of the topic as it may: release one, or copy it.
     TooManyFramesHeld = 6,
     /// As many loans as allowed are open: send or release one.
     TooManyLoans = 7,
@@ -43,15 +43,15 @@ pub enum Status {
     WrongEncoding = 12,
     /// The sender's header contradicts its payload.
     BadMessage = 13,
-    /// An argument is NULL, no text, or outside of its range.
+    /// An argument is NULL, not a UTF-8 string, or out of range.
     BadArgument = 14,
-    /// The handle was closed, released or sent before, or never was one.
+    /// The handle was closed, released or sent before, or is not a handle.
     Closed = 15,
     /// The handle belongs to the process that this one was forked from.
     Forked = 16,
-    /// The system or iceoryx2 refused; the text says what.
+    /// The system or iceoryx2 failed; see the text.
     System = 17,
-    /// A fault in this library. It was stopped here; please report the text.
+    /// A bug in this library. Please report the text.
     Panic = 18,
 }
 
@@ -169,7 +169,7 @@ pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> Status {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(failure)) => failure.remember(),
         Err(panic) => {
-            let message = format!("a fault in libnunet: {}", said(&*panic));
+            let message = format!("bug in libnunet: {}", said(&*panic));
             let failure = Failure::new(Status::Panic, message).hint("please report it");
             std::mem::forget(panic); // a payload's own end may panic again
             failure.remember()
@@ -179,19 +179,19 @@ pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> Status {
 
 fn said(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "of unknown kind".to_owned())
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown panic".to_owned())
 }
 
-/// Why the last call of this thread that failed did so: what, where, expected and got, and mostly a last line
-/// `hint: ...`. UTF-8; empty when none has failed yet. A call that works leaves it as it is.
+/// The error of the last failed call of this thread, usually with a last line `hint: ...`. UTF-8; empty if no call has
+/// failed yet. Successful calls do not change it.
 ///
-/// The text belongs to the library and stays until the next call of this thread fails.
+/// The string belongs to the library and is valid until the next call of this thread fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
 }
 
-/// A status in words, such as `too many readers`; `unknown status` for a number that is none. A static text.
+/// The name of a status, such as `too many readers`; `unknown status` for any other number. A static string.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_status_name(status: i32) -> *const c_char {
     let name = usize::try_from(status).ok().and_then(|index| Status::NAMES.get(index).copied());
@@ -210,9 +210,9 @@ mod tests {
     #[test]
     fn a_panic_becomes_a_status_and_a_text() {
         assert_eq!(guard(|| panic!("{} is odd", 3)), Status::Panic);
-        assert_eq!(last(), "a fault in libnunet: 3 is odd\nhint: please report it");
+        assert_eq!(last(), "bug in libnunet: 3 is odd\nhint: please report it");
         assert_eq!(guard(|| std::panic::panic_any(7_u8)), Status::Panic);
-        assert!(last().contains("of unknown kind"));
+        assert!(last().contains("unknown panic"));
     }
 
     #[test]

@@ -92,7 +92,7 @@ fn tables() -> String {
         ("Stages whose times fit into a header.", "MAX_STAGES", MAX_STAGES.to_string()),
         ("Coefficients that a distortion model may have.", "MAX_COEFFICIENTS", MAX_COEFFICIENTS.to_string()),
         ("Bytes of a stage's name.", "STAGE_NAME_BYTES", STAGE_NAME_BYTES.to_string()),
-        ("The label of a point that no segmentation has seen.", "NO_LABEL", NO_LABEL.to_string()),
+        ("The label of a point that has no class.", "NO_LABEL", NO_LABEL.to_string()),
     ] {
         out += &format!("/** {doc} */\n#define NUNET_{name} {value}\n\n");
     }
@@ -112,11 +112,11 @@ fn tables() -> String {
     }
     out.push_str("} nunet_bit_t;\n\n");
     for (layout, name, doc) in [
-        (HEADER, "header", "What a message says about itself, as it lies in shared memory."),
+        (HEADER, "header", "The header of a message, as it lies in shared memory."),
         (
             STATS,
             "stats",
-            "The daemon's running figures: the ledger of frames, rates, and times in microseconds.\n`captured = published + superseded + failed + in_flight`, always.",
+            "The daemon's stats: counts of frames, rates, and latencies in microseconds.\n`captured = published + superseded + failed + in_flight`, always.",
         ),
         (POINT, "point", "A point of a cloud, in the camera's optical frame: x right, y down, z forward."),
     ] {

@@ -1,12 +1,12 @@
-//! Who besides the own user may read.
+//! Which other users may read.
 //!
-//! iceoryx2 makes all of its files for the user who makes them (its feature for more opens them to everybody, and for
-//! writing). Here they are given to a group once they are made: payload to be read, what readers and owners keep books in
-//! to be written too. Whoever comes in between waits: iceoryx2 takes a file that it may not open yet for one that is
-//! not finished.
+//! iceoryx2 creates its files for one user only; its option for more users opens them to every user, for writing too. Here
+//! the files are given to a group after they were created: payload may be read, and the bookkeeping of readers and
+//! publishers may also be written. A process that arrives in between waits, because iceoryx2 treats a file that it cannot
+//! open yet as one that is not finished.
 //!
-//! An owner shares what it was told to ([`share_with`]). A reader follows: in a folder of iceoryx2's that belongs to a group
-//! it gives what it made itself to that group, because the owner must write there.
+//! A publisher shares with the group of [`share_with`]. A reader follows: if iceoryx2's folder belongs to a group, it gives
+//! its own files to that group, because the publisher must write them.
 
 use std::fs::{DirBuilder, File, Permissions, metadata, read_dir, read_to_string, set_permissions};
 use std::io;
@@ -21,20 +21,20 @@ use crate::error::IpcError;
 use crate::iceoryx::{check_root, config, pid_of, root, shared_memory_prefix};
 use crate::plan::SHARED_MEMORY_FOLDER;
 
-/// Where group names are numbers. Groups of a directory service are not in it: those are given by number.
+/// The list of group names and numbers. Groups of a directory service are not in it; pass those by number.
 const GROUPS: &str = "/etc/group";
 
-/// Of folders: members of the group come and go, and remove what is theirs alone.
+/// Of folders: each member of the group may create files and remove its own.
 const FOLDER_MODE: u32 = 0o1770;
 /// Of a folder before it is given to the group.
 const OWNER_ALL: u32 = 0o700;
-/// What of a folder's mode lets a group in.
+/// The bits of a folder's mode that open it to a group.
 const GROUP_ALL: u32 = 0o070;
-/// Of what both sides write: connections, places in services, sockets of wake-ups.
+/// Of files that both sides write: connections, places in services, sockets for wake-ups.
 const BOOKS_MODE: u32 = 0o660;
-/// Of what says what a service is.
+/// Of the files that describe services.
 const RECORD_MODE: u32 = 0o440;
-/// Of payload where nothing else was said: the group reads.
+/// Of payload by default: the group reads.
 const PAYLOAD_MODE: u32 = 0o640;
 
 const OWNER_MAY_READ: u32 = 0o400;
@@ -44,7 +44,7 @@ const OWNER_MAY_WRITE: u32 = 0o200;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Access {
     gid: u32,
-    /// `None`: payload stays as it is.
+    /// `None`: the mode of payload does not change.
     payload_mode: Option<u32>,
 }
 
@@ -61,10 +61,11 @@ impl Access {
         Ok(Self { gid: gid.ok_or_else(unknown)?, payload_mode: Some(PAYLOAD_MODE) })
     }
 
-    /// Another mode of the payload than 0640: 0660 lets the group write it as well.
+    /// Sets the mode of payload: 0640, or 0660 to let the group write it as well.
     ///
     /// # Errors
-    /// [`IpcError::AccessMode`]: everything else. Strangers cannot read payload alone: a reader must write the books.
+    /// [`IpcError::AccessMode`] for any other mode. Other users cannot get read access alone: a reader must write the
+    /// bookkeeping.
     pub fn with_mode(self, mode: u32) -> Result<Self, IpcError> {
         match mode {
             0o640 | 0o660 => Ok(Self { payload_mode: Some(mode), ..self }),
@@ -72,17 +73,18 @@ impl Access {
         }
     }
 
-    /// The group of iceoryx2's folder, where it was opened to one.
+    /// The group of iceoryx2's folder, if it was opened to one.
     fn of_folder() -> Option<Self> {
         let folder = metadata(root()).ok()?;
         let is_shared = folder.mode() & GROUP_ALL == GROUP_ALL;
         is_shared.then(|| Self { gid: folder.gid(), payload_mode: None })
     }
 
-    /// The mode that a file of this name and mode is to have; `None` for what is not finished or stays as it is.
+    /// The mode that a file of this name and mode must get; `None` for files that are not finished or do not change.
     ///
-    /// Signs of life stay: who could see that a process of another user is dead would try to clean up after it, be
-    /// stopped by the sticky bit of `/dev/shm` half-way, and leave what neither works nor can be mended.
+    /// The files that show whether a process lives are not shared. A process that could see that another user's process is
+    /// dead would try to clean up after it. The sticky bit of `/dev/shm` would stop it halfway, and leave a service that
+    /// neither works nor can be repaired.
     fn mode_of(self, name: &str, mode: u32) -> Option<u32> {
         let (_, kind) = name.rsplit_once('.')?;
         let is_filled = mode & OWNER_MAY_READ != 0;
@@ -95,17 +97,17 @@ impl Access {
         }
     }
 
-    /// Gives a file of ours to the group; others' files are theirs to give.
+    /// Gives a file of this user to the group; does nothing for files of other users.
     fn give(self, path: &Path) -> Result<(), IpcError> {
         match self.try_give(path) {
-            // Its owner has ended meanwhile.
+            // Its process has ended meanwhile.
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(source) => Err(IpcError::Access { path: path.to_owned(), gid: self.gid, source }),
             Ok(()) => Ok(()),
         }
     }
 
-    /// By a descriptor that follows no link: in a folder that others write, a name may lead elsewhere a moment later.
+    /// Uses a descriptor that follows no link: other users can write to the folder and could replace the name.
     fn try_give(self, path: &Path) -> io::Result<()> {
         let flags = OFlags::PATH | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let file = File::from(rustix::fs::open(path, flags, Mode::empty())?);
@@ -129,7 +131,7 @@ impl Access {
         Ok(())
     }
 
-    /// iceoryx2's folders. Those of another user must have been opened by that user.
+    /// Creates iceoryx2's folders and opens them to the group. Those of another user must have been opened by that user.
     fn open_folders(self) -> Result<(), IpcError> {
         for folder in folders() {
             let made = DirBuilder::new().mode(OWNER_ALL).create(&folder);
@@ -163,8 +165,8 @@ impl Access {
     }
 }
 
-/// From now on, what this process publishes may be read by a group: its payload by reading alone, as far as the kernel
-/// can say. For a whole process, before its first publisher or reader; a second call changes nothing.
+/// Lets a group read what this process publishes from now on. Call it before the first publisher or reader; a second call
+/// changes nothing.
 ///
 /// # Errors
 /// [`IpcError::Access`] where this user may not give files to that group, [`IpcError::FolderOfOthers`].
@@ -174,7 +176,7 @@ pub fn share_with(access: Access) -> Result<(), IpcError> {
     Ok(())
 }
 
-/// Whether iceoryx2's folder may be used, and by whom; a line for people.
+/// Checks that this user may use iceoryx2's folder. Returns one line for people.
 ///
 /// # Errors
 /// [`IpcError::NoAccess`].
@@ -194,10 +196,10 @@ pub fn check_folder() -> Result<String, IpcError> {
     })
 }
 
-/// Who may read and write the payload that lies in shared memory now; a line for people.
+/// Checks that not every user may write the payload in shared memory. Returns one line for people.
 ///
 /// # Errors
-/// [`IpcError::PayloadOpen`]: everybody may write some of it.
+/// [`IpcError::PayloadOpen`] if every user may write some of it.
 pub fn check_files() -> Result<String, IpcError> {
     const OTHERS_WRITE: u32 = 0o002;
     let prefix = shared_memory_prefix();
@@ -222,32 +224,32 @@ pub fn check_files() -> Result<String, IpcError> {
     Ok(format!("{count} segments of payload, read by {}, written by {}", told(readers), told(writers)))
 }
 
-/// Gives what an owner has made by now to the group that [`share_with`] named: files with the process' number in one of
-/// their ids, and what belongs to its services, which may be older than the process.
+/// Gives the files that a publisher has created so far to the group of [`share_with`]: those with the process id in one of
+/// their ids, and those of its services, which may be older than the process.
 pub(crate) fn share_published(services: &[u128], records: &[PathBuf]) -> Result<(), IpcError> {
     let Some(&access) = SHARED.get() else { return Ok(()) };
     access.give_own(services)?;
     records.iter().try_for_each(|record| access.give(record))
 }
 
-/// Gives what a reader has made by now to the group of iceoryx2's folder, if it is open to one: the owner writes there.
+/// Gives the files that a reader has created so far to the group of iceoryx2's folder, if it is open to one.
 pub(crate) fn share_read() -> Result<(), IpcError> {
     let access = SHARED.get().copied().or_else(Access::of_folder);
     access.map_or(Ok(()), |access| access.give_own(&[]))
 }
 
-/// Whether what this process makes is shared with a group.
+/// Whether the files of this process are shared with a group.
 pub(crate) fn is_shared() -> bool {
     SHARED.get().is_some() || Access::of_folder().is_some()
 }
 
-/// Where iceoryx2 keeps files that are no memory.
+/// The folders of iceoryx2's files that are not memory.
 fn folders() -> [PathBuf; 3] {
     let global = &config().global;
     [root(), PathBuf::from(global.service_dir().to_string()), PathBuf::from(global.node_dir().to_string())]
 }
 
-/// Paths and names in a folder; none where it is no folder.
+/// Paths and names in a folder; empty if there is no such folder.
 fn entries(folder: &Path) -> impl Iterator<Item = (PathBuf, String)> + use<> {
     let entries = read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| Some((entry.path(), entry.file_name().into_string().ok()?)))

@@ -19,7 +19,7 @@ use nunet_types::Topic;
 
 use crate::contract::{BLOCK_BYTES, FrameHeader, blocks_for};
 
-/// One topic that an owner publishes.
+/// One topic of a publisher.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TopicPlan {
     /// The topic.
@@ -29,7 +29,7 @@ pub struct TopicPlan {
 }
 
 /// How many may read, and how much each may hold. Memory is reserved for all of them at once, so that no reader,
-/// however slow, can take a chunk that the owner or another reader needs.
+/// however slow, can take a chunk that the publisher or another reader needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Readers of each topic other than the cloud.
@@ -38,7 +38,7 @@ pub struct Limits {
     pub max_cloud_readers: usize,
     /// Frames of a topic that one reader may hold at a time: the one it works on and the one that comes next.
     pub max_held_frames: usize,
-    /// Frames of a topic that the owner may fill at a time.
+    /// Frames of a topic that the publisher may fill at a time.
     pub max_loans: usize,
 }
 
@@ -55,12 +55,12 @@ impl Limits {
         }
     }
 
-    /// Chunks that a topic needs so that a loan never fails while the owner keeps to `max_loans`.
+    /// Chunks that a topic needs so that a loan never fails while the publisher keeps to `max_loans`.
     ///
-    /// A chunk is in use when a reader holds it (`readers * held`), when it is the newest frame, or when the owner
+    /// A chunk is in use when a reader holds it (`readers * held`), when it is the newest frame, or when the publisher
     /// fills it. Every reader's queue is one frame long, is overwritten by every send, and so holds nothing but the
-    /// newest frame, which is also the one kept for late joiners: one chunk for all of them. iceoryx2's own figure
-    /// counts a chunk more for each reader, because it allows for queues that hold different frames.
+    /// newest frame, which is also the one kept for late joiners: one chunk for all of them. iceoryx2's own count
+    /// has a chunk more for each reader, because it allows for queues that hold different frames.
     #[must_use]
     pub const fn chunks_of(&self, topic: Topic) -> usize {
         self.readers_of(topic) * self.max_held_frames + 1 + self.max_loans
@@ -84,7 +84,7 @@ pub struct TopicReservation {
     pub bytes: u64,
 }
 
-/// The shared memory that an owner needs, before it is created.
+/// The shared memory that a publisher needs, before it is created.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reservation {
     /// Each topic's share.

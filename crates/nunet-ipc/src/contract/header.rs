@@ -2,7 +2,7 @@
     unsafe_code,
     reason = "iceoryx2 asks for an unsafe promise that a type may cross process boundaries"
 )]
-//! What travels in front of every payload.
+//! The header in front of every payload.
 
 use std::borrow::Cow;
 
@@ -27,7 +27,7 @@ pub const MAX_STAGES: usize = 16;
 pub const HEADER_TYPE_NAME: &str = "nunet.v1.FrameHeader";
 
 contract_struct! {
-    /// What a message says about itself.
+    /// The header of a message.
     ///
     /// Plain numbers in native order, so that C, Python and a recording read it as it lies. Words are numbers here
     /// ([`nunet_types`]): read them through the methods, which refuse numbers without a meaning.
@@ -38,9 +38,9 @@ contract_struct! {
         pub topic: u32,
         /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
         pub sequence: u64,
-        /// When the picture was taken, nanoseconds of `capture_clock`: the same in every topic of one frame.
+        /// The capture time, in nanoseconds of `capture_clock`: the same in every topic of one frame.
         pub capture_nanos: i64,
-        /// When the picture was taken, nanoseconds since 1970-01-01 UTC; 0 when unknown.
+        /// The capture time, in nanoseconds since 1970-01-01 UTC; 0 when unknown.
         pub capture_unix_nanos: i64,
         /// When this message was sent, nanoseconds of `CLOCK_MONOTONIC`.
         pub publish_nanos: i64,
@@ -66,7 +66,7 @@ contract_struct! {
         pub fx: f64,
         /// Focal length in pixels, vertically.
         pub fy: f64,
-        /// Principal point in pixels; the middle of the first pixel is 0.
+        /// Principal point in pixels; the center of the first pixel is 0.
         pub cx: f64,
         /// Principal point in pixels, vertically.
         pub cy: f64,
@@ -76,7 +76,7 @@ contract_struct! {
         pub distortion_model: u32,
         /// How many of `stage_micros` are in use; the stages' names are in the `stats` topic.
         pub stage_count: u32,
-        /// SHA-256 of the model; zeros in a camera's own pictures.
+        /// SHA-256 of the model; zeros in a camera's own images.
         pub model_hash: [u8; 32],
         /// Microseconds that each stage took for this frame.
         pub stage_micros: [u32; MAX_STAGES],
@@ -100,7 +100,7 @@ unsafe impl ZeroCopySend for FrameHeader {
 }
 
 impl Default for FrameHeader {
-    /// All zero but the version: a picture of nothing, taken never, by an unknown camera.
+    /// All zero except the version.
     fn default() -> Self {
         Self {
             contract_version: CONTRACT_VERSION,
@@ -179,7 +179,7 @@ impl FrameHeader {
         &self.stage_micros[..(self.stage_count as usize).min(MAX_STAGES)]
     }
 
-    /// Sets the stages' times; those beyond [`MAX_STAGES`] are left out.
+    /// Sets the stages' times; those beyond [`MAX_STAGES`] are dropped.
     pub fn set_stages(&mut self, micros: impl IntoIterator<Item = u32>) {
         self.stage_micros = [0; MAX_STAGES];
         self.stage_count = 0;
@@ -196,7 +196,7 @@ impl FrameHeader {
         (self.sequence, self.capture_nanos)
     }
 
-    /// When the picture was taken, nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or where that is 0, what
+    /// The capture time in nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or where that is 0, what
     /// `capture_clock` says. A position in a recording says nothing about the time of day: it is now.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
@@ -211,7 +211,7 @@ impl FrameHeader {
         }
     }
 
-    /// Nanoseconds since the picture was taken: by the monotonic clock where the camera uses it, which nobody sets, else
+    /// Nanoseconds since capture: by the monotonic clock where the camera uses it, because nobody sets that clock, otherwise
     /// by the time of day. `None` where neither is known.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and

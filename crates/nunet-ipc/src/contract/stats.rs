@@ -14,7 +14,7 @@ pub const STAGE_NAME_BYTES: usize = 32;
 pub const STATS_TYPE_NAME: &str = "nunet.v1.StatsRecord";
 
 contract_struct! {
-    /// The daemon's running figures: the ledger of frames, rates, and times in microseconds.
+    /// The daemon's stats: counts of frames, rates, and latencies in microseconds.
     ///
     /// `captured = published + superseded + failed + in_flight`, always.
     StatsRecord, 2560 bytes {
@@ -36,9 +36,9 @@ contract_struct! {
         pub fps: f64,
         /// Mean bytes copied between the camera's memory and the network's input, a frame.
         pub bytes_copied_per_frame: f64,
-        /// Mean heap allocations of our crates, a frame; NaN when nobody counts.
+        /// Mean heap allocations of our crates, a frame; NaN when they are not counted.
         pub allocations_per_frame: f64,
-        /// Time from the picture's arrival at the daemon to publication: the median.
+        /// The median time from the image's arrival at the daemon to publication.
         pub total_p50_us: f64,
         /// Nine of ten frames were faster.
         pub total_p90_us: f64,
@@ -72,7 +72,7 @@ contract_struct! {
 }
 
 impl Default for StatsRecord {
-    /// No frames, no stages, and nobody counting allocations.
+    /// No frames and no stages; allocations are not counted.
     fn default() -> Self {
         Self {
             contract_version: CONTRACT_VERSION,
@@ -111,7 +111,7 @@ impl StatsRecord {
         self.stage_names[..count].iter().map(|name| text(name))
     }
 
-    /// Sets the stages' names; those beyond [`MAX_STAGES`] are left out, long ones cut.
+    /// Sets the stages' names; those beyond [`MAX_STAGES`] are dropped, long ones cut.
     pub fn set_stage_names<'a>(&mut self, names: impl IntoIterator<Item = &'a str>) {
         self.stage_names = [[0; STAGE_NAME_BYTES]; MAX_STAGES];
         self.stage_count = 0;

@@ -13,13 +13,13 @@ use crate::iceoryx::Iceoryx;
 
 /// One message, in shared memory, read-only.
 ///
-/// It stays as it is for as long as this value lives, also after the reader and the owner are gone, and keeps its
+/// It does not change for as long as this value lives, also after the reader and the publisher have ended, and keeps its
 /// reader's place in the service until then. `Send`: it may be handed to another thread.
 #[derive(Debug)]
 pub struct Frame {
     // Given back before the port may end: the order of the fields.
     sample: Sample<Iceoryx, [Block64], FrameHeader>,
-    // When a port ends, the owner takes back every chunk that went through it, whether or not a sample still points
+    // When a port ends, the publisher takes back every chunk that went through it, whether or not a sample still points
     // there. So each frame keeps its port.
     _port: Arc<Port>,
     topic: Topic,
