@@ -8,7 +8,7 @@ use crate::rust_source::{is_test_file, without_tests};
 const MAX_LINES: usize = 400;
 
 /// Of everything below `models/` together.
-const MAX_MODEL_BYTES: usize = 80_000_000;
+const MAX_MODEL_BYTES: usize = 110_000_000;
 
 /// Where copies of some of them lie, which the Python package brings: git keeps the same bytes once.
 const COPIES: &str = "crates/nunet-py/python/nunet_py/models/";
@@ -56,7 +56,7 @@ fn a_long_file_is_found_and_its_tests_do_not_count() {
 }
 
 #[test]
-fn the_models_in_git_take_80_mb_at_most_and_other_files_5_mb() {
+fn the_models_in_git_take_110_mb_at_most_and_other_files_5_mb() {
     let files = repository::files();
     assert_none(&too_heavy(files.iter().map(|file| (file.path.as_str(), file.bytes.len()))));
 }
