@@ -1,4 +1,4 @@
-//! What the daemon itself reads: pipes, configurations, pictures.
+//! What the daemon itself reads: pipes, configurations, images.
 
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -8,7 +8,7 @@ use nunet_daemon::cli::Cli;
 use nunet_daemon::fuzzing;
 use nunet_daemon::source::{Fill, Frame, Source};
 
-/// No sound pipe of a few kilobytes has more pictures.
+/// No valid pipe of a few kilobytes has more images.
 const MAX_PICTURES: usize = 100_000;
 
 /// Y4M on stdin.
@@ -16,7 +16,7 @@ pub fn y4m(data: &[u8]) {
     drain(fuzzing::pipe(data.to_vec(), None));
 }
 
-/// Raw pictures on stdin; the first byte chooses what they are said to be.
+/// Raw images on stdin; the first byte chooses their format.
 pub fn raw(data: &[u8]) {
     const FORMATS: [PixelFormat; 5] =
         [PixelFormat::Rgb8, PixelFormat::Bgr8, PixelFormat::Mono8, PixelFormat::Yuyv, PixelFormat::Nv12];
@@ -26,11 +26,11 @@ pub fn raw(data: &[u8]) {
 }
 
 fn drain(opened: anyhow::Result<Box<dyn Source>>) {
-    let mut pipe = opened.expect("a pipe is told to be bad by its first picture");
+    let mut pipe = opened.expect("an invalid pipe is refused at its first image");
     let mut frame = Frame::default();
     for _ in 0..MAX_PICTURES {
         match pipe.fill(&mut frame) {
-            Fill::Frame => assert!(frame.view().is_ok(), "a picture's bytes are those of its size"),
+            Fill::Frame => assert!(frame.view().is_ok(), "an image has the bytes of its size"),
             Fill::Nothing => {}
             Fill::End => return,
             Fill::Cut(error) | Fill::Broken(error) => return told(&format!("{error:#}")),
@@ -56,7 +56,7 @@ pub fn picture(data: &[u8]) {
     let mut frame = Frame { file: data.to_vec(), ..Frame::default() };
     match fuzzing::decode(&mut frame) {
         Err(error) => told(&format!("{error:#}")),
-        Ok(()) => assert!(frame.view().is_ok(), "a picture's bytes are those of its size"),
+        Ok(()) => assert!(frame.view().is_ok(), "an image has the bytes of its size"),
     }
 }
 

@@ -1,4 +1,4 @@
-//! MCAP files: container, CDR, protobuf, JSON, pictures and cameras.
+//! MCAP files: container, CDR, protobuf, JSON, images and cameras.
 
 use std::io::Write as _;
 
@@ -7,7 +7,7 @@ use nunet_mcap::{Encoding, Next, Picture, Recording, RecordingError};
 /// No sound file of a few kilobytes has more; a chunk that unfolds to millions may end here.
 const MAX_STEPS: usize = 100_000;
 
-/// Reads every picture and the camera of a file, once as pictures and once as depth.
+/// Reads every image and the camera of a file, once as images and once as depth.
 pub fn recording(data: &[u8]) {
     let mut file = tempfile::NamedTempFile::new().expect("there is room for a small file");
     file.write_all(data).expect("there is room for a small file");
@@ -22,11 +22,11 @@ fn read(opened: Result<Recording, RecordingError>) {
     };
     let first = drain(&mut recording);
     if recording.rewind().is_ok() {
-        assert_eq!(drain(&mut recording), first, "the same file again gives the same pictures");
+        assert_eq!(drain(&mut recording), first, "reading a file twice gives the same images");
     }
 }
 
-/// How many pictures there were, good and bad.
+/// The number of images, valid and invalid.
 fn drain(recording: &mut Recording) -> (u64, u64) {
     let mut picture = Picture::default();
     let (mut good, mut bad) = (0, 0);
@@ -51,9 +51,9 @@ fn drain(recording: &mut Recording) -> (u64, u64) {
     (good, bad)
 }
 
-/// What a picture says of itself is true of its bytes.
+/// Checks that an image's description matches its bytes.
 fn check(picture: &Picture) {
-    let encoding = picture.encoding.expect("a picture that was read has an encoding");
+    let encoding = picture.encoding.expect("an image that was read has an encoding");
     let rows = picture.height as usize * picture.row_stride as usize;
     match encoding {
         Encoding::File => assert!(picture.data.len() > 3),

@@ -1,4 +1,4 @@
-//! Counts what a thread takes from the heap, for tests that say "nothing".
+//! Counts heap allocations of a thread, for tests that assert there are none.
 #![expect(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -9,12 +9,12 @@ thread_local! {
     static COUNT: Cell<u64> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting. A test binary installs it with `#[global_allocator]`; what a C or C++ library
-/// takes does not pass through here.
+/// The system's allocator with a counter. A test binary installs it with `#[global_allocator]`. Allocations of C and C++
+/// libraries are not counted.
 #[derive(Debug)]
 pub struct CountingAllocator;
 
-/// Allocations of the calling thread while `work` runs; 0 where [`CountingAllocator`] is not installed.
+/// Allocations of the calling thread while `work` runs; 0 if [`CountingAllocator`] is not installed.
 pub fn allocations_during(work: impl FnOnce()) -> u64 {
     let before = COUNT.get();
     work();

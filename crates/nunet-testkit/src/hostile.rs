@@ -1,4 +1,4 @@
-//! Rubbish for parsers: files that were cut off anywhere, and copies with damaged bytes, the same ones each time.
+//! Damaged input for parsers: truncated files, and copies with damaged bytes. Deterministic.
 //!
 //! `NUNET_SWEEP=N` asks for N copies of each file instead of the few of an ordinary test, and for every cut.
 
@@ -9,12 +9,12 @@ use std::path::Path;
 const COPIES: u64 = 150;
 /// Cuts of each file in an ordinary test. A file that is not longer is cut at every byte.
 const CUTS: usize = 500;
-/// The most damages of one copy.
+/// The most damages in one copy.
 const DAMAGES: u64 = 4;
-/// Failures that are told; one fault often has hundreds.
+/// The most failures that are reported; one fault often has hundreds.
 const TOLD: usize = 5;
 
-/// Numbers that follow from a seed: splitmix64, which needs no state but its counter.
+/// Pseudorandom numbers from a seed: splitmix64.
 #[derive(Debug, Clone)]
 pub struct Chance(u64);
 
@@ -34,19 +34,19 @@ impl Chance {
         mixed ^ (mixed >> 31)
     }
 
-    /// A number below `end`; 0 where there is none.
+    /// A number below `end`; 0 if `end` is 0.
     pub fn below(&mut self, end: usize) -> usize {
         (self.next() % (end as u64).max(1)) as usize
     }
 }
 
-/// How many copies `NUNET_SWEEP` asks for.
+/// The number of copies in `NUNET_SWEEP`.
 fn asked() -> Option<u64> {
     let text = std::env::var("NUNET_SWEEP").ok().filter(|text| !text.is_empty())?;
     Some(text.parse().unwrap_or_else(|_| panic!("NUNET_SWEEP is `{text}`; expected a number of copies")))
 }
 
-/// A copy with one to four damages: bits, bytes and whole numbers that are wrong, slices that are missing or twice.
+/// A copy with one to four damages: wrong bits, bytes and integers, missing or repeated slices.
 #[must_use]
 pub fn damaged(whole: &[u8], seed: u64) -> Vec<u8> {
     let mut chance = Chance::new(seed);
@@ -81,10 +81,10 @@ fn damage(bytes: &mut Vec<u8>, chance: &mut Chance) {
     }
 }
 
-/// Hands the file, its cuts and damaged copies of it to `take`, which must not panic whatever it is given.
+/// Passes the file, truncated files and damaged copies to `take`, which must not panic.
 ///
 /// # Panics
-/// Where `take` did, with the cut or the seed of the first few inputs that made it.
+/// If `take` does, with the length or the seed of the first few inputs for which it did.
 pub fn sweep(name: &str, whole: &[u8], mut take: impl FnMut(&[u8])) {
     take(whole);
     let mut failures = Vec::new();
@@ -107,7 +107,7 @@ pub fn sweep(name: &str, whole: &[u8], mut take: impl FnMut(&[u8])) {
     assert!(failures.is_empty(), "{name}: {count} inputs failed, the first:\n{}", failures.join("\n"));
 }
 
-/// Leaves a good file for a fuzz target to begin with, in the folder that `NUNET_CORPUS` names (`fuzz/corpus`).
+/// Writes a valid file as a seed of a fuzz target, into the folder in `NUNET_CORPUS` (`fuzz/corpus`).
 ///
 /// # Panics
 /// The folder cannot be written.
@@ -120,8 +120,7 @@ pub fn keep_for_fuzzing(target: &str, name: &str, bytes: &[u8]) {
     written.unwrap_or_else(|error| panic!("cannot write into `{}`: {error}", folder.display()));
 }
 
-/// Texts that are small and ask for much: nesting as deep as a stack, names and numbers without an end, aliases that
-/// unfold.
+/// Small texts that are expensive to parse: deep nesting, endless names and numbers, aliases that expand.
 #[must_use]
 pub fn greedy_texts() -> Vec<String> {
     const DEEP: usize = 30_000;

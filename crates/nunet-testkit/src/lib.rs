@@ -1,7 +1,7 @@
-//! What the tests of several crates share: small ONNX files built in memory, and the way to the test library.
+//! Shared by the tests of several crates: small ONNX files built in memory, and the path of ONNX Runtime.
 //!
-//! [`allocations`] counts what a thread takes from the heap; [`hostile`] damages files. Read [`onnx`] for the builder and
-//! [`models`] for the ready-made networks whose answers fit in one's head.
+//! [`allocations`] counts heap allocations of a thread; [`hostile`] damages files; [`onnx`] builds ONNX files; [`models`] has
+//! networks whose results can be computed by hand.
 
 pub mod allocations;
 pub mod hostile;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// The ONNX Runtime that tests load: `ORT_DYLIB_PATH`, else the copy in the cache that `cargo xtask setup` fills.
 ///
 /// # Panics
-/// Where there is none: a missing fixture fails a test, it never skips it.
+/// If there is none. A missing fixture fails a test; it is never skipped.
 #[must_use]
 pub fn runtime_library() -> PathBuf {
     let library = std::env::var_os("ORT_DYLIB_PATH").map_or_else(cached_library, PathBuf::from);

@@ -6,8 +6,8 @@
 //! | [`wnet`], plain | labels = the brightest channel; depth as [`unet`]'s |
 //! | [`wnet`], connected | labels as above; depth = [`unet`]'s + r / 32 |
 //! | [`refine_stage`] | depth = 2 x coarse (+ g / 32 where connected) |
-//! | [`trail_stage`] | trail_out = trail_in / 2 + r / 32, remembered as the next frame's trail_in |
-//! | [`remembering`] | depth = [`unet`]'s + trail_in, with the memory of [`trail_stage`] |
+//! | [`trail_stage`] | trail_out = trail_in / 2 + r / 32, state, the next frame's trail_in |
+//! | [`remembering`] | depth = [`unet`]'s + trail_in, with the state of [`trail_stage`] |
 
 use crate::onnx::{ElementType, ModelBuilder};
 
@@ -17,7 +17,7 @@ pub type Size = (u32, u32);
 /// Weights of the depth head for the channels r, g, b of the image or of the logits.
 const DEPTH_WEIGHTS: [f32; 3] = [1.0 / 64.0, 2.0 / 64.0, 3.0 / 64.0];
 const DEPTH_BIAS: f32 = 0.5;
-/// What the picture adds where the second component sees it as well.
+/// What the image adds if the second component takes it as well.
 const CONNECTED_WEIGHT: f32 = 1.0 / 32.0;
 
 /// The depth that [`unet`] and the plain [`wnet`] give for a pixel.
@@ -103,15 +103,15 @@ pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
     let model = if connected {
         model
             .constant_f32("green", &[1, 3, 1, 1], &[0.0, CONNECTED_WEIGHT, 0.0])
-            .node("Conv", &["planes", "green"], &["from_picture"], &[])
-            .node("Add", &["doubled", "from_picture"], &["depth"], &[])
+            .node("Conv", &["planes", "green"], &["from_image"], &[])
+            .node("Add", &["doubled", "from_image"], &["depth"], &[])
     } else {
         model
     };
     describe(model.output("depth", ElementType::F32, &planes(1, size)), "nunet3_c", true)
 }
 
-/// What [`trail_stage`] and [`remembering`] say of their memory: `trail` `[1, 1, H, W]`, and `count` `[1]`, the frames
+/// The `nunet.state` of [`trail_stage`] and [`remembering`]: `trail` `[1, 1, H, W]`, and `count` `[1]`, the frames
 /// since it began.
 #[must_use]
 pub fn trail_state((width, height): Size) -> String {
@@ -127,7 +127,7 @@ pub fn next_trail(trail: f32, [r, _, _]: [u8; 3]) -> f32 {
     trail / 2.0 + f32::from(r) * CONNECTED_WEIGHT
 }
 
-/// One component with a memory, `rgb` to `depth`.
+/// One recurrent component, `rgb` to `depth`.
 #[must_use]
 pub fn remembering(size: Size) -> ModelBuilder {
     let model = trail(image_planes(size), size)
@@ -139,7 +139,7 @@ pub fn remembering(size: Size) -> ModelBuilder {
     describe(model, "unet_lstm", false)
 }
 
-/// A first stage with a memory, `rgb` to nothing but what it remembers. It is described by `nunet.state` alone.
+/// A recurrent first stage, `rgb` to its state. It has no metadata except `nunet.state`.
 #[must_use]
 pub fn trail_stage(size: Size) -> ModelBuilder {
     trail(image_planes(size), size)
@@ -214,12 +214,12 @@ fn depth_head(model: ModelBuilder, features: &str, size: Size) -> ModelBuilder {
         .output("depth", ElementType::F32, &planes(1, size))
 }
 
-fn connected_depth_head(model: ModelBuilder, picture: &str, features: &str, size: Size) -> ModelBuilder {
+fn connected_depth_head(model: ModelBuilder, image: &str, features: &str, size: Size) -> ModelBuilder {
     let [r, g, b] = DEPTH_WEIGHTS;
     model
         .constant_f32("weights", &[1, 6, 1, 1], &[CONNECTED_WEIGHT, 0.0, 0.0, r, g, b])
         .constant_f32("bias", &[1], &[DEPTH_BIAS])
-        .node("Concat", &[picture, features], &["both"], &[("axis", 1.into())])
+        .node("Concat", &[image, features], &["both"], &[("axis", 1.into())])
         .node("Conv", &["both", "weights", "bias"], &["depth"], &[])
         .output("depth", ElementType::F32, &planes(1, size))
 }

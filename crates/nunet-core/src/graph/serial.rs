@@ -12,7 +12,7 @@ use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Stag
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
 use crate::graph::state::State;
-use crate::graph::wiring::{Source, Wired, WiredStage, is_due};
+use crate::graph::wiring::{Source, Wired, WiredExtra, WiredStage, is_due};
 use crate::graph::{GraphError, Provider, Runtime, TensorSpec};
 use crate::model::ModelDescription;
 use crate::preprocess::TensorFormat;
@@ -85,11 +85,8 @@ impl SerialGraph {
         float_input: Option<TensorFormat>,
     ) -> Result<Self, GraphError> {
         let spec = |index: usize| plan.tensors[index].clone();
-        let depth_spec = TensorSpec {
-            shape: vec![1, 1, i64::from(plan.size.1), i64::from(plan.size.0)],
-            ..spec(plan.depth)
-        };
         let is_resized = plan.depth_size != plan.size;
+        let depth_spec = TensorSpec { shape: plan.depth_shape(is_resized), ..spec(plan.depth) };
         let mut graph = Self {
             description,
             stages,
@@ -97,7 +94,7 @@ impl SerialGraph {
             float_input,
             sessions,
             image: CallerTensor::new("image", plan.image.clone()),
-            depth: CallerTensor::new("depth", if is_resized { depth_spec } else { spec(plan.depth) }),
+            depth: CallerTensor::new("depth", depth_spec),
             depth_resize: is_resized.then(|| DepthResize::new(plan.depth_size, plan.size)),
             labels: plan.labels.map(|index| CallerTensor::new("labels", spec(index))),
             own: OwnTensors::new(&State::with_buffers(&plan))?,
@@ -121,14 +118,13 @@ impl SerialGraph {
         self.plan.extras.iter().any(|extra| extra.value.needs_camera())
     }
 
-    /// Writes the extra inputs: all for a camera, the constants without one.
+    /// Writes the extra inputs: all of them for a camera, the constants without one.
     fn feed_extra_inputs(&mut self, camera: Option<&Intrinsics>) {
-        let none = Intrinsics::new(1.0, 1.0, 0.0, 0.0, 1, 1).expect("these numbers are those of a camera");
-        for (index, extra) in self.plan.extras.iter().enumerate() {
-            if extra.value.needs_camera() && camera.is_none() {
-                continue;
-            }
-            if let Some(bytes) = extra.bytes(camera.unwrap_or(&none)) {
+        let placeholder =
+            Intrinsics::new(1.0, 1.0, 0.0, 0.0, 1, 1).expect("these numbers are those of a camera");
+        let is_fed = |extra: &WiredExtra| camera.is_some() || !extra.value.needs_camera();
+        for (index, extra) in self.plan.extras.iter().enumerate().filter(|(_, extra)| is_fed(extra)) {
+            if let Some(bytes) = extra.bytes(camera.unwrap_or(&placeholder)) {
                 self.own.write(State::extra_index(&self.plan, index), &bytes);
             }
         }

@@ -51,6 +51,16 @@ impl Unwired<'_> {
     }
 }
 
+impl Wired {
+    /// The shape of the caller's depth map: that of the image if depth is resized, else the file's own.
+    pub(in crate::graph) fn depth_shape(&self, is_resized: bool) -> Vec<i64> {
+        match is_resized {
+            true => vec![1, 1, i64::from(self.size.1), i64::from(self.size.0)],
+            false => self.tensors[self.depth].shape.clone(),
+        }
+    }
+}
+
 fn mismatch(role: &'static str, given: &TensorSpec, expected: &str, size: (u32, u32)) -> WiringError {
     WiringError::Result {
         role,
