@@ -53,7 +53,7 @@ pub(crate) fn dev_package() -> Result<()> {
     fs::create_dir_all(&folder).with_context(|| format!("cannot create `{}`", folder.display()))?;
     let package = folder.join(format!("nunet-dev_{VERSION}-1_{}.deb", layout.architecture));
     let mut pack = Command::new("dpkg-deb");
-    run(pack.args(["--root-owner-group", "--build"]).arg(&stage).arg(&package))?;
+    run(pack.args(["--root-owner-group", "-Zgzip", "--build"]).arg(&stage).arg(&package))?;
     say(&format!("deb: {}", package.display()));
     Ok(())
 }

@@ -147,6 +147,7 @@ fn frames(output: &Output) -> Vec<Value> {
 
 // One test: payload is found by its owner, who must not have two daemons at once.
 #[test]
+#[ignore = "needs root: it becomes other users; `cargo xtask test` runs it as root"]
 fn the_group_reads_and_cannot_write_and_nobody_else_does_either() {
     let world = World::new();
 
