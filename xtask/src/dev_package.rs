@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result};
 use crate::paths;
 use crate::run::{cargo, run, say};
 
-/// Installs headers, libraries, pkg-config file and CMake package.
+/// Installs headers, libraries and the files for pkg-config and `CMake`.
 const INSTALL: &str = "crates/nunet-c/install.sh";
 const STAGE: &str = "build/deb-dev";
 
