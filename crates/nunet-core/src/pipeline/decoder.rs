@@ -9,7 +9,7 @@ pub(super) struct Decoder {
     encoding: DepthEncoding,
     output: OutputScale,
     range: DepthRange,
-    /// Not for foreign networks, whose borders were not measured.
+    /// Not for untrained and foreign networks, whose borders were not measured.
     border: Option<BorderFill>,
     pub(super) scale: Scale,
     /// Points of the cloud farther from the camera have no coordinates.
@@ -25,7 +25,8 @@ impl Decoder {
         let model_max_m =
             if encoding.is_metric() { range.max_m() * scale.focal_factor } else { f32::INFINITY };
         let max_range_m = options.max_range_m.unwrap_or(model_max_m);
-        let border = if description.is_foreign() { None } else { BorderFill::new(graph.size()) };
+        let is_measured = description.trained && !description.is_foreign();
+        let border = BorderFill::new(graph.size()).filter(|_| is_measured);
         Self { encoding, output, range, border, scale, max_range_m }
     }
 
