@@ -78,7 +78,7 @@ static void names(void) {
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("caf\xe9", NUNET_BIT_DEPTH, 0, &reader));
   HOLDS(reader == NULL);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("left/arm", NUNET_BIT_DEPTH, 0, &reader));
-  HOLDS(strstr(nunet_last_error(), "hint: for example `left_arm`") != NULL);
+  HOLDS(strstr(nunet_last_error(), "hint: use a name like `left_arm`") != NULL);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("", NUNET_BIT_DEPTH, 0, &reader));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", 0, 0, &reader));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_open("front", 64, 0, &reader));
