@@ -7,9 +7,9 @@ use nunet_core::clock::Clock;
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphInput, GraphOptions, GraphOutputs, Runtime, SerialGraph};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
-use nunet_daemon::source::demo::DemoScene;
 use nunet_daemon::telemetry::MonotonicClock;
 use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Wake, monotonic_nanos};
+use nunet_testkit::demo::DemoScene;
 
 const MODELS: [(&str, &str); 2] = [("tiny_wnet_c", "tiny/tiny_wnet_c.onnx"), ("wnet_c", "wnet_c.onnx")];
 
@@ -29,7 +29,7 @@ fn load(file: &str) -> SerialGraph {
 
 fn picture((width, height): (u32, u32)) -> Vec<u8> {
     let mut rgb = vec![0; 3 * width as usize * height as usize];
-    DemoScene::new(1, width, height).expect("a size of our models").render(0, &mut rgb, None, None);
+    DemoScene::new(1, width, height).render(0, &mut rgb, None, None);
     rgb
 }
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use image::imageops::{FilterType, replace, resize};
 use image::{ImageBuffer, Luma, Rgb, RgbImage};
 use nunet_daemon::sink::files::{Results, depth_picture};
-use nunet_daemon::source::demo::DemoScene;
+use nunet_testkit::demo::DemoScene;
 
 const SIZE: (u32, u32) = (640, 480);
 const SEED: u64 = 1;
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
     let pixels = SIZE.0 as usize * SIZE.1 as usize;
     let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);
-    DemoScene::new(SEED, SIZE.0, SIZE.1)?.render(frame, &mut rgb, Some(&mut depth_m), None);
+    DemoScene::new(SEED, SIZE.0, SIZE.1).render(frame, &mut rgb, Some(&mut depth_m), None);
     Ok((RgbImage::from_raw(SIZE.0, SIZE.1, rgb).ok_or("the picture has another size")?, depth_m))
 }
 

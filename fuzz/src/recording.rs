@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 
-use nunet_mcap::{Encoding, Next, Picture, Recording, RecordingError};
+use nunet_mcap::{ImageEncoding, Next, RecordedImage, Recording, RecordingError};
 
 /// No sound file of a few kilobytes has more; a chunk that unfolds to millions may end here.
 const MAX_STEPS: usize = 100_000;
@@ -28,12 +28,12 @@ fn read(opened: Result<Recording, RecordingError>) {
 
 /// The number of images, valid and invalid.
 fn drain(recording: &mut Recording) -> (u64, u64) {
-    let mut picture = Picture::default();
+    let mut image = RecordedImage::default();
     let (mut good, mut bad) = (0, 0);
     for _ in 0..MAX_STEPS {
-        match recording.next(&mut picture) {
-            Next::Picture => {
-                check(&picture);
+        match recording.next(&mut image) {
+            Next::Image => {
+                check(&image);
                 good += 1;
             }
             Next::Bad(error) => {
@@ -52,19 +52,19 @@ fn drain(recording: &mut Recording) -> (u64, u64) {
 }
 
 /// Checks that an image's description matches its bytes.
-fn check(picture: &Picture) {
-    let encoding = picture.encoding.expect("an image that was read has an encoding");
-    let rows = picture.height as usize * picture.row_stride as usize;
+fn check(image: &RecordedImage) {
+    let encoding = image.encoding.expect("an image that was read has an encoding");
+    let rows = image.height as usize * image.row_stride as usize;
     match encoding {
-        Encoding::File => assert!(picture.data.len() > 3),
-        Encoding::Nv12 => assert!(picture.data.len() >= rows / 2 * 3),
-        _ => assert!(rows > 0 && picture.data.len() >= rows),
+        ImageEncoding::File => assert!(image.data.len() > 3),
+        ImageEncoding::Nv12 => assert!(image.data.len() >= rows / 2 * 3),
+        _ => assert!(rows > 0 && image.data.len() >= rows),
     }
-    let pixels = picture.width as usize * picture.height as usize;
-    let depth = picture.depth_m();
+    let pixels = image.width as usize * image.height as usize;
+    let depth = image.depth_m();
     assert_eq!(depth.len(), if encoding.is_depth() { pixels } else { 0 });
-    assert!(depth.iter().all(|&metres| metres.is_nan() || metres > 0.0), "depth is positive, or it is none");
-    let _ = picture.unix_nanos();
+    assert!(depth.iter().all(|&meters| meters.is_nan() || meters > 0.0), "depth is positive, or it is none");
+    let _ = image.unix_nanos();
 }
 
 /// An error says something, and does not repeat the file.

@@ -387,7 +387,7 @@ def test_a_recording_that_is_there_is_never_overwritten_without_force(nunetd, tm
     out = tmp_path / "out.mcap"
     out.write_bytes(b"precious")
     _, said = replay(nunetd, bag, out, code=2)
-    assert "is there already" in said and out.read_bytes() == b"precious"
+    assert "already exists" in said and out.read_bytes() == b"precious"
     assert "--force" in said
     replay(nunetd, bag, out, "--force")
     _, said = replay(nunetd, bag, bag, "--force", code=2)

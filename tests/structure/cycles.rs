@@ -15,8 +15,7 @@ use crate::rust_source::{is_test_file, paths, without_tests};
 const KNOWN: &[&str] = &[
     "crates/nunet-core: graph::{error, onnx}",
     "crates/nunet-core: graph::onnx::{library, provider, runtime}",
-    "crates/nunet-daemon: source::{files, recording}",
-    "crates/nunet-daemon: source::demo::{solid, texture}",
+    "crates/nunet-testkit: demo::{solid, texture}",
 ];
 
 /// A module: its path below the crate's root, such as `["depth", "decode"]`.

@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 9] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 10] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -31,6 +31,10 @@ const NO_DEPENDENCY: [(&str, &[&str]); 9] = [
         &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon", "anyhow"],
     ),
     ("crates/nunet-py/Cargo.toml", &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-mcap"]),
+    (
+        "crates/nunet-source/Cargo.toml",
+        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "anyhow", "nunet-daemon", "nunet-engine"],
+    ),
     ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];

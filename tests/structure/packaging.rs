@@ -92,7 +92,8 @@ fn copied(container: &str) -> Vec<String> {
 }
 
 fn missing(sources: &[String]) -> Vec<String> {
-    let gone = sources.iter().filter(|source| !root().join(source).is_file());
+    // A folder, or all files of one.
+    let gone = sources.iter().filter(|source| !root().join(source.trim_end_matches("/*")).exists());
     let mut problems: Vec<_> = gone.map(|source| format!("no `{source}`, which is packed")).collect();
     if sources.is_empty() {
         problems.push("nothing is packed: the check reads what is no longer written so".to_owned());

@@ -1,6 +1,7 @@
 //! `cargo xtask bundle`: the models that the Python package brings along.
 
 use std::fs;
+use std::path::Path;
 
 use anyhow::{Context as _, Result};
 
@@ -10,19 +11,30 @@ use crate::run::say;
 const FROM: &str = "models";
 const TO: &str = "crates/nunet-py/python/nunet_py/models";
 
-/// Copies the models that are bundled already, again: maturin packs no file from outside the package's folder, and a
-/// link would be packed as one. Git keeps the same bytes once.
+/// Copies the models and the images of the demo that are bundled already, again: maturin packs no file from outside the
+/// package's folder, and a link would be packed as one. Git keeps the same bytes once.
 pub(crate) fn bundle() -> Result<()> {
-    let folder = paths::root().join(TO);
-    let entries = fs::read_dir(&folder).with_context(|| format!("cannot read `{TO}`"))?;
+    copy_again(Path::new(""))
+}
+
+/// Copies what is in a folder below both roots.
+fn copy_again(below: &Path) -> Result<()> {
+    let (from, to) = (paths::root().join(FROM).join(below), paths::root().join(TO).join(below));
+    let entries = fs::read_dir(&to).with_context(|| format!("cannot read `{}`", to.display()))?;
     for entry in entries {
-        let name = entry.with_context(|| format!("cannot read `{TO}`"))?.file_name();
-        let name = name.to_string_lossy();
-        let from = paths::root().join(FROM).join(&*name);
-        fs::copy(&from, folder.join(&*name)).with_context(|| {
-            format!("cannot copy `{FROM}/{name}` to `{TO}`\nhint: remove the copy if the model is gone")
+        let name = entry.with_context(|| format!("cannot read `{}`", to.display()))?.file_name();
+        let place = below.join(&name);
+        if to.join(&name).is_dir() {
+            copy_again(&place)?;
+            continue;
+        }
+        fs::copy(from.join(&name), to.join(&name)).with_context(|| {
+            let place = place.display();
+            format!(
+                "cannot copy `{FROM}/{place}` to `{TO}/{place}`\nhint: remove the copy if the model is gone"
+            )
         })?;
-        say(&format!("bundle: {name}"));
+        say(&format!("bundle: {}", place.display()));
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use std::str::FromStr;
 
 use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
+use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, text_with_hint};
 
 /// How a subcommand ended that did not fail.
@@ -76,6 +77,8 @@ const HINTS: &[HintOf] = &[
     hint_of::<EngineError>,
     hint_of::<IpcError>,
     hint_of::<CameraNameError>,
+    hint_of::<SourceError>,
+    hint_of::<nunet_mcap::RecordingError>,
 ];
 
 fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, str>> {
@@ -90,6 +93,13 @@ pub(crate) fn parsed<T: FromStr<Err: StdError + Hint>>(text: &str) -> Result<T, 
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
     CameraName::new(name).map_err(|error| BadArguments(text_with_hint(&error)))
+}
+
+/// An error of a source; one of its arguments stays one.
+pub(crate) fn source_error(error: SourceError) -> anyhow::Error {
+    let (kind, text) = (error.kind(), error.to_string());
+    let error = anyhow::Error::new(error);
+    if kind == SourceErrorKind::BadArguments { error.context(BadArguments(text)) } else { error }
 }
 
 const DONE: u8 = 0;

@@ -7,7 +7,9 @@ use nunet_core::camera::Camera;
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::FrameHeader;
 
-use crate::source::{Frame, Opening, Source, camera_in, decode_file, open_pipe};
+use nunet_types::ImageSize;
+
+use crate::source::{Frame, OpenOptions, Source, camera_in, decode_file, open_pipe};
 
 /// A pipe that holds `input`: Y4M, or raw pictures of a size and format.
 ///
@@ -15,7 +17,8 @@ use crate::source::{Frame, Opening, Source, camera_in, decode_file, open_pipe};
 /// No thread can be started.
 pub fn pipe(input: Vec<u8>, layout: Option<((u32, u32), PixelFormat)>) -> anyhow::Result<Box<dyn Source>> {
     let (size, format) = layout.unzip();
-    open_pipe(Cursor::new(input), Opening { size, format, ..Opening::default() })
+    let size = size.map(|(width, height)| ImageSize { width, height });
+    Ok(open_pipe(Cursor::new(input), OpenOptions { size, format, ..OpenOptions::default() })?)
 }
 
 /// Decodes the JPEG or PNG in `frame.file`.
@@ -23,7 +26,8 @@ pub fn pipe(input: Vec<u8>, layout: Option<((u32, u32), PixelFormat)>) -> anyhow
 /// # Errors
 /// It is neither, or damaged, or too large.
 pub fn decode(frame: &mut Frame) -> anyhow::Result<()> {
-    decode_file(frame)
+    decode_file(frame)?;
+    Ok(())
 }
 
 /// The camera that a header describes, if it does.
@@ -31,5 +35,5 @@ pub fn decode(frame: &mut Frame) -> anyhow::Result<()> {
 /// # Errors
 /// It describes one that cannot be.
 pub fn camera(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
-    camera_in(header)
+    Ok(camera_in(header)?)
 }

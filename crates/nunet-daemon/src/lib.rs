@@ -14,7 +14,6 @@ pub mod fuzzing;
 mod logging;
 pub mod options;
 pub mod sink;
-pub mod source;
 pub mod stream;
 mod subcommands;
 pub mod telemetry;
@@ -26,6 +25,7 @@ use std::io::Write as _;
 use std::process::ExitCode;
 
 pub use exit::Outcome;
+pub use nunet_source as source;
 
 use self::options::LogOptions;
 

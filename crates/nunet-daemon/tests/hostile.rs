@@ -8,7 +8,7 @@ mod body;
 #[path = "../../../fuzz/src/header.rs"]
 mod header;
 
-use nunet_daemon::source::demo::DemoScene;
+use nunet_testkit::demo::DemoScene;
 use nunet_testkit::hostile::{greedy_texts, keep_for_fuzzing, sweep};
 use proptest::prelude::*;
 
@@ -46,7 +46,7 @@ fn pipes() -> [Vec<u8>; 4] {
 fn pictures() -> Vec<(&'static str, Vec<u8>)> {
     let size = (32, 24);
     let mut rgb = vec![0; 3 * 32 * 24];
-    DemoScene::new(1, size.0, size.1).unwrap().render(0, &mut rgb, None, None);
+    DemoScene::new(1, size.0, size.1).render(0, &mut rgb, None, None);
     let rgb = image::DynamicImage::from(image::RgbImage::from_raw(size.0, size.1, rgb).unwrap());
     let file = |picture: &image::DynamicImage, format| {
         let mut file = std::io::Cursor::new(Vec::new());

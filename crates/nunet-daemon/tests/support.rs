@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use nunet_daemon::source::demo::DemoScene;
+use nunet_testkit::demo::DemoScene;
 use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
 
@@ -191,7 +191,7 @@ impl Bench {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         let mut rgb = vec![0; 3 * (SIZE.0 * SIZE.1) as usize];
-        DemoScene::new(1, SIZE.0, SIZE.1).unwrap().render(frame, &mut rgb, None, None);
+        DemoScene::new(1, SIZE.0, SIZE.1).render(frame, &mut rgb, None, None);
         image::save_buffer(path, &rgb, SIZE.0, SIZE.1, image::ExtendedColorType::Rgb8).unwrap();
     }
 }

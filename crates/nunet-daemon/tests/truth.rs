@@ -4,8 +4,8 @@
 
 use std::time::Instant;
 
-use nunet_daemon::source::demo::DemoScene;
 use nunet_ipc::{CameraName, FrameSet, Reader, ScaleSource, Topic, Units};
+use nunet_testkit::demo::DemoScene;
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
@@ -23,7 +23,7 @@ struct Truth {
 
 impl Truth {
     fn new() -> Self {
-        let mut scene = DemoScene::new(SEED, SIZE.0, SIZE.1).unwrap();
+        let mut scene = DemoScene::new(SEED, SIZE.0, SIZE.1);
         let (mut rgb, mut depth_m, mut labels) = (vec![0; 3 * PIXELS], vec![0.0; PIXELS], vec![0; PIXELS]);
         scene.render(0, &mut rgb, Some(&mut depth_m), Some(&mut labels));
         Self { scene, rgb, depth_m, labels }

@@ -54,7 +54,7 @@ pub use library::{LibraryFile, cache_folder};
 pub use model::{Inferred, Model, ModelOptions};
 pub use model_check::{CHECK_SUBCOMMAND, Refusal};
 pub use model_report::ModelReport;
-pub use models::find_model;
+pub use models::{find_model, model_folders};
 pub use options::EngineOptions;
 pub use pool::Pooled;
 pub use telemetry::{TELEMETRY_VARIABLE, Telemetry};

@@ -14,7 +14,7 @@ use crate::text::MODELS_VARIABLE;
 /// # Errors
 /// Neither a path nor a bundled model.
 pub fn find_model(name: &Path) -> Result<PathBuf, EngineError> {
-    if name.exists() { Ok(name.to_owned()) } else { find_in(folders(), name) }
+    if name.exists() { Ok(name.to_owned()) } else { find_in(model_folders(), name) }
 }
 
 fn find_in(folders: Vec<PathBuf>, name: &Path) -> Result<PathBuf, EngineError> {
@@ -40,7 +40,9 @@ fn model_in(folder: &Path, name: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-fn folders() -> Vec<PathBuf> {
+/// The folders in which models are looked up by name, in order.
+#[must_use]
+pub fn model_folders() -> Vec<PathBuf> {
     match std::env::var_os(MODELS_VARIABLE).filter(|folder| !folder.is_empty()) {
         Some(folder) => vec![PathBuf::from(folder)],
         None => installation().model_folders.clone(),

@@ -1,4 +1,4 @@
-//! OMG's Common Data Representation, as ROS 2 writes it: four bytes that say the byte order, then the message.
+//! OMG's Common Data Representation, as ROS 2 writes it: four bytes that state the byte order, then the message.
 
 use byteorder::{BigEndian, LittleEndian};
 use serde::{Deserialize, Serialize};
@@ -10,14 +10,14 @@ const LITTLE_ENDIAN: [u8; 2] = [0, 1];
 /// Decodes one message; byte sequences are borrowed from it.
 pub(crate) fn decode<'a, T: Deserialize<'a>>(message: &'a [u8]) -> Result<T, String> {
     let (header, body) = message.split_at_checked(4).ok_or_else(|| {
-        format!("{} bytes are no CDR message, which begins with 4 of header", message.len())
+        format!("{} bytes are not a CDR message, which begins with 4 of header", message.len())
     })?;
     let decoded = match [header[0], header[1]] {
         LITTLE_ENDIAN => cdr_encoding::from_bytes::<T, LittleEndian>(body),
         BIG_ENDIAN => cdr_encoding::from_bytes::<T, BigEndian>(body),
         other => return Err(format!("encapsulation {:02x} {:02x} is not plain CDR", other[0], other[1])),
     };
-    decoded.map(|(value, _)| value).map_err(|error| format!("it is cut off or no such message: {error}"))
+    decoded.map(|(value, _)| value).map_err(|error| format!("it is cut off or of another type: {error:.200}"))
 }
 
 /// Encodes one message into `out`, which is emptied first.
@@ -46,7 +46,7 @@ mod tests {
 
     /// By hand after the OMG's rules: strings end in a zero byte, numbers are aligned from behind the first four bytes.
     #[test]
-    fn an_image_lies_in_its_bytes_as_ros_lays_it() {
+    fn an_image_is_laid_out_as_ros_lays_it_out() {
         let mut out = Vec::new();
         encode(&image(&[5, 6]), &mut out).unwrap();
         let expected: Vec<u8> = [

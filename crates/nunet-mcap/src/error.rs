@@ -1,6 +1,31 @@
 //! What can be wrong with a recording.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
+
+use nunet_types::Hint;
+
+/// What sort of error a [`RecordingError`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RecordingErrorKind {
+    /// The file cannot be opened, read or written.
+    Io,
+    /// A file is where the recording is to be created, or another process writes it.
+    Occupied,
+    /// The file is not an MCAP file.
+    Format,
+    /// The file is damaged or cut off.
+    Damaged,
+    /// Reading was given up because the caller asked for it.
+    GivenUp,
+    /// The recording has no images or no depth.
+    NothingToRead,
+    /// The topic that was asked for is missing or carries something else, or one has to be asked for.
+    Topic,
+    /// One message cannot be read.
+    Message,
+}
 
 /// An error of reading or writing a recording.
 #[derive(Debug, thiserror::Error)]
@@ -16,54 +41,60 @@ pub enum RecordingError {
         /// Why.
         source: std::io::Error,
     },
-    /// There is a file where the recording is to be made.
-    #[error("`{}` is there already, and a recording is never overwritten\nhint: --force, or another name", path.display())]
+    /// A file is where the recording is to be created.
+    #[error("`{}` already exists", path.display())]
     Exists {
         /// The file.
         path: PathBuf,
     },
     /// Another recording is being written into the file.
-    #[error("`{}` is being written by another process\nhint: stop that one, or choose another name", path.display())]
+    #[error("`{}` is being written by another process", path.display())]
     InUse {
         /// The file.
         path: PathBuf,
     },
     /// The file does not begin as MCAP files do.
-    #[error("`{}` is no MCAP file: {reason}", path.display())]
+    #[error("`{}` is not an MCAP file: {reason}", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
         /// What it is instead.
         reason: &'static str,
     },
+    /// The folder is not that of a recording.
+    #[error("`{}` is a folder without a recording: {reason}", path.display())]
+    NotARecordingFolder {
+        /// The folder.
+        path: PathBuf,
+        /// What it holds.
+        reason: String,
+        /// What to name instead.
+        hint: String,
+    },
     /// The file is damaged or cut off; every message before was read.
-    #[error("the recording `{}` is damaged or cut off: every message before was read", path.display())]
+    #[error("the recording `{}` is damaged or cut off: {reason}; every message before was read", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
         /// What was found.
-        source: mcap::McapError,
+        reason: String,
     },
-    /// The file has no index, and was not read to its end to find its topics, because the program was asked to stop.
+    /// The file has no index, and the search for its topics was given up because the program was asked to stop.
     #[error("the recording `{}` was not read to its end: a stop was requested", path.display())]
     GivenUp {
         /// The file.
         path: PathBuf,
     },
-    /// No topic carries pictures.
-    #[error(
-        "`{}` has no topic with pictures\nhint: sensor_msgs/msg/Image and CompressedImage in CDR, foxglove.RawImage and \
-         CompressedImage are read; it has {topics}",
-        path.display()
-    )]
-    NoPictures {
+    /// No topic carries images.
+    #[error("`{}` has no topic with images", path.display())]
+    NoImages {
         /// The file.
         path: PathBuf,
-        /// What there is.
+        /// The topics that exist.
         topics: String,
     },
-    /// Several topics carry pictures.
-    #[error("`{}` has pictures on several topics: {topics}\nhint: --topic TOPIC names one", path.display())]
+    /// Several topics carry images.
+    #[error("`{}` has images on several topics: {topics}", path.display())]
     SeveralTopics {
         /// The file.
         path: PathBuf,
@@ -71,38 +102,34 @@ pub enum RecordingError {
         topics: String,
     },
     /// No topic carries depth.
-    #[error(
-        "`{}` has no topic with depth\nhint: sensor_msgs/msg/Image in 32FC1 or 16UC1 on a topic with `depth` in its name, \
-         or --depth-topic; it has {topics}",
-        path.display()
-    )]
+    #[error("`{}` has no topic with depth", path.display())]
     NoDepth {
         /// The file.
         path: PathBuf,
-        /// What there is.
+        /// The topics that exist.
         topics: String,
     },
     /// Several topics carry depth.
-    #[error("`{}` has depth on several topics: {topics}\nhint: --depth-topic TOPIC names one", path.display())]
+    #[error("`{}` has depth on several topics: {topics}", path.display())]
     SeveralDepths {
         /// The file.
         path: PathBuf,
         /// Their names.
         topics: String,
     },
-    /// The topic that was asked for is not there.
-    #[error("`{}` has no topic `{topic:.60}`\nhint: it has {topics}", path.display())]
+    /// The topic that was asked for does not exist.
+    #[error("`{}` has no topic `{topic:.60}`", path.display())]
     NoSuchTopic {
         /// The file.
         path: PathBuf,
         /// What was asked for.
         topic: String,
-        /// What there is.
+        /// The topics that exist.
         topics: String,
     },
     /// The topic that was asked for carries something else.
-    #[error("topic `{topic:.60}` of `{}` carries {found}, which is no picture that can be read", path.display())]
-    NotAPicture {
+    #[error("topic `{topic:.60}` of `{}` carries {found}, which is not an image that can be read", path.display())]
+    NotAnImage {
         /// The file.
         path: PathBuf,
         /// What was asked for.
@@ -110,7 +137,7 @@ pub enum RecordingError {
         /// Type and encoding of its messages.
         found: String,
     },
-    /// One message makes no sense; the next one may be good.
+    /// One message cannot be read; the next one may be good.
     #[error("message {number} on topic `{topic:.60}`: {reason:.600}")]
     Message {
         /// The topic.
@@ -128,7 +155,7 @@ pub enum RecordingError {
         /// Why.
         source: mcap::McapError,
     },
-    /// A message is larger than the format can say.
+    /// A message is larger than the format allows.
     #[error("cannot encode a message of topic `{topic}`: {reason}")]
     Encode {
         /// The topic.
@@ -136,4 +163,53 @@ pub enum RecordingError {
         /// Why.
         reason: String,
     },
+}
+
+impl RecordingError {
+    /// What sort of error it is.
+    #[must_use]
+    pub fn kind(&self) -> RecordingErrorKind {
+        match self {
+            Self::Io { .. } | Self::Write { .. } | Self::Encode { .. } => RecordingErrorKind::Io,
+            Self::Exists { .. } | Self::InUse { .. } => RecordingErrorKind::Occupied,
+            Self::NotMcap { .. } | Self::NotARecordingFolder { .. } => RecordingErrorKind::Format,
+            Self::Damaged { .. } => RecordingErrorKind::Damaged,
+            Self::GivenUp { .. } => RecordingErrorKind::GivenUp,
+            Self::NoImages { .. } | Self::NoDepth { .. } => RecordingErrorKind::NothingToRead,
+            Self::SeveralTopics { .. }
+            | Self::SeveralDepths { .. }
+            | Self::NoSuchTopic { .. }
+            | Self::NotAnImage { .. } => RecordingErrorKind::Topic,
+            Self::Message { .. } => RecordingErrorKind::Message,
+        }
+    }
+}
+
+impl Hint for RecordingError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::Exists { .. } => "choose another name, or allow the file to be overwritten".into(),
+            Self::InUse { .. } => "stop the other process, or choose another name".into(),
+            Self::NotMcap { path, reason } => return crate::other_files::conversion_hint(path, reason),
+            Self::NotARecordingFolder { hint, .. } => hint.clone().into(),
+            Self::NoImages { topics, .. } if topics.contains("as `ros1`") => format!(
+                "messages in ROS 1's encoding are not read: convert the original bag with `rosbags-convert --dst-storage \
+                 mcap` (`pip install rosbags`); it has {topics}"
+            )
+            .into(),
+            Self::NoImages { topics, .. } => format!(
+                "sensor_msgs/msg/Image and CompressedImage in CDR and foxglove.RawImage and CompressedImage in protobuf, JSON \
+                 and CDR are read; it has {topics}"
+            )
+            .into(),
+            Self::SeveralTopics { .. } | Self::SeveralDepths { .. } => "name one of the topics".into(),
+            Self::NoDepth { topics, .. } => format!(
+                "depth is read from images in 32FC1 or 16UC1 and from compressedDepth; name the topic if it is one of \
+                 {topics}"
+            )
+            .into(),
+            Self::NoSuchTopic { topics, .. } => format!("it has {topics}").into(),
+            _ => return None,
+        })
+    }
 }

@@ -20,7 +20,7 @@ impl Time {
         i64::from(self.sec) * Self::NANOS_PER_SEC + i64::from(self.nanosec)
     }
 
-    /// The stamp of a time; ROS 2 cannot say one before 1901 or after 2038.
+    /// The stamp of a time; ROS 2 cannot state one before 1901 or after 2038.
     pub(crate) fn from_unix_nanos(nanos: i64) -> Self {
         let sec = nanos.div_euclid(Self::NANOS_PER_SEC);
         let nanosec = nanos.rem_euclid(Self::NANOS_PER_SEC) as u32;
@@ -94,6 +94,46 @@ pub(crate) struct CameraInfo<'a> {
     pub(crate) roi: RegionOfInterest,
 }
 
+/// `foxglove_msgs/msg/RawImage`; its time and frame are laid out like a header.
+#[derive(Debug, PartialEq, Deserialize)]
+pub(crate) struct RawImage<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    #[serde(borrow)]
+    pub(crate) encoding: Cow<'a, str>,
+    pub(crate) step: u32,
+    #[serde(borrow)]
+    pub(crate) data: &'a Bytes,
+}
+
+/// `foxglove_msgs/msg/CompressedImage`
+#[derive(Debug, PartialEq, Deserialize)]
+pub(crate) struct FoxgloveCompressedImage<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    #[serde(borrow)]
+    pub(crate) data: &'a Bytes,
+    #[serde(borrow)]
+    pub(crate) format: Cow<'a, str>,
+}
+
+/// `foxglove_msgs/msg/CameraCalibration`
+#[derive(Debug, PartialEq, Deserialize)]
+pub(crate) struct CameraCalibration<'a> {
+    #[serde(borrow)]
+    pub(crate) header: Header<'a>,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    #[serde(borrow)]
+    pub(crate) distortion_model: Cow<'a, str>,
+    pub(crate) d: Vec<f64>,
+    pub(crate) k: [f64; 9],
+    pub(crate) r: [f64; 9],
+    pub(crate) p: [f64; 12],
+}
+
 /// `sensor_msgs/msg/PointField`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(crate) struct PointField {
@@ -127,7 +167,7 @@ pub(crate) struct PointCloud2<'a> {
 pub(crate) struct TransformStamped<'a> {
     pub(crate) header: Header<'a>,
     pub(crate) child_frame_id: Cow<'a, str>,
-    /// Metres.
+    /// Meters.
     pub(crate) translation: [f64; 3],
     /// Quaternion x, y, z, w.
     pub(crate) rotation: [f64; 4],
@@ -170,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn times_that_ros_cannot_say_are_its_nearest() {
+    fn times_that_ros_cannot_state_are_its_nearest() {
         assert_eq!(Time::from_unix_nanos(i64::MAX).sec, i32::MAX);
         assert_eq!(Time::from_unix_nanos(i64::MIN).sec, i32::MIN);
     }

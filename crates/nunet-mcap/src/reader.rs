@@ -1,31 +1,36 @@
-//! A recording as a sequence of pictures with their camera.
+//! A recording as a sequence of images with their camera.
 
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use mcap::records::{MessageHeader, Record};
-
-use crate::channels::{Channels, Kind};
-use crate::foxglove_messages::{self, Said};
-use crate::messages::{CameraInfo, CompressedImage, Image};
+use crate::camera::CameraDescription;
+use crate::channels::{Channels, FirstImages, Topics};
+use crate::decode::{self, Reading};
+use crate::image::{Purpose, RecordedImage};
+use crate::record::Record;
 use crate::records::Records;
+use crate::topics::Look;
 use crate::writer::ABOUT;
-use crate::{CameraDescription, Picture, RecordingError, cdr};
+use crate::{RecordingError, parts};
 
-/// How many records are looked through for the camera of the first pictures, and how many bytes of messages.
+/// How many records are searched for the camera of the first images, and how many bytes of messages.
 const LOOK_AHEAD: usize = 10_000;
 const LOOK_AHEAD_BYTES: usize = 64 << 20;
-/// How many records without a picture are read before the caller is asked again.
-const PATIENCE: usize = 256;
+/// How many records without an image are read before the caller is asked again.
+const RECORDS_PER_CALL: usize = 256;
 
-/// The model whose results stand in a recording that nunetd has written; `None` of every other recording, and of what is
-/// no recording.
+/// The model whose results a recording holds that nunetd has written; `None` for any other file.
 #[must_use]
 pub fn model_of_results(path: &Path) -> Option<String> {
-    let mut records = Records::open(path).ok()?;
+    let first = parts::parts(path).ok()?.into_iter().next()?;
+    let mut records = Records::open(&first).ok()?;
     for _ in 0..LOOK_AHEAD {
         let found = records.next(|record| match record {
-            Record::Metadata(about) if about.name == ABOUT => Some(about.metadata.get("model").cloned()),
-            Record::Message { .. } => Some(None), // it stands before the first one
+            Record::Metadata { name, entries } if name == ABOUT => {
+                Some(entries.get("model").map(|model| (*model).to_owned()))
+            }
+            Record::Message { .. } => Some(None), // it is before the first one
             _ => None,
         });
         match found {
@@ -37,47 +42,48 @@ pub fn model_of_results(path: &Path) -> Option<String> {
     None
 }
 
-/// A recording that is read from its beginning.
+/// A recording that is read from its beginning; of a split bag, part after part.
 pub struct Recording {
-    path: PathBuf,
+    parts: Vec<PathBuf>,
+    /// Which part is being read.
+    part: usize,
     topic: String,
     camera_topic: Option<String>,
-    /// Whether the pictures were freed of their lens, as ROS' names say.
-    rectified: bool,
+    reading: Reading,
     records: Records,
     channels: Channels,
     camera: Option<CameraDescription>,
     first_camera: Option<CameraDescription>,
-    pictures: u64,
+    images: u64,
     count: Option<u64>,
 }
 
 /// What came next.
 #[derive(Debug)]
 pub enum Next {
-    /// A picture.
-    Picture,
-    /// A picture that makes no sense; the next one may be good.
+    /// An image.
+    Image,
+    /// An image that cannot be read, or a part that ends early; the next one may be good.
     Bad(RecordingError),
-    /// No picture for a while; ask again.
+    /// No image for a while; ask again.
     Nothing,
-    /// The recording is over, whole.
+    /// The recording is over, complete.
     End,
     /// The recording is over because it is damaged or was cut off here.
     Cut(RecordingError),
 }
 
 impl Recording {
-    /// Opens a recording and finds the topic with pictures (`topic`, where there are several) and its camera.
+    /// Opens a recording and finds the topic with images (`topic`, if there are several) and its camera.
     ///
     /// # Errors
-    /// No file, no MCAP, no topic or several topics with pictures.
+    /// No file, not an MCAP file, no topic or several topics with images.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
         Self::open_unless(path, topic, &|| false)
     }
 
     /// [`open`](Self::open) for a program that may be asked to stop meanwhile: a file without an index is read to its end,
-    /// which takes long where it is large, and `given_up` is asked at each record.
+    /// which takes long for a large one, and `given_up` is asked at each record.
     ///
     /// # Errors
     /// Those of [`open`](Self::open), and [`RecordingError::GivenUp`].
@@ -86,47 +92,58 @@ impl Recording {
         topic: Option<&str>,
         given_up: &dyn Fn() -> bool,
     ) -> Result<Self, RecordingError> {
-        let channels = Channels::of_file(path, given_up)?;
-        let topic = channels.picture_topic(path, topic)?;
-        Self::of_topic(path, &channels, topic)
+        let parts = parts::parts(path)?;
+        let topics = Topics::of_files(parts.iter().map(PathBuf::as_path), given_up)?;
+        let topic = topics.image_topic(path, topic, &Peek(&parts))?;
+        let infrared = Look::of(&topic) == Look::Infrared;
+        let purpose = if infrared { Purpose::Infrared } else { Purpose::Color };
+        Self::of_topic(parts, &topics, topic, purpose)
     }
 
-    /// Opens a recording's depth: on `topic`, else on the only topic with `depth` in its name.
+    /// Opens a recording's depth: on `topic`, else on the only topic with depth.
     ///
     /// # Errors
     /// As [`Recording::open`].
     pub fn open_depth(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
-        let channels = Channels::of_file(path, &|| false)?;
-        let topic = channels.depth_topic(path, topic)?;
-        Self::of_topic(path, &channels, topic)
+        let parts = parts::parts(path)?;
+        let topics = Topics::of_files(parts.iter().map(PathBuf::as_path), &|| false)?;
+        let topic = topics.depth_topic(path, topic, &Peek(&parts))?;
+        Self::of_topic(parts, &topics, topic, Purpose::Depth)
     }
 
-    fn of_topic(path: &Path, channels: &Channels, topic: String) -> Result<Self, RecordingError> {
+    fn of_topic(
+        parts: Vec<PathBuf>,
+        topics: &Topics,
+        topic: String,
+        purpose: Purpose,
+    ) -> Result<Self, RecordingError> {
+        let rectified = topic.split('/').any(|part| part.starts_with("image_rect"));
         let mut recording = Self {
-            path: path.to_owned(),
-            camera_topic: channels.camera_topic(&topic),
-            rectified: topic.split('/').any(|part| part.starts_with("image_rect")),
-            count: channels.count(&topic),
+            camera_topic: topics.camera_topic(&topic),
+            reading: Reading { purpose, rectified },
+            count: topics.count(&topic),
             topic,
-            records: Records::open(path)?,
+            records: Records::open(&parts[0])?,
+            parts,
+            part: 0,
             channels: Channels::default(),
             camera: None,
             first_camera: None,
-            pictures: 0,
+            images: 0,
         };
         recording.find_first_camera()?;
         Ok(recording)
     }
 
-    /// The topic whose pictures are read.
+    /// The topic whose images are read.
     #[must_use]
     pub fn topic(&self) -> &str {
         &self.topic
     }
 
-    /// How many pictures there are, where the file's index says so.
+    /// How many images there are, if the file's index states it.
     #[must_use]
-    pub fn picture_count(&self) -> Option<u64> {
+    pub fn image_count(&self) -> Option<u64> {
         self.count
     }
 
@@ -141,68 +158,84 @@ impl Recording {
     /// # Errors
     /// The file is gone.
     pub fn rewind(&mut self) -> Result<(), RecordingError> {
-        self.records = Records::open(&self.path)?;
-        self.channels = Channels::default();
+        self.open_part(0)?;
         self.camera.clone_from(&self.first_camera);
-        self.pictures = 0;
+        self.images = 0;
         Ok(())
     }
 
-    /// Reads up to the next picture into `picture`.
-    pub fn next(&mut self, picture: &mut Picture) -> Next {
-        for _ in 0..PATIENCE {
-            match self.step(picture) {
-                Ok(Some(Step::Picture)) => return Next::Picture,
+    fn open_part(&mut self, part: usize) -> Result<(), RecordingError> {
+        self.records = Records::open(&self.parts[part])?;
+        self.channels = Channels::default();
+        self.part = part;
+        Ok(())
+    }
+
+    /// Reads up to the next image into `image`.
+    pub fn next(&mut self, image: &mut RecordedImage) -> Next {
+        for _ in 0..RECORDS_PER_CALL {
+            let is_last = self.part + 1 == self.parts.len();
+            match self.step(image) {
+                Ok(Some(Step::Image)) => return Next::Image,
                 Ok(Some(Step::Bad(error))) => return Next::Bad(error),
                 Ok(Some(Step::Other)) => {}
-                Ok(None) => return Next::End,
-                Err(error) => return Next::Cut(error),
+                Ok(None) if is_last => return Next::End,
+                Err(error) if is_last => return Next::Cut(error),
+                Ok(None) => {
+                    if let Err(error) = self.open_part(self.part + 1) {
+                        return Next::Cut(error);
+                    }
+                }
+                // The other parts are good for something.
+                Err(error) => {
+                    return self.open_part(self.part + 1).map_or_else(Next::Cut, |()| Next::Bad(error));
+                }
             }
         }
         Next::Nothing
     }
 
-    fn step(&mut self, picture: &mut Picture) -> Result<Option<Step>, RecordingError> {
-        let Self { channels, topic, camera_topic, rectified, camera, pictures, .. } = self;
+    fn step(&mut self, image: &mut RecordedImage) -> Result<Option<Step>, RecordingError> {
+        let Self { channels, topic, camera_topic, reading, camera, images, .. } = self;
         self.records.next(|record| {
             channels.learn(&record);
-            let Record::Message { header, data } = record else { return Step::Other };
-            let Some(channel) = channels.get(header.channel_id) else { return Step::Other };
+            let Record::Message { channel_id, log_time, data } = record else { return Step::Other };
+            let Some(channel) = channels.get(channel_id) else { return Step::Other };
             let Some(kind) = channel.kind() else { return Step::Other };
-            let is_picture = channel.topic == *topic && !kind.is_camera();
-            if !is_picture && Some(&channel.topic) != camera_topic.as_ref() {
-                return Step::Other;
+            if channel.topic == *topic && !kind.is_camera() {
+                *images += 1;
+                image.log_nanos = log_time;
+                return match decode::image(kind, data, *reading, image) {
+                    Ok(()) => Step::Image,
+                    Err(reason) => {
+                        Step::Bad(RecordingError::Message { topic: topic.clone(), number: *images, reason })
+                    }
+                };
             }
-            *pictures += u64::from(is_picture);
-            match said(kind, &header, &data, *rectified, picture) {
-                Ok(Said::Picture) => Step::Picture,
-                Ok(Said::Camera(described)) => {
-                    *camera = described;
-                    Step::Other
+            if kind.is_camera() && Some(&channel.topic) == camera_topic.as_ref() {
+                match decode::camera(kind, data, *reading) {
+                    Ok(described) => *camera = described,
+                    // One that cannot be read is known from before, or has to be reported.
+                    Err(reason) if camera.is_none() => *camera = Some(CameraDescription::unreadable(&reason)),
+                    Err(_) => {}
                 }
-                Err(reason) if is_picture => {
-                    Step::Bad(RecordingError::Message { topic: topic.clone(), number: *pictures, reason })
-                }
-                Err(_) => Step::Other, // a camera that is described badly once is known from before
             }
+            Step::Other
         })
     }
 
-    /// Pictures may come before their camera is described.
+    /// Images may come before their camera is described.
     fn find_first_camera(&mut self) -> Result<(), RecordingError> {
         let Some(camera_topic) = self.camera_topic.clone() else { return Ok(()) };
-        let (mut channels, rectified, mut bytes) = (Channels::default(), self.rectified, 0);
+        let (mut channels, reading, mut bytes) = (Channels::default(), self.reading, 0);
         for _ in 0..LOOK_AHEAD {
             let found = self.records.next(|record| {
                 channels.learn(&record);
-                let Record::Message { header, data } = record else { return None };
+                let Record::Message { channel_id, data, .. } = record else { return None };
                 bytes += data.len();
-                let channel =
-                    channels.get(header.channel_id).filter(|channel| channel.topic == camera_topic)?;
-                match said(channel.kind()?, &header, &data, rectified, &mut Picture::default()) {
-                    Ok(Said::Camera(camera)) => Some(camera),
-                    _ => None,
-                }
+                let channel = channels.get(channel_id).filter(|channel| channel.topic == camera_topic)?;
+                let kind = channel.kind().filter(|kind| kind.is_camera())?;
+                decode::camera(kind, data, reading).ok()
             });
             match found {
                 // One that is not calibrated now will not be later.
@@ -219,32 +252,56 @@ impl Recording {
 }
 
 enum Step {
-    Picture,
+    Image,
     Bad(RecordingError),
     Other,
 }
 
-fn said(
-    kind: Kind,
-    header: &MessageHeader,
-    data: &[u8],
-    rectified: bool,
-    picture: &mut Picture,
-) -> Result<Said, String> {
-    picture.log_nanos = header.log_time;
-    match kind {
-        Kind::RosImage => {
-            let image: Image<'_> = cdr::decode(data)?;
-            picture.set_ros_image(&image).map(|()| Said::Picture)
+/// Reads the first message of topics, to see whether they carry depth.
+struct Peek<'a>(&'a [PathBuf]);
+
+impl FirstImages for Peek<'_> {
+    fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
+        let found = RefCell::new(BTreeMap::new());
+        for part in self.0 {
+            // A file that cannot be read is reported by whoever reads it next.
+            let _ = peek(part, topics, &mut found.borrow_mut());
+            if found.borrow().len() == topics.len() {
+                break;
+            }
         }
-        Kind::RosCompressedImage => {
-            let image: CompressedImage<'_> = cdr::decode(data)?;
-            picture.set_ros_compressed(&image).map(|()| Said::Picture)
-        }
-        Kind::RosCameraInfo => {
-            let info: CameraInfo<'_> = cdr::decode(data)?;
-            Ok(Said::Camera(CameraDescription::of_ros(&info, rectified)))
-        }
-        Kind::Foxglove(form, kind) => foxglove_messages::read(kind, form, data, rectified, picture),
+        found.into_inner()
     }
+}
+
+fn peek(
+    path: &Path,
+    topics: &BTreeSet<&str>,
+    found: &mut BTreeMap<String, bool>,
+) -> Result<(), RecordingError> {
+    let (mut records, mut channels, mut bytes) = (Records::open(path)?, Channels::default(), 0);
+    for _ in 0..LOOK_AHEAD {
+        let more = records.next(|record| {
+            channels.learn(&record);
+            let Record::Message { channel_id, data, .. } = record else { return };
+            bytes += data.len();
+            let Some(channel) = channels.get(channel_id) else { return };
+            if !topics.contains(channel.topic.as_str()) || found.contains_key(&channel.topic) {
+                return;
+            }
+            let reading = Reading { purpose: Purpose::Color, rectified: false };
+            let mut image = RecordedImage::default();
+            let read = channel.kind().map(|kind| decode::image(kind, data, reading, &mut image));
+            let is_depth = match read {
+                Some(Ok(())) => image.encoding.is_some_and(|encoding| encoding.is_depth()),
+                Some(Err(reason)) => reason.ends_with("is depth, not an image"),
+                None => false,
+            };
+            found.insert(channel.topic.clone(), is_depth);
+        })?;
+        if more.is_none() || found.len() == topics.len() || bytes > LOOK_AHEAD_BYTES {
+            break;
+        }
+    }
+    Ok(())
 }

@@ -1,4 +1,4 @@
-//! Recordings of every kind, cut off anywhere and damaged: an error or pictures, never a panic, never a mixture.
+//! Recordings of every kind, cut off anywhere and damaged: an error or images, never a panic, never a mixture.
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 #[expect(unreachable_pub, reason = "the fuzz targets are another crate")]
@@ -175,11 +175,11 @@ fn every_kind_of_recording_is_read_before_it_is_damaged() {
         std::fs::write(&path, &bytes).unwrap();
         let topic = if name.starts_with("cdr") { "/eye/image_raw" } else { "/image" };
         let mut recording = nunet_mcap::Recording::open(&path, Some(topic)).unwrap();
-        let mut picture = nunet_mcap::Picture::default();
+        let mut image = nunet_mcap::RecordedImage::default();
         let mut good = 0;
         loop {
-            match recording.next(&mut picture) {
-                nunet_mcap::Next::Picture => good += 1,
+            match recording.next(&mut image) {
+                nunet_mcap::Next::Image => good += 1,
                 nunet_mcap::Next::Nothing => {}
                 nunet_mcap::Next::End => break,
                 other => panic!("{name}: {other:?}"),
@@ -241,7 +241,7 @@ fn a_message_that_is_longer_than_its_chunk_ends_the_recording() {
     let path = folder.path().join("a.mcap");
     std::fs::write(&path, &longer).unwrap();
     let mut recording = nunet_mcap::Recording::open(&path, Some("/eye/image_raw")).unwrap();
-    let end = recording.next(&mut nunet_mcap::Picture::default());
+    let end = recording.next(&mut nunet_mcap::RecordedImage::default());
     let nunet_mcap::Next::Cut(error) = end else { panic!("{end:?}") };
     assert!(error.to_string().contains("damaged or cut off"), "{error}");
     body::recording(&longer);

@@ -11,11 +11,15 @@ use std::time::Duration;
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions};
 use nunet_mcap::{
-    CameraDescription, DepthRecord, EncodedPicture, FrameRecord, Next, Picture, Recording, RecordingError,
-    RecordingWriter, WriterOptions, model_of_results,
+    CameraDescription, DepthRecord, EncodedImage, FrameRecord, Next, RecordedImage, Recording,
+    RecordingError, RecordingWriter, WriterOptions, model_of_results,
 };
+use nunet_testkit::allocations::{CountingAllocator, largest_allocation_during};
 
-const PICTURES: u8 = 6;
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
+
+const IMAGES: u8 = 6;
 
 /// A `sensor_msgs/msg/Image` in CDR of 4x2 grey pixels, laid out by hand.
 fn grey_image(value: u8) -> Vec<u8> {
@@ -43,8 +47,8 @@ fn recording(options: WriteOptions, messages: &[(u64, Vec<u8>)]) -> Vec<u8> {
     file.into_inner()
 }
 
-fn pictures() -> Vec<(u64, Vec<u8>)> {
-    (1..=PICTURES).map(|value| (u64::from(value) * 10, grey_image(value))).collect()
+fn images() -> Vec<(u64, Vec<u8>)> {
+    (1..=IMAGES).map(|value| (u64::from(value) * 10, grey_image(value))).collect()
 }
 
 fn all_options() -> [(&'static str, WriteOptions); 4] {
@@ -73,17 +77,17 @@ impl Folder {
     }
 }
 
-/// The pictures' values and how the file ended; an error of opening has none.
+/// The images' values and how the file ended; an error of opening has none.
 fn read(path: &Path) -> Result<(Vec<u8>, Next), RecordingError> {
     let mut recording = Recording::open(path, None)?;
-    let (mut picture, mut values) = (Picture::default(), Vec::new());
+    let (mut image, mut values) = (RecordedImage::default(), Vec::new());
     loop {
-        match recording.next(&mut picture) {
-            Next::Picture => {
-                let value = picture.data[0];
-                assert_eq!(picture.data, [value; 8], "no picture is mixed with another");
-                assert_eq!(picture.log_nanos, u64::from(value) * 10);
-                assert_eq!(picture.stamp_nanos, i64::from(value) * 1_000_000_000);
+        match recording.next(&mut image) {
+            Next::Image => {
+                let value = image.data[0];
+                assert_eq!(image.data, [value; 8], "no image is mixed with another");
+                assert_eq!(image.log_nanos, u64::from(value) * 10);
+                assert_eq!(image.stamp_nanos, i64::from(value) * 1_000_000_000);
                 values.push(value);
             }
             Next::Bad(_) | Next::Nothing => {}
@@ -93,11 +97,11 @@ fn read(path: &Path) -> Result<(Vec<u8>, Next), RecordingError> {
 }
 
 #[test]
-fn every_picture_of_a_whole_file_is_read_however_it_is_compressed() {
+fn every_image_of_a_whole_file_is_read_however_it_is_compressed() {
     let folder = Folder::new();
     for (name, options) in all_options() {
-        let (values, end) = read(&folder.file(&recording(options, &pictures()))).unwrap();
-        assert_eq!(values, (1..=PICTURES).collect::<Vec<_>>(), "{name}");
+        let (values, end) = read(&folder.file(&recording(options, &images()))).unwrap();
+        assert_eq!(values, (1..=IMAGES).collect::<Vec<_>>(), "{name}");
         assert!(matches!(end, Next::End), "{name}");
     }
 }
@@ -111,15 +115,15 @@ fn a_pipe_is_no_recording_and_is_not_waited_for() {
     // On a thread of its own: a pipe that is opened waits for ever.
     std::thread::spawn(move || send.send(Recording::open(&pipe, None).map(drop).unwrap_err().to_string()));
     let error = opened.recv_timeout(Duration::from_secs(60)).unwrap();
-    assert!(error.ends_with("pipe.mcap` is no MCAP file: it is not a plain file"), "{error}");
+    assert!(error.ends_with("pipe.mcap` is not an MCAP file: it is not a regular file"), "{error}");
 }
 
 #[test]
-fn a_file_cut_at_any_byte_gives_every_complete_picture_before_the_cut() {
+fn a_file_cut_at_any_byte_gives_every_complete_image_before_the_cut() {
     let folder = Folder::new();
     for (name, options) in all_options() {
         let plain = !matches!(name, "zstd" | "lz4");
-        let whole = recording(options, &pictures());
+        let whole = recording(options, &images());
         let end_of = |value: u8| {
             let pixels = [value; 8];
             whole.windows(8).position(|window| window == pixels).map(|at| at + 8)
@@ -137,43 +141,43 @@ fn a_file_cut_at_any_byte_gives_every_complete_picture_before_the_cut() {
             assert!(values.len() >= before, "{name} cut at {length} gives fewer than a shorter file");
             before = values.len();
             if plain {
-                let complete = (1..=PICTURES).filter(|&value| end_of(value).unwrap() <= length).count();
+                let complete = (1..=IMAGES).filter(|&value| end_of(value).unwrap() <= length).count();
                 assert_eq!(values.len(), complete, "{name} cut at {length}");
             }
         }
-        assert_eq!(before, usize::from(PICTURES), "{name}: only the end is missing");
+        assert_eq!(before, usize::from(IMAGES), "{name}: only the end is missing");
     }
 }
 
 #[test]
 fn a_cut_in_the_data_is_told_and_a_missing_index_is_not() {
     let folder = Folder::new();
-    let whole = recording(WriteOptions::new().compression(None).chunk_size(Some(150)), &pictures());
+    let whole = recording(WriteOptions::new().compression(None).chunk_size(Some(150)), &images());
     let (values, end) = read(&folder.file(&whole[..whole.len() / 3])).unwrap();
-    assert!(!values.is_empty() && values.len() < usize::from(PICTURES));
+    assert!(!values.is_empty() && values.len() < usize::from(IMAGES));
     assert!(matches!(end, Next::Cut(RecordingError::Damaged { .. })), "{end:?}");
     let unindexed = WriteOptions::new().emit_summary_records(false).emit_summary_offsets(false);
-    let (values, end) = read(&folder.file(&recording(unindexed, &pictures()))).unwrap();
-    assert_eq!((values.len(), matches!(end, Next::End)), (usize::from(PICTURES), true));
+    let (values, end) = read(&folder.file(&recording(unindexed, &images()))).unwrap();
+    assert_eq!((values.len(), matches!(end, Next::End)), (usize::from(IMAGES), true));
 }
 
 #[test]
-fn flipped_bytes_never_panic_and_never_mix_pictures() {
+fn flipped_bytes_never_panic_and_never_mix_images() {
     let folder = Folder::new();
     for (_, options) in all_options() {
-        let whole = recording(options, &pictures());
+        let whole = recording(options, &images());
         for place in (8..whole.len()).step_by(7) {
             let mut flipped = whole.clone();
             flipped[place] ^= 0x55;
             let path = folder.file(&flipped);
             let Ok(mut recording) = Recording::open(&path, None) else { continue };
-            let mut picture = Picture::default();
+            let mut image = RecordedImage::default();
             for _ in 0..100 {
-                match recording.next(&mut picture) {
-                    Next::Picture => {
-                        let ours = |value: &&u8| (1..=PICTURES).contains(*value);
-                        let of: BTreeSet<_> = picture.data.iter().filter(ours).collect();
-                        assert!(of.len() <= 1, "place {place}: {:?}", picture.data);
+                match recording.next(&mut image) {
+                    Next::Image => {
+                        let ours = |value: &&u8| (1..=IMAGES).contains(*value);
+                        let of: BTreeSet<_> = image.data.iter().filter(ours).collect();
+                        assert!(of.len() <= 1, "place {place}: {:?}", image.data);
                     }
                     Next::End | Next::Cut(_) => break,
                     Next::Bad(_) | Next::Nothing => {}
@@ -186,7 +190,7 @@ fn flipped_bytes_never_panic_and_never_mix_pictures() {
 #[test]
 fn the_search_of_a_file_without_an_index_ends_when_it_is_given_up() {
     let folder = Folder::new();
-    let whole = recording(WriteOptions::new().use_chunks(false), &pictures());
+    let whole = recording(WriteOptions::new().use_chunks(false), &images());
     let path = folder.file(&whole[..whole.len() - 30]);
     let asked = std::cell::Cell::new(0);
     let third_time = || asked.replace(asked.get() + 1) == 2;
@@ -199,45 +203,44 @@ fn the_search_of_a_file_without_an_index_ends_when_it_is_given_up() {
 #[test]
 fn a_wrong_checksum_ends_the_reading() {
     let folder = Folder::new();
-    let mut whole = recording(WriteOptions::new().compression(None), &pictures());
+    let mut whole = recording(WriteOptions::new().compression(None), &images());
     let at = whole.windows(8).position(|window| window == [3; 8]).unwrap();
-    whole[at..at + 8].fill(4); // another valid picture
+    whole[at..at + 8].fill(4); // another valid image
     let mut recording = Recording::open(&folder.file(&whole), None).unwrap();
-    let mut picture = Picture::default();
+    let mut image = RecordedImage::default();
     let end = loop {
-        match recording.next(&mut picture) {
-            Next::Picture | Next::Bad(_) => {}
+        match recording.next(&mut image) {
+            Next::Image | Next::Bad(_) => {}
             end => break end,
         }
     };
     let Next::Cut(error) = end else { panic!("{end:?}") };
-    let source = std::error::Error::source(&error).unwrap().to_string();
-    assert!(source.contains("CRC"), "{source}");
+    assert!(error.to_string().contains("CRC"), "{error}");
 }
 
 #[test]
-fn a_declared_size_beyond_the_limit_is_refused_without_memory_for_it() {
+fn a_length_beyond_the_file_is_refused_without_memory_for_it() {
     let folder = Folder::new();
     let mut file = mcap::MAGIC.to_vec();
     file.push(0x05); // a message
     file.extend(u64::MAX.to_le_bytes());
     let error = Recording::open(&folder.file(&file), None).map(drop).unwrap_err();
-    assert!(matches!(error, RecordingError::NoPictures { .. }), "{error}");
+    assert!(matches!(error, RecordingError::NoImages { .. }), "{error}");
 }
 
 #[test]
-fn a_bad_picture_is_told_with_its_number_and_the_next_is_read() {
+fn a_bad_image_is_told_with_its_number_and_the_next_is_read() {
     let folder = Folder::new();
-    let mut messages = pictures();
+    let mut messages = images();
     messages[1].1.truncate(30);
     let mut recording =
         Recording::open(&folder.file(&recording(WriteOptions::new(), &messages)), None).unwrap();
-    let mut picture = Picture::default();
-    assert!(matches!(recording.next(&mut picture), Next::Picture));
-    let Next::Bad(error) = recording.next(&mut picture) else { panic!("it is cut off") };
+    let mut image = RecordedImage::default();
+    assert!(matches!(recording.next(&mut image), Next::Image));
+    let Next::Bad(error) = recording.next(&mut image) else { panic!("it is cut off") };
     assert!(error.to_string().starts_with("message 2 on topic `/eye/image_raw`: it is cut off"), "{error}");
-    assert!(matches!(recording.next(&mut picture), Next::Picture));
-    assert_eq!(picture.data[0], 3);
+    assert!(matches!(recording.next(&mut image), Next::Image));
+    assert_eq!(image.data[0], 3);
 }
 
 fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
@@ -255,12 +258,12 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
         let intrinsics = [3.0 + f64::from(frame), 4.0, 0.5, 0.0];
         let camera = CameraDescription { width: 2, height: 1, intrinsics, ..Default::default() };
         let depth: Vec<u8> =
-            [f32::from(frame), f32::NAN].iter().flat_map(|metres| metres.to_le_bytes()).collect();
+            [f32::from(frame), f32::NAN].iter().flat_map(|meters| meters.to_le_bytes()).collect();
         writer
             .write(&FrameRecord {
                 log_nanos: frame.into(),
                 stamp_nanos: frame.into(),
-                picture: Some(EncodedPicture { format: "png", data: b"\x89PNG\r\n\x1a\n..." }),
+                image: Some(EncodedImage { format: "png", data: b"\x89PNG\r\n\x1a\n..." }),
                 camera: Some(&camera),
                 depth: DepthRecord { scale, width: 2, height: 1, bytes: &depth },
                 depth_camera: None,
@@ -275,13 +278,13 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
 fn count(path: &Path) -> (usize, bool) {
     let mut recording = Recording::open(path, None).unwrap();
     assert_eq!(recording.camera().unwrap().intrinsics, [3.0, 4.0, 0.5, 0.0]);
-    let mut picture = Picture::default();
-    let mut pictures = 0;
+    let mut image = RecordedImage::default();
+    let mut images = 0;
     loop {
-        match recording.next(&mut picture) {
-            Next::Picture => pictures += 1,
+        match recording.next(&mut image) {
+            Next::Image => images += 1,
             Next::Bad(error) => panic!("{error}"),
-            end => return (pictures, matches!(end, Next::End)),
+            end => return (images, matches!(end, Next::End)),
         }
     }
 }
@@ -295,9 +298,9 @@ fn a_recording_that_begins_again_has_its_first_camera_again() {
     let focal_length = |recording: &Recording| recording.camera().unwrap().intrinsics[0];
     for _ in 0..2 {
         assert_eq!(focal_length(&recording), 3.0);
-        let pictures =
-            (0..10).take_while(|_| matches!(recording.next(&mut Picture::default()), Next::Picture));
-        assert_eq!(pictures.count(), 3);
+        let images =
+            (0..10).take_while(|_| matches!(recording.next(&mut RecordedImage::default()), Next::Image));
+        assert_eq!(images.count(), 3);
         assert_eq!(focal_length(&recording), 5.0);
         recording.rewind().unwrap();
     }
@@ -345,7 +348,7 @@ fn whose_results_a_recording_holds_is_told_of_our_own_alone() {
     };
     RecordingWriter::create(&path, options).unwrap().finish().unwrap();
     assert_eq!(model_of_results(&path).as_deref(), Some("wnet_c.onnx"));
-    assert_eq!(model_of_results(&folder.file(&recording(WriteOptions::new(), &pictures()))), None);
+    assert_eq!(model_of_results(&folder.file(&recording(WriteOptions::new(), &images()))), None);
     assert_eq!(model_of_results(&folder.file(b"no recording")), None);
     assert_eq!(model_of_results(&folder.0.path().join("missing.mcap")), None);
 }
@@ -409,4 +412,83 @@ fn writers_and_mcaps_own_reader_agree() {
     let bytes = std::fs::read(&path).unwrap();
     let messages: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().collect::<Result<_, _>>().unwrap();
     assert_eq!(messages.len(), 4 * 3);
+}
+
+/// How many images a recording gives, and how it ends.
+fn outcome(path: &Path) -> Result<(usize, Next), RecordingError> {
+    let mut recording = Recording::open(path, None)?;
+    let (mut image, mut count) = (RecordedImage::default(), 0);
+    loop {
+        match recording.next(&mut image) {
+            Next::Image => count += 1,
+            Next::Bad(_) | Next::Nothing => {}
+            end => return Ok((count, end)),
+        }
+    }
+}
+
+#[test]
+fn a_file_that_lost_its_last_bytes_is_cut_off_and_not_complete() {
+    let folder = Folder::new();
+    for (name, options) in all_options() {
+        let whole = recording(options, &images());
+        for lost in 1..=8 {
+            let (count, end) = outcome(&folder.file(&whole[..whole.len() - lost])).unwrap();
+            assert_eq!(count, usize::from(IMAGES), "{name}, {lost} bytes lost");
+            assert!(matches!(end, Next::Cut(_)), "{name}, {lost} bytes lost: {end:?}");
+        }
+    }
+}
+
+/// Each bit of each length, of records and of the texts in them: an error or fewer images, with memory for no more than
+/// the file and its chunks hold.
+#[test]
+fn no_flipped_bit_of_a_small_file_requests_much_memory() {
+    const MOST_BYTES: usize = 1 << 20;
+    let folder = Folder::new();
+    assert!(
+        largest_allocation_during(|| drop(std::hint::black_box(vec![0_u8; 5000]))) >= 5000,
+        "nothing counts"
+    );
+    for (name, options) in all_options() {
+        let whole = recording(options, &images());
+        for at in 0..whole.len() {
+            for bit in [at % 7, 7] {
+                let mut file = whole.clone();
+                file[at] ^= 1 << bit;
+                let path = folder.file(&file);
+                let largest = largest_allocation_during(|| {
+                    if let Err(error) = outcome(&path) {
+                        let text = format!("{error:?} {error}");
+                        assert!(!text.contains('\u{1b}') && !text.contains(".rs"), "{text}");
+                    }
+                });
+                assert!(largest <= MOST_BYTES, "{name}: {largest} bytes for bit {bit} of byte {at}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_parts_of_a_split_bag_are_one_recording_and_a_damaged_part_loses_only_its_own_images() {
+    let folder = Folder::new();
+    let part = |from: u8| -> Vec<(u64, Vec<u8>)> {
+        (from..from + 3).map(|value| (u64::from(value) * 10, grey_image(value))).collect()
+    };
+    for (number, from) in [(0, 1), (2, 4), (10, 7)] {
+        let file = recording(WriteOptions::new().use_chunks(false), &part(from));
+        std::fs::write(folder.0.path().join(format!("drive_{number}.mcap")), file).unwrap();
+    }
+    let (values, end) = read(folder.0.path()).unwrap();
+    assert_eq!(values, (1..=9).collect::<Vec<_>>());
+    assert!(matches!(end, Next::End));
+    assert_eq!(Recording::open(folder.0.path(), None).unwrap().image_count(), Some(9));
+
+    let second = folder.0.path().join("drive_2.mcap");
+    let bytes = std::fs::read(&second).unwrap();
+    let at = bytes.windows(8).rposition(|window| window == [5; 8]).unwrap();
+    std::fs::write(&second, &bytes[..at]).unwrap();
+    let (values, end) = read(folder.0.path()).unwrap();
+    assert_eq!(values, [1, 2, 3, 4, 7, 8, 9]);
+    assert!(matches!(end, Next::End));
 }

@@ -4,6 +4,8 @@
 //! networks whose results can be computed by hand.
 
 pub mod allocations;
+pub mod cases;
+pub mod demo;
 pub mod hostile;
 pub mod models;
 pub mod onnx;

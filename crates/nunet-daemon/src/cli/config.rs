@@ -16,7 +16,7 @@ use nunet_ipc::Limits;
 use toml::{Table, Value};
 
 use super::{RunArgs, StreamArgs};
-use crate::source::Kind;
+use crate::source::SourceName;
 use crate::words::default_frame_id;
 
 /// Below this likeness a guess would be an insult.
@@ -352,16 +352,17 @@ fn resolved(flag: &str, matches: &ArgMatches) -> Option<String> {
         let value = matches.get_raw(id).into_iter().flatten().next();
         value.map(|value| value.to_string_lossy().into_owned())
     };
-    let kind = given("source").map_or(Kind::Demo, |source| Kind::parse(&source));
+    let source = given("source").map_or_else(SourceName::demo, |source| SourceName::parse(&source));
+    let source = source.properties();
     match flag {
         "source" => Some("demo".to_owned()),
-        "camera" => Some(kind.default_camera().to_owned()),
+        "camera" => Some(source.camera.to_owned()),
         "frame-id" => {
-            let camera = given("camera").unwrap_or_else(|| kind.default_camera().to_owned());
+            let camera = given("camera").unwrap_or_else(|| source.camera.to_owned());
             Some(default_frame_id(&camera))
         }
-        "rate" => kind.default_rate(),
-        "size" => kind.default_size(),
+        "rate" => source.default_rate.map(str::to_owned),
+        "size" => source.default_size.map(str::to_owned),
         "readers" => Some(Limits::DEFAULT.max_readers.to_string()),
         "access-mode" => given("access_group").map(|_| "0640".to_owned()),
         _ => None,

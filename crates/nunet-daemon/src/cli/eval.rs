@@ -10,38 +10,42 @@ use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
 /// `nunetd eval`
 #[derive(Debug, Args, Clone)]
 pub struct EvalArgs {
-    /// A recording FILE.mcap with pictures and depth, or a folder with `rgb/ID.jpg` or `.png`, `depth/ID.png` and, for labels,
-    /// `labels/ID.png` or `label40/ID.png`
+    /// A recording (FILE.mcap or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or `.png`,
+    /// `depth/ID.png` and, for labels, `labels/ID.png` or `label40/ID.png`. Where the names are different times, as in TUM's
+    /// sequences, images and depth within 20 ms are joined
     pub dataset: PathBuf,
-    /// The recording's topic with pictures, where it has several
+    /// Topic with images, if the recording has several
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
-    /// The recording's topic with true depth, where it has several
+    /// Topic with true depth, if the recording has several
     #[arg(long, value_name = "TOPIC")]
     pub depth_topic: Option<String>,
     /// An .onnx file, a staged graph's .toml, or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
-    /// Pictures to measure, a file with one id a line [default: all]
+    /// Images to measure, a file with one id per line [default: all]
     #[arg(long, value_name = "FILE")]
     pub ids: Option<PathBuf>,
-    /// Pictures of the dataset whose mean image is the baseline [default: those that are measured]
+    /// Images of the dataset whose mean is the baseline [default: those of the other scenes, if ids name scenes; else the
+    /// measured ones]
     #[arg(long, value_name = "FILE")]
     pub baseline_ids: Option<PathBuf>,
-    /// The mean image of other pictures as the baseline: the `mean_image.npy` that another `eval --out` has written
+    /// Mean image as the baseline: the `mean_image.npy` that another `eval --out` has written
     #[arg(long, value_name = "FILE.npy", conflicts_with = "baseline_ids")]
     pub baseline: Option<PathBuf>,
-    /// What is compared: whole pictures, or the crop of Eigen et al. for NYU Depth V2. Truth from 10 m on
-    /// counts as none, and predictions end at 10 m
+    /// What is compared: whole images, or the crop of Eigen et al. for NYU Depth V2
     #[arg(long, value_enum, default_value_t = ProtocolArg::Full)]
     pub protocol: ProtocolArg,
+    /// True depth from here on is not compared, and predictions end here: 10 for NYU Depth V2, 80 for KITTI
+    #[arg(long, value_name = "METERS", default_value = "10", value_parser = parse_meters)]
+    pub depth_cap: f64,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// Pixels outside of it have no truth, for data with a frame around each picture
+    /// Pixels outside of it have no truth, for data with a frame around each image
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
     pub window: Option<Window>,
-    /// The pictures are one video, in their order: what a network or a filter remembers is carried from each to the next,
-    /// as it is in a recording
+    /// The images are one video, in their order: recurrent models and the temporal filter keep their state from one to the
+    /// next, as in a recording
     #[arg(long)]
     pub clip: bool,
     #[command(flatten)]
@@ -51,21 +55,21 @@ pub struct EvalArgs {
     /// Write `eval.json`, `pictures.csv`, `contact_sheet.png` and `mean_image.npy` into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// The figures as JSON
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
     pub engine: EngineArgs,
 }
 
-/// What the numbers of a depth picture mean: metres = (value + offset) * scale.
+/// What the numbers of a depth image mean: meters = (value + offset) * scale.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct DepthUnitArgs {
-    /// Metres a unit of the depth pictures [default: 0.001, for 16-bit pictures]. There 65535 is no measurement, and so is 0
-    /// without an offset
-    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
+    /// Meters per unit of the depth images [default: 0.001, for 16-bit images]; KITTI has 0.00390625, TUM 0.0002. 65535 is no
+    /// measurement, and neither is 0 without an offset
+    #[arg(long, value_name = "METRES", value_parser = parse_meters)]
     pub depth_scale: Option<f64>,
-    /// Added to each value before scaling; other than 0 it says that the value 0 is a measurement
+    /// Added to each value before scaling; with another than 0 the value 0 is a measurement
     #[arg(long, value_name = "UNITS", default_value = "0", allow_hyphen_values = true)]
     pub depth_offset: f64,
 }
@@ -75,11 +79,11 @@ pub struct DepthUnitArgs {
 pub enum ProtocolArg {
     /// Every pixel that has truth.
     Full,
-    /// Rows 45 to 471 and columns 41 to 601 of 640x480 pictures.
+    /// Rows 45 to 471 and columns 41 to 601 of 640x480 images.
     Eigen,
 }
 
-/// A part of a picture, pixels; `bottom` and `right` are the first that are outside.
+/// A part of an image, pixels; `bottom` and `right` are the first that are outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     pub top: u32,
@@ -113,9 +117,9 @@ impl FromStr for Window {
     }
 }
 
-fn parse_scale(text: &str) -> Result<f64, String> {
+fn parse_meters(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(scale) if scale > 0.0 && f64::is_finite(scale) => Ok(scale),
-        _ => Err(format!("expected metres above 0, such as 0.001, got `{text}`")),
+        _ => Err(format!("expected meters above 0, such as 0.001, got `{text}`")),
     }
 }

@@ -10,7 +10,9 @@ use nunet_core::frame::PixelFormat;
 
 use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, RecordArgs, count};
 use crate::options::{MAX_FRAME_ID, Publish};
-use crate::source::{Opening, PictureSize};
+use nunet_types::ImageSize;
+
+use crate::source::OpenOptions;
 
 /// `nunetd run`
 #[derive(Debug, Args, Clone)]
@@ -105,7 +107,7 @@ pub struct SourceArgs {
     pub topic: Option<String>,
     /// The size of raw images on stdin; for a camera, the requested size [default: 640x480 for a camera]
     #[arg(long, value_name = "WxH")]
-    pub size: Option<PictureSize>,
+    pub size: Option<ImageSize>,
     /// The format of raw images on stdin: rgb8, bgr8, mono8, yuyv or nv12
     #[arg(long, value_name = "FORMAT", requires = "size")]
     pub format: Option<PixelFormat>,
@@ -117,14 +119,14 @@ pub struct SourceArgs {
 impl SourceArgs {
     /// How the source is opened.
     #[must_use]
-    pub fn opening(&self) -> Opening<'_> {
-        Opening {
+    pub fn open_options(&self) -> OpenOptions<'_> {
+        OpenOptions {
             repeat: self.repeat,
             topic: self.topic.as_deref(),
-            size: self.size.map(|PictureSize(width, height)| (width, height)),
+            size: self.size,
             format: self.format,
             rate: self.rate,
-            stopped: None,
+            ..OpenOptions::default()
         }
     }
 }

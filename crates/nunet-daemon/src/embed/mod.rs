@@ -13,7 +13,7 @@ use nunet_ipc::FrameHeader;
 pub use crate::sink::files::{Results, write as write_results, write_cloud};
 pub use player::{Played, Player, Step};
 
-use crate::exit::{NotFound, is_usage};
+use crate::exit::{NotFound, is_usage, source_error};
 use crate::source::{self, Frame};
 use crate::{exit, stream};
 
@@ -50,6 +50,7 @@ pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
 pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
     let mut frame = Frame::default();
     source::decode(path, &mut frame)
+        .map_err(source_error)
         .with_context(|| format!("cannot read the image `{}`", path.display()))?;
     Ok((frame.view()?.bytes().to_vec(), frame.size))
 }
@@ -59,7 +60,7 @@ pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
 /// # Errors
 /// Invalid intrinsics, or an unknown distortion model.
 pub fn camera_of(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
-    source::camera_in(header)
+    Ok(source::camera_in(header)?)
 }
 
 /// The depths of the reddest and the bluest color. A missing one is the first or last percentile of the map; a map without

@@ -5,7 +5,8 @@ use std::path::Path;
 use nunet_core::camera::Camera;
 use nunet_engine::{Inferred, Model};
 
-use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _};
+use crate::exit::source_error;
+use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source as _};
 use crate::stream::Continuity;
 
 /// A recording, read from its beginning.
@@ -57,7 +58,8 @@ impl Player {
     /// # Errors
     /// The file does not exist or is not MCAP, or has no or several image topics.
     pub fn open(path: &Path, topic: Option<&str>, camera: Option<Camera>) -> anyhow::Result<Self> {
-        let source = RecordingSource::open(path, Opening { topic, ..Opening::default() })?;
+        let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })
+            .map_err(source_error)?;
         let (continuity, frame) = (Continuity::default(), Frame::default());
         Ok(Self { source, camera, continuity, frame, left_at: None })
     }
@@ -71,7 +73,7 @@ impl Player {
     /// The number of images; `None` if the recording has no index.
     #[must_use]
     pub fn image_count(&self) -> Option<u64> {
-        self.source.pictures()
+        self.source.image_count()
     }
 
     /// Reads the next image and runs it through `model`.
@@ -85,10 +87,12 @@ impl Player {
                 Ok(played) => Step::Played(Box::new(played)),
                 Err(error) => Step::Lost { sequence: sequence(&self.frame), error },
             }),
-            Fill::Failed(error) => Ok(Step::Lost { sequence: sequence(&self.frame), error }),
+            Fill::Failed(error) => {
+                Ok(Step::Lost { sequence: sequence(&self.frame), error: source_error(error) })
+            }
             Fill::Nothing | Fill::Crowded => Ok(Step::Nothing),
             Fill::End => Ok(Step::End),
-            Fill::Cut(error) | Fill::Broken(error) => Err(error),
+            Fill::Cut(error) | Fill::Broken(error) => Err(source_error(error)),
         }
     }
 

@@ -98,8 +98,6 @@ mod tests {
     use std::num::NonZeroU64;
     use std::time::Instant;
 
-    use anyhow::anyhow;
-
     use super::*;
     use crate::source::Fill;
     use crate::stream::Taken;
@@ -120,7 +118,11 @@ mod tests {
             }
             frame.sequence = self.next;
             self.next += 1;
-            if (self.bad)(frame.sequence) { Fill::Failed(anyhow!("unreadable")) } else { Fill::Frame }
+            if (self.bad)(frame.sequence) {
+                Fill::Failed(crate::source::SourceError::bad_frame("unreadable"))
+            } else {
+                Fill::Frame
+            }
         }
 
         fn is_live(&self) -> bool {
@@ -222,7 +224,7 @@ mod tests {
     fn a_source_that_panics_or_breaks_closes_the_mailbox() {
         for (fail, panics) in [
             ((|| panic!("a decoder's bug")) as fn() -> Fill, true),
-            (|| Fill::Broken(anyhow!("another contract")), false),
+            (|| Fill::Broken(crate::source::SourceError::bad_frame("another contract")), false),
         ] {
             let state = StreamState::default();
             let ended = std::thread::scope(|scope| {

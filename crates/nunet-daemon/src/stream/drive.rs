@@ -7,6 +7,7 @@ use std::time::Instant;
 use tracing::{error, warn};
 
 use super::Stop;
+use crate::exit::source_error;
 use crate::source::{Fill, Frame, Pacer, Rate, Source};
 use crate::telemetry::RateLimit;
 
@@ -117,7 +118,7 @@ pub(crate) fn drive(
                 handler.around_log(&mut || error!("the source ends early: {error:#}"));
                 return Ok(SourceEnd::Truncated);
             }
-            Fill::Broken(error) => return Err(error),
+            Fill::Broken(error) => return Err(source_error(error)),
         }
     }
     Ok(SourceEnd::Complete)
@@ -127,9 +128,10 @@ pub(crate) fn drive(
 mod tests {
     use std::time::Duration;
 
-    use anyhow::{anyhow, bail};
+    use anyhow::bail;
 
     use super::*;
+    use crate::source::SourceError;
 
     /// Frames by number with two idle requests before each; some are unreadable.
     struct Numbers {
@@ -154,7 +156,7 @@ mod tests {
             frame.sequence = self.requests / 3 - 1;
             match frame.sequence {
                 number if number >= self.count => (self.end)(),
-                number if (self.bad)(number) => Fill::Failed(anyhow!("unreadable")),
+                number if (self.bad)(number) => Fill::Failed(SourceError::bad_frame("unreadable")),
                 _ => Fill::Frame,
             }
         }
@@ -255,9 +257,9 @@ mod tests {
             let mut source = Numbers { end, ..Numbers::new(2) };
             drive(&mut source, Pace::ALL, &Stop::default(), &mut Collector::default())
         };
-        assert_eq!(run(|| Fill::Cut(anyhow!("half an image"))).unwrap(), SourceEnd::Truncated);
+        assert_eq!(run(|| Fill::Cut(SourceError::bad_frame("half an image"))).unwrap(), SourceEnd::Truncated);
         assert_eq!(
-            run(|| Fill::Broken(anyhow!("another contract"))).unwrap_err().to_string(),
+            run(|| Fill::Broken(SourceError::bad_frame("another contract"))).unwrap_err().to_string(),
             "another contract"
         );
     }
@@ -274,9 +276,9 @@ mod tests {
 
     #[test]
     fn a_source_that_ends_with_the_stop_lost_nothing() {
-        for end in
-            [(|| Fill::Broken(anyhow!("no image"))) as fn() -> Fill, || Fill::Cut(anyhow!("half of one"))]
-        {
+        for end in [(|| Fill::Broken(SourceError::bad_frame("no image"))) as fn() -> Fill, || {
+            Fill::Cut(SourceError::bad_frame("half of one"))
+        }] {
             let stop = Stop::default();
             let driven = drive(&mut Interrupted(&stop, end), Pace::ALL, &stop, &mut Collector::default());
             assert_eq!(driven.unwrap(), SourceEnd::Stopped);

@@ -4,7 +4,19 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::notify::Notify;
-use crate::source::Reuse;
+use crate::source::Frame;
+
+/// An item whose memory is reused.
+pub trait Reuse {
+    /// Releases what is not its own before it is kept for reuse.
+    fn release(&mut self);
+}
+
+impl Reuse for Frame {
+    fn release(&mut self) {
+        Self::release(self);
+    }
+}
 
 /// A mailbox with room for one item, and a pool of used items that can be filled again.
 ///

@@ -11,7 +11,8 @@ use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::cli::{BenchArgs, CameraArgs};
 use crate::engine::{Engine, tested_pipeline};
-use crate::source::{self, Fill, Frame, Kind, Opening, decode};
+use crate::exit::source_error;
+use crate::source::{Fill, Frame, OpenOptions, SourceName, decode};
 use crate::telemetry::MonotonicClock;
 
 pub(super) mod host;
@@ -55,11 +56,16 @@ pub(super) fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
     match image {
         Some(path) => {
             decode(path, &mut frame)
+                .map_err(source_error)
                 .with_context(|| format!("cannot read the picture `{}`", path.display()))?;
         }
         None => {
-            let fill = source::open(&Kind::Demo, Opening::default())?.fill(&mut frame);
-            debug_assert!(matches!(fill, Fill::Frame), "the demo scene always has a frame");
+            let folders = nunet_engine::model_folders();
+            let options = OpenOptions { model_folders: &folders, ..OpenOptions::default() };
+            let fill = SourceName::demo().open(options).map_err(source_error)?.fill(&mut frame);
+            if let Fill::Failed(error) | Fill::Broken(error) = fill {
+                return Err(source_error(error));
+            }
         }
     }
     Ok(frame)

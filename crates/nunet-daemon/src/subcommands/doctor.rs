@@ -11,6 +11,7 @@ use nunet_ipc::{IpcError, Limits, Reservation, Topic, cameras, free_shared_memor
 use crate::Outcome;
 use crate::cli::{CameraArgs, DoctorArgs};
 use crate::engine::{Engine, tested};
+use crate::exit::WithHint;
 use crate::options::Publish;
 use crate::sink::shm::plans;
 use crate::source;
@@ -165,7 +166,11 @@ fn check_cameras(checks: &mut Checks) {
     }
     for camera in cameras {
         let name = format!("camera {}", camera.path.display());
-        checks.add(name, camera.what.map_err(|problem| Problem::of(anyhow::Error::msg(problem))));
+        let offer = camera.offer.map_err(|(problem, hint)| match hint {
+            Some(hint) => Problem::of(WithHint::new(problem, hint)),
+            None => Problem::of(anyhow::Error::msg(problem)),
+        });
+        checks.add(name, offer);
     }
 }
 

@@ -1,5 +1,6 @@
 //! `nunetd eval`: the production pipeline against pictures with true depth, and the mean image beside it.
 
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -11,7 +12,7 @@ use tracing::{error, warn};
 
 use super::progress::progress;
 use crate::Outcome;
-use crate::cli::{CameraArgs, EvalArgs, ProtocolArg};
+use crate::cli::{CameraArgs, EvalArgs};
 use crate::engine::{Engine, tested_pipeline};
 use crate::sink::files::{check_folder, make_folder};
 use crate::sink::stats::{ModelName, write_json};
@@ -23,13 +24,14 @@ mod baseline;
 mod comparison;
 mod dataset;
 mod metrics;
+mod pairs;
 mod report;
 mod resized;
 mod sheet;
 mod unpack;
 
 use baseline::Baseline;
-use comparison::{Comparison, Kind};
+use comparison::{Comparison, Kind, beyond_hint};
 use dataset::{Dataset, Truth};
 use metrics::LabelMetrics;
 use report::{PictureRow, Report};
@@ -59,10 +61,10 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
         warn!("no true labels of this network's classes: only depth is measured");
     }
     let baseline = Baseline::of(arguments, &dataset)?;
-    let mut work = Work::new(arguments.protocol, pipeline, optics, baseline, clip);
+    let mut work = Work::new(arguments, pipeline, optics, baseline, clip);
     let skipped = dataset.unpaired + work.measure_all(&dataset)?;
     work.comparison.check_truth()?;
-    warn_of_scale(work.comparison.share_beyond());
+    warn_of_truth_beyond(&work.comparison);
     let report = work.report(arguments, model, skipped);
     let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
@@ -76,18 +78,20 @@ pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
         work.write_sheet(&dataset, &out.join("contact_sheet.png"))?;
     }
     if skipped > 0 {
-        error!("pictures that were skipped: {skipped}");
+        error!("images that were skipped: {skipped}");
     }
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Lost })
 }
 
-/// Some truth beyond the cap is in every dataset; much of it is a wrong unit.
-fn warn_of_scale(share_beyond: f64) {
-    if share_beyond > MUCH_BEYOND {
+/// Some truth beyond the cap is in every dataset; much of it is a wrong unit or a wrong cap.
+fn warn_of_truth_beyond(comparison: &Comparison) {
+    let share = comparison.share_beyond();
+    if let Some(far_m) = comparison.farthest_m().filter(|_| share > MUCH_BEYOND) {
         warn!(
-            "{:.0} % of the true depth lies at 10 m or beyond and is not compared\nhint: --depth-scale METRES says what \
-             a unit of the depth pictures is",
-            100.0 * share_beyond
+            "{:.0} % of the true depth is at {} m or beyond and is not compared\nhint: {}",
+            100.0 * share,
+            comparison.cap_m(),
+            beyond_hint(far_m)
         );
     }
 }
@@ -113,7 +117,25 @@ struct Work {
     clip: bool,
 }
 
-/// What the network says of a picture, at the picture's size.
+/// Which failures were reported: the same one of hundreds of images is reported once, and counted.
+#[derive(Default)]
+struct Reported(BTreeMap<String, u64>);
+
+impl Reported {
+    fn is_new(&mut self, id: &str, failure: &anyhow::Error) -> bool {
+        let count = self.0.entry(format!("{failure:#}").replace(id, "ID")).or_default();
+        *count += 1;
+        *count == 1
+    }
+
+    fn summarize(&self) {
+        for (failure, count) in self.0.iter().filter(|(_, count)| **count > 1) {
+            error!("skipped {count} images for the same reason: {failure}");
+        }
+    }
+}
+
+/// What the network predicts for an image, at the image's size.
 struct Prediction {
     depth: Vec<f32>,
     labels: Vec<u8>,
@@ -121,7 +143,7 @@ struct Prediction {
 
 impl Work {
     fn new(
-        protocol: ProtocolArg,
+        arguments: &EvalArgs,
         pipeline: Pipeline,
         optics: CameraResolver,
         baseline: Option<Baseline>,
@@ -140,7 +162,7 @@ impl Work {
             frame: Frame::default(),
             depth: vec![0.0; pixels],
             labels: if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() },
-            comparison: Comparison::new(protocol, kind),
+            comparison: Comparison::new(arguments.protocol, arguments.depth_cap as f32, kind),
             confusion: LabelMetrics::new(description.classes.len()),
             baseline,
             rows: Vec::new(),
@@ -153,18 +175,22 @@ impl Work {
     fn measure_all(&mut self, dataset: &Dataset) -> anyhow::Result<u64> {
         let mut last = None;
         let mut skipped = 0;
+        let mut reported = Reported::default();
         let progress = progress("pictures", Some(dataset.ids.len() as u64));
         for id in &dataset.ids {
             if let Err(failure) = self.measure(dataset, id) {
-                progress.suspend(|| error!("skipped `{id}`: {failure:#}"));
+                if reported.is_new(id, &failure) {
+                    progress.suspend(|| error!("skipped `{id}`: {failure:#}"));
+                }
                 skipped += 1;
                 last = Some(failure);
             }
             progress.inc(1);
         }
         progress.finish_and_clear();
+        reported.summarize();
         match last {
-            Some(last) if self.rows.is_empty() => Err(last.context("no picture could be measured")),
+            Some(last) if self.rows.is_empty() => Err(last.context("no image could be measured")),
             _ => Ok(skipped),
         }
     }
@@ -179,7 +205,7 @@ impl Work {
             self.confusion.add(&prediction.labels, labels);
         }
         if let Some(baseline) = &mut self.baseline {
-            baseline.add(&truth.depth_m, truth.size)?;
+            baseline.add(id, &truth.depth_m, truth.size)?;
         }
         self.rows.push(PictureRow::new(id, &alone));
         Ok(())

@@ -15,23 +15,25 @@ use tracing::{error, info, warn};
 
 use crate::Outcome;
 use crate::cli::FeedArgs;
-use crate::exit::{BadArguments, camera_name};
-use crate::source::{self, Frame, Kind, Opening, Rate};
+use crate::exit::{BadArguments, camera_name, source_error};
+use crate::source::{Frame, OpenOptions, Rate, SourceName};
 use crate::stream::{CameraResolver, FrameHandler, Pace, SourceEnd, Stop, drive};
 use crate::telemetry::RateLimit;
 
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
 pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    let kind = Kind::parse(&arguments.source);
-    if let Kind::SharedMemory(_) = kind {
+    let name = SourceName::parse(&arguments.source);
+    if name.properties().is_shared_memory {
         bail!(BadArguments(
             "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
         ));
     }
     let resolver = CameraResolver::new(&arguments.geometry.options())?;
-    let opening = Opening { stopped: Some(stop.flag()), ..arguments.pace.opening() };
-    let source = source::open(&kind, opening);
+    let folders = nunet_engine::model_folders();
+    let options =
+        OpenOptions { stopped: Some(stop.flag()), model_folders: &folders, ..arguments.pace.open_options() };
+    let source = name.open(options).map_err(source_error);
     if stop.requested() {
         return Ok(Outcome::Done);
     }

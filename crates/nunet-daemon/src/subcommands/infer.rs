@@ -13,7 +13,7 @@ use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::cli::InferArgs;
 use crate::engine::{Engine, tested_pipeline};
-use crate::exit::BadArguments;
+use crate::exit::{BadArguments, source_error};
 use crate::sink::files::{self, Results, check_folder};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{Frame, decode, glance, list};
@@ -65,7 +65,7 @@ fn infer_unless(arguments: &InferArgs, stop: &Stop) -> anyhow::Result<Outcome> {
 fn pictures(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     for name in named {
-        let found = list(name)?;
+        let found = list(name).map_err(source_error)?;
         if found.is_empty() {
             bail!(BadArguments(format!(
                 "no picture `{}`: neither a file nor a folder with JPEG or PNG pictures, and no file matches it as a glob\n\
@@ -84,7 +84,7 @@ fn refuse_no_pictures(images: &[PathBuf]) -> anyhow::Result<()> {
     for image in images {
         match glance(image) {
             Ok(()) => return Ok(()),
-            Err(error) => failures.push(unreadable(error, image)),
+            Err(error) => failures.push(unreadable(source_error(error), image)),
         }
     }
     judge(failures, images.len()).map(drop)
@@ -152,7 +152,7 @@ impl Work {
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
-        decode(image, &mut self.frame).map_err(|error| unreadable(error, image))?;
+        decode(image, &mut self.frame).map_err(|error| unreadable(source_error(error), image))?;
         let ready_nanos = MonotonicClock.nanos();
         self.camera.update(&self.frame, &mut self.pipeline)?;
         // Single pictures are no stream.

@@ -16,12 +16,13 @@ use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::cli::ReplayArgs;
 use crate::engine::{Engine, tested_pipeline};
+use crate::exit::source_error;
 use crate::exit::{BadArguments, camera_name};
 use crate::options::Publish;
 use crate::sink::Results;
 use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
 use crate::sink::stats::ModelName;
-use crate::source::{Fill, Frame, Opening, RecordingSource, Source};
+use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source};
 use crate::stream::{CameraResolver, Continuity, FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 use crate::telemetry::{MonotonicClock, RateLimit};
 use crate::words::hexadecimal;
@@ -45,8 +46,12 @@ fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome>
     refuse_output(&arguments.output, Some(&arguments.input), arguments.force)?;
     let camera = camera_name(&arguments.camera)?;
     let resolver = CameraResolver::new(&arguments.optics.lens.geometry.options())?;
-    let how = Opening { topic: arguments.topic.as_deref(), stopped: Some(stop.flag()), ..Opening::default() };
-    let source = RecordingSource::open(&arguments.input, how);
+    let how = OpenOptions {
+        topic: arguments.topic.as_deref(),
+        stopped: Some(stop.flag()),
+        ..OpenOptions::default()
+    };
+    let source = RecordingSource::open(&arguments.input, how).map_err(source_error);
     stop.check()?;
     let mut source = source?;
     let engine = Engine::start(&arguments.engine)?;
@@ -185,7 +190,7 @@ impl Replay {
         first: Fill,
         stop: &Stop,
     ) -> anyhow::Result<()> {
-        self.progress = progress("replay", source.pictures());
+        self.progress = progress("replay", source.image_count());
         self.frame = frame;
         let mut source = StartingWith { first: Some(first), source };
         let end = drive(&mut source, Pace::ALL, stop, self)?;
@@ -290,7 +295,7 @@ mod tests {
     use image::{ImageFormat, RgbImage};
 
     use super::*;
-    use crate::source::write_recording;
+    use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
 
     #[test]
     fn the_coordinate_frame_is_the_pictures_however_many_other_messages_come_before() {
@@ -300,8 +305,33 @@ mod tests {
         RgbImage::new(2, 2).write_to(&mut png, ImageFormat::Png).unwrap();
         let mut pictures = vec![None; 600];
         pictures.push(Some(png.get_ref().as_slice()));
-        write_recording(&path, "left_camera_optical", &pictures);
-        let mut source = RecordingSource::open(&path, Opening::default()).unwrap();
+        let options = WriterOptions {
+            camera: "front".into(),
+            frame_id: "left_camera_optical".into(),
+            mount: None,
+            about: std::collections::BTreeMap::new(),
+            force: false,
+        };
+        let mut writer = RecordingWriter::create(&path, options).unwrap();
+        for (log_nanos, image) in (1..).zip(pictures) {
+            let image = image.map(|data| EncodedImage { format: "png", data });
+            let depth = DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] };
+            let (camera, depth_camera, labels, cloud) = (None, None, None, None);
+            writer
+                .write(&FrameRecord {
+                    log_nanos,
+                    stamp_nanos: 1,
+                    image,
+                    camera,
+                    depth,
+                    depth_camera,
+                    labels,
+                    cloud,
+                })
+                .unwrap();
+        }
+        writer.finish().unwrap();
+        let mut source = RecordingSource::open(&path, OpenOptions::default()).unwrap();
         let first = first_fill(&mut source, &mut Frame::default(), &Stop::default());
         assert!(matches!(first, Fill::Frame), "{first:?}");
         assert_eq!(source.frame_id(), "left_camera_optical");

@@ -21,7 +21,7 @@ use crate::sink::metrics::MetricsServer;
 use crate::sink::shutdown::DrainTimeout;
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::sink::writing::Writing;
-use crate::source;
+use crate::source::SourceName;
 use crate::stream::{self, Ended, Notify, SourceEnd, Stop, Stopped, StreamSummary};
 use crate::telemetry::Counts;
 
@@ -40,7 +40,7 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 /// Everything before the first frame may take long, so that a stop is asked for before each step.
 fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments)?, stop, source::open)?;
+    let cameras = camera::prepare(camera::plans(arguments)?, stop, SourceName::open)?;
     let outputs = Outputs::of(&cameras, arguments.stats_json.as_deref());
     outputs.check()?;
 

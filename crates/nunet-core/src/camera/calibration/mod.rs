@@ -2,12 +2,14 @@
 //! of a `sensor_msgs/CameraInfo`.
 
 mod error;
+mod kalibr;
 #[cfg(test)]
 mod tests;
 
 use std::fmt;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::{Camera, CameraError, Distortion, Intrinsics};
 use crate::text::shortened;
@@ -18,9 +20,9 @@ pub use error::CalibrationError;
 const MAX_BYTES: usize = 64 * 1024;
 
 /// The largest skew that is ignored, relative to fx. Depth maps and messages have no place for a skew. ROS's fisheye
-/// calibration leaves one of about 0.2 % in its files, which moves a point at 45 degrees by a thousandth of its depth;
+/// calibration leaves one of 0.2 to 2 % in its files, which moves a point at 45 degrees by at most a hundredth of its depth;
 /// a larger one is not the error of an estimate.
-const MAX_IGNORED_SKEW: f64 = 0.005;
+const MAX_IGNORED_SKEW: f64 = 0.02;
 
 /// A calibrated camera at the size that it was calibrated at.
 ///
@@ -89,7 +91,8 @@ impl Calibration {
     /// No calibration that [`Calibration::parse`] accepts has more bytes; a reader can stop there.
     pub const MAX_BYTES: usize = MAX_BYTES;
 
-    /// Parses `camera_info` in YAML.
+    /// Parses YAML: `camera_info` as ROS's `camera_calibration` writes it, a `CameraInfo` message as `ros2 topic echo` prints
+    /// it, or Kalibr's camchain of one camera.
     ///
     /// # Errors
     /// Text that is too long, empty or not YAML, missing keys, a matrix of the wrong shape, and what
@@ -101,17 +104,17 @@ impl Calibration {
         if text.trim().is_empty() {
             return Err(CalibrationError::Empty);
         }
-        let options = serde_saphyr::options! { with_snippet: false };
-        let file: CameraInfoFile =
-            serde_saphyr::from_str_with_options(text, options).map_err(|error| CalibrationError::Syntax {
-                reason: shortened(&error.render_with_formatter(&serde_saphyr::UserMessageFormatter)),
-            })?;
-        file.calibration()
+        let text = first_document(text);
+        if kalibr::is_camchain(text) {
+            kalibr::calibration(&parse_yaml(text)?)
+        } else {
+            parse_yaml::<CameraInfoFile>(text)?.calibration()
+        }
     }
 
     /// The calibration in a `CameraInfo` message. Files and recordings share this rule.
     ///
-    /// A skew of up to 0.5 % of fx is ignored ([`Calibration::ignored_skew`]).
+    /// A skew of up to 2 % of fx is ignored ([`Calibration::ignored_skew`]).
     ///
     /// # Errors
     /// A camera matrix that is not one, a larger skew, and what [`Intrinsics::new`] and [`Distortion::from_ros`] refuse.
@@ -157,14 +160,36 @@ impl Calibration {
     }
 }
 
-/// The keys that are read; others are ignored. All are optional here, so that a missing one is an error of ours.
+fn parse_yaml<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
+    let options = serde_saphyr::options! { with_snippet: false };
+    serde_saphyr::from_str_with_options(text, options).map_err(|error| CalibrationError::Syntax {
+        reason: shortened(&error.render_with_formatter(&serde_saphyr::UserMessageFormatter)),
+    })
+}
+
+/// `ros2 topic echo` ends each message with `---`.
+fn first_document(text: &str) -> &str {
+    let start = text.strip_prefix("---\n").unwrap_or(text);
+    start.split_once("\n---").map_or(text, |(first, _)| first)
+}
+
+/// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so that a missing
+/// one is an error of ours.
 #[derive(Deserialize)]
 struct CameraInfoFile {
+    #[serde(alias = "width")]
     image_width: Option<u32>,
+    #[serde(alias = "height")]
     image_height: Option<u32>,
     camera_matrix: Option<Matrix>,
     distortion_model: Option<String>,
     distortion_coefficients: Option<Matrix>,
+    /// The camera matrix of a message; ROS 1 writes `K` and `D`.
+    #[serde(alias = "K")]
+    k: Option<Vec<f64>>,
+    /// The lens coefficients of a message.
+    #[serde(alias = "D")]
+    d: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -178,10 +203,13 @@ impl CameraInfoFile {
     fn calibration(self) -> Result<Calibration, CalibrationError> {
         let width = present("image_width", self.image_width)?;
         let height = present("image_height", self.image_height)?;
-        let k = present("camera_matrix", self.camera_matrix)?.numbers("camera_matrix")?;
+        let numbers = |key, matrix: Option<Matrix>, flat: Option<Vec<f64>>| match flat {
+            Some(numbers) => Ok(numbers),
+            None => present(key, matrix)?.numbers(key),
+        };
+        let k = numbers("camera_matrix", self.camera_matrix, self.k)?;
         let model = present("distortion_model", self.distortion_model)?;
-        let coefficients = present("distortion_coefficients", self.distortion_coefficients)?;
-        let d = coefficients.numbers("distortion_coefficients")?;
+        let d = numbers("distortion_coefficients", self.distortion_coefficients, self.d)?;
         Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: &model, d: &d })
     }
 }

@@ -121,11 +121,11 @@ fn a_size_of_the_same_aspect_ratio_is_scaled_to_and_another_is_refused() {
 #[test]
 fn missing_keys_are_named() {
     for (piece, other, key) in [
-        ("image_width", "width", "image_width"),
+        ("image_width", "wide", "image_width"),
         ("image_height: 480", "image_height:", "image_height"),
-        ("camera_matrix", "K", "camera_matrix"),
+        ("camera_matrix", "matrix", "camera_matrix"),
         ("distortion_model", "model", "distortion_model"),
-        ("distortion_coefficients", "D", "distortion_coefficients"),
+        ("distortion_coefficients", "coefficients", "distortion_coefficients"),
         ("  rows: 3\n", "", "camera_matrix: rows"),
         ("  cols: 3\n", "", "camera_matrix: cols"),
         ("  data: [438", "  numbers: [438", "camera_matrix: data"),
@@ -218,4 +218,25 @@ proptest! {
         let _ = Calibration::parse(&text);
         let _ = Calibration::parse(&format!("{}{piece}{}", &WEBCAM[..cut], &WEBCAM[cut..]));
     }
+}
+
+#[test]
+fn kalibrs_camchain_and_an_echoed_message_are_read() {
+    let case = |name: &str| {
+        String::from_utf8(nunet_testkit::cases::read(&format!("calibration_kinds/{name}"))).unwrap()
+    };
+    for text in [case("kalibr.yaml"), case("topic_echo.yaml"), case("topic_echo.yaml").repeat(2)] {
+        let camera = Calibration::parse(&text).unwrap().camera();
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height } = camera.intrinsics;
+        assert_eq!([fx_px, fy_px, cx_px, cy_px], [500.5, 501.25, 321.25, 238.75]);
+        assert_eq!((width, height), (640, 480));
+        assert_eq!(camera.distortion.coefficients()[..5], [-0.31, 0.11, 0.0007, -0.0004, 0.0]);
+    }
+    let kalibr = case("kalibr.yaml");
+    let two = format!("{kalibr}{}", kalibr.replace("cam0", "cam1"));
+    assert!(Calibration::parse(&two).unwrap_err().to_string().contains("cam0, cam1"));
+    let omni = Calibration::parse(&kalibr.replace("pinhole", "omni")).unwrap_err();
+    assert!(matches!(omni, CalibrationError::UnknownModel { .. }), "{omni}");
+    let ros1 = case("topic_echo.yaml").replace("\nd:", "\nD:").replace("\nk:", "\nK:");
+    assert_eq!(Calibration::parse(&ros1), Calibration::parse(&case("topic_echo.yaml")));
 }

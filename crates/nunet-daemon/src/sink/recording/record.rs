@@ -99,6 +99,7 @@ pub(super) fn describe(camera: &Camera) -> CameraDescription {
         intrinsics: [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px],
         distortion_model: model.to_owned(),
         coefficients,
+        skew: 0.0,
         fault: None,
     }
 }

@@ -10,7 +10,7 @@ use image::{ExtendedColorType, ImageEncoder as _};
 use nunet_core::pipeline::Pipeline;
 use nunet_core::preprocess::Preprocessor;
 use nunet_ipc::Clock;
-use nunet_mcap::{EncodedPicture, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
+use nunet_mcap::{EncodedImage, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
 
 use super::archive::Archive;
 use super::record::{Record, describe};
@@ -149,7 +149,7 @@ impl FrameWriter {
         self.writer.write(&FrameRecord {
             log_nanos: log_nanos.try_into().unwrap_or_default(),
             stamp_nanos: capture.unix_nanos,
-            picture: Some(self.images.encoded(frame)?),
+            image: Some(self.images.encoded(frame)?),
             camera: camera.as_ref(),
             depth: record.depth(),
             depth_camera: depth_camera.as_ref(),
@@ -178,10 +178,10 @@ struct ImageEncoder {
 }
 
 impl ImageEncoder {
-    fn encoded<'a>(&'a mut self, frame: &'a Frame) -> anyhow::Result<EncodedPicture<'a>> {
+    fn encoded<'a>(&'a mut self, frame: &'a Frame) -> anyhow::Result<EncodedImage<'a>> {
         if !frame.file.is_empty() {
             let format = if frame.file.starts_with(&[0xff, 0xd8]) { "jpeg" } else { "png" };
-            return Ok(EncodedPicture { format, data: &frame.file });
+            return Ok(EncodedImage { format, data: &frame.file });
         }
         if !self.lossless && !std::mem::replace(&mut self.has_noted_jpeg, true) {
             info!(
@@ -201,11 +201,11 @@ impl ImageEncoder {
             let encoder =
                 PngEncoder::new_with_quality(&mut self.encoded, CompressionType::Fast, FilterType::Adaptive);
             encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
-            return Ok(EncodedPicture { format: "png", data: &self.encoded });
+            return Ok(EncodedImage { format: "png", data: &self.encoded });
         }
         let mut encoder = JpegEncoder::new_with_quality(&mut self.encoded, JPEG_QUALITY);
         encoder.encode(rgb, width, height, ExtendedColorType::Rgb8)?;
-        Ok(EncodedPicture { format: "jpeg", data: &self.encoded })
+        Ok(EncodedImage { format: "jpeg", data: &self.encoded })
     }
 }
 
@@ -251,7 +251,7 @@ mod tests {
         std::fs::hard_link(&input, &link).unwrap();
         let refused = |force| refuse_output(&link, Some(&input), force).unwrap_err().to_string();
         assert!(refused(true).ends_with("cannot be read and written at once"));
-        assert!(refuse_output(&link, None, false).unwrap_err().to_string().contains("hint: --force"));
+        assert!(refuse_output(&link, None, false).unwrap_err().to_string().contains("already exists"));
         assert!(refuse_output(&link, None, true).is_ok());
         assert!(refuse_output(&folder.path().join("new.mcap"), Some(&input), false).is_ok());
     }

@@ -1,15 +1,17 @@
-//! Depth against truth: protocols, metres and stretched depth.
+//! Depth against truth: protocols, meters and stretched depth.
 
 use anyhow::bail;
 
 use super::metrics::{DepthMetrics, PictureMean};
 use crate::cli::ProtocolArg;
+use crate::exit::WithHint;
 
 /// Predictions below would make relative errors meaningless; the field's figure.
 const MIN_DEPTH_M: f32 = 1e-3;
-/// The cap of all protocols here: truth beyond is no truth, and predictions end there, as in the code of `BTS`, `AdaBins`
-/// and `ZoeDepth`.
-const MAX_DEPTH_M: f32 = 10.0;
+/// The field's cap for rooms: truth beyond is no truth, and predictions end there, as in the code of `BTS`, `AdaBins` and
+/// `ZoeDepth`.
+#[cfg(test)]
+const ROOM_CAP_M: f32 = 10.0;
 /// What is left of 0 where a logarithm is taken; squared errors, all that is read of stretched depth, do not notice.
 const CLIP: f32 = 1e-7;
 /// The least range that is stretched to 0..1.
@@ -22,35 +24,38 @@ impl ProtocolArg {
             Self::Full => Ok([0..height as usize, 0..width as usize]),
             Self::Eigen if (width, height) == (640, 480) => Ok([45..471, 41..601]),
             Self::Eigen => {
-                bail!(
-                    "protocol `eigen` is for pictures of 640x480, this one is {width}x{height}\nhint: --protocol full"
-                )
+                bail!(WithHint::new(
+                    format!("protocol `eigen` is for images of 640x480, this one is {width}x{height}"),
+                    "compare whole images: --protocol full"
+                ))
             }
         }
     }
 }
 
-/// Figures of depth gathered picture by picture.
+/// Metrics of depth gathered image by image.
 #[derive(Debug, Clone)]
 pub(super) struct Comparison {
     protocol: ProtocolArg,
+    /// True depth from here on is not compared, and predictions end here.
+    cap_m: f32,
     kind: Kind,
-    /// Metres under the protocol; empty where the network has none.
+    /// Meters under the protocol; empty where the network has none.
     pub(super) depth: DepthMetrics,
-    /// Of each picture by itself.
+    /// Of each image by itself.
     pub(super) each: PictureMean,
-    /// Whole pictures, each stretched from its nearest to its farthest point, as the paper did.
+    /// Whole images, each stretched from its nearest to its farthest point, as the paper did.
     pub(super) minmax: DepthMetrics,
     /// Pixels of truth under the protocol that lie outside of what is compared.
     pub(super) beyond: u64,
-    /// The nearest and the farthest truth under the protocol, metres, whether it is compared or not.
+    /// The nearest and the farthest truth under the protocol, meters, whether it is compared or not.
     truth_m: Option<(f32, f32)>,
 }
 
 /// What predictions are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Metres.
+    /// Meters.
     Metric,
     /// Stretched to 0..1 already.
     MinMax,
@@ -59,12 +64,12 @@ pub(super) enum Kind {
 }
 
 impl Comparison {
-    pub(super) fn new(protocol: ProtocolArg, kind: Kind) -> Self {
+    pub(super) fn new(protocol: ProtocolArg, cap_m: f32, kind: Kind) -> Self {
         let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
-        Self { protocol, kind, depth, each: PictureMean::default(), minmax, beyond: 0, truth_m: None }
+        Self { protocol, cap_m, kind, depth, each: PictureMean::default(), minmax, beyond: 0, truth_m: None }
     }
 
-    /// Whether there was truth to compare metres with.
+    /// Whether there was truth to compare meters with.
     ///
     /// # Errors
     /// There was none within the cap, so that every figure would be missing.
@@ -73,17 +78,21 @@ impl Comparison {
             return Ok(());
         }
         let Some((near, far)) = self.truth_m else {
-            bail!(
-                "no picture has true depth where depth is compared\nhint: 0 and NaN mean none; --window and --protocol leave parts out"
-            );
+            bail!(WithHint::new(
+                "no image has true depth where depth is compared",
+                "0 and NaN mean none; --window and --protocol exclude parts"
+            ));
         };
-        bail!(
-            "no true depth lies between {MIN_DEPTH_M} and {MAX_DEPTH_M} m, where depth is compared: it is {near} to {far} m\n\
-             hint: --depth-scale METRES says what a unit of the depth pictures is"
-        )
+        let cap_m = self.cap_m;
+        bail!(WithHint::new(
+            format!(
+                "no true depth is between {MIN_DEPTH_M} and {cap_m} m, where depth is compared: it is {near} to {far} m"
+            ),
+            beyond_hint(far)
+        ))
     }
 
-    /// What is compared: metres where there are any.
+    /// What is compared: meters where there are any.
     pub(super) fn compared(&self) -> &DepthMetrics {
         if self.kind == Kind::Metric { &self.depth } else { &self.minmax }
     }
@@ -94,23 +103,33 @@ impl Comparison {
         self.beyond as f64 / all.max(1) as f64
     }
 
+    /// The farthest truth under the protocol, whether it is compared or not.
+    pub(super) fn farthest_m(&self) -> Option<f32> {
+        self.truth_m.map(|(_, far)| far)
+    }
+
+    /// The cap, meters.
+    pub(super) fn cap_m(&self) -> f32 {
+        self.cap_m
+    }
+
     /// What predictions are.
     pub(super) fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// Counts one picture and gives its own figures.
+    /// Counts one image and returns its own metrics.
     pub(super) fn add(
         &mut self,
         predicted: &[f32],
         truth_m: &[f32],
         size: (u32, u32),
     ) -> anyhow::Result<Self> {
-        let mut alone = Self::new(self.protocol, self.kind);
+        let mut alone = Self::new(self.protocol, self.cap_m, self.kind);
         let [rows, columns] = self.protocol.crop(size)?;
         if self.kind == Kind::Metric {
-            let capped = |depth_m: f32| depth_m.clamp(MIN_DEPTH_M, MAX_DEPTH_M);
-            let is_compared = |depth_m: f32| MIN_DEPTH_M < depth_m && depth_m < MAX_DEPTH_M;
+            let capped = |depth_m: f32| depth_m.clamp(MIN_DEPTH_M, self.cap_m);
+            let is_compared = |depth_m: f32| MIN_DEPTH_M < depth_m && depth_m < self.cap_m;
             let width = size.0 as usize;
             let lines = predicted.chunks_exact(width).zip(truth_m.chunks_exact(width));
             for (predicted, truth) in lines.take(rows.end).skip(rows.start) {
@@ -147,6 +166,17 @@ impl Comparison {
     }
 }
 
+/// What to do about truth that lies beyond the cap. No depth camera or lidar on a robot sees farther than this many meters;
+/// what seems to be farther has another unit.
+pub(super) fn beyond_hint(far_m: f32) -> String {
+    const FARTHEST_M: f32 = 300.0;
+    if far_m <= FARTHEST_M {
+        format!("compare up to a larger distance: --depth-cap {}", far_m.ceil())
+    } else {
+        "check the unit of the depth images: --depth-scale METERS".to_owned()
+    }
+}
+
 /// 0 lifted off the logarithm's edge; NaN stays NaN.
 fn positive(stretched: f32) -> f32 {
     if stretched < CLIP { CLIP } else { stretched }
@@ -179,8 +209,8 @@ mod tests {
     }
 
     #[test]
-    fn a_prediction_of_another_scale_has_no_stretched_error_but_one_in_metres() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
+    fn a_prediction_of_another_scale_has_no_stretched_error_but_one_in_meters() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Metric);
         let alone = comparison.add(&[2.0, 4.0, 6.0], &[1.0, 2.0, 3.0], SIZE).unwrap();
         assert!(alone.minmax.figures().unwrap().mse < 1e-12);
         let figures = comparison.depth.figures().unwrap();
@@ -188,8 +218,8 @@ mod tests {
     }
 
     #[test]
-    fn truth_beyond_ten_metres_is_none_and_predictions_end_there() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
+    fn truth_beyond_ten_meters_is_none_and_predictions_end_there() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Metric);
         comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
         comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
         let figures = comparison.depth.figures().unwrap();
@@ -200,39 +230,53 @@ mod tests {
         let each = comparison.each.figures().unwrap();
         assert!(
             (each.mse - figures.mse).abs() < 1e-12,
-            "a picture without a pixel counts for nothing: {each:?}"
+            "an image without a pixel counts for nothing: {each:?}"
         );
         assert!(comparison.check_truth().is_ok());
     }
 
     #[test]
-    fn truth_of_another_scale_is_told_with_the_scale_that_it_seems_to_have() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, Kind::Metric);
-        assert!(comparison.check_truth().unwrap_err().to_string().starts_with("no picture has true depth"));
+    fn truth_of_another_scale_is_reported_with_its_range() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Metric);
+        assert!(comparison.check_truth().unwrap_err().to_string().starts_with("no image has true depth"));
         comparison.add(&[1.0; 3], &[1250.0, f32::NAN, 4000.0], SIZE).unwrap();
         let error = comparison.check_truth().unwrap_err().to_string();
         assert!(
-            error.contains(
-                "between 0.001 and 10 m, where depth is compared: it is 1250 to 4000 m\nhint: --depth-scale"
-            ),
+            error.ends_with("between 0.001 and 10 m, where depth is compared: it is 1250 to 4000 m"),
             "{error}"
+        );
+        assert!(
+            beyond_hint(4000.0).contains("--depth-scale") && beyond_hint(42.5).ends_with("--depth-cap 43")
         );
         comparison.add(&[1.0; 3], &[f32::NAN, f32::NAN, 4.0], SIZE).unwrap();
         assert!(comparison.check_truth().is_ok(), "one pixel is enough");
-        assert!(Comparison::new(ProtocolArg::Full, Kind::Relative).check_truth().is_ok(), "it has no metres");
+        assert!(
+            Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Relative).check_truth().is_ok(),
+            "it has no meters"
+        );
     }
 
     #[test]
-    fn eigens_crop_is_for_pictures_of_vga_alone() {
-        let error =
-            Comparison::new(ProtocolArg::Eigen, Kind::Metric).add(&[1.0; 3], &[1.0; 3], SIZE).unwrap_err();
+    fn truth_up_to_a_larger_cap_is_compared_when_that_is_asked_for() {
+        let mut comparison = Comparison::new(ProtocolArg::Full, 80.0, Kind::Metric);
+        comparison.add(&[60.0, 200.0, 10.0], &[30.0, 79.0, 81.0], SIZE).unwrap();
+        assert_eq!((comparison.depth.pixels, comparison.beyond), (2, 1));
+        let figures = comparison.depth.figures().unwrap();
+        assert!((figures.mse - (900.0 + 1.0) / 2.0).abs() < 1e-3, "predictions end at 80 m: {figures:?}");
+    }
+
+    #[test]
+    fn eigens_crop_is_for_vga_images_only() {
+        let error = Comparison::new(ProtocolArg::Eigen, ROOM_CAP_M, Kind::Metric)
+            .add(&[1.0; 3], &[1.0; 3], SIZE)
+            .unwrap_err();
         assert!(error.to_string().contains("640x480, this one is 3x1"), "{error}");
     }
 
     #[test]
     fn eigens_crop_has_426_rows_of_560_columns() {
         let depth = vec![1.0; 640 * 480];
-        let mut comparison = Comparison::new(ProtocolArg::Eigen, Kind::Metric);
+        let mut comparison = Comparison::new(ProtocolArg::Eigen, ROOM_CAP_M, Kind::Metric);
         comparison.add(&depth, &depth, (640, 480)).unwrap();
         assert_eq!(comparison.depth.pixels, 426 * 560);
         assert_eq!(comparison.minmax.pixels, 640 * 480);

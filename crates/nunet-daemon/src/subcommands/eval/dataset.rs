@@ -1,22 +1,22 @@
-//! Pictures with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
+//! Images with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 
-use nunet_core::camera::Camera;
+use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::plain_file;
 use tempfile::TempDir;
 use tracing::warn;
 
 use super::metrics::IGNORE;
+use super::pairs;
 use super::unpack::{Unpacked, is_recording, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
-use crate::exit::BadArguments;
-use crate::source::demo::CLASS_NAMES;
-use crate::source::{Frame, Numbers, PICTURE_ENDINGS, decode, decode_numbers};
+use crate::exit::{BadArguments, WithHint};
+use crate::source::{Frame, IMAGE_EXTENSIONS, Numbers, decode, decode_numbers};
 
 /// What some editors begin a text with.
 const BYTE_ORDER_MARK: char = '\u{feff}';
@@ -28,12 +28,30 @@ const MAX_LIST_BYTES: u64 = 64 << 20;
 const MILLIMETRE_M: f64 = 0.001;
 /// What sensors write into 16-bit pictures where they measured nothing, besides 0: 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;
+/// The 13 classes that NYU's 40 fold into, index = label.
+const CLASS_NAMES: [&str; 13] = [
+    "bed",
+    "books",
+    "ceiling",
+    "chair",
+    "floor",
+    "furniture",
+    "objects",
+    "picture",
+    "sofa",
+    "table",
+    "tv",
+    "wall",
+    "window",
+];
 
 /// A folder of pairs, read one at a time.
 #[derive(Debug)]
 pub(super) struct Dataset {
     root: PathBuf,
     pub(super) ids: Vec<String>,
+    /// The names of depth and labels, where they differ from the images' ids.
+    partners: BTreeMap<String, String>,
     units: DepthUnitArgs,
     window: Option<Window>,
     labels: Option<LabelFolder>,
@@ -68,19 +86,26 @@ impl Dataset {
         let root = arguments.dataset.clone();
         for folder in ["rgb", "depth"] {
             if !root.join(folder).is_dir() {
-                bail!(BadArguments(format!(
-                    "`{}` is no dataset: it has no folder `{folder}`\nhint: rgb/ID.jpg or .png, depth/ID.png",
-                    root.display()
-                )));
+                bail!(WithHint::usage(
+                    format!("`{}` is not a dataset: it has no folder `{folder}`", root.display()),
+                    "expected rgb/ID.jpg or .png and depth/ID.png, or a recording"
+                ));
             }
         }
         let ids = match &arguments.ids {
             Some(list) => read_ids(list)?,
             None => all_ids(&root)?,
         };
+        let partners = pairs::by_time(
+            &stems(&root, "rgb", &IMAGE_EXTENSIONS)?,
+            &stems(&root, "depth", &NUMBER_ENDINGS)?,
+        );
+        // Depth that belongs to an image of another name is not an image without a partner.
+        let paired: HashSet<&String> = partners.values().collect();
+        let ids = ids.into_iter().filter(|id| !paired.contains(id)).collect();
         let labels = LabelFolder::find(&root, classes);
-        let (units, window) = (arguments.units, arguments.window);
-        Ok(Self { root, ids, units, window, labels, camera: None, _unpacked: None, unpaired: 0 })
+        let (units, window, camera) = (arguments.units, arguments.window, camera_of(&root)?);
+        Ok(Self { root, ids, partners, units, window, labels, camera, _unpacked: None, unpaired: 0 })
     }
 
     /// Whether there are true labels of the network's classes.
@@ -90,9 +115,9 @@ impl Dataset {
 
     /// Reads a picture.
     pub(super) fn picture(&self, id: &str, frame: &mut Frame) -> anyhow::Result<()> {
-        let path = self.path("rgb", id, &PICTURE_ENDINGS);
+        let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
         frame.camera = self.camera;
-        decode(&path, frame).with_context(|| format!("cannot read the picture `{}`", path.display()))
+        decode(&path, frame).with_context(|| format!("cannot read the image `{}`", path.display()))
     }
 
     /// Reads what is known of a picture, whose size it must have where that is known.
@@ -114,9 +139,9 @@ impl Dataset {
     }
 
     fn numbers(&self, folder: &str, id: &str) -> anyhow::Result<(PathBuf, Numbers)> {
-        let path = self.path(folder, id, &NUMBER_ENDINGS);
+        let path = self.path(folder, self.partners.get(id).map_or(id, String::as_str), &NUMBER_ENDINGS);
         let numbers =
-            decode_numbers(&path).with_context(|| format!("cannot read the picture `{}`", path.display()))?;
+            decode_numbers(&path).with_context(|| format!("cannot read the image `{}`", path.display()))?;
         Ok((path, numbers))
     }
 
@@ -138,11 +163,49 @@ impl Dataset {
     }
 }
 
-/// Two pictures that belong together have one size.
+/// The camera that the dataset states in `camera.json`, as rendered clips have it.
+fn camera_of(root: &Path) -> anyhow::Result<Option<Camera>> {
+    #[derive(serde::Deserialize)]
+    struct CameraFile {
+        width: u32,
+        height: u32,
+        fx: f64,
+        fy: f64,
+        cx: f64,
+        cy: f64,
+    }
+    let path = root.join("camera.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let unreadable = || format!("cannot read `{}`", path.display());
+    let text = std::fs::read_to_string(&path).with_context(unreadable)?;
+    let CameraFile { width, height, fx, fy, cx, cy } =
+        serde_json::from_str(&text).with_context(unreadable)?;
+    let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).with_context(unreadable)?;
+    Ok(Some(Camera::pinhole(intrinsics)))
+}
+
+/// Names of the files of a folder without their extensions.
+fn stems(root: &Path, folder: &str, endings: &[&str]) -> anyhow::Result<Vec<String>> {
+    let folder = root.join(folder);
+    let unreadable = || format!("cannot list the folder `{}`", folder.display());
+    let mut stems = Vec::new();
+    for entry in folder.read_dir().with_context(unreadable)? {
+        let path = entry.with_context(unreadable)?.path();
+        let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+        if ending.is_some_and(|ending| endings.iter().any(|known| ending == *known)) {
+            stems.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+        }
+    }
+    Ok(stems)
+}
+
+/// Two images that belong together have one size.
 fn same_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> anyhow::Result<()> {
     if got != expected {
         let ((width, height), (expected_width, expected_height)) = (got, expected);
-        bail!("`{}` is {width}x{height}, its picture {expected_width}x{expected_height}", path.display());
+        bail!("`{}` is {width}x{height}, its image {expected_width}x{expected_height}", path.display());
     }
     Ok(())
 }
@@ -153,7 +216,10 @@ fn metres(depth: &Numbers, units: DepthUnitArgs) -> anyhow::Result<Vec<f32>> {
         Some(scale) => scale,
         None if depth.bits == 16 => MILLIMETRE_M,
         None => {
-            bail!("depth of 8 bits cannot be millimetres\nhint: --depth-scale METRES says what a unit is")
+            bail!(WithHint::new(
+                "depth of 8 bits cannot be millimeters",
+                "state the unit of the depth images: --depth-scale METERS"
+            ))
         }
     };
     let zero_is_none = units.depth_offset == 0.0;
@@ -244,7 +310,7 @@ fn read_list(list: &Path) -> anyhow::Result<String> {
 /// formats are counted.
 fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut ids = BTreeSet::new();
-    for (folder, endings) in [("rgb", &PICTURE_ENDINGS[..]), ("depth", &NUMBER_ENDINGS)] {
+    for (folder, endings) in [("rgb", &IMAGE_EXTENSIONS[..]), ("depth", &NUMBER_ENDINGS)] {
         let folder = root.join(folder);
         let unreadable = || format!("cannot list the folder `{}`", folder.display());
         let mut others = 0;

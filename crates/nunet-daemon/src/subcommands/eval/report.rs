@@ -1,4 +1,4 @@
-//! What `nunetd eval` says: JSON, a table for people, and a row a picture.
+//! What `nunetd eval` prints: JSON, a table for people, and a row per image.
 
 use std::path::Path;
 
@@ -20,6 +20,7 @@ pub(super) struct Report {
     architecture: String,
     dataset: String,
     protocol: &'static str,
+    depth_cap_m: f32,
     units: &'static str,
     scale_source: &'static str,
     filters: Vec<String>,
@@ -108,6 +109,7 @@ impl Report {
                 ProtocolArg::Full => "full",
                 ProtocolArg::Eigen => "eigen",
             },
+            depth_cap_m: comparison.cap_m(),
             units: scale.units.name(),
             scale_source: scale.source.name(),
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
@@ -132,7 +134,7 @@ impl Report {
     /// For people: the network and the mean image side by side.
     pub(super) fn text(&self) -> String {
         let mut text = format!(
-            "{} ({}) on {}: {} pictures, {} skipped, protocol {}, scale {}\n{:<15}{:>9}{:>12}\n",
+            "{} ({}) on {}: {} images, {} skipped, protocol {}, scale {}\n{:<15}{:>9}{:>12}\n",
             self.model.name,
             self.architecture,
             self.dataset,
@@ -169,7 +171,7 @@ impl Report {
             self.pixels, self.pixels_without_prediction, self.pixels_beyond
         );
         if trivial.is_some_and(|baseline| baseline.of == Of::Measured) {
-            text += "the mean image is that of these very pictures: `--baseline-ids` takes one that has not seen them";
+            text += "the mean image is that of the measured images themselves: `--baseline-ids` names others";
         }
         text.truncate(text.trim_end().len());
         text

@@ -6,14 +6,14 @@ use anyhow::{Context as _, bail};
 use image::ExtendedColorType;
 use nunet_core::camera::Camera;
 use nunet_core::preprocess::Preprocessor;
-use nunet_mcap::{Next, Picture, Recording, model_of_results};
+use nunet_mcap::{Next, RecordedImage, Recording, model_of_results};
 use tempfile::TempDir;
 use tracing::warn;
 
 use crate::cli::EvalArgs;
-use crate::exit::BadArguments;
+use crate::exit::{WithHint, source_error};
 use crate::sink::files::write_depth_mm;
-use crate::source::{Fill, Frame, Opening, RecordingSource, Source as _, sorted};
+use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source as _, from_recording_error};
 
 /// A picture and depth whose stamps differ by no more belong together: half a frame at 25 Hz.
 const MAX_APART_NANOS: i64 = 20_000_000;
@@ -27,29 +27,31 @@ pub(super) struct Unpacked {
 }
 
 /// A recording that nunetd has written holds a network's depth: measured against it, the same network would be perfect.
-pub(super) fn refuse_own_depth(arguments: &EvalArgs) -> Result<(), BadArguments> {
+pub(super) fn refuse_own_depth(arguments: &EvalArgs) -> Result<(), WithHint> {
     let path = &arguments.dataset;
     if arguments.depth_topic.is_some() || !is_recording(path) {
         return Ok(());
     }
     let Some(model) = model_of_results(path) else { return Ok(()) };
-    Err(BadArguments(format!(
-        "`{}` was written by nunetd: its depth is what `{model:.60}` said, not truth\nhint: --depth-topic TOPIC, if that is \
-         what the model is to be compared with",
-        path.display()
-    )))
+    Err(WithHint::usage(
+        format!(
+            "`{}` was written by nunetd: its depth is a prediction of `{model:.60}`, not truth",
+            path.display()
+        ),
+        "pass --depth-topic TOPIC to compare the model with it anyway",
+    ))
 }
 
 /// Whether a dataset is a recording, and no folder.
 pub(super) fn is_recording(dataset: &Path) -> bool {
-    dataset.extension().is_some_and(|ending| ending == "mcap")
+    !dataset.join("rgb").is_dir() && nunet_mcap::is_recording(dataset)
 }
 
 /// Writes each picture with the depth nearest to it in time. Both topics are in the order of their stamps.
 pub(super) fn unpack(arguments: &EvalArgs) -> anyhow::Result<Unpacked> {
     let path = &arguments.dataset;
-    let how = Opening { topic: arguments.topic.as_deref(), ..Opening::default() };
-    let mut pictures = RecordingSource::open(path, how)?;
+    let options = OpenOptions { topic: arguments.topic.as_deref(), ..OpenOptions::default() };
+    let mut pictures = RecordingSource::open(path, options).map_err(source_error)?;
     let mut depths = Depths::open(path, arguments.depth_topic.as_deref())?;
     let folder = tempfile::tempdir().context("cannot make a folder for the recording's pictures")?;
     for name in ["rgb", "depth"] {
@@ -61,7 +63,7 @@ pub(super) fn unpack(arguments: &EvalArgs) -> anyhow::Result<Unpacked> {
         match pictures.fill(&mut frame) {
             Fill::Frame => {}
             Fill::Failed(error) => {
-                warn!("a picture is skipped: {error:#}");
+                warn!("an image is skipped: {error:#}");
                 unpaired += 1;
                 continue;
             }
@@ -83,11 +85,11 @@ pub(super) fn unpack(arguments: &EvalArgs) -> anyhow::Result<Unpacked> {
         }
     }
     if pairs == 0 {
-        bail!(
-            "`{}` has no picture with depth within {} ms of it\nhint: --topic and --depth-topic choose",
-            path.display(),
-            MAX_APART_NANOS / 1_000_000
-        );
+        let apart_ms = MAX_APART_NANOS / 1_000_000;
+        bail!(WithHint::new(
+            format!("`{}` has no image with depth within {apart_ms} ms of it", path.display()),
+            "choose the topics: --topic and --depth-topic"
+        ));
     }
     Ok(Unpacked { folder, camera, unpaired })
 }
@@ -95,13 +97,14 @@ pub(super) fn unpack(arguments: &EvalArgs) -> anyhow::Result<Unpacked> {
 /// Depth in the order of time.
 struct Depths {
     recording: Recording,
-    current: Option<Picture>,
-    next: Option<Picture>,
+    current: Option<RecordedImage>,
+    next: Option<RecordedImage>,
 }
 
 impl Depths {
     fn open(path: &Path, topic: Option<&str>) -> anyhow::Result<Self> {
-        let recording = Recording::open_depth(path, topic).map_err(sorted)?;
+        let recording =
+            Recording::open_depth(path, topic).map_err(|error| source_error(from_recording_error(error)))?;
         let mut depths = Self { recording, current: None, next: None };
         depths.advance();
         depths.advance();
@@ -110,14 +113,14 @@ impl Depths {
 
     fn advance(&mut self) {
         self.current = self.next.take();
-        let mut picture = Picture::default();
+        let mut picture = RecordedImage::default();
         loop {
             match self.recording.next(&mut picture) {
-                Next::Picture if !picture.depth_m().is_empty() => {
+                Next::Image if !picture.depth_m().is_empty() => {
                     self.next = Some(picture);
                     return;
                 }
-                Next::Picture | Next::Nothing => {}
+                Next::Image | Next::Nothing => {}
                 Next::Bad(error) => warn!("depth is skipped: {error}"),
                 Next::End | Next::Cut(_) => return,
             }
@@ -125,8 +128,8 @@ impl Depths {
     }
 
     /// The depth nearest to a time, if it is near enough.
-    fn nearest(&mut self, nanos: i64) -> Option<&Picture> {
-        let apart = |picture: &Picture| picture.unix_nanos().abs_diff(nanos);
+    fn nearest(&mut self, nanos: i64) -> Option<&RecordedImage> {
+        let apart = |picture: &RecordedImage| picture.unix_nanos().abs_diff(nanos);
         while let (Some(current), Some(next)) = (&self.current, &self.next)
             && apart(next) <= apart(current)
         {
@@ -139,7 +142,7 @@ impl Depths {
     }
 }
 
-fn write_pair(folder: &Path, id: &str, frame: &Frame, depth: &Picture) -> anyhow::Result<()> {
+fn write_pair(folder: &Path, id: &str, frame: &Frame, depth: &RecordedImage) -> anyhow::Result<()> {
     let context = || format!("cannot unpack pair `{id}` of the recording");
     let ending = if frame.file.starts_with(&[0xff, 0xd8]) { "jpg" } else { "png" };
     let rgb = folder.join("rgb").join(format!("{id}.{ending}"));

@@ -9,20 +9,22 @@ use nunet_ipc::{CameraName, Limits, unix_nanos};
 use tracing::{Span, error, error_span, warn};
 
 use crate::cli::{RunArgs, SourceArgs, StreamArgs};
-use crate::exit::{BadArguments, camera_name};
+use crate::exit::{BadArguments, camera_name, source_error};
 use crate::sink::metrics::MetricsServer;
 use crate::sink::recording::{recording_path, refuse_output};
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions, frame_id};
 use crate::sink::stats::Common;
 use crate::sink::{self, SinkContext, SinkOptions};
-use crate::source::{self, Fill, Frame, Kind, Opening, Rate, Source};
+use crate::source::{
+    Exclusive, Fill, Frame, OpenOptions, Rate, Source, SourceError, SourceErrorKind, SourceName,
+};
 use crate::stream::{CameraResolver, Notify, Pace, Stop, Stream, StreamTask};
 
 /// A camera's arguments, checked as far as they can be without the machine.
 pub(super) struct Plan<'a> {
     pub(super) arguments: &'a StreamArgs,
     pub(super) name: CameraName,
-    kind: Kind,
+    source: SourceName,
     /// The file that `--record` means.
     pub(super) record: Option<PathBuf>,
 }
@@ -34,9 +36,9 @@ pub(super) fn plans<'a>(arguments: &'a RunArgs) -> anyhow::Result<Vec<Plan<'a>>>
     let several = streams.len() > 1;
     let folders: Vec<_> = streams.iter().filter_map(|stream| stream.out.as_deref()).map(place).collect();
     let plan = |stream: &&'a StreamArgs| {
-        let kind = source_kind(stream.source.as_deref());
-        let name = stream.camera.as_deref().unwrap_or(kind.default_camera());
-        Plan::new(stream, name, kind.clone(), &folders).map_err(|error| in_camera(error, name, several))
+        let source = source_name(stream.source.as_deref());
+        let name = stream.camera.as_deref().unwrap_or(source.properties().camera);
+        Plan::new(stream, name, source.clone(), &folders).map_err(|error| in_camera(error, name, several))
     };
     let plans = streams.iter().map(plan).collect::<anyhow::Result<Vec<_>>>()?;
     refuse_shared(&plans)?;
@@ -45,21 +47,26 @@ pub(super) fn plans<'a>(arguments: &'a RunArgs) -> anyhow::Result<Vec<Plan<'a>>>
 
 impl<'a> Plan<'a> {
     /// `folders` are those that will be made.
-    fn new(arguments: &'a StreamArgs, name: &str, kind: Kind, folders: &[PathBuf]) -> anyhow::Result<Self> {
-        refuse_pace_of_live_source(&kind, &arguments.pace)?;
-        arguments.pace.opening().check(&kind)?;
+    fn new(
+        arguments: &'a StreamArgs,
+        name: &str,
+        source: SourceName,
+        folders: &[PathBuf],
+    ) -> anyhow::Result<Self> {
+        refuse_pace_of_live_source(&source, &arguments.pace)?;
+        source.check(&arguments.pace.open_options()).map_err(source_error)?;
         let name = camera_name(name)?;
         frame_id(&name, arguments.frame_id.as_deref())?;
         let record = arguments.recording.record.as_deref().map(|path| {
             let is_folder = path.is_dir() || folders.iter().any(|folder| folder.starts_with(place(path)));
             recording_path(path, is_folder, name.as_str(), unix_nanos())
         });
-        Ok(Self { arguments, name, kind, record })
+        Ok(Self { arguments, name, source, record })
     }
 
     /// The recording that is read.
     fn input(&self) -> Option<&Path> {
-        if let Kind::Recording(input) = &self.kind { Some(input) } else { None }
+        self.source.properties().is_recording.then(|| self.source.path())
     }
 }
 
@@ -103,11 +110,13 @@ fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
     let same_file = |a: &Option<PathBuf>, b: &Option<PathBuf>| {
         a.as_deref().zip(b.as_deref()).is_some_and(|(a, b)| place(a) == place(b))
     };
-    match (&one.kind, &other.kind) {
-        (Kind::Pipe, Kind::Pipe) => return Some("read stdin".into()),
+    match (one.source.properties().exclusive, other.source.properties().exclusive) {
+        (Some(Exclusive::StandardInput), Some(Exclusive::StandardInput)) => return Some("read stdin".into()),
         // Its numbered name and those below /dev/v4l.
-        (Kind::Video(path), Kind::Video(another)) if place(path) == place(another) => {
-            return Some(format!("read `{}`", place(path).display()));
+        (Some(Exclusive::Device), Some(Exclusive::Device))
+            if place(one.source.path()) == place(other.source.path()) =>
+        {
+            return Some(format!("read `{}`", place(one.source.path()).display()));
         }
         _ => {}
     }
@@ -131,18 +140,22 @@ pub(super) struct Prepared<'a> {
 pub(super) fn prepare<'a>(
     plans: Vec<Plan<'a>>,
     stop: &Stop,
-    open: impl Fn(&Kind, Opening<'_>) -> anyhow::Result<Box<dyn Source>>,
+    open: impl Fn(&SourceName, OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>,
 ) -> anyhow::Result<Vec<Prepared<'a>>> {
     let several = plans.len() > 1;
     let inputs: Vec<PathBuf> = plans.iter().filter_map(Plan::input).map(Into::into).collect();
-    let mut opened = Vec::new();
+    let (model_folders, mut opened) = (nunet_engine::model_folders(), Vec::new());
     for plan in plans {
-        let opening = Opening { stopped: Some(stop.flag()), ..plan.arguments.pace.opening() };
-        let source = open(&plan.kind, opening);
+        let options = OpenOptions {
+            stopped: Some(stop.flag()),
+            model_folders: &model_folders,
+            ..plan.arguments.pace.open_options()
+        };
+        let source = open(&plan.source, options);
         stop.check()?;
         let source = match source {
-            Err(error) if error.is::<BadArguments>() => {
-                return Err(in_camera(error, plan.name.as_str(), several));
+            Err(error) if error.kind() == SourceErrorKind::BadArguments => {
+                return Err(in_camera(source_error(error), plan.name.as_str(), several));
             }
             source => source,
         };
@@ -153,14 +166,15 @@ pub(super) fn prepare<'a>(
     }
     if opened.iter().all(|(_, source, _)| source.is_err()) {
         let mut errors = opened.into_iter().filter_map(|(plan, source, _)| Some((plan, source.err()?)));
-        let first = errors.next().map(|(plan, error)| in_camera(error, plan.name.as_str(), several));
+        let first =
+            errors.next().map(|(plan, error)| in_camera(source_error(error), plan.name.as_str(), several));
         errors.for_each(|(plan, error)| error!("camera `{}`: {error:#}", plan.name));
         return first.map_or_else(|| Ok(Vec::new()), Err);
     }
     let mut cameras = Vec::new();
     for (plan, source, camera) in opened {
-        let opening = plan.arguments.pace.opening();
-        let source = source.unwrap_or_else(|error| source::in_place_of(&plan.kind, opening, error));
+        let options = plan.arguments.pace.open_options();
+        let source = source.unwrap_or_else(|error| plan.source.stand_in(options, error));
         cameras.push(Prepared { plan, source, camera });
     }
     Ok(cameras)
@@ -176,12 +190,15 @@ impl Source for Unread {
 }
 
 /// Checks a source without taking anything from it: a camera may be in use, and what is read from a pipe is gone.
-pub(super) fn probe_source(kind: &Kind, opening: Opening<'_>) -> anyhow::Result<Box<dyn Source>> {
-    opening.check(kind)?;
-    match kind {
-        Kind::Pipe => Ok(Box::new(Unread)),
-        Kind::Video(path) if path.exists() => Ok(Box::new(Unread)),
-        kind => source::open(kind, opening),
+pub(super) fn probe_source(
+    name: &SourceName,
+    options: OpenOptions<'_>,
+) -> Result<Box<dyn Source>, SourceError> {
+    name.check(&options)?;
+    match name.properties().exclusive {
+        Some(Exclusive::StandardInput) => Ok(Box::new(Unread)),
+        Some(Exclusive::Device) if name.path().exists() => Ok(Box::new(Unread)),
+        _ => name.open(options),
     }
 }
 
@@ -250,7 +267,7 @@ impl Opened<'_> {
         notify: &Arc<Notify>,
     ) -> anyhow::Result<Stream> {
         let Self { prepared, pipeline, publisher, span } = self;
-        let Prepared { plan: Plan { arguments, name, kind: _, record }, source, camera } = prepared;
+        let Prepared { plan: Plan { arguments, name, source: _, record }, source, camera } = prepared;
         let entered = span.clone().entered();
         let notify = Arc::clone(notify);
         let context = SinkContext {
@@ -295,13 +312,13 @@ fn refuse_no_source(arguments: &RunArgs) -> Result<(), BadArguments> {
 }
 
 /// Without `--source`, the demo scene; someone who forgot the flag is told.
-fn source_kind(source: Option<&str>) -> Kind {
+fn source_name(source: Option<&str>) -> SourceName {
     source.map_or_else(
         || {
             warn!("no --source: frames come from the built-in demo scene");
-            Kind::Demo
+            SourceName::demo()
         },
-        Kind::parse,
+        SourceName::parse,
     )
 }
 
@@ -314,8 +331,8 @@ fn refuse_recording(plan: &Plan<'_>, inputs: &[PathBuf]) -> anyhow::Result<()> {
 }
 
 /// A camera has a pace of its own and no end to begin again at.
-fn refuse_pace_of_live_source(kind: &Kind, pace: &SourceArgs) -> anyhow::Result<()> {
-    if matches!(kind, Kind::SharedMemory(_)) && (pace.rate.is_some() || pace.repeat) {
+fn refuse_pace_of_live_source(source: &SourceName, pace: &SourceArgs) -> anyhow::Result<()> {
+    if source.properties().is_shared_memory && (pace.rate.is_some() || pace.repeat) {
         bail!(BadArguments(
             "--rate and --loop are for files: a camera in shared memory has its own pace\nhint: give them to whoever \
              publishes the camera, such as `nunetd feed`"

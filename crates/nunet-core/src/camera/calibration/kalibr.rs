@@ -1,0 +1,54 @@
+//! Kalibr's camchain: a map of cameras, of which there must be one.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::{Calibration, CalibrationError, RosCameraInfo};
+
+/// One camera.
+#[derive(Deserialize)]
+pub(super) struct KalibrCamera {
+    camera_model: Option<String>,
+    intrinsics: Option<Vec<f64>>,
+    distortion_model: Option<String>,
+    distortion_coeffs: Option<Vec<f64>>,
+    resolution: Option<[u32; 2]>,
+}
+
+/// Kalibr names its cameras `cam0`, `cam1` and so on.
+pub(super) fn is_camchain(text: &str) -> bool {
+    text.lines().any(|line| {
+        let number = line.strip_prefix("cam").and_then(|rest| rest.split_once(':')).map(|(number, _)| number);
+        number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
+    })
+}
+
+/// The calibration of the only camera.
+pub(super) fn calibration(cameras: &BTreeMap<String, KalibrCamera>) -> Result<Calibration, CalibrationError> {
+    let mut all = cameras.iter();
+    let (Some((name, camera)), None) = (all.next(), all.next()) else {
+        let names = cameras.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+        let reason = format!("it has the cameras {names:.200}; keep one of them in a file of its own");
+        return Err(CalibrationError::Syntax { reason });
+    };
+    let missing = |key: &str| CalibrationError::Missing { key: format!("{name}: {key}") };
+    let model = camera.camera_model.as_deref().ok_or_else(|| missing("camera_model"))?;
+    if model != "pinhole" {
+        return Err(CalibrationError::UnknownModel { model: format!("{model:.60} (Kalibr)") });
+    }
+    let numbers = camera.intrinsics.as_deref().ok_or_else(|| missing("intrinsics"))?;
+    let &[fx, fy, cx, cy] = numbers else {
+        return Err(CalibrationError::Shape { key: "intrinsics", rows: 1, cols: 4, got: numbers.len() });
+    };
+    let [width, height] = camera.resolution.ok_or_else(|| missing("resolution"))?;
+    let lens = camera.distortion_model.as_deref().ok_or_else(|| missing("distortion_model"))?;
+    let lens = match lens {
+        "none" => "",
+        "radtan" => "plumb_bob",
+        other => other,
+    };
+    let d = camera.distortion_coeffs.as_deref().unwrap_or_default();
+    let k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
+    Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: lens, d })
+}

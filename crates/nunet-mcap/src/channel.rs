@@ -1,0 +1,107 @@
+//! One channel of a recording, and what its messages are.
+
+/// What a channel's messages are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ChannelKind {
+    pub(crate) content: Content,
+    pub(crate) form: Form,
+}
+
+/// What a message describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Content {
+    RawImage,
+    CompressedImage,
+    Camera,
+}
+
+/// How a message is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// `sensor_msgs` in CDR.
+    Ros,
+    /// `foxglove_msgs` in CDR.
+    FoxgloveCdr,
+    /// `foxglove` in protobuf.
+    FoxgloveProtobuf,
+    /// `foxglove` in JSON.
+    FoxgloveJson,
+}
+
+impl ChannelKind {
+    /// By the schema's name and the encoding of the messages; a schema's text is not needed.
+    fn of(schema: &str, encoding: &str) -> Option<Self> {
+        // ROS 2's names with and without `msg`: some recorders leave it out.
+        let (package, name) = schema.split_once(['/', '.'])?;
+        let name = name.strip_prefix("msg/").or(name.strip_prefix("msg.")).unwrap_or(name);
+        let form = match (package, encoding) {
+            ("sensor_msgs", "cdr") => Form::Ros,
+            ("foxglove_msgs", "cdr") => Form::FoxgloveCdr,
+            ("foxglove", "protobuf") => Form::FoxgloveProtobuf,
+            ("foxglove", "json") => Form::FoxgloveJson,
+            _ => return None,
+        };
+        let content = match (form, name) {
+            (Form::Ros, "Image") => Content::RawImage,
+            (Form::Ros, "CameraInfo") => Content::Camera,
+            (_, "CompressedImage") => Content::CompressedImage,
+            (Form::Ros, _) => return None,
+            (_, "RawImage") => Content::RawImage,
+            (_, "CameraCalibration") => Content::Camera,
+            _ => return None,
+        };
+        Some(Self { content, form })
+    }
+
+    pub(crate) fn is_camera(self) -> bool {
+        self.content == Content::Camera
+    }
+}
+
+/// A channel as far as it matters here.
+#[derive(Debug, Clone)]
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    schema: String,
+    encoding: String,
+}
+
+impl Channel {
+    pub(crate) fn new(topic: &str, schema: String, encoding: &str) -> Self {
+        Self { topic: topic.to_owned(), schema, encoding: encoding.to_owned() }
+    }
+
+    pub(crate) fn kind(&self) -> Option<ChannelKind> {
+        ChannelKind::of(&self.schema, &self.encoding)
+    }
+
+    /// Type and encoding of its messages.
+    pub(crate) fn description(&self) -> String {
+        let schema = if self.schema.is_empty() { "messages without a type" } else { &self.schema };
+        format!("{schema:.60} as `{:.60}`", self.encoding)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_is_recognized_by_type_and_encoding_together() {
+        let kind = |schema, encoding| ChannelKind::of(schema, encoding).map(|kind| (kind.content, kind.form));
+        assert_eq!(kind("sensor_msgs/msg/Image", "cdr"), Some((Content::RawImage, Form::Ros)));
+        let expected = Some((Content::CompressedImage, Form::FoxgloveCdr));
+        assert_eq!(kind("foxglove_msgs/msg/CompressedImage", "cdr"), expected);
+        assert_eq!(kind("foxglove.CameraCalibration", "json"), Some((Content::Camera, Form::FoxgloveJson)));
+        for (schema, encoding) in [
+            ("sensor_msgs/msg/Image", "json"),
+            ("sensor_msgs/msg/RawImage", "cdr"),
+            ("foxglove_msgs/msg/Image", "cdr"),
+            ("foxglove.CompressedVideo", "protobuf"),
+            ("Image", "cdr"),
+            ("", ""),
+        ] {
+            assert_eq!(kind(schema, encoding), None, "{schema} {encoding}");
+        }
+    }
+}

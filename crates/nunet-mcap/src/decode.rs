@@ -1,0 +1,222 @@
+//! A message's bytes as an image or a camera, in every form that is read.
+
+use foxglove::Decode;
+use foxglove::messages as protobuf;
+
+use crate::camera::CameraDescription;
+use crate::cdr;
+use crate::channel::{ChannelKind, Content, Form};
+use crate::foxglove_json as json;
+use crate::image::{Purpose, Raw, RecordedImage};
+use crate::messages::{self, CameraInfo, CompressedImage, Image};
+
+/// How the messages of a topic are to be read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reading {
+    pub(crate) purpose: Purpose,
+    /// Whether the images were rectified, as ROS' names say: their camera is the projection.
+    pub(crate) rectified: bool,
+}
+
+/// Decodes an image into `image`.
+pub(crate) fn image(
+    kind: ChannelKind,
+    data: &[u8],
+    reading: Reading,
+    image: &mut RecordedImage,
+) -> Result<(), String> {
+    let purpose = reading.purpose;
+    match (kind.content, kind.form) {
+        (Content::Camera, _) => Err("it describes a camera".to_owned()),
+        (Content::RawImage, Form::Ros) => image.set_ros_image(&cdr::decode::<Image<'_>>(data)?, purpose),
+        (Content::CompressedImage, Form::Ros) => {
+            image.set_ros_compressed(&cdr::decode::<CompressedImage<'_>>(data)?, purpose)
+        }
+        (Content::RawImage, form) => raw_image(form, data, purpose, image),
+        (Content::CompressedImage, form) => compressed_image(form, data, purpose, image),
+    }
+}
+
+fn raw_image(form: Form, data: &[u8], purpose: Purpose, out: &mut RecordedImage) -> Result<(), String> {
+    let mut set = |nanos, frame_id: &str, raw: &Raw<'_>| {
+        out.set_header(nanos, frame_id);
+        out.set_raw(raw, purpose)
+    };
+    match form {
+        Form::FoxgloveProtobuf => {
+            let message = protobuf::RawImage::decode(data).map_err(|error| error.to_string())?;
+            let protobuf::RawImage { width, height, step, encoding, data, .. } = &message;
+            let (width, height, step) = (*width, *height, *step);
+            let raw = Raw { width, height, step, encoding, data, big_endian: false };
+            set(nanos(message.timestamp), &message.frame_id, &raw)
+        }
+        Form::FoxgloveJson => {
+            let message: json::RawImage = json::decode(data)?;
+            let json::RawImage { width, height, step, encoding, data, .. } = &message;
+            let (width, height, step) = (*width, *height, *step);
+            let raw = Raw { width, height, step, encoding, data: &data.0, big_endian: false };
+            set(message.timestamp.unix_nanos(), &message.frame_id, &raw)
+        }
+        Form::FoxgloveCdr | Form::Ros => {
+            let message: messages::RawImage<'_> = cdr::decode(data)?;
+            let messages::RawImage { width, height, step, encoding, data, .. } = &message;
+            let (width, height, step) = (*width, *height, *step);
+            let raw = Raw { width, height, step, encoding, data, big_endian: false };
+            set(message.header.stamp.unix_nanos(), &message.header.frame_id, &raw)
+        }
+    }
+}
+
+fn compressed_image(
+    form: Form,
+    data: &[u8],
+    purpose: Purpose,
+    out: &mut RecordedImage,
+) -> Result<(), String> {
+    match form {
+        Form::FoxgloveProtobuf => {
+            let message = protobuf::CompressedImage::decode(data).map_err(|error| error.to_string())?;
+            out.set_header(nanos(message.timestamp), &message.frame_id);
+            out.set_file(&message.data, &message.format, purpose)
+        }
+        Form::FoxgloveJson => {
+            let message: json::CompressedImage = json::decode(data)?;
+            out.set_header(message.timestamp.unix_nanos(), &message.frame_id);
+            out.set_file(&message.data.0, &message.format, purpose)
+        }
+        Form::FoxgloveCdr | Form::Ros => {
+            let message: messages::FoxgloveCompressedImage<'_> = cdr::decode(data)?;
+            out.set_header(message.header.stamp.unix_nanos(), &message.header.frame_id);
+            out.set_file(message.data, &message.format, purpose)
+        }
+    }
+}
+
+/// Decodes a camera; `None` for an uncalibrated one.
+pub(crate) fn camera(
+    kind: ChannelKind,
+    data: &[u8],
+    reading: Reading,
+) -> Result<Option<CameraDescription>, String> {
+    let rectified = reading.rectified;
+    let of = |size, k: &[f64], model: &str, d: Vec<f64>, p: &[f64]| {
+        if rectified {
+            CameraDescription::of_projection(size, p)
+        } else {
+            CameraDescription::new(size, k, model, d)
+        }
+    };
+    Ok(match kind.form {
+        Form::Ros => CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified),
+        Form::FoxgloveCdr => {
+            let camera: messages::CameraCalibration<'_> = cdr::decode(data)?;
+            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+        }
+        Form::FoxgloveProtobuf => {
+            let camera = protobuf::CameraCalibration::decode(data).map_err(|error| error.to_string())?;
+            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+        }
+        Form::FoxgloveJson => {
+            let camera: json::CameraCalibration = json::decode(data)?;
+            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+        }
+    })
+}
+
+fn nanos(stamp: Option<protobuf::Timestamp>) -> i64 {
+    let nanos = stamp.map_or(0, |stamp| stamp.total_nanos());
+    i64::try_from(nanos).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use foxglove::Encode as _;
+
+    use super::*;
+    use crate::encoding::ImageEncoding;
+
+    const READING: Reading = Reading { purpose: Purpose::Color, rectified: false };
+
+    fn foxglove_image() -> protobuf::RawImage {
+        protobuf::RawImage {
+            timestamp: Some(protobuf::Timestamp::new(3, 5)),
+            frame_id: "eye".into(),
+            width: 2,
+            height: 1,
+            encoding: "mono8".into(),
+            step: 2,
+            data: vec![7, 8].into(),
+        }
+    }
+
+    #[track_caller]
+    fn assert_read(form: Form, message: &[u8]) {
+        let kind = ChannelKind { content: Content::RawImage, form };
+        let mut read = RecordedImage::default();
+        image(kind, message, READING, &mut read).unwrap();
+        assert_eq!((read.data.as_slice(), read.encoding), (&[7, 8][..], Some(ImageEncoding::Mono8)));
+        assert_eq!((read.stamp_nanos, read.frame_id.as_str()), (3_000_000_005, "eye"));
+    }
+
+    #[test]
+    fn an_image_is_the_same_in_protobuf_json_and_cdr() {
+        let mut message = Vec::new();
+        foxglove_image().encode(&mut message).unwrap();
+        assert_read(Form::FoxgloveProtobuf, &message);
+        assert_read(Form::FoxgloveJson, &serde_json::to_vec(&foxglove_image()).unwrap());
+        // Field by field as `foxglove_msgs/msg/RawImage.msg` lists them.
+        let cdr: Vec<u8> = [
+            &[0, 1, 0, 0, 3, 0, 0, 0, 5, 0, 0, 0][..],
+            &[4, 0, 0, 0, b'e', b'y', b'e', 0],
+            &[2, 0, 0, 0, 1, 0, 0, 0],
+            &[6, 0, 0, 0, b'm', b'o', b'n', b'o', b'8', 0, 0, 0],
+            &[2, 0, 0, 0],
+            &[2, 0, 0, 0, 7, 8],
+        ]
+        .concat();
+        assert_read(Form::FoxgloveCdr, &cdr);
+    }
+
+    #[test]
+    fn a_compressed_image_in_cdr_has_its_data_before_its_format() {
+        let cdr: Vec<u8> = [
+            &[0, 1, 0, 0, 3, 0, 0, 0, 5, 0, 0, 0][..],
+            &[4, 0, 0, 0, b'e', b'y', b'e', 0],
+            &[4, 0, 0, 0, 0xff, 0xd8, 0xff, 0xe0],
+            &[5, 0, 0, 0, b'j', b'p', b'e', b'g', 0],
+        ]
+        .concat();
+        let kind = ChannelKind { content: Content::CompressedImage, form: Form::FoxgloveCdr };
+        let mut read = RecordedImage::default();
+        image(kind, &cdr, READING, &mut read).unwrap();
+        assert_eq!((read.data.len(), read.encoding), (4, Some(ImageEncoding::File)));
+    }
+
+    #[test]
+    fn a_calibration_is_a_camera() {
+        let calibration = protobuf::CameraCalibration {
+            width: 640,
+            height: 480,
+            distortion_model: "plumb_bob".into(),
+            d: vec![0.1, 0.2, 0.0, 0.0, 0.0],
+            k: [500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0].to_vec(),
+            ..protobuf::CameraCalibration::default()
+        };
+        let message = serde_json::to_vec(&calibration).unwrap();
+        let kind = ChannelKind { content: Content::Camera, form: Form::FoxgloveJson };
+        let read = camera(kind, &message, READING).unwrap().unwrap();
+        assert_eq!(read.intrinsics, [500.0, 501.0, 320.0, 240.0]);
+        assert_eq!((read.distortion_model.as_str(), read.coefficients.len()), ("plumb_bob", 5));
+    }
+
+    #[test]
+    fn rubbish_is_an_error_in_every_form() {
+        for form in [Form::Ros, Form::FoxgloveCdr, Form::FoxgloveProtobuf, Form::FoxgloveJson] {
+            for content in [Content::RawImage, Content::CompressedImage] {
+                let kind = ChannelKind { content, form };
+                assert!(image(kind, &[0xff; 9], READING, &mut RecordedImage::default()).is_err(), "{kind:?}");
+            }
+            assert!(camera(ChannelKind { content: Content::Camera, form }, &[0xff; 9], READING).is_err());
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! A recorded image, whatever message it came in.
+
+use crate::compressed_depth;
+use crate::encoding::{ImageEncoding, READABLE};
+use crate::messages::{CompressedImage, Image};
+
+const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// What the images of a topic are read as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// Something to look at.
+    Color,
+    /// The same from an infrared camera: there `16UC1` is brightness.
+    Infrared,
+    /// Distances.
+    Depth,
+}
+
+/// A recorded image. Its memory is reused for the next one.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RecordedImage {
+    /// The file, or rows from the top.
+    pub data: Vec<u8>,
+    /// How the bytes are laid out; `None` before the first image.
+    pub encoding: Option<ImageEncoding>,
+    /// Pixels; 0 for [`ImageEncoding::File`], which states it itself.
+    pub width: u32,
+    /// Pixels; 0 for [`ImageEncoding::File`].
+    pub height: u32,
+    /// Bytes from row to row; 0 for [`ImageEncoding::File`].
+    pub row_stride: u32,
+    /// Time of capture as the message states it, nanoseconds since 1970; 0 if it states none.
+    pub stamp_nanos: i64,
+    /// Time of recording, nanoseconds of the recording's clock.
+    pub log_nanos: u64,
+    /// The coordinate frame of the camera.
+    pub frame_id: String,
+}
+
+/// A raw image as a message has it.
+pub(crate) struct Raw<'a> {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) step: u32,
+    pub(crate) encoding: &'a str,
+    pub(crate) data: &'a [u8],
+    pub(crate) big_endian: bool,
+}
+
+impl RecordedImage {
+    /// Time of capture, nanoseconds since 1970: as the message states it, else the time of recording.
+    #[must_use]
+    pub fn unix_nanos(&self) -> i64 {
+        if self.stamp_nanos == 0 {
+            i64::try_from(self.log_nanos).unwrap_or(i64::MAX)
+        } else {
+            self.stamp_nanos
+        }
+    }
+
+    /// Meters of a depth image, rows without padding, NaN = none; empty for any other image.
+    #[must_use]
+    pub fn depth_m(&self) -> Vec<f32> {
+        let rows = self.data.chunks_exact(self.row_stride.max(1) as usize);
+        let width = self.width as usize;
+        let known = |meters: f32| if meters > 0.0 { meters } else { f32::NAN };
+        match self.encoding {
+            Some(ImageEncoding::DepthMeters) => rows
+                .flat_map(|row| {
+                    row.as_chunks().0.iter().take(width).map(|&bytes| known(f32::from_le_bytes(bytes)))
+                })
+                .collect(),
+            Some(ImageEncoding::DepthMillimeters) => rows
+                .flat_map(|row| {
+                    let values = row.as_chunks().0.iter().take(width);
+                    values.map(|&bytes| known(f32::from(u16::from_le_bytes(bytes)) / 1000.0))
+                })
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    pub(crate) fn set_ros_image(&mut self, image: &Image<'_>, purpose: Purpose) -> Result<(), String> {
+        self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
+        let Image { width, height, step, .. } = *image;
+        let big_endian = image.is_bigendian != 0;
+        self.set_raw(
+            &Raw { width, height, step, encoding: &image.encoding, data: image.data, big_endian },
+            purpose,
+        )
+    }
+
+    pub(crate) fn set_ros_compressed(
+        &mut self,
+        image: &CompressedImage<'_>,
+        purpose: Purpose,
+    ) -> Result<(), String> {
+        self.set_header(image.header.stamp.unix_nanos(), &image.header.frame_id);
+        self.set_file(image.data, &image.format, purpose)
+    }
+
+    pub(crate) fn set_header(&mut self, stamp_nanos: i64, frame_id: &str) {
+        self.stamp_nanos = stamp_nanos;
+        frame_id.clone_into(&mut self.frame_id);
+    }
+
+    /// A compressed image: JPEG and PNG are recognized by their first bytes, since formats are written in many ways
+    /// ("rgb8; jpeg compressed bgr8").
+    pub(crate) fn set_file(&mut self, data: &[u8], format: &str, purpose: Purpose) -> Result<(), String> {
+        if compressed_depth::is_named(format) {
+            return match purpose {
+                Purpose::Depth => self.set_depth(compressed_depth::decode(data, format)?),
+                Purpose::Color | Purpose::Infrared => Err(format!("`{format:.60}` is depth, not an image")),
+            };
+        }
+        if !data.starts_with(&JPEG) && !data.starts_with(PNG) {
+            return Err(format!("compressed as `{format:.60}`, expected JPEG or PNG"));
+        }
+        if purpose == Purpose::Depth {
+            return self.set_depth(compressed_depth::decode_png(data)?);
+        }
+        self.encoding = Some(ImageEncoding::File);
+        (self.width, self.height, self.row_stride) = (0, 0, 0);
+        data.clone_into(&mut self.data);
+        Ok(())
+    }
+
+    fn set_depth(&mut self, depth: compressed_depth::Decoded) -> Result<(), String> {
+        let (width, height) = depth.size;
+        self.encoding = Some(depth.encoding);
+        let row = depth.encoding.row_bytes(width);
+        (self.width, self.height) = (width, height);
+        self.row_stride =
+            u32::try_from(row).map_err(|_| format!("{width}x{height} is no size of a depth image"))?;
+        self.data = depth.data;
+        Ok(())
+    }
+
+    pub(crate) fn set_raw(&mut self, raw: &Raw<'_>, purpose: Purpose) -> Result<(), String> {
+        let named = ImageEncoding::named(raw.encoding)
+            .ok_or_else(|| format!("encoding `{:.60}` cannot be read, expected {READABLE}", raw.encoding))?;
+        let encoding = match (named, purpose) {
+            (ImageEncoding::DepthMillimeters, Purpose::Infrared) => ImageEncoding::Mono16,
+            (ImageEncoding::Mono16, Purpose::Depth) => ImageEncoding::DepthMillimeters,
+            (encoding, _) => encoding,
+        };
+        let (width, height, step) = (raw.width, raw.height, raw.step);
+        let (row, needed) = (encoding.row_bytes(width), encoding.image_bytes(height, step));
+        if width == 0 || height == 0 || u64::from(step) < row || (raw.data.len() as u64) < needed {
+            return Err(format!(
+                "{width}x{height} `{:.60}` with {step} bytes a row needs rows of {row} bytes and {needed} in all, got {}",
+                raw.encoding,
+                raw.data.len()
+            ));
+        }
+        self.encoding = Some(encoding);
+        (self.width, self.height, self.row_stride) = (width, height, step);
+        self.data.clear();
+        self.data.extend_from_slice(raw.data.get(..needed as usize).unwrap_or_default());
+        let number = encoding.number_bytes();
+        if raw.big_endian && number > 1 {
+            // Padding is swapped too; nothing reads it.
+            self.data.chunks_exact_mut(number).for_each(<[u8]>::reverse);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set_as(
+        purpose: Purpose,
+        encoding: &str,
+        (width, height): (u32, u32),
+        step: u32,
+        data: &[u8],
+    ) -> Result<RecordedImage, String> {
+        let mut image = RecordedImage::default();
+        let raw = Raw { width, height, step, encoding, data, big_endian: false };
+        image.set_raw(&raw, purpose).map(|()| image)
+    }
+
+    fn set(encoding: &str, size: (u32, u32), step: u32, data: &[u8]) -> Result<RecordedImage, String> {
+        set_as(Purpose::Color, encoding, size, step, data)
+    }
+
+    #[test]
+    fn depth_is_in_meters_whatever_it_was_and_none_is_nan() {
+        let millimeters = set("16UC1", (2, 1), 6, &[0xd0, 0x07, 0, 0, 9, 9]).unwrap().depth_m();
+        assert_eq!(millimeters[0], 2.0);
+        assert!(millimeters[1].is_nan());
+        let bytes: Vec<u8> =
+            [1.5_f32, f32::NAN, 0.0].iter().flat_map(|meters| meters.to_le_bytes()).collect();
+        let meters = set("32FC1", (3, 1), 12, &bytes).unwrap().depth_m();
+        assert_eq!((meters[0], meters[1].is_nan(), meters[2].is_nan()), (1.5, true, true));
+        assert!(set("mono8", (1, 1), 1, &[1]).unwrap().depth_m().is_empty());
+    }
+
+    #[test]
+    fn sixteen_bits_are_brightness_or_depth_by_what_the_topic_is_read_as() {
+        let encoding = |purpose, name| set_as(purpose, name, (1, 1), 2, &[1, 2]).unwrap().encoding.unwrap();
+        assert_eq!(encoding(Purpose::Color, "mono16"), ImageEncoding::Mono16);
+        assert_eq!(encoding(Purpose::Infrared, "16UC1"), ImageEncoding::Mono16);
+        assert_eq!(encoding(Purpose::Depth, "mono16"), ImageEncoding::DepthMillimeters);
+        assert_eq!(encoding(Purpose::Color, "16UC1"), ImageEncoding::DepthMillimeters);
+    }
+
+    #[test]
+    fn big_endian_numbers_are_swapped() {
+        let mut image = RecordedImage::default();
+        let raw =
+            Raw { width: 2, height: 1, step: 4, encoding: "16UC1", data: &[7, 0xd0, 0, 1], big_endian: true };
+        image.set_raw(&raw, Purpose::Depth).unwrap();
+        assert_eq!(image.depth_m(), [2.0, 0.001]);
+    }
+
+    #[test]
+    fn planes_of_color_of_an_odd_height_round_up() {
+        let image = set("nv12", (2, 3), 2, &[1, 2, 3, 4, 5, 6, 128, 127, 126, 125, 99]).unwrap();
+        assert_eq!(image.data, [1, 2, 3, 4, 5, 6, 128, 127, 126, 125]);
+        let error = set("nv12", (2, 3), 2, &[0; 9]).unwrap_err();
+        assert_eq!(error, "2x3 `nv12` with 2 bytes a row needs rows of 2 bytes and 10 in all, got 9");
+        assert!(set("i420", (2, 3), 2, &[0; 9]).is_err() && set("yv12", (2, 3), 2, &[0; 10]).is_ok());
+    }
+
+    #[test]
+    fn a_size_that_contradicts_its_data_is_an_error_with_both() {
+        let error = set("rgb8", (4, 2), 12, &[0; 23]).unwrap_err();
+        assert_eq!(error, "4x2 `rgb8` with 12 bytes a row needs rows of 12 bytes and 24 in all, got 23");
+        for (size, step) in [((0, 2), 12), ((5, 2), 12), ((u32::MAX, u32::MAX), u32::MAX)] {
+            set("rgb8", size, step, &[0; 24]).unwrap_err();
+        }
+    }
+
+    #[test]
+    fn an_unknown_encoding_is_named_with_those_that_are_read() {
+        let error = set("nv24", (2, 2), 2, &[0; 4]).unwrap_err();
+        assert_eq!(error, format!("encoding `nv24` cannot be read, expected {READABLE}"));
+    }
+
+    #[test]
+    fn compressed_images_are_recognized_by_their_bytes() {
+        let mut image = RecordedImage::default();
+        let jpeg = [0xff, 0xd8, 0xff, 0xe0];
+        image.set_file(&jpeg, "rgb8; jpeg compressed bgr8", Purpose::Color).unwrap();
+        assert_eq!(image.encoding, Some(ImageEncoding::File));
+        let error = image.set_file(b"RIFF....WEBP", "webp", Purpose::Color).unwrap_err();
+        assert_eq!(error, "compressed as `webp`, expected JPEG or PNG");
+        let error = image.set_file(&jpeg, "16UC1; compressedDepth png", Purpose::Color).unwrap_err();
+        assert_eq!(error, "`16UC1; compressedDepth png` is depth, not an image");
+    }
+}

@@ -1,0 +1,51 @@
+//! What a file is that is not an MCAP file, and how to make one of it.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+/// First bytes of files that users take for recordings that can be read, and what they are.
+const KNOWN: [(&[u8], &str); 4] = [
+    (b"#ROSBAG V", ROS1_BAG),
+    (b"SQLite format 3\0", SQLITE_BAG),
+    (b"\x28\xb5\x2f\xfd", ZSTD_FILE),
+    (b"\x04\x22\x4d\x18", LZ4_FILE),
+];
+const ROS1_BAG: &str = "it is a ROS 1 bag";
+const SQLITE_BAG: &str = "it is a ROS 2 bag in SQLite";
+const ZSTD_FILE: &str = "it is compressed with zstd as a whole";
+const LZ4_FILE: &str = "it is compressed with lz4 as a whole";
+
+/// What a file is by its first bytes, as the reason why it is no MCAP file.
+pub(crate) fn what_it_is(start: &[u8]) -> &'static str {
+    let known = KNOWN.iter().find(|(magic, _)| start.starts_with(&magic[..magic.len().min(8)]));
+    match known {
+        Some((_, what)) => what,
+        None if start.is_empty() => "it is empty",
+        None => "it does not begin with MCAP's magic bytes",
+    }
+}
+
+/// What a file is by its first bytes, if it is a recording in another format; sixteen bytes are enough.
+#[must_use]
+pub fn recording_of_another_format(start: &[u8]) -> Option<&'static str> {
+    KNOWN.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, what)| what)
+}
+
+/// How to convert a recording that [`recording_of_another_format`] knows into MCAP.
+#[must_use]
+pub fn conversion_hint(path: &Path, what: &str) -> Option<Cow<'static, str>> {
+    let shown = path.display();
+    let stem = path.with_extension("");
+    let stem = stem.display();
+    Some(match what {
+        ROS1_BAG => format!(
+            "convert it: `pip install rosbags`, then `rosbags-convert --src {shown} --dst {stem} --dst-storage mcap`, and \
+             name the folder `{stem}`"
+        ),
+        SQLITE_BAG => format!("convert it: `mcap convert {shown} {stem}.mcap`, or `ros2 bag convert`"),
+        ZSTD_FILE => format!("decompress it: `zstd -d {shown}`"),
+        LZ4_FILE => format!("decompress it: `lz4 -d {shown}`"),
+        _ => return None,
+    }
+    .into())
+}

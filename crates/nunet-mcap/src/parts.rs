@@ -1,0 +1,178 @@
+//! The files of a recording: one MCAP file, or the folder of a split bag with all its parts in order.
+
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::RecordingError;
+use crate::records::io;
+
+/// What `ros2 bag record` writes beside the parts.
+const METADATA: &str = "metadata.yaml";
+/// A bag of a thousand parts has about 100 kB of it.
+const MAX_METADATA_BYTES: u64 = 16 << 20;
+
+/// `metadata.yaml`, as far as it matters.
+#[derive(Debug, Deserialize)]
+struct Metadata {
+    rosbag2_bagfile_information: Information,
+}
+
+#[derive(Debug, Deserialize)]
+struct Information {
+    #[serde(default)]
+    storage_identifier: String,
+    #[serde(default)]
+    relative_file_paths: Vec<PathBuf>,
+}
+
+/// Whether a path is a recording by its name or its content: an MCAP file, a bag's folder, or its `metadata.yaml`.
+#[must_use]
+pub fn is_recording(path: &Path) -> bool {
+    let is_mcap = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
+    let is_metadata = path.file_name().is_some_and(|name| name == METADATA);
+    let is_bag = || path.join(METADATA).is_file() || mcap_files(path).is_ok_and(|files| !files.is_empty());
+    is_mcap || is_metadata || (path.is_dir() && is_bag())
+}
+
+/// The files of a recording, in the order in which they were recorded.
+///
+/// # Errors
+/// A folder without a recording or with several of them.
+pub(crate) fn parts(path: &Path) -> Result<Vec<PathBuf>, RecordingError> {
+    if path.file_name().is_some_and(|name| name == METADATA) && path.is_file() {
+        return parts_of_folder(path.parent().unwrap_or(Path::new("")));
+    }
+    if path.is_dir() { parts_of_folder(path) } else { Ok(vec![path.to_owned()]) }
+}
+
+fn parts_of_folder(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let refused = |reason: String, hint: String| {
+        Err(RecordingError::NotARecordingFolder { path: folder.to_owned(), reason, hint })
+    };
+    let information = read_metadata(&folder.join(METADATA));
+    if let Some(listed) =
+        information.as_ref().filter(|information| !information.relative_file_paths.is_empty())
+    {
+        // Older versions wrote the folder's name before that of the file.
+        let names = listed.relative_file_paths.iter().filter_map(|path| path.file_name());
+        let files: Vec<PathBuf> = names.map(|name| folder.join(name)).collect();
+        if files.iter().all(|file| file.extension().is_some_and(|ending| ending == "mcap")) {
+            return Ok(files);
+        }
+        let storage = &listed.storage_identifier;
+        return refused(format!("its parts are in `{storage:.20}`, expected `mcap`"), conversion(folder));
+    }
+    let files = mcap_files(folder).map_err(|source| io("list the folder of", folder, source))?;
+    match files.as_slice() {
+        [] => {
+            refused("it has no MCAP file".to_owned(), "name an MCAP file or the folder of a bag".to_owned())
+        }
+        [_] => Ok(files),
+        _ if information.is_some() || are_parts(&files) => Ok(files),
+        [first, ..] => {
+            let hint = format!("name one of its files, such as {}", first.display());
+            refused(format!("its {} MCAP files are not parts of one recording", files.len()), hint)
+        }
+    }
+}
+
+fn conversion(folder: &Path) -> String {
+    let shown = folder.display();
+    format!(
+        "convert it: `rosbags-convert --src {shown} --dst {shown}_mcap --dst-storage mcap` (`pip install rosbags`)"
+    )
+}
+
+/// `None` without the file, and where it is something else.
+fn read_metadata(path: &Path) -> Option<Information> {
+    let length = path.metadata().ok().filter(std::fs::Metadata::is_file)?.len();
+    let text = (length <= MAX_METADATA_BYTES).then(|| std::fs::read_to_string(path).ok())??;
+    let metadata: Metadata = serde_saphyr::from_str(&text).ok()?;
+    Some(metadata.rosbag2_bagfile_information)
+}
+
+/// The MCAP files of a folder, part 2 before part 10.
+fn mcap_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in folder.read_dir()? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|ending| ending == "mcap") && path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort_by(|a, b| by_number(&stem(a), &stem(b)).then_with(|| a.cmp(b)));
+    Ok(files)
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// Splits `drive_10` into `drive_` and 10.
+fn numbered(stem: &str) -> (&str, Option<u64>) {
+    let name = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    (name, stem[name.len()..].parse().ok())
+}
+
+fn by_number(a: &str, b: &str) -> Ordering {
+    numbered(a).cmp(&numbered(b))
+}
+
+/// Whether files are named as `ros2 bag` names parts: one name, and a number each.
+fn are_parts(files: &[PathBuf]) -> bool {
+    let stems: Vec<String> = files.iter().map(|file| stem(file)).collect();
+    let first = numbered(&stems[0]).0;
+    stems.iter().all(|stem| matches!(numbered(stem), (name, Some(_)) if name == first))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::RecordingErrorKind;
+
+    fn folder(files: &[&str], metadata: Option<&str>) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for file in files {
+            std::fs::write(folder.path().join(file), b"").unwrap();
+        }
+        if let Some(text) = metadata {
+            std::fs::write(folder.path().join(METADATA), text).unwrap();
+        }
+        folder
+    }
+
+    fn names(folder: &tempfile::TempDir) -> Result<Vec<String>, RecordingErrorKind> {
+        let parts = parts(folder.path()).map_err(|error| error.kind())?;
+        assert!(is_recording(folder.path()));
+        Ok(parts.iter().map(|part| part.file_name().unwrap().to_string_lossy().into_owned()).collect())
+    }
+
+    #[test]
+    fn parts_are_in_the_order_of_their_numbers() {
+        let found = names(&folder(&["d_10.mcap", "d_2.mcap", "d_0.mcap", "notes.txt"], None));
+        assert_eq!(found.unwrap(), ["d_0.mcap", "d_2.mcap", "d_10.mcap"]);
+    }
+
+    #[test]
+    fn the_metadata_says_which_files_and_in_which_order() {
+        let metadata = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths:\n    - bag/b.mcap\n    - a.mcap\n";
+        let bag = folder(&["a.mcap", "b.mcap", "c.mcap"], Some(metadata));
+        assert_eq!(names(&bag).unwrap(), ["b.mcap", "a.mcap"]);
+        assert_eq!(parts(&bag.path().join(METADATA)).unwrap().len(), 2, "named itself, it means its folder");
+        let silent = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n";
+        assert_eq!(names(&folder(&["x.mcap", "b.mcap"], Some(silent))).unwrap(), ["b.mcap", "x.mcap"]);
+    }
+
+    #[test]
+    fn a_folder_without_a_recording_or_with_several_is_refused() {
+        assert_eq!(parts(folder(&["a.txt"], None).path()).unwrap_err().kind(), RecordingErrorKind::Format);
+        assert_eq!(names(&folder(&["front.mcap", "rear.mcap"], None)), Err(RecordingErrorKind::Format));
+        let sqlite =
+            "rosbag2_bagfile_information: {storage_identifier: sqlite3, relative_file_paths: [a.db3]}";
+        assert_eq!(names(&folder(&["a.db3"], Some(sqlite))), Err(RecordingErrorKind::Format));
+        assert!(!is_recording(folder(&["a.png"], None).path()));
+    }
+}

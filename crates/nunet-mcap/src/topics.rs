@@ -1,0 +1,229 @@
+//! What a topic carries, judged by its name, and which of several is meant.
+//!
+//! Drivers spell their streams differently: `/camera/color/image_raw`, `/zed/zed_node/rgb/image_rect_color`,
+//! `/oak/rgb/image_raw`, `/rgb_to_depth/image_raw`. The last part of a name that contains a known word decides. Of
+//! `A_to_B` only `A` counts: an image of A in the frame of B.
+
+/// What an image topic carries, as far as its name tells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Look {
+    /// Labels, masks, confidence: an image to ROS, but not of what the camera saw.
+    Result,
+    /// Depth or disparity.
+    Depth,
+    /// Infrared, thermal or gray images.
+    Infrared,
+    /// Nothing tells.
+    Unmarked,
+    /// Color, by its name.
+    Color,
+}
+
+const RESULT: [&str; 13] = [
+    "label",
+    "labels",
+    "mask",
+    "masks",
+    "segmentation",
+    "segmented",
+    "semantic",
+    "semantics",
+    "instance",
+    "confidence",
+    "optical",
+    "flow",
+    "normals",
+];
+const DEPTH: [&str; 8] =
+    ["depth", "depths", "disparity", "compresseddepth", "range", "ranges", "distance", "tof"];
+const INFRARED: [&str; 10] =
+    ["infra", "infrared", "ir", "nir", "lwir", "thermal", "mono", "gray", "grey", "intensity"];
+const COLOR: [&str; 5] = ["color", "colour", "rgb", "bgr", "colored"];
+
+/// Names of `image_transport`s that follow an image's topic.
+const TRANSPORTS: [&str; 5] = ["compressed", "compressedDepth", "theora", "ffmpeg", "zstd"];
+
+impl Look {
+    pub(crate) fn of(topic: &str) -> Self {
+        topic.rsplit('/').find_map(Self::of_part).unwrap_or(Self::Unmarked)
+    }
+
+    fn of_part(part: &str) -> Option<Self> {
+        let part = part.to_ascii_lowercase();
+        let subject = part.split("_to_").next().unwrap_or_default();
+        let words =
+            || subject.split(['_', '-', '.']).map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()));
+        let holds = |known: &[&str]| words().any(|word| known.contains(&word));
+        // `depth_confidence` is no depth, `depth_registered_color` no color: the least usable decides.
+        let looks = [
+            (Self::Result, &RESULT[..]),
+            (Self::Depth, &DEPTH),
+            (Self::Infrared, &INFRARED),
+            (Self::Color, &COLOR),
+        ];
+        looks.into_iter().find(|(_, known)| holds(known)).map(|(look, _)| look)
+    }
+}
+
+/// A topic without the name of its transport.
+fn stream(topic: &str) -> &str {
+    let (parent, last) = topic.rsplit_once('/').unwrap_or(("", topic));
+    if TRANSPORTS.contains(&last) { parent } else { topic }
+}
+
+/// What several streams of one camera share: `/oak` for `/oak/rgb/image_raw`. `None` where nothing is before the
+/// stream's own name.
+fn device(topic: &str) -> Option<&str> {
+    let (stream, _image) = stream(topic).rsplit_once('/')?;
+    let (device, _name) = stream.rsplit_once('/')?;
+    (!device.is_empty()).then_some(device)
+}
+
+/// Drops a stream's other transports: an image as it is comes before the same image compressed.
+fn one_transport_each<'a>(topics: &[&'a str]) -> Vec<&'a str> {
+    let shortest = |topic: &&str| topics.iter().all(|other| stream(other) != stream(topic) || other >= topic);
+    topics.iter().copied().filter(shortest).collect()
+}
+
+/// The color topics among all image topics; those that cannot be told apart remain.
+pub(crate) fn color_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
+    let best = topics.iter().map(|topic| Look::of(topic)).max().unwrap_or(Look::Unmarked);
+    let kept: Vec<&str> = match best {
+        // `left` and `right` beside the `rgb` of the same camera are its gray or stereo images.
+        Look::Color => {
+            let color: Vec<&str> = topics.iter().copied().filter(|topic| Look::of(topic) == best).collect();
+            let beside = |topic: &str| {
+                device(topic).is_some_and(|own| color.iter().any(|color| device(color) == Some(own)))
+            };
+            let unmarked = |topic: &str| Look::of(topic) == Look::Unmarked && !beside(topic);
+            topics.iter().copied().filter(|topic| color.contains(topic) || unmarked(topic)).collect()
+        }
+        best => topics.iter().copied().filter(|topic| Look::of(topic) == best).collect(),
+    };
+    one_transport_each(&kept)
+}
+
+/// The depth topics among all image topics: of one camera's several, that in the frame of the color camera.
+pub(crate) fn depth_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
+    let depth: Vec<&str> = topics.iter().copied().filter(|topic| Look::of(topic) == Look::Depth).collect();
+    let depth = one_transport_each(&depth);
+    let registered = |topic: &&str| {
+        ["aligned", "registered", "_to_color", "_to_rgb"].iter().any(|word| topic.contains(word))
+    };
+    let aligned: Vec<&str> = depth.iter().copied().filter(registered).collect();
+    if aligned.len() == 1 { aligned } else { depth }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(topics: &[&str], color: &[&str], depth: &[&str]) {
+        assert_eq!(color_topics(topics), color, "color of {topics:?}");
+        assert_eq!(depth_topics(topics), depth, "depth of {topics:?}");
+    }
+
+    #[test]
+    fn realsense() {
+        check(
+            &[
+                "/camera/camera/aligned_depth_to_color/image_raw",
+                "/camera/camera/color/image_raw",
+                "/camera/camera/depth/image_rect_raw",
+                "/camera/camera/infra1/image_rect_raw",
+                "/camera/camera/infra2/image_rect_raw",
+            ],
+            &["/camera/camera/color/image_raw"],
+            &["/camera/camera/aligned_depth_to_color/image_raw"],
+        );
+        check(
+            &["/camera/aligned_depth_to_infra1/image_raw", "/camera/color/image_raw/compressed"],
+            &["/camera/color/image_raw/compressed"],
+            &["/camera/aligned_depth_to_infra1/image_raw"],
+        );
+    }
+
+    #[test]
+    fn zed() {
+        check(
+            &[
+                "/zed/zed_node/confidence/confidence_map",
+                "/zed/zed_node/depth/depth_registered",
+                "/zed/zed_node/left/image_rect_gray",
+                "/zed/zed_node/rgb/image_rect_color",
+                "/zed/zed_node/rgb/image_rect_color/compressed",
+                "/zed/zed_node/right/image_rect_gray",
+            ],
+            &["/zed/zed_node/rgb/image_rect_color"],
+            &["/zed/zed_node/depth/depth_registered"],
+        );
+    }
+
+    #[test]
+    fn oak_whose_depth_is_named_stereo_and_whose_gray_cameras_are_unmarked() {
+        check(
+            &["/oak/left/image_raw", "/oak/rgb/image_raw", "/oak/right/image_raw", "/oak/stereo/image_raw"],
+            &["/oak/rgb/image_raw"],
+            &[],
+        );
+    }
+
+    #[test]
+    fn kinects_and_orbbec() {
+        check(
+            &["/depth/image_raw", "/depth_to_rgb/image_raw", "/ir/image_raw", "/rgb/image_raw"],
+            &["/rgb/image_raw"],
+            &["/depth_to_rgb/image_raw"],
+        );
+        check(
+            &["/depth/image_raw", "/ir/image_raw", "/rgb_to_depth/image_raw"],
+            &["/rgb_to_depth/image_raw"],
+            &["/depth/image_raw"],
+        );
+        check(
+            &["/kinect2/qhd/image_color_rect", "/kinect2/qhd/image_depth_rect", "/kinect2/sd/image_ir"],
+            &["/kinect2/qhd/image_color_rect"],
+            &["/kinect2/qhd/image_depth_rect"],
+        );
+        check(
+            &["/camera/color/image_raw", "/camera/depth/image_raw", "/camera/left_ir/image_raw"],
+            &["/camera/color/image_raw"],
+            &["/camera/depth/image_raw"],
+        );
+    }
+
+    #[test]
+    fn compressed_depth_is_never_color_and_is_depth_where_there_is_no_other() {
+        check(
+            &["/front/depth/image_raw/compressedDepth", "/front/image_raw/compressed"],
+            &["/front/image_raw/compressed"],
+            &["/front/depth/image_raw/compressedDepth"],
+        );
+        check(
+            &["/front/depth/image_raw", "/front/depth/image_raw/compressedDepth", "/front/image_raw"],
+            &["/front/image_raw"],
+            &["/front/depth/image_raw"],
+        );
+    }
+
+    #[test]
+    fn an_unmarked_camera_is_color_beside_thermal_depth_and_labels() {
+        check(
+            &["/front/depth/image_raw", "/front/image_raw", "/front/labels/image_raw", "/thermal/image_raw"],
+            &["/front/image_raw"],
+            &["/front/depth/image_raw"],
+        );
+        check(&["/thermal/image_raw"], &["/thermal/image_raw"], &[]);
+    }
+
+    #[test]
+    fn two_cameras_remain_two() {
+        let both = ["/front/color/image_raw", "/rear/color/image_raw"];
+        check(&both, &both, &[]);
+        let both = ["/front/color/image_raw", "/rear/image_raw"];
+        check(&both, &both, &[]);
+        let both = ["/left/image_raw", "/right/image_raw"];
+        check(&both, &both, &[]);
+    }
+}

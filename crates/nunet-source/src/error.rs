@@ -1,0 +1,118 @@
+//! What can be wrong with a source or with one of its frames.
+
+use std::borrow::Cow;
+use std::error::Error;
+use std::fmt;
+
+use nunet_types::Hint;
+
+/// What sort of error a [`SourceError`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SourceErrorKind {
+    /// The name of the source or its options are wrong: other arguments would help.
+    BadArguments,
+    /// The source cannot be opened or read on.
+    Unavailable,
+    /// One frame cannot be read.
+    BadFrame,
+    /// The source ended before it should have.
+    CutOff,
+    /// The source never gave a frame that can be read.
+    NothingReadable,
+}
+
+/// An error of a source.
+#[derive(Debug)]
+pub struct SourceError {
+    kind: SourceErrorKind,
+    message: String,
+    hint: Option<Cow<'static, str>>,
+    cause: Option<Box<dyn Error + Send + Sync>>,
+}
+
+impl SourceError {
+    /// An error of a kind.
+    #[must_use]
+    pub fn new(kind: SourceErrorKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), hint: None, cause: None }
+    }
+
+    /// Wrong arguments.
+    #[must_use]
+    pub fn bad_arguments(message: impl Into<String>) -> Self {
+        Self::new(SourceErrorKind::BadArguments, message)
+    }
+
+    /// A frame that cannot be read.
+    #[must_use]
+    pub fn bad_frame(message: impl Into<String>) -> Self {
+        Self::new(SourceErrorKind::BadFrame, message)
+    }
+
+    /// The same error with what a user can do about it: one imperative sentence.
+    #[must_use]
+    pub fn with_hint(self, hint: impl Into<Cow<'static, str>>) -> Self {
+        Self { hint: Some(hint.into()), ..self }
+    }
+
+    /// The same error with what caused it.
+    #[must_use]
+    pub fn with_cause(self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self { cause: Some(cause.into()), ..self }
+    }
+
+    /// The same error as the cause of what was being done; the hint stays with it.
+    pub(crate) fn context(self, message: impl Into<String>) -> Self {
+        Self { kind: self.kind, message: message.into(), hint: None, cause: Some(Box::new(self)) }
+    }
+
+    /// What sort of error it is.
+    #[must_use]
+    pub fn kind(&self) -> SourceErrorKind {
+        self.kind
+    }
+}
+
+impl fmt::Display for SourceError {
+    /// `{:#}` adds the causes, as anyhow does.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)?;
+        let mut cause = self.source().filter(|_| f.alternate());
+        while let Some(error) = cause {
+            write!(f, ": {error}")?;
+            cause = error.source();
+        }
+        Ok(())
+    }
+}
+
+impl Error for SourceError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.cause.as_deref().map(|cause| cause as &(dyn Error + 'static))
+    }
+}
+
+impl Hint for SourceError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        self.hint.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_context_keeps_the_kind_and_leaves_the_hint_with_the_cause() {
+        let error =
+            SourceError::bad_frame("it is too large").with_hint("make it smaller").context("cannot read `a`");
+        assert_eq!((error.kind(), error.hint()), (SourceErrorKind::BadFrame, None));
+        assert_eq!(
+            (error.to_string(), format!("{error:#}")),
+            ("cannot read `a`".into(), "cannot read `a`: it is too large".into())
+        );
+        let cause = error.source().unwrap().downcast_ref::<SourceError>().unwrap();
+        assert_eq!(cause.hint().as_deref(), Some("make it smaller"));
+    }
+}

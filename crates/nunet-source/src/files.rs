@@ -1,0 +1,144 @@
+//! Images of a folder or a glob, in the order of their names.
+
+use std::path::{Path, PathBuf};
+
+use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
+
+use crate::error::{SourceError, SourceErrorKind};
+use crate::image_file::{decode, first_bytes};
+use crate::listing::list;
+use crate::source::Ended;
+use crate::source_type::{Properties, SourceType};
+use crate::{Capture, Fill, Frame, OpenOptions, Source};
+
+/// A folder, a glob, or one image.
+pub(crate) struct ImageFiles;
+
+impl SourceType for ImageFiles {
+    /// Whatever no other kind takes.
+    fn is_named(&self, _name: &str) -> bool {
+        true
+    }
+
+    fn properties(&self) -> Properties {
+        Properties { camera: "camera", default_rate: Some("max"), ..Properties::default() }
+    }
+
+    fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        Ok(Box::new(Ended::new(Files::open(name, options.repeat)?)))
+    }
+}
+
+/// A list of images.
+#[derive(Debug)]
+pub(crate) struct Files {
+    paths: Vec<PathBuf>,
+    next: usize,
+    sequence: u64,
+    stretch: u64,
+    repeat: bool,
+    /// Whether any image of this round could be read.
+    any_good: bool,
+}
+
+impl Files {
+    /// Lists the images; they are decoded one at a time, when their turn comes.
+    pub(crate) fn open(pattern: &str, repeat: bool) -> Result<Self, SourceError> {
+        let path = Path::new(pattern);
+        refuse_other_file(path)?;
+        let paths = list(path)?;
+        if paths.is_empty() {
+            return Err(no_images(path));
+        }
+        Ok(Self { paths, next: 0, sequence: 0, stretch: 0, repeat, any_good: false })
+    }
+}
+
+/// Rounds without an image would only fill the log, as fast as it takes lines.
+pub(crate) fn nothing_to_repeat() -> Fill {
+    let message = "a whole round gave no image that can be read, and would be repeated forever";
+    let error = SourceError::new(SourceErrorKind::NothingReadable, message);
+    Fill::Broken(error.with_hint("check whether the images still exist; the errors above name them"))
+}
+
+impl Source for Files {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        if self.next == self.paths.len() && self.repeat {
+            if !self.any_good {
+                return nothing_to_repeat();
+            }
+            self.any_good = false;
+            self.next = 0;
+            self.stretch += 1;
+        }
+        let Some(path) = self.paths.get(self.next) else { return Fill::End };
+        self.next += 1;
+        frame.sequence = self.sequence;
+        self.sequence += 1;
+        if let Err(error) = decode(path, frame) {
+            return Fill::Failed(error.context(format!("cannot read the image `{}`", path.display())));
+        }
+        let nanos = monotonic_nanos();
+        frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
+        frame.camera = None;
+        frame.stretch = self.stretch;
+        self.any_good = true;
+        Fill::Frame
+    }
+}
+
+/// A file that is named alone is an image, or a mistake that is reported before anything is prepared. Among several one may
+/// be bad.
+fn refuse_other_file(path: &Path) -> Result<(), SourceError> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let shown = path.display();
+    let start = first_bytes(path).map_err(|error| {
+        SourceError::new(SourceErrorKind::Unavailable, format!("cannot read `{shown}`")).with_cause(error)
+    })?;
+    let start = start.unwrap_or_default();
+    let (what, hint) = match image::guess_format(&start) {
+        Ok(image::ImageFormat::Jpeg | image::ImageFormat::Png) => return Ok(()),
+        Ok(_) => (None, "save it as JPEG or PNG".to_owned()),
+        Err(_) => other_file(path, &start),
+    };
+    let what = what.unwrap_or("neither a JPEG or PNG image nor a recording");
+    Err(SourceError::bad_arguments(format!("`{shown}` is not a source: {what}")).with_hint(hint))
+}
+
+/// What a file is that is no image, where that is known, and what to do with it.
+fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
+    let shown = path.display();
+    #[cfg(feature = "mcap")]
+    if let Some(what) = nunet_mcap::recording_of_another_format(start) {
+        let hint = nunet_mcap::conversion_hint(path, what).unwrap_or_default();
+        return (Some(what), hint.into_owned());
+    }
+    let hint = if start.starts_with(b"\x89MCAP0") {
+        "the name of a recording ends in `.mcap`".to_owned()
+    } else if start.starts_with(b"YUV4MPEG2") {
+        format!("read it from standard input, with `-` as the source: `< {shown}`")
+    } else {
+        format!(
+            "pipe a video into standard input, with `-` as the source: `ffmpeg -i {shown} -f yuv4mpegpipe -pix_fmt yuv420p \
+             -`"
+        )
+    };
+    (None, hint)
+}
+
+fn no_images(path: &Path) -> SourceError {
+    let shown = path.display();
+    if path.is_dir() {
+        return SourceError::bad_arguments(format!("the folder `{shown}` has no JPEG or PNG image"));
+    }
+    SourceError::bad_arguments(format!("no source `{shown}`: no such file or folder, and no file matches it as a glob"))
+        .with_hint(
+            "expected demo, a folder of JPEG or PNG images, a glob such as 'frames/*.jpg' (quoted), a recording FILE.mcap or \
+             its folder, a camera /dev/videoN, shm:CAMERA, or - for standard input",
+        )
+}
+
+#[cfg(test)]
+mod tests;

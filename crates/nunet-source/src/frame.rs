@@ -1,0 +1,115 @@
+//! A captured frame on its way from the source to the pipeline.
+
+use nunet_core::camera::Camera;
+use nunet_core::frame::{FrameError, ImageView, PixelFormat};
+use nunet_ipc::Clock;
+
+/// Time of capture.
+#[derive(Debug, Clone, Copy)]
+pub struct Capture {
+    /// Nanoseconds of `clock`.
+    pub nanos: i64,
+    /// The frame's own clock.
+    pub clock: Clock,
+    /// Nanoseconds since 1970, for everything that ROS reads.
+    pub unix_nanos: i64,
+}
+
+impl Default for Capture {
+    /// An unknown time.
+    fn default() -> Self {
+        Self { nanos: 0, clock: Clock::Monotonic, unix_nanos: 0 }
+    }
+}
+
+/// An image's bytes: our own, or a view into another process' shared memory.
+#[derive(Debug)]
+pub enum Pixels {
+    /// Memory that is reused for every image.
+    Owned(Vec<u8>),
+    /// A sample that stays valid until it is dropped.
+    Shared(nunet_ipc::Frame),
+}
+
+impl Default for Pixels {
+    fn default() -> Self {
+        Self::Owned(Vec::new())
+    }
+}
+
+/// A captured frame.
+#[derive(Debug, Default)]
+pub struct Frame {
+    /// The image.
+    pub pixels: Pixels,
+    /// The JPEG or PNG file that the image came in, for recordings; empty if it came raw.
+    pub file: Vec<u8>,
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// Bytes from row to row.
+    pub row_stride: u32,
+    /// How pixels are laid out; `None` in a frame that was never filled.
+    pub format: Option<PixelFormat>,
+    /// Counts the source's frames from 0, readable or not.
+    pub sequence: u64,
+    /// Time of capture.
+    pub capture: Capture,
+    /// `CLOCK_MONOTONIC` nanoseconds when the source handed it over.
+    pub ready_nanos: u64,
+    /// The camera that took it, at the image's size, if the source knows it.
+    pub camera: Option<Camera>,
+    /// Counts the stretches of a source that begins again: the first frame of a stretch does not follow the last one
+    /// of the stretch before.
+    pub stretch: u64,
+    /// Whether a gap in capture time is a gap in what the camera saw. Not so for images from disk that are taken as
+    /// fast as they are processed: their capture time is when they were read.
+    pub in_real_time: bool,
+}
+
+impl Frame {
+    /// Gives another process its memory back; our own is kept for the next image.
+    pub fn release(&mut self) {
+        if let Pixels::Shared(_) = self.pixels {
+            self.pixels = Pixels::default();
+        }
+    }
+
+    /// The image as the pipeline reads it.
+    ///
+    /// # Errors
+    /// The source's size, stride and bytes contradict each other.
+    pub fn view(&self) -> Result<ImageView<'_>, FrameError> {
+        let (width, height) = self.size;
+        let format = self.format.unwrap_or(PixelFormat::Rgb8);
+        ImageView::new(self.bytes(), width, height, self.row_stride, format)
+    }
+
+    /// Our own buffer, `bytes` long, with whatever it held before.
+    pub fn buffer(&mut self, bytes: usize) -> &mut [u8] {
+        let mut buffer = match std::mem::take(&mut self.pixels) {
+            Pixels::Owned(buffer) => buffer,
+            Pixels::Shared(_) => Vec::new(),
+        };
+        buffer.resize(bytes, 0);
+        self.pixels = Pixels::Owned(buffer);
+        match &mut self.pixels {
+            Pixels::Owned(buffer) => buffer,
+            Pixels::Shared(_) => &mut [],
+        }
+    }
+
+    /// Lays a packed RGB image of `size` into the frame, and returns its buffer to be filled.
+    pub fn rgb_buffer(&mut self, (width, height): (u32, u32)) -> &mut [u8] {
+        self.size = (width, height);
+        self.format = Some(PixelFormat::Rgb8);
+        self.row_stride = PixelFormat::Rgb8.min_stride(width);
+        self.buffer(PixelFormat::Rgb8.byte_len(width, height, self.row_stride))
+    }
+
+    fn bytes(&self) -> &[u8] {
+        match &self.pixels {
+            Pixels::Owned(buffer) => buffer,
+            Pixels::Shared(sample) => sample.bytes(),
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! JPEG and PNG files as frames.
+//!
+//! An image is turned upright as its EXIF orientation states, from whatever source it comes. What a source says of its
+//! camera describes the image as the sensor gave it, and is turned with it ([`turn`](crate::turn)). What the user says of
+//! the camera describes the image as it is processed, upright.
+
+use std::borrow::Cow;
+use std::io::{Cursor, Read as _};
+use std::path::Path;
+
+use image::error::LimitErrorKind;
+use image::metadata::Orientation;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use nunet_core::frame::MAX_SIDE_PX;
+use nunet_core::plain_file;
+
+use crate::error::{SourceError, SourceErrorKind};
+use crate::{Frame, jpeg};
+
+/// Extensions of image files; cameras write them in capitals too.
+pub const IMAGE_EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
+/// The most bytes of an image file.
+const MAX_FILE_BYTES: u64 = 256 << 20;
+/// The most memory that decoding one image may take, bytes: a 16-bit RGBA image of 48 megapixels and its RGB.
+const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
+/// The hint for images beyond the limits.
+const SMALLER: &str = "make it smaller: networks use some hundred pixels a side";
+/// As many bytes of a file as tell what it is.
+const MAGIC_BYTES: u64 = 32;
+
+type Result<T> = std::result::Result<T, SourceError>;
+
+/// Decodes one JPEG or PNG as RGB, turned upright, into the frame's own memory; the file stays in the frame too.
+///
+/// # Errors
+/// No such file, neither JPEG nor PNG, damaged, incomplete, or larger than the limits.
+pub fn decode(path: &Path, frame: &mut Frame) -> Result<()> {
+    let mut file = std::mem::take(&mut frame.file);
+    file.clear();
+    read(path, &mut file)?;
+    frame.file = file;
+    decode_file(frame).map(drop)
+}
+
+/// Decodes the file in the frame, and returns how the image was turned.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_file(frame: &mut Frame) -> Result<Orientation> {
+    let mut file = std::mem::take(&mut frame.file);
+    if let Some(complete) = jpeg::with_tables(&file) {
+        file = complete;
+    }
+    let decoded = decode_bytes(&mut file, frame);
+    frame.file = file;
+    // An image that was turned differs from its file, which readers show as it is.
+    if !matches!(decoded, Ok(Orientation::NoTransforms)) {
+        frame.file.clear();
+    }
+    decoded
+}
+
+/// Decodes `file`, and cuts off what follows the image in it.
+fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame) -> Result<Orientation> {
+    if format_of(file)? == ImageFormat::Jpeg {
+        let end = jpeg::check(file).map_err(|error| {
+            SourceError::bad_frame(error.to_string()).with_hint("copy or record it again")
+        })?;
+        file.truncate(end);
+    }
+    let mut decoder = decoder_of(file)?;
+    let orientation = decoder.orientation().map_err(undecodable)?;
+    let size = decoder.dimensions();
+    let as_it_is = decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms;
+    check_memory(&decoder, as_it_is)?;
+    if as_it_is {
+        decoder.read_image(frame.rgb_buffer(size)).map_err(undecodable)?;
+        return Ok(orientation);
+    }
+    let mut image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    image.apply_orientation(orientation);
+    let image = image.into_rgb8();
+    frame.rgb_buffer(image.dimensions()).copy_from_slice(&image);
+    Ok(orientation)
+}
+
+fn undecodable(error: ImageError) -> SourceError {
+    SourceError::bad_frame(format!("the image cannot be decoded: {error}"))
+}
+
+/// An image of one channel as its numbers are: true depth, or labels.
+#[derive(Debug)]
+pub struct Numbers {
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// Rows from the top.
+    pub values: Vec<u16>,
+    /// 8 or 16 bits a number in the file.
+    pub bits: u8,
+}
+
+/// Decodes a PNG of one channel.
+///
+/// # Errors
+/// As [`decode`], and an image of several channels.
+pub fn decode_numbers(path: &Path) -> Result<Numbers> {
+    let mut file = Vec::new();
+    read(path, &mut file)?;
+    let decoder = decoder_of(&file)?;
+    check_memory(&decoder, false)?;
+    let size = decoder.dimensions();
+    match DynamicImage::from_decoder(decoder).map_err(undecodable)? {
+        DynamicImage::ImageLuma8(image) => {
+            Ok(Numbers { size, values: image.iter().map(|&value| value.into()).collect(), bits: 8 })
+        }
+        DynamicImage::ImageLuma16(image) => Ok(Numbers { size, values: image.into_raw(), bits: 16 }),
+        other => {
+            let channels = other.color().channel_count();
+            Err(SourceError::bad_frame(format!("the image has {channels} channels, expected one")))
+        }
+    }
+}
+
+fn read(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
+    let failed = |error: std::io::Error| SourceError::bad_frame("it cannot be read").with_cause(error);
+    let Some(mut file) = plain_file::open(path, MAX_FILE_BYTES + 1).map_err(failed)? else {
+        return Err(
+            SourceError::bad_frame("it is not a regular file").with_hint("pipe images into standard input")
+        );
+    };
+    file.read_to_end(bytes).map_err(failed)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        let message = format!("the file is larger than {} MB", MAX_FILE_BYTES >> 20);
+        return Err(SourceError::bad_frame(message).with_hint(SMALLER));
+    }
+    Ok(())
+}
+
+/// Whether a file looks like an image, without decoding it. What is no regular file passes: reading a pipe would empty it.
+///
+/// # Errors
+/// It cannot be read, or is neither JPEG nor PNG.
+pub fn glance(path: &Path) -> Result<()> {
+    let start = first_bytes(path).map_err(|error| {
+        SourceError::new(SourceErrorKind::Unavailable, "it cannot be read").with_cause(error)
+    })?;
+    start.map_or(Ok(()), |start| format_of(&start).map(drop))
+}
+
+/// What tells a file's format; `None` for what is no regular file.
+pub(crate) fn first_bytes(path: &Path) -> std::io::Result<Option<Vec<u8>>> {
+    let Some(mut file) = plain_file::open(path, MAGIC_BYTES)? else { return Ok(None) };
+    let mut start = Vec::new();
+    file.read_to_end(&mut start)?;
+    Ok(Some(start))
+}
+
+/// What a file is, by its first bytes.
+fn format_of(file: &[u8]) -> Result<ImageFormat> {
+    let (what, hint): (Cow<'_, str>, _) = match image::guess_format(file) {
+        Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png)) => return Ok(format),
+        Ok(other) => (format!("the image is {other:?}").into(), "save it as one of them"),
+        Err(_) if file.is_empty() => ("the file is empty".into(), "copy or record it again"),
+        Err(_) => ("the file is not an image of a known format".into(), "save it as one of them"),
+    };
+    Err(SourceError::bad_frame(format!("{what}, expected JPEG or PNG")).with_hint(hint))
+}
+
+fn decoder_of(file: &[u8]) -> Result<impl ImageDecoder + '_> {
+    let mut reader = ImageReader::with_format(Cursor::new(file), format_of(file)?);
+    reader.limits(limits());
+    reader.into_decoder().map_err(|error| match error {
+        ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::DimensionError) => {
+            let size = claimed_size(file).map(|(width, height)| format!(" of {width}x{height} pixels"));
+            let size = size.unwrap_or_default();
+            SourceError::bad_frame(format!("an image{size}, expected at most {MAX_SIDE_PX} a side"))
+                .with_hint(SMALLER)
+        }
+        error => undecodable(error),
+    })
+}
+
+/// What the header states for an image that the decoder refuses.
+fn claimed_size(file: &[u8]) -> Option<(u32, u32)> {
+    let side = |at: usize| Some(u32::from_be_bytes(file.get(at..at + 4)?.try_into().ok()?));
+    match format_of(file).ok()? {
+        // The first chunk is IHDR, which begins with both (PNG specification, 11.2.2).
+        ImageFormat::Png => side(16).zip(side(20)),
+        format => {
+            let mut reader = ImageReader::with_format(Cursor::new(file), format);
+            reader.no_limits();
+            reader.into_dimensions().ok()
+        }
+    }
+}
+
+/// Before anything of the image's size is allocated.
+fn check_memory(decoder: &impl ImageDecoder, as_it_is: bool) -> Result<()> {
+    let (width, height) = decoder.dimensions();
+    let rgb = 3 * u64::from(width) * u64::from(height);
+    let needed = if as_it_is { rgb } else { decoder.total_bytes().saturating_add(rgb) };
+    if needed <= MAX_DECODE_BYTES {
+        return Ok(());
+    }
+    let message = format!(
+        "an image of {width}x{height} takes {} MB to decode, over the limit of {} MB",
+        needed >> 20,
+        MAX_DECODE_BYTES >> 20
+    );
+    Err(SourceError::bad_frame(message).with_hint(SMALLER))
+}
+
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE_PX);
+    limits.max_image_height = Some(MAX_SIDE_PX);
+    limits.max_alloc = Some(MAX_DECODE_BYTES);
+    limits
+}
+
+#[cfg(test)]
+mod tests;

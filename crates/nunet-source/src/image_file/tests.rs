@@ -1,0 +1,125 @@
+use image::{Rgb, RgbImage};
+
+use super::*;
+
+fn image(color: [u8; 3]) -> RgbImage {
+    RgbImage::from_pixel(4, 2, Rgb(color))
+}
+
+/// An EXIF block that says nothing but the orientation 6: the camera was turned a quarter to the right.
+const EXIF_TURNED: [u8; 36] =
+    *b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+
+#[test]
+fn gray_and_transparent_images_become_rgb() {
+    let folder = tempfile::tempdir().unwrap();
+    let rgb = DynamicImage::ImageRgb8(image([70, 70, 70]));
+    rgb.to_luma8().save(folder.path().join("1.png")).unwrap();
+    rgb.to_rgba8().save(folder.path().join("2.png")).unwrap();
+    rgb.to_rgb16().save(folder.path().join("3.png")).unwrap();
+    for name in ["1.png", "2.png", "3.png"] {
+        let mut frame = Frame::default();
+        decode(&folder.path().join(name), &mut frame).unwrap();
+        assert_eq!(frame.view().unwrap().bytes()[..3], [70, 70, 70], "{name}");
+    }
+}
+
+#[test]
+fn a_image_beyond_the_limits_is_refused_before_it_is_decoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wide.png");
+    image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
+    let expected = "an image of 32769x1 pixels, expected at most 32768 a side";
+    let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
+    assert!(error.starts_with(expected), "{error}");
+    image::GrayImage::new(1, MAX_SIDE_PX + 1).save(path.with_extension("jpg")).unwrap();
+    let error = decode(&path.with_extension("jpg"), &mut Frame::default()).unwrap_err().to_string();
+    assert!(error == "an image of 1x32769 pixels, expected at most 32768 a side", "{error}");
+    image::GrayImage::new(MAX_SIDE_PX, 1).save(&path).unwrap();
+    decode(&path, &mut Frame::default()).unwrap();
+}
+
+#[test]
+fn what_is_no_jpeg_and_no_png_is_told_with_what_it_is_and_what_would_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let refused = |content: &[u8]| {
+        std::fs::write(&path, content).unwrap();
+        decode(&path, &mut Frame::default()).unwrap_err().to_string()
+    };
+    let expected = "expected JPEG or PNG";
+    assert_eq!(refused(b"BM\x46\0\0\0"), format!("the image is Bmp, {expected}"));
+    assert_eq!(refused(b"no image"), format!("the file is not an image of a known format, {expected}"));
+    assert_eq!(refused(b""), "the file is empty, expected JPEG or PNG");
+    std::fs::write(&path, b"GIF89a").unwrap();
+    assert!(decode_numbers(&path).unwrap_err().to_string().starts_with("the image is Gif, expected JPEG"));
+}
+
+#[test]
+fn a_image_that_takes_too_much_memory_is_refused_before_it_is_decoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.png");
+    image::GrayImage::new(12_000, 12_000).save(&path).unwrap();
+    let error = decode(&path, &mut Frame::default()).unwrap_err().to_string();
+    assert!(error.contains("takes 549 MB to decode, over the limit of 512 MB"), "{error}");
+}
+
+#[test]
+fn a_jpeg_that_is_cut_off_anywhere_is_refused_and_a_whole_one_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("image.jpg");
+    RgbImage::from_fn(64, 48, |x, y| Rgb([x as u8 * 3, y as u8 * 5, 90])).save(&path).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    decode(&path, &mut Frame::default()).unwrap();
+    for keep in (0..whole.len() - 1).step_by(7) {
+        std::fs::write(&path, &whole[..keep]).unwrap();
+        assert!(decode(&path, &mut Frame::default()).is_err(), "{keep} of {} bytes pass", whole.len());
+    }
+}
+
+#[test]
+fn a_turned_photograph_is_set_upright() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("turned.jpg");
+    RgbImage::from_fn(32, 16, |x, _| Rgb([if x < 16 { 0 } else { 255 }; 3])).save(&path).unwrap();
+    let plain = std::fs::read(&path).unwrap();
+    std::fs::write(&path, [&plain[..2], &EXIF_TURNED, &plain[2..]].concat()).unwrap();
+    let mut frame = Frame::default();
+    decode(&path, &mut frame).unwrap();
+    assert_eq!(frame.size, (16, 32), "what lay is standing");
+    let bytes = frame.view().unwrap().bytes();
+    assert!(bytes[0] < 20 && bytes[bytes.len() - 1] > 235, "the left edge is the upper one now");
+}
+
+#[test]
+fn a_motion_jpeg_without_tables_is_read_and_kept_with_them() {
+    let case = |name| nunet_testkit::cases::read(name);
+    let mut frame = Frame { file: case("mjpeg_without_tables/no_dht.jpg"), ..Frame::default() };
+    let before = frame.file.len();
+    decode_file(&mut frame).unwrap();
+    assert_eq!(frame.size, (64, 48));
+    assert_eq!(frame.file.len(), before + 420, "a recording of it can be read by others");
+}
+
+#[test]
+fn a_video_behind_a_photograph_is_cut_off_and_the_image_is_the_same() {
+    let decoded = |name| {
+        let mut frame = Frame { file: nunet_testkit::cases::read(name), ..Frame::default() };
+        decode_file(&mut frame).unwrap();
+        (frame.view().unwrap().bytes().to_vec(), frame.file)
+    };
+    assert_eq!(decoded("motion_photo/motion_photo.jpg"), decoded("motion_photo/plain.jpg"));
+}
+
+#[test]
+fn a_jpeg_that_lost_its_middle_or_its_rest_fails_with_the_reason() {
+    let decoded = |name| {
+        let mut frame = Frame { file: nunet_testkit::cases::read(name), ..Frame::default() };
+        decode_file(&mut frame).map_err(|error| error.to_string())
+    };
+    assert!(decoded("jpeg_lost_middle/whole.jpg").is_ok());
+    for name in ["jpeg_lost_middle/lost.jpg", "jpeg_lost_middle/rest_grey.jpg"] {
+        let error = decoded(name).unwrap_err();
+        assert!(error.starts_with("the JPEG lost data: its scan ended early"), "{name}: {error}");
+    }
+}

@@ -1,0 +1,163 @@
+//! Bits of an entropy-coded segment, and Huffman codes in them.
+
+/// Codes of up to so many bits are looked up at once.
+const LOOKUP_BITS: u32 = 9;
+
+/// Why no number can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stop {
+    /// The segment has no more bits.
+    Ended,
+    /// No code has these bits.
+    Invalid,
+}
+
+/// A Huffman table as ITU T.81, C.2 and F.2.2.3 build it.
+#[derive(Debug, Clone)]
+pub(super) struct HuffmanTable {
+    /// Length and symbol of the code that begins with these bits; length 0 for a longer one.
+    lookup: Vec<(u8, u8)>,
+    /// For each length: the first code, how many there are, and where their symbols begin.
+    lengths: [(u32, u32, usize); 17],
+    symbols: Vec<u8>,
+}
+
+impl HuffmanTable {
+    /// Reads a table; returns the bytes behind it.
+    pub(super) fn parse(bytes: &[u8]) -> Option<(Self, &[u8])> {
+        let (counts, rest) = bytes.split_at_checked(16)?;
+        let total: usize = counts.iter().map(|&count| usize::from(count)).sum();
+        let (symbols, rest) = rest.split_at_checked(total)?;
+        let mut table = Self {
+            lookup: vec![(0, 0); 1 << LOOKUP_BITS],
+            lengths: [(0, 0, 0); 17],
+            symbols: symbols.to_vec(),
+        };
+        let (mut code, mut place) = (0_u32, 0);
+        for (length, &count) in (1_u32..).zip(counts) {
+            let count = u32::from(count);
+            if code + count > 1 << length {
+                return None;
+            }
+            table.lengths[length as usize] = (code, count, place);
+            for index in 0..count {
+                table.fill_lookup(code + index, length, symbols[place + index as usize]);
+            }
+            place += count as usize;
+            code = (code + count) << 1;
+        }
+        Some((table, rest))
+    }
+
+    fn fill_lookup(&mut self, code: u32, length: u32, symbol: u8) {
+        if length <= LOOKUP_BITS {
+            let first = (code << (LOOKUP_BITS - length)) as usize;
+            self.lookup[first..first + (1 << (LOOKUP_BITS - length))].fill((length as u8, symbol));
+        }
+    }
+
+    /// Length and symbol of the code at the start of 16 bits.
+    fn find(&self, bits: u32) -> Option<(u32, u8)> {
+        let (length, symbol) = self.lookup[(bits >> (16 - LOOKUP_BITS)) as usize];
+        if length > 0 {
+            return Some((length.into(), symbol));
+        }
+        (LOOKUP_BITS + 1..=16).find_map(|length| {
+            let (first, count, place) = self.lengths[length as usize];
+            let index = (bits >> (16 - length)).checked_sub(first).filter(|&index| index < count)?;
+            Some((length, self.symbols[place + index as usize]))
+        })
+    }
+}
+
+/// Reads bits up to a marker.
+pub(super) struct Bits<'a> {
+    data: &'a [u8],
+    /// The next byte to take.
+    place: usize,
+    held: u64,
+    count: u32,
+}
+
+impl<'a> Bits<'a> {
+    pub(super) fn new(data: &'a [u8]) -> Self {
+        Self { data, place: 0, held: 0, count: 0 }
+    }
+
+    fn fill(&mut self) {
+        while self.count <= 56 {
+            let Some(&byte) = self.data.get(self.place) else { return };
+            let mut length = 1;
+            if byte == 0xff {
+                match self.data.get(self.place + 1) {
+                    Some(0) => length = 2,
+                    // A marker, perhaps behind fill bytes.
+                    _ => return,
+                }
+            }
+            self.place += length;
+            self.held = self.held << 8 | u64::from(byte);
+            self.count += 8;
+        }
+    }
+
+    pub(super) fn take(&mut self, bits: u32) -> Result<u32, Stop> {
+        if self.count < bits {
+            self.fill();
+        }
+        self.count = self.count.checked_sub(bits).ok_or(Stop::Ended)?;
+        Ok((self.held >> self.count) as u32 & ((1 << bits) - 1))
+    }
+
+    pub(super) fn symbol(&mut self, table: &HuffmanTable) -> Result<u8, Stop> {
+        if self.count < 16 {
+            self.fill();
+        }
+        let bits =
+            if self.count < 16 { self.held << (16 - self.count) } else { self.held >> (self.count - 16) };
+        let found = table.find(bits as u32 & 0xffff);
+        match found {
+            Some((length, symbol)) if length <= self.count => {
+                self.count -= length;
+                Ok(symbol)
+            }
+            None if self.count >= 16 => Err(Stop::Invalid),
+            _ => Err(Stop::Ended),
+        }
+    }
+
+    /// Whole bytes that were not taken before the marker, and whether they are more than padding.
+    pub(super) fn rest(&mut self) -> (usize, bool) {
+        let mut rest: Vec<u8> = (0..self.count / 8).map(|byte| (self.held >> (8 * byte)) as u8).collect();
+        self.count = 0;
+        loop {
+            self.fill();
+            if self.count == 0 {
+                break;
+            }
+            rest.extend((0..self.count / 8).map(|byte| (self.held >> (8 * byte)) as u8));
+            self.count = 0;
+        }
+        (rest.len(), rest.iter().any(|&byte| byte != 0 && byte != 0xff))
+    }
+
+    /// Passes over a restart marker, which must be the next one.
+    pub(super) fn restart(&mut self, number: u8) -> bool {
+        (self.held, self.count) = (0, 0);
+        let mut place = self.place;
+        while self.data.get(place + 1) == Some(&0xff) {
+            place += 1;
+        }
+        let is_there =
+            self.data.get(place) == Some(&0xff) && self.data.get(place + 1) == Some(&(0xd0 + number));
+        if is_there {
+            self.place = place + 2;
+        }
+        is_there
+    }
+
+    /// Where the marker is.
+    pub(super) fn place(&self) -> usize {
+        self.place
+    }
+}

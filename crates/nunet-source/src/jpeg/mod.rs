@@ -1,0 +1,132 @@
+//! Whether a JPEG is complete, which its decoder does not tell: it fills what is missing with gray.
+//!
+//! The entropy-coded data are walked block by block, without computing a pixel. Every block must be there, every restart
+//! marker in its place, and no more data than the blocks need. Baseline and progressive images are walked; what the decoder
+//! refuses anyway (lossless, arithmetic coding) is left to it. Source: ITU T.81, annexes B, F.2.2 and G.2.
+
+mod bits;
+mod frame;
+mod scan;
+mod standard_tables;
+
+use self::bits::HuffmanTable;
+use self::frame::{Frame, segment};
+use self::scan::Scan;
+pub(crate) use self::standard_tables::with_tables;
+
+const MARKER: u8 = 0xff;
+const START_OF_IMAGE: u8 = 0xd8;
+const END_OF_IMAGE: u8 = 0xd9;
+const START_OF_SCAN: u8 = 0xda;
+const TABLES: u8 = 0xc4;
+const RESTART_INTERVAL: u8 = 0xdd;
+/// Larger images are refused by the decoder's limits.
+const MAX_PIXELS: u64 = 256 << 20;
+
+/// What is wrong with a JPEG.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum JpegError {
+    #[error("the JPEG is cut off: it has no end-of-image marker")]
+    NoEnd,
+    #[error("the JPEG lost data: its scan ended early, after {read} of {expected} blocks")]
+    EndedEarly { read: u64, expected: u64 },
+    #[error("the JPEG is damaged: its scan has an invalid code after {read} of {expected} blocks")]
+    InvalidCode { read: u64, expected: u64 },
+    #[error("the JPEG lost data: restart marker {expected} of 0 to 7 is missing after {read} blocks")]
+    NoRestart { expected: u8, read: u64 },
+    #[error("the JPEG is damaged: its scan has {bytes} bytes more than its blocks need")]
+    TooMuch { bytes: usize },
+    #[error("the JPEG is damaged: {what}")]
+    Header { what: &'static str },
+    #[error("the JPEG lost data: scans are missing for component {component}")]
+    ScansMissing { component: usize },
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Image {
+    frame: Option<Frame>,
+    dc: [Option<HuffmanTable>; 4],
+    ac: [Option<HuffmanTable>; 4],
+    restart_interval: u32,
+}
+
+/// Checks a JPEG and returns where it ends: behind it may be anything, such as a phone's video.
+///
+/// # Errors
+/// Data that are missing, damaged or too many.
+pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
+    let (mut image, mut place) = (Image::default(), 2);
+    loop {
+        let (marker, after) = next_marker(file, place).ok_or(JpegError::NoEnd)?;
+        place = after;
+        match marker {
+            END_OF_IMAGE => {
+                image.frame.as_ref().map_or(Ok(()), Frame::check_complete)?;
+                return Ok(place);
+            }
+            // Markers without a segment.
+            START_OF_IMAGE | 0x01 | 0xd0..=0xd7 => continue,
+            _ => {}
+        }
+        let body = segment(file, place).ok_or(JpegError::NoEnd)?;
+        place += 2 + body.len();
+        match marker {
+            0xc0..=0xc2 => image.frame = Some(Frame::parse(body, marker == 0xc2)?),
+            TABLES => image.read_tables(body)?,
+            RESTART_INTERVAL => image.restart_interval = restart_interval(body)?,
+            START_OF_SCAN => place += image.check_scan(body, &file[place..])?,
+            // A frame that the decoder does not know.
+            0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf => return Ok(file.len()),
+            _ => {}
+        }
+    }
+}
+
+/// The next marker and the place behind it. Fill bytes before it are allowed (B.1.1.2), and other bytes are passed over, as
+/// decoders do.
+fn next_marker(file: &[u8], mut place: usize) -> Option<(u8, usize)> {
+    loop {
+        place += file.get(place..)?.iter().position(|&byte| byte == MARKER)?;
+        let kind = *file.get(place + 1)?;
+        match kind {
+            MARKER => place += 1,
+            0 => place += 2,
+            kind => return Some((kind, place + 2)),
+        }
+    }
+}
+
+fn restart_interval(body: &[u8]) -> Result<u32, JpegError> {
+    let bytes = body.first_chunk().ok_or(JpegError::Header { what: "its restart interval is too short" })?;
+    Ok(u16::from_be_bytes(*bytes).into())
+}
+
+impl Image {
+    fn read_tables(&mut self, mut body: &[u8]) -> Result<(), JpegError> {
+        let broken = JpegError::Header { what: "a Huffman table is broken" };
+        while let Some((&class_and_place, rest)) = body.split_first() {
+            let (table, rest) = HuffmanTable::parse(rest).ok_or(broken.clone())?;
+            let tables = if class_and_place >> 4 == 0 { &mut self.dc } else { &mut self.ac };
+            *tables.get_mut(usize::from(class_and_place & 15)).ok_or(broken.clone())? = Some(table);
+            body = rest;
+        }
+        Ok(())
+    }
+
+    /// Walks a scan and returns how many bytes it has.
+    fn check_scan(&mut self, header: &[u8], data: &[u8]) -> Result<usize, JpegError> {
+        let Self { frame, dc, ac, restart_interval } = self;
+        let frame = frame.as_mut().ok_or(JpegError::Header { what: "it has a scan before its frame" })?;
+        if frame.pixels() > MAX_PIXELS {
+            return Ok(0);
+        }
+        let scan = Scan::parse(header, frame, dc, ac)?;
+        let length = scan.walk(frame, *restart_interval, data)?;
+        scan.note(frame);
+        Ok(length)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,296 @@
+//! One scan of a JPEG, walked block by block.
+
+use super::JpegError;
+use super::bits::{Bits, HuffmanTable, Stop};
+use super::frame::Frame;
+
+/// Some cameras write a few bytes more; their images are whole.
+const MAX_EXTRA_BYTES: usize = 16;
+
+type Tables = [Option<HuffmanTable>; 4];
+
+/// A component in a scan, with its tables.
+struct Part<'a> {
+    component: usize,
+    dc: Option<&'a HuffmanTable>,
+    ac: Option<&'a HuffmanTable>,
+}
+
+/// A scan header.
+pub(super) struct Scan<'a> {
+    parts: Vec<Part<'a>>,
+    /// First and last coefficient.
+    band: (usize, usize),
+    /// Bit position before and after the scan (T.81: Ah, Al).
+    approximation: (u8, u8),
+}
+
+impl<'a> Scan<'a> {
+    pub(super) fn parse(
+        header: &[u8],
+        frame: &Frame,
+        dc: &'a Tables,
+        ac: &'a Tables,
+    ) -> Result<Self, JpegError> {
+        let broken = JpegError::Header { what: "its scan header is broken" };
+        let (&count, rest) = header.split_first().ok_or(broken.clone())?;
+        let (parts, rest) = rest.split_at_checked(2 * usize::from(count)).ok_or(broken.clone())?;
+        let &[first, last, bits] = rest.first_chunk().ok_or(broken.clone())?;
+        let part = |&[id, tables]: &[u8; 2]| {
+            let component = frame.components.iter().position(|component| component.id == id)?;
+            let table =
+                |tables: &'a Tables, place: u8| tables.get(usize::from(place)).and_then(Option::as_ref);
+            Some(Part { component, dc: table(dc, tables >> 4), ac: table(ac, tables & 15) })
+        };
+        let parts: Vec<Part<'a>> =
+            parts.as_chunks().0.iter().map(part).collect::<Option<_>>().ok_or(broken.clone())?;
+        let band = if frame.progressive { (first.into(), last.into()) } else { (0, 63) };
+        if parts.is_empty() || band.0 > band.1 || band.1 > 63 || (band.0 > 0 && parts.len() > 1) {
+            return Err(broken);
+        }
+        let approximation = if frame.progressive { (bits >> 4, bits & 15) } else { (0, 0) };
+        Ok(Self { parts, band, approximation })
+    }
+
+    /// Walks the scan's data and returns how many bytes they have.
+    pub(super) fn walk(
+        &self,
+        frame: &mut Frame,
+        restart_interval: u32,
+        data: &[u8],
+    ) -> Result<usize, JpegError> {
+        if frame.progressive {
+            for part in &self.parts {
+                let component = &mut frame.components[part.component];
+                let blocks = component.stride * frame.mcus.1 * component.sampling.1;
+                component.nonzero.resize(blocks, 0);
+            }
+        }
+        let mut walk = Walk { bits: Bits::new(data), end_of_band_run: 0, read: 0 };
+        let (mcus, blocks) = self.extent(frame);
+        let expected = mcus as u64 * blocks;
+        let stopped = |stop, read| match stop {
+            Stop::Ended => JpegError::EndedEarly { read, expected },
+            Stop::Invalid => JpegError::InvalidCode { read, expected },
+        };
+        for mcu in 0..mcus {
+            let due = restart_interval > 0 && mcu > 0 && mcu.is_multiple_of(restart_interval as usize);
+            if due {
+                let number = ((mcu / restart_interval as usize - 1) % 8) as u8;
+                walk.restart(number)?;
+            }
+            self.mcu(frame, mcu, &mut walk).map_err(|stop| stopped(stop, walk.read))?;
+        }
+        walk.check_rest()?;
+        Ok(walk.bits.place())
+    }
+
+    /// MCUs of the scan, and blocks of each.
+    fn extent(&self, frame: &Frame) -> (usize, u64) {
+        match self.parts.as_slice() {
+            [alone] => {
+                let (columns, rows) = frame.components[alone.component].blocks;
+                (columns * rows, 1)
+            }
+            parts => {
+                let blocks = |part: &Part<'_>| {
+                    let (x, y) = frame.components[part.component].sampling;
+                    (x * y) as u64
+                };
+                (frame.mcus.0 * frame.mcus.1, parts.iter().map(blocks).sum())
+            }
+        }
+    }
+
+    fn mcu(&self, frame: &mut Frame, mcu: usize, walk: &mut Walk<'_>) -> Result<(), Stop> {
+        if let [alone] = self.parts.as_slice() {
+            let component = &frame.components[alone.component];
+            let (columns, stride) = (component.blocks.0, component.stride);
+            return self.block(frame, alone, mcu / columns * stride + mcu % columns, walk);
+        }
+        let (column, row) = (mcu % frame.mcus.0, mcu / frame.mcus.0);
+        for part in &self.parts {
+            let component = &frame.components[part.component];
+            let ((wide, high), stride) = (component.sampling, component.stride);
+            for y in 0..high {
+                for x in 0..wide {
+                    self.block(frame, part, (row * high + y) * stride + column * wide + x, walk)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn block(
+        &self,
+        frame: &mut Frame,
+        part: &Part<'a>,
+        place: usize,
+        walk: &mut Walk<'_>,
+    ) -> Result<(), Stop> {
+        let table = |table: Option<&'a HuffmanTable>| table.ok_or(Stop::Invalid);
+        let nonzero = frame.components[part.component].nonzero.get_mut(place);
+        match (self.band, self.approximation.0, nonzero) {
+            (_, _, None) => {
+                walk.first_dc(table(part.dc)?)?;
+                walk.baseline_ac(table(part.ac)?)?;
+            }
+            ((0, _), 0, Some(_)) => walk.first_dc(table(part.dc)?)?,
+            ((0, _), _, Some(_)) => walk.bits.take(1).map(drop)?,
+            (band, 0, Some(nonzero)) => walk.first_ac(table(part.ac)?, band, nonzero)?,
+            (band, _, Some(nonzero)) => walk.refine_ac(table(part.ac)?, band, nonzero)?,
+        }
+        walk.read += 1;
+        Ok(())
+    }
+
+    /// Notes which coefficients are known now.
+    pub(super) fn note(&self, frame: &mut Frame) {
+        for part in &self.parts {
+            frame.components[part.component].known_to[self.band.0..=self.band.1]
+                .fill(Some(self.approximation.1));
+        }
+    }
+}
+
+/// Where a walk is.
+struct Walk<'a> {
+    bits: Bits<'a>,
+    /// Blocks whose band has ended.
+    end_of_band_run: u32,
+    /// Blocks that were read.
+    read: u64,
+}
+
+impl Walk<'_> {
+    fn restart(&mut self, number: u8) -> Result<(), JpegError> {
+        self.check_rest()?;
+        self.end_of_band_run = 0;
+        if self.bits.restart(number) {
+            return Ok(());
+        }
+        Err(JpegError::NoRestart { expected: number, read: self.read })
+    }
+
+    fn check_rest(&mut self) -> Result<(), JpegError> {
+        let (bytes, is_more_than_padding) = self.bits.rest();
+        if bytes > MAX_EXTRA_BYTES && is_more_than_padding {
+            return Err(JpegError::TooMuch { bytes });
+        }
+        Ok(())
+    }
+
+    fn first_dc(&mut self, table: &HuffmanTable) -> Result<(), Stop> {
+        let size = self.bits.symbol(table)?;
+        if size > 16 {
+            return Err(Stop::Invalid);
+        }
+        self.bits.take(size.into()).map(drop)
+    }
+
+    fn baseline_ac(&mut self, table: &HuffmanTable) -> Result<(), Stop> {
+        let mut place = 1;
+        while place < 64 {
+            let symbol = self.bits.symbol(table)?;
+            let (run, size) = (symbol >> 4, symbol & 15);
+            match (run, size) {
+                (15, 0) => place += 16,
+                (_, 0) => break,
+                (run, size) => {
+                    place += u32::from(run) + 1;
+                    self.bits.take(size.into())?;
+                }
+            }
+        }
+        if place > 64 { Err(Stop::Invalid) } else { Ok(()) }
+    }
+
+    /// Figure G.3.
+    fn first_ac(
+        &mut self,
+        table: &HuffmanTable,
+        (first, last): (usize, usize),
+        nonzero: &mut u64,
+    ) -> Result<(), Stop> {
+        if self.end_of_band_run > 0 {
+            self.end_of_band_run -= 1;
+            return Ok(());
+        }
+        let mut place = first;
+        while place <= last {
+            let symbol = self.bits.symbol(table)?;
+            let (run, size) = (symbol >> 4, symbol & 15);
+            match (run, size) {
+                (15, 0) => place += 16,
+                (run, 0) => {
+                    self.end_of_band_run = (1 << run) - 1 + self.bits.take(run.into())?;
+                    return Ok(());
+                }
+                (run, size) => {
+                    place += usize::from(run);
+                    if place > last {
+                        return Err(Stop::Invalid);
+                    }
+                    self.bits.take(size.into())?;
+                    *nonzero |= 1 << place;
+                    place += 1;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Figure G.7: each coefficient that is not zero yet takes a bit of correction when it is passed.
+    fn refine_ac(
+        &mut self,
+        table: &HuffmanTable,
+        (first, last): (usize, usize),
+        nonzero: &mut u64,
+    ) -> Result<(), Stop> {
+        let mut place = first;
+        if self.end_of_band_run == 0 {
+            while place <= last {
+                let symbol = self.bits.symbol(table)?;
+                let (run, size) = (symbol >> 4, symbol & 15);
+                match (run, size) {
+                    (15, 0) => {}
+                    (run, 0) => {
+                        self.end_of_band_run = (1 << run) + self.bits.take(run.into())?;
+                        break;
+                    }
+                    (_, 1) => drop(self.bits.take(1)?),
+                    _ => return Err(Stop::Invalid),
+                }
+                place = self.pass(run, place, last, *nonzero)?;
+                if size == 1 {
+                    if place > last {
+                        return Err(Stop::Invalid);
+                    }
+                    *nonzero |= 1 << place;
+                }
+                place += 1;
+            }
+        }
+        if self.end_of_band_run > 0 {
+            self.pass(u8::MAX, place, last, *nonzero)?;
+            self.end_of_band_run -= 1;
+        }
+        Ok(())
+    }
+
+    /// Passes `zeros` coefficients that are zero, and stops at the next one.
+    fn pass(&mut self, zeros: u8, mut place: usize, last: usize, nonzero: u64) -> Result<usize, Stop> {
+        let mut left = zeros;
+        while place <= last {
+            if nonzero >> place & 1 == 1 {
+                self.bits.take(1)?;
+            } else if left == 0 {
+                break;
+            } else {
+                left -= 1;
+            }
+            place += 1;
+        }
+        Ok(place)
+    }
+}

@@ -1,0 +1,54 @@
+//! Where frames come from: images on disk, pipes, recordings, V4L2 cameras, shared memory.
+//!
+//! [`SourceName::parse`] chooses a kind of source, [`SourceName::open`] opens it, and [`Source::fill`] gives one [`Frame`]
+//! after the other. Adding a source takes a file of its own and a line in the registry (`registry.rs`).
+//!
+//! # Example: the images of a folder
+//! ```
+//! use nunet_source::{Fill, Frame, OpenOptions, SourceName};
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # image::RgbImage::from_pixel(4, 2, image::Rgb([7, 8, 9])).save(folder.path().join("a.png"))?;
+//! let mut source = SourceName::parse(&folder.path().to_string_lossy()).open(OpenOptions::default())?;
+//! let mut frame = Frame::default();
+//! while let Fill::Frame = source.fill(&mut frame) {
+//!     assert_eq!(frame.size, (4, 2));
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod convert;
+mod demo;
+mod error;
+mod files;
+mod frame;
+mod image_file;
+mod jpeg;
+mod listing;
+mod pipe;
+mod rate;
+#[cfg(feature = "mcap")]
+mod recording;
+mod registry;
+mod shm;
+mod source;
+mod source_type;
+#[cfg(feature = "mcap")]
+mod turn;
+#[cfg(feature = "v4l2")]
+mod v4l2;
+
+pub use error::{SourceError, SourceErrorKind};
+pub use frame::{Capture, Frame, Pixels};
+pub use image_file::{IMAGE_EXTENSIONS, Numbers, decode, decode_file, decode_numbers, glance};
+pub use listing::list;
+pub use pipe::open_pipe;
+pub use rate::{Pacer, Rate};
+#[cfg(feature = "mcap")]
+pub use recording::{RecordingSource, from_recording_error};
+pub use registry::SourceName;
+pub use shm::camera_in;
+pub use source::{Fill, OpenOptions, Source};
+pub use source_type::{Exclusive, Properties, SizeUse, SourceType};
+#[cfg(feature = "v4l2")]
+pub use v4l2::{CameraReport, cameras};

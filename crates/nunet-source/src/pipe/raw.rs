@@ -1,0 +1,41 @@
+//! Raw images without a header.
+
+use std::io::Read;
+
+use nunet_types::ImageSize;
+
+use super::{RawFormat, Shot, Shots, read_up_to};
+use crate::error::{SourceError, SourceErrorKind};
+
+/// Images of one size and format, one after the other.
+pub(super) struct RawShots<R> {
+    input: R,
+    layout: RawFormat,
+}
+
+impl<R: Read + Send> RawShots<R> {
+    pub(super) fn new(input: R, layout: RawFormat) -> Self {
+        Self { input, layout }
+    }
+}
+
+impl<R: Read + Send> Shots for RawShots<R> {
+    fn next(&mut self, shot: &mut Shot) -> Result<bool, SourceError> {
+        let RawFormat { size: ImageSize { width, height }, format } = self.layout;
+        shot.size = self.layout.size;
+        shot.format = Some(format);
+        shot.row_stride = format.min_stride(width);
+        shot.bytes.resize(format.byte_len(width, height, shot.row_stride), 0);
+        let cut_off = |message: String| SourceError::new(SourceErrorKind::CutOff, message);
+        let read = read_up_to(&mut self.input, &mut shot.bytes)
+            .map_err(|error| cut_off("standard input cannot be read".to_owned()).with_cause(error))?;
+        match read {
+            0 => Ok(false),
+            read if read < shot.bytes.len() => {
+                let expected = shot.bytes.len();
+                Err(cut_off(format!("standard input ended after {read} of an image's {expected} bytes")))
+            }
+            _ => Ok(true),
+        }
+    }
+}

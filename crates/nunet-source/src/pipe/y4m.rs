@@ -1,0 +1,267 @@
+//! YUV4MPEG2, as `ffmpeg -f yuv4mpegpipe` writes it.
+
+use std::io::{Chain, Cursor, Read};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
+use y4m::{Colorspace, Decoder};
+
+use super::{Shot, Shots};
+use crate::error::{SourceError, SourceErrorKind};
+
+/// The longest header that is read.
+const MAX_HEADER_BYTES: usize = 1024;
+const MAGIC: &[u8] = b"YUV4MPEG2";
+const NANOS_PER_SEC: u128 = 1_000_000_000;
+
+/// A stream of images with a header.
+pub(super) struct Y4mShots<R: Read> {
+    decoder: Decoder<Counted<Chain<Cursor<Vec<u8>>, R>>>,
+    frames: u64,
+    read_before: Arc<AtomicU64>,
+}
+
+/// Counts bytes: the decoder reports an end between two images and one within an image by the same error.
+struct Counted<R> {
+    input: R,
+    count: Arc<AtomicU64>,
+}
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.input.read(buffer)?;
+        self.count.fetch_add(read as u64, Ordering::Relaxed);
+        Ok(read)
+    }
+}
+
+impl<R: Read + Send> Y4mShots<R> {
+    /// Reads the header.
+    ///
+    /// # Errors
+    /// Not Y4M, interlaced images, an unknown color space, an impossible size.
+    pub(super) fn open(mut input: R) -> Result<Self, SourceError> {
+        let header = header(&mut input)?;
+        check(&header)?;
+        let count = Arc::default();
+        let input = Counted { input: Cursor::new(header).chain(input), count: Arc::clone(&count) };
+        let decoder =
+            Decoder::new(input).map_err(|error| unreadable(format!("standard input is not Y4M: {error}")))?;
+        Ok(Self { decoder, frames: 0, read_before: count })
+    }
+}
+
+fn unreadable(message: String) -> SourceError {
+    SourceError::new(SourceErrorKind::Unavailable, message)
+}
+
+/// The first line, with its end.
+fn header(input: &mut impl Read) -> Result<Vec<u8>, SourceError> {
+    let not_y4m = |what: &str| unreadable(format!("standard input is not Y4M: {what}")).with_hint(HINT);
+    let mut header = Vec::new();
+    let mut byte = [0];
+    while header.last() != Some(&b'\n') {
+        let read = super::read_up_to(input, &mut byte)
+            .map_err(|error| unreadable("standard input cannot be read".to_owned()).with_cause(error))?;
+        if read == 0 {
+            return Err(not_y4m("it ended before the header did"));
+        }
+        header.push(byte[0]);
+        let begins_well = header.iter().zip(MAGIC).all(|(a, b)| a == b);
+        if !begins_well || header.len() > MAX_HEADER_BYTES {
+            return Err(not_y4m("it does not begin with `YUV4MPEG2`"));
+        }
+    }
+    Ok(header)
+}
+
+const HINT: &str = "pipe in Y4M, as `ffmpeg -i ... -f yuv4mpegpipe -pix_fmt yuv420p -` writes it, or state size and format of \
+                    raw images";
+
+/// What the decoder would not notice, or misread.
+fn check(header: &[u8]) -> Result<(), SourceError> {
+    let text = String::from_utf8_lossy(header);
+    text.split_ascii_whitespace().skip(1).try_for_each(|parameter| check_parameter(parameter, &text))
+}
+
+fn check_parameter(parameter: &str, header: &str) -> Result<(), SourceError> {
+    let (name, value) = parameter.split_at_checked(1).unwrap_or((parameter, ""));
+    let states = |what: &str| unreadable(format!("the Y4M header states `{parameter}`{what}"));
+    match name {
+        "W" | "H" if !value.parse::<u32>().is_ok_and(|side| (1..=MAX_SIDE_PX).contains(&side)) => {
+            Err(states(&format!(", expected a side of 1 to {MAX_SIDE_PX} pixels")))
+        }
+        "I" if !matches!(value, "p" | "?") => {
+            let error = states(": interlaced images show two moments at once");
+            Err(error.with_hint("deinterlace it: `ffmpeg -vf yadif`"))
+        }
+        // Gray is taken as it is.
+        "X" if value == "COLORRANGE=FULL" && !header.contains(" Cmono") => {
+            let error = states(": full range would be read as limited, too dark and too bright");
+            Err(error.with_hint("convert it: `ffmpeg -vf scale=out_range=tv -pix_fmt yuv420p`"))
+        }
+        "C" if !KNOWN.contains(&value) => {
+            Err(states(&format!(", a color space that cannot be read; expected one of {}", KNOWN.join(", "))))
+        }
+        _ => Ok(()),
+    }
+}
+
+const KNOWN: [&str; 7] = ["420", "420jpeg", "420paldv", "420mpeg2", "422", "444", "mono"];
+
+impl<R: Read + Send> Shots for Y4mShots<R> {
+    fn next(&mut self, shot: &mut Shot) -> Result<bool, SourceError> {
+        let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
+        let before = count(&self.read_before);
+        let (width, height) = (self.decoder.get_width(), self.decoder.get_height());
+        let (colors, rate) = (self.decoder.get_colorspace(), self.decoder.get_framerate());
+        let frame = match self.decoder.read_frame() {
+            Ok(frame) => frame,
+            Err(y4m::Error::EOF) if count(&self.read_before) == before => return Ok(false),
+            Err(error) => return Err(cut_off(&error, self.frames + 1)),
+        };
+        let planes =
+            Planes { width, height, y: frame.get_y_plane(), u: frame.get_u_plane(), v: frame.get_v_plane() };
+        shot.bytes.clear();
+        shot.format = Some(match colors {
+            Colorspace::Cmono => planes.gray(&mut shot.bytes),
+            Colorspace::C422 => planes.yuyv(1, &mut shot.bytes),
+            Colorspace::C444 => planes.yuyv(2, &mut shot.bytes),
+            _ => planes.nv12(&mut shot.bytes),
+        });
+        // Both were checked with the header.
+        shot.size = ImageSize { width: width as u32, height: height as u32 };
+        shot.row_stride = shot.format.map_or(0, |format| format.min_stride(shot.size.width));
+        let nanos = u128::from(self.frames) * rate.den as u128 * NANOS_PER_SEC / (rate.num as u128).max(1);
+        shot.media_nanos = Some(i64::try_from(nanos).unwrap_or(i64::MAX));
+        self.frames += 1;
+        Ok(true)
+    }
+}
+
+fn cut_off(error: &y4m::Error, image: u64) -> SourceError {
+    let message = match error {
+        y4m::Error::EOF => format!("standard input ended within image {image}"),
+        error => format!("image {image} of standard input cannot be read: {error}"),
+    };
+    SourceError::new(SourceErrorKind::CutOff, message)
+}
+
+/// An image in three planes, rows without padding.
+struct Planes<'a> {
+    width: usize,
+    height: usize,
+    y: &'a [u8],
+    u: &'a [u8],
+    v: &'a [u8],
+}
+
+impl Planes<'_> {
+    fn gray(&self, out: &mut Vec<u8>) -> PixelFormat {
+        out.extend_from_slice(self.y);
+        PixelFormat::Mono8
+    }
+
+    /// Chroma of half the width and height: the planes of U and V become one.
+    fn nv12(&self, out: &mut Vec<u8>) -> PixelFormat {
+        let odd = !self.width.is_multiple_of(2);
+        for row in self.y.chunks_exact(self.width) {
+            out.extend_from_slice(row);
+            out.extend(odd.then_some(0)); // rows of Y are as long as those of U and V
+        }
+        out.extend(self.u.iter().zip(self.v).flat_map(|(&u, &v)| [u, v]));
+        PixelFormat::Nv12
+    }
+
+    /// Chroma of half the width (`step` 1) or the whole width (`step` 2, of which each second is taken).
+    fn yuyv(&self, step: usize, out: &mut Vec<u8>) -> PixelFormat {
+        let chroma_width = if step == 2 { self.width } else { self.width.div_ceil(2) };
+        let rows = self.y.chunks_exact(self.width).zip(self.u.chunks_exact(chroma_width));
+        for ((y, u), v) in rows.zip(self.v.chunks_exact(chroma_width)).take(self.height) {
+            let chroma = u.iter().step_by(step).zip(v.iter().step_by(step));
+            for (pair, (&u, &v)) in y.chunks(2).zip(chroma) {
+                let first = pair.first().copied().unwrap_or_default();
+                out.extend([first, u, pair.get(1).copied().unwrap_or(first), v]);
+            }
+        }
+        PixelFormat::Yuyv
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(input: &[u8]) -> Result<Vec<Shot>, SourceError> {
+        let mut shots = Y4mShots::open(Cursor::new(input.to_vec()))?;
+        let mut all = Vec::new();
+        loop {
+            let mut shot = Shot::default();
+            if !shots.next(&mut shot)? {
+                return Ok(all);
+            }
+            all.push(shot);
+        }
+    }
+
+    fn stream(header: &str, frames: &[&[u8]]) -> Vec<u8> {
+        let frames = frames.iter().flat_map(|frame| [b"FRAME\n", *frame]);
+        [header.as_bytes(), b"\n"].into_iter().chain(frames).collect::<Vec<_>>().concat()
+    }
+
+    #[test]
+    fn planes_of_half_the_size_become_nv12_also_of_odd_sizes() {
+        let even = read(&stream("YUV4MPEG2 W2 H2 F25:1 Ip C420jpeg", &[&[1, 2, 3, 4, 5, 6]])).unwrap();
+        assert_eq!(
+            (even[0].bytes.as_slice(), even[0].format),
+            (&[1, 2, 3, 4, 5, 6][..], Some(PixelFormat::Nv12))
+        );
+        let odd = read(&stream("YUV4MPEG2 W3 H1 F25:1", &[&[1, 2, 3, 10, 11, 20, 21]])).unwrap();
+        assert_eq!((odd[0].bytes.as_slice(), odd[0].row_stride), (&[1, 2, 3, 0, 10, 20, 11, 21][..], 4));
+    }
+
+    #[test]
+    fn planes_of_the_whole_height_become_yuyv() {
+        let half = read(&stream("YUV4MPEG2 W3 H1 F25:1 C422", &[&[1, 2, 3, 10, 11, 20, 21]])).unwrap();
+        assert_eq!(half[0].bytes, [1, 10, 2, 20, 3, 11, 3, 21]);
+        let whole = read(&stream("YUV4MPEG2 W2 H1 F25:1 C444", &[&[1, 2, 10, 11, 20, 21]])).unwrap();
+        assert_eq!(whole[0].bytes, [1, 10, 2, 20]);
+        let gray = read(&stream("YUV4MPEG2 W2 H1 F25:1 Cmono", &[&[1, 2]])).unwrap();
+        assert_eq!((gray[0].bytes.as_slice(), gray[0].format), (&[1, 2][..], Some(PixelFormat::Mono8)));
+    }
+
+    #[test]
+    fn the_streams_own_clock_follows_from_its_rate() {
+        let frames = read(&stream("YUV4MPEG2 W1 H1 F30000:1001 Cmono", &[&[1], &[2], &[3]])).unwrap();
+        let nanos: Vec<_> = frames.iter().map(|shot| shot.media_nanos.unwrap()).collect();
+        assert_eq!(nanos, [0, 33_366_666, 66_733_333]);
+    }
+
+    #[track_caller]
+    fn assert_refused(header: &str, part: &str) {
+        let error = read(&stream(header, &[])).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_named_with_a_way_out() {
+        assert_refused("YUV4MPEG2 W2 H2 F25:1 It", "`It`: interlaced images show two moments at once");
+        assert_refused("YUV4MPEG2 W2 H2 F25:1 C420p10", "`C420p10`, a color space that cannot be read");
+        assert_refused(
+            "YUV4MPEG2 W99999999999999999999 H2",
+            "`W99999999999999999999`, expected a side of 1 to",
+        );
+        assert_refused("YUV4MPEG2 W0 H2", "`W0`, expected a side");
+        assert_refused("YUV4MPEG2 F25:1", "standard input is not Y4M");
+        assert_refused("RIFF....AVI LIST", "it does not begin with `YUV4MPEG2`");
+    }
+
+    #[test]
+    fn an_end_within_an_image_is_an_error_and_one_between_images_is_the_end() {
+        let whole = stream("YUV4MPEG2 W2 H1 F25:1 Cmono", &[&[1, 2], &[3, 4]]);
+        assert_eq!(read(&whole).unwrap().len(), 2);
+        let error = read(&whole[..whole.len() - 1]).unwrap_err();
+        assert_eq!(error.to_string(), "standard input ended within image 2");
+    }
+}

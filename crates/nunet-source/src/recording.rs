@@ -1,0 +1,349 @@
+//! Images of a recording, in the order in which they were recorded.
+
+use std::io::ErrorKind;
+use std::path::Path;
+
+use nunet_core::camera::{Calibration, Camera, RosCameraInfo};
+use nunet_core::frame::PixelFormat;
+use nunet_ipc::Clock;
+use nunet_mcap::{
+    BayerPattern, CameraDescription, ImageEncoding, Next, RecordedImage, Recording, RecordingError,
+    RecordingErrorKind,
+};
+use nunet_types::Hint as _;
+use tracing::warn;
+
+use crate::convert::{self, Bayer, RawImage, RawLayout};
+use crate::error::{SourceError, SourceErrorKind};
+use crate::files::nothing_to_repeat;
+use crate::source::Ended;
+use crate::source_type::{Properties, SourceType};
+use crate::turn::turned;
+use crate::{Capture, Fill, Frame, OpenOptions, Source, decode_file};
+
+/// Orientation of an image that was not turned.
+const UPRIGHT: image::metadata::Orientation = image::metadata::Orientation::NoTransforms;
+
+/// An MCAP file, or the folder of a bag.
+pub(crate) struct RecordingFile;
+
+impl SourceType for RecordingFile {
+    fn is_named(&self, name: &str) -> bool {
+        name.ends_with(".mcap") || nunet_mcap::is_recording(Path::new(name))
+    }
+
+    fn properties(&self) -> Properties {
+        Properties {
+            is_recording: true,
+            has_topics: true,
+            camera: "camera",
+            default_rate: Some("max"),
+            ..Properties::default()
+        }
+    }
+
+    fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        Ok(Box::new(Ended::new(RecordingSource::open(Path::new(name), options)?)))
+    }
+}
+
+/// A recording that is played. Its log time is the clock, its messages' stamps are unix time.
+pub struct RecordingSource {
+    recording: Recording,
+    image: RecordedImage,
+    sequence: u64,
+    stretch: u64,
+    repeat: bool,
+    /// Whether any image of this round could be read.
+    any_good: bool,
+    cameras: CameraCache,
+}
+
+impl RecordingSource {
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// Not a recording, no topic with images or several, or no camera as asked for.
+    pub fn open(path: &Path, options: OpenOptions<'_>) -> Result<Self, SourceError> {
+        let recording = Recording::open_unless(path, options.topic, &|| options.is_given_up())
+            .map_err(from_recording_error)?;
+        let (image, cameras, repeat) = (RecordedImage::default(), CameraCache::default(), options.repeat);
+        Ok(Self { recording, image, sequence: 0, stretch: 0, repeat, any_good: false, cameras })
+    }
+
+    /// The coordinate frame of the last image.
+    #[must_use]
+    pub fn frame_id(&self) -> &str {
+        &self.image.frame_id
+    }
+
+    /// The topic whose images are read.
+    #[must_use]
+    pub fn topic(&self) -> &str {
+        self.recording.topic()
+    }
+
+    /// How many images the recording has, if its index states it.
+    #[must_use]
+    pub fn image_count(&self) -> Option<u64> {
+        self.recording.image_count()
+    }
+
+    fn begin_again(&mut self, frame: &mut Frame) -> Fill {
+        if !self.repeat || self.sequence == 0 {
+            return Fill::End;
+        }
+        if !self.any_good {
+            return nothing_to_repeat();
+        }
+        self.any_good = false;
+        self.stretch += 1;
+        match self.recording.rewind().map(|()| self.take(frame)) {
+            // Another file has the recording's name by now.
+            Ok(Fill::End) => nothing_to_repeat(),
+            Ok(fill) => fill,
+            Err(error) => Fill::Broken(from_recording_error(error)),
+        }
+    }
+
+    fn take(&mut self, frame: &mut Frame) -> Fill {
+        let next = self.recording.next(&mut self.image);
+        frame.sequence = self.sequence;
+        match next {
+            Next::Image => {
+                self.sequence += 1;
+                match self.fill_frame(frame) {
+                    Ok(()) => {
+                        self.any_good = true;
+                        Fill::Frame
+                    }
+                    Err(error) => Fill::Failed(error),
+                }
+            }
+            Next::Bad(error) => {
+                self.sequence += 1;
+                Fill::Failed(from_recording_error(error))
+            }
+            Next::Nothing => Fill::Nothing,
+            Next::End => Fill::End,
+            Next::Cut(error) => Fill::Cut(from_recording_error(error)),
+        }
+    }
+
+    fn fill_frame(&mut self, frame: &mut Frame) -> Result<(), SourceError> {
+        let image = &mut self.image;
+        let log_nanos = i64::try_from(image.log_nanos).unwrap_or(i64::MAX);
+        frame.capture = Capture { nanos: log_nanos, clock: Clock::Unix, unix_nanos: image.unix_nanos() };
+        frame.stretch = self.stretch;
+        let mut orientation = UPRIGHT;
+        if image.encoding == Some(ImageEncoding::File) {
+            std::mem::swap(&mut frame.file, &mut image.data);
+            orientation = decode_file(frame)?;
+        } else {
+            frame.file.clear();
+            let topic = self.recording.topic();
+            let layout = layout(image.encoding).ok_or_else(|| {
+                SourceError::bad_frame(format!("topic `{topic}` carries depth"))
+                    .with_hint("name a topic with images")
+            })?;
+            let size = (image.width, image.height);
+            let raw = RawImage { layout, size, row_stride: image.row_stride, bytes: &image.data };
+            if !convert::fill(frame, raw) {
+                return Err(SourceError::bad_frame(format!("an image on topic `{topic}` has too few bytes")));
+            }
+        }
+        frame.camera = self.cameras.camera(&self.recording, frame.size, orientation);
+        Ok(())
+    }
+}
+
+impl Source for RecordingSource {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        match self.take(frame) {
+            Fill::End => self.begin_again(frame),
+            fill => fill,
+        }
+    }
+}
+
+/// The camera of a recording, computed when its description changes.
+#[derive(Default)]
+struct CameraCache {
+    made_of: Option<(CameraDescription, (u32, u32), u8)>,
+    camera: Option<Camera>,
+}
+
+impl CameraCache {
+    /// The camera at the image's size. One that makes no sense is reported once and not used.
+    fn camera(
+        &mut self,
+        recording: &Recording,
+        size: (u32, u32),
+        orientation: image::metadata::Orientation,
+    ) -> Option<Camera> {
+        let described = recording.camera()?;
+        let is_same = |(made_of, its_size, its_turn): &(CameraDescription, (u32, u32), u8)| {
+            made_of == described && *its_size == size && *its_turn == orientation.to_exif()
+        };
+        if !self.made_of.as_ref().is_some_and(is_same) {
+            self.made_of = Some((described.clone(), size, orientation.to_exif()));
+            self.camera = camera(described, size, orientation)
+                .inspect_err(|error| {
+                    warn!("the recording's camera for `{}` is not used: {error}", recording.topic());
+                })
+                .ok();
+        }
+        self.camera
+    }
+}
+
+/// What other arguments could help is told apart from what is wrong with the file.
+#[must_use]
+pub fn from_recording_error(error: RecordingError) -> SourceError {
+    let kind = match (error.kind(), &error) {
+        (RecordingErrorKind::Topic, _) | (_, RecordingError::NotARecordingFolder { .. }) => {
+            SourceErrorKind::BadArguments
+        }
+        (_, RecordingError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
+            SourceErrorKind::BadArguments
+        }
+        (RecordingErrorKind::Message, _) => SourceErrorKind::BadFrame,
+        (RecordingErrorKind::Damaged, _) => SourceErrorKind::CutOff,
+        (RecordingErrorKind::NothingToRead, _) => SourceErrorKind::NothingReadable,
+        _ => SourceErrorKind::Unavailable,
+    };
+    let converted = SourceError::new(kind, error.to_string());
+    let converted = match error.hint() {
+        Some(hint) => converted.with_hint(hint),
+        None => converted,
+    };
+    match error {
+        // The cause stays below: programs that embed this one look for it.
+        RecordingError::Io { source, .. } if kind == SourceErrorKind::BadArguments => {
+            converted.with_hint("name an existing MCAP file").with_cause(source)
+        }
+        RecordingError::Io { source, .. } => converted.with_cause(source),
+        RecordingError::Write { source, .. } => converted.with_cause(source),
+        _ => converted,
+    }
+}
+
+/// `None` for depth and for a file that is to be decoded.
+fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
+    let channels = |format, channels, bytes| Some(RawLayout::Channels { format, channels, bytes });
+    let bayer = |pattern| match pattern {
+        BayerPattern::Rggb => Bayer::RGGB,
+        BayerPattern::Bggr => Bayer::BGGR,
+        BayerPattern::Gbrg => Bayer::GBRG,
+        BayerPattern::Grbg => Bayer::GRBG,
+    };
+    match encoding? {
+        ImageEncoding::Rgb8 => Some(RawLayout::Direct(PixelFormat::Rgb8)),
+        ImageEncoding::Bgr8 => Some(RawLayout::Direct(PixelFormat::Bgr8)),
+        ImageEncoding::Mono8 => Some(RawLayout::Direct(PixelFormat::Mono8)),
+        ImageEncoding::Yuyv => Some(RawLayout::Direct(PixelFormat::Yuyv)),
+        ImageEncoding::Nv12 => Some(RawLayout::Direct(PixelFormat::Nv12)),
+        ImageEncoding::Rgba8 => channels(PixelFormat::Rgb8, 4, 1),
+        ImageEncoding::Bgra8 => channels(PixelFormat::Bgr8, 4, 1),
+        ImageEncoding::Rgb16 => channels(PixelFormat::Rgb8, 3, 2),
+        ImageEncoding::Bgr16 => channels(PixelFormat::Bgr8, 3, 2),
+        ImageEncoding::Rgba16 => channels(PixelFormat::Rgb8, 4, 2),
+        ImageEncoding::Bgra16 => channels(PixelFormat::Bgr8, 4, 2),
+        ImageEncoding::Mono16 => channels(PixelFormat::Mono8, 1, 2),
+        ImageEncoding::Uyvy => Some(RawLayout::Uyvy),
+        ImageEncoding::Nv21 => Some(RawLayout::Nv21),
+        ImageEncoding::I420 => Some(RawLayout::Planes { v_first: false }),
+        ImageEncoding::Yv12 => Some(RawLayout::Planes { v_first: true }),
+        ImageEncoding::Bayer8(pattern) => Some(RawLayout::Mosaic { pattern: bayer(pattern), bytes: 1 }),
+        ImageEncoding::Bayer16(pattern) => Some(RawLayout::Mosaic { pattern: bayer(pattern), bytes: 2 }),
+        _ => None,
+    }
+}
+
+/// The camera of an image of `size` that was turned as `orientation` states. The description is of the image before.
+fn camera(
+    described: &CameraDescription,
+    (width, height): (u32, u32),
+    orientation: image::metadata::Orientation,
+) -> Result<Camera, String> {
+    if let Some(fault) = &described.fault {
+        return Err(fault.clone());
+    }
+    let [fx, fy, cx, cy] = described.intrinsics;
+    // Four zeros of a fisheye are an ideal fisheye, not a pinhole.
+    let straight = described.coefficients.iter().all(|&coefficient| coefficient == 0.0);
+    let is_pinhole = described.coefficients.is_empty() || (straight && !described.is_fisheye());
+    let (distortion_model, d): (&str, &[f64]) =
+        if is_pinhole { ("", &[]) } else { (&described.distortion_model, &described.coefficients) };
+    let k = [fx, described.skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
+    let info = RosCameraInfo { width: described.width, height: described.height, k: &k, distortion_model, d };
+    let calibration = Calibration::from_ros(&info).map_err(|error| error.to_string())?;
+    if let Some(skew) = calibration.ignored_skew() {
+        warn!("{skew}");
+    }
+    let camera = turned(&calibration.camera(), orientation)?;
+    camera.fitted_to(width, height).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
+
+    use super::*;
+
+    /// A recording of one frame per nanosecond, with a PNG file or without one.
+    fn write_recording(path: &Path, frame_id: &str, images: &[Option<&[u8]>]) {
+        let options = WriterOptions {
+            camera: "front".into(),
+            frame_id: frame_id.into(),
+            mount: None,
+            about: BTreeMap::new(),
+            force: false,
+        };
+        let mut writer = RecordingWriter::create(path, options).unwrap();
+        for (log_nanos, image) in (1..).zip(images) {
+            let frame = FrameRecord {
+                log_nanos,
+                stamp_nanos: 1,
+                image: image.map(|data| EncodedImage { format: "png", data }),
+                camera: None,
+                depth: DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] },
+                depth_camera: None,
+                labels: None,
+                cloud: None,
+            };
+            writer.write(&frame).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    #[test]
+    fn a_loop_ends_with_a_round_without_an_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let broken: &[u8] = b"\x89PNG\r\n\x1a\n no more";
+        write_recording(&path, "eye", &[Some(broken), Some(broken)]);
+        let how = OpenOptions { repeat: true, ..OpenOptions::default() };
+        let (mut source, mut frame) = (RecordingSource::open(&path, how).unwrap(), Frame::default());
+        for _ in 0..2 {
+            assert!(matches!(source.fill(&mut frame), Fill::Failed(_)));
+        }
+        assert!(matches!(source.fill(&mut frame), Fill::Broken(_)), "there is nothing to repeat");
+    }
+
+    #[test]
+    fn a_camera_that_contradicts_itself_is_not_used_and_says_why() {
+        let described = CameraDescription {
+            width: 640,
+            height: 480,
+            intrinsics: [500.0, 500.0, 320.0, 240.0],
+            ..CameraDescription::default()
+        };
+        assert_eq!(camera(&described, (320, 240), UPRIGHT).unwrap().intrinsics.fx_px, 250.0);
+        let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
+        let error = camera(&faulty, (320, 240), UPRIGHT).unwrap_err();
+        assert_eq!(error, "its region of interest is none");
+    }
+}

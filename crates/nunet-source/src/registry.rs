@@ -1,0 +1,201 @@
+//! The kinds of sources, and how a name chooses one.
+//!
+//! A new source is a file of its own that implements [`SourceType`], and a line in [`REGISTRY`].
+
+use std::path::Path;
+
+use crate::error::SourceError;
+use crate::source_type::{Properties, SizeUse, SourceType};
+use crate::{OpenOptions, Source};
+
+/// Every kind of source, in the order in which names are compared. Images take every name that is left.
+const REGISTRY: &[&dyn SourceType] = &[
+    &crate::demo::Demo,
+    &crate::pipe::StandardInput,
+    &crate::shm::SharedMemoryCamera,
+    #[cfg(feature = "v4l2")]
+    &crate::v4l2::VideoDevice,
+    #[cfg(feature = "mcap")]
+    &crate::recording::RecordingFile,
+    &crate::files::ImageFiles,
+];
+
+/// A source by its name.
+#[derive(Clone)]
+pub struct SourceName {
+    name: String,
+    kind: &'static dyn SourceType,
+}
+
+impl std::fmt::Debug for SourceName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("SourceName").field(&self.name).finish()
+    }
+}
+
+impl SourceName {
+    /// Chooses the kind by the spelling of a name, and by what lies at its path.
+    #[must_use]
+    pub fn parse(name: &str) -> Self {
+        let kind = REGISTRY.iter().find(|kind| kind.is_named(name)).unwrap_or(&REGISTRY[REGISTRY.len() - 1]);
+        Self { name: name.to_owned(), kind: *kind }
+    }
+
+    /// The demo images.
+    #[must_use]
+    pub fn demo() -> Self {
+        Self::parse("demo")
+    }
+
+    /// As the user wrote it.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.name
+    }
+
+    /// As a path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        Path::new(&self.name)
+    }
+
+    /// What its kind is and takes.
+    #[must_use]
+    pub fn properties(&self) -> Properties {
+        self.kind.properties()
+    }
+
+    /// Refuses options that the source would ignore.
+    ///
+    /// # Errors
+    /// An option for another kind of source.
+    pub fn check(&self, options: &OpenOptions<'_>) -> Result<(), SourceError> {
+        let properties = self.properties();
+        let bad = |text: String| Err(SourceError::bad_arguments(text));
+        if let (Some(topic), false) = (options.topic, properties.has_topics) {
+            return bad(format!("topic `{topic}` is for recordings: `{}` has no topics", self.name));
+        }
+        match (properties.size, options.size, options.format) {
+            (SizeUse::Raw, Some(_), None) => {
+                return bad("a size without a format: raw images on standard input need both".to_owned());
+            }
+            (SizeUse::Requested, _, Some(_)) => {
+                return bad(
+                    "a format is for raw images on standard input: of a camera, the format that fits best is taken"
+                        .to_owned(),
+                );
+            }
+            (SizeUse::None, Some(_), _) | (SizeUse::None, _, Some(_)) => {
+                return bad(
+                    "a size is for cameras and raw images on standard input, a format for the latter: every other source \
+                     states them itself"
+                        .to_owned(),
+                );
+            }
+            _ => {}
+        }
+        match properties.no_repeat.filter(|_| options.repeat) {
+            Some(reason) => bad(format!("a loop is impossible: {reason}")),
+            None => Ok(()),
+        }
+    }
+
+    /// Opens the source.
+    ///
+    /// # Errors
+    /// Nothing of that name, no images in a folder or a recording, an invalid glob, a camera that cannot be used, options for
+    /// another kind of source.
+    pub fn open(&self, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        self.check(&options)?;
+        self.kind.open(&self.name, options)
+    }
+
+    /// What stands in for this source after it could not be opened, among others that could.
+    #[must_use]
+    pub fn stand_in(&self, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
+        self.kind.stand_in(&self.name, options, error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_types::{ImageSize, PixelFormat};
+
+    use super::*;
+    use crate::source_type::Exclusive;
+    use crate::{Fill, Frame, SourceErrorKind};
+
+    fn kind(name: &str) -> Properties {
+        SourceName::parse(name).properties()
+    }
+
+    #[test]
+    fn a_source_is_chosen_by_its_spelling() {
+        assert_eq!(kind("demo").camera, "demo");
+        assert_eq!(kind("./demo").camera, "camera");
+        assert!(kind("shm:front").is_shared_memory);
+        assert_eq!(kind("-").exclusive, Some(Exclusive::StandardInput));
+        assert!(kind("drive.mcap").is_recording && !kind("drive/*.jpg").is_recording);
+    }
+
+    #[test]
+    fn cameras_are_recognized_by_their_place_or_by_being_devices() {
+        for name in
+            ["/dev/video7", "/dev/v4l/by-path/pci-0:1.0-video-index0", "/dev/nunet/ACME_42", "/dev/null"]
+        {
+            assert_eq!(kind(name).exclusive, Some(Exclusive::Device), "{name}");
+        }
+        assert_eq!(kind("/dev"), kind("video0"));
+    }
+
+    #[test]
+    fn a_folder_with_a_recording_is_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = folder.path().to_str().unwrap();
+        assert!(!kind(name).is_recording);
+        std::fs::write(folder.path().join("drive_0.mcap"), b"").unwrap();
+        assert!(kind(name).is_recording);
+    }
+
+    #[test]
+    fn options_of_another_kind_of_source_are_refused() {
+        let size = Some(ImageSize { width: 640, height: 480 });
+        let format = Some(PixelFormat::Yuyv);
+        let refused = |source: &str, options: OpenOptions<'_>| {
+            let error = SourceName::parse(source).open(options).err().expect("it is refused");
+            assert_eq!(error.kind(), SourceErrorKind::BadArguments, "{error:#}");
+            error.to_string()
+        };
+        let sized = OpenOptions { size, ..OpenOptions::default() };
+        for source in ["demo", "drive.mcap", "shm:front", "drive/*.jpg"] {
+            let error = refused(source, sized);
+            assert!(error.starts_with("a size is for cameras and raw images on standard input"), "{error}");
+        }
+        assert!(refused("-", sized).starts_with("a size without a format"));
+        let both = OpenOptions { size, format, ..OpenOptions::default() };
+        assert!(refused("/dev/video0", both).starts_with("a format is for raw images"));
+        let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
+        assert!(refused("/dev/video0", repeat).contains("a camera has no end"));
+        assert!(refused("-", repeat).contains("standard input cannot begin again"));
+        let topic = OpenOptions { topic: Some("/a"), ..OpenOptions::default() };
+        assert!(refused("demo", topic).starts_with("topic `/a` is for recordings"));
+    }
+
+    #[test]
+    fn a_missing_camera_is_waited_for_and_missing_files_are_not() {
+        let missing = |source: &str| {
+            let source = SourceName::parse(source);
+            let error = source.open(OpenOptions::default()).err().expect("there is none");
+            source.stand_in(OpenOptions::default(), error)
+        };
+        let mut camera = missing("/dev/video-of-nobody");
+        assert!(camera.is_live());
+        for _ in 0..2 {
+            assert!(matches!(camera.fill(&mut Frame::default()), Fill::Nothing));
+            assert!(camera.is_waiting());
+        }
+        let mut folder = missing("/nonexistent/images");
+        assert!(matches!(folder.fill(&mut Frame::default()), Fill::Broken(_)));
+        assert!(matches!(folder.fill(&mut Frame::default()), Fill::End));
+    }
+}

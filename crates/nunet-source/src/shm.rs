@@ -1,0 +1,282 @@
+//! Frames that another process publishes in shared memory, without copying them.
+
+use std::time::{Duration, Instant};
+
+use nunet_core::camera::Camera;
+use nunet_ipc::{
+    CameraName, Clock, Encoding, FrameHeader, IpcError, Reader, Topic, monotonic_nanos, unix_nanos,
+};
+use nunet_types::Hint as _;
+use tracing::{info, warn};
+
+use crate::error::{SourceError, SourceErrorKind};
+use crate::source::Ended;
+use crate::source_type::{Properties, SourceType};
+use crate::{Capture, Fill, Frame, OpenOptions, Pixels, Source};
+
+/// How long one call may wait, so that a stop is noticed.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// A connected camera that sends nothing for so long counts as away.
+const SILENCE: Duration = Duration::from_secs(5);
+/// How often the user is reminded that the camera is away.
+const REMINDER: Duration = Duration::from_secs(10);
+
+/// Another process publishes frames in shared memory under a camera's name.
+pub(crate) struct SharedMemoryCamera;
+
+const PREFIX: &str = "shm:";
+
+impl SourceType for SharedMemoryCamera {
+    fn is_named(&self, name: &str) -> bool {
+        name.starts_with(PREFIX)
+    }
+
+    fn properties(&self) -> Properties {
+        Properties { is_shared_memory: true, camera: "camera", ..Properties::default() }
+    }
+
+    fn open(&self, name: &str, _options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        Ok(Box::new(Ended::new(SharedMemory::open(name.strip_prefix(PREFIX).unwrap_or(name))?)))
+    }
+}
+
+fn unavailable(error: IpcError) -> SourceError {
+    SourceError::new(SourceErrorKind::Unavailable, "cannot read the camera in shared memory")
+        .with_cause(error)
+}
+
+/// The camera's `rgb` topic. A camera that is not there yet, or goes away, is waited for.
+#[derive(Debug)]
+pub(crate) struct SharedMemory {
+    camera: CameraName,
+    reader: Option<Reader>,
+    silence: Silence,
+    bad_camera: bool,
+}
+
+/// How long nothing has come, and when the user was last told.
+#[derive(Debug, Default)]
+struct Silence {
+    /// The last frame, or when the camera was connected to.
+    since: Option<Instant>,
+    reminded: Option<Instant>,
+    waiting: bool,
+}
+
+impl Silence {
+    /// A camera that was just connected had no time to send yet.
+    fn begins(&mut self, now: Instant) {
+        self.since = Some(now);
+    }
+
+    /// A frame came.
+    fn ends(&mut self, now: Instant) {
+        *self = Self { since: Some(now), reminded: None, waiting: false };
+    }
+
+    fn is_long(&self, now: Instant) -> bool {
+        self.since.is_none_or(|since| now.duration_since(since) >= SILENCE)
+    }
+
+    /// Notes that the camera is away. Returns whether the user is to be told, which is now and then.
+    fn is_news(&mut self, now: Instant) -> bool {
+        self.waiting = true;
+        let news = self.reminded.is_none_or(|last| now.duration_since(last) >= REMINDER);
+        if news {
+            self.reminded = Some(now);
+        }
+        news
+    }
+}
+
+impl SharedMemory {
+    pub(crate) fn open(camera: &str) -> Result<Self, SourceError> {
+        let camera = CameraName::new(camera).map_err(|error| {
+            let hint = error.hint();
+            let bad = SourceError::bad_arguments(error.to_string());
+            hint.map_or_else(|| SourceError::bad_arguments(error.to_string()), |hint| bad.with_hint(hint))
+        })?;
+        Ok(Self { camera, reader: None, silence: Silence::default(), bad_camera: false })
+    }
+
+    fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, IpcError> {
+        let Some(reader) = self.connect()? else { return Ok(Fill::Nothing) };
+        // The event is only a hint: a frame that came before we listened has no event any more.
+        if let Some(sample) = latest_or_wait(reader)? {
+            self.silence.ends(Instant::now());
+            return Ok(self.describe(sample, frame));
+        }
+        if self.silence.is_long(Instant::now()) {
+            self.remind("it sends no frames");
+        }
+        Ok(Fill::Nothing)
+    }
+
+    /// Another contract version is final; everything else may change while we wait.
+    fn connect(&mut self) -> Result<Option<&Reader>, IpcError> {
+        if self.reader.is_none() {
+            match Reader::open(&self.camera, &[Topic::Rgb], PATIENCE) {
+                Ok(reader) => {
+                    info!("connected to camera `{}`", self.camera);
+                    self.reader = Some(reader);
+                    self.silence.begins(Instant::now());
+                }
+                Err(IpcError::NobodyPublishes { .. }) => self.remind("it does not exist yet"),
+                Err(error @ IpcError::ContractVersion { .. }) => return Err(error),
+                Err(error) => self.reconnect(&error),
+            }
+        }
+        Ok(self.reader.as_ref())
+    }
+
+    /// Drops a connection that failed; it does not recover by itself. No frame is lost by it.
+    fn reconnect(&mut self, error: &IpcError) {
+        self.reader = None;
+        self.remind(&error.to_string());
+        std::thread::sleep(PATIENCE);
+    }
+
+    fn remind(&mut self, what: &str) {
+        if self.silence.is_news(Instant::now()) {
+            warn!("waiting for camera `{}`: {what}", self.camera);
+        }
+    }
+
+    fn describe(&mut self, sample: nunet_ipc::Frame, frame: &mut Frame) -> Fill {
+        let header = sample.header();
+        let format = header.encoding().ok().and_then(Encoding::pixel_format);
+        frame.sequence = header.sequence;
+        if format.is_none() {
+            let message = format!(
+                "camera `{}` sends encoding `{}`, which is not an image",
+                self.camera, header.encoding
+            );
+            return Fill::Failed(SourceError::bad_frame(message));
+        }
+        frame.format = format;
+        frame.size = (header.width, header.height);
+        frame.row_stride = header.row_stride_bytes;
+        frame.capture = Capture {
+            nanos: header.capture_nanos,
+            clock: header.capture_clock().unwrap_or(Clock::Monotonic),
+            // Not every publisher fills it, and the stamps of recordings are derived from it.
+            unix_nanos: header.unix_of_capture(monotonic_nanos(), unix_nanos()),
+        };
+        frame.camera = self.camera_of(header);
+        frame.pixels = Pixels::Shared(sample);
+        Fill::Frame
+    }
+
+    /// An impossible camera or lens is reported once and not used.
+    fn camera_of(&mut self, header: &FrameHeader) -> Option<Camera> {
+        camera_in(header).unwrap_or_else(|error| {
+            if !self.bad_camera {
+                warn!("camera `{}` sends intrinsics that are not used: {error:#}", self.camera);
+            }
+            self.bad_camera = true;
+            None
+        })
+    }
+}
+
+/// The camera that a message describes; `None` if its sender does not know it.
+///
+/// # Errors
+/// Numbers that no camera has, or a lens model without a meaning.
+pub fn camera_in(header: &FrameHeader) -> Result<Option<Camera>, SourceError> {
+    let info = header.camera().map_err(|error| SourceError::bad_frame(error.to_string()))?;
+    let camera = info.as_ref().map(Camera::try_from).transpose();
+    camera.map_err(|error| SourceError::bad_frame(error.to_string()))
+}
+
+impl Source for SharedMemory {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        match self.try_fill(frame) {
+            Ok(fill) => fill,
+            Err(IpcError::TooManyFramesHeld { .. }) => Fill::Crowded,
+            Err(error @ IpcError::ContractVersion { .. }) => Fill::Broken(unavailable(error)),
+            Err(error @ IpcError::BadMessage { .. }) => Fill::Failed(
+                SourceError::bad_frame("a message in shared memory is damaged").with_cause(error),
+            ),
+            Err(error) => {
+                self.reconnect(&error);
+                Fill::Nothing
+            }
+        }
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.silence.waiting
+    }
+}
+
+fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Frame>, IpcError> {
+    if let Some(sample) = reader.latest(Topic::Rgb)? {
+        return Ok(Some(sample));
+    }
+    reader.wait(PATIENCE)?;
+    reader.latest(Topic::Rgb)
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_ipc::{Encoding, Limits, Publisher, TopicPlan};
+
+    use super::*;
+
+    #[test]
+    fn an_image_whose_publisher_states_no_time_of_day_is_of_now() {
+        let name = CameraName::new(&format!("test-{}-shm-now", std::process::id())).unwrap();
+        let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 4 };
+        let publisher = Publisher::create(&name, &[plan], &Limits::default()).unwrap();
+        let mut source = SharedMemory::open(name.as_str()).unwrap();
+        let started = unix_nanos();
+        for (sent, expected) in [(0, None), (77, Some(77))] {
+            let mut loan = publisher.loan(Topic::Rgb).unwrap();
+            let header = loan.header_mut();
+            (header.width, header.height, header.row_stride_bytes) = (2, 2, 2);
+            header.set_encoding(Encoding::Mono8);
+            header.set_capture_clock(Clock::Media);
+            (header.capture_nanos, header.capture_unix_nanos) = (5, sent);
+            loan.publish(monotonic_nanos()).unwrap();
+            let mut frame = Frame::default();
+            let came = (0..300).any(|_| {
+                publisher.refresh().unwrap(); // for the late subscriber
+                matches!(source.fill(&mut frame), Fill::Frame)
+            });
+            assert!(came, "no frame of `{name}`");
+            assert_eq!((frame.capture.nanos, frame.capture.clock), (5, Clock::Media));
+            let unix = frame.capture.unix_nanos;
+            assert!(expected.map_or((started..=unix_nanos()).contains(&unix), |sent| sent == unix), "{unix}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_was_just_connected_is_not_silent_and_later_is_reported_now_and_then() {
+        let (mut silence, start) = (Silence::default(), Instant::now());
+        let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
+        silence.begins(start);
+        assert!(!silence.is_long(at(0.1)) && !silence.waiting);
+        assert!(silence.is_long(at(5.0)));
+        assert!(silence.is_news(at(5.0)) && silence.waiting);
+        assert!(!silence.is_news(at(14.0)));
+        assert!(silence.is_news(at(15.0)));
+        silence.ends(at(16.0));
+        assert!(!silence.is_long(at(20.0)) && !silence.waiting);
+        assert!(silence.is_news(at(21.0)), "a new silence is reported at once");
+    }
+
+    #[test]
+    fn a_camera_that_was_waited_for_is_not_back_before_its_first_frame() {
+        let (mut silence, start) = (Silence::default(), Instant::now());
+        assert!(silence.is_news(start), "it does not exist");
+        silence.begins(start);
+        assert!(silence.waiting, "it exists and has not sent anything");
+        silence.ends(start);
+        assert!(!silence.waiting);
+    }
+}

@@ -1,0 +1,111 @@
+//! What every source is: something that fills one frame after the other.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use nunet_types::{ImageSize, PixelFormat};
+
+use crate::{Frame, Rate, SourceError};
+
+/// What happened when a source was asked for a frame.
+#[derive(Debug)]
+pub enum Fill {
+    /// The frame is filled.
+    Frame,
+    /// There was a frame, but it cannot be read; the next one may be good.
+    Failed(SourceError),
+    /// Nothing yet; ask again.
+    Nothing,
+    /// The source lends its memory and has no more to lend: give frames back first.
+    Crowded,
+    /// There will be no more frames.
+    End,
+    /// There will be no more frames, because the rest of the source is lost; those before were good.
+    Cut(SourceError),
+    /// There will be no more frames, and that is a failure.
+    Broken(SourceError),
+}
+
+impl Fill {
+    /// Whether there was a frame, readable or not: what a schedule of frames counts.
+    #[must_use]
+    pub fn had_frame(&self) -> bool {
+        matches!(self, Self::Frame | Self::Failed(_))
+    }
+}
+
+/// A source of frames. It runs on a thread of its own and is asked for one frame after the other.
+///
+/// After [`Fill::End`], [`Fill::Cut`] or [`Fill::Broken`] every further call returns [`Fill::End`].
+pub trait Source: Send {
+    /// Fills `frame` with the next image and reuses its memory.
+    ///
+    /// Returns within a fraction of a second even if nothing comes, so that a stop is noticed.
+    fn fill(&mut self, frame: &mut Frame) -> Fill;
+
+    /// Whether frames come by themselves (a camera). Of a live source the latest frame wins; of any other source every
+    /// frame is taken, unless a rate is asked for.
+    fn is_live(&self) -> bool {
+        false
+    }
+
+    /// Whether the source waits for a device or a publisher that is away.
+    fn is_waiting(&self) -> bool {
+        false
+    }
+}
+
+/// How a source is opened.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct OpenOptions<'a> {
+    /// Frames of files and recordings begin again at the end.
+    pub repeat: bool,
+    /// The recording's topic, if several carry images.
+    pub topic: Option<&'a str>,
+    /// Size of raw images on standard input, or the requested size of a camera.
+    pub size: Option<ImageSize>,
+    /// Format of raw images on standard input; Y4M without it.
+    pub format: Option<PixelFormat>,
+    /// The requested rate of a camera; the caller keeps the rate of other sources.
+    pub rate: Option<Rate>,
+    /// Set when the caller no longer wants the source: opening may take long.
+    pub stopped: Option<&'a AtomicBool>,
+    /// Folders with the models and the images of the demo.
+    pub model_folders: &'a [PathBuf],
+}
+
+impl OpenOptions<'_> {
+    /// Whether the caller no longer wants the source.
+    #[must_use]
+    pub fn is_given_up(&self) -> bool {
+        self.stopped.is_some_and(|stopped| stopped.load(Ordering::Relaxed))
+    }
+}
+
+/// Ends a source for good: after an end there are no more frames, however often it is asked.
+pub(crate) struct Ended<S>(Option<S>);
+
+impl<S: Source> Ended<S> {
+    pub(crate) fn new(source: S) -> Self {
+        Self(Some(source))
+    }
+}
+
+impl<S: Source> Source for Ended<S> {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        let Some(source) = &mut self.0 else { return Fill::End };
+        let fill = source.fill(frame);
+        if matches!(fill, Fill::End | Fill::Cut(_) | Fill::Broken(_)) {
+            self.0 = None;
+        }
+        fill
+    }
+
+    fn is_live(&self) -> bool {
+        self.0.as_ref().is_some_and(S::is_live)
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.0.as_ref().is_some_and(S::is_waiting)
+    }
+}

@@ -1,0 +1,80 @@
+//! What a kind of source says of itself.
+
+use crate::error::SourceError;
+use crate::{Fill, Frame, OpenOptions, Source};
+
+/// A kind of source: how it is named, what it takes, and how it is opened.
+pub trait SourceType: Sync {
+    /// Whether a name means this kind.
+    fn is_named(&self, name: &str) -> bool;
+
+    /// What this kind is and takes.
+    fn properties(&self) -> Properties;
+
+    /// Opens a source.
+    ///
+    /// # Errors
+    /// Nothing of that name, or nothing that can be read.
+    fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>;
+
+    /// What stands in for a source that could not be opened because of `error`, among others that could: it fails when it is
+    /// asked for its first frame. A camera may be plugged in later and is waited for instead.
+    fn stand_in(&self, name: &str, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
+        let _ = (name, options);
+        Box::new(Unopened(Some(error)))
+    }
+}
+
+/// What a kind of source is and takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct Properties {
+    /// What there is only one of, for every camera of a process.
+    pub exclusive: Option<Exclusive>,
+    /// Whether frames can be taken from a file that may be written at the same time.
+    pub is_recording: bool,
+    /// Whether another process publishes the frames at its own pace.
+    pub is_shared_memory: bool,
+    /// Whether it has topics to choose from.
+    pub has_topics: bool,
+    /// What a size and a format are good for.
+    pub size: SizeUse,
+    /// Why it cannot begin again at its end; `None` if it can.
+    pub no_repeat: Option<&'static str>,
+    /// The usual name of the camera.
+    pub camera: &'static str,
+    /// The usual size, as a user writes it.
+    pub default_size: Option<&'static str>,
+    /// The usual rate, as a user writes it.
+    pub default_rate: Option<&'static str>,
+}
+
+/// What two cameras of one process cannot share.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exclusive {
+    /// Standard input.
+    StandardInput,
+    /// A device, by its path.
+    Device,
+}
+
+/// What a size is good for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SizeUse {
+    /// Nothing: the source states it itself.
+    #[default]
+    None,
+    /// It describes raw images, together with a format.
+    Raw,
+    /// It is requested.
+    Requested,
+}
+
+/// A source that could not be opened.
+struct Unopened(Option<SourceError>);
+
+impl Source for Unopened {
+    fn fill(&mut self, _frame: &mut Frame) -> Fill {
+        self.0.take().map_or(Fill::End, Fill::Broken)
+    }
+}

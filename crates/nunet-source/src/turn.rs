@@ -1,0 +1,147 @@
+//! A camera turned with its image.
+//!
+//! EXIF says how the sensor was held. The image is turned upright, so the camera that the sensor's messages describe is
+//! turned the same way: its sides and focal lengths may swap, the principal point moves, and the lens is mirrored.
+
+use image::metadata::Orientation;
+use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics};
+
+/// How columns and rows of the turned image come from those of the stored one: for `swap` they are exchanged first, then
+/// each runs backwards where its flag is set.
+struct Turn {
+    swap: bool,
+    backwards_x: bool,
+    backwards_y: bool,
+}
+
+impl Turn {
+    fn of(orientation: Orientation) -> Self {
+        let (swap, backwards_x, backwards_y) = match orientation {
+            Orientation::NoTransforms => (false, false, false),
+            Orientation::FlipHorizontal => (false, true, false),
+            Orientation::Rotate180 => (false, true, true),
+            Orientation::FlipVertical => (false, false, true),
+            Orientation::Rotate90FlipH => (true, false, false),
+            Orientation::Rotate90 => (true, true, false),
+            Orientation::Rotate270FlipH => (true, true, true),
+            Orientation::Rotate270 => (true, false, true),
+        };
+        Self { swap, backwards_x, backwards_y }
+    }
+
+    /// A vector of the image plane.
+    fn vector(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [x, y] = if self.swap { [y, x] } else { [x, y] };
+        [if self.backwards_x { -x } else { x }, if self.backwards_y { -y } else { y }]
+    }
+}
+
+/// The camera of an image that was turned as `orientation` states; `camera` describes the image before.
+///
+/// # Errors
+/// A lens whose sensor is tilted: its coefficients cannot be turned.
+pub(crate) fn turned(camera: &Camera, orientation: Orientation) -> Result<Camera, String> {
+    let turn = Turn::of(orientation);
+    let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height, .. } = camera.intrinsics;
+    let sides = |x: f64, y: f64| if turn.swap { (y, x) } else { (x, y) };
+    let (fx, fy) = sides(fx_px, fy_px);
+    let (cx, cy) = sides(cx_px, cy_px);
+    let (width, height) = if turn.swap { (height, width) } else { (width, height) };
+    let mirrored = |backwards: bool, center: f64, side: u32| {
+        if backwards { f64::from(side) - 1.0 - center } else { center }
+    };
+    let (cx, cy) = (mirrored(turn.backwards_x, cx, width), mirrored(turn.backwards_y, cy, height));
+    let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(|error| error.to_string())?;
+    Ok(Camera { intrinsics, distortion: turned_lens(&camera.distortion, &turn)? })
+}
+
+/// Rings stay as they are. Tangential coefficients (`p2 p1`) and those of the thin prism (`s1 s3`, `s2 s4`) are vectors of
+/// the image plane.
+fn turned_lens(lens: &Distortion, turn: &Turn) -> Result<Distortion, String> {
+    let Distortion::BrownConrady(lens) = lens else { return Ok(*lens) };
+    let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y] = *lens.coefficients();
+    if (tilt_x, tilt_y) != (0.0, 0.0) {
+        return Err(
+            "its image is turned by EXIF, and a lens with a tilted sensor cannot be turned".to_owned()
+        );
+    }
+    let [p2, p1] = turn.vector([p2, p1]);
+    let [s1, s3] = turn.vector([s1, s3]);
+    let [s2, s4] = turn.vector([s2, s4]);
+    let turned = [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, 0.0, 0.0];
+    let turned = BrownConrady::new(&turned).map_err(|error: CameraError| error.to_string())?;
+    Ok(Distortion::BrownConrady(turned))
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{DynamicImage, GrayImage, Luma};
+
+    use super::*;
+
+    const ALL: [Orientation; 8] = [
+        Orientation::NoTransforms,
+        Orientation::FlipHorizontal,
+        Orientation::Rotate180,
+        Orientation::FlipVertical,
+        Orientation::Rotate90FlipH,
+        Orientation::Rotate90,
+        Orientation::Rotate270FlipH,
+        Orientation::Rotate270,
+    ];
+
+    /// A point in space is seen where the turned image shows what the stored one showed of it.
+    #[test]
+    fn the_turned_camera_sees_points_where_the_turned_image_shows_them() {
+        let coefficients =
+            [-0.2, 0.05, 0.01, -0.02, 0.01, 0.1, 0.02, 0.003, 0.004, -0.003, 0.002, 0.001, 0.0, 0.0];
+        let distortion = Distortion::BrownConrady(BrownConrady::new(&coefficients).unwrap());
+        let intrinsics = Intrinsics::new(50.0, 60.0, 20.0, 15.0, 64, 48).unwrap();
+        let camera = Camera { intrinsics, distortion };
+        for orientation in ALL {
+            let seen = turned(&camera, orientation).unwrap();
+            for [x, y] in [[0.1, 0.05], [-0.2, 0.15], [0.3, -0.1]] {
+                let [column, row] = camera.project([x, y, 1.0]).unwrap();
+                let [x, y] = Turn::of(orientation).vector([x, y]);
+                let found = seen.project([x, y, 1.0]).unwrap();
+                let expected = shown(orientation, (column, row));
+                let off = (found[0] - expected.0).abs().max((found[1] - expected.1).abs());
+                assert!(off < 1e-9, "{orientation:?}: {found:?} instead of {expected:?}");
+            }
+        }
+    }
+
+    /// Where `image` shows a pixel after turning, for any place between pixels: from three marked ones.
+    fn shown(orientation: Orientation, (column, row): (f64, f64)) -> (f64, f64) {
+        let place = |x: u32, y: u32| {
+            let mut image = GrayImage::new(64, 48);
+            image.put_pixel(x, y, Luma([255]));
+            let mut image = DynamicImage::ImageLuma8(image);
+            image.apply_orientation(orientation);
+            let image = image.into_luma8();
+            let at = image.iter().position(|&value| value == 255).unwrap() as u32;
+            (f64::from(at % image.width()), f64::from(at / image.width()))
+        };
+        let (origin, right, down) = (place(0, 0), place(1, 0), place(0, 1));
+        let along =
+            |origin: f64, right: f64, down: f64| origin + column * (right - origin) + row * (down - origin);
+        (along(origin.0, right.0, down.0), along(origin.1, right.1, down.1))
+    }
+
+    #[test]
+    fn a_half_turn_mirrors_the_principal_point() {
+        let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 20.0, 15.0, 64, 48).unwrap());
+        let turned = turned(&camera, Orientation::Rotate180).unwrap();
+        assert_eq!((turned.intrinsics.cx_px, turned.intrinsics.cy_px), (43.0, 32.0));
+    }
+
+    #[test]
+    fn a_tilted_sensor_is_refused() {
+        let mut coefficients = [0.0; 14];
+        coefficients[12] = 0.01;
+        let distortion = Distortion::BrownConrady(BrownConrady::new(&coefficients).unwrap());
+        let camera =
+            Camera { intrinsics: Intrinsics::new(50.0, 50.0, 20.0, 15.0, 64, 48).unwrap(), distortion };
+        assert!(turned(&camera, Orientation::Rotate90).unwrap_err().contains("tilted"));
+    }
+}

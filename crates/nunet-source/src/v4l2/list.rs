@@ -1,0 +1,93 @@
+//! The cameras of this machine, for people.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use super::device::{Device, FourCc, Host, Sizes};
+use super::linux::Linux;
+use nunet_types::Hint as _;
+
+use super::negotiate::{RequestedMode, choose, is_readable};
+use super::trouble::Trouble;
+
+/// A camera that was found.
+#[derive(Debug)]
+pub struct CameraReport {
+    /// Its device.
+    pub path: PathBuf,
+    /// What it offers, or why that is unknown, with a hint.
+    pub offer: Result<String, (String, Option<Cow<'static, str>>)>,
+}
+
+/// Every camera of this machine. Devices of other kinds, such as a camera's second one for its metadata, are skipped.
+#[must_use]
+pub fn cameras() -> Vec<CameraReport> {
+    cameras_of(&mut Linux)
+}
+
+pub(super) fn cameras_of(host: &mut dyn Host) -> Vec<CameraReport> {
+    let mut cameras = Vec::new();
+    for path in host.nodes() {
+        let offer = match describe(host, &path) {
+            Err(Trouble::NoCapture { .. } | Trouble::NoVideo | Trouble::Missing) => continue,
+            // Nothing is wrong with this machine: the camera is of another kind.
+            Err(trouble @ Trouble::OtherCapture { .. }) => {
+                Ok(format!("{trouble}; {}", trouble.hint().unwrap_or_default()))
+            }
+            result => result.map_err(|trouble| (trouble.to_string(), trouble.hint())),
+        };
+        cameras.push(CameraReport { path, offer });
+    }
+    cameras
+}
+
+/// The camera's name.
+///
+/// # Errors
+/// The device is not a camera, or not one that can be read.
+pub(super) fn name_of_camera(device: &mut dyn Device) -> Result<String, Trouble> {
+    let can = device.capability().map_err(Trouble::at("ask what it is"))?;
+    let name = can.name;
+    match (can.captures, can.captures_planes, can.streams) {
+        (true, _, true) => Ok(name),
+        (true, _, false) => Err(Trouble::OtherCapture { name, what: "without mapped buffers" }),
+        (false, true, _) => Err(Trouble::OtherCapture { name, what: "each plane in a buffer of its own" }),
+        (false, false, _) => Err(Trouble::NoCapture { name }),
+    }
+}
+
+fn describe(host: &mut dyn Host, path: &Path) -> Result<String, Trouble> {
+    let mut device = host.open(path).map_err(Trouble::at("open it"))?;
+    let name = name_of_camera(device.as_mut())?;
+    let formats = device.formats().map_err(Trouble::at("list its formats"))?;
+    let mut offers = Vec::new();
+    for format in formats {
+        let sizes = device.sizes(format).map_err(Trouble::at("list its sizes"))?;
+        offers.push(offer(format, &sizes));
+    }
+    let verdict = match choose(device.as_mut(), RequestedMode::default()) {
+        Ok(choice) => format!("nunetd takes {choice}"),
+        Err(Trouble::NoFormat { .. }) => "nunetd reads none of them".into(),
+        Err(trouble) => return Err(trouble),
+    };
+    let offers = if offers.is_empty() { "no format".into() } else { offers.join(", ") };
+    Ok(format!("{name} offers {offers}; {verdict}"))
+}
+
+/// A format with its smallest and largest size.
+fn offer(format: FourCc, sizes: &[Sizes]) -> String {
+    let ends = sizes.iter().flat_map(|&sizes| match sizes {
+        Sizes::One(size) => [size; 2],
+        Sizes::Range { least, most, .. } => [least, most],
+    });
+    let mut ends: Vec<_> = ends.collect();
+    ends.sort_unstable_by_key(|&(width, height)| u64::from(width) * u64::from(height));
+    let shown = |(width, height): (u32, u32)| format!("{width}x{height}");
+    let range = match (ends.first(), ends.last()) {
+        (Some(&least), Some(&most)) if least != most => format!(" {} to {}", shown(least), shown(most)),
+        (Some(&only), _) => format!(" {}", shown(only)),
+        _ => String::new(),
+    };
+    let remark = if is_readable(format) { "" } else { " (not read)" };
+    format!("{format}{range}{remark}")
+}

@@ -1,0 +1,308 @@
+//! A camera of this machine, by V4L2.
+//!
+//! Requests and mapped memory are in [`linux`], behind the trait [`Device`]. This file is the policy: which mode is chosen,
+//! that the newest image wins, which images are bad, and that a lost camera is waited for.
+
+mod abi;
+mod device;
+mod health;
+mod linux;
+mod list;
+mod negotiate;
+mod trouble;
+
+use std::os::unix::fs::FileTypeExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use nunet_ipc::Clock;
+use tracing::{debug, info, warn};
+
+use self::device::{Buffer, Device, Host, Now};
+use self::health::Health;
+use self::linux::Linux;
+pub use self::list::{CameraReport, cameras};
+use self::negotiate::{Coding, Mode, RequestedMode, choose, set};
+use self::trouble::Trouble;
+use crate::convert::{self, RawImage};
+use crate::error::{SourceError, SourceErrorKind};
+use crate::rate::MAX_HZ;
+use crate::source::Ended;
+use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
+use crate::{Capture, Fill, Frame, OpenOptions, Rate, Source, decode_file};
+
+/// How long one call may wait, so that a stop is noticed.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// One is read, one is filled, and two are between: more would only make images older.
+const BUFFERS: u32 = 4;
+/// How many filled buffers are searched for the newest, in case a driver never runs out of them.
+const MAX_WAITING: u64 = 32;
+/// A camera without an image for so long is opened again; slow ones have time for as many frames.
+const STALL: Duration = Duration::from_secs(3);
+const STALL_FRAMES: f64 = 5.0;
+/// A time stamp older than this is not a time of capture.
+const MAX_AGE_NANOS: i64 = 10_000_000_000;
+
+/// A camera. Once it has been opened, it is waited for whenever it goes away.
+struct Video<H> {
+    host: H,
+    path: PathBuf,
+    requested: RequestedMode,
+    stream: Option<Stream>,
+    health: Health,
+    sequence: u64,
+    stretch: u64,
+}
+
+/// A device that was started.
+struct Stream {
+    device: Box<dyn Device>,
+    mode: Mode,
+    /// The camera's own name.
+    name: String,
+    /// `CLOCK_MONOTONIC` of the last buffer; `None` before we asked for any.
+    last_nanos: Option<i64>,
+}
+
+/// A camera of this machine, connected or not.
+pub(crate) struct VideoDevice;
+
+impl SourceType for VideoDevice {
+    /// The names below `/dev/v4l` stay the same when numbers change, and so do those of the package's udev rule.
+    fn is_named(&self, name: &str) -> bool {
+        let is_known = ["/dev/video", "/dev/v4l/", "/dev/nunet/"].iter().any(|start| name.starts_with(start));
+        let is_device = || Path::new(name).metadata().is_ok_and(|found| found.file_type().is_char_device());
+        is_known || is_device()
+    }
+
+    fn properties(&self) -> Properties {
+        Properties {
+            exclusive: Some(Exclusive::Device),
+            size: SizeUse::Requested,
+            no_repeat: Some("a camera has no end to begin again at"),
+            camera: "camera",
+            default_size: Some("640x480"),
+            default_rate: Some("30"),
+            ..Properties::default()
+        }
+    }
+
+    fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        Ok(Box::new(Ended::new(Video::open(Linux, Path::new(name), requested(options))?)))
+    }
+
+    fn stand_in(&self, name: &str, options: OpenOptions<'_>, _error: SourceError) -> Box<dyn Source> {
+        Box::new(Ended::new(Video::lost(Linux, Path::new(name), requested(options))))
+    }
+}
+
+fn requested(options: OpenOptions<'_>) -> RequestedMode {
+    let usual = RequestedMode::default();
+    let hz = options.rate.map_or(usual.hz, |rate| match rate {
+        Rate::Max => MAX_HZ,
+        Rate::Hz(hz) => hz,
+    });
+    RequestedMode { size: options.size.map_or(usual.size, |size| (size.width, size.height)), hz }
+}
+
+impl<H: Host> Video<H> {
+    fn lost(host: H, path: &Path, requested: RequestedMode) -> Self {
+        let path = path.to_owned();
+        Self { host, path, requested, stream: None, health: Health::default(), sequence: 0, stretch: 0 }
+    }
+
+    fn open(mut host: H, path: &Path, requested: RequestedMode) -> Result<Self, SourceError> {
+        let stream = Stream::open(&mut host, path, requested).map_err(|trouble| {
+            let error = SourceError::new(SourceErrorKind::Unavailable, trouble.to_string());
+            let error = match trouble.hint_on(&host) {
+                Some(hint) => error.with_hint(hint),
+                None => error,
+            };
+            error.context(format!("cannot use the camera `{}`", path.display()))
+        })?;
+        let video = Self::lost(host, path, requested);
+        video.tell(&stream, "");
+        Ok(Self { stream: Some(stream), ..video })
+    }
+
+    fn tell(&self, stream: &Stream, how: &str) {
+        let (path, Stream { mode, name, .. }) = (self.path.display(), stream);
+        if mode.fulfils(self.requested) {
+            info!("camera `{path}` ({name}){how}: {mode}");
+        } else {
+            info!("camera `{path}` ({name}){how}: {mode}, the nearest to {}", self.requested);
+        }
+    }
+
+    fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, Trouble> {
+        if self.stream.is_none() && !self.try_again()? {
+            return Ok(Fill::Nothing);
+        }
+        let Some(stream) = &mut self.stream else { return Ok(Fill::Nothing) };
+        let waiting = stream.next(self.host.now())?;
+        let now = self.host.now();
+        let Some((buffer, count)) = waiting else {
+            return if stream.has_stalled(now) { Err(Trouble::Stalled) } else { Ok(Fill::Nothing) };
+        };
+        stream.last_nanos = Some(now.monotonic_nanos);
+        self.sequence += count;
+        frame.sequence = self.sequence - 1;
+        frame.stretch = self.stretch;
+        frame.capture = capture(&buffer, now);
+        frame.camera = None;
+        let copied = stream.mode.copy(stream.device.bytes(&buffer), buffer.flawed, frame);
+        // Before the slow work: the driver needs it.
+        stream.device.queue(buffer).map_err(Trouble::at("give a buffer back"))?;
+        Ok(match copied.and_then(|()| stream.mode.decode(frame)) {
+            Ok(()) => {
+                self.good();
+                Fill::Frame
+            }
+            Err(error) => Fill::Failed(error.context(format!("an image of `{}`", self.path.display()))),
+        })
+    }
+
+    /// Opens a lost camera when it is time to; it may be another one by now. Returns false while it is not.
+    fn try_again(&mut self) -> Result<bool, Trouble> {
+        let wait = self.health.wait(self.host.now().monotonic_nanos);
+        if !wait.is_zero() {
+            self.host.pause(wait.min(PATIENCE));
+            return Ok(false);
+        }
+        self.stream = Some(Stream::open(&mut self.host, &self.path, self.requested)?);
+        self.stretch += 1;
+        Ok(true)
+    }
+
+    fn good(&mut self) {
+        if self.health.recovers()
+            && let Some(stream) = &self.stream
+        {
+            self.tell(stream, " is back");
+        }
+    }
+
+    fn lose(&mut self, trouble: &Trouble) {
+        // Closed first: as long as it is open, a camera that is plugged in again gets another path.
+        self.stream = None;
+        let (path, now) = (self.path.display(), self.host.now());
+        if self.health.fails(&trouble.to_string(), now.monotonic_nanos) {
+            warn!("waiting for camera `{path}`: {trouble}");
+        } else {
+            debug!("camera `{path}`: {trouble}");
+        }
+    }
+}
+
+impl<H: Host> Source for Video<H> {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        self.try_fill(frame).unwrap_or_else(|trouble| {
+            self.lose(&trouble);
+            Fill::Nothing
+        })
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.health.is_bad()
+    }
+}
+
+impl Stream {
+    fn open(host: &mut dyn Host, path: &Path, requested: RequestedMode) -> Result<Self, Trouble> {
+        let mut device = host.open(path).map_err(Trouble::at("open it"))?;
+        let name = list::name_of_camera(device.as_mut())?;
+        let choice = choose(device.as_mut(), requested)?;
+        let mode = set(device.as_mut(), choice, requested)?;
+        device.start(BUFFERS).map_err(Trouble::at("start it"))?;
+        Ok(Self { device, mode, name, last_nanos: None })
+    }
+
+    /// The newest image and how many there were with it, or nothing within [`PATIENCE`].
+    fn next(&mut self, now: Now) -> Result<Option<(Buffer, u64)>, Trouble> {
+        let failed = Trouble::at("take an image");
+        if self.last_nanos.is_none() {
+            // What was filled while the model loaded shows the past.
+            self.last_nanos = Some(now.monotonic_nanos);
+            if let Some((stale, _)) = newest(self.device.as_mut()).map_err(&failed)? {
+                self.device.queue(stale).map_err(&failed)?;
+            }
+        }
+        if !self.device.wait(PATIENCE).map_err(&failed)? {
+            return Ok(None);
+        }
+        newest(self.device.as_mut()).map_err(failed)
+    }
+
+    fn has_stalled(&self, now: Now) -> bool {
+        let period = Duration::from_secs_f64(self.mode.hz.map_or(0.0, |hz| (STALL_FRAMES / hz).min(3600.0)));
+        let silent = now.monotonic_nanos - self.last_nanos.unwrap_or(now.monotonic_nanos);
+        Duration::from_nanos(silent.max(0).unsigned_abs()) > STALL.max(period)
+    }
+}
+
+/// The newest filled buffer, and how many were filled; older ones go back to the driver unread.
+fn newest(device: &mut dyn Device) -> device::Result<Option<(Buffer, u64)>> {
+    let Some(mut newest) = device.dequeue()? else { return Ok(None) };
+    let mut count = 1;
+    while count < MAX_WAITING
+        && let Some(newer) = device.dequeue()?
+    {
+        device.queue(std::mem::replace(&mut newest, newer))?;
+        count += 1;
+    }
+    Ok(Some((newest, count)))
+}
+
+/// The driver's time if it is possible, else that of arrival.
+fn capture(buffer: &Buffer, now: Now) -> Capture {
+    let arrived = now.monotonic_nanos;
+    let is_sensible = |taken: &i64| (0..=MAX_AGE_NANOS).contains(&arrived.saturating_sub(*taken));
+    let nanos = buffer.taken_nanos.filter(is_sensible).unwrap_or(arrived);
+    Capture { nanos, clock: Clock::Monotonic, unix_nanos: now.unix_nanos - (arrived - nanos) }
+}
+
+impl Mode {
+    /// Copies a buffer's image into `frame`, once: the buffer goes back to the driver.
+    fn copy(&self, bytes: &[u8], flawed: bool, frame: &mut Frame) -> Result<(), SourceError> {
+        if flawed {
+            return Err(SourceError::bad_frame("the driver reports that it is damaged"));
+        }
+        if bytes.is_empty() {
+            return Err(SourceError::bad_frame("it is empty"));
+        }
+        frame.file.clear();
+        match self.coding {
+            Coding::Jpeg => frame.file.extend_from_slice(bytes),
+            Coding::Raw(layout) => {
+                let image = RawImage { layout, size: self.size, row_stride: self.row_stride, bytes };
+                if !convert::fill(frame, image) {
+                    let expected = layout.byte_len(self.size, self.row_stride);
+                    let message = format!("it has {} bytes; {self} takes {expected}", bytes.len());
+                    return Err(SourceError::bad_frame(message));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What is left to do after the buffer was given back.
+    fn decode(&self, frame: &mut Frame) -> Result<(), SourceError> {
+        if self.coding == Coding::Jpeg {
+            let orientation = decode_file(frame)?;
+            let ((width, height), (wide, high)) = (frame.size, self.size);
+            let is_swapped = orientation.to_exif() >= 5 && (height, width) == self.size;
+            if frame.size != self.size && !is_swapped {
+                let message = format!("it has {width}x{height} pixels; the camera was set to {wide}x{high}");
+                return Err(SourceError::bad_frame(message));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

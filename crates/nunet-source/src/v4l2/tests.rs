@@ -1,0 +1,638 @@
+//! The policy against a machine that exists only here: time passes when somebody waits, and cameras come and go.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use image::{Rgb, RgbImage};
+use nunet_core::frame::PixelFormat;
+
+use super::device::{Capability, Errno, FourCc, Interval, Intervals, Layout, Sizes};
+use super::*;
+
+const MS: i64 = 1_000_000;
+const SECOND: i64 = 1000 * MS;
+const PATH: &str = "/dev/video0";
+const SIZE: (u32, u32) = (4, 2);
+const REQUESTED: RequestedMode = RequestedMode { size: SIZE, hz: 30.0 };
+const NV12: FourCc = FourCc::new(b"NV12");
+const YUYV: FourCc = FourCc::new(b"YUYV");
+const MJPG: FourCc = FourCc::new(b"MJPG");
+const GREY: FourCc = FourCc::new(b"GREY");
+const H264: FourCc = FourCc::new(b"H264");
+
+/// A filled buffer.
+#[derive(Clone)]
+struct Shot {
+    bytes: Vec<u8>,
+    flawed: bool,
+    taken_nanos: Option<i64>,
+}
+
+/// A format with its sizes and their rates.
+type Offer = (FourCc, Vec<(Sizes, Vec<Intervals>)>);
+
+/// The machine, as the test sees and changes it.
+#[derive(Default)]
+struct World {
+    now_nanos: i64,
+    /// What the camera that is plugged in offers; `None` while none is.
+    camera: Option<Vec<Offer>>,
+    /// Counts the times that a camera was unplugged: what was opened before is dead.
+    unplugged: u32,
+    kind: Option<Capability>,
+    refuses_open: Option<Errno>,
+    refuses_start: Option<Errno>,
+    /// What the driver makes of the format asked for, where it does not obey.
+    chooses: Option<Layout>,
+    filled: VecDeque<Shot>,
+    asked: Option<(FourCc, (u32, u32), Interval)>,
+    /// When somebody tried to open the camera.
+    tries: Vec<i64>,
+    /// Devices that are open.
+    open: usize,
+    /// Buffers that were taken and not given back.
+    held: usize,
+    most_held: usize,
+}
+
+#[derive(Clone, Default)]
+struct FakeHost(Arc<Mutex<World>>);
+
+struct FakeDevice {
+    world: FakeHost,
+    /// How often a camera had been unplugged when it was opened.
+    born: u32,
+    buffers: Vec<Vec<u8>>,
+    set: Option<(FourCc, (u32, u32))>,
+}
+
+impl FakeHost {
+    fn with(offers: Vec<Offer>) -> Self {
+        let host = Self::default();
+        host.world().camera = Some(offers);
+        host.world().now_nanos = 100 * SECOND;
+        host
+    }
+
+    /// A camera of one format, 4x2 at 30 Hz.
+    fn of(format: FourCc) -> Self {
+        Self::with(vec![one(format, SIZE, 30.0)])
+    }
+
+    fn world(&self) -> MutexGuard<'_, World> {
+        self.0.lock().unwrap()
+    }
+
+    fn open(&self) -> Video<Self> {
+        self.try_open(REQUESTED).unwrap()
+    }
+
+    fn try_open(&self, requested: RequestedMode) -> Result<Video<Self>, SourceError> {
+        Video::open(self.clone(), Path::new(PATH), requested)
+    }
+
+    /// Fills a buffer now.
+    fn shoot(&self, bytes: impl Into<Vec<u8>>) {
+        let mut world = self.world();
+        let shot = Shot { bytes: bytes.into(), flawed: false, taken_nanos: Some(world.now_nanos) };
+        world.filled.push_back(shot);
+    }
+
+    fn unplug(&self) {
+        let mut world = self.world();
+        world.camera = None;
+        world.unplugged += 1;
+        world.filled.clear();
+        world.held = 0;
+    }
+
+    fn plug_in(&self, offers: Vec<Offer>) {
+        self.world().camera = Some(offers);
+    }
+}
+
+fn one(format: FourCc, size: (u32, u32), hz: f64) -> Offer {
+    (format, vec![(Sizes::One(size), vec![Intervals::One(Interval::of_hz(hz))])])
+}
+
+impl Host for FakeHost {
+    fn open(&mut self, _path: &Path) -> device::Result<Box<dyn Device>> {
+        let mut world = self.world();
+        let now = world.now_nanos;
+        world.tries.push(now);
+        assert_eq!(
+            world.open, 0,
+            "a lost camera that is still open keeps its path from the one that is plugged in"
+        );
+        if let Some(errno) = world.refuses_open {
+            return Err(errno);
+        }
+        if world.camera.is_none() {
+            return Err(Errno::NOENT);
+        }
+        let born = world.unplugged;
+        world.open += 1;
+        Ok(Box::new(FakeDevice { world: self.clone(), born, buffers: Vec::new(), set: None }))
+    }
+
+    fn nodes(&self) -> Vec<PathBuf> {
+        self.world().camera.iter().map(|_| PATH.into()).collect()
+    }
+
+    fn now(&self) -> Now {
+        let monotonic_nanos = self.world().now_nanos;
+        Now { monotonic_nanos, unix_nanos: monotonic_nanos + 1000 * SECOND }
+    }
+
+    fn pause(&self, time: Duration) {
+        self.world().now_nanos += time.as_nanos() as i64;
+    }
+}
+
+impl Drop for FakeDevice {
+    fn drop(&mut self) {
+        self.world.world().open -= 1;
+    }
+}
+
+impl FakeDevice {
+    fn alive(&self) -> device::Result<MutexGuard<'_, World>> {
+        let world = self.world.world();
+        if world.unplugged == self.born { Ok(world) } else { Err(Errno::NODEV) }
+    }
+}
+
+impl Device for FakeDevice {
+    fn capability(&mut self) -> device::Result<Capability> {
+        let usual =
+            Capability { name: "Fake Cam".into(), captures: true, captures_planes: false, streams: true };
+        Ok(self.alive()?.kind.clone().unwrap_or(usual))
+    }
+
+    fn formats(&mut self) -> device::Result<Vec<FourCc>> {
+        Ok(self.alive()?.camera.iter().flatten().map(|(format, _)| *format).collect())
+    }
+
+    fn sizes(&mut self, format: FourCc) -> device::Result<Vec<Sizes>> {
+        let world = self.alive()?;
+        let offers = world.camera.iter().flatten().filter(|(offered, _)| *offered == format);
+        Ok(offers.flat_map(|(_, sizes)| sizes).map(|(sizes, _)| *sizes).collect())
+    }
+
+    fn intervals(&mut self, format: FourCc, size: (u32, u32)) -> device::Result<Vec<Intervals>> {
+        let world = self.alive()?;
+        let offers = world.camera.iter().flatten().filter(|(offered, _)| *offered == format);
+        let fitting = offers.flat_map(|(_, sizes)| sizes).filter(|(sizes, _)| *sizes == Sizes::One(size));
+        Ok(fitting.flat_map(|(_, intervals)| intervals.clone()).collect())
+    }
+
+    fn set_format(&mut self, format: FourCc, size: (u32, u32)) -> device::Result<Layout> {
+        let chosen = self.alive()?.chooses.unwrap_or(Layout { format, size, row_stride: 0 });
+        self.set = Some((chosen.format, chosen.size));
+        Ok(chosen)
+    }
+
+    fn set_interval(&mut self, interval: Interval) -> device::Result<Option<Interval>> {
+        let (format, size) = self.set.expect("the format comes first: it resets the rate");
+        self.alive()?.asked = Some((format, size, interval));
+        Ok(Some(interval))
+    }
+
+    fn start(&mut self, buffers: u32) -> device::Result<()> {
+        self.buffers = vec![Vec::new(); buffers as usize];
+        self.alive()?.refuses_start.map_or(Ok(()), Err)
+    }
+
+    fn wait(&mut self, timeout: Duration) -> device::Result<bool> {
+        let mut world = self.alive()?;
+        if world.filled.is_empty() {
+            world.now_nanos += timeout.as_nanos() as i64;
+        }
+        Ok(!world.filled.is_empty())
+    }
+
+    fn dequeue(&mut self) -> device::Result<Option<Buffer>> {
+        let mut world = self.alive()?;
+        let Some(shot) = world.filled.pop_front() else { return Ok(None) };
+        world.held += 1;
+        world.most_held = world.most_held.max(world.held);
+        drop(world);
+        let index = self.buffers.len();
+        let buffer = Buffer {
+            index: index as u32,
+            used: shot.bytes.len(),
+            flawed: shot.flawed,
+            taken_nanos: shot.taken_nanos,
+        };
+        self.buffers.push(shot.bytes);
+        Ok(Some(buffer))
+    }
+
+    fn bytes(&self, buffer: &Buffer) -> &[u8] {
+        &self.buffers[buffer.index as usize]
+    }
+
+    fn queue(&mut self, buffer: Buffer) -> device::Result<()> {
+        // What is looked at after it was given back is another picture.
+        self.buffers[buffer.index as usize].fill(0xee);
+        self.alive()?.held -= 1;
+        Ok(())
+    }
+}
+
+/// The next picture's bytes, or what came instead.
+fn next(video: &mut Video<FakeHost>) -> Result<Vec<u8>, Fill> {
+    let mut frame = Frame::default();
+    match video.fill(&mut frame) {
+        Fill::Frame => Ok(frame.view().unwrap().bytes().to_vec()),
+        other => Err(other),
+    }
+}
+
+/// A camera that has been asked for a picture already, so that nothing counts as old any more.
+fn awake(host: &FakeHost) -> Video<FakeHost> {
+    let mut video = host.open();
+    assert!(matches!(next(&mut video), Err(Fill::Nothing)));
+    video
+}
+
+fn failure(fill: Result<Vec<u8>, Fill>) -> String {
+    match fill {
+        Err(Fill::Failed(error)) => format!("{error:#}"),
+        other => panic!("{other:?} is no failure"),
+    }
+}
+
+fn refusal(host: &FakeHost) -> String {
+    let error = host.try_open(REQUESTED).err().expect("it is refused");
+    let cause = std::error::Error::source(&error).and_then(|cause| cause.downcast_ref::<SourceError>());
+    let hint = cause.and_then(nunet_types::Hint::hint);
+    hint.map_or_else(|| format!("{error:#}"), |hint| format!("{error:#} | {hint}"))
+}
+
+fn jpeg(width: u32, height: u32) -> Vec<u8> {
+    let picture = RgbImage::from_pixel(width, height, Rgb([200, 100, 50]));
+    let mut file = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
+    file.into_inner()
+}
+
+#[test]
+fn raw_pictures_are_handed_on_as_they_lie() {
+    for (format, lies, bytes) in
+        [(YUYV, PixelFormat::Yuyv, 16), (NV12, PixelFormat::Nv12, 12), (GREY, PixelFormat::Mono8, 8)]
+    {
+        let host = FakeHost::of(format);
+        let mut video = awake(&host);
+        let picture: Vec<u8> = (0..bytes).collect();
+        host.shoot([&picture[..], b"what a driver leaves behind"].concat());
+        let mut frame = Frame { file: vec![1], ..Frame::default() };
+        assert!(matches!(video.fill(&mut frame), Fill::Frame), "{format}");
+        let view = frame.view().unwrap();
+        assert_eq!((view.format(), view.size(), view.bytes()), (lies, SIZE, &picture[..]));
+        assert!(frame.file.is_empty(), "the file of the frame's last journey");
+    }
+}
+
+#[test]
+fn rows_with_padding_stay_as_they_are() {
+    let host = FakeHost::of(GREY);
+    host.world().chooses = Some(Layout { format: GREY, size: SIZE, row_stride: 6 });
+    let mut video = awake(&host);
+    host.shoot([1, 2, 3, 4, 0, 0, 5, 6, 7, 8]);
+    assert_eq!(next(&mut video).unwrap(), [1, 2, 3, 4, 0, 0, 5, 6, 7, 8], "the last row needs no padding");
+}
+
+#[test]
+fn a_jpeg_is_decoded_and_kept_for_recordings() {
+    let host = FakeHost::of(MJPG);
+    let mut video = awake(&host);
+    host.shoot(jpeg(4, 2));
+    let mut frame = Frame::default();
+    assert!(matches!(video.fill(&mut frame), Fill::Frame));
+    assert_eq!((frame.size, frame.format), (SIZE, Some(PixelFormat::Rgb8)));
+    assert_eq!(frame.file, jpeg(4, 2));
+    assert!(frame.view().unwrap().bytes()[0].abs_diff(200) < 8);
+}
+
+#[test]
+fn of_several_pictures_the_newest_wins_and_the_others_go_back_to_the_driver() {
+    let host = FakeHost::of(GREY);
+    let mut video = awake(&host);
+    for number in 1..=4 {
+        host.shoot([number; 8]);
+    }
+    let mut frame = Frame::default();
+    assert!(matches!(video.fill(&mut frame), Fill::Frame));
+    assert_eq!(frame.view().unwrap().bytes(), [4; 8]);
+    assert_eq!(frame.sequence, 3, "those that were passed over count");
+    assert!(video.is_live(), "and so it is behind the source");
+    host.shoot([5; 8]);
+    assert!(matches!(video.fill(&mut frame), Fill::Frame));
+    assert_eq!((frame.view().unwrap().bytes(), frame.sequence), (&[5; 8][..], 4));
+    let world = host.world();
+    assert_eq!((world.held, world.most_held), (0, 2), "one is kept while the next is looked at");
+}
+
+#[test]
+fn what_was_filled_before_anybody_asked_is_not_a_picture_of_now() {
+    let host = FakeHost::of(GREY);
+    let mut video = host.open();
+    host.shoot([1; 8]);
+    host.world().now_nanos += 60 * SECOND;
+    assert!(matches!(next(&mut video), Err(Fill::Nothing)), "and a slow start is no stalled camera");
+    host.shoot([2; 8]);
+    assert_eq!(next(&mut video).unwrap(), [2; 8]);
+    assert_eq!(host.world().tries.len(), 1);
+}
+
+#[test]
+fn bad_pictures_fail_one_by_one_and_the_next_good_one_is_taken() {
+    let host = FakeHost::of(GREY);
+    let mut video = awake(&host);
+    host.shoot([1; 8]);
+    host.world().filled[0].flawed = true;
+    assert_eq!(failure(next(&mut video)), "an image of `/dev/video0`: the driver reports that it is damaged");
+    host.shoot([]);
+    assert_eq!(failure(next(&mut video)), "an image of `/dev/video0`: it is empty");
+    host.shoot([1; 7]);
+    let short = failure(next(&mut video));
+    assert_eq!(short, "an image of `/dev/video0`: it has 7 bytes; GREY 4x2 at 30 Hz takes 8");
+    host.shoot([9; 8]);
+    let mut frame = Frame::default();
+    assert!(matches!(video.fill(&mut frame), Fill::Frame));
+    assert_eq!((frame.sequence, frame.stretch), (3, 0), "bad ones count, and the stream goes on");
+    let world = host.world();
+    assert_eq!((world.held, world.tries.len()), (0, 1));
+}
+
+#[test]
+fn jpegs_that_are_damaged_cut_off_or_of_another_size_fail() {
+    let host = FakeHost::of(MJPG);
+    let mut video = awake(&host);
+    let whole = jpeg(4, 2);
+    host.shoot(&whole[..whole.len() - 3]);
+    assert!(failure(next(&mut video)).contains("the JPEG"));
+    host.shoot(*b"\xff\xd8 no JPEG at all \xff\xd9");
+    failure(next(&mut video));
+    host.shoot([0; 100]);
+    failure(next(&mut video));
+    host.shoot(jpeg(8, 8));
+    assert!(failure(next(&mut video)).ends_with("it has 8x8 pixels; the camera was set to 4x2"));
+    host.shoot(whole);
+    assert!(next(&mut video).is_ok());
+}
+
+#[test]
+fn the_driver_s_time_is_the_time_of_capture_where_it_can_be_one() {
+    let host = FakeHost::of(GREY);
+    let mut video = awake(&host);
+    let mut frame = Frame::default();
+    let arrived = host.world().now_nanos;
+    for (taken, expected) in [
+        (Some(arrived - 20 * MS), arrived - 20 * MS),
+        (None, arrived),
+        (Some(0), arrived),
+        (Some(arrived + MS), arrived),
+        (Some(i64::MIN), arrived),
+    ] {
+        host.shoot([1; 8]);
+        host.world().filled[0].taken_nanos = taken;
+        assert!(matches!(video.fill(&mut frame), Fill::Frame));
+        assert_eq!(frame.capture.nanos, expected, "{taken:?}");
+        assert_eq!(frame.capture.unix_nanos, expected + 1000 * SECOND, "{taken:?}");
+        assert_eq!(frame.capture.clock, Clock::Monotonic);
+    }
+}
+
+#[test]
+fn a_camera_that_is_unplugged_is_tried_again_ever_more_seldom_and_taken_when_it_is_back() {
+    let host = FakeHost::of(GREY);
+    let mut video = awake(&host);
+    host.shoot([1; 8]);
+    next(&mut video).unwrap();
+    host.unplug();
+    let lost = host.world().now_nanos;
+    while host.world().now_nanos < lost + 20 * SECOND {
+        assert!(matches!(next(&mut video), Err(Fill::Nothing)));
+    }
+    let tries: Vec<_> = host.world().tries[1..].iter().map(|nanos| (nanos - lost) / MS).collect();
+    assert_eq!(tries, [200, 600, 1400, 3000, 6200, 11_200, 16_200]);
+    host.plug_in(vec![one(YUYV, (8, 2), 15.0)]);
+    let mut frame = Frame::default();
+    while host.world().tries.len() < 9 {
+        assert!(matches!(video.fill(&mut frame), Fill::Nothing));
+    }
+    host.shoot([7; 32]);
+    assert!(matches!(video.fill(&mut frame), Fill::Frame));
+    assert_eq!((frame.size, frame.format), ((8, 2), Some(PixelFormat::Yuyv)), "another camera, set anew");
+    assert_eq!((frame.sequence, frame.stretch), (1, 1), "it does not follow the last one");
+}
+
+#[test]
+fn a_camera_that_falls_silent_is_opened_anew_and_not_called_back_before_it_sends() {
+    let host = FakeHost::of(GREY);
+    let mut video = awake(&host);
+    let start = host.world().now_nanos;
+    while host.world().now_nanos < start + 30 * SECOND {
+        assert!(matches!(next(&mut video), Err(Fill::Nothing)));
+    }
+    let tries: Vec<_> = host.world().tries[1..].iter().map(|nanos| (nanos - start) / SECOND).collect();
+    assert_eq!(tries, [3, 6, 10, 15, 21, 29], "three seconds of patience and a longer wait each time");
+    host.shoot([1; 8]);
+    while next(&mut video).is_err() {
+        if host.world().filled.is_empty() {
+            host.shoot([1; 8]);
+        }
+    }
+    assert_eq!(video.health.wait(host.world().now_nanos), Duration::ZERO);
+}
+
+#[test]
+fn a_slow_camera_has_time_for_its_frames() {
+    let host = FakeHost::with(vec![one(GREY, SIZE, 0.5)]);
+    let mut video = awake(&host);
+    let start = host.world().now_nanos;
+    while host.world().now_nanos < start + 9 * SECOND {
+        assert!(matches!(next(&mut video), Err(Fill::Nothing)));
+    }
+    assert_eq!(host.world().tries.len(), 1, "2 s a frame: 9 s are no stall");
+}
+
+#[test]
+fn a_camera_that_comes_back_busy_or_without_rights_or_formats_is_tried_until_it_can_be_used() {
+    let host = FakeHost::of(GREY);
+    let mut video = awake(&host);
+    host.unplug();
+    let wait = |video: &mut Video<FakeHost>, seconds: i64| {
+        let until = host.world().now_nanos + seconds * SECOND;
+        while host.world().now_nanos < until {
+            assert!(matches!(next(video), Err(Fill::Nothing)));
+        }
+    };
+    host.plug_in(vec![one(GREY, SIZE, 30.0)]);
+    host.world().refuses_open = Some(Errno::ACCESS);
+    wait(&mut video, 6);
+    host.world().refuses_open = None;
+    host.world().refuses_start = Some(Errno::BUSY);
+    wait(&mut video, 6);
+    host.world().refuses_start = None;
+    host.plug_in(vec![one(H264, SIZE, 30.0)]);
+    wait(&mut video, 6);
+    host.plug_in(vec![one(GREY, SIZE, 30.0)]);
+    wait(&mut video, 6);
+    host.shoot([3; 8]);
+    assert_eq!(next(&mut video).unwrap(), [3; 8]);
+}
+
+#[test]
+fn what_cannot_be_used_at_start_is_an_error_that_says_why() {
+    let host = FakeHost::default();
+    let missing = refusal(&host);
+    assert!(missing.starts_with("cannot use the camera `/dev/video0`: it does not exist | "), "{missing}");
+    assert!(missing.contains("has no /dev/video*"), "{missing}");
+    let host = FakeHost::of(GREY);
+    for (errno, expected) in [
+        (Errno::NOENT, "it does not exist | the devices are `/dev/video0`; `nunetd doctor`"),
+        (Errno::NOTTY, "it is not a video device of V4L2 | the devices are `/dev/video0`"),
+        (Errno::ACCESS, "this user may not open it | add the user to the device's group, usually `video`"),
+        (Errno::BUSY, "another program uses it | `fuser"),
+        (Errno::IO, "cannot open it: "),
+    ] {
+        host.world().refuses_open = Some(errno);
+        let error = refusal(&host);
+        assert!(error.contains(expected), "{error}");
+    }
+    host.world().refuses_open = None;
+    for (errno, expected) in [(Errno::BUSY, "another program uses it"), (Errno::NOSPC, "no room")] {
+        host.world().refuses_start = Some(errno);
+        let error = refusal(&host);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_device_of_another_kind_and_a_camera_of_unknown_formats_are_refused_by_name() {
+    let host = FakeHost::of(GREY);
+    let metadata = Capability { name: "Meta".into(), captures: false, captures_planes: false, streams: true };
+    host.world().kind = Some(metadata.clone());
+    assert!(refusal(&host).contains("`Meta` captures no images here | a camera may have several"));
+    host.world().kind = Some(Capability { captures_planes: true, ..metadata.clone() });
+    assert!(refusal(&host).contains("each plane in a buffer of its own"));
+    host.world().kind = Some(Capability { captures: true, streams: false, ..metadata });
+    assert!(refusal(&host).contains("without mapped buffers"));
+    let host = FakeHost::with(vec![one(H264, SIZE, 30.0), one(FourCc::new(b"pBAA"), SIZE, 30.0)]);
+    let error = refusal(&host);
+    assert!(error.contains("it offers H264, pBAA; expected one of NV12, YUYV, RGB3"), "{error}");
+    assert!(refusal(&FakeHost::with(vec![])).contains("it offers no format; expected"));
+}
+
+#[test]
+fn a_driver_that_chooses_what_cannot_be_read_is_refused() {
+    let host = FakeHost::of(GREY);
+    let refused = |format, size, row_stride| {
+        host.world().chooses = Some(Layout { format, size, row_stride });
+        refusal(&host)
+    };
+    assert!(refused(YUYV, SIZE, 8).contains("asked for GREY, its driver chose YUYV"));
+    assert!(refused(GREY, SIZE, 3).contains("images of 4x2 with rows 3 bytes apart"));
+    assert!(refused(GREY, (0, 2), 0).contains("images of 0x2"));
+    assert!(refused(GREY, (1 << 20, 2), 0).contains("images of 1048576x2"));
+}
+
+/// What is asked of a camera that offers all this.
+fn asked(offers: Vec<Offer>, requested: RequestedMode) -> (FourCc, (u32, u32), f64) {
+    let host = FakeHost::with(offers);
+    drop(host.try_open(requested).unwrap());
+    let (format, size, interval) = host.world().asked.unwrap();
+    (format, size, interval.hz().unwrap())
+}
+
+#[test]
+fn the_nearest_size_comes_first_then_the_nearest_rate_then_the_format() {
+    let requested = RequestedMode::default();
+    let webcam = || {
+        vec![
+            one(MJPG, (1280, 720), 30.0),
+            one(YUYV, (1280, 720), 10.0),
+            one(MJPG, (640, 480), 30.0),
+            one(YUYV, (640, 480), 30.000_03),
+        ]
+    };
+    assert_eq!(asked(webcam(), requested).0, YUYV, "nothing to decode");
+    let large = RequestedMode { size: (1280, 720), hz: 30.0 };
+    assert_eq!(asked(webcam(), large), (MJPG, (1280, 720), 30.0), "raw would be too slow");
+    let slow = RequestedMode { size: (1280, 720), hz: 5.0 };
+    assert_eq!(asked(webcam(), slow), (YUYV, (1280, 720), 10.0));
+    let both = vec![one(NV12, (640, 360), 30.0), one(MJPG, (640, 480), 5.0)];
+    assert_eq!(asked(both, requested), (MJPG, (640, 480), 5.0));
+}
+
+#[test]
+fn grey_is_taken_only_where_there_is_no_colour() {
+    let requested = RequestedMode::default();
+    let infrared = one(GREY, (640, 480), 30.0);
+    assert_eq!(asked(vec![infrared.clone(), one(MJPG, (1920, 1080), 5.0)], requested).0, MJPG);
+    assert_eq!(asked(vec![infrared], requested).0, GREY);
+}
+
+#[test]
+fn a_driver_that_keeps_no_lists_is_asked_for_the_wish() {
+    assert_eq!(asked(vec![(YUYV, vec![])], RequestedMode::default()), (YUYV, (640, 480), 30.0));
+}
+
+#[test]
+fn cameras_are_listed_with_what_they_offer_and_what_would_be_taken() {
+    let sizes = [(320, 240), (640, 480)].map(|size| (Sizes::One(size), vec![]));
+    let mut host = FakeHost::with(vec![(YUYV, sizes.to_vec()), one(H264, (1920, 1080), 30.0)]);
+    let listed = |host: &mut FakeHost| -> Vec<Result<String, String>> {
+        let text = |(problem, hint): (String, Option<std::borrow::Cow<'_, str>>)| match hint {
+            Some(hint) => format!("{problem} | {hint}"),
+            None => problem,
+        };
+        list::cameras_of(host).into_iter().map(|camera| camera.offer.map_err(text)).collect()
+    };
+    let all = "Fake Cam offers YUYV 320x240 to 640x480, H264 1920x1080 (not read); nunetd takes YUYV 640x480";
+    assert_eq!(listed(&mut host), [Ok(all.to_owned())]);
+    assert!(host.world().asked.is_none(), "looking changes nothing");
+    host.plug_in(vec![one(H264, (8, 8), 30.0)]);
+    assert_eq!(
+        listed(&mut host),
+        [Ok("Fake Cam offers H264 8x8 (not read); nunetd reads none of them".into())]
+    );
+    host.world().refuses_open = Some(Errno::ACCESS);
+    assert!(listed(&mut host)[0].as_ref().is_err_and(|why| why.contains("may not open it | ")));
+    host.world().refuses_open = Some(Errno::NOTTY);
+    assert!(listed(&mut host).is_empty());
+    assert!(listed(&mut FakeHost::default()).is_empty());
+}
+
+#[test]
+fn formats_that_need_a_conversion_are_read_as_recordings_are() {
+    let planes = [1, 2, 3, 4, 5, 6, 7, 8, 50, 51, 60, 61];
+    let pairs = |first: [u8; 2], second: [u8; 2]| [&planes[..8], &first, &second].concat();
+    for (letters, sent, expected) in [
+        (b"YU12", planes.to_vec(), pairs([50, 60], [51, 61])),
+        (b"YV12", planes.to_vec(), pairs([60, 50], [61, 51])),
+        (b"NV21", planes.to_vec(), pairs([51, 50], [61, 60])),
+        (b"UYVY", (0..16).collect(), vec![1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 13, 12, 15, 14]),
+        (b"BGR3", (0..24).collect(), (0..24).collect()),
+        (b"RGB3", (0..24).collect(), (0..24).collect()),
+    ] {
+        let host = FakeHost::of(FourCc::new(letters));
+        let mut video = awake(&host);
+        host.shoot(sent);
+        assert_eq!(next(&mut video).unwrap(), expected, "{}", FourCc::new(letters));
+    }
+}
+
+#[test]
+fn a_jpeg_that_lost_its_middle_fails_and_one_without_tables_is_read() {
+    let host = FakeHost::with(vec![one(MJPG, (64, 48), 30.0)]);
+    let mut video = host.try_open(RequestedMode { size: (64, 48), hz: 30.0 }).unwrap();
+    while !matches!(next(&mut video), Err(Fill::Nothing)) {}
+    host.shoot(nunet_testkit::cases::read("mjpeg_without_tables/no_dht.jpg"));
+    assert!(next(&mut video).is_ok());
+    host.shoot(nunet_testkit::cases::read("jpeg_lost_middle/lost.jpg"));
+    assert!(failure(next(&mut video)).contains("the JPEG lost data"));
+}

@@ -1,0 +1,97 @@
+//! What can be wrong with a camera.
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+use nunet_types::Hint;
+
+use super::device::{Errno, FourCc, Host};
+
+/// Why there are no images.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(super) enum Trouble {
+    #[error("it does not exist")]
+    Missing,
+    #[error("this user may not open it")]
+    Forbidden,
+    #[error("another program uses it")]
+    Busy,
+    #[error("the USB bus has no room for its images")]
+    NoBandwidth,
+    #[error("it sends no images")]
+    Stalled,
+    #[error("it is not a video device of V4L2")]
+    NoVideo,
+    #[error("`{name}` captures no images here")]
+    NoCapture { name: String },
+    #[error("`{name}` captures {what}, which cannot be read")]
+    OtherCapture { name: String, what: &'static str },
+    #[error("it offers {}; expected one of {}", Letters(offered), Letters(readable))]
+    NoFormat { offered: Vec<FourCc>, readable: Vec<FourCc> },
+    #[error("asked for {asked}, its driver chose {got}")]
+    OtherFormat { asked: FourCc, got: FourCc },
+    #[error("its driver chose images of {}x{} with rows {row_stride} bytes apart, which is impossible", size.0, size.1)]
+    NoLayout { size: (u32, u32), row_stride: u32 },
+    #[error("cannot {step}: {errno}")]
+    Failed { step: &'static str, errno: Errno },
+}
+
+impl Hint for Trouble {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        let hint = match self {
+            Self::Forbidden => {
+                "add the user to the device's group, usually `video`: sudo usermod -aG video USER, then log in again"
+            }
+            Self::Busy => "`fuser -v /dev/video*` names the program",
+            Self::NoBandwidth => "choose a smaller size or rate, or another port",
+            Self::NoCapture { .. } => {
+                "a camera may have several devices: `nunetd doctor` lists those that capture"
+            }
+            Self::OtherCapture { .. } | Self::NoFormat { .. } => {
+                "pipe its images into standard input, with ffmpeg or GStreamer"
+            }
+            _ => return None,
+        };
+        Some(hint.into())
+    }
+}
+
+impl Trouble {
+    /// What an error means, whatever step it came from.
+    pub(super) fn at(step: &'static str) -> impl Fn(Errno) -> Self {
+        move |errno| match errno {
+            Errno::NOENT | Errno::NODEV | Errno::NXIO => Self::Missing,
+            Errno::ACCESS | Errno::PERM => Self::Forbidden,
+            Errno::BUSY => Self::Busy,
+            Errno::NOSPC => Self::NoBandwidth,
+            Errno::NOTTY => Self::NoVideo,
+            errno => Self::Failed { step, errno },
+        }
+    }
+
+    /// What the user can do about it at the start.
+    pub(super) fn hint_on(&self, host: &dyn Host) -> Option<Cow<'static, str>> {
+        match self {
+            Self::Missing | Self::NoVideo => Some(what_is_there(&host.nodes()).into()),
+            trouble => trouble.hint(),
+        }
+    }
+}
+
+fn what_is_there(nodes: &[PathBuf]) -> String {
+    if nodes.is_empty() {
+        return "this machine has no /dev/video*: plug the camera in or, in a container, pass it in (--device)".into();
+    }
+    let shown: Vec<_> = nodes.iter().map(|path| format!("`{}`", path.display())).collect();
+    format!("the devices are {}; `nunetd doctor` lists those that are cameras", shown.join(", "))
+}
+
+/// Formats in a sentence.
+struct Letters<'a>(&'a [FourCc]);
+
+impl std::fmt::Display for Letters<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let all: Vec<_> = self.0.iter().map(FourCc::to_string).collect();
+        if all.is_empty() { f.write_str("no format") } else { f.write_str(&all.join(", ")) }
+    }
+}

@@ -1,0 +1,99 @@
+//! Inputs that users really have, and what is right for them.
+#![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
+
+use nunet_core::camera::Distortion;
+use nunet_source::{Fill, Frame, OpenOptions, SourceName};
+use nunet_testkit::cases;
+
+/// Every frame of a case: its first pixel's channels and its camera.
+fn frames(name: &str) -> Vec<Result<Frame, String>> {
+    let mut source =
+        SourceName::parse(cases::path(name).to_str().unwrap()).open(OpenOptions::default()).unwrap();
+    let mut frames = Vec::new();
+    for _ in 0..10_000 {
+        let mut frame = Frame::default();
+        match source.fill(&mut frame) {
+            Fill::Frame => frames.push(Ok(frame)),
+            Fill::Failed(error) => frames.push(Err(format!("{error:#}"))),
+            Fill::Nothing | Fill::Crowded => {}
+            Fill::End => return frames,
+            Fill::Cut(error) | Fill::Broken(error) => panic!("{error:#}"),
+        }
+    }
+    panic!("it has no end")
+}
+
+#[track_caller]
+fn first(name: &str) -> Frame {
+    frames(name).into_iter().next().unwrap().unwrap()
+}
+
+#[test]
+fn a_calibration_in_json_is_read_in_both_spellings() {
+    for name in ["fj_cal_upper", "fj_cal_lower"] {
+        let camera = first(&format!("foxglove_json_calibration/{name}.mcap")).camera.unwrap();
+        let intrinsics = camera.intrinsics;
+        let numbers = [intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px];
+        assert_eq!(numbers, [50.0, 51.0, 31.5, 24.5], "{name}");
+        assert!(matches!(camera.distortion, Distortion::BrownConrady(_)));
+    }
+}
+
+#[test]
+fn the_camera_is_turned_with_its_image() {
+    let camera = first("exif_turned_calibration/rec3.mcap").camera.unwrap();
+    assert_eq!((camera.intrinsics.cx_px, camera.intrinsics.cy_px), (43.0, 32.0));
+}
+
+#[test]
+fn a_fifth_coefficient_that_is_zero_is_nothing() {
+    let camera = first("camera_info_coefficients/cam_t265_equi5.mcap").camera.unwrap();
+    assert!(matches!(camera.distortion, Distortion::KannalaBrandt(_)));
+}
+
+#[test]
+fn a_skew_follows_the_same_rule_in_a_recording_as_in_a_file() {
+    let camera = first("fisheye_with_skew/cam_fisheye_skew.mcap").camera.unwrap();
+    assert!(matches!(camera.distortion, Distortion::KannalaBrandt(_)));
+    assert_eq!(camera.intrinsics.fx_px, 50.0);
+}
+
+#[test]
+fn color_is_chosen_beside_depth() {
+    for name in ["depth_counts_as_colour/ch_aligned.mcap", "compressed_depth_eval/rgbd_compressed.mcap"] {
+        let all = frames(name);
+        assert!(!all.is_empty() && all.iter().all(Result::is_ok), "{name}");
+    }
+}
+
+#[test]
+fn a_recorded_motion_jpeg_without_tables_is_read() {
+    assert_eq!(first("mjpeg_without_tables/comp_no_dht.mcap").size, (64, 48));
+}
+
+#[test]
+fn a_mosaic_becomes_color_and_sixteen_bits_gray() {
+    let bayer = first("recorded_encodings/enc_bayer_rggb8.mcap");
+    let view = bayer.view().unwrap();
+    // Rows are 14 32 50 6e 8c aa: red and the green beside it rise along them.
+    assert_eq!(view.size(), (6, 4));
+    assert_eq!(view.bytes()[..3], [0x14, 0x23, 0x32]);
+    let gray = first("recorded_encodings/enc_mono16.mcap");
+    assert_eq!(gray.view().unwrap().bytes()[..6], [0x14, 0x32, 0x50, 0x6e, 0x8c, 0xaa]);
+}
+
+#[test]
+fn the_parts_of_a_split_bag_are_played_in_order() {
+    let all = frames("hints_for_other_files/split");
+    assert_eq!(all.len(), 3);
+    let stamps: Vec<i64> = all.iter().map(|frame| frame.as_ref().unwrap().capture.nanos).collect();
+    assert!(stamps.is_sorted() && stamps[0] < stamps[2], "{stamps:?}");
+    assert_eq!(frames("hints_for_other_files/split/metadata.yaml").len(), 3);
+}
+
+#[test]
+fn a_ros_1_bag_is_named_with_its_conversion() {
+    let name = cases::path("hints_for_other_files/drive.bag");
+    let error = SourceName::parse(name.to_str().unwrap()).open(OpenOptions::default()).err().unwrap();
+    assert!(error.to_string().ends_with("is not a source: it is a ROS 1 bag"), "{error}");
+}

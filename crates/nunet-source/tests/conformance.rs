@@ -1,0 +1,243 @@
+//! What every source keeps to, whatever it reads: one suite that runs over all of them. A new source adds a line in
+//! [`all`].
+#![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
+
+use std::collections::BTreeMap;
+use std::io::{Cursor, Read};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use image::{ImageFormat, Rgb, RgbImage};
+use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
+use nunet_source::{Fill, Frame, OpenOptions, Source, SourceErrorKind, SourceName, open_pipe};
+use nunet_types::{ImageSize, PixelFormat};
+
+/// Bounds every loop.
+const MAX_CALLS: usize = 10_000;
+
+/// A source of three frames, of which the second cannot be read if the kind has bad frames, and the third is larger if the
+/// kind has sizes.
+struct Subject {
+    name: &'static str,
+    source: Box<dyn Source>,
+    has_bad_frames: bool,
+    has_sizes: bool,
+}
+
+fn png(side: u32) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    RgbImage::from_pixel(side, side, Rgb([9, 9, 9])).write_to(&mut file, ImageFormat::Png).unwrap();
+    file.into_inner()
+}
+
+/// Two good images of different sizes around a bad one.
+fn images() -> [Vec<u8>; 3] {
+    [png(2), b"\x89PNG\r\n\x1a\n and no more".to_vec(), png(4)]
+}
+
+fn folder_of_images(folder: &Path) -> Box<dyn Source> {
+    for (name, image) in ["a.png", "b.png", "c.png"].iter().zip(images()) {
+        std::fs::write(folder.join(name), image).unwrap();
+    }
+    open(folder.to_str().unwrap())
+}
+
+fn open(name: &str) -> Box<dyn Source> {
+    SourceName::parse(name).open(OpenOptions::default()).unwrap()
+}
+
+fn write_recording(path: &Path, images: &[Vec<u8>]) {
+    let options = WriterOptions {
+        camera: "front".into(),
+        frame_id: "eye".into(),
+        mount: None,
+        about: BTreeMap::new(),
+        force: true,
+    };
+    let mut writer = RecordingWriter::create(path, options).unwrap();
+    for (log_nanos, data) in (1..).zip(images) {
+        let image = Some(EncodedImage { format: "png", data });
+        let depth = DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] };
+        let (camera, depth_camera, labels, cloud) = (None, None, None, None);
+        let frame =
+            FrameRecord { log_nanos, stamp_nanos: 1, image, camera, depth, depth_camera, labels, cloud };
+        writer.write(&frame).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+fn split_recording(folder: &Path) -> Box<dyn Source> {
+    for (number, image) in images().into_iter().enumerate() {
+        write_recording(&folder.join(format!("drive_{number}.mcap")), &[image]);
+    }
+    open(folder.to_str().unwrap())
+}
+
+fn recording(folder: &Path) -> Box<dyn Source> {
+    let path = folder.join("drive.mcap");
+    write_recording(&path, &images());
+    open(path.to_str().unwrap())
+}
+
+fn raw_pipe() -> Box<dyn Source> {
+    let options = OpenOptions {
+        size: Some(ImageSize { width: 2, height: 2 }),
+        format: Some(PixelFormat::Mono8),
+        ..OpenOptions::default()
+    };
+    open_pipe(Cursor::new(vec![7; 3 * 4]), options).unwrap()
+}
+
+fn y4m_pipe() -> Box<dyn Source> {
+    let stream = [&b"YUV4MPEG2 W2 H2 F25:1 Cmono\n"[..], &b"FRAME\n\x01\x02\x03\x04".repeat(3)].concat();
+    open_pipe(Cursor::new(stream), OpenOptions::default()).unwrap()
+}
+
+/// Every source that has an end.
+fn all(folder: &Path) -> Vec<Subject> {
+    let within = |name: &str| {
+        let inner = folder.join(name);
+        std::fs::create_dir(&inner).unwrap();
+        inner
+    };
+    let subject =
+        |name, source, has_bad_frames, has_sizes| Subject { name, source, has_bad_frames, has_sizes };
+    vec![
+        subject("images", folder_of_images(&within("images")), true, true),
+        subject("recording", recording(&within("recording")), true, true),
+        subject("split recording", split_recording(&within("split")), true, true),
+        subject("raw pipe", raw_pipe(), false, false),
+        subject("Y4M pipe", y4m_pipe(), false, false),
+    ]
+}
+
+/// The next fill that is more than nothing.
+fn next(source: &mut dyn Source, frame: &mut Frame) -> Fill {
+    for _ in 0..MAX_CALLS {
+        match source.fill(frame) {
+            Fill::Nothing | Fill::Crowded => {}
+            fill => return fill,
+        }
+    }
+    panic!("nothing comes")
+}
+
+#[test]
+fn a_bad_frame_fails_alone_and_sizes_may_change() {
+    let folder = tempfile::tempdir().unwrap();
+    for Subject { name, mut source, has_bad_frames, has_sizes } in all(folder.path()) {
+        let mut frame = Frame::default();
+        let mut seen = Vec::new();
+        for expected in 0..3 {
+            let fill = next(source.as_mut(), &mut frame);
+            assert!(fill.had_frame(), "{name}: {fill:?}");
+            assert_eq!(frame.sequence, expected, "{name}: bad frames count too");
+            match fill {
+                Fill::Failed(error) => {
+                    assert_eq!(error.kind(), SourceErrorKind::BadFrame, "{name}: {error:#}");
+                    seen.push(None);
+                }
+                _ => {
+                    let view = frame.view().unwrap();
+                    assert_eq!(
+                        view.bytes().len(),
+                        view.format().byte_len(view.width(), view.height(), view.row_stride())
+                    );
+                    seen.push(Some(frame.size));
+                }
+            }
+        }
+        let last = if has_sizes { (4, 4) } else { (2, 2) };
+        let bad = (!has_bad_frames).then_some((2, 2));
+        assert_eq!(seen, [Some((2, 2)), bad, Some(last)], "{name}");
+    }
+}
+
+#[test]
+fn after_the_end_every_further_call_is_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    for Subject { name, mut source, .. } in all(folder.path()) {
+        let mut frame = Frame::default();
+        for _ in 0..3 {
+            assert!(next(source.as_mut(), &mut frame).had_frame(), "{name}");
+        }
+        for _ in 0..3 {
+            assert!(matches!(source.fill(&mut frame), Fill::End | Fill::Nothing), "{name}");
+        }
+        assert!(matches!(next(source.as_mut(), &mut frame), Fill::End), "{name}");
+        assert!(!source.is_waiting(), "{name}");
+    }
+}
+
+#[test]
+fn a_source_that_breaks_or_is_cut_off_ends_after_it_has_said_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.mcap");
+    write_recording(&path, &[png(2), png(2)]);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 8]).unwrap();
+    let cut_pipe =
+        open_pipe(Cursor::new(b"YUV4MPEG2 W2 H2 F25:1 Cmono\nFRAME\n123".to_vec()), OpenOptions::default());
+    for (name, mut source) in [("recording", open(path.to_str().unwrap())), ("pipe", cut_pipe.unwrap())] {
+        let mut frame = Frame::default();
+        let end = loop {
+            match next(source.as_mut(), &mut frame) {
+                Fill::Frame => {}
+                end => break end,
+            }
+        };
+        assert!(matches!(end, Fill::Cut(_) | Fill::Broken(_)), "{name}: {end:?}");
+        assert!(matches!(next(source.as_mut(), &mut frame), Fill::End), "{name}");
+    }
+}
+
+/// A pipe that stays open and silent.
+struct Silent;
+
+impl Read for Silent {
+    fn read(&mut self, _buffer: &mut [u8]) -> std::io::Result<usize> {
+        loop {
+            std::thread::park();
+        }
+    }
+}
+
+/// No source blocks: whoever asks can notice a stop between two calls.
+#[test]
+fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
+    let waiting = |name: &str| {
+        let source = SourceName::parse(name);
+        let error = source.open(OpenOptions::default()).err().unwrap();
+        source.stand_in(OpenOptions::default(), error)
+    };
+    let subjects: [(&str, Box<dyn Source>); 2] = [
+        ("silent pipe", open_pipe(Silent, OpenOptions::default()).unwrap()),
+        ("missing camera", waiting("/dev/video-of-nobody")),
+    ];
+    for (name, mut source) in subjects {
+        let (send, asked) = std::sync::mpsc::channel();
+        // On a thread of its own: a source that blocks would block forever.
+        std::thread::spawn(move || {
+            let fill = source.fill(&mut Frame::default());
+            send.send(matches!(fill, Fill::Nothing)).unwrap();
+        });
+        assert_eq!(asked.recv_timeout(Duration::from_secs(60)), Ok(true), "{name}");
+    }
+}
+
+#[test]
+fn opening_a_long_recording_ends_when_it_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    write_recording(&path, &[png(2)]);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 30]).unwrap(); // no index
+    let stopped = AtomicBool::new(true);
+    let options = OpenOptions { stopped: Some(&stopped), ..OpenOptions::default() };
+    let start = Instant::now();
+    let refused = SourceName::parse(path.to_str().unwrap()).open(options).err();
+    assert!(refused.is_some(), "{:?}", start.elapsed());
+    stopped.store(false, Ordering::Relaxed);
+    assert!(SourceName::parse(path.to_str().unwrap()).open(options).is_ok());
+}
