@@ -13,11 +13,11 @@ from nunet_models.cli import main
 from nunet_models.errors import ExportError
 from nunet_models.export import measure
 from nunet_models.export.collections import TINY_ARCHITECTURES, TINY_SEED, tiny_spec
-from nunet_models.export.deploy import FusedModel
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.onnx_file import read_metadata, run, session
 from nunet_models.export.selftest import answer_from_outputs, selftest_picture
 from nunet_models.export.untrained import untrained_graph
+from nunet_models.zoo.deploy import FusedModel
 
 KEYS = {
     *("nunet.version", "nunet.architecture", "nunet.components", "nunet.depth.encoding"),

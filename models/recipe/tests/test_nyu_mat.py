@@ -14,7 +14,7 @@ from nunet_models.cli import main
 from nunet_models.data.cache import build_cache
 from nunet_models.data.nyu_mat import RAW_CLASSES, NyuMatPairs, read_class_map, read_splits
 from nunet_models.errors import DataError
-from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.zoo.checkpoint import Checkpoint
 
 CLASSES = np.arange(RAW_CLASSES) % 40 + 1
 

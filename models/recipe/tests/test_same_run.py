@@ -5,8 +5,8 @@ import torch
 from conftest import write_dataset
 from runs import train
 
-from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.same_run import provenance_differences
+from nunet_models.zoo.checkpoint import Checkpoint
 
 STOP = ("--minutes", "1e-9")
 UNET = ("--architecture", "unet")

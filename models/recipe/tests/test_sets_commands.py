@@ -14,7 +14,7 @@ from nunet_models.evaluation.robustness import border_errors, noise_change, roug
 from nunet_models.evaluation.sets import errors, focal_factor, set_figures
 from nunet_models.evaluation.sets_command import MEAN, mean_over_sets, table
 from nunet_models.losses import scale_shift_invariant
-from nunet_models.training.checkpoint import Checkpoint
+from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.spec import NYU_CAMERA, Camera
 
 SAME = Camera(CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy)

@@ -17,13 +17,13 @@ from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError
 from nunet_models.export.collections import tiny_spec
 from nunet_models.export.onnx_file import read_metadata
-from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.ema import Averaged
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.trainer import Trainer
 from nunet_models.training.validate import validate
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.backbones import build_unet, check_drop_path
+from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.spec import LITE_DECODER
 
 

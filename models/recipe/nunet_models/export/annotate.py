@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any, NoReturn
 
+from nunet_models.answer import Measured, by_name, measured
 from nunet_models.errors import ConfigError
-from nunet_models.evaluation.answer import Measured, by_name, measured
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import read_metadata, write_metadata
 

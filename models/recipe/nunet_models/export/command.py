@@ -4,16 +4,16 @@ import argparse
 import sys
 from pathlib import Path
 
+from nunet_models.answer import by_name
 from nunet_models.errors import ConfigError
-from nunet_models.evaluation.answer import by_name
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.metadata import DATA_LICENSE
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
-from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_spec
+from nunet_models.zoo.checkpoint import Checkpoint
 
 
 def add_parser(verbs: argparse._SubParsersAction) -> None:

@@ -8,10 +8,10 @@ import onnxruntime as ort
 import torch
 
 from nunet_models.errors import ExportError
-from nunet_models.export.deploy import FusedModel
 from nunet_models.export.onnx_file import run
 from nunet_models.export.selftest import Answer, answer_from_outputs, selftest_picture
 from nunet_models.zoo import GraphSpec
+from nunet_models.zoo.deploy import FusedModel
 
 FP32_MARGIN = 10.0  # other processors and providers stray further than one machine's settings
 INT8_MARGIN = 3.0  # integer sums are exact, but providers fuse and round in other places

@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from nunet_models.export.deploy import STATE_INPUTS, STATE_OUTPUTS
 from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.deploy import STATE_INPUTS, STATE_OUTPUTS
 
 DATA_LICENSE = (
     "weights: MIT OR Apache-2.0 as far as the makers can license them; trained on NYU Depth V2, "

@@ -7,7 +7,6 @@ from typing import Any
 import torch
 
 from nunet_models.errors import ExportError
-from nunet_models.export.deploy import FusedModel, StageModel
 from nunet_models.export.measure import (
     BF16_MARGIN,
     FP32_MARGIN,
@@ -20,6 +19,7 @@ from nunet_models.export.measure import (
 from nunet_models.export.metadata import inner_stage_metadata, metadata
 from nunet_models.export.onnx_file import export_onnx, write_metadata
 from nunet_models.zoo import SerialGraph
+from nunet_models.zoo.deploy import FusedModel, StageModel
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import math
 import torch
 from torch import nn
 
-from nunet_models.export.deploy import ToInner
 from nunet_models.export.measure import picture_of
 from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.deploy import ToInner
 
 MEAN_DEPTH_M = 2.7  # about the mean of indoor pictures
 SPREAD = 0.35  # standard deviation of log depth, as indoor pictures have it

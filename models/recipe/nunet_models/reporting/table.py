@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from nunet_models.answer import by_name
 from nunet_models.errors import DataError
-from nunet_models.evaluation.answer import by_name
 from nunet_models.metrics import FIGURES
 
 PAPER_MSE = {

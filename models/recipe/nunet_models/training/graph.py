@@ -6,11 +6,11 @@ from pathlib import Path
 
 from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError, OptionError
-from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.same_run import difference, graph_options
 from nunet_models.training.trainer import Trainer
 from nunet_models.zoo import Component, GraphSpec, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.backbones import check_drop_path
+from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.dense import DENSE
 from nunet_models.zoo.spec import DECODERS, Camera
 from nunet_models.zoo.weights import begin_with, imagenet_encoder, like_component

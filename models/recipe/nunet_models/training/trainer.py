@@ -16,9 +16,7 @@ from nunet_models.data.batches import Batch
 from nunet_models.data.cache import REACH_M
 from nunet_models.data.encode import encoded_depth
 from nunet_models.errors import ConfigError
-from nunet_models.export.deploy import normalise
 from nunet_models.losses import cross_entropy, parse_loss, weighted_depth_loss
-from nunet_models.training.checkpoint import Checkpoint
 from nunet_models.training.depthwise import quicken
 from nunet_models.training.ema import Averaged
 from nunet_models.training.feed import Feed
@@ -27,6 +25,8 @@ from nunet_models.training.same_run import graph_differences, provenance_differe
 from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import Settings
 from nunet_models.zoo import Component, SerialGraph
+from nunet_models.zoo.checkpoint import Checkpoint
+from nunet_models.zoo.deploy import normalise
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
 LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer

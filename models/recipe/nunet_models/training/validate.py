@@ -12,9 +12,9 @@ from nunet_models.data.cache import Cached
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
-from nunet_models.export.deploy import decode_depth, normalise
 from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import GraphSpec, SerialGraph
+from nunet_models.zoo.deploy import decode_depth, normalise
 
 
 def validate(

@@ -10,9 +10,9 @@ from PIL import Image
 from nunet_models.data.sets.mixture import Mixture
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.sets import set_figures
-from nunet_models.export.deploy import FromInner, ToInner
 from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import SerialGraph
+from nunet_models.zoo.deploy import FromInner, ToInner
 
 FIGURES = ("abs_rel", "delta1", "abs_rel_median", "rmse")
 
