@@ -97,12 +97,9 @@ fn figures_table_and_sheet_are_written() {
     let (data, model, out) = (bench.arg("data"), bench.arg("model.onnx"), bench.arg("out"));
     let output = run_well(nunetd(&eval(&data, &model, &["--out", &out])));
     let table = text(&output.stdout);
-    assert!(
-        table.starts_with("model.onnx (wnet_c) on data: 2 pictures, 0 skipped, protocol full"),
-        "{table}"
-    );
+    assert!(table.starts_with("model.onnx (wnet_c) on data: 2 images, 0 skipped, protocol full"), "{table}");
     assert!(table.contains("\nrmse              0.1000"), "{table}");
-    assert!(table.contains("the mean image is that of these very pictures"), "{table}");
+    assert!(table.contains("the mean image is that of the measured images themselves"), "{table}");
     assert_eq!(std::fs::read_to_string(bench.path("out/pictures.csv")).unwrap().lines().count(), 3);
     let sheet = image::open(bench.path("out/contact_sheet.png")).unwrap();
     assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two pictures, once each");
@@ -132,7 +129,7 @@ fn what_cannot_be_measured_is_named_and_counted() {
     std::fs::write(bench.path("data/depth/only_depth.png"), "no picture").unwrap();
     let (code, stderr) = outcome(&bench, &[]);
     assert_eq!(code, Some(3), "{stderr}");
-    for part in ["skipped `b`: cannot read the picture `[DIR]/data/depth/b.png`", "skipped `only_depth`"] {
+    for part in ["skipped `b`: cannot read the image `[DIR]/data/depth/b.png`", "skipped `only_depth`"] {
         assert!(stderr.contains(part), "{part} is not in\n{stderr}");
     }
     std::fs::remove_file(bench.path("data/rgb/a.png")).unwrap();
@@ -148,15 +145,15 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
     let (code, stderr) = outcome(&bench, &[]);
     assert_eq!(code, Some(1), "{stderr}");
     let parts = [
-        "skipped `a`: `[DIR]/data/depth/a.png`: depth of 8 bits cannot be millimetres\nhint: --depth-scale",
-        "skipped `b`: `[DIR]/data/labels/b.png` is 8x4, its picture 640x480",
+        "skipped `a`: `[DIR]/data/depth/a.png`: depth of 8 bits cannot be millimeters",
+        "skipped `b`: `[DIR]/data/labels/b.png` is 8x4, its image 640x480",
     ];
     for part in parts {
         assert!(stderr.contains(part), "{part} is not in\n{stderr}");
     }
     ImageBuffer::<Luma<u16>, _>::new(32, 24).save(bench.path("data/depth/b.png")).unwrap();
     let (_, stderr) = outcome(&bench, &[]);
-    let part = "skipped `b`: `[DIR]/data/depth/b.png` is 32x24, its picture 640x480";
+    let part = "skipped `b`: `[DIR]/data/depth/b.png` is 32x24, its image 640x480";
     assert!(stderr.contains(part), "{part} is not in\n{stderr}");
 }
 
@@ -190,7 +187,7 @@ fn much_truth_beyond_what_is_compared_is_told_and_counted() {
     assert_eq!((&found["pixels"], &found["pixels_beyond"]), (&pixels.into(), &pixels.into()));
     assert_eq!(found["labels"]["pixels"], 2 * pixels);
     let stderr = text(&output.stderr);
-    assert!(stderr.contains("50 % of the true depth lies at 10 m or beyond"), "{stderr}");
+    assert!(stderr.contains("50 % of the true depth is at 10 m or beyond"), "{stderr}");
 }
 
 #[test]
@@ -198,11 +195,8 @@ fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
     let bench = dataset(0);
     let (code, stderr) = outcome(&bench, &["--depth-scale", "1"]);
     assert_eq!(code, Some(1), "{stderr}");
-    assert!(
-        stderr.starts_with("error: no true depth lies between 0.001 and 10 m, where depth is"),
-        "{stderr}"
-    );
-    assert!(stderr.contains("\nhint: --depth-scale METRES"), "{stderr}");
+    assert!(stderr.starts_with("error: no true depth is between 0.001 and 10 m, where depth is"), "{stderr}");
+    assert!(stderr.contains("--depth-scale METERS"), "{stderr}");
 }
 
 #[test]
@@ -215,7 +209,7 @@ fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{stderr}");
     let expected = format!(
-        "error: `{own}` was written by nunetd: its depth is what `model.onnx` said, not truth\nhint: "
+        "error: `{own}` was written by nunetd: its depth is a prediction of `model.onnx`, not truth\nhint: "
     );
     assert!(stderr.starts_with(&expected), "{stderr}");
     let topic = format!("/{camera}/depth/image_raw");
@@ -259,6 +253,6 @@ fn bad_arguments_are_told_before_the_work() {
     std::fs::remove_dir_all(bench.path("data/depth")).unwrap();
     let (code, stderr) = outcome(&bench, &[]);
     assert_eq!(code, Some(2));
-    assert!(stderr.contains("`[DIR]/data` is no dataset: it has no folder `depth`\nhint:"), "{stderr}");
+    assert!(stderr.contains("`[DIR]/data` is not a dataset: it has no folder `depth`\nhint:"), "{stderr}");
     assert!(!Path::new(&bench.path("out")).exists());
 }

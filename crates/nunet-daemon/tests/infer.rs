@@ -74,7 +74,7 @@ fn what_is_no_picture_is_told_before_the_network_is_looked_for_and_leaves_no_fol
     let (code, stderr) = infer(&bmp);
     assert_eq!(code, Some(1), "{stderr}");
     assert!(
-        stderr.contains("photo.bmp`\n  because: the picture is Bmp; expected JPEG or PNG\nhint: "),
+        stderr.contains("photo.bmp`\n  because: the image is Bmp, expected JPEG or PNG\nhint: "),
         "{stderr}"
     );
     let (code, stderr) = infer(&missing);

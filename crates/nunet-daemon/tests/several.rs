@@ -202,7 +202,7 @@ fn where_all_cameras_fail_on_the_way_the_figures_are_written_all_the_same() {
     let Output { status, stderr, .. } = run(command);
     let stderr = text(&stderr);
     assert_eq!(status.code(), Some(1), "{stderr}");
-    assert!(stderr.contains(&format!("camera `{piped}` failed: stdin is no Y4M")), "{stderr}");
+    assert!(stderr.contains(&format!("camera `{piped}` failed: standard input is not Y4M")), "{stderr}");
     assert_eq!(stderr.matches("0 frames captured: 0 published").count(), 2, "{stderr}");
     let stats = bench.json("stats.json");
     let error = |camera: usize| stats["cameras"][camera]["error"].as_str().unwrap();
@@ -335,7 +335,7 @@ fn what_two_cameras_cannot_both_have_is_refused() {
     assert!(error.starts_with("error: camera `b` cannot begin\n  because: --rate and --loop are"), "{error}");
     assert!(!bench.path("out").exists(), "the folder was made before the refusal");
     let error = pair(("a", "demo", ""), ("b", "demo", "topic = \"/x\""));
-    assert!(error.contains("error: camera `b` cannot begin\n  because: --topic /x is for rec"), "{error}");
+    assert!(error.contains("error: camera `b` cannot begin\n  because: topic `/x` is for rec"), "{error}");
     let error = pair(("a", "demo", ""), ("b", "demo", "calibration = \"missing.yaml\""));
     assert!(error.contains("camera `b` cannot begin\n  because: cannot read the calibration"), "{error}");
     let error = pair(("a", "demo", ""), ("b", "demo", "focal = \"of\""));
@@ -375,7 +375,7 @@ fn config_refuses_what_run_refuses_and_prints_what_it_would_take() {
             "1 and 2 are both named `a`",
         ),
         ("source = \"demo\"".to_owned(), &["--camera", "a/b"], "camera name `a/b` has '/'"),
-        ("source = \"demo\"".to_owned(), &["--size", "640x480"], "--size is for cameras and raw pictures"),
+        ("source = \"demo\"".to_owned(), &["--size", "640x480"], "a size is for cameras and raw images"),
         ("source = \"shm:a\"".to_owned(), &["--rate", "5"], "--rate and --loop are for files"),
         ("camera = \"a\"".to_owned(), &[], "nor the command line names a source for camera `a`"),
         (
