@@ -203,7 +203,11 @@ fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
 fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
     let bench = Bench::new();
     let (model, own, camera) = (bench.arg("model.onnx"), bench.arg("own.mcap"), camera("own"));
-    let record = ["-q", "--model", &model, "--source", "demo", "--frames", "3", "--camera", &camera];
+    for frame in 0..3 {
+        bench.add_picture(&format!("pictures/{frame}.png"), frame);
+    }
+    let pictures = bench.arg("pictures");
+    let record = ["-q", "--model", &model, "--source", &pictures, "--camera", &camera];
     run_well(nunetd(&[&record[..], &["--record", &own]].concat()));
     let output = run(nunetd(&eval(&own, &model, &[])));
     let stderr = text(&output.stderr);

@@ -206,7 +206,7 @@ fn where_all_cameras_fail_on_the_way_the_figures_are_written_all_the_same() {
     assert_eq!(stderr.matches("0 frames captured: 0 published").count(), 2, "{stderr}");
     let stats = bench.json("stats.json");
     let error = |camera: usize| stats["cameras"][camera]["error"].as_str().unwrap();
-    assert!(error(0).contains("torn.mcap") && error(1).contains("no Y4M"), "{stats}");
+    assert!(error(0).contains("torn.mcap") && error(1).contains("not Y4M"), "{stats}");
 }
 
 /// The value of a sample of the metrics.
