@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use nunet_core::pipeline::MAX_RAY_ANGLE_RAD;
 use nunet_ipc::{CameraName, DistortionModel, FrameHeader, FrameSet, Reader, ScaleSource, Topic};
 
 use crate::support::{Bench, Guarded, PATIENCE, SIZE, calibration, camera, nunetd};
@@ -63,6 +64,8 @@ fn a_fed_fisheye_is_known_to_the_daemon_and_its_points_lie_on_the_lenss_rays() {
         &depth,
         "--cloud-stride",
         "2",
+        "--max-range",
+        "1000", // near 85 degrees points are far away; the angle alone is tested here
     ]));
     let set = first_set(&depth);
 
@@ -77,15 +80,15 @@ fn a_fed_fisheye_is_known_to_the_daemon_and_its_points_lie_on_the_lenss_rays() {
     check_points(map.depth().unwrap(), cloud.header(), cloud.points().unwrap());
 }
 
-/// Each point is thrown back on its pixel by the formula of Kannala and Brandt (2006, equation 6, as OpenCV writes
-/// it), or its pixel lies outside of the circle of 180 degrees.
+/// Each point is projected onto its pixel by the formula of Kannala and Brandt (2006, equation 6, as OpenCV writes it), or its
+/// pixel is beyond the largest angle of a cloud's rays.
 fn check_points(depth_m: &[f32], header: &FrameHeader, points: &[nunet_ipc::CloudPoint]) {
     let [k1, k2, k3, k4] = FISHEYE;
-    let thrown = |angle: f64| {
+    let distorted = |angle: f64| {
         let u = angle * angle;
         angle * (1.0 + k1 * u + k2 * u * u + k3 * u.powi(3) + k4 * u.powi(4))
     };
-    let circle = thrown(std::f64::consts::FRAC_PI_2);
+    let circle = distorted(MAX_RAY_ANGLE_RAD);
     let (mut seen, mut unseen) = (0, 0);
     for (index, point) in points.iter().enumerate() {
         let (column, row) = (index % header.width as usize, index / header.width as usize);
@@ -104,7 +107,7 @@ fn check_points(depth_m: &[f32], header: &FrameHeader, points: &[nunet_ipc::Clou
         let radius = ray_x.hypot(ray_y);
         // A ten-thousandth of a focal length is a hundredth of a pixel here; the rays are f32.
         if radius > 0.0 {
-            let scale = thrown(radius.atan()) / radius;
+            let scale = distorted(radius.atan()) / radius;
             let off = (ray_x * scale - x).hypot(ray_y * scale - y);
             assert!(off < 1e-4, "{column}, {row}: {point:?} is off by {off}");
         }
