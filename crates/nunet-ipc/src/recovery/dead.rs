@@ -1,7 +1,8 @@
 //! What iceoryx2's own cleanup of dead processes misses.
 
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::{CallbackProgression, Service as _};
@@ -29,17 +30,46 @@ pub(super) fn dead_processes() -> Vec<u32> {
 /// Removes memory that dead processes created but did not fill. Call it before iceoryx2 cleans up, which waits without a
 /// limit for the creator to complete such a file.
 pub(super) fn remove_unfilled(dead: &[u32]) {
-    const OWNER_MAY_READ: u32 = 0o400; // granted when the memory is filled
     if dead.is_empty() {
         return;
     }
     for (path, id) in shared_memory() {
-        let unfilled =
-            path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_READ == 0);
-        if unfilled && dead.contains(&pid_of(id)) {
+        if is_unfilled(&path) && dead.contains(&pid_of(id)) {
             let _ = std::fs::remove_file(path); // another process may have been faster
         }
     }
+}
+
+/// How long iceoryx2 waits for another process to fill memory that it created.
+pub(super) const CREATION_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Removes the counter of nodes if its creator died before it filled it; returns whether there was one. iceoryx2 would wait for
+/// the creator each time. The file names no process, so its age tells: a live creator takes microseconds.
+pub(super) fn remove_unfilled_counter() -> bool {
+    let is_old = |path: &PathBuf| {
+        let created = path.metadata().and_then(|metadata| metadata.modified());
+        created.ok().and_then(|created| created.elapsed().ok()).is_some_and(|age| age >= CREATION_TIMEOUT)
+    };
+    let unfilled: Vec<_> = counters().filter(|path| is_unfilled(path) && is_old(path)).collect();
+    unfilled.iter().for_each(|path| drop(std::fs::remove_file(path))); // another process may have been faster
+    !unfilled.is_empty()
+}
+
+/// The counters of this root in shared memory.
+pub(super) fn counters() -> impl Iterator<Item = PathBuf> {
+    let prefix = shared_memory_prefix();
+    let entries = std::fs::read_dir(SHARED_MEMORY_FOLDER).into_iter().flatten().flatten();
+    let owned = entries.filter(move |entry| {
+        let name = entry.file_name();
+        name.to_str().is_some_and(|name| name.starts_with(&prefix) && name.ends_with(".global_mgmt"))
+    });
+    owned.map(|entry| entry.path())
+}
+
+/// Whether memory was created but not filled: iceoryx2 lets its owner read it when it is.
+fn is_unfilled(path: &Path) -> bool {
+    const OWNER_MAY_READ: u32 = 0o400;
+    path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & OWNER_MAY_READ == 0)
 }
 
 /// Removes the shared memory of dead processes that iceoryx2's own cleanup missed: it uses lists that a process killed
