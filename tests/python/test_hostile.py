@@ -52,8 +52,9 @@ encoding = "metric"
 min_m = 0.1
 max_m = 20.0
 """
-CONFIG = """model = "a.onnx"
-source = "drive/*.jpg"
+ROOT = pathlib.Path(__file__).parents[2]
+CONFIG = f"""model = "{MODEL}"
+source = "{ROOT}/models/clip/rgb/*.jpg"
 rate = 15.5
 loop = true
 publish = ["depth", "cloud"]

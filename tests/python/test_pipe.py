@@ -43,16 +43,16 @@ def test_raw_images_need_a_size_and_a_format(nunetd, tmp_path):
     code, said, stats = run(nunetd, tmp_path, raw, "--size", "64x48", "--format", "rgb8")
     assert (code, stats["frames"]["published"]) == (0, 4), said
     code, said, _ = run(nunetd, tmp_path, raw, "--size", "64x48")
-    assert code == 2 and "--format" in said
+    assert code == 2 and "a size without a format" in said
 
 
 @pytest.mark.parametrize(
     ("given", "code", "part"),
     [
-        (y4m()[:-7], 3, f"stdin ended within picture {FRAMES}"),
+        (y4m()[:-7], 3, f"standard input ended within image {FRAMES}"),
         (b"RIFF\x00\x00\x00\x00AVI LIST", 1, "does not begin with `YUV4MPEG2`"),
         (b"YUV4MPEG2 W64 H48 F25:1 It C420\n", 1, "interlaced"),
-        (b"YUV4MPEG2 W64 H48 F25:1 C420p10\n", 1, "colour space `420p10`"),
+        (b"YUV4MPEG2 W64 H48 F25:1 C420p10\n", 1, "`C420p10`, a color space that cannot be read"),
         (b"", 1, "it ended before the header did"),
     ],
 )

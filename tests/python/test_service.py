@@ -10,6 +10,12 @@ import subprocess
 import pytest
 from conftest import MODEL
 
+CALIBRATION = """image_width: 1280
+image_height: 960
+camera_matrix: {rows: 3, cols: 3, data: [1037, 0, 651, 0, 1038, 507, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.31, 0.11, 0.0007, -0.0004, 0]}
+"""
 DIST = pathlib.Path(__file__).parents[2] / "dist"
 
 
@@ -103,10 +109,11 @@ def test_the_example_of_several_cameras_is_accepted(nunetd, tmp_path):
     text = ""
     for section in sections:
         lines = [line.removeprefix("# ") for line in section.splitlines() if " = " in line]
-        # A calibration is read when the daemon starts, not by `config`.
         text += "\n".join(["[[camera]]", *lines, ""])
-    path = tmp_path / "several.toml"
-    path.write_text(text)
+    path, calibration = tmp_path / "several.toml", tmp_path / "front.yaml"
+    calibration.write_text(CALIBRATION)  # `config` reads it, as `run` does
+    assert "/etc/nunet/front.yaml" in text
+    path.write_text(text.replace("/etc/nunet/front.yaml", str(calibration)))
     command = [nunetd, "config", "--config", str(path)]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     assert said.count("[[camera]]") == 2 and 'name = "rear"' in said

@@ -106,6 +106,7 @@ def machine(tmp_path, nunetd):
     shutil.copy(nunetd, tmp_path / "nunetd")
     shutil.copy(library, tmp_path / library.name)
     shutil.copy(MODEL, tmp_path / "model.onnx")
+    shutil.copytree(UNIT.parents[1] / "models" / "clip", tmp_path / "models" / "clip")  # the demo
     tmp_path.chmod(0o755)
     return tmp_path
 

@@ -44,6 +44,7 @@ impl World {
         fs::copy(env!("CARGO_BIN_EXE_nunetd"), world.path("nunetd")).unwrap();
         fs::copy(nunet_testkit::runtime_library(), world.path("libonnxruntime.so")).unwrap();
         models::wnet(SIZE, true).write(world.path("model.onnx"));
+        world.install_demo();
         let root = world.path("shared");
         world.folder("config");
         let config =
@@ -55,6 +56,17 @@ impl World {
             chown(world.folder(&user.to_string()), Some(user), Some(user)).unwrap();
         }
         world
+    }
+
+    /// The demo's images, where the copy of nunetd looks for them.
+    fn install_demo(&self) {
+        let clip = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/clip"));
+        fs::create_dir_all(self.path("models/clip/rgb")).unwrap();
+        fs::copy(clip.join("camera.json"), self.path("models/clip/camera.json")).unwrap();
+        for image in fs::read_dir(clip.join("rgb")).unwrap() {
+            let image = image.unwrap();
+            fs::copy(image.path(), self.path("models/clip/rgb").join(image.file_name())).unwrap();
+        }
     }
 
     /// Of this world's files in shared memory.

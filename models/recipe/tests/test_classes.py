@@ -1,6 +1,6 @@
 """The 13 classes: one list of names wherever one is kept, and one fold of NYU's 40 into them."""
 
-import importlib.util
+import importlib
 import re
 import subprocess
 import sys
@@ -12,7 +12,7 @@ import numpy as np
 from nunet_models.classes import CLASSES_13, IGNORE, labels13_from_labels40
 
 RECIPE = Path(__file__).parents[1]
-DAEMON = RECIPE.parents[1] / "crates" / "nunet-daemon" / "src"
+CRATES = RECIPE.parents[1] / "crates"
 
 
 def rust_list(path: Path, name: str) -> str:
@@ -22,13 +22,13 @@ def rust_list(path: Path, name: str) -> str:
     return found[1]
 
 
-def test_the_demo_scene_of_nunetd_has_the_same_names_in_the_same_order():
-    names = re.findall(r'"(.*?)"', rust_list(DAEMON / "source/demo/mod.rs", "CLASS_NAMES"))
+def test_the_ray_cast_room_of_the_tests_has_the_same_names_in_the_same_order():
+    names = re.findall(r'"(.*?)"', rust_list(CRATES / "nunet-testkit/src/demo/mod.rs", "CLASS_NAMES"))
     assert tuple(names) == CLASSES_13
 
 
 def test_nunetd_folds_nyu_s_40_classes_in_the_same_way():
-    numbers = rust_list(DAEMON / "subcommands/eval/dataset.rs", "NYU13_OF_NYU40")
+    numbers = rust_list(CRATES / "nunet-daemon/src/subcommands/eval/dataset.rs", "NYU13_OF_NYU40")
     folded = [int(number) for number in re.findall(r"\d+", numbers)]
     folded += [IGNORE] * (256 - len(folded))
     assert labels13_from_labels40(np.arange(256, dtype=np.uint8)).tolist() == folded
@@ -38,11 +38,10 @@ def test_rendered_rooms_are_labelled_by_the_same_names(monkeypatch):
     """Blender is stood in for: the shapes' labels need nothing of it."""
     for name in ("bpy", "mathutils"):
         monkeypatch.setitem(sys.modules, name, MagicMock())
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    spec = importlib.util.spec_from_file_location("shapes", RECIPE / "render" / "shapes.py")
-    shapes = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "shapes", shapes)  # dataclasses look their module up
-    spec.loader.exec_module(shapes)
+    module = "nunet_models.rendering.shapes"
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    shapes = importlib.import_module(module)
+    monkeypatch.delitem(sys.modules, module)  # it holds the stand-ins
     assert shapes.CLASSES is CLASSES_13
 
 

@@ -81,7 +81,7 @@ BAD = {
     "a path": (dict(distortion="front.yaml"), TypeError, "`distortion` is `'front.yaml'`"),
     "size of zero": (dict(size=(0, 480)), nunet.CameraError, "0x480"),
     "negative size": (dict(size=(-640, 480)), TypeError, "whole pixels"),
-    "three coefficients": (dict(distortion=[1, 2, 3]), nunet.CameraError, "coefficients.*`3`"),
+    "three coefficients": (dict(distortion=[1, 2, 3]), nunet.CameraError, "coefficients, got 3"),
     "words": (dict(distortion="none"), TypeError, "expected a sequence of numbers"),
     "infinite lens": (dict(distortion=[np.inf, 0, 0, 0]), nunet.CameraError, "`k1`"),
     "no such lens": (dict(distortion=[0.1] * 4, distortion_model="fov"), nunet.CameraError, "fov"),

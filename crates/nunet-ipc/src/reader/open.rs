@@ -116,7 +116,10 @@ struct Waiting<'a> {
 impl Waiting<'_> {
     /// Waits until all services of a reader are there, without a node.
     fn for_services(&mut self, camera: &CameraName, topics: &[Topic]) -> Result<(), IpcError> {
-        let there = |name: &str, pattern| Ok(is_complete(name, pattern)?.then_some(()));
+        let there = |name: &str, pattern| {
+            access::check_folder()?; // another user's folder looks empty
+            Ok(is_complete(name, pattern)?.then_some(()))
+        };
         for &topic in topics {
             let name = camera.service(topic);
             self.until(&name, || there(&name, MessagingPattern::PublishSubscribe))?;

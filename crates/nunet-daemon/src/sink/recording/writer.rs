@@ -14,7 +14,7 @@ use nunet_mcap::{EncodedImage, FrameRecord, Mount, RecordingError, RecordingWrit
 
 use super::archive::Archive;
 use super::record::{Record, describe};
-use crate::exit::BadArguments;
+use crate::exit::{BadArguments, WithHint};
 use crate::options::MountOption;
 use crate::sink::stats::ModelName;
 use crate::source::Frame;
@@ -79,7 +79,8 @@ pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) ->
         bail!(BadArguments(format!("`{}` cannot be read and written at once", output.display())));
     }
     if !force {
-        bail!(BadArguments(RecordingError::Exists { path: output.to_owned() }.to_string()));
+        let exists = RecordingError::Exists { path: output.to_owned() };
+        bail!(WithHint::usage(exists.to_string(), "pass --force to overwrite it"));
     }
     Ok(())
 }
