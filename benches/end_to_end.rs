@@ -1,4 +1,4 @@
-//! The whole journey of a frame: from a picture to the moment when a reader holds its depth.
+//! The whole journey of a frame: from an image to the moment when a reader holds its depth.
 //!
 //! `network` is the same session's bare run in the same round: the difference is what everything around it costs.
 
@@ -13,7 +13,7 @@ use nunet_testkit::demo::DemoScene;
 
 const MODELS: [(&str, &str); 2] = [("tiny_wnet_c", "tiny/tiny_wnet_c.onnx"), ("wnet_c", "wnet_c.onnx")];
 
-/// One model with its picture, and what it writes into.
+/// One model with its image, and what it writes into.
 struct Bench {
     pipeline: Pipeline,
     picture: Vec<u8>,
@@ -46,7 +46,7 @@ impl Bench {
         Self { pipeline, picture, publisher, reader }
     }
 
-    /// From the picture to the depth in a reader's hands.
+    /// From the image to the depth in a reader's hands.
     fn frame(&mut self) {
         let (width, height) = self.pipeline.size();
         let view =

@@ -1,4 +1,4 @@
-//! The serial graph by itself: picture in, depth and labels out, no preprocessing and no decoding.
+//! The serial graph by itself: image in, depth and labels out, no preprocessing and no decoding.
 //!
 //! Uses the networks of `models/`, and skips those that are not there.
 #![allow(missing_docs, reason = "criterion's macros make undocumented items")]

@@ -1,4 +1,4 @@
-//! From a camera's picture to the network's.
+//! From a camera's image to the network's.
 #![allow(missing_docs, reason = "criterion's macros make undocumented items")]
 
 use std::hint::black_box;

@@ -1,4 +1,4 @@
-//! Writes views of the demo scene with their exact depth: the picture of the README, or a dataset.
+//! Writes views of the demo scene with their exact depth: the image of the README, or a dataset.
 //!
 //! `cargo run --release -p nunet-daemon --example render_demo_scene -- docs/images/demo.png`, or `-- DIR` for `rgb/` and
 //! `depth/` (16-bit millimetres) as `nunetd eval` and the recipe read them.
@@ -14,7 +14,7 @@ use nunet_testkit::demo::DemoScene;
 const SIZE: (u32, u32) = (640, 480);
 const SEED: u64 = 1;
 const FRAME: u64 = 30;
-/// Of a dataset: two seconds at 30 frames a second, five pictures.
+/// Of a dataset: two seconds at 30 frames a second, five images.
 const FRAMES: [u64; 5] = [0, 15, 30, 45, 60];
 const GAP: u32 = 8;
 
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A view and its depth, metres.
+/// A view and its depth, meters.
 fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
     let pixels = SIZE.0 as usize * SIZE.1 as usize;
     let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);

@@ -1,6 +1,6 @@
 //! Reads depth from a running `nunetd`: `subscribe CAMERA [FRAMES]`.
 //!
-//! Prints each frame's sequence number, how long ago its picture was taken, and the depth at the picture's centre.
+//! Prints each frame's sequence number, how long ago its image was taken, and the depth at the image's center.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "stdout is its data, stderr is for people")]
 

@@ -12,7 +12,7 @@ pub(crate) struct File {
 }
 
 impl File {
-    /// The text, or `None` for pictures, models and the like.
+    /// The text, or `None` for images, models and the like.
     pub(crate) fn text(&self) -> Option<&str> {
         if self.bytes.contains(&0) { None } else { str::from_utf8(&self.bytes).ok() }
     }

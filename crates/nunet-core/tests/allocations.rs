@@ -64,7 +64,7 @@ fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFo
     let labels = pipeline.graph().has_labels();
     let mut frames = |count: usize| {
         for i in 0..count {
-            // Pictures and results do not change in step: 4 of each, in 16 pairs.
+            // Images and results do not change in step: 4 of each, in 16 pairs.
             let picture = std::mem::take(&mut buffers[i / 4 % 4].picture);
             let memory = &mut buffers[i % 4];
             let frame = ImageView::packed(&picture, size.0, size.1, format).unwrap();

@@ -38,7 +38,7 @@ impl Buffers {
         self.labels.as_deref()
     }
 
-    /// The organised cloud, as the last frame left it.
+    /// The organized cloud, as the last frame left it.
     pub(crate) fn cloud(&self) -> &[CloudPoint] {
         &self.cloud
     }

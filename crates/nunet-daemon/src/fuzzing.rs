@@ -11,7 +11,7 @@ use nunet_types::ImageSize;
 
 use crate::source::{Frame, OpenOptions, Source, camera_in, decode_file, open_pipe};
 
-/// A pipe that holds `input`: Y4M, or raw pictures of a size and format.
+/// A pipe that holds `input`: Y4M, or raw images of a size and format.
 ///
 /// # Errors
 /// No thread can be started.

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::support::{Bench, SIZE, camera, nunetd, run, run_well, text};
 
-/// The test network's own answers for two pictures of the demo scene as truth, off by `error_mm`.
+/// The test network's own answers for two images of the demo scene as truth, off by `error_mm`.
 fn dataset(error_mm: u16) -> Bench {
     let bench = Bench::new();
     for folder in ["data/depth", "data/labels"] {
@@ -105,7 +105,7 @@ fn figures_table_and_sheet_are_written() {
     assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two pictures, once each");
 }
 
-/// That of the measured pictures beats networks that have not seen them.
+/// That of the measured images beats networks that have not seen them.
 #[test]
 fn it_is_said_whose_mean_the_mean_image_is() {
     let bench = dataset(100);

@@ -7,7 +7,7 @@ use nunet_testkit::models;
 
 use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd, run_well, text};
 
-/// Pixels on each side of a block, and blocks in the picture.
+/// Pixels on each side of a block, and blocks in the image.
 const FACTOR: usize = 4;
 const SMALL: (u32, u32) = (SIZE.0 / FACTOR as u32, SIZE.1 / FACTOR as u32);
 
@@ -118,7 +118,7 @@ fn temporal_forgets_where_the_source_begins_again_and_between_pictures_of_infer(
         bench.add_picture(&format!("walk/{step}.png"), 40 * step);
     }
     let (model, walk, out) = (bench.arg("model.onnx"), bench.arg("walk"), bench.arg("out"));
-    // Nothing new is taken where the depth changes by less than a metre.
+    // Nothing new is taken where the depth changes by less than a meter.
     let filter = ["--model", &model, "--focal", "off", "--filter", "temporal=alpha:0,delta:1"];
     let own = |step: usize| -> Vec<f32> {
         let picture = image::open(bench.path(&format!("walk/{step}.png"))).unwrap().into_rgb8();
@@ -160,7 +160,7 @@ fn a_filtered_stream_is_recorded_and_replayed() {
     let size = |path: &str| std::fs::metadata(path).unwrap().len();
     let plain = bench.arg("plain.mcap");
     run_well(nunetd(&["-q", "replay", &recorded, &plain, "--model", &model]));
-    // A ninth of 640x480 points of 16 bytes and of depth of 4; the picture is the same.
+    // A ninth of 640x480 points of 16 bytes and of depth of 4; the image is the same.
     assert!(size(&replayed) + 1_000_000 < size(&plain), "{} of {}", size(&replayed), size(&plain));
 }
 
@@ -168,7 +168,7 @@ fn a_filtered_stream_is_recorded_and_replayed() {
 fn eval_measures_filtered_depth_and_says_so() {
     let bench = Bench::new();
     std::fs::create_dir_all(bench.path("data/depth")).unwrap();
-    // One colour: every filter leaves its depth as it is.
+    // One color: every filter leaves its depth as it is.
     std::fs::create_dir_all(bench.path("data/rgb")).unwrap();
     let grey = image::RgbImage::from_pixel(SIZE.0, SIZE.1, image::Rgb([16; 3]));
     grey.save(bench.path("data/rgb/a.png")).unwrap();

@@ -219,7 +219,7 @@ fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
     let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
     let early = nunetd(&["watch", &depth, "--json", "--frames", "1", "--timeout", "50"]);
     let early = std::thread::spawn(move || run_well(early));
-    // 40 pictures in two seconds, then silence: the feeder has ended.
+    // 40 images in two seconds, then silence: the feeder has ended.
     run_well(nunetd(&[
         "-q", "feed", &pictures, "--camera", &front, "--loop", "--rate", "20", "--frames", "40",
     ]));
@@ -242,7 +242,7 @@ fn a_late_joiner_gets_the_last_picture_of_a_feeder_that_waits_for_its_next() {
     let _piped = Guarded::start(feed);
     pipe.write_all(&[100; 64 * 48]).unwrap();
     for front in [&slow, &piped] {
-        // Who has seen the picture knows that it has been sent: whoever comes now is late.
+        // Who has seen the image knows that it has been sent: whoever comes now is late.
         let early = Reader::open(&front.parse().unwrap(), &[Topic::Rgb], PATIENCE).unwrap();
         let start = Instant::now();
         while early.latest(Topic::Rgb).unwrap().is_none() {

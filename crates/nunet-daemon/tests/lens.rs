@@ -9,7 +9,7 @@ use crate::support::{Bench, Guarded, PATIENCE, SIZE, calibration, camera, nunetd
 
 const FISHEYE: [f64; 4] = [-0.0123, 0.0034, -0.0025, 0.0004];
 
-/// At twice the size of the pictures, so that it is scaled. Its circle of 180 degrees is smaller than the picture.
+/// At twice the size of the images, so that it is scaled. Its circle of 180 degrees is smaller than the image.
 fn fisheye() -> String {
     let camera = [340.0, 342.0, 641.0, 475.0];
     calibration((1280, 960), camera, "equidistant", &FISHEYE)

@@ -4,7 +4,7 @@ use nunet_testkit::models;
 
 use crate::support::{Bench, SIZE, camera, nunetd, run_well, text};
 
-/// Pictures of a walk, and a network that remembers them.
+/// Images of a walk, and a network that remembers them.
 fn walk() -> Bench {
     let bench = Bench::new();
     bench.add_model("remembering.onnx", &models::remembering(SIZE));
@@ -14,7 +14,7 @@ fn walk() -> Bench {
     bench
 }
 
-/// The depth of the last of these pictures of the walk, computed by hand.
+/// The depth of the last of these images of the walk, computed by hand.
 fn depth_after(bench: &Bench, steps: &[usize]) -> Vec<f32> {
     let mut trail = vec![0.0; (SIZE.0 * SIZE.1) as usize];
     let mut depth = Vec::new();

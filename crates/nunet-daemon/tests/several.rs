@@ -69,7 +69,7 @@ fn each_camera_has_its_own_results_settings_and_ledger_and_the_file_has_all_of_t
     ));
     run_well(nunetd(&["-q", "--config", &config]));
 
-    // The same pictures alone.
+    // The same images alone.
     for (folder, out) in [("left", "alone/front"), ("right", "alone/rear")] {
         let (picture, model) = (bench.arg(&format!("{folder}/0.png")), bench.arg("model.onnx"));
         let mut command = nunetd(&["-q", "infer", &picture, "--model", &model, "--out", &bench.arg(out)]);
@@ -442,7 +442,7 @@ fn own_memory(pid: u32) -> u64 {
 fn three_cameras_have_the_weights_in_memory_once() {
     const WEIGHTS: usize = 16 << 20;
     let bench = Bench::new();
-    // Depth depends on all weights by an index that only the picture knows, so that none can be left out.
+    // Depth depends on all weights by an index that only the image knows, so that none can be left out.
     let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
     let heavy = models::undescribed_unet(SIZE)
         .constant_f32("heavy", &[WEIGHTS as i64], &vec![1.0; WEIGHTS])

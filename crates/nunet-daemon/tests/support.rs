@@ -16,7 +16,7 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 /// Width and height of the demo scene, which is that of the test networks too.
 pub(crate) const SIZE: (u32, u32) = (640, 480);
 
-/// `nunetd` with the library and the models of this checkout, a cache of its own, and no colours.
+/// `nunetd` with the library and the models of this checkout, a cache of its own, and no colors.
 pub(crate) fn nunetd(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_nunetd"));
     command.args(arguments).stdin(Stdio::null()).env("NO_COLOR", "1");
@@ -129,7 +129,7 @@ impl Drop for Bench {
     }
 }
 
-/// A folder with a model, whose depth is 0.5 + (r + 2g + 3b) / 64 metres and whose labels are the brightest channel.
+/// A folder with a model, whose depth is 0.5 + (r + 2g + 3b) / 64 meters and whose labels are the brightest channel.
 pub(crate) struct Bench {
     folder: tempfile::TempDir,
     /// How the files of its own shared memory begin, where it has one.
@@ -186,7 +186,7 @@ impl Bench {
         model.write(self.path(name));
     }
 
-    /// Saves a picture of the demo scene.
+    /// Saves an image of the demo scene.
     pub(crate) fn add_picture(&self, name: &str, frame: u64) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -1,5 +1,5 @@
 //! A network that knows the demo scene answers with the exact depth: what is published must be the truth, bit by
-//! bit. It compares the picture it gets with the one it expects, so swapped colours, a mirrored picture or a shifted
+//! bit. It compares the image it gets with the one it expects, so swapped colors, a mirrored image or a shifted
 //! row turn depth into NaN.
 
 use std::time::Instant;
@@ -29,7 +29,7 @@ impl Truth {
         Self { scene, rgb, depth_m, labels }
     }
 
-    /// Exact depth where the picture is this one to the byte, NaN elsewhere.
+    /// Exact depth where the image is this one to the byte, NaN elsewhere.
     fn network(&self) -> ModelBuilder {
         let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
         let expected: Vec<f32> = self.rgb.iter().map(|&value| f32::from(value)).collect();

@@ -15,7 +15,7 @@ use mcap::{Compression, WriteOptions};
 use nunet_testkit::hostile;
 use proptest::prelude::*;
 
-/// The smallest PNG: one grey pixel.
+/// The smallest PNG: one gray pixel.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0:~\x9bU\0\0\0\nIDAT\x08\xd7ch\0\0\0\x82\0\x81\xddCj\xf4\0\0\0\0IEND\xaeB`\x82";
 
 /// One message: topic, schema, encoding, bytes.

@@ -21,7 +21,7 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 const IMAGES: u8 = 6;
 
-/// A `sensor_msgs/msg/Image` in CDR of 4x2 grey pixels, laid out by hand.
+/// A `sensor_msgs/msg/Image` in CDR of 4x2 gray pixels, laid out by hand.
 fn grey_image(value: u8) -> Vec<u8> {
     let mut cdr = vec![0, 1, 0, 0];
     cdr.extend([value, 0, 0, 0, 0, 0, 0, 0]); // stamp

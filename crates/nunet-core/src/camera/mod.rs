@@ -117,7 +117,7 @@ impl Camera {
         Self { intrinsics: self.intrinsics.decimated(factor), distortion: self.distortion }
     }
 
-    /// Column and row where a point `[x, y, z]` of the camera's optical frame (metres or any unit) appears.
+    /// Column and row where a point `[x, y, z]` of the camera's optical frame (meters or any unit) appears.
     ///
     /// `None` for a point that is not in front of the camera, or that is outside the range of the lens model. The pixel
     /// may lie outside the image.

@@ -60,7 +60,7 @@ impl fmt::Display for HolesOptions {
 
 /// Fills each pixel without depth with a depth from around it.
 ///
-/// As librealsense's code does, from the left neighbour, or from the farthest or nearest of five: above, above left,
+/// As librealsense's code does, from the left neighbor, or from the farthest or nearest of five: above, above left,
 /// left, below left and below. Pixels are filled row by row from the left, and what was filled fills the next, so that a
 /// hole of any size is filled. What has nothing to its left (nor above or below) stays without depth.
 #[derive(Debug)]

@@ -53,7 +53,7 @@ impl fmt::Display for SpatialOptions {
 /// Processing" (2011), as librealsense simplifies it.
 ///
 /// The paper's recursion is `J[n] = (1 - a^d) I[n] + a^d J[n - 1]`, forth and back along each line, where `d` grows with
-/// the difference of neighbours. Here the distance knows two values: `a^d` is `1 - alpha` where two neighbours differ by
+/// the difference of neighbors. Here the distance knows two values: `a^d` is `1 - alpha` where two neighbors differ by
 /// less than `delta`, and 0 where they differ by more. Nothing crosses such an edge, and nothing crosses a pixel without
 /// depth, which stays without. Each of `magnitude` rounds goes right, left, down and up, with the same `a` (the paper
 /// shortens its reach from round to round).
@@ -97,7 +97,7 @@ impl Spatial {
 }
 
 impl SpatialOptions {
-    /// A pixel's depth after the recursion, from its own, its neighbour's own, and its neighbour's after the recursion.
+    /// A pixel's depth after the recursion, from its own, its neighbor's own, and its neighbor's after the recursion.
     ///
     /// Written so that equal numbers stay equal to the bit, and that NaN on either side is an edge.
     fn step(self) -> impl Fn(f32, f32, f32) -> f32 {

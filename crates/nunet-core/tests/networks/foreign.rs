@@ -1,4 +1,4 @@
-//! Foreign networks by sidecar: layouts, channel orders, normalisation, open dimensions.
+//! Foreign networks by sidecar: layouts, channel orders, normalization, open dimensions.
 
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};

@@ -24,7 +24,7 @@ use crate::source::{Fill, Frame};
 const PATIENCE: Duration = Duration::from_secs(60);
 const SIZE: (u32, u32) = (64, 48);
 
-/// Grey pictures; of a live source one each millisecond.
+/// Grey images; of a live source one each millisecond.
 struct Grey {
     left: u64,
     sequence: u64,

@@ -1,4 +1,4 @@
-//! `nunetd bench`: predictions of one picture, as the paper's Table 2 measures them.
+//! `nunetd bench`: predictions of one image, as the paper's Table 2 measures them.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -50,7 +50,7 @@ pub(super) fn bench(arguments: &BenchArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The picture of all predictions.
+/// The image of all predictions.
 pub(super) fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
     let mut frame = Frame::default();
     match image {
@@ -106,7 +106,7 @@ impl Subject {
     }
 
     pub(super) fn predict(&mut self, frame: &Frame, measured: bool) -> anyhow::Result<()> {
-        // Predictions of one picture are no stream: each is of a network that remembers nothing.
+        // Predictions of one image are no stream: each is of a network that remembers nothing.
         self.pipeline.reset();
         let start = std::time::Instant::now();
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;

@@ -1,4 +1,4 @@
-//! `nunetd eval`: the production pipeline against pictures with true depth, and the mean image beside it.
+//! `nunetd eval`: the production pipeline against images with true depth, and the mean image beside it.
 
 use std::collections::BTreeMap;
 use std::io::Write as _;
@@ -42,7 +42,7 @@ use unpack::{is_recording, refuse_own_depth};
 /// The share of truth beyond what is compared from which on its scale looks wrong.
 const MUCH_BEYOND: f64 = 0.05;
 
-/// Measures every picture; one that cannot be read is named and counted.
+/// Measures every image; one that cannot be read is named and counted.
 pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
     refuse_own_depth(arguments)?;
     let optics = CameraResolver::new(&arguments.lens.geometry.options())?;
@@ -113,7 +113,7 @@ struct Work {
     confusion: LabelMetrics,
     baseline: Option<Baseline>,
     rows: Vec<PictureRow>,
-    /// Whether each picture follows the one before it.
+    /// Whether each image follows the one before it.
     clip: bool,
 }
 
@@ -171,7 +171,7 @@ impl Work {
         }
     }
 
-    /// Measures every picture and returns how many could not be; an error when none could.
+    /// Measures every image and returns how many could not be; an error when none could.
     fn measure_all(&mut self, dataset: &Dataset) -> anyhow::Result<u64> {
         let mut last = None;
         let mut skipped = 0;
@@ -242,7 +242,7 @@ impl Work {
         )
     }
 
-    /// Predicts the chosen pictures once more, nine, where all would not fit into memory; of a clip, whatever leads up to
+    /// Predicts the chosen images once more, nine, where all would not fit into memory; of a clip, whatever leads up to
     /// them as well.
     fn write_sheet(&mut self, dataset: &Dataset, path: &Path) -> anyhow::Result<()> {
         let errors: Vec<f64> = self.rows.iter().map(PictureRow::error).collect();

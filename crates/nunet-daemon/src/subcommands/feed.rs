@@ -49,7 +49,7 @@ pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
     Ok(if feeder.failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
 }
 
-/// Hands the last picture to readers that come while `feed` waits for the next one. On a thread of its own: a pipe is
+/// Hands the last image to readers that come while `feed` waits for the next one. On a thread of its own: a pipe is
 /// silent for as long as it likes, and a slow pace sleeps.
 fn serving_late_joiners(
     port: &OnceLock<Port>,
@@ -72,7 +72,7 @@ fn serving_late_joiners(
     })
 }
 
-/// A camera of the first picture's size.
+/// A camera of the first image's size.
 struct Feeder<'a> {
     camera: CameraName,
     resolver: CameraResolver,
@@ -169,7 +169,7 @@ impl Port {
         Ok(Self { publisher, size: frame.size, room })
     }
 
-    /// Shared memory is reserved once, for pictures like the first.
+    /// Shared memory is reserved once, for images like the first.
     fn has_room(&self, frame: &Frame) -> anyhow::Result<()> {
         let view = frame.view()?;
         let bytes = view.bytes().len();
@@ -219,7 +219,7 @@ mod tests {
     use super::*;
     use crate::source::{Fill, Source};
 
-    /// A grey picture, and then a colour one.
+    /// A gray image, and then a color one.
     struct Turning(u64);
 
     impl Source for Turning {

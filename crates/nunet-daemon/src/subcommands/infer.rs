@@ -1,4 +1,4 @@
-//! `nunetd infer`: depth, labels and cloud of single pictures, as files.
+//! `nunetd infer`: depth, labels and cloud of single images, as files.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use crate::source::{Frame, decode, glance, list};
 use crate::stream::{CameraResolver, Stop, Stopped};
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 
-/// Infers one picture after the other; a bad one does not end it. A stop waits for the picture that is at work.
+/// Infers one image after the other; a bad one does not end it. A stop waits for the image that is at work.
 pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match infer_unless(arguments, &stop) {
@@ -61,7 +61,7 @@ fn infer_unless(arguments: &InferArgs, stop: &Stop) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// All pictures that are named, in that order: those of a folder or a glob by their names.
+/// All images that are named, in that order: those of a folder or a glob by their names.
 fn pictures(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     for name in named {
@@ -78,7 +78,7 @@ fn pictures(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// Where nothing looks like a picture, the network need not be loaded.
+/// Where nothing looks like an image, the network need not be loaded.
 fn refuse_no_pictures(images: &[PathBuf]) -> anyhow::Result<()> {
     let mut failures = Vec::new();
     for image in images {
@@ -113,7 +113,7 @@ fn judge(mut failures: Vec<anyhow::Error>, pictures: usize) -> anyhow::Result<Ou
     }
 }
 
-/// `--out` itself for one picture, else a folder below it for each.
+/// `--out` itself for one image, else a folder below it for each.
 fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if images.len() == 1 {
         return Ok(vec![out.to_owned()]);
@@ -136,7 +136,7 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
     Ok(folders)
 }
 
-/// The pipeline and everything around one picture after the other.
+/// The pipeline and everything around one image after the other.
 struct Work {
     pipeline: Pipeline,
     camera: CameraResolver,
@@ -155,7 +155,7 @@ impl Work {
         decode(image, &mut self.frame).map_err(|error| unreadable(source_error(error), image))?;
         let ready_nanos = MonotonicClock.nanos();
         self.camera.update(&self.frame, &mut self.pipeline)?;
-        // Single pictures are no stream.
+        // Single images are no stream.
         self.pipeline.reset();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();

@@ -158,7 +158,7 @@ impl View {
     }
 }
 
-/// Milliseconds since the picture was taken; `None` where its sender does not say when.
+/// Milliseconds since the image was taken; `None` where its sender does not say when.
 fn age_ms(header: &FrameHeader) -> Option<f64> {
     header.age_nanos(monotonic_nanos(), unix_nanos()).map(|nanos| nanos as f64 / 1e6)
 }
@@ -167,7 +167,7 @@ fn age_of(header: &FrameHeader) -> String {
     age_ms(header).map_or_else(|| "unknown".to_owned(), |age| format!("{age:.1} ms"))
 }
 
-/// Depth in the middle of the picture; `None` where there is no measurement.
+/// Depth in the middle of the image; `None` where there is no measurement.
 fn depth_center(frame: &Frame) -> anyhow::Result<Option<f32>> {
     let (width, height) = (frame.header().width as usize, frame.header().height as usize);
     let depth = frame.depth()?.get(height / 2 * width + width / 2).copied();

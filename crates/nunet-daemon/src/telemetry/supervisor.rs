@@ -113,7 +113,7 @@ mod tests {
     fn sources_that_say_that_they_wait_while_frames_come_do_not_feed_the_watchdog() {
         let mut supervisor = Supervisor::new(Some(Duration::from_secs(8)));
         let start = Instant::now();
-        // A damaged picture each 1.5 s, from a camera that is not well again before a good one.
+        // A damaged image each 1.5 s, from a camera that is not well again before a good one.
         let fed = (0..100).any(|look| supervisor.waits_well(true, u64::from(look) / 15, start + LOOK * look));
         assert!(!fed);
         let fed = (100..200).find(|look| supervisor.waits_well(true, 6, start + LOOK * *look));

@@ -5,7 +5,7 @@ use image::{ExtendedColorType, ImageEncoder as _, Rgb, RgbImage};
 
 use super::*;
 
-/// A picture with detail everywhere, so that every block has coefficients.
+/// An image with detail everywhere, so that every block has coefficients.
 fn noisy(width: u32, height: u32) -> RgbImage {
     let value =
         |x: u32, y: u32, seed: u32| ((x * 31 + y * 17 + seed).wrapping_mul(2_654_435_761) >> 24) as u8;

@@ -3,11 +3,11 @@
 
 use std::mem::{offset_of, size_of};
 
-/// Pictures, each in one buffer (`V4L2_BUF_TYPE_VIDEO_CAPTURE`).
+/// Images, each in one buffer (`V4L2_BUF_TYPE_VIDEO_CAPTURE`).
 pub(super) const CAPTURE: u32 = 1;
 /// Buffers of the driver that we map (`V4L2_MEMORY_MMAP`).
 pub(super) const MMAP: u32 = 1;
-/// Whole pictures, not every second row (`V4L2_FIELD_NONE`).
+/// Whole images, not every second row (`V4L2_FIELD_NONE`).
 pub(super) const PROGRESSIVE: u32 = 1;
 /// Of frame sizes and intervals: this one, not a range (`V4L2_FRMSIZE_TYPE_DISCRETE`, `V4L2_FRMIVAL_TYPE_DISCRETE`).
 pub(super) const DISCRETE: u32 = 1;

@@ -73,9 +73,9 @@ pub(super) struct Now {
 pub(super) struct Capability {
     /// The camera's name, for people.
     pub(super) name: String,
-    /// Whether it captures pictures, each in one buffer.
+    /// Whether it captures images, each in one buffer.
     pub(super) captures: bool,
-    /// Whether it captures pictures whose planes lie in separate buffers.
+    /// Whether it captures images whose planes lie in separate buffers.
     pub(super) captures_planes: bool,
     /// Whether it fills mapped buffers.
     pub(super) streams: bool,
@@ -158,7 +158,7 @@ pub(super) enum Intervals {
     },
 }
 
-/// How pictures lie in buffers.
+/// How images lie in buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layout {
     /// The format.
@@ -176,9 +176,9 @@ pub(super) struct Buffer {
     pub(super) index: u32,
     /// Bytes that were filled.
     pub(super) used: usize,
-    /// The driver says that the picture is damaged.
+    /// The driver says that the image is damaged.
     pub(super) flawed: bool,
-    /// When the picture was taken, `CLOCK_MONOTONIC`; `None` where the driver uses another clock or does not tell.
+    /// When the image was taken, `CLOCK_MONOTONIC`; `None` where the driver uses another clock or does not tell.
     pub(super) taken_nanos: Option<i64>,
 }
 

@@ -7,7 +7,7 @@ const FIRST_WAIT: Duration = Duration::from_millis(200);
 /// ... and at last: soon enough for who plugs it in again, seldom enough to cost nothing.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
-/// Whether the camera gives pictures. Good ones alone make it healthy: one that opens and stays silent is not back.
+/// Whether the camera gives images. Good ones alone make it healthy: one that opens and stays silent is not back.
 #[derive(Debug)]
 pub(super) struct Health {
     wait: Duration,
@@ -32,7 +32,7 @@ impl Health {
         news
     }
 
-    /// Whether no good picture has come since something was wrong.
+    /// Whether no good image has come since something was wrong.
     pub(super) fn is_bad(&self) -> bool {
         self.told.is_some()
     }
@@ -42,7 +42,7 @@ impl Health {
         Duration::from_nanos(self.due_nanos.saturating_sub(now_nanos).max(0).unsigned_abs())
     }
 
-    /// A good picture came. Returns whether that is news.
+    /// A good image came. Returns whether that is news.
     pub(super) fn recovers(&mut self) -> bool {
         self.wait = FIRST_WAIT;
         self.told.take().is_some()

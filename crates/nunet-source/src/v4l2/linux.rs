@@ -92,7 +92,7 @@ impl VideoDevice {
             // and writes (asserted above); `Plain` structures stay valid whatever the kernel writes.
             let request = unsafe { Updater::<OPCODE, T>::new(argument) };
             // SAFETY: the device is one of V4L2 (its major number was asked), so it knows these opcodes. None of the
-            // arguments holds a pointer: buffers are the driver's, and formats those of pictures in one buffer.
+            // arguments holds a pointer: buffers are the driver's, and formats those of images in one buffer.
             match unsafe { ioctl(&self.file, request) } {
                 Err(Errno::INTR) => {}
                 result => return result,

@@ -194,7 +194,7 @@ pub(super) struct Mode {
     pub(super) format: FourCc,
     pub(super) coding: Coding,
     pub(super) size: (u32, u32),
-    /// Bytes from row to row; of no use where pictures are JPEGs.
+    /// Bytes from row to row; of no use where images are JPEGs.
     pub(super) row_stride: u32,
     /// Frames a second, where the driver tells.
     pub(super) hz: Option<f64>,

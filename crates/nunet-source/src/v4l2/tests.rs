@@ -233,14 +233,14 @@ impl Device for FakeDevice {
     }
 
     fn queue(&mut self, buffer: Buffer) -> device::Result<()> {
-        // What is looked at after it was given back is another picture.
+        // What is looked at after it was given back is another image.
         self.buffers[buffer.index as usize].fill(0xee);
         self.alive()?.held -= 1;
         Ok(())
     }
 }
 
-/// The next picture's bytes, or what came instead.
+/// The next image's bytes, or what came instead.
 fn next(video: &mut Video<FakeHost>) -> Result<Vec<u8>, Fill> {
     let mut frame = Frame::default();
     match video.fill(&mut frame) {
@@ -249,7 +249,7 @@ fn next(video: &mut Video<FakeHost>) -> Result<Vec<u8>, Fill> {
     }
 }
 
-/// A camera that has been asked for a picture already, so that nothing counts as old any more.
+/// A camera that has been asked for an image already, so that nothing counts as old any more.
 fn awake(host: &FakeHost) -> Video<FakeHost> {
     let mut video = host.open();
     assert!(matches!(next(&mut video), Err(Fill::Nothing)));

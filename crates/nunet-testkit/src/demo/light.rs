@@ -4,7 +4,7 @@ use super::room::{LAMP, LAMP_RADIUS, WINDOW, WINDOW_SIZE};
 use super::solid::{FACES, OnFace, Shape, Solid};
 use super::vector::Vec3;
 
-/// Distance between two samples on a surface, metres; light changes slowly.
+/// Distance between two samples on a surface, meters; light changes slowly.
 const SAMPLE_M: f32 = 0.1;
 /// Samples lie this far inside a surface's border and in front of it, out of what it touches.
 const INSET_M: f32 = 0.004;

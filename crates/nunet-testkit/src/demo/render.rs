@@ -1,4 +1,4 @@
-//! What the camera sees: first which surface at which depth, then its colour.
+//! What the camera sees: first which surface at which depth, then its color.
 
 use super::intrinsics::Intrinsics;
 
@@ -7,10 +7,10 @@ use super::path::Pose;
 use super::solid::{FACES, Shape, Solid, meet_cuboid, meet_hollow};
 use super::vector::Vec3;
 
-/// Nothing nearer to the camera is looked for, metres.
+/// Nothing nearer to the camera is looked for, meters.
 const NEAREST_M: f32 = 0.05;
 
-/// Where the rays of a picture go, in the axes of one solid: `base + column * per_column + row * per_row`.
+/// Where the rays of an image go, in the axes of one solid: `base + column * per_column + row * per_row`.
 ///
 /// A ray's length along the optical axis is 1, so that `t` is the depth.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +28,7 @@ impl Rays {
     }
 }
 
-/// The buffers of a picture, made once.
+/// The buffers of an image, made once.
 pub(super) struct Renderer {
     width: usize,
     height: usize,
@@ -52,7 +52,7 @@ impl Renderer {
         }
     }
 
-    /// Depth along the optical axis of the last picture, metres.
+    /// Depth along the optical axis of the last image, meters.
     pub(super) fn depth_m(&self) -> &[f32] {
         &self.depth_m
     }
@@ -92,7 +92,7 @@ impl Renderer {
         }
     }
 
-    /// Writes the colour of what [`Renderer::look`] found, `[height][width][3]`.
+    /// Writes the color of what [`Renderer::look`] found, `[height][width][3]`.
     pub(super) fn paint(&self, solids: &[Solid], light: &LightMap, rgb: &mut [u8]) {
         let mut pixels = rgb.as_chunks_mut().0.iter_mut();
         for row in 0..self.height {
@@ -172,7 +172,7 @@ struct Window {
     rows: (usize, usize),
 }
 
-/// Conversion from float saturates, so that what lies outside the picture ends at its border.
+/// Conversion from float saturates, so that what lies outside the image ends at its border.
 fn pixels_between(low: f32, high: f32, side: usize) -> (usize, usize) {
     let end = (high.ceil() as usize).saturating_add(1).min(side);
     ((low.floor() as usize).min(end), end)

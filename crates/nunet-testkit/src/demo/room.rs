@@ -1,7 +1,7 @@
 //! The room and what stands in it.
 //!
 //! Nothing here is symmetric: the window is on the left and the books are on the right, the floor is dark and the
-//! ceiling light, each wall has its own colour.
+//! ceiling light, each wall has its own color.
 
 use super::class;
 use super::noise::unit;
@@ -9,7 +9,7 @@ use super::solid::{FACES, Finish, Shape, Solid};
 use super::texture::{Colour, Material};
 use super::vector::Vec3;
 
-/// Width (x), depth (y) and height (z) of the room, metres.
+/// Width (x), depth (y) and height (z) of the room, meters.
 pub(super) const SIZE: Vec3 = Vec3::new(5.2, 6.2, 2.6);
 
 /// Where the daylight comes in: the middle of the window, in the wall at x = 0.
@@ -99,7 +99,7 @@ impl Room {
         2.0 * unit(self.seed, what) - 1.0
     }
 
-    /// A colour that differs a little from seed to seed.
+    /// A color that differs a little from seed to seed.
     fn dyed(&self, what: u32, r: f32, g: f32, b: f32) -> Colour {
         let by = |i| 1.0 + 0.25 * self.chance(100 + 3 * what + i);
         Colour::new(r * by(0), g * by(1), b * by(2))

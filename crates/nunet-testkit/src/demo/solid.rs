@@ -44,7 +44,7 @@ pub(super) struct Solid {
     pub(super) faces: [Finish; FACES],
 }
 
-/// Where a point lies on a surface: metres from the surface's corner.
+/// Where a point lies on a surface: meters from the surface's corner.
 pub(super) struct OnFace {
     pub(super) u: f32,
     pub(super) v: f32,
@@ -113,7 +113,7 @@ impl Shape {
         }
     }
 
-    /// The lengths of surface `face` along u and v, metres; None where the shape has no such surface.
+    /// The lengths of surface `face` along u and v, meters; None where the shape has no such surface.
     pub(super) fn face_size(self, face: u8) -> Option<(f32, f32)> {
         match (self, face) {
             (Self::Cuboid { half } | Self::Hollow { half }, _) => Some(match face / 2 {

@@ -9,7 +9,7 @@ const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 const PIXELS: usize = (WIDTH * HEIGHT) as usize;
 
-/// How far a point lies outside a solid, metres; negative inside. Found without casting a ray.
+/// How far a point lies outside a solid, meters; negative inside. Found without casting a ray.
 fn distance_outside(solid: &Solid, point: Vec3) -> f32 {
     let p = solid.own_point(point);
     let beyond = |x: f32, y: f32, z: f32| {

@@ -1,4 +1,4 @@
-//! What surfaces look like, computed at each point: no pictures to ship, no resolution to run out of.
+//! What surfaces look like, computed at each point: no images to ship, no resolution to run out of.
 
 use super::noise::{hash, hills, mix, unit};
 use super::solid::OnFace;
@@ -10,19 +10,19 @@ pub(super) type Colour = Vec3;
 const WHITE: Colour = Colour::new(0.82, 0.81, 0.78);
 const DARK: Colour = Colour::new(0.03, 0.03, 0.04);
 
-/// The look of a surface; lengths in metres.
+/// The look of a surface; lengths in meters.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Material {
-    /// One colour.
+    /// One color.
     Paint(Colour),
-    /// A wall's: one colour in soft clouds.
+    /// A wall's: one color in soft clouds.
     Plaster(Colour),
     /// A floor's boards.
     Boards(Colour),
     /// Grained along u.
     Wood(Colour),
     Fabric(Colour),
-    /// Two colours by turns along u.
+    /// Two colors by turns along u.
     Stripes(Colour, Colour),
     Leaves,
     /// Spines side by side, up to `height`.
@@ -51,12 +51,12 @@ pub(super) enum Material {
 }
 
 impl Material {
-    /// Whether the colour is the light itself, whatever falls on it.
+    /// Whether the color is the light itself, whatever falls on it.
     pub(super) fn shines(self) -> bool {
         matches!(self, Self::Window { .. } | Self::Glow(_))
     }
 
-    /// The colour at a point of a surface.
+    /// The color at a point of a surface.
     pub(super) fn colour(self, at: &OnFace) -> Colour {
         let OnFace { u, v } = *at;
         match self {

@@ -1,4 +1,4 @@
-//! Depth for people's eyes: a colour map with its scale beside it.
+//! Depth for people's eyes: a color map with its scale beside it.
 //!
 //! The only place where depth is stretched between its own nearest and farthest point.
 
@@ -12,20 +12,20 @@ use image::{Rgb, RgbImage};
 
 use super::Results;
 
-/// Width of the scale's column beside the picture, pixels.
+/// Width of the scale's column beside the image, pixels.
 const SCALE_WIDTH: u32 = 84;
-/// Width of the colour bar within it.
+/// Width of the color bar within it.
 const BAR_WIDTH: u32 = 16;
 const MARGIN: u32 = 8;
 /// Marks along the bar.
 const MARKS: u32 = 5;
-/// No measurement: a grey that the colour map has not.
+/// No measurement: a gray that the color map has not.
 const NONE: Rgb<u8> = Rgb([150, 150, 150]);
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
-/// Share of points beyond each end of the scale, so that a few outliers do not take all colours.
+/// Share of points beyond each end of the scale, so that a few outliers do not take all colors.
 const OUTLIERS: f64 = 0.01;
 
-/// Depth in colours (near is red, far is blue, no measurement is grey) with a scale, `SCALE_WIDTH` wider than the depth map.
+/// Depth in colors (near is red, far is blue, no measurement is gray) with a scale, `SCALE_WIDTH` wider than the depth map.
 pub fn depth_picture(results: &Results<'_>) -> RgbImage {
     let (width, height) = results.size;
     let range = range(results.depth);
@@ -35,7 +35,7 @@ pub fn depth_picture(results: &Results<'_>) -> RgbImage {
     picture
 }
 
-/// Numbers in colours, from red for `near` to blue for `far`; no measurement is grey.
+/// Numbers in colors, from red for `near` to blue for `far`; no measurement is gray.
 pub(crate) fn paint(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> RgbImage {
     let gradient = colorgrad::preset::turbo();
     let mut picture = RgbImage::from_pixel(width, height, NONE);
@@ -51,7 +51,7 @@ fn colour_of(gradient: &impl Gradient, depth: f32, near: f32, far: f32) -> Rgb<u
     Rgb([r, g, b])
 }
 
-/// The depths between which colours are spread.
+/// The depths between which colors are spread.
 pub(crate) fn range(depth: &[f32]) -> (f32, f32) {
     let mut valid: Vec<f32> = depth.iter().copied().filter(|value| value.is_finite()).collect();
     if valid.is_empty() {

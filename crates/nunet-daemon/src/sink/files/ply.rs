@@ -6,7 +6,7 @@ use std::path::Path;
 
 use nunet_core::cloud::CloudPoint;
 
-/// Writes the points that have a position, in the optical frame; metres where `metric`.
+/// Writes the points that have a position, in the optical frame; meters where `metric`.
 ///
 /// # Errors
 /// The file cannot be written.

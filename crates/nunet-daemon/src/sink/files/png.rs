@@ -29,7 +29,7 @@ pub(super) fn write_gray(path: &Path, values: &[u8], (width, height): (u32, u32)
     Ok(picture.save(path)?)
 }
 
-/// Colours.
+/// Colors.
 pub(super) fn write_rgb(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     Ok(picture.save(path)?)
 }

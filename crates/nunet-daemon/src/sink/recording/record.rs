@@ -10,9 +10,9 @@ use crate::source::{Frame, Pixels};
 /// A frame as it is recorded.
 #[derive(Debug, Default)]
 pub(crate) struct Record {
-    /// The picture and its times.
+    /// The image and its times.
     pub(crate) frame: Frame,
-    /// The camera at the picture's size.
+    /// The camera at the image's size.
     pub(crate) camera: Option<Camera>,
     /// The camera at the size of depth.
     pub(crate) depth_camera: Option<Camera>,
@@ -26,7 +26,7 @@ pub(crate) struct Record {
 }
 
 impl Record {
-    /// Takes a frame, and its camera at the picture's size. Memory that another process lends is given back at once.
+    /// Takes a frame, and its camera at the image's size. Memory that another process lends is given back at once.
     pub(crate) fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
         if let Pixels::Shared(sample) = &frame.pixels {
             frame.pixels = Pixels::Owned(sample.bytes().to_vec());
@@ -78,7 +78,7 @@ impl Record {
         (!self.labels.is_empty()).then_some(&self.labels)
     }
 
-    /// Points are metres to everybody who reads ROS' messages: there are none of depth without a unit.
+    /// Points are meters to everybody who reads ROS' messages: there are none of depth without a unit.
     pub(crate) fn cloud(&self) -> Option<CloudRecord<'_>> {
         let (width, height) = self.cloud_size;
         (!self.cloud.is_empty() && self.scale[0] == Units::Metre.name()).then_some(CloudRecord {

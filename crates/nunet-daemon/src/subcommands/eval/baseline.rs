@@ -15,7 +15,7 @@ use crate::cli::{EvalArgs, ProtocolArg};
 use crate::exit::WithHint;
 use crate::sink::files::{read_npy, write_npy};
 
-/// The trivial prediction: for each pixel its mean over all pictures, whatever the picture shows.
+/// The trivial prediction: for each pixel its mean over all images, whatever the image shows.
 #[derive(Debug, Default)]
 struct MeanImage {
     size: Option<(u32, u32)>,
@@ -156,7 +156,7 @@ impl Scenes {
 /// Whose mean the mean image is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(super) enum Of {
-    /// Of what it is measured on: it is better than one can be on other pictures.
+    /// Of what it is measured on: it is better than one can be on other images.
     #[serde(rename = "measured pictures")]
     Measured,
     /// Of the other scenes of the dataset, for each image.
@@ -245,7 +245,7 @@ impl Baseline {
         Ok(Self::new(Of::File, size, everywhere, BTreeMap::new(), rules))
     }
 
-    /// Writes it as `float32` `(H, W)`, metres.
+    /// Writes it as `float32` `(H, W)`, meters.
     pub(super) fn write(&self, path: &Path) -> anyhow::Result<()> {
         write_npy(path, &self.everywhere.meters, self.size)
             .with_context(|| format!("cannot write `{}`", path.display()))

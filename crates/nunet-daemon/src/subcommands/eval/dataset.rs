@@ -26,7 +26,7 @@ const NUMBER_ENDINGS: [&str; 1] = ["png"];
 /// A million ids of 64 characters.
 const MAX_LIST_BYTES: u64 = 64 << 20;
 const MILLIMETRE_M: f64 = 0.001;
-/// What sensors write into 16-bit pictures where they measured nothing, besides 0: 7-Scenes has both.
+/// What sensors write into 16-bit images where they measured nothing, besides 0: 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;
 /// The 13 classes that NYU's 40 fold into, index = label.
 const CLASS_NAMES: [&str; 13] = [
@@ -55,15 +55,15 @@ pub(super) struct Dataset {
     units: DepthUnitArgs,
     window: Option<Window>,
     labels: Option<LabelFolder>,
-    /// The camera of all pictures, where the dataset says it.
+    /// The camera of all images, where the dataset says it.
     camera: Option<Camera>,
-    /// A recording's pictures as files; removed at the end.
+    /// A recording's images as files; removed at the end.
     _unpacked: Option<TempDir>,
-    /// Pictures of a recording without depth beside them.
+    /// Images of a recording without depth beside them.
     pub(super) unpaired: u64,
 }
 
-/// What is known of a picture.
+/// What is known of an image.
 #[derive(Debug)]
 pub(super) struct Truth {
     /// Width and height, pixels.
@@ -113,14 +113,14 @@ impl Dataset {
         self.labels.is_some()
     }
 
-    /// Reads a picture.
+    /// Reads an image.
     pub(super) fn picture(&self, id: &str, frame: &mut Frame) -> anyhow::Result<()> {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
         frame.camera = self.camera;
         decode(&path, frame).with_context(|| format!("cannot read the image `{}`", path.display()))
     }
 
-    /// Reads what is known of a picture, whose size it must have where that is known.
+    /// Reads what is known of an image, whose size it must have where that is known.
     pub(super) fn truth(&self, id: &str, picture: Option<(u32, u32)>) -> anyhow::Result<Truth> {
         let (path, depth) = self.numbers("depth", id)?;
         if let Some(picture) = picture {
@@ -145,7 +145,7 @@ impl Dataset {
         Ok((path, numbers))
     }
 
-    /// The file of a picture, or what it is called where there is none.
+    /// The file of an image, or what it is called where there is none.
     fn path(&self, folder: &str, id: &str, endings: &[&str]) -> PathBuf {
         let folder = self.root.join(folder);
         let named = |ending: &str| folder.join(format!("{id}.{ending}"));
@@ -306,7 +306,7 @@ fn read_list(list: &Path) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Ids of all pictures and of all depth, sorted: whose partner is missing is found when its turn comes. Files of other
+/// Ids of all images and of all depth, sorted: whose partner is missing is found when its turn comes. Files of other
 /// formats are counted.
 fn all_ids(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut ids = BTreeSet::new();

@@ -1,6 +1,6 @@
-//! Metrics of depth and of labels over all pixels of all pictures, and those of depth as the mean over pictures.
+//! Metrics of depth and of labels over all pixels of all images, and those of depth as the mean over images.
 //!
-//! Tables of the field have either: `FastDepth`, `BTS` and `AdaBins` take the mean over pictures, which gives a smaller RMSE.
+//! Tables of the field have either: `FastDepth`, `BTS` and `AdaBins` take the mean over images, which gives a smaller RMSE.
 
 use serde::Serialize;
 
@@ -111,7 +111,7 @@ pub(super) struct DepthFigures {
     pub(super) delta3: f64,
 }
 
-/// Figures of each picture by itself, averaged over the pictures that have any.
+/// Figures of each image by itself, averaged over the images that have any.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PictureMean {
     sums: [f64; 10],
@@ -119,7 +119,7 @@ pub(super) struct PictureMean {
 }
 
 impl PictureMean {
-    /// Counts one picture; `None` had no pixel to compare.
+    /// Counts one image; `None` had no pixel to compare.
     pub(super) fn add(&mut self, figures: Option<DepthFigures>) {
         let Some(figures) = figures else { return };
         for (sum, (_, value)) in self.sums.iter_mut().zip(figures.named()) {
@@ -128,7 +128,7 @@ impl PictureMean {
         self.pictures += 1;
     }
 
-    /// The figures; `None` before the first picture.
+    /// The figures; `None` before the first image.
     pub(super) fn figures(&self) -> Option<DepthFigures> {
         let n = (self.pictures > 0).then_some(self.pictures as f64)?;
         let [mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3] =
@@ -174,7 +174,7 @@ impl LabelMetrics {
         Self { classes, confusion: vec![0; classes * (classes + 1)] }
     }
 
-    /// Counts one picture; truth [`IGNORE`] is left out.
+    /// Counts one image; truth [`IGNORE`] is left out.
     pub(super) fn add(&mut self, predicted: &[u8], truth: &[u8]) {
         for (&predicted, &truth) in predicted.iter().zip(truth) {
             let at = usize::from(truth) * (self.classes + 1) + usize::from(predicted).min(self.classes);

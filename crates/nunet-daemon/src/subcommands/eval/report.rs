@@ -59,7 +59,7 @@ impl<T> From<Option<T>> for Figures<T> {
     }
 }
 
-/// Errors of depth stretched to 0..1 picture by picture, as the paper measured.
+/// Errors of depth stretched to 0..1 image by image, as the paper measured.
 #[derive(Debug, Clone, Copy, Serialize)]
 struct Stretched {
     mse: f64,
@@ -183,7 +183,7 @@ fn line(name: &str, value: f64, beside: Option<f64>) -> String {
     format!("{name:<15}{value:>9.4}{beside}\n")
 }
 
-/// One picture's own figures.
+/// One image's own figures.
 #[derive(Debug)]
 pub(super) struct PictureRow {
     pub(super) id: String,
@@ -202,7 +202,7 @@ impl PictureRow {
         }
     }
 
-    /// What pictures are ranked by: the root of the mean squared error, in metres where there are metres.
+    /// What images are ranked by: the root of the mean squared error, in meters where there are meters.
     pub(super) fn error(&self) -> f64 {
         let stretched = self.minmax.map(|figures| figures.rmse);
         let metric = self.depth.map(|figures| figures.rmse);
@@ -215,7 +215,7 @@ impl PictureRow {
     }
 }
 
-/// Writes a row a picture; a figure that could not be measured is left empty.
+/// Writes a row an image; a figure that could not be measured is left empty.
 pub(super) fn write_csv(path: &Path, rows: &[PictureRow]) -> anyhow::Result<()> {
     let write = || -> anyhow::Result<()> {
         let mut file = csv::Writer::from_path(path)?;

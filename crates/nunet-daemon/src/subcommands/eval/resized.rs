@@ -5,7 +5,7 @@ use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma};
 use nunet_core::pipeline::Pipeline;
 
-/// From the size of results to the size of the truth. The network saw the picture stretched to its own size; a decimation
+/// From the size of results to the size of the truth. The network saw the image stretched to its own size; a decimation
 /// leaves out what fills no whole block at the right and at the bottom, and there the last column and row stand in.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
@@ -26,7 +26,7 @@ impl Fit {
 
     /// `[H, W]` depth of the results at the truth's size.
     ///
-    /// The crate `image` takes 0 to 1 as the range of `f32` and clamps to it, which would end depth at a metre: numbers
+    /// The crate `image` takes 0 to 1 as the range of `f32` and clamps to it, which would end depth at a meter: numbers
     /// are brought there and back.
     pub(super) fn depth(&self, depth: &[f32]) -> anyhow::Result<Vec<f32>> {
         if self.from == self.to {

@@ -1,4 +1,4 @@
-//! The contact sheet: best, median and worst pictures beside their truth.
+//! The contact sheet: best, median and worst images beside their truth.
 
 use image::imageops::{FilterType, replace, resize};
 use image::{Rgb, RgbImage};
@@ -6,7 +6,7 @@ use image::{Rgb, RgbImage};
 use super::comparison::stretched;
 use crate::sink::files::{draw_text, paint, range};
 
-/// Width of one picture on the sheet.
+/// Width of one image on the sheet.
 const CELL_WIDTH: u32 = 320;
 const GAP: u32 = 6;
 const CAPTION_HEIGHT: u32 = 18;
@@ -18,7 +18,7 @@ const EACH: usize = 3;
 const WIDTH: u32 = (CELL_WIDTH + GAP) * 4 + GAP;
 const COLUMNS: [&str; 4] = ["picture", "truth", "prediction", "error, red = 50 % or more"];
 
-/// The places of the pictures to show: best first, then those around the median, then the worst.
+/// The places of the images to show: best first, then those around the median, then the worst.
 pub(super) fn chosen(errors: &[f64]) -> Vec<(&'static str, usize)> {
     let mut order: Vec<usize> = (0..errors.len()).collect();
     order.sort_by(|&a, &b| errors[a].total_cmp(&errors[b]));
@@ -48,7 +48,7 @@ pub(super) struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The four pictures of the row beside each other, its caption above them.
+    /// The four images of the row beside each other, its caption above them.
     pub(super) fn strip(&self) -> RgbImage {
         let height = CELL_WIDTH * self.size.1 / self.size.0;
         let mut strip = RgbImage::from_pixel(WIDTH, height + CAPTION_HEIGHT + GAP, PAPER);

@@ -1,4 +1,4 @@
-//! A recording with pictures and depth, as the folder that everything else here reads.
+//! A recording with images and depth, as the folder that everything else here reads.
 
 use std::path::Path;
 
@@ -15,14 +15,14 @@ use crate::exit::{WithHint, source_error};
 use crate::sink::files::write_depth_mm;
 use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source as _, from_recording_error};
 
-/// A picture and depth whose stamps differ by no more belong together: half a frame at 25 Hz.
+/// An image and depth whose stamps differ by no more belong together: half a frame at 25 Hz.
 const MAX_APART_NANOS: i64 = 20_000_000;
 
 /// A recording's pairs as files.
 pub(super) struct Unpacked {
     pub(super) folder: TempDir,
     pub(super) camera: Option<Camera>,
-    /// Pictures without depth beside them, or unreadable.
+    /// Images without depth beside them, or unreadable.
     pub(super) unpaired: u64,
 }
 
@@ -47,7 +47,7 @@ pub(super) fn is_recording(dataset: &Path) -> bool {
     !dataset.join("rgb").is_dir() && nunet_mcap::is_recording(dataset)
 }
 
-/// Writes each picture with the depth nearest to it in time. Both topics are in the order of their stamps.
+/// Writes each image with the depth nearest to it in time. Both topics are in the order of their stamps.
 pub(super) fn unpack(arguments: &EvalArgs) -> anyhow::Result<Unpacked> {
     let path = &arguments.dataset;
     let options = OpenOptions { topic: arguments.topic.as_deref(), ..OpenOptions::default() };
