@@ -87,13 +87,18 @@ pub(crate) fn render(stats_json: &str) -> Result<String> {
         table,
         "{captured} frames captured, {published} published, {superseded} superseded, {failed} failed"
     )?;
-    let allocations = stats.allocations_per_frame.map_or("uncounted".to_owned(), |count| count.to_string());
+    let allocations = stats.allocations_per_frame.map_or("uncounted".to_owned(), rounded);
     write!(
         table,
         "{:.1} frames per second, {} bytes copied and {allocations} allocations per frame",
         stats.fps, stats.bytes_copied_per_frame
     )?;
     Ok(table)
+}
+
+/// At most two digits behind the point.
+fn rounded(count: f64) -> String {
+    ((count * 100.0).round() / 100.0).to_string()
 }
 
 #[cfg(test)]
@@ -111,7 +116,7 @@ mod tests {
                 "depth": {"p50": 24, "p90": 24.5, "p99": 26.625, "max": 29.5, "mean": 24.25}
             }
         },
-        "fps": 40.25, "bytes_copied_per_frame": 0, "allocations_per_frame": 0
+        "fps": 40.25, "bytes_copied_per_frame": 0, "allocations_per_frame": 0.0119
     }"#;
 
     #[test]
@@ -123,7 +128,7 @@ mod tests {
              depth         24.00    24.50    26.62    29.50    24.25\n\
              total         24.50    25.00    27.12    30.00    24.75\n\
              100 frames captured, 99 published, 0 superseded, 1 failed\n\
-             40.2 frames per second, 0 bytes copied and 0 allocations per frame"
+             40.2 frames per second, 0 bytes copied and 0.01 allocations per frame"
         );
     }
 
