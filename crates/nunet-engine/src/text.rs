@@ -10,6 +10,7 @@ pub(crate) const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 pub(crate) const MODELS_VARIABLE: &str = "NUNET_MODELS";
 
 /// Bytes such as a hash, two hexadecimal digits each.
-pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
+#[must_use]
+pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -5,10 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::camera::Camera;
 use nunet_ipc::{Clock, unix_nanos};
-use serde::Deserialize;
 
+use crate::camera_file::CameraFile;
 use crate::error::{SourceError, SourceErrorKind};
 use crate::files::nothing_to_repeat;
 use crate::image_file::decode;
@@ -53,19 +53,6 @@ fn find(folders: &[PathBuf]) -> Option<PathBuf> {
     candidates.into_iter().find(|folder| folder.join("camera.json").is_file())
 }
 
-/// `camera.json`
-#[derive(Debug, Deserialize)]
-struct CameraFile {
-    width: u32,
-    height: u32,
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    #[serde(default)]
-    frames_per_second: Option<f64>,
-}
-
 /// A folder of rendered images that is played in a loop.
 pub(crate) struct Clip {
     images: Vec<PathBuf>,
@@ -87,14 +74,11 @@ impl Clip {
             .map_err(|error| failed("`camera.json` cannot be read").with_cause(error))?;
         let file: CameraFile = serde_json::from_str(&text)
             .map_err(|error| failed("`camera.json` is invalid").with_cause(error))?;
-        let CameraFile { width, height, fx, fy, cx, cy, frames_per_second } = file;
-        let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height)
-            .map_err(|error| failed("`camera.json` is invalid").with_cause(error))?;
+        let camera = file.camera().map_err(|error| failed("`camera.json` is invalid").with_cause(error))?;
         let images = list(&folder.join("rgb"))?;
         let scene = images.first().map(|path| scene(path)).ok_or_else(|| failed("it has no images"))?;
-        let hz = frames_per_second.filter(|&hz| hz > 0.0).unwrap_or(DEFAULT_HZ);
-        let (camera, frame_nanos) = (Camera::pinhole(intrinsics), 1e9 / hz);
-        Ok(Self { images, camera, frame_nanos, sequence: 0, stretch: 0, scene, any_good: false })
+        let hz = file.frames_per_second.filter(|&hz| hz > 0.0).unwrap_or(DEFAULT_HZ);
+        Ok(Self { images, camera, frame_nanos: 1e9 / hz, sequence: 0, stretch: 0, scene, any_good: false })
     }
 }
 

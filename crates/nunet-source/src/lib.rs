@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod camera_file;
 mod convert;
 mod demo;
 mod error;
@@ -38,6 +39,7 @@ mod turn;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 
+pub use camera_file::CameraFile;
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{Capture, Frame, Pixels};
 pub use image_file::{IMAGE_EXTENSIONS, Numbers, decode, decode_file, decode_numbers, glance};

@@ -25,7 +25,7 @@ impl Writing {
         Ok(Self { what, thread })
     }
 
-    /// Waits until they are written, within `timeout`; what is not written by then is abandoned.
+    /// Waits up to `timeout` until they are written, and abandons the rest.
     ///
     /// # Errors
     /// The files could not be written, or not in time.

@@ -132,7 +132,7 @@ pub(crate) fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
     Ok(calibration)
 }
 
-/// Reads at most one byte more than a calibration may have. The parser refuses what is not UTF-8.
+/// Reads at most one byte more than a calibration may have. The parser rejects text that is not UTF-8.
 fn read_start(path: &Path) -> io::Result<String> {
     let Some(mut file) = plain_file::open(path, Calibration::MAX_BYTES as u64 + 1)? else {
         return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a plain file"));

@@ -8,7 +8,7 @@ use crate::source::Frame;
 
 /// An item whose memory is reused.
 pub trait Reuse {
-    /// Releases what is not its own before it is kept for reuse.
+    /// Releases borrowed memory before the buffer is kept for reuse.
     fn release(&mut self);
 }
 

@@ -3,6 +3,7 @@
 use anyhow::Context as _;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_engine::hexadecimal;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use std::io::{Read as _, Write as _};
@@ -25,7 +26,6 @@ use crate::sink::stats::ModelName;
 use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source};
 use crate::stream::{CameraResolver, Continuity, FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 use crate::telemetry::{MonotonicClock, RateLimit};
-use crate::words::hexadecimal;
 
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
 const SYNC_FRAMES: u64 = 50;

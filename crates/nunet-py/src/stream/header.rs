@@ -1,5 +1,6 @@
 //! The header of a message.
 
+use nunet_engine::hexadecimal;
 use nunet_ipc::UnknownValue;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -124,11 +125,6 @@ impl FrameHeader {
         let parts = fields.iter().map(|(name, value)| Ok(format!("{name}={}", value.repr()?)));
         Ok(format!("FrameHeader({})", parts.collect::<PyResult<Vec<_>>>()?.join(", ")))
     }
-}
-
-/// Bytes in hexadecimal.
-pub(super) fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The error for a number in a header that no enum of the contract has.

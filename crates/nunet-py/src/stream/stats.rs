@@ -1,10 +1,9 @@
 //! The statistics that the daemon publishes.
 
+use nunet_engine::hexadecimal;
 use nunet_ipc::StatsRecord;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-
-use super::header::hexadecimal;
 
 /// Statistics of the daemon: counts of frames, rates and latencies. A copy, not a view.
 ///

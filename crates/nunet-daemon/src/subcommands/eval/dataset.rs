@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 
-use nunet_core::camera::{Camera, Intrinsics};
+use nunet_core::camera::Camera;
 use nunet_core::plain_file;
 use tempfile::TempDir;
 use tracing::warn;
@@ -16,7 +16,7 @@ use super::pairs;
 use super::unpack::{Unpacked, is_recording, unpack};
 use crate::cli::{DepthUnitArgs, EvalArgs, Window};
 use crate::exit::{BadArguments, WithHint};
-use crate::source::{Frame, IMAGE_EXTENSIONS, Numbers, decode, decode_numbers};
+use crate::source::{CameraFile, Frame, IMAGE_EXTENSIONS, Numbers, decode, decode_numbers};
 
 /// What some editors begin a text with.
 const BYTE_ORDER_MARK: char = '\u{feff}';
@@ -165,25 +165,14 @@ impl Dataset {
 
 /// The camera that the dataset states in `camera.json`, as rendered clips have it.
 fn camera_of(root: &Path) -> anyhow::Result<Option<Camera>> {
-    #[derive(serde::Deserialize)]
-    struct CameraFile {
-        width: u32,
-        height: u32,
-        fx: f64,
-        fy: f64,
-        cx: f64,
-        cy: f64,
-    }
     let path = root.join("camera.json");
     if !path.is_file() {
         return Ok(None);
     }
     let unreadable = || format!("cannot read `{}`", path.display());
     let text = std::fs::read_to_string(&path).with_context(unreadable)?;
-    let CameraFile { width, height, fx, fy, cx, cy } =
-        serde_json::from_str(&text).with_context(unreadable)?;
-    let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).with_context(unreadable)?;
-    Ok(Some(Camera::pinhole(intrinsics)))
+    let file: CameraFile = serde_json::from_str(&text).with_context(unreadable)?;
+    Ok(Some(file.camera().with_context(unreadable)?))
 }
 
 /// Names of the files of a folder without their extensions.
