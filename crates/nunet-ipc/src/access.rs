@@ -8,7 +8,7 @@
 //! A publisher shares with the group of [`share_with`]. A reader follows: if iceoryx2's folder belongs to a group, it gives
 //! its own files to that group, because the publisher must write them.
 
-use std::fs::{DirBuilder, File, Permissions, metadata, read_dir, read_to_string, set_permissions};
+use std::fs::{DirBuilder, File, Metadata, Permissions, metadata, read_dir, read_to_string, set_permissions};
 use std::io;
 use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, MetadataExt as _, PermissionsExt as _, chown};
@@ -181,19 +181,29 @@ pub fn share_with(access: Access) -> Result<(), IpcError> {
 /// # Errors
 /// [`IpcError::NoAccess`].
 pub fn check_folder() -> Result<String, IpcError> {
-    check_root()?;
     let folder = root();
-    let Ok(found) = metadata(&folder) else { return Ok(format!("`{}` is not there yet", folder.display())) };
-    let asked = Asked::READ_OK | Asked::WRITE_OK | Asked::EXEC_OK;
-    if rustix::fs::accessat(CWD, &folder, asked, AtFlags::EACCESS).is_err() {
-        return Err(IpcError::NoAccess { folder, uid: found.uid(), group: group_name(found.gid()) });
-    }
+    let Some(found) = usable_folder()? else { return Ok(format!("`{}` is not there yet", folder.display())) };
     let (mode, shown) = (found.mode() & 0o7777, folder.display());
     Ok(if mode & GROUP_ALL == GROUP_ALL {
         format!("`{shown}` is open to group {} (mode {mode:o})", group_name(found.gid()))
     } else {
         format!("`{shown}` is for user {} alone (mode {mode:o})", found.uid())
     })
+}
+
+/// iceoryx2's folder, if it is there and this user may use it. Cheap enough for a loop that waits: it reads no list of groups.
+///
+/// # Errors
+/// [`IpcError::NoAccess`].
+pub(crate) fn usable_folder() -> Result<Option<Metadata>, IpcError> {
+    check_root()?;
+    let folder = root();
+    let Ok(found) = metadata(&folder) else { return Ok(None) };
+    let asked = Asked::READ_OK | Asked::WRITE_OK | Asked::EXEC_OK;
+    if rustix::fs::accessat(CWD, &folder, asked, AtFlags::EACCESS).is_err() {
+        return Err(IpcError::NoAccess { folder, uid: found.uid(), group: group_name(found.gid()) });
+    }
+    Ok(Some(found))
 }
 
 /// Checks that not every user may write the payload in shared memory. Returns one line for people.

@@ -22,7 +22,7 @@ pub fn list(topic: Topic) -> Result<Vec<CameraName>, IpcError> {
     if !root().exists() {
         return Ok(Vec::new());
     }
-    access::check_folder()?;
+    access::usable_folder()?;
     let mut cameras = Vec::new();
     Iceoryx::list(config(), |service| {
         cameras.extend(camera_of(service.static_details.name().as_str(), topic));

@@ -117,7 +117,7 @@ impl Waiting<'_> {
     /// Waits until all services of a reader are there, without a node.
     fn for_services(&mut self, camera: &CameraName, topics: &[Topic]) -> Result<(), IpcError> {
         let there = |name: &str, pattern| {
-            access::check_folder()?; // another user's folder looks empty
+            access::usable_folder()?; // another user's folder looks empty
             Ok(is_complete(name, pattern)?.then_some(()))
         };
         for &topic in topics {

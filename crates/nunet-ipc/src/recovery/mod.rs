@@ -16,7 +16,7 @@ use iceoryx2::prelude::SignalHandlingMode;
 
 use crate::access;
 use crate::error::IpcError;
-use crate::iceoryx::{Iceoryx, check_root, config, root};
+use crate::iceoryx::{Iceoryx, config, root};
 
 pub(crate) use lock::CreationLock;
 
@@ -24,8 +24,7 @@ pub(crate) use lock::CreationLock;
 ///
 /// It writes and syncs several files: a reader that waits for a publisher must not do it again and again.
 pub(crate) fn create_node() -> Result<Node<Iceoryx>, IpcError> {
-    check_root()?;
-    access::check_folder()?;
+    access::usable_folder()?;
     let dead = dead::dead_processes();
     dead::remove_unfilled(&dead);
     let build = || {
