@@ -8,7 +8,7 @@ use std::path::Path;
 
 use image::imageops::{FilterType, replace, resize};
 use image::{ImageBuffer, Luma, Rgb, RgbImage};
-use nunet_daemon::sink::files::{Results, depth_picture};
+use nunet_files::{Results, depth_image};
 use nunet_testkit::demo::DemoScene;
 
 const SIZE: (u32, u32) = (640, 480);
@@ -49,11 +49,11 @@ fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
 
 fn side_by_side(frame: u64) -> Result<RgbImage, Box<dyn Error>> {
     let (view, depth_m) = view(frame)?;
-    let results = Results { size: SIZE, depth: &depth_m, metric: true, labels: None, cloud: None };
-    let colours = depth_picture(&results);
-    let width = view.width() + GAP + colours.width();
+    let results = Results { size: SIZE.into(), depth: &depth_m, metric: true, labels: None, cloud: None };
+    let colors = depth_image(&results);
+    let width = view.width() + GAP + colors.width();
     let mut both = RgbImage::from_pixel(width, SIZE.1, Rgb([255, 255, 255]));
     replace(&mut both, &view, 0, 0);
-    replace(&mut both, &colours, (view.width() + GAP).into(), 0);
+    replace(&mut both, &colors, (view.width() + GAP).into(), 0);
     Ok(resize(&both, width * 2 / 3, SIZE.1 * 2 / 3, FilterType::CatmullRom))
 }

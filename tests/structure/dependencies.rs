@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 10] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 12] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -25,6 +25,24 @@ const NO_DEPENDENCY: [(&str, &[&str]); 10] = [
     (
         "crates/nunet-engine/Cargo.toml",
         &["ort", "iceoryx2", "mcap", "nunet-ipc", "nunet-mcap", "nunet-daemon", "clap", "anyhow"],
+    ),
+    (
+        "crates/nunet-eval/Cargo.toml",
+        &["ort", "iceoryx2", "mcap", "foxglove", "nunet-ipc", "nunet-daemon", "clap", "anyhow", "tracing"],
+    ),
+    (
+        "crates/nunet-files/Cargo.toml",
+        &[
+            "nunet-core",
+            "nunet-ipc",
+            "nunet-mcap",
+            "nunet-source",
+            "nunet-engine",
+            "nunet-daemon",
+            "clap",
+            "anyhow",
+            "tracing",
+        ],
     ),
     (
         "crates/nunet-mcap/Cargo.toml",

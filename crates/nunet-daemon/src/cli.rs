@@ -22,7 +22,7 @@ mod reference;
 mod run;
 
 pub use config::ConfigArgs;
-pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg, Window};
+pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
 pub use record::{RecordArgs, ReplayArgs};

@@ -6,6 +6,8 @@ use std::io::Write as _;
 use std::str::FromStr;
 
 use nunet_engine::{EngineError, EngineErrorKind};
+use nunet_eval::{EvalError, EvalErrorKind};
+use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, text_with_hint};
@@ -75,6 +77,8 @@ const HINTS: &[HintOf] = &[
     hint_of::<WithHint>,
     nunet_core::hint_of,
     hint_of::<EngineError>,
+    hint_of::<EvalError>,
+    hint_of::<FilesError>,
     hint_of::<IpcError>,
     hint_of::<CameraNameError>,
     hint_of::<SourceError>,
@@ -148,6 +152,9 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
         || error.chain().any(|cause| {
             cause.downcast_ref::<WithHint>().is_some_and(|error| error.is_usage)
                 || cause.downcast_ref().is_some_and(is_engine_usage)
+                || cause
+                    .downcast_ref::<EvalError>()
+                    .is_some_and(|error| error.kind() == EvalErrorKind::Argument)
         })
 }
 

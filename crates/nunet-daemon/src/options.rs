@@ -1,10 +1,9 @@
 //! What the user can choose, as checked values. The command line (`cli`) makes them; everything else takes them and knows no
 //! flags.
 
-use std::path::PathBuf;
 use std::str::FromStr;
 
-use nunet_core::camera::IntrinsicsSpec;
+pub use nunet_source::CameraGeometry;
 
 /// A topic that `--publish` names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,15 +54,6 @@ impl FromStr for MountOption {
             _ => Err("expected six numbers `x,y,z,roll,pitch,yaw`: meters, then radians".to_owned()),
         }
     }
-}
-
-/// What the user knows of the camera. At most one of both is given.
-#[derive(Debug, Clone, Default)]
-pub struct CameraGeometry {
-    /// Focal lengths and principal point of a camera without distortion.
-    pub intrinsics: Option<IntrinsicsSpec>,
-    /// A calibration file.
-    pub calibration: Option<PathBuf>,
 }
 
 /// How log lines are written.

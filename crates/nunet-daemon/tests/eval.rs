@@ -246,9 +246,9 @@ fn bad_arguments_are_told_before_the_work() {
     std::fs::write(bench.path("twice.txt"), "a\na\n").unwrap();
     let twice = bench.arg("twice.txt");
     for (rest, part) in [
-        (["--ids", twice.as_str()], "names the picture `a` twice"),
+        (["--ids", twice.as_str()], "names the image `a` twice"),
         (["--window", "8,8,4"], "expected four whole numbers"),
-        (["--ids", "/dev/zero"], "cannot read `/dev/zero`: it is no plain file"),
+        (["--ids", "/dev/zero"], "cannot read `/dev/zero`: it is not a regular file"),
     ] {
         let (code, stderr) = outcome(&bench, &rest);
         assert_eq!(code, Some(2), "{stderr}");

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nunet_core::graph::{GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::model::SelfTestReport;
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
+use serde::Serialize;
 use tracing::{info, warn};
 
 use crate::clock::MonotonicClock;
@@ -113,6 +114,15 @@ impl Engine {
     }
 }
 
+/// Which model computed something, for statistics and reports.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ModelName {
+    /// The file's name.
+    pub name: String,
+    /// The file's SHA-256, hexadecimal.
+    pub hash: String,
+}
+
 /// A model in memory that has not passed its self-test yet.
 pub struct LoadedModel {
     path: PathBuf,
@@ -136,6 +146,12 @@ impl LoadedModel {
     #[must_use]
     pub fn hash(&self) -> String {
         hexadecimal(&self.graph.description().hash)
+    }
+
+    /// Both.
+    #[must_use]
+    pub fn model_name(&self) -> ModelName {
+        ModelName { name: self.name(), hash: self.hash() }
     }
 
     /// The network.

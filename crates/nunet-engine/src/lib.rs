@@ -46,7 +46,7 @@ mod verdict;
 
 pub use checked_load::check_model_in_this_process;
 pub use clock::MonotonicClock;
-pub use engine::{Engine, LoadedModel};
+pub use engine::{Engine, LoadedModel, ModelName};
 pub use error::EngineError;
 pub use error_kind::EngineErrorKind;
 pub use installation::Installation;

@@ -1,12 +1,11 @@
 //! Organized point clouds.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context as _;
 use numpy::ndarray::{Array2, Array3, ArrayView3, Axis};
 use numpy::{PyArray2, PyArray3, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use nunet_core::cloud::CloudPoint;
-use nunet_daemon::embed;
+use nunet_files::write_cloud;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -139,8 +138,8 @@ impl Cloud {
             ));
         }
         let (cells, metric) = (self.cells(py)?, self.units == METRE);
-        let written = py.detach(|| write(&path, &cells, metric));
-        written.map_err(|error| failure(&error))
+        let written = py.detach(|| write_cloud(&path, &cells, metric));
+        written.map_err(|error| failure(&error.into()))
     }
 
     /// The points that have depth, with their colors, for Open3D.
@@ -170,10 +169,6 @@ impl Cloud {
         let points = self.points.bind(py);
         format!("Cloud({}x{} points)", points.shape()[1], points.shape()[0])
     }
-}
-
-fn write(path: &Path, cells: &[CloudPoint], metric: bool) -> anyhow::Result<()> {
-    embed::write_cloud(path, cells, metric).with_context(|| format!("cannot write `{}`", path.display()))
 }
 
 /// Restores a pickled cloud.

@@ -2,7 +2,7 @@
 
 use numpy::ndarray::Array3;
 use numpy::{Ix2, PyArray3, PyUntypedArrayMethods as _};
-use nunet_daemon::embed;
+use nunet_files::{color_range, colorize as colors};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -44,9 +44,9 @@ fn colorize<'py>(
     check_range(near, far)?;
     let depth = read::<f32, Ix2>("depth", depth)?;
     let values = depth.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
-    let range = py.detach(|| embed::color_range(values, near, far));
+    let range = py.detach(|| color_range(values, near, far));
     check_own_range((near, far), range)?;
-    let colors = py.detach(|| embed::colors(values, (columns, rows), range));
+    let colors = py.detach(|| colors(values, (columns, rows).into(), range).into_raw());
     let colors = Array3::from_shape_vec((rows as usize, columns as usize, 3), colors);
     let colors = colors.map_err(|error| PyValueError::new_err(error.to_string()))?;
     Ok(PyArray3::from_owned_array(py, colors))

@@ -18,6 +18,7 @@
 //! ```
 
 mod camera_file;
+mod camera_resolver;
 mod convert;
 mod demo;
 mod error;
@@ -40,6 +41,7 @@ mod turn;
 mod v4l2;
 
 pub use camera_file::CameraFile;
+pub use camera_resolver::{CameraGeometry, CameraResolver, read_calibration};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{Capture, Frame, Pixels};
 pub use image_file::{IMAGE_EXTENSIONS, Numbers, decode, decode_file, decode_numbers, glance};

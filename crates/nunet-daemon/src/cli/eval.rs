@@ -1,11 +1,11 @@
 //! The arguments of `nunetd eval`.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
 
-use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
+use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
 
 /// `nunetd eval`
 #[derive(Debug, Args, Clone)]
@@ -83,37 +83,35 @@ pub enum ProtocolArg {
     Eigen,
 }
 
-/// A part of an image, pixels; `bottom` and `right` are the first that are outside.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Window {
-    pub top: u32,
-    pub left: u32,
-    pub bottom: u32,
-    pub right: u32,
-}
-
-impl Window {
-    /// Whether a pixel lies inside.
-    #[must_use]
-    pub fn contains(&self, column: u32, row: u32) -> bool {
-        (self.top..self.bottom).contains(&row) && (self.left..self.right).contains(&column)
-    }
-}
-
-impl FromStr for Window {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-        match parts.as_deref() {
-            Ok(&[top, left, bottom, right]) if top < bottom && left < right => {
-                Ok(Self { top, left, bottom, right })
-            }
-            _ => {
-                Err("expected four whole numbers `top,left,bottom,right`, the first two the smaller"
-                    .to_owned())
-            }
+impl EvalArgs {
+    /// What the evaluator is to do.
+    pub(crate) fn options(&self) -> EvalOptions {
+        let baseline = match (&self.baseline, &self.baseline_ids) {
+            (Some(file), _) => BaselineChoice::File(file.clone()),
+            (None, Some(list)) => BaselineChoice::Ids(list.clone()),
+            (None, None) => BaselineChoice::Automatic,
+        };
+        EvalOptions {
+            dataset: self.dataset.clone(),
+            topic: self.topic.clone(),
+            depth_topic: self.depth_topic.clone(),
+            ids: self.ids.clone(),
+            baseline,
+            protocol: match self.protocol {
+                ProtocolArg::Full => Protocol::Full,
+                ProtocolArg::Eigen => Protocol::Eigen,
+            },
+            depth_cap_m: self.depth_cap as f32,
+            units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
+            window: self.window,
+            clip: self.clip,
+            camera: self.lens.geometry.options(),
         }
+    }
+
+    /// The camera, and what is made of its depth.
+    pub(crate) fn camera(&self) -> CameraArgs {
+        CameraArgs { lens: self.lens.clone(), filters: self.filters.clone(), ..CameraArgs::default() }
     }
 }
 

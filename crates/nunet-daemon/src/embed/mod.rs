@@ -1,5 +1,5 @@
-//! What the Python package shares with nunetd besides the engine: reading images, calibrations and recordings, writing
-//! results, and the texts and kinds of errors.
+//! What the Python package shares with nunetd besides the engine: reading images, calibrations and recordings, and the
+//! texts and kinds of errors.
 
 mod player;
 
@@ -10,12 +10,11 @@ use nunet_core::camera::{Calibration, Camera};
 use nunet_engine::EngineErrorKind;
 use nunet_ipc::FrameHeader;
 
-pub use crate::sink::files::{Results, write as write_results, write_cloud};
 pub use player::{Played, Player, Step};
 
+use crate::exit;
 use crate::exit::{NotFound, is_usage, source_error};
 use crate::source::{self, Frame};
-use crate::{exit, stream};
 
 /// The text of an error as `nunetd` prints it: one line per cause, then the hints.
 #[must_use]
@@ -40,7 +39,7 @@ pub fn error_kind(error: &anyhow::Error) -> EngineErrorKind {
 /// # Errors
 /// The file cannot be read or is not a calibration.
 pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
-    stream::read_calibration(path)
+    source::read_calibration(path).map_err(source_error)
 }
 
 /// Reads a JPEG or PNG file, as `nunetd infer` does: RGB `[H, W, 3]` with its width and height, upright.
@@ -61,33 +60,6 @@ pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
 /// Invalid intrinsics, or an unknown distortion model.
 pub fn camera_of(header: &FrameHeader) -> anyhow::Result<Option<Camera>> {
     Ok(source::camera_in(header)?)
-}
-
-/// The depths of the reddest and the bluest color. A missing one is the first or last percentile of the map; a map without
-/// depth gets an arbitrary range.
-#[must_use]
-pub fn color_range(depth: &[f32], near: Option<f32>, far: Option<f32>) -> (f32, f32) {
-    match (near, far) {
-        (Some(near), Some(far)) => (near, far),
-        (Some(near), None) if !depth.iter().any(|value| value.is_finite()) => (near, near + 1.0),
-        (None, Some(far)) if !depth.iter().any(|value| value.is_finite()) => (far - 1.0, far),
-        (near, far) => {
-            let own = crate::sink::files::range(depth);
-            (near.unwrap_or(own.0), far.unwrap_or(own.1))
-        }
-    }
-}
-
-/// Depth in the colors of `depth.png`, without its scale: `[H, W, 3]`, RGB. Near is red, far is blue, no depth is gray.
-///
-/// Colors range from `near` to `far`, see [`color_range`].
-///
-/// # Panics
-/// `depth` does not hold `width * height` numbers.
-#[must_use]
-pub fn colors(depth: &[f32], (width, height): (u32, u32), (near, far): (f32, f32)) -> Vec<u8> {
-    assert_eq!(depth.len(), width as usize * height as usize, "a depth map of another size");
-    crate::sink::files::paint(depth, (width, height), (near, far)).into_raw()
 }
 
 #[cfg(test)]

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use nunet_core::cloud::CloudPoint;
+use nunet_files::write_results;
 use nunet_types::Units;
 use tracing::warn;
 
-use super::files;
 use super::writing::Writing;
 use super::{FinishingSink, PublishedFrame, Results, Sink, SinkContext, Wants};
 use crate::Outcome;
@@ -42,7 +42,7 @@ impl Sink for LastFrame {
         };
         let folder = self.folder;
         let what = format!("the files in `{}`", folder.display());
-        let writing = Writing::start(what, move || files::write(&folder, &last.results()));
+        let writing = Writing::start(what, move || Ok(write_results(&folder, &last.results()).map(drop)?));
         FinishingSink::new(move |timeout| writing?.end(timeout).map(|()| Outcome::Done))
     }
 }
@@ -67,10 +67,10 @@ impl OwnedResults {
         }
     }
 
-    fn results(&self) -> files::Results<'_> {
+    fn results(&self) -> nunet_files::Results<'_> {
         let Self { size, depth, metric, labels, cloud } = self;
-        files::Results {
-            size: *size,
+        nunet_files::Results {
+            size: (*size).into(),
             depth,
             metric: *metric,
             labels: labels.as_deref(),

@@ -2,7 +2,6 @@
 //!
 //! To add a sink, write a file that implements [`Sink`] and has an `open` function, and add one line to [`REGISTRY`].
 
-pub mod files;
 pub(crate) mod last_frame;
 pub(crate) mod metrics;
 pub(crate) mod queue;

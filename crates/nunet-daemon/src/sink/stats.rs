@@ -7,6 +7,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use nunet_core::depth::Scale;
+pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
 use crate::telemetry::{Counts, Latencies, Summary, Totals};
@@ -97,14 +98,6 @@ impl Stats {
         let scale_source = alike(|stats| stats.scale_source, all.scale_source);
         Self { units, scale_source, cameras, ..all }
     }
-}
-
-/// Which model ran.
-#[derive(Debug, Clone, Serialize)]
-pub(crate) struct ModelName {
-    pub(crate) name: String,
-    /// SHA-256, hexadecimal.
-    pub(crate) hash: String,
 }
 
 /// Milliseconds, from the source's hand-over to the wake-up of the readers.

@@ -20,7 +20,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use camera_resolver::{CameraResolver, read_calibration};
+pub(crate) use camera_resolver::{CameraResolver, warn_of_unknown_camera};
 pub(crate) use continuity::Continuity;
 pub(crate) use drive::{FrameHandler, Pace, SourceEnd, drive};
 pub use mailbox::{Mailbox, Put, Taken};

@@ -7,6 +7,7 @@ use anyhow::{Context as _, bail};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_files::{Results, check_folder, write_results};
 use tracing::{error, info};
 
 use crate::Outcome;
@@ -14,7 +15,6 @@ use crate::buffers::Buffers;
 use crate::cli::InferArgs;
 use crate::engine::{Engine, tested_pipeline};
 use crate::exit::{BadArguments, source_error};
-use crate::sink::files::{self, Results, check_folder};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{Frame, decode, glance, list};
 use crate::stream::{CameraResolver, Stop, Stopped};
@@ -159,14 +159,14 @@ impl Work {
         self.pipeline.reset();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();
-        files::write(folder, &self.results(&report))?;
+        write_results(folder, &self.results(&report))?;
         let stats = self.stats(image, &report, [start_nanos, ready_nanos, done_nanos]);
         write_json(&folder.join("stats.json"), &stats)
     }
 
     fn results(&self, report: &FrameReport) -> Results<'_> {
         Results {
-            size: self.pipeline.size(),
+            size: self.pipeline.size().into(),
             depth: self.buffers.depth(),
             metric: report.units == Units::Metre,
             labels: self.buffers.labels(),

@@ -12,8 +12,9 @@ use numpy::{PyArray2, PyArray3, PyArrayMethods as _};
 use nunet_core::camera;
 use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
 use nunet_core::filter::Appearance;
-use nunet_daemon::embed::{self, Played, Results};
+use nunet_daemon::embed::Played;
 use nunet_engine::Inferred;
+use nunet_files::{Results, write_results};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -185,17 +186,17 @@ impl Result {
     }
 
     /// Writes the files of [`Result::save`].
-    fn write(&self, py: Python<'_>, folder: &Path, cloud: &[CloudPoint]) -> PyResult<()> {
+    fn write(&self, py: Python<'_>, folder: &Path, cloud: &[CloudPoint]) -> PyResult<Vec<PathBuf>> {
         let depth = self.depth.bind(py).try_readonly()?;
         let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
         let results = Results {
-            size: self.size(),
+            size: self.size().into(),
             depth: depth.as_slice()?,
             metric: self.units == METRE,
             labels: labels.as_ref().map(|labels| labels.as_slice()).transpose()?,
             cloud: Some(cloud),
         };
-        py.detach(|| embed::write_results(folder, &results)).map_err(|error| failure(&error))
+        py.detach(|| write_results(folder, &results)).map_err(|error| failure(&error.into()))
     }
 }
 
@@ -284,15 +285,7 @@ impl Result {
         #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
     ) -> PyResult<Vec<PathBuf>> {
         let cloud = self.points(py, camera)?;
-        self.write(py, &folder, &cloud)?;
-        let files = [
-            ("depth.npy", true),
-            ("depth_mm.png", self.units == METRE),
-            ("depth.png", true),
-            ("labels.png", self.labels.is_some()),
-            ("cloud.ply", true),
-        ];
-        Ok(files.iter().filter(|(_, written)| *written).map(|(name, _)| folder.join(name)).collect())
+        self.write(py, &folder, &cloud)
     }
 
     /// Plot the image, its depth with a scale, and its labels with their names.

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use nunet_files::{check_folder, make_folder};
+
 use super::camera::{Prepared, in_camera, place};
-use crate::sink::files::{check_folder, make_folder};
 use crate::sink::stats::check_writable;
 
 /// Where a run writes.
@@ -31,14 +32,14 @@ impl Outputs {
     /// Makes sure that all of it can be written, as far as that can be said without making anything.
     pub(super) fn check(&self) -> anyhow::Result<()> {
         self.each(
-            check_folder,
+            |folder| Ok(check_folder(folder)?),
             |file| if self.waits_for_folder(file) { Ok(()) } else { check_writable(file) },
         )
     }
 
     /// Makes the folders, and makes sure that the files can be written.
     pub(super) fn make(&self) -> anyhow::Result<()> {
-        self.each(make_folder, check_writable)
+        self.each(|folder| Ok(make_folder(folder)?), check_writable)
     }
 
     /// All folders before all files, which often go into them.

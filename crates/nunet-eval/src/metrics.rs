@@ -7,11 +7,11 @@ use serde::Serialize;
 /// The ratio of prediction and truth within which a pixel counts for delta 1; its powers for 2 and 3.
 const DELTA: f64 = 1.25;
 /// The label of a pixel about which nothing is known.
-pub(super) const IGNORE: u8 = 255;
+pub const IGNORE: u8 = 255;
 
 /// Sums over pixels from which the figures follow.
 #[derive(Debug, Clone, Default)]
-pub(super) struct DepthMetrics {
+pub struct DepthMetrics {
     squared: f64,
     log: f64,
     log_squared: f64,
@@ -20,14 +20,14 @@ pub(super) struct DepthMetrics {
     squared_relative: f64,
     within: [u64; 3],
     /// Pixels with truth and prediction.
-    pub(super) pixels: u64,
+    pub pixels: u64,
     /// Pixels with truth but without prediction: counted here and nowhere else.
-    pub(super) missing: u64,
+    pub missing: u64,
 }
 
 impl DepthMetrics {
     /// Counts one pixel: positive numbers of one unit, NaN = none.
-    pub(super) fn add(&mut self, predicted: f32, truth: f32) {
+    pub fn add(&mut self, predicted: f32, truth: f32) {
         if !truth.is_finite() {
             return;
         }
@@ -51,7 +51,7 @@ impl DepthMetrics {
     }
 
     /// Counts what another has counted.
-    pub(super) fn merge(&mut self, other: &Self) {
+    pub fn merge(&mut self, other: &Self) {
         self.squared += other.squared;
         self.log += other.log;
         self.log_squared += other.log_squared;
@@ -66,7 +66,7 @@ impl DepthMetrics {
     }
 
     /// The figures; `None` before the first pixel.
-    pub(super) fn figures(&self) -> Option<DepthFigures> {
+    pub fn figures(&self) -> Option<DepthFigures> {
         let n = (self.pixels > 0).then_some(self.pixels as f64)?;
         let log = self.log / n;
         let [delta1, delta2, delta3] = self.within.map(|within| within as f64 / n);
@@ -88,49 +88,49 @@ impl DepthMetrics {
 /// Figures of depth, after Eigen et al., "Depth map prediction from a single image", 2014; `silog` as KITTI's benchmark
 /// has it. p is the prediction, t the truth, d = ln p - ln t.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(super) struct DepthFigures {
+pub struct DepthFigures {
     /// mean((p - t)^2)
-    pub(super) mse: f64,
+    pub mse: f64,
     /// Root of `mse`.
-    pub(super) rmse: f64,
+    pub rmse: f64,
     /// sqrt(mean(d^2))
-    pub(super) rmse_log: f64,
+    pub rmse_log: f64,
     /// mean(|log10 p - log10 t|)
-    pub(super) log10: f64,
+    pub log10: f64,
     /// mean(|p - t| / t)
-    pub(super) abs_rel: f64,
+    pub abs_rel: f64,
     /// mean((p - t)^2 / t)
-    pub(super) sq_rel: f64,
+    pub sq_rel: f64,
     /// 100 sqrt(mean(d^2) - mean(d)^2)
-    pub(super) silog: f64,
+    pub silog: f64,
     /// Share of pixels with max(p / t, t / p) < 1.25
-    pub(super) delta1: f64,
+    pub delta1: f64,
     /// ... < 1.25^2
-    pub(super) delta2: f64,
+    pub delta2: f64,
     /// ... < 1.25^3
-    pub(super) delta3: f64,
+    pub delta3: f64,
 }
 
 /// Figures of each image by itself, averaged over the images that have any.
 #[derive(Debug, Clone, Default)]
-pub(super) struct PictureMean {
+pub(crate) struct ImageMean {
     sums: [f64; 10],
-    pictures: u64,
+    images: u64,
 }
 
-impl PictureMean {
+impl ImageMean {
     /// Counts one image; `None` had no pixel to compare.
-    pub(super) fn add(&mut self, figures: Option<DepthFigures>) {
+    pub(crate) fn add(&mut self, figures: Option<DepthFigures>) {
         let Some(figures) = figures else { return };
         for (sum, (_, value)) in self.sums.iter_mut().zip(figures.named()) {
             *sum += value;
         }
-        self.pictures += 1;
+        self.images += 1;
     }
 
     /// The figures; `None` before the first image.
-    pub(super) fn figures(&self) -> Option<DepthFigures> {
-        let n = (self.pictures > 0).then_some(self.pictures as f64)?;
+    pub(crate) fn figures(&self) -> Option<DepthFigures> {
+        let n = (self.images > 0).then_some(self.images as f64)?;
         let [mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3] =
             self.sums.map(|sum| sum / n);
         Some(DepthFigures { mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3 })
@@ -139,11 +139,11 @@ impl PictureMean {
 
 impl DepthFigures {
     /// The fields, in their order.
-    pub(super) const NAMES: [&'static str; 10] =
+    pub const NAMES: [&'static str; 10] =
         ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog", "delta1", "delta2", "delta3"];
 
     /// Names and values, in the order of the fields.
-    pub(super) fn named(&self) -> [(&'static str, f64); 10] {
+    pub fn named(&self) -> [(&'static str, f64); 10] {
         let Self { mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3 } = *self;
         let values = [mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3];
         std::array::from_fn(|index| (Self::NAMES[index], values[index]))
@@ -152,7 +152,7 @@ impl DepthFigures {
 
 /// How often each class was taken for each other.
 #[derive(Debug, Clone)]
-pub(super) struct LabelMetrics {
+pub struct LabelMetrics {
     classes: usize,
     /// `[truth][predicted]`, the last column for numbers that are no class.
     confusion: Vec<u64>,
@@ -160,22 +160,24 @@ pub(super) struct LabelMetrics {
 
 /// Figures of labels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct LabelFigures {
+pub struct LabelFigures {
     /// Mean over the classes that were seen or predicted of hit / (truth + predicted - hit).
-    pub(super) miou: f64,
+    pub miou: f64,
     /// Share of pixels that are right.
-    pub(super) accuracy: f64,
+    pub accuracy: f64,
     /// Pixels that were compared.
-    pub(super) pixels: u64,
+    pub pixels: u64,
 }
 
 impl LabelMetrics {
-    pub(super) fn new(classes: usize) -> Self {
+    /// Nothing counted yet.
+    #[must_use]
+    pub fn new(classes: usize) -> Self {
         Self { classes, confusion: vec![0; classes * (classes + 1)] }
     }
 
     /// Counts one image; truth [`IGNORE`] is left out.
-    pub(super) fn add(&mut self, predicted: &[u8], truth: &[u8]) {
+    pub fn add(&mut self, predicted: &[u8], truth: &[u8]) {
         for (&predicted, &truth) in predicted.iter().zip(truth) {
             let at = usize::from(truth) * (self.classes + 1) + usize::from(predicted).min(self.classes);
             if truth != IGNORE
@@ -187,7 +189,7 @@ impl LabelMetrics {
     }
 
     /// The figures; `None` before the first pixel.
-    pub(super) fn figures(&self) -> Option<LabelFigures> {
+    pub fn figures(&self) -> Option<LabelFigures> {
         let total: u64 = self.confusion.iter().sum();
         let columns = self.classes + 1;
         let row = |class: usize| self.confusion.iter().skip(class * columns).take(columns);
@@ -256,16 +258,16 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_over_pictures_weighs_small_ones_like_large_ones() {
+    fn the_mean_over_images_weighs_small_ones_like_large_ones() {
         let of = |pixels: &[(f32, f32)]| {
             let mut metrics = DepthMetrics::default();
             pixels.iter().for_each(|&(predicted, truth)| metrics.add(predicted, truth));
             metrics.figures()
         };
-        let mut mean = PictureMean::default();
+        let mut mean = ImageMean::default();
         assert!(mean.figures().is_none());
-        for picture in [of(&[(2.0, 1.0); 3]), of(&[(4.0, 4.0)]), of(&[])] {
-            mean.add(picture);
+        for image in [of(&[(2.0, 1.0); 3]), of(&[(4.0, 4.0)]), of(&[])] {
+            mean.add(image);
         }
         let figures = mean.figures().unwrap();
         assert_eq!((figures.rmse, figures.abs_rel, figures.delta1), (0.5, 0.5, 0.5));

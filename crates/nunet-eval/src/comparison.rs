@@ -1,10 +1,12 @@
 //! Depth against truth: protocols, meters and stretched depth.
 
-use anyhow::bail;
+use std::ops::Range;
 
-use super::metrics::{DepthMetrics, PictureMean};
-use crate::cli::ProtocolArg;
-use crate::exit::WithHint;
+use nunet_types::ImageSize;
+
+use crate::error::EvalError;
+use crate::metrics::{DepthMetrics, ImageMean};
+use crate::options::Protocol;
 
 /// Predictions below would make relative errors meaningless; the field's figure.
 const MIN_DEPTH_M: f32 = 1e-3;
@@ -17,44 +19,37 @@ const CLIP: f32 = 1e-7;
 /// The least range that is stretched to 0..1.
 const LEAST_RANGE: f32 = 1e-6;
 
-impl ProtocolArg {
-    /// The pixels that are compared: rows, columns.
-    fn crop(self, (width, height): (u32, u32)) -> anyhow::Result<[std::ops::Range<usize>; 2]> {
-        match self {
-            Self::Full => Ok([0..height as usize, 0..width as usize]),
-            Self::Eigen if (width, height) == (640, 480) => Ok([45..471, 41..601]),
-            Self::Eigen => {
-                bail!(WithHint::new(
-                    format!("protocol `eigen` is for images of 640x480, this one is {width}x{height}"),
-                    "compare whole images: --protocol full"
-                ))
-            }
-        }
+/// The rows and columns that are compared.
+fn crop(protocol: Protocol, size: ImageSize) -> Result<[Range<usize>; 2], EvalError> {
+    match protocol {
+        Protocol::Full => Ok([0..size.height as usize, 0..size.width as usize]),
+        Protocol::Eigen if size == ImageSize::new(640, 480) => Ok([45..471, 41..601]),
+        Protocol::Eigen => Err(EvalError::ProtocolSize { size }),
     }
 }
 
 /// Metrics of depth gathered image by image.
 #[derive(Debug, Clone)]
-pub(super) struct Comparison {
-    protocol: ProtocolArg,
+pub(crate) struct Comparison {
+    protocol: Protocol,
     /// True depth from here on is not compared, and predictions end here.
     cap_m: f32,
     kind: Kind,
     /// Meters under the protocol; empty where the network has none.
-    pub(super) depth: DepthMetrics,
+    pub(crate) depth: DepthMetrics,
     /// Of each image by itself.
-    pub(super) each: PictureMean,
+    pub(crate) each: ImageMean,
     /// Whole images, each stretched from its nearest to its farthest point, as the paper did.
-    pub(super) minmax: DepthMetrics,
+    pub(crate) minmax: DepthMetrics,
     /// Pixels of truth under the protocol that lie outside of what is compared.
-    pub(super) beyond: u64,
+    pub(crate) beyond: u64,
     /// The nearest and the farthest truth under the protocol, meters, whether it is compared or not.
     truth_m: Option<(f32, f32)>,
 }
 
 /// What predictions are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// Meters.
     Metric,
     /// Stretched to 0..1 already.
@@ -64,73 +59,65 @@ pub(super) enum Kind {
 }
 
 impl Comparison {
-    pub(super) fn new(protocol: ProtocolArg, cap_m: f32, kind: Kind) -> Self {
+    pub(crate) fn new(protocol: Protocol, cap_m: f32, kind: Kind) -> Self {
         let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
-        Self { protocol, cap_m, kind, depth, each: PictureMean::default(), minmax, beyond: 0, truth_m: None }
+        Self { protocol, cap_m, kind, depth, each: ImageMean::default(), minmax, beyond: 0, truth_m: None }
     }
 
     /// Whether there was truth to compare meters with.
     ///
     /// # Errors
     /// There was none within the cap, so that every figure would be missing.
-    pub(super) fn check_truth(&self) -> anyhow::Result<()> {
+    pub(crate) fn check_truth(&self) -> Result<(), EvalError> {
         if self.kind != Kind::Metric || self.depth.pixels + self.depth.missing > 0 {
             return Ok(());
         }
-        let Some((near, far)) = self.truth_m else {
-            bail!(WithHint::new(
-                "no image has true depth where depth is compared",
-                "0 and NaN mean none; --window and --protocol exclude parts"
-            ));
-        };
-        let cap_m = self.cap_m;
-        bail!(WithHint::new(
-            format!(
-                "no true depth is between {MIN_DEPTH_M} and {cap_m} m, where depth is compared: it is {near} to {far} m"
-            ),
-            beyond_hint(far)
-        ))
+        let (near_m, far_m) = self.truth_m.ok_or(EvalError::NoTruth)?;
+        Err(EvalError::TruthOutOfRange { from_m: MIN_DEPTH_M, cap_m: self.cap_m, near_m, far_m })
     }
 
     /// What is compared: meters where there are any.
-    pub(super) fn compared(&self) -> &DepthMetrics {
+    pub(crate) fn compared(&self) -> &DepthMetrics {
         if self.kind == Kind::Metric { &self.depth } else { &self.minmax }
     }
 
     /// The share of the truth under the protocol that is not compared because it lies too far, or too near.
-    pub(super) fn share_beyond(&self) -> f64 {
+    pub(crate) fn share_beyond(&self) -> f64 {
         let all = self.depth.pixels + self.depth.missing + self.beyond;
         self.beyond as f64 / all.max(1) as f64
     }
 
     /// The farthest truth under the protocol, whether it is compared or not.
-    pub(super) fn farthest_m(&self) -> Option<f32> {
+    pub(crate) fn farthest_m(&self) -> Option<f32> {
         self.truth_m.map(|(_, far)| far)
     }
 
     /// The cap, meters.
-    pub(super) fn cap_m(&self) -> f32 {
+    pub(crate) fn cap_m(&self) -> f32 {
         self.cap_m
     }
 
     /// What predictions are.
-    pub(super) fn kind(&self) -> Kind {
+    pub(crate) fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// Counts one image and returns its own metrics.
-    pub(super) fn add(
+    /// Counts one image, `[H, W]` in meters (predictions in whatever [`Kind`] they are), and returns its own metrics.
+    ///
+    /// # Errors
+    /// The protocol is for images of another size.
+    pub(crate) fn add(
         &mut self,
         predicted: &[f32],
         truth_m: &[f32],
-        size: (u32, u32),
-    ) -> anyhow::Result<Self> {
+        size: ImageSize,
+    ) -> Result<Self, EvalError> {
         let mut alone = Self::new(self.protocol, self.cap_m, self.kind);
-        let [rows, columns] = self.protocol.crop(size)?;
+        let [rows, columns] = crop(self.protocol, size)?;
         if self.kind == Kind::Metric {
             let capped = |depth_m: f32| depth_m.clamp(MIN_DEPTH_M, self.cap_m);
             let is_compared = |depth_m: f32| MIN_DEPTH_M < depth_m && depth_m < self.cap_m;
-            let width = size.0 as usize;
+            let width = size.width as usize;
             let lines = predicted.chunks_exact(width).zip(truth_m.chunks_exact(width));
             for (predicted, truth) in lines.take(rows.end).skip(rows.start) {
                 for (&p, &t) in predicted.iter().zip(truth).take(columns.end).skip(columns.start) {
@@ -166,24 +153,13 @@ impl Comparison {
     }
 }
 
-/// What to do about truth that lies beyond the cap. No depth camera or lidar on a robot sees farther than this many meters;
-/// what seems to be farther has another unit.
-pub(super) fn beyond_hint(far_m: f32) -> String {
-    const FARTHEST_M: f32 = 300.0;
-    if far_m <= FARTHEST_M {
-        format!("compare up to a larger distance: --depth-cap {}", far_m.ceil())
-    } else {
-        "check the unit of the depth images: --depth-scale METERS".to_owned()
-    }
-}
-
 /// 0 lifted off the logarithm's edge; NaN stays NaN.
 fn positive(stretched: f32) -> f32 {
     if stretched < CLIP { CLIP } else { stretched }
 }
 
 /// Depth stretched to 0..1 over the pixels whose truth is known, NaN elsewhere.
-pub(super) fn stretched(depth: &[f32], truth: &[f32]) -> Vec<f32> {
+pub(crate) fn stretched(depth: &[f32], truth: &[f32]) -> Vec<f32> {
     let known = depth.iter().zip(truth).filter(|(depth, truth)| depth.is_finite() && truth.is_finite());
     let (near, far) = known.fold((f32::INFINITY, f32::NEG_INFINITY), |(near, far), (&depth, _)| {
         (near.min(depth), far.max(depth))
@@ -198,7 +174,7 @@ pub(super) fn stretched(depth: &[f32], truth: &[f32]) -> Vec<f32> {
 mod tests {
     use super::*;
 
-    const SIZE: (u32, u32) = (3, 1);
+    const SIZE: ImageSize = ImageSize::new(3, 1);
 
     #[test]
     fn stretching_knows_only_pixels_with_truth() {
@@ -210,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_prediction_of_another_scale_has_no_stretched_error_but_one_in_meters() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Metric);
+        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
         let alone = comparison.add(&[2.0, 4.0, 6.0], &[1.0, 2.0, 3.0], SIZE).unwrap();
         assert!(alone.minmax.figures().unwrap().mse < 1e-12);
         let figures = comparison.depth.figures().unwrap();
@@ -219,7 +195,7 @@ mod tests {
 
     #[test]
     fn truth_beyond_ten_meters_is_none_and_predictions_end_there() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Metric);
+        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
         comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
         comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
         let figures = comparison.depth.figures().unwrap();
@@ -237,28 +213,24 @@ mod tests {
 
     #[test]
     fn truth_of_another_scale_is_reported_with_its_range() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Metric);
-        assert!(comparison.check_truth().unwrap_err().to_string().starts_with("no image has true depth"));
+        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
+        assert!(matches!(comparison.check_truth(), Err(EvalError::NoTruth)));
         comparison.add(&[1.0; 3], &[1250.0, f32::NAN, 4000.0], SIZE).unwrap();
-        let error = comparison.check_truth().unwrap_err().to_string();
-        assert!(
-            error.ends_with("between 0.001 and 10 m, where depth is compared: it is 1250 to 4000 m"),
-            "{error}"
-        );
-        assert!(
-            beyond_hint(4000.0).contains("--depth-scale") && beyond_hint(42.5).ends_with("--depth-cap 43")
-        );
+        let Err(EvalError::TruthOutOfRange { cap_m, near_m, far_m, .. }) = comparison.check_truth() else {
+            panic!("truth beyond the cap counts")
+        };
+        assert_eq!((cap_m, near_m, far_m), (ROOM_CAP_M, 1250.0, 4000.0));
         comparison.add(&[1.0; 3], &[f32::NAN, f32::NAN, 4.0], SIZE).unwrap();
         assert!(comparison.check_truth().is_ok(), "one pixel is enough");
         assert!(
-            Comparison::new(ProtocolArg::Full, ROOM_CAP_M, Kind::Relative).check_truth().is_ok(),
+            Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Relative).check_truth().is_ok(),
             "it has no meters"
         );
     }
 
     #[test]
     fn truth_up_to_a_larger_cap_is_compared_when_that_is_asked_for() {
-        let mut comparison = Comparison::new(ProtocolArg::Full, 80.0, Kind::Metric);
+        let mut comparison = Comparison::new(Protocol::Full, 80.0, Kind::Metric);
         comparison.add(&[60.0, 200.0, 10.0], &[30.0, 79.0, 81.0], SIZE).unwrap();
         assert_eq!((comparison.depth.pixels, comparison.beyond), (2, 1));
         let figures = comparison.depth.figures().unwrap();
@@ -267,17 +239,16 @@ mod tests {
 
     #[test]
     fn eigens_crop_is_for_vga_images_only() {
-        let error = Comparison::new(ProtocolArg::Eigen, ROOM_CAP_M, Kind::Metric)
-            .add(&[1.0; 3], &[1.0; 3], SIZE)
-            .unwrap_err();
-        assert!(error.to_string().contains("640x480, this one is 3x1"), "{error}");
+        let added =
+            Comparison::new(Protocol::Eigen, ROOM_CAP_M, Kind::Metric).add(&[1.0; 3], &[1.0; 3], SIZE);
+        assert!(matches!(added, Err(EvalError::ProtocolSize { size: SIZE })));
     }
 
     #[test]
     fn eigens_crop_has_426_rows_of_560_columns() {
         let depth = vec![1.0; 640 * 480];
-        let mut comparison = Comparison::new(ProtocolArg::Eigen, ROOM_CAP_M, Kind::Metric);
-        comparison.add(&depth, &depth, (640, 480)).unwrap();
+        let mut comparison = Comparison::new(Protocol::Eigen, ROOM_CAP_M, Kind::Metric);
+        comparison.add(&depth, &depth, ImageSize::new(640, 480)).unwrap();
         assert_eq!(comparison.depth.pixels, 426 * 560);
         assert_eq!(comparison.minmax.pixels, 640 * 480);
     }

@@ -4,16 +4,21 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use nunet_core::cloud::CloudPoint;
+use nunet_types::CloudPoint;
+
+use crate::error::FilesError;
 
 /// Writes the points that have a position, in the optical frame; meters where `metric`.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(path: &Path, points: &[CloudPoint], metric: bool) -> anyhow::Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    write_to(&mut file, points, metric)?;
-    Ok(file.flush()?)
+pub fn write_cloud(path: &Path, points: &[CloudPoint], metric: bool) -> Result<(), FilesError> {
+    let write = || -> std::io::Result<()> {
+        let mut file = BufWriter::new(File::create(path)?);
+        write_to(&mut file, points, metric)?;
+        file.flush()
+    };
+    write().map_err(FilesError::write_file(path))
 }
 
 fn write_to(out: &mut impl Write, points: &[CloudPoint], metric: bool) -> std::io::Result<()> {
@@ -40,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_valid_points_are_written_and_colours_are_red_green_blue() {
+    fn only_valid_points_are_written_and_colors_are_red_green_blue() {
         let valid = CloudPoint { x: 1.0, y: -2.0, z: 3.0, b: 10, g: 20, r: 30, label: 4 };
         let invalid = CloudPoint { x: f32::NAN, y: f32::NAN, z: f32::NAN, b: 1, g: 1, r: 1, label: 1 };
         let mut file = Vec::new();

@@ -2,9 +2,10 @@
 
 use image::imageops::{FilterType, replace, resize};
 use image::{Rgb, RgbImage};
+use nunet_files::{color_range, colorize, draw_text};
+use nunet_types::ImageSize;
 
-use super::comparison::stretched;
-use crate::sink::files::{draw_text, paint, range};
+use crate::comparison::stretched;
 
 /// Width of one image on the sheet.
 const CELL_WIDTH: u32 = 320;
@@ -16,10 +17,10 @@ const FULL_ERROR: f32 = 0.5;
 /// How many of each kind.
 const EACH: usize = 3;
 const WIDTH: u32 = (CELL_WIDTH + GAP) * 4 + GAP;
-const COLUMNS: [&str; 4] = ["picture", "truth", "prediction", "error, red = 50 % or more"];
+const COLUMNS: [&str; 4] = ["image", "truth", "prediction", "error, red = 50 % or more"];
 
 /// The places of the images to show: best first, then those around the median, then the worst.
-pub(super) fn chosen(errors: &[f64]) -> Vec<(&'static str, usize)> {
+pub(crate) fn chosen(errors: &[f64]) -> Vec<(&'static str, usize)> {
     let mut order: Vec<usize> = (0..errors.len()).collect();
     order.sort_by(|&a, &b| errors[a].total_cmp(&errors[b]));
     let each = EACH.min(order.len().div_ceil(3));
@@ -38,19 +39,19 @@ pub(super) fn chosen(errors: &[f64]) -> Vec<(&'static str, usize)> {
 
 /// One row: everything `[H, W]` of one size.
 #[derive(Debug)]
-pub(super) struct Row<'a> {
-    pub(super) caption: String,
-    pub(super) size: (u32, u32),
-    pub(super) rgb: &'a [u8],
-    pub(super) truth: &'a [f32],
-    pub(super) predicted: &'a [f32],
-    pub(super) metric: bool,
+pub(crate) struct Row<'a> {
+    pub(crate) caption: String,
+    pub(crate) size: ImageSize,
+    pub(crate) rgb: &'a [u8],
+    pub(crate) truth: &'a [f32],
+    pub(crate) predicted: &'a [f32],
+    pub(crate) metric: bool,
 }
 
 impl Row<'_> {
     /// The four images of the row beside each other, its caption above them.
-    pub(super) fn strip(&self) -> RgbImage {
-        let height = CELL_WIDTH * self.size.1 / self.size.0;
+    pub(crate) fn strip(&self) -> RgbImage {
+        let height = CELL_WIDTH * self.size.height / self.size.width;
         let mut strip = RgbImage::from_pixel(WIDTH, height + CAPTION_HEIGHT + GAP, PAPER);
         draw_text(&mut strip, &self.caption, GAP, 2);
         for (column, cell) in (0..).zip(self.cells().into_iter().flatten()) {
@@ -61,21 +62,21 @@ impl Row<'_> {
     }
 
     fn cells(&self) -> Option<[RgbImage; 4]> {
-        let (width, height) = self.size;
+        let ImageSize { width, height } = self.size;
         let rgb = RgbImage::from_raw(width, height, self.rgb.to_vec())?;
         let (truth, predicted) = if self.metric {
             (self.truth.to_vec(), self.predicted.to_vec())
         } else {
             (stretched(self.truth, self.truth), stretched(self.predicted, self.truth))
         };
-        let both = range(&truth);
+        let both = color_range(&truth, None, None);
         let error = |(&p, &t): (&f32, &f32)| -((p - t).abs() / if self.metric { t } else { 1.0 });
         let errors: Vec<f32> = predicted.iter().zip(&truth).map(error).collect();
         Some([
             rgb,
-            paint(&truth, self.size, both),
-            paint(&predicted, self.size, both),
-            paint(&errors, self.size, (-FULL_ERROR, 0.0)),
+            colorize(&truth, self.size, both),
+            colorize(&predicted, self.size, both),
+            colorize(&errors, self.size, (-FULL_ERROR, 0.0)),
         ])
     }
 }
@@ -85,7 +86,7 @@ fn left_of(column: u32) -> u32 {
 }
 
 /// The names of the columns, and strips below each other.
-pub(super) fn stacked(strips: &[RgbImage]) -> RgbImage {
+pub(crate) fn stacked(strips: &[RgbImage]) -> RgbImage {
     let head = CAPTION_HEIGHT + GAP;
     let height = head + strips.iter().map(RgbImage::height).sum::<u32>();
     let mut sheet = RgbImage::from_pixel(WIDTH, height, PAPER);
@@ -123,27 +124,27 @@ mod tests {
     }
 
     #[test]
-    fn of_few_pictures_each_is_shown_once() {
+    fn of_few_images_each_is_shown_once() {
         assert_eq!(chosen(&[1.0]), [("best", 0)]);
         assert_eq!(chosen(&[2.0, 1.0]), [("best", 1), ("worst", 0)]);
         assert_eq!(chosen(&[]), []);
     }
 
     #[test]
-    fn a_row_shows_four_pictures() {
+    fn a_row_shows_four_images() {
         let (truth, predicted) = ([1.0, 2.0], [1.0, f32::NAN]);
         let row = Row {
             caption: "a".to_owned(),
-            size: (2, 1),
+            size: ImageSize::new(2, 1),
             rgb: &[10, 20, 30, 40, 50, 60],
             truth: &truth,
             predicted: &predicted,
             metric: true,
         };
-        let picture = stacked(&[row.strip()]);
-        assert_eq!(picture.dimensions(), (4 * 326 + 6, 24 + 160 + 18 + 6));
-        assert_eq!(picture.get_pixel(8, 50), &Rgb([10, 20, 30]));
+        let image = stacked(&[row.strip()]);
+        assert_eq!(image.dimensions(), (4 * 326 + 6, 24 + 160 + 18 + 6));
+        assert_eq!(image.get_pixel(8, 50), &Rgb([10, 20, 30]));
         let right_of_prediction = 6 + 2 * 326 + 318;
-        assert_eq!(picture.get_pixel(right_of_prediction, 50), &Rgb([150; 3]), "none is grey");
+        assert_eq!(image.get_pixel(right_of_prediction, 50), &Rgb([150; 3]), "none is gray");
     }
 }

@@ -1,20 +1,21 @@
-//! What `nunetd eval` prints: JSON, a table for people, and a row per image.
+//! What was found: for JSON, as a table for people, and one row per image.
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use nunet_core::pipeline::Pipeline;
+use nunet_engine::ModelName;
+use nunet_types::CONTRACT_VERSION;
 use serde::Serialize;
 
-use super::baseline::{Baseline, Of};
-use super::comparison::{Comparison, Kind};
-use super::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
-use crate::cli::ProtocolArg;
-use crate::sink::stats::ModelName;
+use crate::baseline::{Baseline, BaselineSource};
+use crate::comparison::{Comparison, Kind};
+use crate::error::{Cause, EvalError};
+use crate::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
+use crate::options::Protocol;
 
-/// Everything that was found.
+/// Everything that was found. Its fields are those of `eval.json`: serialize it.
 #[derive(Debug, Serialize)]
-pub(super) struct Report {
+pub struct Report {
     contract: u32,
     model: ModelName,
     architecture: String,
@@ -76,24 +77,24 @@ impl Stretched {
 #[derive(Debug, Serialize)]
 struct BaselineReport {
     /// Whose mean it is.
-    of: Of,
+    of: BaselineSource,
     metrics: Figures<DepthFigures>,
     picture_mean: Figures<DepthFigures>,
     minmax: Figures<Stretched>,
 }
 
 /// What was measured.
-pub(super) struct What {
-    pub(super) model: ModelName,
-    pub(super) dataset: String,
-    pub(super) protocol: ProtocolArg,
-    pub(super) pictures: u64,
-    pub(super) skipped: u64,
+pub(crate) struct Measured {
+    pub(crate) model: ModelName,
+    pub(crate) dataset: String,
+    pub(crate) protocol: Protocol,
+    pub(crate) images: u64,
+    pub(crate) skipped: u64,
 }
 
 impl Report {
-    pub(super) fn new(
-        what: &What,
+    pub(crate) fn new(
+        what: Measured,
         pipeline: &Pipeline,
         comparison: &Comparison,
         labels: &LabelMetrics,
@@ -101,19 +102,16 @@ impl Report {
     ) -> Self {
         let scale = pipeline.scale();
         Self {
-            contract: nunet_ipc::CONTRACT_VERSION,
-            model: what.model.clone(),
+            contract: CONTRACT_VERSION,
+            model: what.model,
             architecture: pipeline.graph().description().architecture.clone(),
-            dataset: what.dataset.clone(),
-            protocol: match what.protocol {
-                ProtocolArg::Full => "full",
-                ProtocolArg::Eigen => "eigen",
-            },
+            dataset: what.dataset,
+            protocol: what.protocol.name(),
             depth_cap_m: comparison.cap_m(),
             units: scale.units.name(),
             scale_source: scale.source.name(),
             filters: pipeline.filters().specs().map(|filter| filter.to_string()).collect(),
-            pictures: what.pictures,
+            pictures: what.images,
             skipped: what.skipped,
             pixels: comparison.compared().pixels,
             pixels_without_prediction: comparison.compared().missing,
@@ -131,8 +129,21 @@ impl Report {
         }
     }
 
-    /// For people: the network and the mean image side by side.
-    pub(super) fn text(&self) -> String {
+    /// Errors of depth in meters; `None` for a network without meters.
+    #[must_use]
+    pub fn depth(&self) -> Option<DepthFigures> {
+        self.metrics.measured()
+    }
+
+    /// Writes the report as JSON.
+    pub(crate) fn write_json(&self, path: &Path) -> Result<(), EvalError> {
+        let text = serde_json::to_string_pretty(self).map_err(EvalError::write(path))?;
+        std::fs::write(path, text + "\n").map_err(EvalError::write(path))
+    }
+
+    /// For people: the network and the mean image side by side, without a line end after the last line.
+    #[must_use]
+    pub fn text(&self) -> String {
         let mut text = format!(
             "{} ({}) on {}: {} images, {} skipped, protocol {}, scale {}\n{:<15}{:>9}{:>12}\n",
             self.model.name,
@@ -167,14 +178,17 @@ impl Report {
             text += &line("labels acc.", labels.accuracy, None);
         }
         text += &format!(
-            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared\n",
+            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared",
             self.pixels, self.pixels_without_prediction, self.pixels_beyond
         );
-        if trivial.is_some_and(|baseline| baseline.of == Of::Measured) {
-            text += "the mean image is that of the measured images themselves: `--baseline-ids` names others";
-        }
-        text.truncate(text.trim_end().len());
         text
+    }
+
+    /// Whether the mean image is that of the measured images themselves: a network cannot be that good on images that it
+    /// has not seen.
+    #[must_use]
+    pub fn baseline_has_seen_the_images(&self) -> bool {
+        self.baseline.as_ref().is_some_and(|baseline| baseline.of == BaselineSource::Measured)
     }
 }
 
@@ -185,15 +199,15 @@ fn line(name: &str, value: f64, beside: Option<f64>) -> String {
 
 /// One image's own figures.
 #[derive(Debug)]
-pub(super) struct PictureRow {
-    pub(super) id: String,
+pub(crate) struct ImageRow {
+    pub(crate) id: String,
     metric: bool,
     depth: Option<DepthFigures>,
     minmax: Option<Stretched>,
 }
 
-impl PictureRow {
-    pub(super) fn new(id: &str, alone: &Comparison) -> Self {
+impl ImageRow {
+    pub(crate) fn new(id: &str, alone: &Comparison) -> Self {
         Self {
             id: id.to_owned(),
             metric: alone.kind() == Kind::Metric,
@@ -203,21 +217,21 @@ impl PictureRow {
     }
 
     /// What images are ranked by: the root of the mean squared error, in meters where there are meters.
-    pub(super) fn error(&self) -> f64 {
+    pub(crate) fn error(&self) -> f64 {
         let stretched = self.minmax.map(|figures| figures.rmse);
         let metric = self.depth.map(|figures| figures.rmse);
         (if self.metric { metric } else { stretched }).unwrap_or(f64::INFINITY)
     }
 
-    pub(super) fn caption(&self) -> String {
-        let unit = if self.metric { " m" } else { " of the picture's range" };
+    pub(crate) fn caption(&self) -> String {
+        let unit = if self.metric { " m" } else { " of the image's range" };
         format!("{}, rmse {:.3}{unit}", self.id, self.error())
     }
 }
 
 /// Writes a row an image; a figure that could not be measured is left empty.
-pub(super) fn write_csv(path: &Path, rows: &[PictureRow]) -> anyhow::Result<()> {
-    let write = || -> anyhow::Result<()> {
+pub(crate) fn write_csv(path: &Path, rows: &[ImageRow]) -> Result<(), EvalError> {
+    let write = || -> Result<(), Cause> {
         let mut file = csv::Writer::from_path(path)?;
         let names = DepthFigures::NAMES.iter().copied();
         file.write_record(["id"].into_iter().chain(names).chain(["minmax_mse", "minmax_rmse"]))?;
@@ -229,5 +243,5 @@ pub(super) fn write_csv(path: &Path, rows: &[PictureRow]) -> anyhow::Result<()> 
         }
         Ok(file.flush()?)
     };
-    write().with_context(|| format!("cannot write `{}`", path.display()))
+    write().map_err(EvalError::write(path))
 }

@@ -1,0 +1,236 @@
+//! The mean image as a baseline beside the network.
+
+use std::collections::BTreeMap;
+use std::io::BufReader;
+use std::path::Path;
+
+use nunet_core::plain_file;
+use nunet_files::{MAX_NPY_BYTES, read_npy, write_npy};
+use nunet_types::ImageSize;
+use serde::Serialize;
+
+use crate::comparison::{Comparison, Kind};
+use crate::dataset::{Dataset, read_ids};
+use crate::error::EvalError;
+use crate::event::{Event, OnEvent};
+use crate::mean_image::{MeanImage, Prediction, Scenes, have_scenes, scene};
+use crate::metrics::DepthMetrics;
+use crate::options::{BaselineChoice, EvalOptions, Protocol};
+
+/// How predictions are compared.
+#[derive(Debug, Clone, Copy)]
+struct Rules {
+    protocol: Protocol,
+    cap_m: f32,
+}
+
+/// Whose mean the mean image is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub(crate) enum BaselineSource {
+    /// Of what it is measured on: it is better than one can be on other images.
+    #[serde(rename = "measured pictures")]
+    Measured,
+    /// Of the other scenes of the dataset, for each image.
+    #[serde(rename = "other scenes")]
+    OtherScenes,
+    /// Of images of the dataset that the user named.
+    #[serde(rename = "baseline-ids")]
+    Ids,
+    /// Of a file that the user named.
+    #[serde(rename = "baseline-file")]
+    File,
+}
+
+/// The mean image compared with every image.
+#[derive(Debug)]
+pub(crate) struct Baseline {
+    pub(crate) of: BaselineSource,
+    size: ImageSize,
+    /// For every image whose scene has none of its own.
+    everywhere: Prediction,
+    /// For the images of each scene.
+    each: BTreeMap<String, Prediction>,
+    /// In meters.
+    pub(crate) metric: Comparison,
+    minmax: Comparison,
+}
+
+impl Baseline {
+    fn with(
+        of: BaselineSource,
+        size: ImageSize,
+        everywhere: Prediction,
+        each: BTreeMap<String, Prediction>,
+        rules: Rules,
+    ) -> Self {
+        let comparison = |kind| Comparison::new(rules.protocol, rules.cap_m, kind);
+        let (metric, minmax) = (comparison(Kind::Metric), comparison(Kind::MinMax));
+        Self { of, size, everywhere, each, metric, minmax }
+    }
+
+    /// The mean image of `options`; `None` if the images have none. Every image that the user named must be readable.
+    pub(crate) fn new(
+        options: &EvalOptions,
+        dataset: &Dataset,
+        on_event: OnEvent<'_>,
+    ) -> Result<Option<Self>, EvalError> {
+        let rules = Rules { protocol: options.protocol, cap_m: options.depth_cap_m };
+        match &options.baseline {
+            BaselineChoice::File(file) => Self::read(file, rules).map(Some),
+            BaselineChoice::Ids(list) => {
+                let means = Means::of(dataset, &read_ids(list)?, false, on_event)?;
+                Ok(means.and_then(|means| means.baseline(BaselineSource::Ids, rules)))
+            }
+            BaselineChoice::Automatic => {
+                let means = Means::of(dataset, &dataset.ids, true, on_event)?;
+                Ok(means.and_then(|means| means.baseline(BaselineSource::Measured, rules)))
+            }
+        }
+    }
+
+    fn read(path: &Path, rules: Rules) -> Result<Self, EvalError> {
+        let wrong = |reason: String| EvalError::NotAMeanImage { path: path.to_owned(), reason };
+        let file = plain_file::open(path, MAX_NPY_BYTES).map_err(|error| wrong(error.to_string()))?;
+        let file = file.ok_or_else(|| wrong("it is not a regular file".to_owned()))?;
+        let (meters, size) = read_npy(BufReader::new(file)).map_err(|error| wrong(error.to_string()))?;
+        if !meters.iter().all(|meters| meters.is_finite()) {
+            return Err(wrong("not every pixel has a depth".to_owned()));
+        }
+        let everywhere = Prediction { meters, stretched: None };
+        Ok(Self::with(BaselineSource::File, size, everywhere, BTreeMap::new(), rules))
+    }
+
+    /// Writes it as `float32` `(H, W)`, meters.
+    pub(crate) fn write(&self, path: &Path) -> Result<(), EvalError> {
+        Ok(write_npy(path, &self.everywhere.meters, self.size)?)
+    }
+
+    /// Metrics of stretched depth.
+    pub(crate) fn minmax(&self) -> &DepthMetrics {
+        if self.everywhere.stretched.is_some() { &self.minmax.minmax } else { &self.metric.minmax }
+    }
+
+    /// # Errors
+    /// An image of another size.
+    pub(crate) fn check_size(&self, image: ImageSize) -> Result<(), EvalError> {
+        if image != self.size {
+            return Err(EvalError::MeanSize { mean: self.size, image });
+        }
+        Ok(())
+    }
+
+    /// Counts one image.
+    pub(crate) fn add(&mut self, id: &str, truth_m: &[f32], size: ImageSize) -> Result<(), EvalError> {
+        self.check_size(size)?;
+        let prediction = scene(id).and_then(|scene| self.each.get(scene)).unwrap_or(&self.everywhere);
+        self.metric.add(&prediction.meters, truth_m, size)?;
+        if let Some(stretched) = &prediction.stretched {
+            self.minmax.add(stretched, truth_m, size)?;
+        }
+        Ok(())
+    }
+}
+
+/// Mean images of many images: one of all, or one for each scene.
+enum Means {
+    All(MeanImage),
+    Scenes(Scenes),
+}
+
+impl Means {
+    /// Those of `ids`. `automatic` allows scenes, and passes over images that cannot be read: they are reported when they
+    /// are measured.
+    fn of(
+        dataset: &Dataset,
+        ids: &[String],
+        automatic: bool,
+        on_event: OnEvent<'_>,
+    ) -> Result<Option<Self>, EvalError> {
+        let mut means = match automatic && have_scenes(ids) {
+            true => Self::Scenes(Scenes::default()),
+            false => Self::All(MeanImage::default()),
+        };
+        on_event(Event::Started { what: "mean image", count: ids.len() as u64 });
+        for id in ids {
+            on_event(Event::Advanced);
+            let truth = match dataset.truth(id, None) {
+                Ok(truth) => truth,
+                Err(_) if automatic => continue,
+                Err(error) => return Err(error),
+            };
+            let added = match &mut means {
+                Self::Scenes(scenes) => scenes.add(id, &truth.depth_m, truth.size),
+                Self::All(mean) => mean.add(&truth.depth_m, truth.size),
+            };
+            if let Err(error) = added {
+                on_event(Event::Warning(&format!("no baseline: {error}")));
+                return Ok(None);
+            }
+        }
+        on_event(Event::Finished);
+        Ok(Some(means))
+    }
+
+    /// The comparison to come; `None` before the first image.
+    fn baseline(&self, of: BaselineSource, rules: Rules) -> Option<Baseline> {
+        let (of, mean, each) = match self {
+            Self::All(mean) => (of, mean, BTreeMap::new()),
+            Self::Scenes(scenes) => (BaselineSource::OtherScenes, &scenes.all, scenes.predictions()),
+        };
+        Some(Baseline::with(of, mean.size?, mean.prediction(), each, rules))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: ImageSize = ImageSize::new(3, 1);
+    const RULES: Rules = Rules { protocol: Protocol::Full, cap_m: 10.0 };
+
+    #[test]
+    fn a_mean_image_is_read_as_it_was_written_and_stretched_as_a_network_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mean_image.npy");
+        let mut mean = MeanImage::default();
+        mean.add(&[1.0, 2.0, 3.0], SIZE).unwrap();
+        Means::All(mean).baseline(BaselineSource::Measured, RULES).unwrap().write(&path).unwrap();
+        let mut baseline = Baseline::read(&path, RULES).unwrap();
+        assert_eq!(
+            (&baseline.everywhere.meters[..], baseline.size, baseline.of),
+            (&[1.0, 2.0, 3.0][..], SIZE, BaselineSource::File)
+        );
+        baseline.add("a", &[2.0, 4.0, 6.0], SIZE).unwrap();
+        assert_eq!(baseline.metric.depth.figures().unwrap().abs_rel, 0.5);
+        assert!(baseline.minmax().figures().unwrap().mse < 1e-12, "its scale does not matter there");
+        let other = ImageSize::new(1, 3);
+        assert!(matches!(baseline.add("b", &[1.0; 3], other), Err(EvalError::MeanSize { .. })));
+    }
+
+    #[test]
+    fn what_is_not_a_mean_image_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let refused = || match Baseline::read(&path, RULES) {
+            Err(EvalError::NotAMeanImage { path: named, reason }) if named == path => reason,
+            other => panic!("{other:?}"),
+        };
+        refused();
+        std::fs::write(&path, "no array").unwrap();
+        refused();
+        write_npy(&path, &[1.0, f32::NAN, 3.0], SIZE).unwrap();
+        assert_eq!(refused(), "not every pixel has a depth");
+    }
+
+    #[test]
+    fn a_scene_is_compared_with_the_mean_of_the_others() {
+        let mut scenes = Scenes::default();
+        for (id, meters) in [("bed_0", 1.0), ("bed_1", 1.0), ("sofa_0", 3.0), ("sofa_1", 5.0)] {
+            scenes.add(id, &[meters; 3], SIZE).unwrap();
+        }
+        let mut baseline = Means::Scenes(scenes).baseline(BaselineSource::Measured, RULES).unwrap();
+        assert_eq!(baseline.of, BaselineSource::OtherScenes);
+        baseline.add("bed_1", &[2.0; 3], SIZE).unwrap(); // the sofas' mean is 4 m
+        assert_eq!(baseline.metric.depth.figures().unwrap().mse, 4.0);
+    }
+}

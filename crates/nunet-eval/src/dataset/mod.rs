@@ -1,0 +1,245 @@
+//! Images with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
+
+mod ids;
+mod labels;
+mod pairs;
+mod unpack;
+
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::path::{Path, PathBuf};
+
+use nunet_core::camera::Camera;
+use nunet_source::{CameraFile, Frame, IMAGE_EXTENSIONS, Numbers, decode, decode_numbers};
+use nunet_types::ImageSize;
+use tempfile::TempDir;
+
+pub(crate) use self::ids::read_ids;
+use self::ids::{Listing, list};
+use self::labels::LabelFolder;
+use self::unpack::{Unpacked, unpack};
+pub(crate) use self::unpack::{is_recording, refuse_own_depth};
+use crate::error::EvalError;
+use crate::event::{Event, OnEvent};
+use crate::metrics::IGNORE;
+use crate::options::{DepthUnits, EvalOptions, Window};
+
+/// Endings of depth and labels.
+const NUMBER_ENDINGS: [&str; 1] = ["png"];
+const MILLIMETER_M: f64 = 0.001;
+/// What sensors write into 16-bit images where they measured nothing, besides 0: 7-Scenes has both.
+const NO_DEPTH: u16 = u16::MAX;
+
+/// A folder of pairs, read one at a time.
+#[derive(Debug)]
+pub(crate) struct Dataset {
+    root: PathBuf,
+    pub(crate) ids: Vec<String>,
+    /// The names of depth and labels, where they differ from the images' ids.
+    partners: BTreeMap<String, String>,
+    units: DepthUnits,
+    window: Option<Window>,
+    labels: Option<LabelFolder>,
+    /// The camera of all images, where the dataset says it.
+    camera: Option<Camera>,
+    /// A recording's images as files; removed at the end.
+    _unpacked: Option<TempDir>,
+    /// Images of a recording without depth beside them.
+    pub(crate) unpaired: u64,
+}
+
+/// What is known of an image.
+#[derive(Debug)]
+pub(crate) struct Truth {
+    pub(crate) size: ImageSize,
+    /// Meters, NaN = none.
+    pub(crate) depth_m: Vec<f32>,
+    /// The network's classes, [`IGNORE`] = none.
+    pub(crate) labels: Option<Vec<u8>>,
+}
+
+impl Dataset {
+    /// Lists the pairs. True labels are read only if they are of `classes`, those of the network.
+    pub(crate) fn open(
+        options: &EvalOptions,
+        classes: &[String],
+        on_event: OnEvent<'_>,
+    ) -> Result<Self, EvalError> {
+        if !is_recording(&options.dataset) {
+            return Self::open_folder(options.dataset.clone(), options, classes, on_event);
+        }
+        let Unpacked { folder, camera, unpaired } = unpack(options, on_event)?;
+        let dataset = Self::open_folder(folder.path().to_owned(), options, classes, on_event)?;
+        Ok(Self { camera, unpaired, _unpacked: Some(folder), ..dataset })
+    }
+
+    fn open_folder(
+        root: PathBuf,
+        options: &EvalOptions,
+        classes: &[String],
+        on_event: OnEvent<'_>,
+    ) -> Result<Self, EvalError> {
+        if let Some(missing) = ["rgb", "depth"].into_iter().find(|folder| !root.join(folder).is_dir()) {
+            return Err(EvalError::NotADataset { path: root, missing });
+        }
+        let images = list_known(&root.join("rgb"), &IMAGE_EXTENSIONS, options.ids.is_none(), on_event)?;
+        let depths = list_known(&root.join("depth"), &NUMBER_ENDINGS, options.ids.is_none(), on_event)?;
+        let partners = pairs::by_time(&images, &depths);
+        let mut ids = match &options.ids {
+            Some(list) => read_ids(list)?,
+            // Those of depth as well: what has no partner is found when its turn comes.
+            None => images.into_iter().chain(depths).collect::<BTreeSet<_>>().into_iter().collect(),
+        };
+        // Depth that belongs to an image of another name is not an image without a partner.
+        let paired: HashSet<&String> = partners.values().collect();
+        ids.retain(|id| !paired.contains(id));
+        if ids.is_empty() {
+            return Err(EvalError::NoImages { path: root });
+        }
+        Ok(Self {
+            labels: LabelFolder::find(&root, classes),
+            camera: camera_of(&root)?,
+            units: options.units,
+            window: options.window,
+            _unpacked: None,
+            unpaired: 0,
+            root,
+            ids,
+            partners,
+        })
+    }
+
+    /// Whether there are true labels of the network's classes.
+    pub(crate) fn has_labels(&self) -> bool {
+        self.labels.is_some()
+    }
+
+    /// Reads an image.
+    pub(crate) fn image(&self, id: &str, frame: &mut Frame) -> Result<(), EvalError> {
+        let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
+        frame.camera = self.camera;
+        decode(&path, frame).map_err(|source| EvalError::ReadImage { path, source })
+    }
+
+    /// Reads what is known of an image, which must have the size `image` if that is given.
+    pub(crate) fn truth(&self, id: &str, image: Option<ImageSize>) -> Result<Truth, EvalError> {
+        let (path, depth) = self.numbers("depth", id)?;
+        let size = ImageSize::from(depth.size);
+        same_size(&path, size, image.unwrap_or(size))?;
+        let mut depth_m = meters(&depth, self.units).ok_or(EvalError::UnknownUnit { path })?;
+        let labels = self.labels.as_ref().map(|folder| {
+            let (path, labels) = self.numbers(folder.name, id)?;
+            same_size(&path, labels.size.into(), size)?;
+            folder.classes(&labels, &path)
+        });
+        let mut labels = labels.transpose()?;
+        self.blank_outside(size.width, &mut depth_m, f32::NAN);
+        self.blank_outside(size.width, labels.as_deref_mut().unwrap_or_default(), IGNORE);
+        Ok(Truth { size, depth_m, labels })
+    }
+
+    fn numbers(&self, folder: &str, id: &str) -> Result<(PathBuf, Numbers), EvalError> {
+        let path = self.path(folder, self.partners.get(id).map_or(id, String::as_str), &NUMBER_ENDINGS);
+        match decode_numbers(&path) {
+            Ok(numbers) => Ok((path, numbers)),
+            Err(source) => Err(EvalError::ReadImage { path, source }),
+        }
+    }
+
+    /// The file of an image, or what it is called where there is none.
+    fn path(&self, folder: &str, id: &str, endings: &[&str]) -> PathBuf {
+        let folder = self.root.join(folder);
+        let named = |ending: &str| folder.join(format!("{id}.{ending}"));
+        let mut spellings = endings.iter().flat_map(|ending| [named(ending), named(&ending.to_uppercase())]);
+        spellings.find(|path| path.is_file()).unwrap_or_else(|| named(endings[0]))
+    }
+
+    fn blank_outside<T: Copy>(&self, width: u32, values: &mut [T], none: T) {
+        let Some(window) = self.window else { return };
+        for (index, value) in (0_u32..).zip(values) {
+            if !window.contains(index % width, index / width) {
+                *value = none;
+            }
+        }
+    }
+}
+
+/// The ids of a folder's images. Warns about files of other kinds if `with_warning`.
+fn list_known(
+    folder: &Path,
+    endings: &[&str],
+    with_warning: bool,
+    on_event: OnEvent<'_>,
+) -> Result<Vec<String>, EvalError> {
+    let Listing { ids, others } = list(folder, endings)?;
+    if others > 0 && with_warning {
+        let expected: Vec<_> = endings.iter().map(|ending| format!("`.{ending}`")).collect();
+        let (folder, expected) = (folder.display(), expected.join(", "));
+        on_event(Event::Warning(&format!(
+            "ignored {others} files in `{folder}` that do not end in {expected}"
+        )));
+    }
+    Ok(ids)
+}
+
+/// The camera that the dataset states in `camera.json`, as rendered clips do.
+fn camera_of(root: &Path) -> Result<Option<Camera>, EvalError> {
+    let path = root.join("camera.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(&path).map_err(EvalError::read(&path))?;
+    let file: CameraFile = serde_json::from_str(&text).map_err(EvalError::read(&path))?;
+    Ok(Some(file.camera().map_err(EvalError::read(&path))?))
+}
+
+/// Two images that belong together have one size.
+fn same_size(path: &Path, got: ImageSize, expected: ImageSize) -> Result<(), EvalError> {
+    if got == expected { Ok(()) } else { Err(EvalError::Size { path: path.to_owned(), got, expected }) }
+}
+
+/// `(value + offset) * scale`, NaN = none. `None` if the unit is not known.
+fn meters(depth: &Numbers, units: DepthUnits) -> Option<Vec<f32>> {
+    let scale = units.scale.or((depth.bits == 16).then_some(MILLIMETER_M))?;
+    let zero_is_none = units.offset == 0.0;
+    let is_none = |value: u16| (value == 0 && zero_is_none) || value == NO_DEPTH;
+    let meters = |value: u16| ((f64::from(value) + units.offset) * scale) as f32;
+    Some(depth.values.iter().map(|&value| if is_none(value) { f32::NAN } else { meters(value) }).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn depth(bits: u8) -> Numbers {
+        Numbers { size: (3, 1), values: vec![0, 1500, 65535], bits }
+    }
+
+    #[test]
+    fn no_depth_is_0_unless_there_is_an_offset_and_65535_always() {
+        let meters = |offset| meters(&depth(16), DepthUnits { scale: None, offset }).unwrap();
+        let millimeters = meters(0.0);
+        assert!(
+            millimeters[0].is_nan() && millimeters[1] == 1.5 && millimeters[2].is_nan(),
+            "{millimeters:?}"
+        );
+        let offset = meters(500.0);
+        assert!(offset[0] == 0.5 && offset[1] == 2.0 && offset[2].is_nan(), "{offset:?}");
+    }
+
+    #[test]
+    fn eight_bits_need_a_scale() {
+        assert!(meters(&depth(8), DepthUnits::default()).is_none());
+        let units = DepthUnits { scale: Some(0.1), offset: 0.0 };
+        assert_eq!(meters(&depth(8), units).unwrap()[1], 150.0);
+    }
+
+    #[test]
+    fn a_folder_without_depth_and_one_without_images_are_no_datasets() {
+        let root = tempfile::tempdir().unwrap();
+        let open = || Dataset::open(&EvalOptions::new(root.path()), &[], &mut |_| {});
+        std::fs::create_dir(root.path().join("rgb")).unwrap();
+        assert!(matches!(open(), Err(EvalError::NotADataset { missing: "depth", .. })));
+        std::fs::create_dir(root.path().join("depth")).unwrap();
+        assert!(matches!(open(), Err(EvalError::NoImages { .. })));
+    }
+}

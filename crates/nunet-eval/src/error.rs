@@ -1,0 +1,329 @@
+//! Why something could not be measured.
+
+use std::borrow::Cow;
+use std::error::Error;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use nunet_core::frame::FrameError;
+use nunet_core::pipeline::PipelineError;
+use nunet_files::FilesError;
+use nunet_source::{SourceError, SourceErrorKind};
+use nunet_types::{Hint, ImageSize};
+
+use crate::metrics::IGNORE;
+
+/// Whatever a library reports below.
+pub(crate) type Cause = Box<dyn Error + Send + Sync>;
+
+/// Why an image, or a whole dataset, could not be measured.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EvalError {
+    /// Neither a folder of images and depth nor a recording.
+    #[error("`{}` is not a dataset: it has no folder `{missing}`", path.display())]
+    NotADataset {
+        /// The folder.
+        path: PathBuf,
+        /// What it lacks.
+        missing: &'static str,
+    },
+    /// A folder without any image.
+    #[error("`{}` has no images", path.display())]
+    NoImages {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A recording that nunetd has written: measured against its own depth, the same network would be perfect.
+    #[error("`{}` was written by nunetd: its depth is a prediction of `{model:.60}`, not truth", path.display())]
+    OwnDepth {
+        /// The recording.
+        path: PathBuf,
+        /// The model whose depth it is.
+        model: String,
+    },
+    /// A recording whose images and depth do not belong together.
+    #[error("`{}` has no image with depth within {apart_ms} ms of it", path.display())]
+    NoPairs {
+        /// The recording.
+        path: PathBuf,
+        /// The largest difference of time stamps.
+        apart_ms: i64,
+    },
+    /// A list of ids that cannot be used.
+    #[error("{0}")]
+    Ids(String),
+    /// A file that is not a mean image.
+    #[error("`{}` is not a mean image: {reason}", path.display())]
+    NotAMeanImage {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// An image of the dataset cannot be read.
+    #[error("cannot read the image `{}`", path.display())]
+    ReadImage {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: SourceError,
+    },
+    /// Two images that belong together have different sizes.
+    #[error("`{}` is {got}, its image {expected}", path.display())]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        got: ImageSize,
+        /// The size of the image.
+        expected: ImageSize,
+    },
+    /// A depth image of 8 bits, whose unit is not known.
+    #[error("`{}`: depth of 8 bits cannot be millimeters", path.display())]
+    UnknownUnit {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A true label that is not a class.
+    #[error("`{}`: the label {label}; expected 0 to {last}, or {IGNORE} for none", path.display())]
+    UnknownLabel {
+        /// The file.
+        path: PathBuf,
+        /// The label.
+        label: u16,
+        /// The last class.
+        last: usize,
+        /// Whether the labels are NYU's 40 classes, or else the network's own.
+        is_nyu40: bool,
+    },
+    /// Images of different sizes have no mean.
+    #[error("images of {first} and of {other} have no mean image")]
+    NoMean {
+        /// The size of the first image.
+        first: ImageSize,
+        /// Another size.
+        other: ImageSize,
+    },
+    /// The mean image has another size than an image.
+    #[error("the mean image is {mean}, this image {image}")]
+    MeanSize {
+        /// The size of the mean image.
+        mean: ImageSize,
+        /// The size of the image.
+        image: ImageSize,
+    },
+    /// The protocol is for images of another size.
+    #[error("protocol `eigen` is for images of 640x480, this one is {size}")]
+    ProtocolSize {
+        /// The size of the image.
+        size: ImageSize,
+    },
+    /// No image has depth where it would be compared.
+    #[error("no image has true depth where depth is compared")]
+    NoTruth,
+    /// All true depth is outside of what is compared.
+    #[error(
+        "no true depth is between {from_m} and {cap_m} m, where depth is compared: it is {near_m} to {far_m} m"
+    )]
+    TruthOutOfRange {
+        /// Depth is compared from here on, in meters.
+        from_m: f32,
+        /// Depth is compared up to here, in meters.
+        cap_m: f32,
+        /// The nearest true depth, in meters.
+        near_m: f32,
+        /// The farthest true depth, in meters.
+        far_m: f32,
+    },
+    /// No image could be measured; the last error.
+    #[error("no image could be measured")]
+    NothingMeasured {
+        /// The last error.
+        source: Box<EvalError>,
+    },
+    /// The recording, the calibration or the camera cannot be used.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The network did not run.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// An image whose numbers do not fit its size.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// Files cannot be written.
+    #[error(transparent)]
+    Files(#[from] FilesError),
+    /// The system refused something, or a file is damaged.
+    #[error("{action}")]
+    System {
+        /// What was tried: `cannot ...`.
+        action: String,
+        /// Why it failed.
+        source: Cause,
+    },
+}
+
+/// A kind of [`EvalError`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum EvalErrorKind {
+    /// The dataset, a file or an option is wrong: other arguments would help.
+    Argument,
+    /// An image or a pair of images cannot be used.
+    Image,
+    /// There is no true depth to compare with.
+    Truth,
+    /// The network did not run.
+    Model,
+    /// A file or folder cannot be read or written.
+    System,
+}
+
+impl EvalError {
+    /// What kind of failure it is.
+    #[must_use]
+    pub fn kind(&self) -> EvalErrorKind {
+        match self {
+            Self::NotADataset { .. }
+            | Self::NoImages { .. }
+            | Self::OwnDepth { .. }
+            | Self::Ids(_)
+            | Self::NotAMeanImage { .. } => EvalErrorKind::Argument,
+            Self::Source(error) if error.kind() == SourceErrorKind::BadArguments => EvalErrorKind::Argument,
+            Self::NoPairs { .. } | Self::NoTruth | Self::TruthOutOfRange { .. } => EvalErrorKind::Truth,
+            Self::NothingMeasured { source } => source.kind(),
+            Self::Pipeline(_) => EvalErrorKind::Model,
+            Self::Files(_) | Self::System { .. } => EvalErrorKind::System,
+            Self::Source(_)
+            | Self::ReadImage { .. }
+            | Self::Size { .. }
+            | Self::UnknownUnit { .. }
+            | Self::UnknownLabel { .. }
+            | Self::NoMean { .. }
+            | Self::MeanSize { .. }
+            | Self::ProtocolSize { .. }
+            | Self::Frame(_) => EvalErrorKind::Image,
+        }
+    }
+
+    /// For `map_err`: `action` failed.
+    pub(crate) fn system<E: Into<Cause>>(action: impl Into<String>) -> impl FnOnce(E) -> Self {
+        let action = action.into();
+        move |error| Self::System { action, source: error.into() }
+    }
+
+    /// For `map_err`: `path` cannot be listed.
+    pub(crate) fn list(path: &Path) -> impl Fn(io::Error) -> Self {
+        move |error| Self::system(format!("cannot list the folder `{}`", path.display()))(error)
+    }
+
+    /// For `map_err`: `path` cannot be read.
+    pub(crate) fn read<E: Into<Cause>>(path: &Path) -> impl Fn(E) -> Self {
+        move |error| Self::system(format!("cannot read `{}`", path.display()))(error)
+    }
+
+    /// For `map_err`: `path` cannot be written.
+    pub(crate) fn write<E: Into<Cause>>(path: &Path) -> impl Fn(E) -> Self {
+        move |error| Self::system(format!("cannot write `{}`", path.display()))(error)
+    }
+}
+
+impl Hint for EvalError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some(match self {
+            Self::NotADataset { .. } => {
+                "pass a recording, or a folder with rgb/ID.jpg or .png and depth/ID.png".into()
+            }
+            Self::OwnDepth { .. } => "name the topic of the depth to compare the model with it anyway".into(),
+            Self::NoPairs { .. } => "name the topics of the images and of the depth".into(),
+            Self::NotAMeanImage { .. } => {
+                "pass float32 (H, W), in meters, such as the `mean_image.npy` of another evaluation".into()
+            }
+            Self::UnknownUnit { .. } => "state the meters per unit of the depth images".into(),
+            Self::UnknownLabel { is_nyu40: false, .. } => {
+                "`labels/` holds the network's own classes; put NYU's 40 classes into `label40/`".into()
+            }
+            Self::UnknownLabel { .. } => {
+                "count NYU's classes from 0; 39 is \"otherprop\" or unlabeled".into()
+            }
+            Self::ProtocolSize { .. } => "compare whole images, with the protocol `full`".into(),
+            Self::NoTruth => "check window and protocol, which exclude parts; 0 and NaN mean no depth".into(),
+            Self::TruthOutOfRange { far_m, .. } => match cap_for(*far_m) {
+                Some(cap_m) => format!("compare up to a larger distance: {cap_m} m").into(),
+                None => "check the unit of the depth images".into(),
+            },
+            // Transparent: these are not in the chain of causes themselves.
+            Self::Source(error) => return error.hint(),
+            Self::Pipeline(error) => return error.hint(),
+            Self::Frame(error) => return error.hint(),
+            Self::Files(error) => return error.hint(),
+            Self::NoImages { .. }
+            | Self::Ids(_)
+            | Self::ReadImage { .. }
+            | Self::Size { .. }
+            | Self::NoMean { .. }
+            | Self::MeanSize { .. }
+            | Self::NothingMeasured { .. }
+            | Self::System { .. } => return None,
+        })
+    }
+}
+
+/// The cap that would include depth up to `far_m` meters; `None` if that is no distance but another unit. No depth camera
+/// or lidar on a robot sees farther than this.
+#[must_use]
+pub fn cap_for(far_m: f32) -> Option<f32> {
+    const FARTHEST_M: f32 = 300.0;
+    (far_m <= FARTHEST_M).then(|| far_m.ceil())
+}
+
+/// The error, its causes and its first hint, for messages about single images.
+pub(crate) fn text(error: &EvalError) -> String {
+    let mut text = error.to_string();
+    let mut hint = error.hint();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text += &format!(": {error}");
+        hint = hint.or_else(|| error.downcast_ref::<SourceError>()?.hint());
+        cause = error.source();
+    }
+    match hint {
+        Some(hint) => format!("{text}\nhint: {hint}"),
+        None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_has_the_kind_of_what_failed() {
+        let path = || PathBuf::from("a");
+        let wrong = || EvalError::from(SourceError::bad_arguments("no such topic"));
+        let cases = [
+            (EvalError::NoImages { path: path() }, EvalErrorKind::Argument),
+            (wrong(), EvalErrorKind::Argument),
+            (EvalError::from(SourceError::bad_frame("cut off")), EvalErrorKind::Image),
+            (EvalError::NothingMeasured { source: wrong().into() }, EvalErrorKind::Argument),
+            (EvalError::UnknownUnit { path: path() }, EvalErrorKind::Image),
+            (EvalError::NoTruth, EvalErrorKind::Truth),
+        ];
+        for (error, kind) in cases {
+            assert_eq!(error.kind(), kind, "{error}");
+        }
+    }
+
+    #[test]
+    fn a_text_has_the_causes_and_the_hint_of_the_one_that_has_it() {
+        let source = SourceError::bad_frame("it is too large").with_hint("make it smaller");
+        let error = EvalError::ReadImage { path: "a.png".into(), source };
+        assert_eq!(text(&error), "cannot read the image `a.png`: it is too large\nhint: make it smaller");
+    }
+
+    #[test]
+    fn a_distance_that_no_sensor_sees_is_another_unit() {
+        assert_eq!((cap_for(42.5), cap_for(4000.0)), (Some(43.0), None));
+    }
+}

@@ -1,0 +1,287 @@
+//! The pipeline over all images of a dataset.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use image::RgbImage;
+use nunet_core::depth::DepthEncoding;
+use nunet_core::pipeline::{Outputs, Pipeline};
+use nunet_engine::ModelName;
+use nunet_files::make_folder;
+use nunet_source::{CameraResolver, Frame};
+use nunet_types::ImageSize;
+
+use crate::baseline::Baseline;
+use crate::comparison::{Comparison, Kind};
+use crate::dataset::{Dataset, Truth, is_recording, refuse_own_depth};
+use crate::error::{EvalError, text};
+use crate::event::{Event, OnEvent};
+use crate::fit::Fit;
+use crate::metrics::LabelMetrics;
+use crate::options::EvalOptions;
+use crate::report::{self, ImageRow, Measured, Report};
+use crate::sheet::{self, Row, chosen};
+
+/// The share of truth beyond the cap from which on its unit looks wrong.
+const MUCH_BEYOND: f64 = 0.05;
+
+/// An evaluation that can begin: what needs no model has been checked.
+#[derive(Debug)]
+pub struct Evaluator {
+    options: EvalOptions,
+    camera: CameraResolver,
+}
+
+impl Evaluator {
+    /// Checks `options` as far as that takes no time, and reads the calibration.
+    ///
+    /// # Errors
+    /// The calibration cannot be used, or the dataset is a recording of predictions.
+    pub fn new(options: EvalOptions) -> Result<Self, EvalError> {
+        refuse_own_depth(&options)?;
+        let camera = CameraResolver::new(&options.camera)?;
+        Ok(Self { options, camera })
+    }
+
+    /// Measures every image. Images that cannot be measured are reported to `on_event` and counted.
+    ///
+    /// # Errors
+    /// The dataset or the baseline cannot be used, no image could be measured, or there is no true depth to compare with.
+    pub fn run(
+        self,
+        pipeline: Pipeline,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Evaluation, EvalError> {
+        let Self { options, camera } = self;
+        let dataset = Dataset::open(&options, &pipeline.graph().description().classes, on_event)?;
+        if pipeline.graph().has_labels() && !dataset.has_labels() {
+            on_event(Event::Warning("no true labels of this network's classes: only depth is measured"));
+        }
+        let baseline = Baseline::new(&options, &dataset, on_event)?;
+        let mut evaluation = Evaluation::new(options, dataset, pipeline, camera, baseline);
+        evaluation.measure_all(on_event)?;
+        evaluation.comparison.check_truth()?;
+        evaluation.report_truth_beyond(on_event);
+        Ok(evaluation)
+    }
+}
+
+/// A finished evaluation.
+pub struct Evaluation {
+    options: EvalOptions,
+    dataset: Dataset,
+    pipeline: Pipeline,
+    camera: CameraResolver,
+    /// Whether each image follows the one before it.
+    is_clip: bool,
+    frame: Frame,
+    depth: Vec<f32>,
+    labels: Vec<u8>,
+    comparison: Comparison,
+    confusion: LabelMetrics,
+    baseline: Option<Baseline>,
+    rows: Vec<ImageRow>,
+    skipped: u64,
+}
+
+/// What the network predicts for an image, at the image's size.
+struct Prediction {
+    depth: Vec<f32>,
+    labels: Vec<u8>,
+}
+
+/// Which failures were reported: the same one of hundreds of images is reported once, and counted.
+#[derive(Default)]
+struct Reported(BTreeMap<String, u64>);
+
+impl Reported {
+    fn report(&mut self, id: &str, error: &EvalError, on_event: OnEvent<'_>) {
+        let reason = text(error);
+        let count = self.0.entry(reason.replace(id, "ID")).or_default();
+        *count += 1;
+        if *count == 1 {
+            on_event(Event::Skipped { id, reason: &reason });
+        }
+    }
+
+    fn summarize(&self, on_event: OnEvent<'_>) {
+        for (reason, &count) in self.0.iter().filter(|(_, count)| **count > 1) {
+            on_event(Event::SkippedAlike { count, reason });
+        }
+    }
+}
+
+impl Evaluation {
+    fn new(
+        options: EvalOptions,
+        dataset: Dataset,
+        pipeline: Pipeline,
+        camera: CameraResolver,
+        baseline: Option<Baseline>,
+    ) -> Self {
+        let pixels = ImageSize::from(pipeline.size()).pixel_count();
+        let description = pipeline.graph().description();
+        let kind = match description.encoding {
+            DepthEncoding::MinMax => Kind::MinMax,
+            DepthEncoding::Relative | DepthEncoding::RelativeInverse => Kind::Relative,
+            DepthEncoding::Metric | DepthEncoding::Inverse | DepthEncoding::Log => Kind::Metric,
+        };
+        Self {
+            is_clip: options.clip || is_recording(&options.dataset),
+            frame: Frame::default(),
+            depth: vec![0.0; pixels],
+            labels: if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() },
+            comparison: Comparison::new(options.protocol, options.depth_cap_m, kind),
+            confusion: LabelMetrics::new(description.classes.len()),
+            rows: Vec::new(),
+            skipped: dataset.unpaired,
+            options,
+            dataset,
+            pipeline,
+            camera,
+            baseline,
+        }
+    }
+
+    /// Measures every image; an error if none could be measured.
+    fn measure_all(&mut self, on_event: OnEvent<'_>) -> Result<(), EvalError> {
+        let mut last = None;
+        let mut reported = Reported::default();
+        let ids = self.dataset.ids.clone();
+        on_event(Event::Started { what: "images", count: ids.len() as u64 });
+        for id in &ids {
+            if let Err(error) = self.measure(id, on_event) {
+                reported.report(id, &error, on_event);
+                self.skipped += 1;
+                last = Some(error);
+            }
+            on_event(Event::Advanced);
+        }
+        on_event(Event::Finished);
+        reported.summarize(on_event);
+        match last {
+            Some(last) if self.rows.is_empty() => Err(EvalError::NothingMeasured { source: last.into() }),
+            _ => Ok(()),
+        }
+    }
+
+    fn measure(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(), EvalError> {
+        let (truth, prediction) = self.predict(id, on_event)?;
+        if let Some(baseline) = &self.baseline {
+            baseline.check_size(truth.size)?; // before anything is counted
+        }
+        let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
+        if let Some(labels) = &truth.labels {
+            self.confusion.add(&prediction.labels, labels);
+        }
+        if let Some(baseline) = &mut self.baseline {
+            baseline.add(id, &truth.depth_m, truth.size)?;
+        }
+        self.rows.push(ImageRow::new(id, &alone));
+        Ok(())
+    }
+
+    fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
+        self.dataset.image(id, &mut self.frame)?;
+        let truth = self.dataset.truth(id, Some(self.frame.size.into()))?;
+        if !self.is_clip {
+            self.pipeline.reset();
+        }
+        if let Some(assumption) = self.camera.update(&self.frame, &mut self.pipeline)? {
+            on_event(Event::UnknownCamera { assumption });
+        }
+        let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
+        let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
+        self.pipeline.process(&self.frame.view()?, outputs, &|| 0)?;
+        let fit = Fit::new(&self.pipeline, truth.size);
+        let prediction = Prediction { depth: fit.depth(&self.depth), labels: fit.labels(&self.labels) };
+        Ok((truth, prediction))
+    }
+
+    /// Some truth beyond the cap is in every dataset; much of it is a wrong unit or a wrong cap.
+    fn report_truth_beyond(&self, on_event: OnEvent<'_>) {
+        let share = self.comparison.share_beyond();
+        if let Some(farthest_m) = self.comparison.farthest_m().filter(|_| share > MUCH_BEYOND) {
+            on_event(Event::TruthBeyondCap { share, cap_m: self.comparison.cap_m(), farthest_m });
+        }
+    }
+
+    /// Images that could not be measured, and images of a recording without depth.
+    #[must_use]
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// What was found.
+    #[must_use]
+    pub fn report(&self, model: ModelName) -> Report {
+        Report::new(
+            Measured {
+                model,
+                dataset: name_of(&self.options.dataset),
+                protocol: self.options.protocol,
+                images: self.rows.len() as u64,
+                skipped: self.skipped,
+            },
+            &self.pipeline,
+            &self.comparison,
+            &self.confusion,
+            self.baseline.as_ref(),
+        )
+    }
+
+    /// Writes `eval.json`, `pictures.csv`, `contact_sheet.png` and `mean_image.npy` into `folder`, which is created if it is
+    /// missing. The images of the sheet are predicted once more.
+    ///
+    /// # Errors
+    /// A file cannot be written, or an image cannot be read any more.
+    pub fn write(&mut self, folder: &Path, report: &Report) -> Result<(), EvalError> {
+        make_folder(folder)?;
+        report.write_json(&folder.join("eval.json"))?;
+        report::write_csv(&folder.join("pictures.csv"), &self.rows)?;
+        if let Some(baseline) = &self.baseline {
+            baseline.write(&folder.join("mean_image.npy"))?;
+        }
+        let path = folder.join("contact_sheet.png");
+        self.contact_sheet()?.save(&path).map_err(EvalError::write(&path))
+    }
+
+    /// Predicts the chosen images once more, nine, because all would not fit into memory; of a clip also whatever leads up
+    /// to them.
+    fn contact_sheet(&mut self) -> Result<RgbImage, EvalError> {
+        let errors: Vec<f64> = self.rows.iter().map(ImageRow::error).collect();
+        let chosen = chosen(&errors);
+        let mut strips = vec![None; chosen.len()];
+        self.pipeline.reset();
+        for id in &self.dataset.ids.clone() {
+            let is_this = |&(_, place): &(&str, usize)| self.rows[place].id == *id;
+            if let Some(index) = chosen.iter().position(is_this) {
+                let (group, place) = chosen[index];
+                let caption = format!("{group}: {}", self.rows[place].caption());
+                strips[index] = Some(self.strip(id, caption)?);
+            } else if self.is_clip {
+                let _reported_before = self.predict(id, &mut |_| {});
+            }
+        }
+        Ok(sheet::stacked(&strips.into_iter().flatten().collect::<Vec<_>>()))
+    }
+
+    fn strip(&mut self, id: &str, caption: String) -> Result<RgbImage, EvalError> {
+        let (truth, prediction) = self.predict(id, &mut |_| {})?;
+        let row = Row {
+            caption,
+            size: truth.size,
+            rgb: self.frame.view()?.bytes(),
+            truth: &truth.depth_m,
+            predicted: &prediction.depth,
+            metric: self.comparison.kind() == Kind::Metric,
+        };
+        Ok(row.strip())
+    }
+}
+
+/// The last part of the dataset's path.
+fn name_of(dataset: &Path) -> String {
+    let path = dataset.canonicalize().unwrap_or_else(|_| dataset.to_owned());
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}

@@ -1,0 +1,51 @@
+//! What an evaluation reports while it runs. The library prints nothing.
+
+/// Progress and problems of an evaluation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// A pass over `count` images begins.
+    Started {
+        /// What the pass is for.
+        what: &'static str,
+        /// The number of images.
+        count: u64,
+    },
+    /// One more image is done.
+    Advanced,
+    /// The pass is over.
+    Finished,
+    /// An image cannot be measured.
+    Skipped {
+        /// Its id.
+        id: &'a str,
+        /// The error, its causes and its hint.
+        reason: &'a str,
+    },
+    /// That many images were skipped for the same reason. Only the first one was reported as [`Event::Skipped`].
+    SkippedAlike {
+        /// The number of images.
+        count: u64,
+        /// The reason, `ID` in place of the id.
+        reason: &'a str,
+    },
+    /// Something is not as one would expect.
+    Warning(&'a str),
+    /// The camera is unknown.
+    UnknownCamera {
+        /// What is assumed instead.
+        assumption: &'static str,
+    },
+    /// Much of the true depth is not compared: its unit or the cap may be wrong.
+    TruthBeyondCap {
+        /// The share of the true depth.
+        share: f64,
+        /// The cap, in meters.
+        cap_m: f32,
+        /// The farthest true depth, in meters.
+        farthest_m: f32,
+    },
+}
+
+/// Takes events.
+pub(crate) type OnEvent<'a> = &'a mut dyn FnMut(Event<'_>);

@@ -1,0 +1,76 @@
+//! The evaluator: the production pipeline against images with true depth and labels, and the mean image beside it.
+//!
+//! [`EvalOptions`] says what is measured, [`Evaluator::new`] checks it, [`Evaluator::run`] measures every image, and
+//! [`Evaluation`] gives the [`Report`] and writes files. The library prints nothing: progress and problems are [`Event`]s.
+//! `nunetd eval` is these calls and the printing of their results.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `dataset` | folders, pairs by time stamp, lists of ids, recordings |
+//! | `comparison`, `metrics` | which pixels are compared, and the sums over them ([`DepthMetrics`], [`LabelMetrics`]) |
+//! | `baseline`, `mean_image` | the trivial prediction |
+//! | `fit` | results of the network at the size of the truth |
+//! | `report`, `sheet` | JSON, table, CSV, contact sheet |
+//!
+//! # Example: the error of a model on a folder of images with depth
+//! ```no_run
+//! use nunet_core::pipeline::PipelineOptions;
+//! use nunet_engine::{Engine, EngineOptions};
+//! use nunet_eval::{EvalOptions, Evaluator, Event};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let evaluator = Evaluator::new(EvalOptions::new("models/clip"))?;
+//!
+//! let engine = Engine::start(EngineOptions::default())?;
+//! let model = engine.load("wnet_c.onnx".as_ref(), &[], &Default::default())?;
+//! let name = model.model_name();
+//! let (pipeline, _selftest) = model.into_pipeline(PipelineOptions::default())?;
+//!
+//! let evaluation = evaluator.run(pipeline, &mut |event| {
+//!     if let Event::Skipped { id, reason } = event {
+//!         eprintln!("skipped {id}: {reason}");
+//!     }
+//! })?;
+//! let report = evaluation.report(name);
+//! if let Some(depth) = report.depth() {
+//!     println!("rmse {:.3} m, delta1 {:.3}", depth.rmse, depth.delta1);
+//! }
+//! println!("{}", report.text());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Example: metrics of depth maps that you have already
+//! ```
+//! use nunet_eval::DepthMetrics;
+//!
+//! let mut metrics = DepthMetrics::default();
+//! for (predicted_m, true_m) in [(2.0, 1.0), (3.0, 4.0), (5.0, f32::NAN)] {
+//!     metrics.add(predicted_m, true_m);
+//! }
+//! let figures = metrics.figures().ok_or("no pixel has truth")?;
+//! assert_eq!((metrics.pixels, figures.rmse, figures.abs_rel), (2, 1.0, 0.625));
+//! # Ok::<(), &str>(())
+//! ```
+//!
+//! Errors have a [kind](EvalError::kind) and a [hint](nunet_types::Hint).
+
+mod baseline;
+mod comparison;
+mod dataset;
+mod error;
+mod evaluation;
+mod event;
+mod fit;
+mod mean_image;
+mod metrics;
+mod options;
+mod report;
+mod sheet;
+
+pub use error::{EvalError, EvalErrorKind, cap_for};
+pub use evaluation::{Evaluation, Evaluator};
+pub use event::Event;
+pub use metrics::{DepthFigures, DepthMetrics, IGNORE, LabelFigures, LabelMetrics};
+pub use options::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
+pub use report::Report;

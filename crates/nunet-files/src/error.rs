@@ -1,0 +1,83 @@
+//! Why results could not be written.
+
+use std::borrow::Cow;
+use std::error::Error;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use nunet_types::Hint;
+
+/// Whatever a library reports below.
+pub(crate) type Cause = Box<dyn Error + Send + Sync>;
+
+/// Why files could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FilesError {
+    /// The folder of the files cannot be created.
+    #[error("cannot create the folder `{}`", path.display())]
+    CreateFolder {
+        /// The folder.
+        path: PathBuf,
+        /// Why.
+        source: Cause,
+    },
+    /// The folder, or the part of its path that exists, is a file.
+    #[error("cannot create the folder `{}`: `{}` is not a folder", path.display(), existing.display())]
+    NotAFolder {
+        /// The folder asked for.
+        path: PathBuf,
+        /// The part of it that exists.
+        existing: PathBuf,
+    },
+    /// No file can be created in the folder.
+    #[error("cannot write into the folder `{}`", path.display())]
+    WriteIntoFolder {
+        /// The folder.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file cannot be written.
+    #[error("cannot write `{}`", path.display())]
+    WriteFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Cause,
+    },
+}
+
+/// A kind of [`FilesError`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum FilesErrorKind {
+    /// The folder is missing and cannot be created, or it is read-only.
+    Folder,
+    /// A file cannot be written.
+    File,
+}
+
+impl FilesError {
+    /// What kind of failure it is.
+    #[must_use]
+    pub fn kind(&self) -> FilesErrorKind {
+        match self {
+            Self::CreateFolder { .. } | Self::NotAFolder { .. } | Self::WriteIntoFolder { .. } => {
+                FilesErrorKind::Folder
+            }
+            Self::WriteFile { .. } => FilesErrorKind::File,
+        }
+    }
+
+    /// For `map_err`: `path` cannot be written.
+    pub(crate) fn write_file<E: Into<Cause>>(path: &Path) -> impl FnOnce(E) -> Self {
+        move |source| Self::WriteFile { path: path.to_owned(), source: source.into() }
+    }
+}
+
+impl Hint for FilesError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        matches!(self, Self::NotAFolder { .. }).then_some("pass another folder".into())
+    }
+}

@@ -1,0 +1,186 @@
+//! Finds the camera that took a frame: the one that the user named, otherwise the one that the source knows.
+
+use std::io::{self, ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
+
+use nunet_core::camera::{Calibration, Camera, CameraError, IntrinsicsSpec};
+use nunet_core::depth::ScaleSource;
+use nunet_core::pipeline::Pipeline;
+use nunet_core::plain_file;
+use tracing::warn;
+
+use crate::error::SourceError;
+use crate::frame::Frame;
+
+/// What the user knows of the camera. At most one of both is given.
+#[derive(Debug, Clone, Default)]
+pub struct CameraGeometry {
+    /// Focal lengths and principal point of a camera without distortion.
+    pub intrinsics: Option<IntrinsicsSpec>,
+    /// A calibration file.
+    pub calibration: Option<PathBuf>,
+}
+
+/// The camera of a stream's frames, followed from frame to frame.
+#[derive(Debug, Default)]
+pub struct CameraResolver {
+    named: Option<Named>,
+    /// What the pipeline's camera was made from.
+    current: Option<Key>,
+    has_told: bool,
+    /// The named camera, if any, fitted a frame.
+    fits: bool,
+}
+
+/// The camera that the user named.
+#[derive(Debug)]
+enum Named {
+    Intrinsics(IntrinsicsSpec),
+    Calibration(Calibration),
+}
+
+impl Named {
+    fn at_size(&self, (width, height): (u32, u32)) -> Result<Camera, CameraError> {
+        match self {
+            Self::Intrinsics(spec) => spec.at_size(width, height).map(Camera::pinhole),
+            Self::Calibration(calibration) => calibration.at_size(width, height),
+        }
+    }
+}
+
+/// A camera is resolved again when one of these changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Key {
+    size: (u32, u32),
+    camera: Option<Camera>,
+}
+
+impl CameraResolver {
+    /// A camera that the user named takes precedence over that of the source.
+    ///
+    /// # Errors
+    /// The calibration file cannot be read or is not a calibration.
+    pub fn new(geometry: &CameraGeometry) -> Result<Self, SourceError> {
+        let named = match (&geometry.calibration, geometry.intrinsics) {
+            (Some(path), _) => Some(Named::Calibration(read_calibration(path)?)),
+            (None, intrinsics) => intrinsics.map(Named::Intrinsics),
+        };
+        Ok(Self { named, ..Self::default() })
+    }
+
+    /// The camera that took `frame`, at the frame's size; `None` if it is unknown.
+    ///
+    /// # Errors
+    /// The named camera does not fit the frame's size.
+    pub fn camera_of(&self, frame: &Frame) -> Result<Option<Camera>, CameraError> {
+        let named = self.named.as_ref().map(|named| named.at_size(frame.size)).transpose()?;
+        Ok(named.or(frame.camera))
+    }
+
+    /// The same, for a stream of frames.
+    ///
+    /// # Errors
+    /// [`BadArguments`](crate::SourceErrorKind::BadArguments) if the camera that the user named does not fit the first frame:
+    /// it will not fit the next one either. [`BadFrame`](crate::SourceErrorKind::BadFrame) if it does not fit a later one.
+    pub fn resolve(&mut self, frame: &Frame) -> Result<Option<Camera>, SourceError> {
+        let camera = self.camera_of(frame).map_err(|error| {
+            let wrong = if self.fits { SourceError::bad_frame } else { SourceError::bad_arguments };
+            wrong("the given calibration or intrinsics do not fit the images of the source".to_owned())
+                .with_cause(error)
+        })?;
+        self.fits = true;
+        Ok(camera)
+    }
+
+    /// Passes the camera to the pipeline if it changed. If the camera is unknown, returns once what is assumed instead:
+    /// "points assume the training camera".
+    ///
+    /// # Errors
+    /// As [`CameraResolver::resolve`], or [`BadFrame`](crate::SourceErrorKind::BadFrame) if the camera does not fit the
+    /// network.
+    pub fn update(
+        &mut self,
+        frame: &Frame,
+        pipeline: &mut Pipeline,
+    ) -> Result<Option<&'static str>, SourceError> {
+        let key = Key { size: frame.size, camera: frame.camera };
+        if self.current == Some(key) {
+            return Ok(None);
+        }
+        let camera = self.resolve(frame)?;
+        pipeline.set_camera(camera).map_err(|error| {
+            SourceError::bad_frame("the camera does not fit the network").with_cause(error)
+        })?;
+        self.current = Some(key);
+        let is_news = camera.is_none() && !std::mem::replace(&mut self.has_told, true);
+        Ok(is_news.then(|| assumption(pipeline)))
+    }
+}
+
+/// What a pipeline assumes about an unknown camera.
+fn assumption(pipeline: &Pipeline) -> &'static str {
+    let training_camera = pipeline.graph().description().camera.is_some();
+    match pipeline.scale().source {
+        ScaleSource::AssumedCamera => "meters and points assume the training camera",
+        _ if training_camera => "points assume the training camera",
+        _ => "points assume a camera of 60 degrees from left to right",
+    }
+}
+
+/// Reads a calibration that the user named.
+///
+/// # Errors
+/// The file cannot be read or is not a calibration.
+pub fn read_calibration(path: &Path) -> Result<Calibration, SourceError> {
+    let path_shown = path.display();
+    let text = read_start(path).map_err(|error| {
+        SourceError::bad_arguments(format!("cannot read the calibration `{path_shown}`"))
+            .with_hint("pass a ROS `camera_info` file in YAML")
+            .with_cause(error)
+    })?;
+    let calibration = Calibration::parse(&text).map_err(|error| {
+        SourceError::bad_arguments(format!("cannot use the calibration `{path_shown}`")).with_cause(error)
+    })?;
+    if let Some(skew) = calibration.ignored_skew() {
+        warn!("calibration `{path_shown}`: {skew}");
+    }
+    Ok(calibration)
+}
+
+/// Reads at most one byte more than a calibration may have. The parser rejects text that is not UTF-8.
+fn read_start(path: &Path) -> io::Result<String> {
+    let Some(mut file) = plain_file::open(path, Calibration::MAX_BYTES as u64 + 1)? else {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a plain file"));
+    };
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::SourceErrorKind;
+
+    #[test]
+    fn a_camera_that_does_not_fit_is_a_bad_argument_at_first_and_a_bad_frame_later() {
+        let intrinsics = Some("50,50,32,18@64x36".parse().unwrap());
+        let geometry = CameraGeometry { intrinsics, calibration: None };
+        let frame = |size| Frame { size, ..Frame::default() };
+        let mut resolver = CameraResolver::new(&geometry).unwrap();
+        let mut kind = |size| resolver.resolve(&frame(size)).map_err(|error| error.kind());
+        assert_eq!(kind((64, 64)), Err(SourceErrorKind::BadArguments));
+        assert!(kind((128, 72)).unwrap().is_some());
+        assert_eq!(kind((64, 64)), Err(SourceErrorKind::BadFrame));
+        assert_eq!(CameraResolver::default().resolve(&frame((64, 64))).unwrap(), None);
+    }
+
+    #[test]
+    fn a_calibration_that_is_missing_or_none_is_a_bad_argument() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "no: calibration").unwrap();
+        for path in [file.path(), Path::new("missing.yaml")] {
+            assert_eq!(read_calibration(path).unwrap_err().kind(), SourceErrorKind::BadArguments);
+        }
+    }
+}
