@@ -4,12 +4,11 @@
 use std::any::Any;
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::error::Error;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use nunet_ipc::{CameraNameError, IpcError, IpcErrorKind};
-use nunet_types::Hint as _;
+use nunet_types::{Hint as _, text_with_causes};
 
 /// What a function returns. `NUNET_OK` is 0; `nunet_last_error()` describes everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -137,7 +136,7 @@ impl From<IpcError> for Failure {
             // `Access`, `System`, and kinds that nunet-ipc may add.
             _ => Status::System,
         };
-        Self { status, message: with_causes(&error), hint: error.hint() }
+        Self { status, message: text_with_causes(&error), hint: error.hint() }
     }
 }
 
@@ -145,17 +144,6 @@ impl From<CameraNameError> for Failure {
     fn from(error: CameraNameError) -> Self {
         Self { status: Status::BadArgument, message: error.to_string(), hint: error.hint() }
     }
-}
-
-/// The error and its causes in one line.
-fn with_causes(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(found) = cause {
-        text.push_str(&format!(": {found}"));
-        cause = found.source();
-    }
-    text
 }
 
 thread_local! {

@@ -9,7 +9,7 @@ use nunet_core::frame::FrameError;
 use nunet_core::pipeline::PipelineError;
 use nunet_files::FilesError;
 use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{Hint, ImageSize};
+use nunet_types::{Hint, ImageSize, text_with_causes};
 
 use crate::metrics::IGNORE;
 
@@ -48,7 +48,7 @@ pub enum EvalError {
         /// The recording.
         path: PathBuf,
         /// The largest difference of time stamps.
-        apart_ms: i64,
+        apart_ms: u64,
     },
     /// A list of ids that cannot be used.
     #[error("{0}")]
@@ -280,15 +280,9 @@ pub fn cap_for(far_m: f32) -> Option<f32> {
 
 /// The error, its causes and its first hint, for messages about single images.
 pub(crate) fn text(error: &EvalError) -> String {
-    let mut text = error.to_string();
-    let mut hint = error.hint();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text += &format!(": {error}");
-        hint = hint.or_else(|| error.downcast_ref::<SourceError>()?.hint());
-        cause = error.source();
-    }
-    match hint {
+    let text = text_with_causes(error);
+    let of_source = || error.source()?.downcast_ref::<SourceError>()?.hint();
+    match error.hint().or_else(of_source) {
         Some(hint) => format!("{text}\nhint: {hint}"),
         None => text,
     }

@@ -5,6 +5,49 @@
 //! cut off anywhere, and from split bags. [`RecordingWriter`] writes ROS 2 messages and embeds their schemas.
 //!
 //! This crate knows nothing of networks or of shared memory.
+//!
+//! # Example: record a frame, and read it back
+//! ```
+//! use nunet_mcap::{
+//!     DepthRecord, EncodedImage, FrameRecord, Next, RecordedImage, Recording, RecordingWriter, WriterOptions,
+//! };
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("front.mcap");
+//! # let mut png = std::io::Cursor::new(Vec::new());
+//! # image::RgbImage::new(4, 2).write_to(&mut png, image::ImageFormat::Png)?;
+//! # let png = png.into_inner();
+//! let options = WriterOptions {
+//!     camera: "front".to_owned(),
+//!     frame_id: "front_optical_frame".to_owned(),
+//!     mount: None,
+//!     about: Default::default(),
+//!     force: false,
+//! };
+//! let mut writer = RecordingWriter::create(&path, options)?;
+//! let depth_m: Vec<u8> = [1.5_f32; 8].into_iter().flat_map(f32::to_le_bytes).collect();
+//! writer.write(&FrameRecord {
+//!     log_nanos: 1_000,
+//!     stamp_nanos: 1_000,
+//!     image: Some(EncodedImage { format: "png", data: &png }),
+//!     camera: None,
+//!     depth: DepthRecord { scale: ["metre", "metric"], width: 4, height: 2, bytes: &depth_m },
+//!     depth_camera: None,
+//!     labels: None,
+//!     cloud: None,
+//! })?;
+//! writer.finish()?;
+//!
+//! let images = Recording::open(&path, None)?;
+//! assert_eq!(images.topic(), "/front/image_raw/compressed");
+//! let mut depths = Recording::open_depth(&path, None)?;
+//! let mut depth = RecordedImage::default();
+//! while !matches!(depths.next(&mut depth), Next::Image) {}
+//! assert_eq!((depth.width, depth.depth_m()), (4, vec![1.5; 8]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Errors have a [kind](RecordingError::kind) and a [hint](nunet_types::Hint).
 
 mod camera;
 mod cdr;

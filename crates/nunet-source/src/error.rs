@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::error::Error;
 use std::fmt;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, text_with_causes};
 
 /// What sort of error a [`SourceError`] is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,13 +77,7 @@ impl SourceError {
 impl fmt::Display for SourceError {
     /// `{:#}` adds the causes, as anyhow does.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)?;
-        let mut cause = self.source().filter(|_| f.alternate());
-        while let Some(error) = cause {
-            write!(f, ": {error}")?;
-            cause = error.source();
-        }
-        Ok(())
+        if f.alternate() { f.write_str(&text_with_causes(self)) } else { f.write_str(&self.message) }
     }
 }
 

@@ -13,6 +13,19 @@ pub trait Hint {
     fn hint(&self) -> Option<Cow<'static, str>>;
 }
 
+/// An error and its causes in one line: `cannot read a.png: it is cut off`.
+#[must_use]
+pub fn text_with_causes(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text.push_str(": ");
+        text.push_str(&error.to_string());
+        cause = error.source();
+    }
+    text
+}
+
 /// An error and its hint in one text, for front ends that have no separate place for it: the hint is a last line that
 /// begins with `hint: `.
 #[must_use]

@@ -46,7 +46,7 @@ pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
 pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
 pub use depth::{Quality, ScaleSource, Units};
-pub use hint::{Hint, text_with_hint};
+pub use hint::{Hint, text_with_causes, text_with_hint};
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};
 pub use pixel_format::PixelFormat;

@@ -25,6 +25,8 @@ use crate::options::{DepthUnits, EvalOptions, Window};
 
 /// Endings of depth and labels.
 const NUMBER_ENDINGS: [&str; 1] = ["png"];
+/// An image and depth whose times differ by no more belong together: half a frame at 25 Hz.
+const MAX_APART_NANOS: u64 = 20_000_000;
 const MILLIMETER_M: f64 = 0.001;
 /// What sensors write into 16-bit images where they measured nothing, besides 0: 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;

@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// As recordings are joined: half a frame at 25 Hz.
-const MAX_APART_NANOS: u64 = 20_000_000;
+use super::MAX_APART_NANOS;
 
 /// The depth of each image whose depth has another name. Empty where any image has depth of its own name: then names are
 /// what joins them.

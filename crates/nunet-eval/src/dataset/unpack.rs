@@ -12,12 +12,10 @@ use nunet_source::{
 };
 use tempfile::TempDir;
 
+use super::MAX_APART_NANOS;
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
 use crate::options::EvalOptions;
-
-/// An image and depth whose stamps differ by no more belong together: half a frame at 25 Hz.
-const MAX_APART_NANOS: i64 = 20_000_000;
 
 /// A recording's pairs as files.
 pub(super) struct Unpacked {
@@ -135,7 +133,7 @@ impl Depths {
         if self.current.is_none() {
             self.advance(on_event);
         }
-        self.current.as_ref().filter(|current| apart(current) <= MAX_APART_NANOS.unsigned_abs())
+        self.current.as_ref().filter(|current| apart(current) <= MAX_APART_NANOS)
     }
 }
 

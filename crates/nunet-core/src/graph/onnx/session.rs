@@ -96,23 +96,12 @@ impl Session {
         if self.inputs.len() != self.input_names.len() {
             return Err("the run has another number of inputs than the model".to_owned());
         }
-        let mut outputs = vec![std::ptr::null_mut(); self.output_names.len()];
-        let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        self.outputs.clear();
+        self.outputs.resize(self.output_names.len(), std::ptr::null_mut());
         // SAFETY: as in `run`, except that the outputs are null, so ONNX Runtime allocates them and hands them over.
-        let status = unsafe {
-            (ort::api().Run)(
-                session.ptr().cast_mut(),
-                std::ptr::null(),
-                self.input_names.as_ptr(),
-                self.inputs.as_ptr(),
-                self.inputs.len(),
-                self.output_names.as_ptr(),
-                outputs.len(),
-                outputs.as_mut_ptr(),
-            )
-        };
-        let outputs: Vec<_> = outputs.into_iter().filter_map(NonNull::new).map(Value::from_run).collect();
-        check(status)?;
+        let ran = unsafe { self.run_prepared() };
+        let outputs: Vec<_> = self.outputs.drain(..).filter_map(NonNull::new).map(Value::from_run).collect();
+        ran?;
         outputs.iter().map(Value::shape).collect()
     }
 
@@ -136,12 +125,22 @@ impl Session {
         if self.inputs.len() != self.input_names.len() || self.outputs.len() != self.output_names.len() {
             return Err("the run has another number of tensors than the model".to_owned());
         }
+        // SAFETY: there are as many as names. Each value lives in a `CallerTensor` or `OwnTensors` that the tokens borrow
+        // for `'run`, and so does its memory; no output is read-only, an input, or given twice. Outputs are not null, so
+        // ONNX Runtime writes into them and allocates none of its own.
+        unsafe { self.run_prepared() }
+    }
+
+    /// Runs with `self.inputs` and `self.outputs`; null outputs are replaced by values that the caller has to take.
+    ///
+    /// # Safety
+    /// There are as many of each as names. Every value that is not null lives, and so does its memory; no output is
+    /// read-only, an input, or there twice.
+    unsafe fn run_prepared(&mut self) -> Result<(), String> {
         // A panic while the lock was held left nothing half-written: the guard is only read through.
         let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: session and names live in `self`, and the session is locked. Each value lives in a `CallerTensor` or
-        // `OwnTensors` that the tokens borrow for `'run`, and so does its memory; no output is read-only, an input, or
-        // given twice. Outputs are not null, so ONNX Runtime writes into them and allocates none of its own.
-        let status = unsafe {
+        // SAFETY: session and names live in `self`, and the session is locked; the caller answers for the values.
+        check(unsafe {
             (ort::api().Run)(
                 session.ptr().cast_mut(),
                 std::ptr::null(),
@@ -152,8 +151,7 @@ impl Session {
                 self.outputs.len(),
                 self.outputs.as_mut_ptr(),
             )
-        };
-        check(status)
+        })
     }
 }
 
