@@ -199,7 +199,7 @@ mod tests {
         comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
         comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
         let figures = comparison.depth.figures().unwrap();
-        // 50 m are taken for 10 m where there are 9, and 0 m for a millimetre where there is 1 m; no other pixel counts.
+        // 50 m are taken for 10 m where there are 9, and 0 m for a millimeter where there is 1 m; no other pixel counts.
         assert!((figures.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{figures:?}");
         assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
         assert_eq!((comparison.beyond, comparison.share_beyond()), (3, 0.5));

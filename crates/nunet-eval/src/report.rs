@@ -144,19 +144,29 @@ impl Report {
     /// For people: the network and the mean image side by side, without a line end after the last line.
     #[must_use]
     pub fn text(&self) -> String {
-        let mut text = format!(
-            "{} ({}) on {}: {} images, {} skipped, protocol {}, scale {}\n{:<15}{:>9}{:>12}\n",
-            self.model.name,
-            self.architecture,
-            self.dataset,
-            self.pictures,
-            self.skipped,
-            self.protocol,
-            self.scale_source,
-            "",
-            "network",
-            "mean image"
+        let mut text = self.header() + &self.depth_lines();
+        if let Some(labels) = self.labels.measured() {
+            text += &line("labels miou", labels.miou, None);
+            text += &line("labels acc.", labels.accuracy, None);
+        }
+        text += &format!(
+            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared",
+            self.pixels, self.pixels_without_prediction, self.pixels_beyond
         );
+        text
+    }
+
+    fn header(&self) -> String {
+        let Self { model, architecture, dataset, pictures, skipped, protocol, scale_source, .. } = self;
+        format!(
+            "{} ({architecture}) on {dataset}: {pictures} images, {skipped} skipped, protocol {protocol}, scale \
+             {scale_source}\n{:<15}{:>9}{:>12}\n",
+            model.name, "", "network", "mean image"
+        )
+    }
+
+    fn depth_lines(&self) -> String {
+        let mut text = String::new();
         let trivial = self.baseline.as_ref();
         if let Some(figures) = self.metrics.measured() {
             let beside = trivial.and_then(|baseline| baseline.metrics.measured());
@@ -173,14 +183,6 @@ impl Report {
             text += &line("minmax mse", figures.mse, beside.map(|figures| figures.mse));
             text += &line("minmax rmse", figures.rmse, beside.map(|figures| figures.rmse));
         }
-        if let Some(labels) = self.labels.measured() {
-            text += &line("labels miou", labels.miou, None);
-            text += &line("labels acc.", labels.accuracy, None);
-        }
-        text += &format!(
-            "{} pixels compared, {} without a prediction, {} of truth beyond what is compared",
-            self.pixels, self.pixels_without_prediction, self.pixels_beyond
-        );
         text
     }
 

@@ -48,7 +48,18 @@ impl<const N: usize> Shape<N> {
         Self { lengths, strides, offset: 0 }
     }
 
-    /// Whether every element of so many bytes lies within the memory.
+    /// Makes sure that every element of so many bytes lies within the memory.
+    fn check(&self, element_bytes: usize, memory_bytes: usize) -> PyResult<()> {
+        if self.fits(element_bytes, memory_bytes) {
+            return Ok(());
+        }
+        let lengths = self.lengths;
+        Err(hinted::<NunetError>(
+            format!("an array of {lengths:?} elements does not fit into a message of {memory_bytes} bytes"),
+            "update the sender: it violates the shared-memory contract",
+        ))
+    }
+
     fn fits(&self, element_bytes: usize, memory_bytes: usize) -> bool {
         self.span(element_bytes).is_some_and(|(first, end)| first >= 0 && end <= memory_bytes as i128)
     }
@@ -78,13 +89,7 @@ where
 {
     let py = owner.py();
     let (bytes, count) = owner.get().bytes();
-    if !shape.fits(element.itemsize(), count) {
-        let lengths = shape.lengths;
-        return Err(hinted::<NunetError>(
-            format!("an array of {lengths:?} elements does not fit into a message of {count} bytes"),
-            "update the sender: it violates the shared-memory contract",
-        ));
-    }
+    shape.check(element.itemsize(), count)?;
     let mut lengths = shape.lengths.map(|length| length as isize);
     let mut strides = shape.strides;
     let flags: c_int = if M::WRITEABLE { NPY_ARRAY_WRITEABLE } else { 0 };

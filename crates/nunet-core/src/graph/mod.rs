@@ -10,6 +10,7 @@ mod io;
 mod load;
 mod manifest;
 mod onnx;
+mod run_tensors;
 mod serial;
 mod signature;
 mod state;

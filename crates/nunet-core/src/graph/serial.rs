@@ -10,9 +10,10 @@ use crate::clock::Clock;
 use crate::graph::depth_resize::DepthResize;
 use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, TensorView};
 use crate::graph::load::{Loaded, load};
-use crate::graph::onnx::{CallerTensor, Lent, LentTensors, OwnTensors, Session};
+use crate::graph::onnx::{CallerTensor, OwnTensors, Session};
+use crate::graph::run_tensors::{RunTensors, copy_out, lend_image, lend_labels};
 use crate::graph::state::State;
-use crate::graph::wiring::{Source, Wired, WiredExtra, WiredStage, is_due};
+use crate::graph::wiring::{Wired, WiredExtra, WiredStage, is_due};
 use crate::graph::{GraphError, Provider, Runtime, TensorSpec};
 use crate::model::ModelDescription;
 use crate::preprocess::TensorFormat;
@@ -218,25 +219,13 @@ impl SerialGraph {
         let GraphOutputs { depth, labels } = outputs;
         let (labels, kept_labels) = if self.keeps_labels() { (None, labels) } else { (labels, None) };
         self.labels_left = labels.is_some();
-        if self.depth_resize.is_some() {
-            // Checks the length.
-            self.depth.lend_mut(&mut *depth)?;
-        }
+        // Depth that is resized stays inside; lending it checks its length.
+        let lent_depth = self.depth.lend_mut(&mut *depth)?;
         let tensors = RunTensors {
             plan: &self.plan,
-            image: match image {
-                GraphInput::Rgb(bytes) => self.image.lend(bytes)?,
-                GraphInput::Float(values) => self.image.lend(values)?,
-            },
-            depth: match &self.depth_resize {
-                None => Some(self.depth.lend_mut(depth)?),
-                Some(_) => None,
-            },
-            labels: match (labels, &mut self.labels) {
-                (Some(memory), Some(tensor)) => Some(tensor.lend_mut(memory)?),
-                (Some(_), None) => return Err(GraphError::NoLabels),
-                (None, _) => None,
-            },
+            image: lend_image(&mut self.image, image)?,
+            depth: self.depth_resize.is_none().then_some(lent_depth),
+            labels: lend_labels(self.labels.as_mut(), labels)?,
             own: self.own.lend(),
             state: &self.state,
             run,
@@ -305,46 +294,4 @@ impl SerialGraph {
             bytes: self.own.bytes(self.state.buffer_after_run(index)),
         })
     }
-}
-
-/// The memory of each tensor of one run.
-struct RunTensors<'run> {
-    plan: &'run Wired,
-    image: Lent<'run>,
-    /// `None` if depth stays inside.
-    depth: Option<Lent<'run>>,
-    labels: Option<Lent<'run>>,
-    own: LentTensors<'run>,
-    state: &'run State,
-    run: u64,
-}
-
-impl RunTensors<'_> {
-    fn run(&self, stage: &WiredStage, session: &mut Session) -> Result<(), GraphError> {
-        let inputs = stage.inputs.iter().map(|&source| match source {
-            Source::Image => self.image,
-            Source::Tensor(index) => self.tensor(index),
-            Source::State(index) => self.own.get(self.state.current(index)),
-            Source::Extra(index) => self.own.get(State::extra_index(self.plan, index)),
-        });
-        session
-            .run(inputs, stage.outputs.clone().map(|index| self.tensor(index)))
-            .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })
-    }
-
-    fn tensor(&self, index: usize) -> Lent<'_> {
-        match (self.labels, self.depth) {
-            (Some(labels), _) if Some(index) == self.plan.labels => labels,
-            (_, Some(depth)) if index == self.plan.depth => depth,
-            _ => self.own.get(self.state.buffer_in_run(index, self.run)),
-        }
-    }
-}
-
-fn copy_out(kept: &[u8], memory: &mut [u8]) -> Result<u64, GraphError> {
-    if kept.len() != memory.len() {
-        return Err(GraphError::Buffer { tensor: "labels", got: memory.len(), expected: kept.len() });
-    }
-    memory.copy_from_slice(kept);
-    Ok(kept.len() as u64)
 }

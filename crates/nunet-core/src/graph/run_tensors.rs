@@ -1,0 +1,74 @@
+//! Which memory each tensor of a run has: the caller's or the graph's own.
+
+use crate::graph::GraphError;
+use crate::graph::io::GraphInput;
+use crate::graph::onnx::{CallerTensor, Lent, LentTensors, Session};
+use crate::graph::state::State;
+use crate::graph::wiring::{Source, Wired, WiredStage};
+
+/// The memory of each tensor of one run.
+pub(super) struct RunTensors<'run> {
+    pub(super) plan: &'run Wired,
+    pub(super) image: Lent<'run>,
+    /// `None` if depth stays inside.
+    pub(super) depth: Option<Lent<'run>>,
+    pub(super) labels: Option<Lent<'run>>,
+    pub(super) own: LentTensors<'run>,
+    pub(super) state: &'run State,
+    pub(super) run: u64,
+}
+
+impl RunTensors<'_> {
+    /// Runs one stage.
+    pub(super) fn run(&self, stage: &WiredStage, session: &mut Session) -> Result<(), GraphError> {
+        let inputs = stage.inputs.iter().map(|&source| match source {
+            Source::Image => self.image,
+            Source::Tensor(index) => self.tensor(index),
+            Source::State(index) => self.own.get(self.state.current(index)),
+            Source::Extra(index) => self.own.get(State::extra_index(self.plan, index)),
+        });
+        session
+            .run(inputs, stage.outputs.clone().map(|index| self.tensor(index)))
+            .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })
+    }
+
+    fn tensor(&self, index: usize) -> Lent<'_> {
+        match (self.labels, self.depth) {
+            (Some(labels), _) if Some(index) == self.plan.labels => labels,
+            (_, Some(depth)) if index == self.plan.depth => depth,
+            _ => self.own.get(self.state.buffer_in_run(index, self.run)),
+        }
+    }
+}
+
+/// Copies labels that were kept from an earlier run.
+pub(super) fn copy_out(kept: &[u8], memory: &mut [u8]) -> Result<u64, GraphError> {
+    if kept.len() != memory.len() {
+        return Err(GraphError::Buffer { tensor: "labels", got: memory.len(), expected: kept.len() });
+    }
+    memory.copy_from_slice(kept);
+    Ok(kept.len() as u64)
+}
+
+/// Lends the image to a run.
+pub(super) fn lend_image<'run>(
+    tensor: &'run mut CallerTensor,
+    image: GraphInput<'run>,
+) -> Result<Lent<'run>, GraphError> {
+    match image {
+        GraphInput::Rgb(bytes) => tensor.lend(bytes),
+        GraphInput::Float(values) => tensor.lend(values),
+    }
+}
+
+/// Lends memory for labels to a run, if the caller wants them.
+pub(super) fn lend_labels<'run>(
+    tensor: Option<&'run mut CallerTensor>,
+    memory: Option<&'run mut [u8]>,
+) -> Result<Option<Lent<'run>>, GraphError> {
+    match (memory, tensor) {
+        (Some(memory), Some(tensor)) => tensor.lend_mut(memory).map(Some),
+        (Some(_), None) => Err(GraphError::NoLabels),
+        (None, _) => Ok(None),
+    }
+}
