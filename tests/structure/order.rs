@@ -44,18 +44,17 @@ const DAEMON: Order = Order {
     journey: &[
         "version",
         "telemetry",
-        "options",
-        "logging",
         "exit",
-        "words",
+        "config",
+        "logging",
         "sink",
         "stream",
-        "cli",
-        "engine",
         "buffers",
         "subcommands",
         "embed",
         "fuzzing",
+        // Last: the command line makes the configuration that all others take, and only the crate's root calls it.
+        "cli",
     ],
     ahead: &[],
 };
@@ -216,7 +215,7 @@ fn an_import_of_a_later_stage_is_found_however_it_is_written() {
     );
     let sink = "crates/nunet-daemon/src/sink/shm.rs";
     assert_eq!(DAEMON.turning_back(sink, "use crate::stream::Stop;").len(), 1);
-    assert!(DAEMON.turning_back(sink, "use crate::words;").is_empty());
+    assert!(DAEMON.turning_back(sink, "use crate::config;").is_empty());
 }
 
 #[test]

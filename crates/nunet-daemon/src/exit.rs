@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::io::Write as _;
-use std::str::FromStr;
 
 use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_eval::{EvalError, EvalErrorKind};
@@ -89,14 +88,19 @@ fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, s
     cause.downcast_ref::<E>()?.hint()
 }
 
-/// Parses an argument; the text of an error has its hint.
-pub(crate) fn parsed<T: FromStr<Err: StdError + Hint>>(text: &str) -> Result<T, String> {
-    text.parse().map_err(|error: T::Err| text_with_hint(&error))
-}
-
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
     CameraName::new(name).map_err(|error| BadArguments(text_with_hint(&error)))
+}
+
+/// Says which of several cameras is meant; what kind of error it is stays.
+pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
+    let text = format!("camera `{camera}` cannot begin");
+    match several {
+        false => error,
+        true if error.is::<BadArguments>() => error.context(BadArguments(text)),
+        true => error.context(text),
+    }
 }
 
 /// An error of a source; one of its arguments stays one.
@@ -106,25 +110,16 @@ pub(crate) fn source_error(error: SourceError) -> anyhow::Error {
     if kind == SourceErrorKind::BadArguments { error.context(BadArguments(text)) } else { error }
 }
 
-const DONE: u8 = 0;
+pub(crate) const DONE: u8 = 0;
 const FAILURE: u8 = 1;
-const BAD_ARGUMENTS: u8 = 2;
+pub(crate) const BAD_ARGUMENTS: u8 = 2;
 const LOST: u8 = 3;
 
-/// Prints clap's message (help and version are no failure).
-pub(crate) fn from_usage_error(error: &clap::Error, is_json: bool) -> u8 {
-    if error.use_stderr() && is_json {
-        let text = error.render().to_string();
-        let text = text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default();
-        let (text, hint) =
-            text.split_once("\nhint: ").map_or((text, None), |(text, hint)| (text, Some(hint)));
-        let hints = hint.map(str::to_owned).into_iter().collect();
-        log_as_json(&Report { causes: vec![without_empty_lines(text)], hints }, BAD_ARGUMENTS);
-        return BAD_ARGUMENTS;
-    }
-    // Printing fails only if the terminal is gone: nobody can read it.
-    let _ = error.print();
-    if error.use_stderr() { BAD_ARGUMENTS } else { DONE }
+/// Logs a mistake on the command line, as one JSON object, and returns the exit code.
+pub(crate) fn log_bad_arguments(text: &str, hint: Option<String>) -> u8 {
+    let report = Report { causes: vec![without_empty_lines(text)], hints: hint.into_iter().collect() };
+    log_as_json(&report, BAD_ARGUMENTS);
+    BAD_ARGUMENTS
 }
 
 /// Prints the chain of a failure and picks the exit code.

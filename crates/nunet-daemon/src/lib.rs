@@ -1,24 +1,22 @@
 //! `nunetd` as a library: everything the binary does, so that the Python package can offer the same command.
 //!
-//! The way in is [`main`]: arguments -> [`cli`] -> one of the [`subcommands`]. A stream of frames runs through
-//! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`telemetry`], [`source`],
-//! [`sink`], [`stream`], subcommands, never the other way.
+//! The way in is [`main`]: arguments -> [`cli`] -> [`config`] -> one of the [`subcommands`]. A stream of frames runs through
+//! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`telemetry`], [`config`],
+//! [`sink`], [`stream`], subcommands, [`cli`], never the other way.
 
 mod buffers;
 pub mod cli;
+pub mod config;
 pub mod embed;
-mod engine;
 mod exit;
 #[doc(hidden)]
 pub mod fuzzing;
 mod logging;
-pub mod options;
 pub mod sink;
 pub mod stream;
 mod subcommands;
 pub mod telemetry;
 mod version;
-mod words;
 
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -26,8 +24,6 @@ use std::process::ExitCode;
 
 pub use exit::Outcome;
 pub use nunet_source as source;
-
-use self::options::LogOptions;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///
@@ -40,19 +36,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// The same, for a host that has exit codes of its own.
 pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let json_asked = cli::asks_for_json_log(&arguments);
-    let cli = match cli::Cli::parse_line(arguments) {
+    let cli = match cli::Cli::parse_line(arguments.clone()) {
         Ok(cli) => cli,
-        Err(error) => {
-            if json_asked {
-                logging::start(LogOptions { verbose: 0, quiet: false, json: true });
-            }
-            return exit::from_usage_error(&error, json_asked);
-        }
+        Err(error) => return cli::exit_code_of(&error, &arguments),
     };
     let log = cli.logging.options();
     logging::start(log);
-    let code = exit::from_result(subcommands::dispatch(cli.subcommand), log.json);
+    let code = exit::from_result(cli::dispatch(cli.subcommand), log.json);
     // A binary flushes at its end, a host program may not. If the reader is gone, the subcommand has reported it.
     let _ = std::io::stdout().flush();
     code

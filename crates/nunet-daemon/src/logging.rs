@@ -5,7 +5,7 @@ use std::io::IsTerminal as _;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::fmt::format::FmtSpan;
 
-use crate::options::LogOptions;
+use crate::config::LogOptions;
 
 /// Starts logging; a second call in one process (the Python package) changes nothing.
 pub(crate) fn start(options: LogOptions) {

@@ -339,7 +339,8 @@ fn what_two_cameras_cannot_both_have_is_refused() {
     let error = pair(("a", "demo", ""), ("b", "demo", "calibration = \"missing.yaml\""));
     assert!(error.contains("camera `b` cannot begin\n  because: cannot read the calibration"), "{error}");
     let error = pair(("a", "demo", ""), ("b", "demo", "focal = \"of\""));
-    assert!(error.contains("[DIR]/nunetd.toml`: camera 2 (`b`): invalid value 'of' for '--focal"), "{error}");
+    assert!(error.contains("[DIR]/nunetd.toml`, line "), "{error}");
+    assert!(error.contains(": camera 2 (`b`): invalid value `\"of\"` for `focal`: "), "{error}");
 }
 
 #[test]

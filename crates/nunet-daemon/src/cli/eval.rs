@@ -5,7 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
 
-use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
+use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
+use crate::config::OpticsConfig;
+use crate::exit::BadArguments;
+use crate::source::CameraGeometry;
+use crate::subcommands::eval;
 
 /// `nunetd eval`
 #[derive(Debug, Args, Clone)]
@@ -84,8 +88,20 @@ pub enum ProtocolArg {
 }
 
 impl EvalArgs {
-    /// What the evaluator is to do.
-    pub(crate) fn options(&self) -> EvalOptions {
+    /// As checked values.
+    pub(crate) fn options(&self) -> Result<eval::Options, BadArguments> {
+        let OpticsConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+        Ok(eval::Options {
+            evaluation: self.evaluation(geometry),
+            model: self.model.clone(),
+            pipeline,
+            engine: self.engine.options(),
+            out: self.out.clone(),
+            json: self.json,
+        })
+    }
+
+    fn evaluation(&self, camera: CameraGeometry) -> EvalOptions {
         let baseline = match (&self.baseline, &self.baseline_ids) {
             (Some(file), _) => BaselineChoice::File(file.clone()),
             (None, Some(list)) => BaselineChoice::Ids(list.clone()),
@@ -105,13 +121,8 @@ impl EvalArgs {
             units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
             window: self.window,
             clip: self.clip,
-            camera: self.lens.geometry.options(),
+            camera,
         }
-    }
-
-    /// The camera, and what is made of its depth.
-    pub(crate) fn camera(&self) -> CameraArgs {
-        CameraArgs { lens: self.lens.clone(), filters: self.filters.clone(), ..CameraArgs::default() }
     }
 }
 

@@ -1,12 +1,15 @@
 //! The flags for depth filters.
 
 use clap::Args;
-use nunet_core::filter::{FilterError, FilterOptions, FilterSpec};
+use nunet_core::filter::{FilterOptions, FilterSpec};
+use nunet_types::text_with_hint;
+use serde::Deserialize;
 
-use crate::exit::parsed;
+use super::text::Text;
+use crate::exit::BadArguments;
 
 /// Depth filters.
-#[derive(Debug, Args, Clone, Default)]
+#[derive(Debug, Args, Clone, Deserialize)]
 pub struct FilterArgs {
     /// Filter depth with `decimation`, `spatial`, `temporal` or `holes`; repeat for several filters
     ///
@@ -26,16 +29,15 @@ pub struct FilterArgs {
     /// holes=farthest: fills pixels without depth from the `left`, or with the `farthest` or `nearest` neighbor.
     ///
     /// Depth that holes, fill and persistence put in is guessed or stale. Leave them off for collision avoidance.
-    #[arg(long = "filter", value_name = "NAME[=key:value,...]", value_parser = parsed::<FilterSpec>)]
-    pub filters: Vec<FilterSpec>,
+    #[arg(long = "filter", value_name = "NAME[=key:value,...]")]
+    #[serde(rename = "filter", default)]
+    pub filters: Vec<Text<FilterSpec>>,
 }
 
 impl FilterArgs {
-    /// The filters that are on.
-    ///
-    /// # Errors
-    /// A filter is given twice.
-    pub fn options(&self) -> Result<FilterOptions, FilterError> {
-        FilterOptions::new(&self.filters)
+    /// The filters that are on. A filter that is given twice is an error, which clap cannot find.
+    pub(crate) fn options(&self) -> Result<FilterOptions, BadArguments> {
+        let filters: Vec<_> = self.filters.iter().map(|Text(filter)| *filter).collect();
+        FilterOptions::new(&filters).map_err(|error| BadArguments(text_with_hint(&error)))
     }
 }

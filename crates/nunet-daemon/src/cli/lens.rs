@@ -5,17 +5,21 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
+use nunet_core::pipeline::{Focal, PipelineOptions};
+use serde::Deserialize;
 
-use super::{FilterArgs, count};
-use crate::exit::parsed;
-use crate::options::CameraGeometry;
+use super::FilterArgs;
+use super::text::{Distance, Text, value};
+use crate::config::OpticsConfig;
+use crate::exit::BadArguments;
+use crate::source::CameraGeometry;
 
 /// The camera, as far as the user knows it.
-#[derive(Debug, Args, Clone, Default)]
+#[derive(Debug, Args, Clone, Deserialize)]
 pub struct GeometryArgs {
     /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are valid for
-    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true, value_parser = parsed::<IntrinsicsSpec>)]
-    pub intrinsics: Option<IntrinsicsSpec>,
+    #[arg(long, value_name = "fx,fy,cx,cy[@WxH]", allow_hyphen_values = true)]
+    pub intrinsics: Option<Text<IntrinsicsSpec>>,
     /// A calibration with distortion: a ROS `camera_info` file (`plumb_bob`, `rational_polynomial`, `equidistant`)
     #[arg(long, value_name = "FILE.yaml", conflicts_with = "intrinsics")]
     pub calibration: Option<PathBuf>,
@@ -25,62 +29,66 @@ impl GeometryArgs {
     /// As checked values.
     #[must_use]
     pub fn options(&self) -> CameraGeometry {
-        CameraGeometry { intrinsics: self.intrinsics, calibration: self.calibration.clone() }
+        CameraGeometry { intrinsics: value(&self.intrinsics), calibration: self.calibration.clone() }
     }
 }
 
 /// How the lens affects depth.
-#[derive(Debug, Args, Clone)]
+#[derive(Debug, Args, Clone, Deserialize)]
 pub struct LensArgs {
     #[command(flatten)]
+    #[serde(flatten)]
     pub geometry: GeometryArgs,
     /// Scale metric depth by the ratio of the focal lengths of this camera and the training camera, if known
     #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
     pub focal: FocalArg,
 }
 
-impl Default for LensArgs {
-    /// An unknown camera.
-    fn default() -> Self {
-        Self { geometry: GeometryArgs::default(), focal: FocalArg::Auto }
+impl LensArgs {
+    /// As checked values, with the filters of the depth map.
+    pub(crate) fn config(&self, filters: &FilterArgs) -> Result<OpticsConfig, BadArguments> {
+        let focal = match self.focal {
+            FocalArg::Auto => Focal::Auto,
+            FocalArg::Off => Focal::Off,
+        };
+        let pipeline = PipelineOptions { focal, filters: filters.options()?, ..PipelineOptions::default() };
+        Ok(OpticsConfig { geometry: self.geometry.options(), pipeline })
     }
 }
 
 /// The camera, and what is made of its depth.
-#[derive(Debug, Args, Clone)]
+#[derive(Debug, Args, Clone, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct CameraArgs {
     #[command(flatten)]
+    #[serde(flatten)]
     pub lens: LensArgs,
     #[command(flatten)]
+    #[serde(flatten)]
     pub filters: FilterArgs,
     /// Take every N-th row and column of depth for the cloud
-    #[arg(long, value_name = "N", default_value = "1", value_parser = count::<NonZeroU32>)]
-    pub cloud_stride: NonZeroU32,
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub cloud_stride: Text<NonZeroU32>,
     /// Drop points farther from the camera than M meters from the cloud [default: the model's maximum depth]
-    #[arg(long, value_name = "M", value_parser = range)]
-    pub max_range: Option<f32>,
+    #[arg(long, value_name = "M")]
+    pub max_range: Option<Text<Distance>>,
 }
 
-/// A distance in meters.
-fn range(text: &str) -> Result<f32, String> {
-    let range: Option<f32> = text.parse().ok().filter(|range: &f32| range.is_finite() && *range > 0.0);
-    range.ok_or_else(|| "expected a number of meters greater than 0".to_owned())
-}
-
-impl Default for CameraArgs {
-    /// An unknown camera, no filter, and a cloud of every pixel.
-    fn default() -> Self {
-        Self {
-            lens: LensArgs::default(),
-            filters: FilterArgs::default(),
-            cloud_stride: NonZeroU32::MIN,
-            max_range: None,
-        }
+impl CameraArgs {
+    /// As checked values.
+    pub(crate) fn config(&self) -> Result<OpticsConfig, BadArguments> {
+        let OpticsConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+        let max_range_m = value(&self.max_range).map(|Distance(meters)| meters);
+        Ok(OpticsConfig {
+            geometry,
+            pipeline: PipelineOptions { cloud_stride: self.cloud_stride.0, max_range_m, ..pipeline },
+        })
     }
 }
 
 /// Whether depth follows the focal length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum FocalArg {
     /// If the intrinsics are known.
     Auto,

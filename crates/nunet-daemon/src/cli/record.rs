@@ -3,32 +3,46 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::Deserialize;
 
+use super::text::{FrameId, Text, value};
 use super::{CameraArgs, DEFAULT_MODEL, EngineArgs};
-use crate::options::{MountOption, Publish};
+use crate::config::{MountOption, Publish, RecordConfig};
+use crate::exit::camera_name;
+use crate::subcommands::replay;
 
 /// What is recorded of a stream.
-#[derive(Debug, Args, Clone)]
+#[derive(Debug, Args, Clone, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct RecordArgs {
     /// Record images and results as ROS 2 messages into this file, or into a new file in this folder
     #[arg(long, value_name = "FILE.mcap|DIR")]
     pub record: Option<PathBuf>,
     /// Overwrite an existing recording
-    #[arg(long, requires = "record")]
+    #[arg(long)]
     pub force: bool,
     /// Record raw images as PNG instead of JPEG; JPEG and PNG files are always recorded as they are
-    #[arg(long, requires = "record")]
+    #[arg(long)]
     pub record_lossless: bool,
     #[command(flatten)]
+    #[serde(flatten)]
     pub mount: MountArgs,
 }
 
+impl RecordArgs {
+    /// As checked values; `None` if nothing is recorded.
+    pub(crate) fn config(&self) -> Option<RecordConfig> {
+        let Self { record, force, record_lossless: lossless, mount: _ } = self.clone();
+        record.map(|path| RecordConfig { path, force, lossless })
+    }
+}
+
 /// Where the camera is on the robot.
-#[derive(Debug, Args, Clone, Copy)]
+#[derive(Debug, Args, Clone, Deserialize)]
 pub struct MountArgs {
     /// The pose of the camera in `base_link` (x forward, y left, z up), meters and radians; recorded in `/tf_static`
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
-    pub mount: Option<MountOption>,
+    pub mount: Option<Text<MountOption>>,
 }
 
 /// `nunetd replay`
@@ -50,8 +64,8 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "NAME", default_value = "camera")]
     pub camera: String,
     /// The coordinate frame of depth and cloud [default: that of the images]
-    #[arg(long, value_name = "NAME", value_parser = super::run::parse_frame_id)]
-    pub frame_id: Option<String>,
+    #[arg(long, value_name = "NAME")]
+    pub frame_id: Option<Text<FrameId>>,
     #[command(flatten)]
     pub mount: MountArgs,
     /// The results to record
@@ -67,4 +81,24 @@ pub struct ReplayArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+impl ReplayArgs {
+    /// As checked values.
+    pub(crate) fn options(self) -> anyhow::Result<replay::Options> {
+        Ok(replay::Options {
+            camera: camera_name(&self.camera)?,
+            frame_id: value(&self.frame_id).map(|FrameId(name)| name),
+            mount: value(&self.mount.mount),
+            optics: self.optics.config()?,
+            engine: self.engine.options(),
+            input: self.input,
+            output: self.output,
+            model: self.model,
+            topic: self.topic,
+            publish: self.publish,
+            force: self.force,
+            json: self.json,
+        })
+    }
 }

@@ -18,7 +18,7 @@ struct LastFrame {
 
 /// Opens the sink if `--out` is given. The folder exists by now.
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
-    Ok(context.options.out.map(|folder| in_folder(folder.to_owned())))
+    Ok(context.config.out.clone().map(in_folder))
 }
 
 /// Writes into `folder`.

@@ -153,8 +153,9 @@ impl MetricsServer {
 
 /// Opens the sink if `--metrics` is given.
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
-    let sink =
-        context.metrics.map(|server| server.sink(context.camera.as_str(), stage_names(context.pipeline)));
+    let sink = context
+        .metrics
+        .map(|server| server.sink(context.config.name.as_str(), stage_names(context.pipeline)));
     Ok(sink.map(|sink| Box::new(sink) as Box<dyn Sink>))
 }
 

@@ -19,14 +19,13 @@ use std::sync::Arc;
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::pipeline::Pipeline;
-use nunet_ipc::CameraName;
 use nunet_types::{ScaleSource, Units};
 
 use self::metrics::MetricsServer;
 use self::shutdown::DrainTimeout;
 use self::stats::Common;
 use crate::Outcome;
-use crate::options::MountOption;
+use crate::config::CameraConfig;
 use crate::source::Frame;
 use crate::telemetry::{Counts, Totals};
 
@@ -38,10 +37,10 @@ pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn
 
 /// What a sink may be made from.
 pub(crate) struct SinkContext<'a> {
-    pub(crate) options: SinkOptions<'a>,
-    pub(crate) camera: &'a CameraName,
-    pub(crate) frame_id: Option<&'a str>,
-    pub(crate) mount: Option<MountOption>,
+    /// What the user wants of the camera.
+    pub(crate) config: &'a CameraConfig,
+    /// The file that `config.record` means: it does not exist yet, or may be overwritten.
+    pub(crate) record: Option<&'a Path>,
     pub(crate) common: Common<'a>,
     pub(crate) pipeline: &'a Pipeline,
     /// The endpoint for all cameras, if one is wanted.
@@ -52,19 +51,6 @@ pub(crate) struct SinkContext<'a> {
 
 /// Called from a sink's own thread.
 pub(crate) type OnRoom = Arc<dyn Fn() + Send + Sync>;
-
-/// What the user wants of the sinks of one camera.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct SinkOptions<'a> {
-    /// `--record`: a file that does not exist yet.
-    pub(crate) record: Option<&'a Path>,
-    /// `--force`
-    pub(crate) force: bool,
-    /// `--record-lossless`
-    pub(crate) lossless: bool,
-    /// `--out`: a folder.
-    pub(crate) out: Option<&'a Path>,
-}
 
 /// Takes the results of one camera. All its functions run on the inference thread and must not block: a sink that writes
 /// copies what it needs into a queue of its own ([`queue::SinkQueue`]).

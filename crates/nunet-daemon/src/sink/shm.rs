@@ -17,11 +17,9 @@ use nunet_ipc::{
 use tracing::{info, warn};
 
 use super::{Results, Wants};
-use crate::exit::BadArguments;
-use crate::options::{MAX_FRAME_ID, Publish};
+use crate::config::Publish;
 use crate::source::Frame;
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations};
-use crate::words;
 
 /// How often percentiles are computed anew; the ledger is of every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
@@ -40,7 +38,7 @@ pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
 /// What is published, and for whom.
 pub(crate) struct ShmPublisherOptions<'a> {
     pub(crate) camera: &'a CameraName,
-    pub(crate) frame_id: Option<&'a str>,
+    pub(crate) frame_id: &'a str,
     pub(crate) publish: &'a [Publish],
     pub(crate) limits: Limits,
     pub(crate) model: &'a str,
@@ -120,32 +118,15 @@ impl Loans {
     }
 }
 
-/// The coordinate frame of depth and cloud: the one asked for, else the camera's own.
-///
-/// # Errors
-/// One that would be cut.
-pub(crate) fn frame_id(camera: &CameraName, asked: Option<&str>) -> Result<String, BadArguments> {
-    let frame_id = asked.map_or_else(|| words::default_frame_id(camera.as_str()), str::to_owned);
-    if frame_id.len() <= MAX_FRAME_ID {
-        return Ok(frame_id);
-    }
-    Err(BadArguments(format!(
-        "the coordinate frame `{frame_id}` of camera `{camera}` is {} bytes long; expected at most {MAX_FRAME_ID}\n\
-         hint: `--frame-id` names another, or give the camera a shorter name",
-        frame_id.len()
-    )))
-}
-
 impl ShmPublisher {
     /// Becomes the owner of the camera's results; all memory is reserved and touched here.
     pub(crate) fn open(pipeline: &Pipeline, options: &ShmPublisherOptions<'_>) -> anyhow::Result<Self> {
-        let frame_id = frame_id(options.camera, options.frame_id)?;
         let plans = plans(pipeline, options.publish);
         let publisher = Publisher::create_unless(options.camera, &plans, &options.limits, options.given_up)?;
         info!("camera `{}` reserves {} of shared memory", options.camera, publisher.reservation());
         let description = pipeline.graph().description();
         let mut header = FrameHeader { model_hash: description.hash, ..FrameHeader::default() };
-        header.set_frame_id(&frame_id);
+        header.set_frame_id(options.frame_id);
         let mut stats = StatsRecord { model_hash: description.hash, ..StatsRecord::default() };
         stats.set_model_name(options.model);
         stats.set_provider(pipeline.graph().provider().name());

@@ -5,8 +5,7 @@ use nunet_core::pipeline::Pipeline;
 use tracing::warn;
 
 use crate::exit::source_error;
-use crate::options::CameraGeometry;
-use crate::source::{self, Frame};
+use crate::source::{self, CameraGeometry, Frame};
 
 /// Finds the camera that took a frame, see [`source::CameraResolver`].
 #[derive(Debug, Default)]

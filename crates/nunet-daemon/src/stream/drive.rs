@@ -7,6 +7,7 @@ use std::time::Instant;
 use tracing::{error, warn};
 
 use super::Stop;
+use crate::config::SourceConfig;
 use crate::exit::source_error;
 use crate::source::{Fill, Frame, Pacer, Rate, Source};
 use crate::telemetry::RateLimit;
@@ -23,6 +24,11 @@ pub(crate) struct Pace {
 impl Pace {
     /// Every frame, as fast as possible.
     pub(crate) const ALL: Self = Self { rate: Rate::Max, limit: None };
+
+    /// As the user wants it: by default every frame.
+    pub(crate) fn of(source: &SourceConfig) -> Self {
+        Self { rate: source.rate.unwrap_or(Rate::Max), limit: source.frames }
+    }
 }
 
 /// How a source ended.

@@ -13,12 +13,12 @@ use nunet_testkit::models;
 
 use super::*;
 use crate::Outcome;
-use crate::options::{CameraGeometry, Publish};
+use crate::config::Publish;
 use crate::sink::recording::{Archive, Record, record_into};
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
 use crate::sink::shutdown::DrainTimeout;
 use crate::sink::{Sink, last_frame};
-use crate::source::{Fill, Frame};
+use crate::source::{CameraGeometry, Fill, Frame};
 
 /// No test waits longer for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -137,7 +137,7 @@ fn stream(name: &CameraName, source: Grey, sinks: Vec<Box<dyn Sink>>) -> Stream 
     let pipeline = pipeline();
     let options = ShmPublisherOptions {
         camera: name,
-        frame_id: None,
+        frame_id: "camera",
         publish: &[Publish::Depth],
         limits: Limits::default(),
         model: "model.onnx",

@@ -1,16 +1,17 @@
 //! `nunetd bench`: predictions of one image, as the paper's Table 2 measures them.
 
 use std::io::Write as _;
-use std::path::Path;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use nunet_core::pipeline::Pipeline;
+use nunet_core::pipeline::{Pipeline, PipelineOptions};
+use nunet_engine::{Engine, EngineOptions};
 use serde_json::{Value, json};
 
+use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::cli::{BenchArgs, CameraArgs};
-use crate::engine::{Engine, tested_pipeline};
 use crate::exit::source_error;
 use crate::source::{Fill, Frame, OpenOptions, SourceName, decode};
 use crate::telemetry::MonotonicClock;
@@ -24,27 +25,34 @@ use series::Series;
 /// Predictions before the measured ones, beside the self-test.
 pub(super) const WARM_UP_RUNS: u32 = 3;
 
+/// What is measured.
+pub(crate) struct Options {
+    pub(crate) models: Vec<PathBuf>,
+    /// The image to predict from; `None` for the first of the demo scene.
+    pub(crate) image: Option<PathBuf>,
+    pub(crate) runs: NonZeroU32,
+    pub(crate) engine: EngineOptions,
+    pub(crate) json: bool,
+}
+
 /// Measures every model in turn, interleaved, so that a disturbed moment meets them all.
-pub(super) fn bench(arguments: &BenchArgs) -> anyhow::Result<Outcome> {
-    let frame = picture(arguments.image.as_deref())?;
-    let engine = Engine::start(&arguments.engine)?;
+pub(crate) fn bench(options: &Options) -> anyhow::Result<Outcome> {
+    let frame = picture(options.image.as_deref())?;
+    let engine = Engine::start(options.engine.clone())?;
     let mut subjects = Vec::new();
-    for model in &arguments.model {
-        let loaded = engine.load(model, &[])?;
+    for model in &options.models {
+        let loaded = load(&engine, model)?;
         let (name, hash) = (loaded.name(), loaded.hash());
-        subjects.push(Subject::new(name, hash, tested_pipeline(loaded, &CameraArgs::default())?));
+        subjects.push(Subject::new(name, hash, tested_pipeline(loaded, PipelineOptions::default())?));
     }
-    for run in 0..WARM_UP_RUNS + arguments.runs.get() {
+    for run in 0..WARM_UP_RUNS + options.runs.get() {
         for subject in &mut subjects {
             subject.predict(&frame, run >= WARM_UP_RUNS)?;
         }
     }
     for subject in &subjects {
-        let text = if arguments.json {
-            subject.json(&engine, arguments).to_string()
-        } else {
-            subject.text(arguments)
-        };
+        let text =
+            if options.json { subject.json(&engine, options).to_string() } else { subject.text(options) };
         writeln!(std::io::stdout(), "{text}")?;
     }
     Ok(Outcome::Done)
@@ -72,9 +80,9 @@ pub(super) fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
 }
 
 /// What `--threads` says, else what the graph takes by itself: one a core.
-fn threads(arguments: &BenchArgs) -> usize {
+fn threads(options: &Options) -> usize {
     let cores = std::thread::available_parallelism().ok();
-    arguments.engine.threads.or(cores).map_or(1, std::num::NonZero::get)
+    options.engine.threads.or(cores).map_or(1, std::num::NonZero::get)
 }
 
 /// A model and its times.
@@ -141,7 +149,7 @@ impl Subject {
         networks.map(|(_, &micros)| f64::from(micros)).sum()
     }
 
-    fn json(&self, engine: &Engine, arguments: &BenchArgs) -> Value {
+    fn json(&self, engine: &Engine, options: &Options) -> Value {
         let stages: serde_json::Map<_, _> = self
             .pipeline
             .stage_names()
@@ -155,8 +163,8 @@ impl Subject {
             "onnxruntime": engine.runtime().version(),
             "model": { "name": self.name, "hash": self.hash },
             "provider": self.pipeline.graph().provider().name(),
-            "threads": threads(arguments),
-            "runs": arguments.runs,
+            "threads": threads(options),
+            "runs": options.runs,
             "ms": self.networks.json(),
             "stages": stages,
             "end_to_end_ms": self.end_to_end.json(),
@@ -166,12 +174,12 @@ impl Subject {
         })
     }
 
-    fn text(&self, arguments: &BenchArgs) -> String {
+    fn text(&self, options: &Options) -> String {
         let mut text = format!(
             "{} ({}), {} predictions, provider {}\n  {}\n",
             self.name,
             self.pipeline.graph().description().architecture,
-            arguments.runs,
+            options.runs,
             self.pipeline.graph().provider(),
             series::HEAD
         );

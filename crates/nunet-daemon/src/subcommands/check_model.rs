@@ -1,19 +1,20 @@
 //! `nunetd check-model` (hidden): the child process of the model check.
 
 use std::io::Write as _;
+use std::path::Path;
 
-use nunet_engine::{EngineErrorKind, Refusal, check_model_in_this_process};
+use nunet_engine::{EngineErrorKind, EngineOptions, Refusal, check_model_in_this_process};
 
 use crate::Outcome;
-use crate::cli::VetArgs;
-use crate::engine::options;
 use crate::exit::message_and_hints;
 
 /// Loads and self-tests a model within limits. A refusal is one JSON object on stdout, and an error as usual.
-pub(super) fn check_model(arguments: &VetArgs) -> anyhow::Result<Outcome> {
-    let checked =
-        check_model_in_this_process(&arguments.model, arguments.hash.clone(), options(&arguments.engine));
-    let Err(error) = checked else { return Ok(Outcome::Done) };
+pub(crate) fn check_model(
+    model: &Path,
+    hashes: Vec<[u8; 32]>,
+    engine: EngineOptions,
+) -> anyhow::Result<Outcome> {
+    let Err(error) = check_model_in_this_process(model, hashes, engine) else { return Ok(Outcome::Done) };
     let kind = error.kind();
     let error = anyhow::Error::from(error);
     writeln!(std::io::stdout(), "{}", refusal(kind, &error).to_json())?;

@@ -4,11 +4,11 @@ use std::io::Write as _;
 
 use super::run;
 use crate::Outcome;
-use crate::cli::ConfigArgs;
+use crate::config::Config;
 
-/// Prints the effective configuration, if `run` would begin with it.
-pub(super) fn config(arguments: &ConfigArgs) -> anyhow::Result<Outcome> {
-    run::check(&arguments.run)?;
-    write!(std::io::stdout(), "{}", arguments.effective)?;
+/// Prints the configuration `effective`, if `run` would begin with it.
+pub(crate) fn config(config: &Config, effective: &str) -> anyhow::Result<Outcome> {
+    run::check(config)?;
+    write!(std::io::stdout(), "{effective}")?;
     Ok(Outcome::Done)
 }

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use crate::Outcome;
 
 /// Prints the contract as one JSON object.
-pub(super) fn contract() -> anyhow::Result<Outcome> {
+pub(crate) fn contract() -> anyhow::Result<Outcome> {
     writeln!(std::io::stdout(), "{:#}", contract_json())?;
     Ok(Outcome::Done)
 }

@@ -1,18 +1,18 @@
 //! `nunetd doctor`: checks this machine and reports every problem with its fix, not only the first.
 
 use std::io::Write as _;
+use std::path::Path;
 
 use nunet_core::graph::{Provider, SerialGraph};
-use nunet_core::pipeline::Pipeline;
-use nunet_engine::{TELEMETRY_VARIABLE, Telemetry, cache_folder};
+use nunet_core::pipeline::{Pipeline, PipelineOptions};
+use nunet_engine::{Engine, EngineOptions, TELEMETRY_VARIABLE, Telemetry, cache_folder};
 use nunet_ipc::orphans::{self, Cleaning};
 use nunet_ipc::{IpcError, Limits, Reservation, Topic, cameras, free_shared_memory_bytes};
 
+use super::load::load;
 use crate::Outcome;
-use crate::cli::{CameraArgs, DoctorArgs};
-use crate::engine::{Engine, tested};
+use crate::config::Publish;
 use crate::exit::WithHint;
-use crate::options::Publish;
 use crate::sink::shm::plans;
 use crate::source;
 
@@ -22,9 +22,9 @@ mod report;
 use report::{Checks, Finding, Problem};
 
 /// Runs every check. If there is a problem, the exit code is 1.
-pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn doctor(model: &Path, engine: EngineOptions, json: bool) -> anyhow::Result<Outcome> {
     let mut checks = Checks::default();
-    let pipeline = check_engine(&mut checks, arguments);
+    let pipeline = check_engine(&mut checks, model, engine);
     checks.add("network", network(Telemetry::state()));
     checks.add("shared memory", shared_memory(pipeline.as_ref()));
     checks.add("orphans", orphans());
@@ -34,7 +34,7 @@ pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
     }
     checks.add("published", published().map_err(Problem::of));
     check_cameras(&mut checks);
-    let text = if arguments.json { checks.json() } else { checks.text() };
+    let text = if json { checks.json() } else { checks.text() };
     writeln!(std::io::stdout(), "{}", text.trim_end())?;
     match checks.problems() {
         0 => Ok(Outcome::Done),
@@ -44,8 +44,8 @@ pub(super) fn doctor(arguments: &DoctorArgs) -> anyhow::Result<Outcome> {
 }
 
 /// Library, model, provider and self-test; each needs the one before.
-fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline> {
-    let engine = match Engine::start(&arguments.engine) {
+fn check_engine(checks: &mut Checks, model: &Path, engine: EngineOptions) -> Option<Pipeline> {
+    let engine = match Engine::start(engine) {
         Ok(engine) => engine,
         Err(error) => {
             checks.add("library", Err(Problem::of(error)));
@@ -55,7 +55,7 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
     let library = engine.library();
     let (version, path) = (engine.runtime().version(), library.path.display());
     checks.add("library", Ok(format!("ONNX Runtime {version} at `{path}` ({})", library.place)));
-    let loaded = match engine.load(&arguments.model, &[]) {
+    let loaded = match load(&engine, model) {
         Ok(loaded) => loaded,
         Err(error) => {
             checks.add("model", Err(Problem::of(error)));
@@ -66,7 +66,7 @@ fn check_engine(checks: &mut Checks, arguments: &DoctorArgs) -> Option<Pipeline>
         if loaded.graph().description().trained { "" } else { ", untrained: its depth is meaningless" };
     checks.add("model", Ok(format!("`{}`{trained}", loaded.path().display())));
     checks.add("provider", provider(loaded.graph()));
-    match tested(loaded, &CameraArgs::default()) {
+    match loaded.into_pipeline(PipelineOptions::default()) {
         Ok((pipeline, report)) => {
             checks.add("self-test", Ok(report.to_string()));
             Some(pipeline)

@@ -1,40 +1,53 @@
 //! `nunetd eval`: the production pipeline against images with true depth. Prints what `nunet-eval` finds.
 
 use std::io::Write as _;
+use std::path::PathBuf;
 
 use indicatif::ProgressBar;
-use nunet_eval::{EvalError, EvalErrorKind, Evaluator, Event, cap_for};
+use nunet_core::pipeline::PipelineOptions;
+use nunet_engine::{Engine, EngineOptions};
+use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, cap_for};
 use nunet_files::check_folder;
 use tracing::{error, warn};
 
+use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::cli::EvalArgs;
-use crate::engine::{Engine, tested_pipeline};
 use crate::exit::WithHint;
 use crate::stream::warn_of_unknown_camera;
 
+/// What is measured.
+pub(crate) struct Options {
+    pub(crate) evaluation: EvalOptions,
+    pub(crate) model: PathBuf,
+    pub(crate) pipeline: PipelineOptions,
+    pub(crate) engine: EngineOptions,
+    /// The folder for reports.
+    pub(crate) out: Option<PathBuf>,
+    pub(crate) json: bool,
+}
+
 /// Measures every image; one that cannot be read is named and counted.
-pub(super) fn eval(arguments: &EvalArgs) -> anyhow::Result<Outcome> {
-    let evaluator = Evaluator::new(arguments.options()).map_err(with_flags)?;
-    if let Some(out) = &arguments.out {
+pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
+    let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
+    if let Some(out) = &options.out {
         check_folder(out)?;
     }
-    let loaded = Engine::start(&arguments.engine)?.load(&arguments.model, &[])?;
+    let loaded = load(&Engine::start(options.engine)?, &options.model)?;
     let model = loaded.model_name();
-    let pipeline = tested_pipeline(loaded, &arguments.camera())?;
+    let pipeline = tested_pipeline(loaded, options.pipeline)?;
     let mut printer = Printer::default();
     let evaluation = evaluator.run(pipeline, &mut |event| printer.print(event));
     printer.finish();
     let mut evaluation = evaluation.map_err(with_flags)?;
     let report = evaluation.report(model);
-    let text = if arguments.json { serde_json::to_string(&report)? } else { report.text() };
+    let text = if options.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
-    if !arguments.json && report.baseline_has_seen_the_images() {
+    if !options.json && report.baseline_has_seen_the_images() {
         let text = "the mean image is that of the measured images themselves: `--baseline-ids` names others";
         writeln!(std::io::stdout(), "{text}")?;
     }
-    if let Some(out) = &arguments.out {
+    if let Some(out) = &options.out {
         evaluation.write(out, &report)?;
     }
     if evaluation.skipped() == 0 {

@@ -14,33 +14,39 @@ use nunet_ipc::{
 use tracing::{error, info, warn};
 
 use crate::Outcome;
-use crate::cli::FeedArgs;
-use crate::exit::{BadArguments, camera_name, source_error};
-use crate::source::{Frame, OpenOptions, Rate, SourceName};
+use crate::config::SourceConfig;
+use crate::exit::{BadArguments, source_error};
+use crate::source::{CameraGeometry, Frame, OpenOptions};
 use crate::stream::{CameraResolver, FrameHandler, Pace, SourceEnd, Stop, drive};
 use crate::telemetry::RateLimit;
 
+/// What is published.
+pub(crate) struct Options {
+    pub(crate) source: SourceConfig,
+    pub(crate) camera: CameraName,
+    pub(crate) geometry: CameraGeometry,
+}
+
 /// Publishes until the source ends, `--frames` are sent, or a signal comes.
-pub(super) fn feed(arguments: &FeedArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    let name = SourceName::parse(&arguments.source);
-    if name.properties().is_shared_memory {
+    if options.source.name.properties().is_shared_memory {
         bail!(BadArguments(
             "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
         ));
     }
-    let resolver = CameraResolver::new(&arguments.geometry.options())?;
+    let resolver = CameraResolver::new(&options.geometry)?;
     let folders = nunet_engine::model_folders();
-    let options =
-        OpenOptions { stopped: Some(stop.flag()), model_folders: &folders, ..arguments.pace.open_options() };
-    let source = name.open(options).map_err(source_error);
+    let open_options =
+        OpenOptions { stopped: Some(stop.flag()), model_folders: &folders, ..options.source.open_options() };
+    let source = options.source.name.open(open_options).map_err(source_error);
     if stop.requested() {
         return Ok(Outcome::Done);
     }
     let mut source = source?;
     let port = OnceLock::new();
-    let mut feeder = Feeder::new(camera_name(&arguments.camera)?, resolver, &port, &stop);
-    let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
+    let mut feeder = Feeder::new(options.camera.clone(), resolver, &port, &stop);
+    let pace = Pace::of(&options.source);
     let end = serving_late_joiners(&port, || drive(source.as_mut(), pace, &stop, &mut feeder))?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
     if feeder.failed > 0 {
@@ -217,7 +223,8 @@ mod tests {
     use std::num::NonZeroU64;
 
     use super::*;
-    use crate::source::{Fill, Source};
+    use crate::exit::camera_name;
+    use crate::source::{Fill, Rate, Source};
 
     /// A gray image, and then a color one.
     struct Turning(u64);

@@ -7,23 +7,34 @@ use anyhow::{Context as _, bail};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_engine::{Engine, EngineOptions};
 use nunet_files::{Results, check_folder, write_results};
 use tracing::{error, info};
 
+use super::load::{load_unless, tested_pipeline};
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::cli::InferArgs;
-use crate::engine::{Engine, tested_pipeline};
+use crate::config::{ModelConfig, OpticsConfig};
 use crate::exit::{BadArguments, source_error};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{Frame, decode, glance, list};
 use crate::stream::{CameraResolver, Stop, Stopped};
 use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
 
+/// What is inferred.
+pub(crate) struct Options {
+    /// Files, folders and globs.
+    pub(crate) images: Vec<PathBuf>,
+    pub(crate) out: PathBuf,
+    pub(crate) model: PathBuf,
+    pub(crate) optics: OpticsConfig,
+    pub(crate) engine: EngineOptions,
+}
+
 /// Infers one image after the other; a bad one does not end it. A stop waits for the image that is at work.
-pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    match infer_unless(arguments, &stop) {
+    match infer_unless(options, &stop) {
         Err(error) if error.is::<Stopped>() => {
             error!("{error}");
             Ok(Outcome::Lost)
@@ -32,16 +43,16 @@ pub(super) fn infer(arguments: &InferArgs) -> anyhow::Result<Outcome> {
     }
 }
 
-fn infer_unless(arguments: &InferArgs, stop: &Stop) -> anyhow::Result<Outcome> {
-    let images: Vec<PathBuf> = pictures(&arguments.images)?;
-    let folders = result_folders(&images, &arguments.out)?;
-    let camera = CameraResolver::new(&arguments.optics.lens.geometry.options())?;
-    check_folder(&arguments.out)?;
+fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
+    let images: Vec<PathBuf> = pictures(&options.images)?;
+    let folders = result_folders(&images, &options.out)?;
+    let camera = CameraResolver::new(&options.optics.geometry)?;
+    check_folder(&options.out)?;
     refuse_no_pictures(&images)?;
-    let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load_unless(&arguments.model, &[], stop)?;
+    let engine = Engine::start(options.engine.clone())?;
+    let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipeline = tested_pipeline(loaded, &arguments.optics)?;
+    let pipeline = tested_pipeline(loaded, options.optics.pipeline)?;
     let mut work = Work::new(pipeline, camera, model);
 
     let mut failures = Vec::new();

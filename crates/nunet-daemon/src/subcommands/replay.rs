@@ -3,23 +3,23 @@
 use anyhow::Context as _;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use nunet_engine::hexadecimal;
+use nunet_engine::{Engine, EngineOptions, hexadecimal};
+use nunet_ipc::CameraName;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use std::io::{Read as _, Write as _};
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tracing::{error, info, warn};
 
+use super::load::{load_unless, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::cli::ReplayArgs;
-use crate::engine::{Engine, tested_pipeline};
+use crate::config::{ModelConfig, MountOption, OpticsConfig, Publish, default_frame_id};
+use crate::exit::BadArguments;
 use crate::exit::source_error;
-use crate::exit::{BadArguments, camera_name};
-use crate::options::Publish;
 use crate::sink::Results;
 use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
 use crate::sink::stats::ModelName;
@@ -30,54 +30,71 @@ use crate::telemetry::{MonotonicClock, RateLimit};
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
 const SYNC_FRAMES: u64 = 50;
 
+/// What is replayed.
+pub(crate) struct Options {
+    pub(crate) input: PathBuf,
+    pub(crate) output: PathBuf,
+    pub(crate) model: PathBuf,
+    /// The image topic, if there are several.
+    pub(crate) topic: Option<String>,
+    /// The first part of the names of the new topics.
+    pub(crate) camera: CameraName,
+    /// The coordinate frame; `None` for that of the images.
+    pub(crate) frame_id: Option<String>,
+    pub(crate) mount: Option<MountOption>,
+    pub(crate) publish: Vec<Publish>,
+    /// Overwrite the output.
+    pub(crate) force: bool,
+    pub(crate) optics: OpticsConfig,
+    pub(crate) engine: EngineOptions,
+    pub(crate) json: bool,
+}
+
 /// Replays until the recording ends, is cut off, or a signal comes.
-pub(super) fn replay(arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn replay(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    match replay_unless(arguments, &stop) {
+    match replay_unless(options, &stop) {
         Err(error) if error.is::<Stopped>() => {
-            warn!("{error}: there is no `{}`", arguments.output.display());
+            warn!("{error}: there is no `{}`", options.output.display());
             Ok(Outcome::Lost)
         }
         outcome => outcome,
     }
 }
 
-fn replay_unless(arguments: &ReplayArgs, stop: &Stop) -> anyhow::Result<Outcome> {
-    refuse_output(&arguments.output, Some(&arguments.input), arguments.force)?;
-    let camera = camera_name(&arguments.camera)?;
-    let resolver = CameraResolver::new(&arguments.optics.lens.geometry.options())?;
-    let how = OpenOptions {
-        topic: arguments.topic.as_deref(),
-        stopped: Some(stop.flag()),
-        ..OpenOptions::default()
-    };
-    let source = RecordingSource::open(&arguments.input, how).map_err(source_error);
+fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
+    refuse_output(&options.output, Some(&options.input), options.force)?;
+    let resolver = CameraResolver::new(&options.optics.geometry)?;
+    let how =
+        OpenOptions { topic: options.topic.as_deref(), stopped: Some(stop.flag()), ..OpenOptions::default() };
+    let source = RecordingSource::open(&options.input, how).map_err(source_error);
     stop.check()?;
     let mut source = source?;
-    let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load_unless(&arguments.model, &[], stop)?;
+    let engine = Engine::start(options.engine.clone())?;
+    let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipeline = tested_pipeline(loaded, &arguments.optics)?;
+    let pipeline = tested_pipeline(loaded, options.optics.pipeline)?;
 
     stop.check()?;
     let mut frame = Frame::default();
     let first = first_fill(&mut source, &mut frame, stop);
-    let frame_id = arguments.frame_id.clone().or_else(|| Some(source.frame_id().to_owned()));
+    let frame_id = options.frame_id.as_deref().unwrap_or(source.frame_id());
+    let unnamed = default_frame_id(options.camera.as_str());
     let about = About {
-        camera: camera.as_str(),
-        frame_id: frame_id.as_deref().filter(|name| !name.is_empty()),
-        mount: arguments.mount.mount,
+        camera: options.camera.as_str(),
+        frame_id: if frame_id.is_empty() { &unnamed } else { frame_id },
+        mount: options.mount,
         model: &model,
         provider: pipeline.graph().provider().name(),
         settings: settings(&pipeline),
-        force: arguments.force,
+        force: options.force,
         lossless: true,
     };
-    let writer = FrameWriter::create(&arguments.output, &about)?;
-    let mut replay = Replay::new(pipeline, resolver, writer, &arguments.publish);
+    let writer = FrameWriter::create(&options.output, &about)?;
+    let mut replay = Replay::new(pipeline, resolver, writer, &options.publish);
     replay.run(&mut source, frame, first, stop)?;
-    replay.finish(arguments)
+    replay.finish(options)
 }
 
 /// The first request that is not idle. Other topics may have many messages before the first image, and only the first image
@@ -243,11 +260,11 @@ impl Replay {
         Ok(report)
     }
 
-    fn finish(self, arguments: &ReplayArgs) -> anyhow::Result<Outcome> {
+    fn finish(self, options: &Options) -> anyhow::Result<Outcome> {
         let Self { frames, failed, cut, .. } = self;
         self.writer.finish()?;
-        let hash = file_sha256(&arguments.output)?;
-        let text = if arguments.json {
+        let hash = file_sha256(&options.output)?;
+        let text = if options.json {
             json!({
                 "contract": nunet_ipc::CONTRACT_VERSION,
                 "frames": frames,
@@ -261,7 +278,7 @@ impl Replay {
             format!("{frames} frames, {failed} lost, results sha256 {hash}")
         };
         writeln!(std::io::stdout(), "{text}")?;
-        info!("`{}` -> `{}`", arguments.input.display(), arguments.output.display());
+        info!("`{}` -> `{}`", options.input.display(), options.output.display());
         Ok(if failed == 0 && !cut { Outcome::Done } else { Outcome::Lost })
     }
 }

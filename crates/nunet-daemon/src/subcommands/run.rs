@@ -7,15 +7,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use nunet_engine::find_model;
+use nunet_engine::{Engine, find_model};
 use nunet_ipc::{Access, IpcError, share_with};
 use tracing::{error, info};
 
 use self::camera::span_of;
 use self::outputs::Outputs;
+use super::load::load_unless;
 use crate::Outcome;
-use crate::cli::{AccessArgs, RunArgs};
-use crate::engine::{Engine, check_threads, filters, tested_pipelines};
+use crate::config::{AccessConfig, Config};
 use crate::exit::BadArguments;
 use crate::sink::metrics::MetricsServer;
 use crate::sink::shutdown::DrainTimeout;
@@ -26,9 +26,9 @@ use crate::stream::{self, Ended, Notify, SourceEnd, Stop, Stopped, StreamSummary
 use crate::telemetry::Counts;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
-pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    match start(&arguments, &stop) {
+    match start(config, &stop) {
         Err(error) if error.is::<Stopped>() => {
             info!("{error}");
             Ok(Outcome::Done)
@@ -38,28 +38,28 @@ pub(super) fn run(arguments: RunArgs) -> anyhow::Result<Outcome> {
 }
 
 /// Everything before the first frame may take long, so that a stop is asked for before each step.
-fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
-    share(&arguments.access)?;
-    let cameras = camera::prepare(camera::plans(arguments)?, stop, SourceName::open)?;
-    let outputs = Outputs::of(&cameras, arguments.stats_json.as_deref());
+fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
+    share(config.outputs.access.as_ref())?;
+    let cameras = camera::prepare(camera::plans(config)?, stop, SourceName::open)?;
+    let outputs = Outputs::of(&cameras, config.outputs.stats_json.as_deref());
     outputs.check()?;
 
     stop.check()?;
-    let engine = Engine::start(&arguments.engine)?;
-    let loaded = engine.load_unless(&arguments.model, &arguments.every, stop)?;
+    let engine = Engine::start(config.engine.clone())?;
+    let loaded = load_unless(&engine, &config.model, stop)?;
     stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipelines = tested_pipelines(loaded, arguments.streams().map(|stream| &stream.optics))?;
+    let pipelines = loaded.into_pipelines(config.cameras.iter().map(|camera| camera.optics.pipeline))?;
     let graph = pipelines.first().context("one camera at least")?.graph();
     let (provider, classes) = (graph.provider().to_string(), graph.description().classes.clone());
     let common = Common { model: &model, provider: &provider, classes: &classes };
 
-    let names: Vec<String> = cameras.iter().map(|camera| camera.plan.name.to_string()).collect();
+    let names: Vec<String> = cameras.iter().map(|camera| camera.plan.config.name.to_string()).collect();
     let several = names.len() > 1;
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
-    let metrics = arguments.metrics.map(MetricsServer::open).transpose()?;
+    let metrics = config.outputs.metrics.map(MetricsServer::open).transpose()?;
     // Last of all: a start that fails leaves no folders and no recordings. After the first recording a stop is one of the
     // stream's.
     stop.check()?;
@@ -70,32 +70,29 @@ fn start(arguments: &RunArgs, stop: &Stop) -> anyhow::Result<Outcome> {
 
     let ended = stream::run(streams, &notify, stop)?;
     let stopped = || stop.requested();
-    finish(&names, ended, common, arguments.stats_json.as_deref(), &mut DrainTimeout::new(&stopped))
+    finish(&names, ended, common, config.outputs.stats_json.as_deref(), &mut DrainTimeout::new(&stopped))
 }
 
 /// Everything that `run` checks before it loads the model: the model's file, calibrations, sources and outputs too. Nothing
 /// is created, and no camera or pipe is read. For `nunetd config`.
-pub(super) fn check(arguments: &RunArgs) -> anyhow::Result<()> {
-    access(&arguments.access)?;
-    check_threads(arguments.engine.threads)?;
-    for stream in arguments.streams() {
-        filters(&stream.optics.filters)?;
-    }
-    find_model(&arguments.model)?;
-    let cameras = camera::prepare(camera::plans(arguments)?, &Stop::default(), camera::probe_source)?;
-    Outputs::of(&cameras, arguments.stats_json.as_deref()).check()
+pub(super) fn check(config: &Config) -> anyhow::Result<()> {
+    access(config.outputs.access.as_ref())?;
+    config.engine.check()?;
+    find_model(&config.model.path)?;
+    let cameras = camera::prepare(camera::plans(config)?, &Stop::default(), camera::probe_source)?;
+    Outputs::of(&cameras, config.outputs.stats_json.as_deref()).check()
 }
 
 /// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
-fn share(arguments: &AccessArgs) -> anyhow::Result<()> {
-    Ok(access(arguments)?.map_or(Ok(()), share_with)?)
+fn share(config: Option<&AccessConfig>) -> anyhow::Result<()> {
+    Ok(access(config)?.map_or(Ok(()), share_with)?)
 }
 
-fn access(arguments: &AccessArgs) -> Result<Option<Access>, BadArguments> {
-    let Some(group) = &arguments.access_group else { return Ok(None) };
+fn access(config: Option<&AccessConfig>) -> Result<Option<Access>, BadArguments> {
+    let Some(AccessConfig { group, mode }) = config else { return Ok(None) };
     let bad = |error: IpcError| BadArguments(nunet_types::text_with_hint(&error));
     let access = Access::of_group(group).map_err(bad)?;
-    arguments.access_mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
+    mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
 }
 
 /// A camera after its end.

@@ -1,52 +1,63 @@
 //! `nunetd tune`: which provider and how many threads are fastest for a model on this machine.
 
 use std::io::Write as _;
-use std::num::NonZeroUsize;
-use std::path::Path;
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use nunet_core::graph::Provider;
-use nunet_engine::find_model;
+use nunet_core::pipeline::PipelineOptions;
+use nunet_engine::{Engine, EngineOptions, find_model};
 use serde_json::{Value, json};
 use tracing::warn;
 
 use super::bench::{Subject, WARM_UP_RUNS, host, picture};
+use super::load::{load, tested_pipeline};
 use crate::Outcome;
-use crate::cli::{CameraArgs, EngineArgs, TuneArgs};
-use crate::engine::{Engine, tested_pipeline};
 use crate::exit::BadArguments;
 
 /// So much slower than the fastest is as fast, where it takes fewer threads: the robot has other work for them.
 const AS_FAST: f64 = 1.05;
 
+/// What is measured.
+pub(crate) struct Options {
+    pub(crate) model: PathBuf,
+    /// The image to predict from; `None` for the first of the demo scene.
+    pub(crate) image: Option<PathBuf>,
+    /// The number of predictions per combination.
+    pub(crate) runs: NonZeroU32,
+    /// What is named here is not varied.
+    pub(crate) engine: EngineOptions,
+    /// The configuration file to write.
+    pub(crate) out: Option<PathBuf>,
+    pub(crate) json: bool,
+}
+
 /// Measures every way to run the model in turn, interleaved, so that a disturbed moment meets them all.
-pub(super) fn tune(arguments: &TuneArgs) -> anyhow::Result<Outcome> {
-    refuse_existing(arguments.out.as_deref())?;
-    find_model(&arguments.model)?;
-    let frame = picture(arguments.image.as_deref())?;
-    let engine = Engine::start(&arguments.engine)?;
+pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
+    refuse_existing(options.out.as_deref())?;
+    find_model(&options.model)?;
+    let frame = picture(options.image.as_deref())?;
+    let engine = Engine::start(options.engine.clone())?;
     let mut ways = Vec::new();
-    for way in possible(&arguments.engine, &engine.runtime().providers()) {
-        match Way::load(way, arguments) {
+    for way in possible(&options.engine, &engine.runtime().providers()) {
+        match Way::load(way, options) {
             Ok(way) => ways.push(way),
             Err(error) => warn!("left out: {error:#}"),
         }
     }
-    for run in 0..WARM_UP_RUNS + arguments.runs.get() {
+    for run in 0..WARM_UP_RUNS + options.runs.get() {
         for way in &mut ways {
             way.subject.predict(&frame, run >= WARM_UP_RUNS)?;
         }
     }
     let medians: Vec<_> = ways.iter().map(|way| (way.threads, way.subject.median_ms())).collect();
     let best = best(&medians).context("no way to run the model here\nhint: nunetd doctor")?;
-    let text = if arguments.json {
-        json(&ways, &ways[best], &engine).to_string()
-    } else {
-        table(&ways, &ways[best])
-    };
+    let text =
+        if options.json { json(&ways, &ways[best], &engine).to_string() } else { table(&ways, &ways[best]) };
     writeln!(std::io::stdout(), "{text}")?;
-    if let Some(out) = &arguments.out {
-        let config = config(&arguments.model, &ways[best])?;
+    if let Some(out) = &options.out {
+        let config = config(&options.model, &ways[best])?;
         std::fs::write(out, config).with_context(|| format!("cannot write `{}`", out.display()))?;
     }
     Ok(Outcome::Done)
@@ -71,12 +82,12 @@ struct Way {
 }
 
 impl Way {
-    fn load((provider, threads): (Provider, NonZeroUsize), arguments: &TuneArgs) -> anyhow::Result<Self> {
-        let engine = EngineArgs { provider, threads: Some(threads), ..arguments.engine.clone() };
+    fn load((provider, threads): (Provider, NonZeroUsize), options: &Options) -> anyhow::Result<Self> {
+        let engine = EngineOptions { provider, threads: Some(threads), ..options.engine.clone() };
         let load = || -> anyhow::Result<Subject> {
-            let loaded = Engine::start(&engine)?.load(&arguments.model, &[])?;
+            let loaded = load(&Engine::start(engine.clone())?, &options.model)?;
             let (name, hash) = (loaded.name(), loaded.hash());
-            Ok(Subject::new(name, hash, tested_pipeline(loaded, &CameraArgs::default())?))
+            Ok(Subject::new(name, hash, tested_pipeline(loaded, PipelineOptions::default())?))
         };
         let subject = load().with_context(|| format!("{provider} with {threads} threads"))?;
         Ok(Self { provider, threads, subject })
@@ -84,7 +95,7 @@ impl Way {
 }
 
 /// What was named, else every provider that starts here, with 1, 2, 4 ... threads up to one a core.
-fn possible(engine: &EngineArgs, here: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
+fn possible(engine: &EngineOptions, here: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
     let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let powers = std::iter::successors(Some(1_usize), |threads| threads.checked_mul(2));
     let threads = powers.take_while(|threads| *threads < cores.get()).filter_map(NonZeroUsize::new);
@@ -170,7 +181,7 @@ mod tests {
 
     #[test]
     fn what_is_named_is_not_varied() {
-        let engine = |provider, threads| EngineArgs { provider, threads, onnxruntime: None };
+        let engine = |provider, threads| EngineOptions { provider, threads, onnxruntime: None };
         let here = [Provider::Cuda, Provider::Cpu];
         assert_eq!(possible(&engine(Provider::Cpu, Some(count(3))), &here), [(Provider::Cpu, count(3))]);
         let all = possible(&engine(Provider::Auto, None), &here);

@@ -13,8 +13,7 @@ use nunet_ipc::{
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
-use crate::cli::WatchArgs;
-use crate::exit::{BadArguments, camera_name};
+use crate::exit::BadArguments;
 use crate::stream::Stop;
 
 /// How long one wait may take, so that a stop is seen.
@@ -29,19 +28,23 @@ const MOST_NAMES: usize = 8;
 const REDRAW: Duration = Duration::from_millis(200);
 
 /// Follows the camera until `--frames` are seen, a signal comes, or no frame comes for `--timeout`.
-pub(super) fn watch(arguments: &WatchArgs) -> anyhow::Result<Outcome> {
+pub(crate) fn watch(
+    camera: &CameraName,
+    json: bool,
+    frames: Option<NonZeroU64>,
+    timeout_s: f64,
+) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
-    let camera = camera_name(&arguments.camera)?;
-    let timeout = Duration::try_from_secs_f64(arguments.timeout)
-        .map_err(|_| BadArguments(format!("--timeout `{}` is no number of seconds", arguments.timeout)))?;
-    let Some(reader) = open(&camera, timeout, &stop)? else { return Ok(Outcome::Done) };
+    let timeout = Duration::try_from_secs_f64(timeout_s)
+        .map_err(|_| BadArguments(format!("--timeout `{timeout_s}` is not a number of seconds")))?;
+    let Some(reader) = open(camera, timeout, &stop)? else { return Ok(Outcome::Done) };
     let mut watcher = Watcher { reader, stats: None, timeout, last: Instant::now() };
-    let mut view = View::choose(arguments.json);
-    let mut left = arguments.frames.map_or(u64::MAX, NonZeroU64::get);
+    let mut view = View::choose(json);
+    let mut left = frames.map_or(u64::MAX, NonZeroU64::get);
     while left > 0 && !stop.requested() {
         if let Some(frame) = watcher.next()? {
             left -= 1;
-            view.show(&camera, &frame, &watcher.stats.unwrap_or_default())?;
+            view.show(camera, &frame, &watcher.stats.unwrap_or_default())?;
         }
     }
     Ok(Outcome::Done)

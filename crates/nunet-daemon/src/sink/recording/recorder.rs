@@ -35,16 +35,16 @@ struct Recorder {
 
 /// Opens the sink if `--record` is given.
 pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
-    let Some(path) = context.options.record else { return Ok(None) };
+    let (Some(path), Some(options)) = (context.record, &context.config.record) else { return Ok(None) };
     let about = About {
-        camera: context.camera.as_str(),
-        frame_id: context.frame_id,
-        mount: context.mount,
+        camera: context.config.name.as_str(),
+        frame_id: &context.config.frame_id,
+        mount: context.config.mount,
         model: context.common.model,
         provider: context.common.provider,
         settings: settings(context.pipeline),
-        force: context.options.force,
-        lossless: context.options.lossless,
+        force: options.force,
+        lossless: options.lossless,
     };
     let writer = FrameWriter::create(path, &about)?;
     record_into(Box::new(writer), Arc::clone(&context.on_room)).map(Some)

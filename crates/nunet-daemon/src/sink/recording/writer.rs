@@ -14,11 +14,10 @@ use nunet_mcap::{EncodedImage, FrameRecord, Mount, RecordingError, RecordingWrit
 
 use super::archive::Archive;
 use super::record::{Record, describe};
+use crate::config::MountOption;
 use crate::exit::{BadArguments, WithHint};
-use crate::options::MountOption;
 use crate::sink::stats::ModelName;
 use crate::source::Frame;
-use crate::words;
 use tracing::info;
 
 /// For raw images: lower qualities become visible, and the file is a tenth of the raw image.
@@ -27,7 +26,7 @@ const JPEG_QUALITY: u8 = 92;
 /// What is known of a recording before its first frame.
 pub(crate) struct About<'a> {
     pub(crate) camera: &'a str,
-    pub(crate) frame_id: Option<&'a str>,
+    pub(crate) frame_id: &'a str,
     pub(crate) mount: Option<MountOption>,
     pub(crate) model: &'a ModelName,
     pub(crate) provider: &'a str,
@@ -53,7 +52,7 @@ impl About<'_> {
         });
         WriterOptions {
             camera: self.camera.to_owned(),
-            frame_id: self.frame_id.map_or_else(|| words::default_frame_id(self.camera), str::to_owned),
+            frame_id: self.frame_id.to_owned(),
             mount,
             about: about.map(|(key, value)| (key.to_owned(), value)).collect(),
             force: self.force,

@@ -3,70 +3,55 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::bail;
 use nunet_core::pipeline::Pipeline;
-use nunet_ipc::{CameraName, Limits, unix_nanos};
-use tracing::{Span, error, error_span, warn};
+use nunet_ipc::unix_nanos;
+use tracing::{Span, error, error_span};
 
-use crate::cli::{RunArgs, SourceArgs, StreamArgs};
-use crate::exit::{BadArguments, camera_name, source_error};
+use crate::config::{CameraConfig, Config};
+use crate::exit::{BadArguments, in_camera, source_error};
 use crate::sink::metrics::MetricsServer;
 use crate::sink::recording::{recording_path, refuse_output};
-use crate::sink::shm::{ShmPublisher, ShmPublisherOptions, frame_id};
+use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
 use crate::sink::stats::Common;
-use crate::sink::{self, SinkContext, SinkOptions};
-use crate::source::{
-    Exclusive, Fill, Frame, OpenOptions, Rate, Source, SourceError, SourceErrorKind, SourceName,
-};
+use crate::sink::{self, SinkContext};
+use crate::source::{Exclusive, Fill, Frame, OpenOptions, Source, SourceError, SourceErrorKind, SourceName};
 use crate::stream::{CameraResolver, Notify, Pace, Stop, Stream, StreamTask};
 
-/// A camera's arguments, checked as far as they can be without the machine.
+/// A camera's configuration, and the files that it means on this machine.
 pub(super) struct Plan<'a> {
-    pub(super) arguments: &'a StreamArgs,
-    pub(super) name: CameraName,
-    source: SourceName,
-    /// The file that `--record` means.
+    pub(super) config: &'a CameraConfig,
+    /// The file that is recorded into.
     pub(super) record: Option<PathBuf>,
 }
 
-/// The cameras' arguments, each of them and beside each other. Nothing is made yet.
-pub(super) fn plans<'a>(arguments: &'a RunArgs) -> anyhow::Result<Vec<Plan<'a>>> {
-    refuse_no_source(arguments)?;
-    let streams: Vec<_> = arguments.streams().collect();
-    let several = streams.len() > 1;
-    let folders: Vec<_> = streams.iter().filter_map(|stream| stream.out.as_deref()).map(place).collect();
-    let plan = |stream: &&'a StreamArgs| {
-        let source = source_name(stream.source.as_deref());
-        let name = stream.camera.as_deref().unwrap_or(source.properties().camera);
-        Plan::new(stream, name, source.clone(), &folders).map_err(|error| in_camera(error, name, several))
-    };
-    let plans = streams.iter().map(plan).collect::<anyhow::Result<Vec<_>>>()?;
+/// The cameras beside each other. Nothing is made yet.
+pub(super) fn plans(config: &Config) -> Result<Vec<Plan<'_>>, BadArguments> {
+    let folders = config.cameras.iter().filter_map(|camera| camera.out.as_deref()).map(place);
+    let folders: Vec<_> = folders.collect();
+    let plans: Vec<_> = config.cameras.iter().map(|camera| Plan::new(camera, &folders)).collect();
     refuse_shared(&plans)?;
     Ok(plans)
 }
 
 impl<'a> Plan<'a> {
     /// `folders` are those that will be made.
-    fn new(
-        arguments: &'a StreamArgs,
-        name: &str,
-        source: SourceName,
-        folders: &[PathBuf],
-    ) -> anyhow::Result<Self> {
-        refuse_pace_of_live_source(&source, &arguments.pace)?;
-        source.check(&arguments.pace.open_options()).map_err(source_error)?;
-        let name = camera_name(name)?;
-        frame_id(&name, arguments.frame_id.as_deref())?;
-        let record = arguments.recording.record.as_deref().map(|path| {
+    fn new(config: &'a CameraConfig, folders: &[PathBuf]) -> Self {
+        let record = config.record.as_ref().map(|record| {
+            let path = &record.path;
             let is_folder = path.is_dir() || folders.iter().any(|folder| folder.starts_with(place(path)));
-            recording_path(path, is_folder, name.as_str(), unix_nanos())
+            recording_path(path, is_folder, config.name.as_str(), unix_nanos())
         });
-        Ok(Self { arguments, name, source, record })
+        Self { config, record }
+    }
+
+    fn name(&self) -> &'a str {
+        self.config.name.as_str()
     }
 
     /// The recording that is read.
     fn input(&self) -> Option<&Path> {
-        self.source.properties().is_recording.then(|| self.source.path())
+        let source = &self.config.source.name;
+        source.properties().is_recording.then(|| source.path())
     }
 }
 
@@ -87,18 +72,19 @@ pub(super) fn place(path: &Path) -> PathBuf {
 fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
     for (index, plan) in plans.iter().enumerate() {
         for (earlier, other) in plans.iter().enumerate().take(index) {
-            if plan.name == other.name {
+            if plan.name() == other.name() {
                 return Err(BadArguments(format!(
                     "cameras {} and {} are both named `{}`\nhint: give each `[[camera]]` section a `name` of its own",
                     earlier + 1,
                     index + 1,
-                    plan.name
+                    plan.name()
                 )));
             }
             if let Some(what) = shared_between(plan, other) {
                 return Err(BadArguments(format!(
                     "cameras `{}` and `{}` both {what}\nhint: only one camera can",
-                    other.name, plan.name
+                    other.name(),
+                    plan.name()
                 )));
             }
         }
@@ -110,17 +96,17 @@ fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
     let same_file = |a: &Option<PathBuf>, b: &Option<PathBuf>| {
         a.as_deref().zip(b.as_deref()).is_some_and(|(a, b)| place(a) == place(b))
     };
-    match (one.source.properties().exclusive, other.source.properties().exclusive) {
+    match (one.config.source.name.properties().exclusive, other.config.source.name.properties().exclusive) {
         (Some(Exclusive::StandardInput), Some(Exclusive::StandardInput)) => return Some("read stdin".into()),
         // Its numbered name and those below /dev/v4l.
         (Some(Exclusive::Device), Some(Exclusive::Device))
-            if place(one.source.path()) == place(other.source.path()) =>
+            if place(one.config.source.name.path()) == place(other.config.source.name.path()) =>
         {
-            return Some(format!("read `{}`", place(one.source.path()).display()));
+            return Some(format!("read `{}`", place(one.config.source.name.path()).display()));
         }
         _ => {}
     }
-    if same_file(&one.arguments.out, &other.arguments.out) {
+    if same_file(&one.config.out, &other.config.out) {
         return Some("write into one `out` folder".into());
     }
     same_file(&one.record, &other.record).then(|| "write one `record` file".into())
@@ -149,32 +135,31 @@ pub(super) fn prepare<'a>(
         let options = OpenOptions {
             stopped: Some(stop.flag()),
             model_folders: &model_folders,
-            ..plan.arguments.pace.open_options()
+            ..plan.config.source.open_options()
         };
-        let source = open(&plan.source, options);
+        let source = open(&plan.config.source.name, options);
         stop.check()?;
         let source = match source {
             Err(error) if error.kind() == SourceErrorKind::BadArguments => {
-                return Err(in_camera(source_error(error), plan.name.as_str(), several));
+                return Err(in_camera(source_error(error), plan.name(), several));
             }
             source => source,
         };
-        let camera = CameraResolver::new(&plan.arguments.optics.lens.geometry.options());
-        let camera = camera.map_err(|error| in_camera(error, plan.name.as_str(), several))?;
-        refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name.as_str(), several))?;
+        let camera = CameraResolver::new(&plan.config.optics.geometry);
+        let camera = camera.map_err(|error| in_camera(error, plan.name(), several))?;
+        refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name(), several))?;
         opened.push((plan, source, camera));
     }
     if opened.iter().all(|(_, source, _)| source.is_err()) {
         let mut errors = opened.into_iter().filter_map(|(plan, source, _)| Some((plan, source.err()?)));
-        let first =
-            errors.next().map(|(plan, error)| in_camera(source_error(error), plan.name.as_str(), several));
-        errors.for_each(|(plan, error)| error!("camera `{}`: {error:#}", plan.name));
+        let first = errors.next().map(|(plan, error)| in_camera(source_error(error), plan.name(), several));
+        errors.for_each(|(plan, error)| error!("camera `{}`: {error:#}", plan.name()));
         return first.map_or_else(|| Ok(Vec::new()), Err);
     }
     let mut cameras = Vec::new();
     for (plan, source, camera) in opened {
-        let options = plan.arguments.pace.open_options();
-        let source = source.unwrap_or_else(|error| plan.source.stand_in(options, error));
+        let config = &plan.config.source;
+        let source = source.unwrap_or_else(|error| config.name.stand_in(config.open_options(), error));
         cameras.push(Prepared { plan, source, camera });
     }
     Ok(cameras)
@@ -202,16 +187,6 @@ pub(super) fn probe_source(
     }
 }
 
-/// Says which of several cameras is meant; what kind of error it is stays.
-pub(super) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
-    let text = format!("camera `{camera}` cannot begin");
-    match several {
-        false => error,
-        true if error.is::<BadArguments>() => error.context(BadArguments(text)),
-        true => error.context(text),
-    }
-}
-
 /// Around what is logged of a camera, where there are several.
 pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
@@ -227,17 +202,17 @@ impl<'a> Prepared<'a> {
         stop: &Stop,
     ) -> anyhow::Result<Opened<'a>> {
         stop.check()?;
-        let Plan { arguments, name, .. } = &self.plan;
-        let span = span_of(name.as_str(), several);
+        let config = self.plan.config;
+        let span = span_of(config.name.as_str(), several);
         let open = || {
             let _camera = span.enter();
             ShmPublisher::open(
                 &pipeline,
                 &ShmPublisherOptions {
-                    camera: name,
-                    frame_id: arguments.frame_id.as_deref(),
-                    publish: &arguments.publish,
-                    limits: limits(arguments),
+                    camera: &config.name,
+                    frame_id: &config.frame_id,
+                    publish: &config.publish,
+                    limits: config.limits(),
                     model: &common.model.name,
                     given_up: &|| stop.requested(),
                 },
@@ -245,7 +220,7 @@ impl<'a> Prepared<'a> {
         };
         let opened = open();
         stop.check()?;
-        let publisher = opened.map_err(|error| in_camera(error, name.as_str(), several))?;
+        let publisher = opened.map_err(|error| in_camera(error, config.name.as_str(), several))?;
         Ok(Opened { prepared: self, pipeline, publisher, span })
     }
 }
@@ -267,77 +242,28 @@ impl Opened<'_> {
         notify: &Arc<Notify>,
     ) -> anyhow::Result<Stream> {
         let Self { prepared, pipeline, publisher, span } = self;
-        let Prepared { plan: Plan { arguments, name, source: _, record }, source, camera } = prepared;
+        let Prepared { plan: Plan { config, record }, source, camera } = prepared;
         let entered = span.clone().entered();
         let notify = Arc::clone(notify);
         let context = SinkContext {
-            options: SinkOptions {
-                record: record.as_deref(),
-                force: arguments.recording.force,
-                lossless: arguments.recording.record_lossless,
-                out: arguments.out.as_deref(),
-            },
-            camera: &name,
-            frame_id: arguments.frame_id.as_deref(),
-            mount: arguments.recording.mount.mount,
+            config,
+            record: record.as_deref(),
             common,
             pipeline: &pipeline,
             metrics,
             on_room: Arc::new(move || notify.notify()),
         };
         let sinks = sink::open_all(&context)?;
-        let pace = Pace { rate: arguments.pace.rate.unwrap_or(Rate::Max), limit: arguments.pace.frames };
+        let pace = Pace::of(&config.source);
         drop(entered);
         Ok(Stream { source, pace, task: StreamTask::new(pipeline, camera, publisher, sinks), span })
     }
 }
 
-/// Clouds are by far the largest messages: half as many processes may read them.
-fn limits(arguments: &StreamArgs) -> Limits {
-    let readers = arguments.readers.map_or(Limits::DEFAULT.max_readers, |readers| readers.get() as usize);
-    Limits { max_readers: readers, max_cloud_readers: readers.div_ceil(2), ..Limits::default() }
-}
-
-/// A file is written for a robot: depth of an invented room must not go out under a camera's name because a line is
-/// missing. The bare command line may leave it out.
-fn refuse_no_source(arguments: &RunArgs) -> Result<(), BadArguments> {
-    let Some(config) = &arguments.config else { return Ok(()) };
-    let Some(stream) = arguments.streams().find(|stream| stream.source.is_none()) else { return Ok(()) };
-    let camera = stream.camera.as_ref().map(|name| format!(" for camera `{name}`")).unwrap_or_default();
-    Err(BadArguments(format!(
-        "neither `{}` nor the command line names a source{camera}\nhint: `source = \"/dev/video0\"`, or \
-         `source = \"demo\"` if the demo scene is meant",
-        config.display()
-    )))
-}
-
-/// Without `--source`, the demo scene; someone who forgot the flag is told.
-fn source_name(source: Option<&str>) -> SourceName {
-    source.map_or_else(
-        || {
-            warn!("no --source: frames come from the built-in demo scene");
-            SourceName::demo()
-        },
-        SourceName::parse,
-    )
-}
-
 /// Refused before any work is done where it may not be written, or is what some camera reads.
 fn refuse_recording(plan: &Plan<'_>, inputs: &[PathBuf]) -> anyhow::Result<()> {
     let Some(path) = &plan.record else { return Ok(()) };
-    let force = plan.arguments.recording.force;
+    let force = plan.config.record.as_ref().is_some_and(|record| record.force);
     inputs.iter().try_for_each(|input| refuse_output(path, Some(input), force))?;
     refuse_output(path, None, force)
-}
-
-/// A camera has a pace of its own and no end to begin again at.
-fn refuse_pace_of_live_source(source: &SourceName, pace: &SourceArgs) -> anyhow::Result<()> {
-    if source.properties().is_shared_memory && (pace.rate.is_some() || pace.repeat) {
-        bail!(BadArguments(
-            "--rate and --loop are for files: a camera in shared memory has its own pace\nhint: give them to whoever \
-             publishes the camera, such as `nunetd feed`"
-                .into()
-        ));
-    }
-    Ok(())
 }

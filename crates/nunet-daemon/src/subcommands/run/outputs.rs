@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use nunet_files::{check_folder, make_folder};
 
-use super::camera::{Prepared, in_camera, place};
+use super::camera::{Prepared, place};
+use crate::exit::in_camera;
 use crate::sink::stats::check_writable;
 
 /// Where a run writes.
@@ -22,8 +23,8 @@ struct Camera {
 impl Outputs {
     pub(super) fn of(cameras: &[Prepared<'_>], stats_json: Option<&Path>) -> Self {
         let camera = |Prepared { plan, .. }: &Prepared<'_>| Camera {
-            name: plan.name.to_string(),
-            folder: plan.arguments.out.clone(),
+            name: plan.config.name.to_string(),
+            folder: plan.config.out.clone(),
             record: plan.record.clone(),
         };
         Self { cameras: cameras.iter().map(camera).collect(), stats_json: stats_json.map(Path::to_owned) }

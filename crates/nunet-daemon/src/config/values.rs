@@ -1,12 +1,12 @@
-//! What the user can choose, as checked values. The command line (`cli`) makes them; everything else takes them and knows no
-//! flags.
+//! Values that the user writes as a word or as numbers.
 
 use std::str::FromStr;
 
-pub use nunet_source::CameraGeometry;
+use serde::Deserialize;
 
 /// A topic that `--publish` names.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Publish {
     /// The depth map; always published.
     Depth,
@@ -66,9 +66,6 @@ pub struct LogOptions {
     /// One JSON object per line.
     pub json: bool,
 }
-
-/// The bytes of a coordinate frame's name that fit into the header of a message.
-pub const MAX_FRAME_ID: usize = 64;
 
 #[cfg(test)]
 mod tests {

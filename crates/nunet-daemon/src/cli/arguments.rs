@@ -1,0 +1,143 @@
+//! The arguments of the smaller subcommands.
+
+use std::num::{NonZeroU32, NonZeroU64};
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::text::{Hash, Text};
+use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, GeometryArgs, SourceArgs};
+
+/// `nunetd infer`
+#[derive(Debug, Args, Clone)]
+pub struct InferArgs {
+    /// JPEG or PNG images, folders with images, or globs
+    #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
+    pub images: Vec<PathBuf>,
+    /// The folder for the results; several images get a folder each below it
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: PathBuf,
+    #[command(flatten)]
+    pub optics: CameraArgs,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd feed`
+#[derive(Debug, Args, Clone)]
+pub struct FeedArgs {
+    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, or - for stdin
+    pub source: String,
+    /// The name of the camera in shared memory
+    #[arg(long, value_name = "NAME")]
+    pub camera: String,
+    #[command(flatten)]
+    pub pace: SourceArgs,
+    #[command(flatten)]
+    pub geometry: GeometryArgs,
+}
+
+/// `nunetd watch`
+#[derive(Debug, Args, Clone)]
+pub struct WatchArgs {
+    /// The name of the camera in shared memory
+    pub camera: String,
+    /// Print one JSON object per frame
+    #[arg(long)]
+    pub json: bool,
+    /// Stop after N frames
+    #[arg(long, value_name = "N")]
+    pub frames: Option<Text<NonZeroU64>>,
+    /// Seconds to wait for the camera and for each of its frames
+    #[arg(long, value_name = "SECONDS", default_value = "10")]
+    pub timeout: f64,
+}
+
+/// `nunetd inspect`
+#[derive(Debug, Args, Clone)]
+pub struct InspectArgs {
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
+    pub model: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd doctor`
+#[derive(Debug, Args, Clone)]
+pub struct DoctorArgs {
+    /// The model to check with
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd contract`
+#[derive(Debug, Args, Clone)]
+pub struct ContractArgs {
+    /// Print JSON (the only format)
+    #[arg(long, required = true)]
+    pub json: bool,
+}
+
+/// `nunetd bench`
+#[derive(Debug, Args, Clone)]
+pub struct BenchArgs {
+    /// A model to measure; several are measured interleaved
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: Vec<PathBuf>,
+    /// The image to predict from [default: the first of the demo scene]
+    #[arg(long, value_name = "IMAGE")]
+    pub image: Option<PathBuf>,
+    /// The number of predictions
+    #[arg(long, value_name = "N", default_value = "100")]
+    pub runs: Text<NonZeroU32>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd tune`
+#[derive(Debug, Args, Clone)]
+pub struct TuneArgs {
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
+    #[arg(value_name = "NAME|PATH")]
+    pub model: PathBuf,
+    /// The image to predict from [default: the first of the demo scene]
+    #[arg(long, value_name = "IMAGE")]
+    pub image: Option<PathBuf>,
+    /// The number of predictions per combination
+    #[arg(long, value_name = "N", default_value = "50")]
+    pub runs: Text<NonZeroU32>,
+    /// Write the fastest combination as a file for `--config`
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `nunetd check-model`
+#[derive(Debug, Args, Clone)]
+pub struct CheckModelArgs {
+    /// The model file
+    pub model: PathBuf,
+    /// SHA-256 of a file that may be loaded, hexadecimal; any file where none is given
+    #[arg(long, value_name = "SHA256")]
+    pub hash: Vec<Text<Hash>>,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}

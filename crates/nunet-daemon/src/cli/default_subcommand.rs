@@ -1,0 +1,55 @@
+//! A command line without a subcommand is one of `run`.
+
+use std::ffi::OsString;
+
+use clap::CommandFactory as _;
+
+use super::Cli;
+
+/// Puts `run` where a subcommand is missing. A bare word in its place is a subcommand that does not exist.
+pub(super) fn insert(arguments: &mut Vec<OsString>) -> Result<(), clap::Error> {
+    if let Some(place) = place_of_default_subcommand(arguments) {
+        refuse_unknown_subcommand(arguments.get(place))?;
+        arguments.insert(place, "run".into());
+    }
+    Ok(())
+}
+
+/// `run` takes flags only, so a bare word in its place is a subcommand that does not exist.
+fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Error> {
+    match argument.map(|word| word.to_string_lossy()) {
+        Some(word) if !word.starts_with('-') => {
+            let mut command = Cli::command();
+            let subcommands: Vec<_> =
+                command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set()).collect();
+            let names: Vec<_> =
+                subcommands.iter().map(|subcommand| subcommand.get_name().to_owned()).collect();
+            let message =
+                format!("`{word}` is not a subcommand of nunetd\nhint: one of {}", names.join(", "));
+            Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Where `run` is to be put in; `None` if a subcommand, help or the version is given.
+///
+/// clap's own way (flattening the arguments of the default subcommand into the program's) would refuse `nunetd -q infer ...`.
+fn place_of_default_subcommand(arguments: &[OsString]) -> Option<usize> {
+    let mut place = 1;
+    while let Some(argument) = arguments.get(place).and_then(|argument| argument.to_str()) {
+        let letters = argument.strip_prefix('-').filter(|letters| !letters.is_empty());
+        match argument {
+            "--log-format" => place += 2,
+            "--verbose" | "--quiet" => place += 1,
+            _ if argument.starts_with("--log-format=") => place += 1,
+            _ if letters.is_some_and(|letters| letters.chars().all(|letter| "vq".contains(letter))) => {
+                place += 1;
+            }
+            "help" | "-h" | "--help" | "-V" | "--version" => return None,
+            _ if Cli::command().find_subcommand(argument).is_some() => return None,
+            _ => break,
+        }
+    }
+    Some(place.min(arguments.len()))
+}

@@ -1,0 +1,264 @@
+//! The file of `--config`: its keys are the long names of flags, and a `[[camera]]` section is one of several cameras.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use clap::{Arg, ArgAction, Command};
+use nunet_core::plain_file;
+use nunet_core::text::shortened;
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
+
+use super::settings::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
+
+/// Below this likeness a guess would be an insult.
+const LEAST_LIKENESS: f64 = 0.6;
+/// A hundred times what all flags take.
+const MAX_BYTES: u64 = 64 * 1024;
+/// What belongs into the sections where there are sections.
+const OF_ONE_CAMERA: [&str; 2] = ["source", "camera"];
+const SECTIONS_HINT: &str =
+    "hint: a `[[camera]]` section for each of several cameras, or `camera = \"NAME\"` for one";
+
+/// What a file says, by the long names of flags.
+pub(super) struct File {
+    /// Above the sections.
+    pub(super) shared: Table,
+    /// Of each camera; empty if the file has no sections.
+    pub(super) sections: Vec<Table>,
+}
+
+/// Checks a value of a key.
+type Check<'a> = dyn Fn(&str, &Value) -> Result<(), String> + 'a;
+
+impl File {
+    /// Reads a file whose keys are the flags of `run`.
+    ///
+    /// # Errors
+    /// The message, with the file's name and the line where there is one.
+    pub(super) fn read(path: &Path, run: &Command, check: &Check<'_>) -> Result<Self, String> {
+        let in_file = |message: &str| format!("`{}`{}", path.display(), shortened(message));
+        let text = text_of_file(path).map_err(|message| in_file(&format!(": {message}")))?;
+        let reader = Reader { text: &text, run, check, own: stream_flags() };
+        reader.file().map_err(|Mistake { line, message }| match line {
+            Some(line) => in_file(&format!(", line {line}: {message}")),
+            None => in_file(&format!(": {message}")),
+        })
+    }
+}
+
+fn text_of_file(path: &Path) -> Result<String, String> {
+    let mut text = String::new();
+    let unreadable = |error| format!("cannot read it: {error}");
+    let file = plain_file::open(path, MAX_BYTES + 1).map_err(unreadable)?;
+    file.ok_or("it is not a regular file")?.read_to_string(&mut text).map_err(unreadable)?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(format!("it has more than {MAX_BYTES} bytes, too many for a configuration"));
+    }
+    Ok(text)
+}
+
+/// What is wrong, and where.
+struct Mistake {
+    line: Option<usize>,
+    message: String,
+}
+
+impl From<String> for Mistake {
+    fn from(message: String) -> Self {
+        Self { line: None, message }
+    }
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    run: &'a Command,
+    check: &'a Check<'a>,
+    /// The flags of one camera.
+    own: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn file(&self) -> Result<File, Mistake> {
+        let document = DeTable::parse(self.text).map_err(|error| syntax_error(&error))?;
+        let document = document.into_inner();
+        let sections = sections_of(&document)?;
+        let top = document.iter().filter(|(key, _)| sections.is_none() || key.get_ref() != "camera");
+        let shared = self.table(top, |key| self.shared_flag(key))?;
+        let Some(sections) = sections else { return Ok(File { shared, sections: Vec::new() }) };
+        if let Some(own) = OF_ONE_CAMERA.into_iter().find(|own| shared.contains_key(*own)) {
+            let message =
+                format!("`{own}` stands above the `[[camera]]` sections\nhint: each section says its own");
+            return Err(message.into());
+        }
+        let sections = sections.into_iter().enumerate();
+        let sections =
+            sections.map(|(index, section)| self.section(index, section)).collect::<Result<_, _>>()?;
+        Ok(File { shared, sections })
+    }
+
+    fn section(&self, index: usize, section: &DeTable<'_>) -> Result<Table, Mistake> {
+        let name = section.get(CAMERA_NAME_KEY).and_then(|name| name.get_ref().as_str());
+        let table = self.table(section.iter(), |key| self.camera_flag(key));
+        table.map_err(|Mistake { line, message }| Mistake {
+            line,
+            message: format!("camera {} (`{}`): {message}", index + 1, name.unwrap_or("without a name")),
+        })
+    }
+
+    /// A table whose keys are flags, checked.
+    fn table<'s, 't>(
+        &'s self,
+        entries: impl Iterator<Item = (&'t Spanned<std::borrow::Cow<'t, str>>, &'t Spanned<DeValue<'t>>)>,
+        flag: impl Fn(&str) -> Result<&'s Arg, String>,
+    ) -> Result<Table, Mistake> {
+        let mut table = Table::new();
+        for (key, value) in entries {
+            let at = |message: String| Mistake { line: Some(self.line_of(key.span().start)), message };
+            let argument = flag(key.get_ref()).map_err(at)?;
+            let value = self.value(argument, key.get_ref(), value.get_ref()).map_err(at)?;
+            let flag = argument.get_long().unwrap_or_default();
+            let mut others = table.iter().filter(|(_, other)| is_on(other) && is_on(&value));
+            if let Some((other, _)) = others.find(|(other, _)| excludes(self.run, other, flag)) {
+                return Err(at(format!("`{flag}` cannot be used with `{other}`")));
+            }
+            table.insert(flag.to_owned(), value);
+        }
+        Ok(table)
+    }
+
+    fn line_of(&self, offset: usize) -> usize {
+        self.text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1
+    }
+
+    /// The flag of a key above the sections.
+    fn shared_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, String> {
+        let flag = self.named(&key.replace('_', "-"));
+        flag.ok_or_else(|| unknown(key, self.flags().filter_map(Arg::get_long)))
+    }
+
+    /// The flag of a key in a section, where `--camera` is `name`. What belongs to all cameras stands above.
+    fn camera_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, String> {
+        if key == "camera" {
+            return Err(format!("unknown key `camera`\nhint: in a section it is `{CAMERA_NAME_KEY}`"));
+        }
+        let flag = if key == CAMERA_NAME_KEY { "camera".to_owned() } else { key.replace('_', "-") };
+        match self.named(&flag) {
+            Some(argument) if self.own.contains(&flag) => Ok(argument),
+            Some(_) => {
+                Err(format!("`{key}` is not for one camera\nhint: put it above the first `[[camera]]`"))
+            }
+            None => {
+                let names = self.own.iter().map(String::as_str).filter(|&name| name != "camera");
+                Err(unknown(key, names.chain([CAMERA_NAME_KEY])))
+            }
+        }
+    }
+
+    fn flags(&self) -> impl Iterator<Item = &Arg> {
+        self.run.get_arguments().filter(|argument| is_setting(argument))
+    }
+
+    fn named<'s>(&'s self, flag: &str) -> Option<&'s Arg> {
+        self.flags().find(|argument| argument.get_long() == Some(flag))
+    }
+
+    fn value(&self, argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, String> {
+        let setting = setting_of(argument, key, value)?;
+        let checked = (self.check)(argument.get_long().unwrap_or_default(), &setting);
+        checked.map_err(|error| format!("invalid value {} for `{key}`: {error}", shown(value)))?;
+        Ok(setting)
+    }
+}
+
+fn syntax_error(error: &toml::de::Error) -> Mistake {
+    let text = error.to_string();
+    // The line that it shows is the first section's.
+    if text.contains("duplicate key") && text.contains("[[camera]]") {
+        let message = "`camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section says its own \
+                       `name`";
+        return message.to_owned().into();
+    }
+    format!("it is not valid TOML: {}", text.trim_end()).into()
+}
+
+/// The `[[camera]]` sections; `None` if the file speaks of one camera.
+fn sections_of<'a>(document: &'a DeTable<'a>) -> Result<Option<Vec<&'a DeTable<'a>>>, String> {
+    let sections = match document.get("camera").map(Spanned::get_ref) {
+        Some(DeValue::Array(sections)) if sections.is_empty() => {
+            return Err(format!("`camera` is an empty list\n{SECTIONS_HINT}"));
+        }
+        Some(DeValue::Table(_)) => return Err(format!("`camera` is a table\n{SECTIONS_HINT}")),
+        Some(DeValue::Array(sections)) => sections,
+        _ => return Ok(None),
+    };
+    let section = |section: &'a Spanned<DeValue<'a>>| match section.get_ref() {
+        DeValue::Table(section) => Ok(section),
+        other => Err(format!("`camera` has {} in it; expected sections\n{SECTIONS_HINT}", shown(other))),
+    };
+    sections.iter().map(section).collect::<Result<_, _>>().map(Some)
+}
+
+/// A key that no flag has, with the nearest that there is.
+fn unknown<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let flag = key.replace('_', "-");
+    let likeness = |name: &str| strsim::jaro_winkler(name, &flag);
+    let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    match nearest.filter(|name| likeness(name) >= LEAST_LIKENESS) {
+        Some(nearest) => format!("unknown key `{key}`\nhint: did you mean `{nearest}`?"),
+        None => {
+            format!("unknown key `{key}`\nhint: keys are the long names of the flags of `nunetd run --help`")
+        }
+    }
+}
+
+/// A value in the form that it has for a flag: true or false, a count, a text, or a list of texts.
+fn setting_of(argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, String> {
+    match (argument.get_action(), value) {
+        (ArgAction::Count, DeValue::Boolean(given)) => Ok(Value::Integer((*given).into())),
+        (ArgAction::Count, DeValue::Integer(count)) => {
+            Ok(Value::Integer(count.as_str().parse::<i64>().map_or(0, |count| count.clamp(0, 8))))
+        }
+        (action, DeValue::Boolean(given)) if !action.takes_values() => Ok(Value::Boolean(*given)),
+        (action, other) if !action.takes_values() => {
+            Err(format!("`{key}` is {}; expected true or false", shown(other)))
+        }
+        (_, DeValue::Array(values)) if values.is_empty() => {
+            Err(format!("`{key}` is an empty list; expected one value at least\nhint: leave the key out"))
+        }
+        (ArgAction::Append, DeValue::Array(values)) => {
+            let texts = values.iter().map(|value| text_of(key, value.get_ref()).map(Value::String));
+            texts.collect::<Result<_, _>>().map(Value::Array)
+        }
+        (ArgAction::Append, value) => {
+            let text = text_of(key, value)?;
+            let parts = text.split(|character| argument.get_value_delimiter() == Some(character));
+            Ok(parts.map(|part| Value::String(part.to_owned())).collect::<Vec<_>>().into())
+        }
+        (_, value) => text_of(key, value).map(Value::String),
+    }
+}
+
+fn text_of(key: &str, value: &DeValue<'_>) -> Result<String, String> {
+    match value {
+        DeValue::String(text) => Ok(text.clone().into_owned()),
+        DeValue::Integer(number) => Ok(i64::from_str_radix(number.as_str(), number.radix())
+            .map_or_else(|_| number.to_string(), |n| n.to_string())),
+        DeValue::Float(number) => Ok(number.to_string()),
+        other => Err(format!(
+            "`{key}` is {}; expected a text or a number\nhint: write it in quotes, as its flag takes it",
+            shown(other)
+        )),
+    }
+}
+
+fn shown(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(text) => format!("`{}`", Value::String(text.clone().into_owned())),
+        DeValue::Integer(number) => format!("`{number}`"),
+        DeValue::Float(number) => format!("`{number}`"),
+        DeValue::Boolean(given) => format!("`{given}`"),
+        DeValue::Array(_) => "a list".to_owned(),
+        other => format!("a {}", other.type_str()),
+    }
+}

@@ -1,0 +1,294 @@
+//! Where the values of `run` come from. From the lowest to the highest: defaults, the environment, the file above its
+//! `[[camera]]` sections, the section of a camera, flags.
+//!
+//! Each of them is a table from the long names of flags to values as the user writes them. The tables of a camera become one,
+//! from which serde makes the same struct that clap makes from flags alone.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, CommandFactory as _};
+use serde::de::DeserializeOwned;
+use toml::{Table, Value};
+
+use super::file::File;
+use super::{Cli, LogArgs, RunArgs, StreamArgs};
+use crate::config::{CameraConfig, Config};
+use crate::exit::BadArguments;
+
+/// The key of a camera's name in its section of the file.
+pub(super) const CAMERA_NAME_KEY: &str = "name";
+
+/// Flags that mean nothing without another one, which may be in the file.
+const NEEDS: [(&str, &str); 4] =
+    [("force", "record"), ("record-lossless", "record"), ("format", "size"), ("access-mode", "access-group")];
+
+/// `nunetd run` and `nunetd config`
+#[derive(Debug, Args, Clone)]
+pub struct RunCommand {
+    #[command(flatten)]
+    pub line: RunArgs,
+    #[arg(skip)]
+    pub settings: Settings,
+}
+
+/// What the layers say.
+#[derive(Debug, Clone, Default)]
+pub struct Settings {
+    defaults: Table,
+    environment: Table,
+    /// Flags and file together, a table for each camera.
+    cameras: Vec<Table>,
+}
+
+/// Completes a parsed command line with the file that it names, and checks what clap cannot check without it.
+pub(super) fn complete(
+    cli: &mut Cli,
+    command: &mut Command,
+    matches: &ArgMatches,
+) -> Result<(), clap::Error> {
+    let Some((name, matches)) = matches.subcommand() else { return Ok(()) };
+    let subcommand = command.find_subcommand(name).cloned().unwrap_or_default();
+    let mut refused = |message: String| command.error(ErrorKind::ValueValidation, message);
+    let flags = table_of(&subcommand, matches, ValueSource::CommandLine);
+    let unmet = |table: &Table| match unmet_need(table) {
+        Some((flag, needed)) if flags.contains_key(flag) => Err(format!("`--{flag}` needs `--{needed}`")),
+        Some((key, needed)) => Err(format!("`{key}` needs `{needed}`")),
+        None => Ok(()),
+    };
+    let Some(run) = cli.subcommand.run_mut() else { return unmet(&flags).map_err(refused) };
+    let (defaults, environment) = (ValueSource::DefaultValue, ValueSource::EnvVariable);
+    run.settings = Settings {
+        defaults: table_of(&subcommand, matches, defaults),
+        environment: table_of(&subcommand, matches, environment),
+        cameras: vec![flags.clone()],
+    };
+    let Some(path) = &run.line.config else { return unmet(&flags).map_err(refused) };
+    refuse_what_is_not_unicode(&subcommand, matches).map_err(&mut refused)?;
+    let cameras = run.settings.with_file(path, &subcommand, &flags).map_err(&mut refused)?;
+    cameras.iter().try_for_each(unmet).map_err(|message| {
+        let is_of_flag = message.starts_with("`--");
+        refused(if is_of_flag { message } else { format!("`{}`: {message}", path.display()) })
+    })?;
+    run.settings.cameras = cameras;
+    cli.logging = run.settings.parse(run.settings.first()).map_err(refused)?;
+    Ok(())
+}
+
+impl Settings {
+    /// Flags and file together, for each camera.
+    fn with_file(&self, path: &Path, run: &Command, flags: &Table) -> Result<Vec<Table>, String> {
+        let check = |key: &str, value: &Value| {
+            let mut one = flags.clone();
+            one.insert(key.to_owned(), value.clone());
+            self.parse::<RunArgs>(&one).and(self.parse::<LogArgs>(&one)).map(drop)
+        };
+        let File { shared, sections } = File::read(path, run, &check)?;
+        if sections.is_empty() {
+            return Ok(vec![overlay(run, flags, &shared)]);
+        }
+        if let Some(own) = ["source", "camera"].into_iter().find(|own| flags.contains_key(*own)) {
+            let path = path.display();
+            return Err(format!(
+                "`{path}`: `--{own}` cannot stand beside the `[[camera]]` sections\nhint: change the section"
+            ));
+        }
+        let own = stream_flags();
+        let camera = |section: &Table| {
+            let mut table = overlay(run, flags, &overlay(run, section, &shared));
+            // What is said to all cameras means nothing to one that lacks what it needs.
+            for (flag, needed) in NEEDS {
+                let is_shared = !section.contains_key(flag) && !flags.contains_key(flag);
+                if is_shared && own.iter().any(|own| own == flag) && !table.contains_key(needed) {
+                    table.remove(flag);
+                }
+            }
+            table
+        };
+        Ok(sections.iter().map(camera).collect())
+    }
+
+    fn first(&self) -> &Table {
+        self.cameras.first().unwrap_or(&self.defaults)
+    }
+
+    /// All layers of a camera together.
+    fn parse<T: DeserializeOwned>(&self, camera: &Table) -> Result<T, String> {
+        let layers = [&self.defaults, &self.environment, camera].into_iter().flatten();
+        let table: Table = layers.map(|(key, value)| (key.clone(), value.clone())).collect();
+        T::deserialize(Value::Table(table)).map_err(|error| error.message().to_owned())
+    }
+
+    fn mark(&self, camera: &Table, key: &str) -> &'static str {
+        match key {
+            _ if camera.contains_key(key) => "",
+            _ if self.environment.contains_key(key) => "  # from the environment",
+            _ => "  # default",
+        }
+    }
+}
+
+impl RunCommand {
+    /// As checked values: flags and file together.
+    pub(crate) fn config(&self) -> anyhow::Result<Config> {
+        let runs = match &self.line.config {
+            None => vec![self.line.clone()],
+            Some(_) => {
+                let runs = self.settings.cameras.iter().map(|camera| self.settings.parse(camera));
+                runs.collect::<Result<Vec<RunArgs>, _>>().map_err(anyhow::Error::msg)?
+            }
+        };
+        let cameras: Vec<StreamArgs> = runs.iter().map(|run| run.stream.clone()).collect();
+        if let Some(path) = &self.line.config {
+            refuse_no_source(path, &cameras)?;
+        }
+        runs.first().context("one camera at least")?.config(&cameras)
+    }
+
+    /// What `nunetd run` would do, as a file that `--config` takes.
+    pub(crate) fn effective(&self, config: &Config) -> String {
+        let mut command = Cli::command();
+        command.build();
+        let run = command.find_subcommand("run").cloned().unwrap_or_default();
+        let keys: Vec<&str> =
+            run.get_arguments().filter(|argument| is_setting(argument)).filter_map(Arg::get_long).collect();
+        let cameras = || config.cameras.iter().zip(&self.settings.cameras);
+        let lines = |keys: &[&str], camera: &CameraConfig, table: &Table| -> String {
+            keys.iter().map(|key| self.line_of(key, table, camera, config)).collect()
+        };
+        if config.cameras.len() == 1 {
+            return cameras().map(|(camera, table)| lines(&keys, camera, table)).collect();
+        }
+        let flags = stream_flags();
+        let (own, shared): (Vec<_>, Vec<_>) =
+            keys.into_iter().partition(|key| flags.iter().any(|flag| flag == key));
+        let shared = cameras().take(1).map(|(camera, table)| lines(&shared, camera, table));
+        let own = cameras().map(|(camera, table)| {
+            let lines = lines(&own, camera, table).replace("\ncamera = ", &format!("\n{CAMERA_NAME_KEY} = "));
+            format!("\n[[camera]]\n{lines}")
+        });
+        shared.chain(own).collect()
+    }
+
+    /// A setting as a line of the file.
+    fn line_of(&self, key: &str, table: &Table, camera: &CameraConfig, config: &Config) -> String {
+        let Settings { defaults, environment, .. } = &self.settings;
+        let value = [table, environment, defaults].into_iter().find_map(|layer| layer.get(key)).cloned();
+        match value.or_else(|| dependent_default(key, camera, config).map(Value::String)) {
+            Some(value) => format!("{key} = {value}{}\n", self.settings.mark(table, key)),
+            None => format!("# {key} is not set\n"),
+        }
+    }
+}
+
+/// The value of a setting that is not given and whose default depends on others.
+fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Option<String> {
+    let source = camera.source.name.properties();
+    match key {
+        "source" => Some("demo".to_owned()),
+        "camera" => Some(camera.name.to_string()),
+        "frame-id" => Some(camera.frame_id.clone()),
+        "rate" => source.default_rate.map(str::to_owned),
+        "size" => source.default_size.map(str::to_owned),
+        "readers" => Some(camera.readers.to_string()),
+        "access-mode" => config.outputs.access.as_ref().map(|_| "0640".to_owned()),
+        _ => None,
+    }
+}
+
+/// A file is written for a robot: depth of an invented room must not go out under a camera's name because a line is
+/// missing. The bare command line may leave it out.
+fn refuse_no_source(path: &Path, cameras: &[StreamArgs]) -> Result<(), BadArguments> {
+    let Some(camera) = cameras.iter().find(|camera| camera.source.is_none()) else { return Ok(()) };
+    let camera = camera.camera.as_ref().map(|name| format!(" for camera `{name}`")).unwrap_or_default();
+    Err(BadArguments(format!(
+        "neither `{}` nor the command line names a source{camera}\nhint: `source = \"/dev/video0\"`, or \
+         `source = \"demo\"` if the demo scene is meant",
+        path.display()
+    )))
+}
+
+/// A flag without the one that it needs.
+fn unmet_need(table: &Table) -> Option<(&'static str, &'static str)> {
+    NEEDS
+        .into_iter()
+        .find(|(flag, needed)| table.get(*flag).is_some_and(is_on) && !table.contains_key(*needed))
+}
+
+/// `upper`, and what `lower` says beside it.
+fn overlay(run: &Command, upper: &Table, lower: &Table) -> Table {
+    let is_beside = |key: &str| {
+        let excludes =
+            |(said, value): (&String, &Value)| said == key || is_on(value) && excludes(run, said, key);
+        !upper.iter().any(excludes)
+    };
+    let beside = lower.iter().filter(|(key, _)| is_beside(key));
+    upper.iter().chain(beside).map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
+/// Whether a value is one that a flag would be given for.
+pub(super) fn is_on(value: &Value) -> bool {
+    !matches!(value, Value::Boolean(false) | Value::Integer(0))
+}
+
+/// Whether two flags cannot be given together.
+pub(super) fn excludes(run: &Command, one: &str, other: &str) -> bool {
+    let argument = |key: &str| run.get_arguments().find(|argument| argument.get_long() == Some(key));
+    let (Some(one), Some(other)) = (argument(one), argument(other)) else { return false };
+    let names = |one: &Arg, other: &Arg| {
+        run.get_arg_conflicts_with(one).iter().any(|argument| argument.get_id() == other.get_id())
+    };
+    names(one, other) || names(other, one)
+}
+
+/// The file cannot name another file, and asking for help is no setting.
+pub(super) fn is_setting(argument: &Arg) -> bool {
+    argument.get_long().is_some_and(|name| !["config", "help", "version"].contains(&name))
+}
+
+/// The long names of the flags that belong to one camera.
+pub(super) fn stream_flags() -> Vec<String> {
+    let command = StreamArgs::augment_args(Command::new("camera"));
+    command.get_arguments().filter_map(Arg::get_long).map(str::to_owned).collect()
+}
+
+/// The values that come from `source`, by the long names of their flags.
+fn table_of(command: &Command, matches: &ArgMatches, source: ValueSource) -> Table {
+    let is_from = |argument: &&Arg| matches.value_source(argument.get_id().as_str()) == Some(source);
+    let settings = command.get_arguments().filter(|argument| is_setting(argument)).filter(is_from);
+    settings
+        .filter_map(|argument| Some((argument.get_long()?.to_owned(), value_of(argument, matches))))
+        .collect()
+}
+
+fn value_of(argument: &Arg, matches: &ArgMatches) -> Value {
+    let id = argument.get_id().as_str();
+    let texts = || {
+        let values = matches.get_raw(id).into_iter().flatten();
+        values.map(|value| Value::String(value.to_string_lossy().into_owned()))
+    };
+    match argument.get_action() {
+        ArgAction::Count => Value::Integer(matches.get_count(id).into()),
+        ArgAction::Append => Value::Array(texts().collect()),
+        action if action.takes_values() => texts().next().unwrap_or_else(|| Value::String(String::new())),
+        _ => Value::Boolean(matches.get_flag(id)),
+    }
+}
+
+/// TOML is Unicode, and so is what stands beside it.
+fn refuse_what_is_not_unicode(run: &Command, matches: &ArgMatches) -> Result<(), String> {
+    let given = run.get_arguments().filter(|argument| argument.get_action().takes_values());
+    let is_unicode = |argument: &&Arg| {
+        let values = matches.get_raw(argument.get_id().as_str()).into_iter().flatten();
+        values.into_iter().all(|value| value.to_str().is_some())
+    };
+    match given
+        .filter_map(|argument| (!is_unicode(&argument)).then(|| argument.get_long()).flatten())
+        .find(|&name| name != "config")
+    {
+        Some(name) => Err(format!("`--{name}` is not Unicode, which it must be beside `--config`")),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,341 @@
+//! Flags, and flags together with the file of `--config`.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::CommandFactory as _;
+
+use super::{Cli, SubcommandArgs};
+use crate::config::{CameraConfig, Config, LogOptions, Publish};
+use crate::source::Rate;
+
+fn parse_flags(line: &str) -> Cli {
+    Cli::parse_line(line.split(' ').map(OsString::from)).unwrap()
+}
+
+#[test]
+fn the_command_line_is_sound() {
+    Cli::command().debug_assert();
+}
+
+#[test]
+fn without_a_subcommand_it_is_run_wherever_the_logging_flags_stand() {
+    for line in
+        ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"]
+    {
+        assert!(matches!(parse_flags(line).subcommand, SubcommandArgs::Run(_)), "{line}");
+    }
+}
+
+#[test]
+fn logging_flags_may_stand_before_and_behind_a_subcommand() {
+    for line in
+        ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"]
+    {
+        let cli = parse_flags(line);
+        assert!(cli.logging.quiet && matches!(cli.subcommand, SubcommandArgs::Inspect(_)), "{line}");
+    }
+}
+
+#[test]
+fn an_unknown_subcommand_is_answered_with_the_known_ones() {
+    let error = Cli::parse_line(["nunetd", "inferr", "x.jpg"].map(OsString::from)).unwrap_err().to_string();
+    assert!(
+        error.contains("`inferr` is not a subcommand of nunetd\nhint: one of run, infer, feed,"),
+        "{error}"
+    );
+    assert!(!error.contains("check-model"), "{error}");
+}
+
+#[test]
+fn numbers_and_addresses_that_are_none_are_told_with_what_is_expected() {
+    let count = "expected a whole number of 1 or more, got `0`";
+    for (line, part) in [
+        ("nunetd --frames 0", count),
+        ("nunetd --cloud-stride 0", count),
+        ("nunetd --threads 0", count),
+        ("nunetd bench --runs 0", count),
+        ("nunetd watch front --frames 0", count),
+        ("nunetd --readers 0", "expected 1 to 62, got `0`"),
+        ("nunetd --metrics 9477", "expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `9477`"),
+    ] {
+        let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{line}");
+        assert!(error.to_string().contains(part), "{error}");
+    }
+    let address = "nunetd --metrics [::1]:9477".split(' ').map(OsString::from);
+    assert!(Cli::parse_line(address).is_ok());
+}
+
+#[test]
+fn help_and_version_are_those_of_the_program() {
+    for line in ["nunetd --help", "nunetd -V", "nunetd help bench"] {
+        let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
+        assert!(!error.use_stderr(), "{line}");
+    }
+}
+
+fn parse(config: &str, rest: &str) -> Result<SubcommandArgs, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nunetd.toml");
+    std::fs::write(&path, config).unwrap();
+    let line = format!("nunetd {rest} --config {}", path.display());
+    let cli = Cli::parse_line(line.split_whitespace().map(OsString::from));
+    cli.map(|cli| cli.subcommand).map_err(|error| error.to_string().replace(path.to_str().unwrap(), "[FILE]"))
+}
+
+fn run(config: &str, rest: &str) -> Config {
+    match parse(config, rest) {
+        Ok(SubcommandArgs::Run(run)) => run.config().unwrap(),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// What `nunetd config` prints.
+fn effective(config: &str, rest: &str) -> String {
+    match parse(config, &format!("config {rest}")) {
+        Ok(SubcommandArgs::Config(run)) => run.effective(&run.config().unwrap()),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_file_says_what_flags_say() {
+    let config = "model = 'a.onnx'\nsource = 'demo'\nrate = 15.5\nloop = true\nframe_id = 'eye'\n\
+                  publish = ['depth', 'cloud']\nevery = ['segmentation=3']\nreaders = 2\n\
+                  filter = ['holes', 'spatial=alpha:0.4,delta:0.1']\nthreads = 0x2\nmetrics = '[::1]:9477'";
+    let config = run(config, "run");
+    assert_eq!(config.model.path, PathBuf::from("a.onnx"));
+    assert_eq!(config.model.every, [("segmentation".to_owned(), 3.try_into().unwrap())]);
+    assert_eq!(config.engine.threads.map(usize::from), Some(2));
+    assert_eq!(config.outputs.metrics.map(|address| address.port()), Some(9477));
+    let [camera] = &config.cameras[..] else { panic!("{config:?}") };
+    assert_eq!(camera.source.rate, Some(Rate::Hz(15.5)));
+    assert!(camera.source.repeat);
+    assert_eq!(camera.frame_id, "eye");
+    assert_eq!(camera.publish, [Publish::Depth, Publish::Cloud]);
+    assert_eq!(camera.optics.pipeline.filters.specs().count(), 2);
+    assert_eq!(camera.readers, 2);
+}
+
+#[test]
+fn flags_win() {
+    let file = "source = 'demo'\nmodel = 'a.onnx'\npublish = ['depth', 'cloud']\nloop = true";
+    let config = run(file, "--model b.onnx --publish labels");
+    assert_eq!(config.model.path, PathBuf::from("b.onnx"));
+    assert_eq!(config.cameras[0].publish, [Publish::Labels]);
+    assert!(config.cameras[0].source.repeat);
+    let config = run("source = 'demo'\nintrinsics = '500,500,320,240'", "run --calibration a.yaml");
+    let geometry = &config.cameras[0].optics.geometry;
+    assert_eq!((geometry.intrinsics, &geometry.calibration), (None, &Some("a.yaml".into())));
+}
+
+#[test]
+fn the_file_takes_the_flags_of_all_subcommands() {
+    let log = |file: &str, rest: &str| {
+        let path = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(&path, file).unwrap();
+        let line = format!("nunetd {rest} --config {}", path.path().display());
+        Cli::parse_line(line.split_whitespace().map(OsString::from)).unwrap().logging.options()
+    };
+    let options = |verbose, quiet, json| LogOptions { verbose, quiet, json };
+    assert_eq!(log("quiet = true\nlog-format = 'json'", "run"), options(0, true, true));
+    assert_eq!(log("verbose = 2", "run"), options(2, false, false));
+    assert_eq!(log("verbose = true", "run"), options(1, false, false));
+    assert_eq!(log("verbose = 2", "-q run"), options(0, true, false));
+}
+
+#[test]
+fn file_and_command_line_may_need_each_other() {
+    let split = run(
+        "source = 'demo'\nforce = true\naccess-mode = '0640'",
+        "run --record a.mcap --access-group video",
+    );
+    assert!(split.cameras[0].record.as_ref().is_some_and(|record| record.force));
+    assert_eq!(split.outputs.access.and_then(|access| access.mode), Some(0o640));
+    let turned = run("source = 'demo'\nrecord = 'a.mcap'", "run --force");
+    assert!(turned.cameras[0].record.as_ref().is_some_and(|record| record.force));
+    let error = parse("rate = 5", "run --force").unwrap_err();
+    assert!(error.contains("`--force` needs `--record`") && !error.contains("[FILE]"), "{error}");
+    assert_refused("force = true", "`[FILE]`: `force` needs `record`");
+}
+
+#[test]
+fn what_stands_above_the_sections_is_for_the_cameras_that_can_use_it() {
+    let sections =
+        "[[camera]]\nname = 'a'\nsource = 'demo'\nrecord = 'a.mcap'\n[[camera]]\nname = 'b'\nsource = 'demo'";
+    let config = run(&format!("force = true\n{sections}"), "run");
+    assert!(config.cameras[0].record.as_ref().is_some_and(|record| record.force));
+    assert!(config.cameras[1].record.is_none());
+    let off = run(&format!("loop = true\n{sections}\nloop = false"), "run");
+    assert!(off.cameras[0].source.repeat && !off.cameras[1].source.repeat);
+}
+
+#[test]
+fn a_flag_that_needs_another_one_is_refused_without_a_file_too() {
+    for (line, part) in [
+        ("nunetd run --force", "`--force` needs `--record`"),
+        ("nunetd config --access-mode 0640", "`--access-mode` needs `--access-group`"),
+        ("nunetd feed - --camera a --format rgb8", "`--format` needs `--size`"),
+    ] {
+        let error = Cli::parse_line(line.split(' ').map(OsString::from)).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains(part), "{error}");
+    }
+}
+
+#[track_caller]
+fn assert_refused(config: &str, part: &str) {
+    let error = parse(config, "run").unwrap_err();
+    assert!(error.contains(part), "{error}");
+}
+
+#[test]
+fn what_no_flag_takes_is_told_with_the_nearest_name() {
+    assert_refused("modle = 'a.onnx'", "`[FILE]`, line 1: unknown key `modle`\nhint: did you mean `model`?");
+    assert_refused("zzz = 1", "unknown key `zzz`\nhint: keys are the long names of the flags");
+    assert_refused("config = 'other.toml'", "unknown key `config`");
+    assert_refused("loop = 'yes'", "`loop` is `\"yes\"`; expected true or false");
+    assert_refused("model = true", "`model` is `true`; expected a text or a number");
+    assert_refused("model = {a = 1}", "`model` is a table; expected a text or a number");
+    assert_refused("model = ", "`[FILE]`: it is not valid TOML");
+    assert_refused("model = 'a'\nmodel = 'b'", "`[FILE]`: it is not valid TOML");
+    assert_refused(
+        "intrinsics = [500, 500, 320, 240]",
+        "`intrinsics` is a list; expected a text or a number\nhint: write it in quotes",
+    );
+    assert_refused("publish = []", "`publish` is an empty list; expected one value at least\nhint: leave");
+    assert_refused(
+        "loop = true\nrate = -3",
+        "line 2: invalid value `-3` for `rate`: expected `max` or frames a second from 0.0001 to 10000",
+    );
+    assert_refused("intrinsics = '1,2,3,4'\ncalibration = 'a.yaml'", "cannot be used with");
+}
+
+#[test]
+fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
+    let large = parse(&"#".repeat(100_000), "run").unwrap_err();
+    assert!(large.contains("it has more than 65536 bytes"), "{large}");
+    for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
+        let error = parse(&config, "run").unwrap_err();
+        assert!(error.contains("`[FILE]`: ") && error.len() < 2000, "{error}");
+    }
+    let line = ["nunetd", "--config", "/dev/zero"].map(OsString::from);
+    let error = Cli::parse_line(line).unwrap_err().to_string();
+    assert!(error.contains("`/dev/zero`: it is not a regular file"), "{error}");
+}
+
+#[test]
+fn a_missing_file_is_told() {
+    let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
+    assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");
+}
+
+#[test]
+fn the_effective_configuration_is_a_configuration_again() {
+    let first = effective("source = 'demo'\nrate = 5\nloop = true", "--frames 3");
+    assert!(first.contains("rate = \"5\"\nloop = true\n"), "{first}");
+    assert!(first.contains("model = \"wnet_c.onnx\"  # default"), "{first}");
+    assert!(first.contains("# record is not set"), "{first}");
+    let second = effective(&first, "");
+    let plain = |text: &str| text.replace("  # default", "");
+    assert_eq!(plain(&first), plain(&second));
+}
+
+#[test]
+fn defaults_that_depend_on_other_flags_are_shown_as_run_takes_them() {
+    let shown = |rest: &str| {
+        let line = format!("nunetd config --access-group video {rest}");
+        match Cli::parse_line(line.split_whitespace().map(OsString::from)).unwrap().subcommand {
+            SubcommandArgs::Config(run) => run.effective(&run.config().unwrap()),
+            other => panic!("{other:?}"),
+        }
+    };
+    let demo = shown("");
+    for line in [
+        "source = \"demo\"  # default\n",
+        "camera = \"demo\"  # default\n",
+        "frame-id = \"demo_optical_frame\"  # default\n",
+        "rate = \"max\"  # default\n",
+        "readers = \"4\"  # default\n",
+        "access-group = \"video\"\n",
+        "access-mode = \"0640\"  # default\n",
+        "# size is not set\n",
+    ] {
+        assert!(demo.contains(line), "{line}{demo}");
+    }
+    let video = shown("--source /dev/video7 --camera front");
+    for line in ["frame-id = \"front_optical_frame\"", "rate = \"30\"", "size = \"640x480\""] {
+        assert!(video.contains(&format!("{line}  # default\n")), "{line}\n{video}");
+    }
+    assert!(shown("--source shm:front").contains("camera = \"camera\"  # default\n"));
+    assert!(shown("--source shm:front").contains("# rate is not set\n"), "its publisher has the pace");
+}
+
+const TWO: &str = "model = 'a.onnx'\nframes = 7\nintrinsics = '500,500,320,240'\n\
+                   [[camera]]\nname = 'front'\nsource = 'demo'\nframes = 3\n\
+                   [[camera]]\nname = 'rear'\nsource = 'shm:rear'\ncalibration = 'rear.yaml'";
+
+#[test]
+fn each_section_is_a_camera_and_what_stands_above_is_said_to_all() {
+    let config = run(TWO, "run");
+    assert_eq!(config.model.path, PathBuf::from("a.onnx"));
+    let names: Vec<_> = config.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!(names, ["front", "rear"]);
+    assert!(config.cameras[1].source.name.properties().is_shared_memory);
+    let frames = |camera: &CameraConfig| camera.source.frames.map(std::num::NonZero::get);
+    let of_both = |config: &Config| config.cameras.iter().map(frames).collect::<Vec<_>>();
+    assert_eq!(of_both(&config), [Some(3), Some(7)]);
+    let geometry = |camera: &CameraConfig| {
+        let geometry = &camera.optics.geometry;
+        (geometry.intrinsics.is_some(), geometry.calibration.is_some())
+    };
+    let geometry: Vec<_> = config.cameras.iter().map(geometry).collect();
+    assert_eq!(geometry, [(true, false), (false, true)]);
+    let flags = run(TWO, "run --frames 9");
+    assert_eq!(of_both(&flags), [Some(9), Some(9)], "flags win, for every camera");
+}
+
+#[test]
+fn one_section_is_one_camera() {
+    let config = run("[[camera]]\nname = 'front'\nsource = 'demo'", "run");
+    assert_eq!(config.cameras.len(), 1);
+    assert_eq!(config.cameras[0].name.as_str(), "front");
+}
+
+#[test]
+fn what_a_section_cannot_say_is_told_with_the_camera_and_the_way_out() {
+    let section = |lines: &str| format!("[[camera]]\nname = 'front'\n[[camera]]\nname = 'rear'\n{lines}");
+    assert_refused(
+        &section("framse = 3"),
+        "`[FILE]`, line 5: camera 2 (`rear`): unknown key `framse`\nhint: did you mean `frames`?",
+    );
+    assert_refused(&section("nmae = 'x'"), "unknown key `nmae`\nhint: did you mean `name`?");
+    assert_refused(&section("model = 'b.onnx'"), "`model` is not for one camera\nhint: put it above");
+    assert_refused(&section("camera = 'b'"), "unknown key `camera`\nhint: in a section it is `name`");
+    assert_refused(&section("rate = -3"), "camera 2 (`rear`): invalid value `-3` for `rate`");
+    assert_refused(&section("loop = 3"), "camera 2 (`rear`): `loop` is `3`; expected true or false");
+    assert_refused(&format!("source = 'demo'\n{}", section("")), "`source` stands above the `[[camera]]`");
+    assert_refused(
+        "camera = 'front'\n[[camera]]\nname = 'front'\nsource = 'demo'",
+        "`[FILE]`: `camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section",
+    );
+    assert_refused("camera = []", "`camera` is an empty list\nhint: a `[[camera]]` section for each");
+    assert_refused("camera = ['a', 'b']", "`camera` has `\"a\"` in it; expected sections\nhint: ");
+    assert_refused("[camera]\nname = 'a'", "`camera` is a table\nhint: a `[[camera]]` section");
+    for (flag, value) in [("source", "demo"), ("camera", "other")] {
+        let error = parse(TWO, &format!("run --{flag} {value}")).unwrap_err();
+        let expected = format!("`--{flag}` cannot stand beside the `[[camera]]` sections\nhint: ");
+        assert!(error.contains(&expected), "{error}");
+    }
+}
+
+#[test]
+fn several_cameras_are_shown_as_sections_that_are_a_configuration_again() {
+    let text = effective(TWO, "--frames 4");
+    assert_eq!(text.matches("[[camera]]\nsource = ").count(), 2, "{text}");
+    assert_eq!(text.matches("frames = \"4\"\n").count(), 2, "{text}");
+    assert!(text.contains("name = \"rear\"\n") && !text.contains("\ncamera ="), "{text}");
+    let plain = |text: &str| text.replace("  # default", "");
+    assert_eq!(plain(&text), plain(&effective(&text, "")));
+}

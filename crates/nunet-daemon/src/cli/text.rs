@@ -1,0 +1,175 @@
+//! Values as flags and keys write them. Both use the same parser, so that both give the same error.
+
+use std::fmt::Display;
+use std::net::SocketAddr;
+use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
+use std::str::FromStr;
+
+use nunet_core::camera::IntrinsicsSpec;
+use nunet_core::filter::FilterSpec;
+use nunet_core::frame::PixelFormat;
+use nunet_core::graph::Provider;
+use nunet_types::{Hint, ImageSize, text_with_hint};
+use serde::de::{Deserialize, Deserializer, Error as _};
+
+use crate::config::{MAX_FRAME_ID, MountOption};
+use crate::source::Rate;
+
+/// A value that is written as text, on the command line and in the configuration file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Text<T>(pub T);
+
+/// Parses a value; the text of an error has its hint.
+pub trait FromText: Sized {
+    /// # Errors
+    /// What is expected instead.
+    fn from_text(text: &str) -> Result<Self, String>;
+}
+
+impl<T: FromText> FromStr for Text<T> {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        T::from_text(text).map(Self)
+    }
+}
+
+impl<'de, T: FromText> Deserialize<'de> for Text<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
+}
+
+/// The value of an optional setting.
+pub(super) fn value<T: Clone>(text: &Option<Text<T>>) -> Option<T> {
+    text.as_ref().map(|Text(value)| value.clone())
+}
+
+/// Types whose own parser says everything.
+macro_rules! from_str {
+    ($error:path: $($type:ty),+) => {
+        $(impl FromText for $type {
+            fn from_text(text: &str) -> Result<Self, String> {
+                text.parse().map_err(|error| $error(&error))
+            }
+        })+
+    };
+}
+
+from_str!(with_hint: Provider, IntrinsicsSpec, FilterSpec);
+from_str!(plain: Rate, ImageSize, PixelFormat, MountOption);
+
+fn with_hint<E: std::error::Error + Hint>(error: &E) -> String {
+    text_with_hint(error)
+}
+
+fn plain(error: &impl Display) -> String {
+    error.to_string()
+}
+
+/// Counts; what the standard library says of a bad one speaks of its types.
+macro_rules! count {
+    ($($type:ty),+) => {
+        $(impl FromText for $type {
+            fn from_text(text: &str) -> Result<Self, String> {
+                text.parse().map_err(|_| format!("expected a whole number of 1 or more, got `{text}`"))
+            }
+        })+
+    };
+}
+
+count!(NonZeroU32, NonZeroU64, NonZeroUsize);
+
+impl FromText for SocketAddr {
+    fn from_text(text: &str) -> Result<Self, String> {
+        text.parse().map_err(|_| format!("expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `{text}`"))
+    }
+}
+
+/// A number of processes that can read a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Readers(pub NonZeroU32);
+
+/// The most readers that fit into the shared memory of a camera.
+const MAX_READERS: u32 = 62;
+
+impl FromText for Readers {
+    fn from_text(text: &str) -> Result<Self, String> {
+        let readers = text.parse().ok().filter(|readers: &NonZeroU32| readers.get() <= MAX_READERS);
+        readers.map(Self).ok_or_else(|| format!("expected 1 to {MAX_READERS}, got `{text}`"))
+    }
+}
+
+/// The name of a coordinate frame. A truncated name would be another coordinate frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FrameId(pub String);
+
+impl FromText for FrameId {
+    fn from_text(text: &str) -> Result<Self, String> {
+        if text.is_empty() || text.len() > MAX_FRAME_ID {
+            return Err(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len()));
+        }
+        Ok(Self(text.to_owned()))
+    }
+}
+
+/// The mode of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FileMode(pub u32);
+
+impl FromText for FileMode {
+    fn from_text(text: &str) -> Result<Self, String> {
+        let mode = u32::from_str_radix(text, 8);
+        mode.map(Self).map_err(|_| format!("expected an octal number such as \"0640\", got `{text}`"))
+    }
+}
+
+/// A stage that runs only on every n-th frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StageEvery(pub String, pub NonZeroU32);
+
+impl FromText for StageEvery {
+    fn from_text(text: &str) -> Result<Self, String> {
+        let (stage, count) = text.split_once('=').ok_or("expected `STAGE=N`, such as `segmentation=3`")?;
+        let count = count.parse().map_err(|_| format!("expected a count of 1 or more, got `{count}`"))?;
+        Ok(Self(stage.to_owned(), count))
+    }
+}
+
+/// A distance in meters, greater than 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distance(pub f32);
+
+impl FromText for Distance {
+    fn from_text(text: &str) -> Result<Self, String> {
+        let range = text.parse().ok().filter(|range: &f32| range.is_finite() && *range > 0.0);
+        range.map(Self).ok_or_else(|| "expected a number of meters greater than 0".to_owned())
+    }
+}
+
+/// A SHA-256.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hash(pub [u8; 32]);
+
+impl FromText for Hash {
+    fn from_text(text: &str) -> Result<Self, String> {
+        let digits = |index: usize| text.get(2 * index..2 * index + 2);
+        let byte = |index: usize| u8::from_str_radix(digits(index)?, 16).ok();
+        let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
+        let hash = bytes.and_then(|bytes| bytes.try_into().ok());
+        hash.map(Self).ok_or_else(|| format!("expected 64 hexadecimal digits, got `{text}`"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hashes_are_64_hexadecimal_digits() {
+        assert_eq!(Hash::from_text(&"0f".repeat(32)), Ok(Hash([15; 32])));
+        for wrong in ["", "0f", &"0".repeat(63), &"0".repeat(66), &"0g".repeat(32), &"ß".repeat(32)] {
+            assert!(Hash::from_text(wrong).unwrap_err().ends_with(&format!("got `{wrong}`")));
+        }
+    }
+}

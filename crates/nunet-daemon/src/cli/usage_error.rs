@@ -1,0 +1,33 @@
+//! Mistakes on the command line.
+
+use std::ffi::OsString;
+
+use crate::config::LogOptions;
+use crate::{exit, logging};
+
+/// Prints clap's message and returns the exit code (help and version are no failure). `arguments` may ask for JSON also if
+/// the rest of them is wrong.
+pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
+    if !error.use_stderr() || !asks_for_json_log(arguments) {
+        // Printing fails only if the terminal is gone: nobody can read it.
+        let _ = error.print();
+        return if error.use_stderr() { exit::BAD_ARGUMENTS } else { exit::DONE };
+    }
+    logging::start(LogOptions { verbose: 0, quiet: false, json: true });
+    let text = error.render().to_string();
+    let (text, hint) = message_of(&text)
+        .split_once("\nhint: ")
+        .map_or_else(|| (message_of(&text), None), |(text, hint)| (text, Some(hint.to_owned())));
+    exit::log_bad_arguments(text, hint)
+}
+
+/// A message of clap without its frame.
+fn message_of(text: &str) -> &str {
+    text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default()
+}
+
+/// Whether a command line asks for `--log-format json`.
+fn asks_for_json_log(arguments: &[OsString]) -> bool {
+    let follows = |pair: &[OsString]| pair[0] == "--log-format" && pair[1] == "json";
+    arguments.iter().any(|argument| argument == "--log-format=json") || arguments.windows(2).any(follows)
+}

@@ -1,0 +1,181 @@
+//! The configuration of nunetd as checked values. The command line ([`cli`](crate::cli)) makes them from flags and a file;
+//! everything else takes them and knows neither.
+
+mod values;
+
+use std::net::SocketAddr;
+use std::num::{NonZeroU32, NonZeroU64};
+use std::path::PathBuf;
+
+use nunet_core::frame::PixelFormat;
+use nunet_core::pipeline::PipelineOptions;
+use nunet_engine::EngineOptions;
+use nunet_ipc::{CameraName, Limits};
+use nunet_source::{CameraGeometry, OpenOptions, Rate, SourceName};
+use nunet_types::ImageSize;
+
+pub use values::{LogOptions, MountOption, Publish};
+
+use crate::exit::{BadArguments, source_error};
+
+/// What `nunetd run` does.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// The network.
+    pub model: ModelConfig,
+    /// What runs it.
+    pub engine: EngineOptions,
+    /// The cameras; at least one.
+    pub cameras: Vec<CameraConfig>,
+    /// What is written and served for all cameras together.
+    pub outputs: OutputConfig,
+}
+
+/// The network of a run.
+#[derive(Debug, Clone)]
+pub struct ModelConfig {
+    /// A file, or the name of a bundled model.
+    pub path: PathBuf,
+    /// Stages that run only on every n-th frame.
+    pub every: Vec<(String, NonZeroU32)>,
+}
+
+/// One camera and what is made of its frames.
+#[derive(Debug, Clone)]
+pub struct CameraConfig {
+    /// The name in shared memory.
+    pub name: CameraName,
+    /// Where its frames come from.
+    pub source: SourceConfig,
+    /// Its lens, and the depth made from its images.
+    pub optics: OpticsConfig,
+    /// The coordinate frame of depth and cloud; at most [`MAX_FRAME_ID`] bytes.
+    pub frame_id: String,
+    /// Where it is on the robot.
+    pub mount: Option<MountOption>,
+    /// The topics that can be read.
+    pub publish: Vec<Publish>,
+    /// The number of processes that can read at a time.
+    pub readers: usize,
+    /// What is recorded.
+    pub record: Option<RecordConfig>,
+    /// The folder for the files of the last frame.
+    pub out: Option<PathBuf>,
+}
+
+impl CameraConfig {
+    /// The limits of its shared memory. Clouds are by far the largest messages: half as many processes can read them.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        let max_cloud_readers = self.readers.div_ceil(2);
+        Limits { max_readers: self.readers, max_cloud_readers, ..Limits::default() }
+    }
+}
+
+/// Where frames come from.
+#[derive(Debug, Clone)]
+pub struct SourceConfig {
+    /// Which source.
+    pub name: SourceName,
+    /// Frames per second, or every frame.
+    pub rate: Option<Rate>,
+    /// Restart at the end.
+    pub repeat: bool,
+    /// The image topic, if a recording has several.
+    pub topic: Option<String>,
+    /// The size of raw images, or the requested size.
+    pub size: Option<ImageSize>,
+    /// The format of raw images.
+    pub format: Option<PixelFormat>,
+    /// Stop after so many frames.
+    pub frames: Option<NonZeroU64>,
+}
+
+impl SourceConfig {
+    /// How the source is opened.
+    #[must_use]
+    pub fn open_options(&self) -> OpenOptions<'_> {
+        OpenOptions {
+            repeat: self.repeat,
+            topic: self.topic.as_deref(),
+            size: self.size,
+            format: self.format,
+            rate: self.rate,
+            ..OpenOptions::default()
+        }
+    }
+
+    /// Checks that the kind of source takes these options. Opens nothing.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        if self.name.properties().is_shared_memory && (self.rate.is_some() || self.repeat) {
+            anyhow::bail!(BadArguments(
+                "--rate and --loop are for files: a camera in shared memory has its own pace\nhint: give them to whoever \
+                 publishes the camera, such as `nunetd feed`"
+                    .into()
+            ));
+        }
+        self.name.check(&self.open_options()).map_err(source_error)
+    }
+}
+
+/// The lens, and the depth made from its images.
+#[derive(Debug, Clone, Default)]
+pub struct OpticsConfig {
+    /// Intrinsics or calibration, if known.
+    pub geometry: CameraGeometry,
+    /// Focal correction, filters and cloud.
+    pub pipeline: PipelineOptions,
+}
+
+/// A recording to write.
+#[derive(Debug, Clone)]
+pub struct RecordConfig {
+    /// A file, or a folder for a new file.
+    pub path: PathBuf,
+    /// Overwrite an existing file.
+    pub force: bool,
+    /// Record raw images as PNG.
+    pub lossless: bool,
+}
+
+/// What is written and served for all cameras together.
+#[derive(Debug, Clone, Default)]
+pub struct OutputConfig {
+    /// The group that can read shared memory.
+    pub access: Option<AccessConfig>,
+    /// The address of the Prometheus endpoint.
+    pub metrics: Option<SocketAddr>,
+    /// The file for frame counts and latencies.
+    pub stats_json: Option<PathBuf>,
+}
+
+/// Who may read shared memory beside this user.
+#[derive(Debug, Clone)]
+pub struct AccessConfig {
+    /// A group, by name or number.
+    pub group: String,
+    /// The file mode, if it is not the default.
+    pub mode: Option<u32>,
+}
+
+/// The bytes of a coordinate frame's name that fit into the header of a message.
+pub const MAX_FRAME_ID: usize = 64;
+
+/// The coordinate frame of a camera whose user names none.
+#[must_use]
+pub fn default_frame_id(camera: &str) -> String {
+    format!("{camera}_optical_frame")
+}
+
+/// The coordinate frame of depth and cloud: the one that the user named, or the camera's own.
+pub(crate) fn frame_id(camera: &CameraName, named: Option<String>) -> Result<String, BadArguments> {
+    let frame_id = named.unwrap_or_else(|| default_frame_id(camera.as_str()));
+    if frame_id.len() <= MAX_FRAME_ID {
+        return Ok(frame_id);
+    }
+    Err(BadArguments(format!(
+        "the coordinate frame `{frame_id}` of camera `{camera}` is {} bytes long; expected at most {MAX_FRAME_ID}\n\
+         hint: `--frame-id` names another, or give the camera a shorter name",
+        frame_id.len()
+    )))
+}
