@@ -193,6 +193,18 @@ fn in_the_daemon_no_module_imports_a_later_one() {
 }
 
 #[test]
+fn only_the_command_line_knows_clap() {
+    let is_daemon = |path: &str| path.starts_with(DAEMON.folder) && DAEMON.module(path) != Some("cli");
+    let sources = repository::rust().into_iter().filter(|(path, _)| is_daemon(path));
+    let named = sources.flat_map(|(path, text)| {
+        let clap = paths(&text).into_iter().filter(|named| named.segments[0] == "clap");
+        clap.map(|named| format!("{path}:{}: take values from `config`, not clap", named.line))
+            .collect::<Vec<_>>()
+    });
+    assert_none(&named.collect::<Vec<_>>());
+}
+
+#[test]
 fn in_the_python_package_no_module_imports_a_later_one() {
     PYTHON.check();
 }
@@ -216,6 +228,8 @@ fn an_import_of_a_later_stage_is_found_however_it_is_written() {
     let sink = "crates/nunet-daemon/src/sink/shm.rs";
     assert_eq!(DAEMON.turning_back(sink, "use crate::stream::Stop;").len(), 1);
     assert!(DAEMON.turning_back(sink, "use crate::config;").is_empty());
+    let run = "crates/nunet-daemon/src/subcommands/run.rs";
+    assert_eq!(DAEMON.turning_back(run, "use crate::cli::RunArgs;").len(), 1);
 }
 
 #[test]

@@ -53,7 +53,7 @@ pub(super) fn complete(
     let subcommand = command.find_subcommand(name).cloned().unwrap_or_default();
     let mut refused = |message: String| command.error(ErrorKind::ValueValidation, message);
     let flags = table_of(&subcommand, matches, ValueSource::CommandLine);
-    let unmet = |table: &Table| match unmet_need(table) {
+    let unmet = |table: &Table| match unmet_need(&subcommand, table) {
         Some((flag, needed)) if flags.contains_key(flag) => Err(format!("`--{flag}` needs `--{needed}`")),
         Some((key, needed)) => Err(format!("`{key}` needs `{needed}`")),
         None => Ok(()),
@@ -210,11 +210,13 @@ fn refuse_no_source(path: &Path, cameras: &[StreamArgs]) -> Result<(), BadArgume
     )))
 }
 
-/// A flag without the one that it needs.
-fn unmet_need(table: &Table) -> Option<(&'static str, &'static str)> {
-    NEEDS
-        .into_iter()
-        .find(|(flag, needed)| table.get(*flag).is_some_and(is_on) && !table.contains_key(*needed))
+/// A flag without the one that it needs, if `command` has both: `replay --force` needs nothing.
+fn unmet_need(command: &Command, table: &Table) -> Option<(&'static str, &'static str)> {
+    let has = |flag: &str| command.get_arguments().any(|argument| argument.get_long() == Some(flag));
+    let is_unmet = |(flag, needed): &(&str, &str)| {
+        table.get(*flag).is_some_and(is_on) && has(needed) && !table.contains_key(*needed)
+    };
+    NEEDS.into_iter().find(is_unmet)
 }
 
 /// `upper`, and what `lower` says beside it.

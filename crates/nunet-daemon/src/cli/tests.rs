@@ -182,6 +182,8 @@ fn a_flag_that_needs_another_one_is_refused_without_a_file_too() {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains(part), "{error}");
     }
+    let replay = "nunetd replay a.mcap b.mcap --force".split(' ').map(OsString::from);
+    assert!(Cli::parse_line(replay).is_ok(), "its output is no option");
 }
 
 #[track_caller]
