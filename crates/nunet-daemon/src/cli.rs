@@ -132,7 +132,7 @@ pub enum SubcommandArgs {
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct LogArgs {
-    /// Log more to stderr; repeat for a span per frame
+    /// Log more to stderr; repeat to log every frame
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
     /// Log errors only

@@ -45,7 +45,7 @@ pub struct EvalArgs {
     pub depth_cap: f64,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// Pixels outside of it have no truth, for data with a frame around each image
+    /// Only pixels inside it have truth, for data with a border around each image
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
     pub window: Option<Window>,
     /// The images are one video, in their order: recurrent models and the temporal filter keep their state from one to the
@@ -71,7 +71,7 @@ pub struct EvalArgs {
 pub struct DepthUnitArgs {
     /// Meters per unit of the depth images [default: 0.001, for 16-bit images]; KITTI has 0.00390625, TUM 0.0002. 65535 is no
     /// measurement, and neither is 0 without an offset
-    #[arg(long, value_name = "METRES", value_parser = parse_meters)]
+    #[arg(long, value_name = "METERS", value_parser = parse_meters)]
     pub depth_scale: Option<f64>,
     /// Added to each value before scaling; with another than 0 the value 0 is a measurement
     #[arg(long, value_name = "UNITS", default_value = "0", allow_hyphen_values = true)]
