@@ -95,6 +95,7 @@ def field(owner: type, member: ast.FunctionDef) -> str:
     text = inspect.getdoc(inspect.getattr_static(owner, member.name))
     if not text:
         return ""
+    text = re.sub(r"\s+Raises\n-+\n(\w+)\n\s+", r" Raises `\1`: ", text)
     kind = ast.unparse(member.returns) if member.returns else "None"
     return item(f"`{member.name}` (`{kind}`)", text)
 
