@@ -1,4 +1,4 @@
-//! The whole journey of a frame: from an image to the moment when a reader holds its depth.
+//! From an image to the moment when a reader holds its depth.
 //!
 //! `network` is the same session's bare run in the same round: the difference is what everything around it costs.
 
@@ -16,7 +16,7 @@ const MODELS: [(&str, &str); 2] = [("tiny_wnet_c", "tiny/tiny_wnet_c.onnx"), ("w
 /// One model with its image, and what it writes into.
 struct Bench {
     pipeline: Pipeline,
-    picture: Vec<u8>,
+    image: Vec<u8>,
     publisher: Publisher,
     reader: Reader,
 }
@@ -27,7 +27,7 @@ fn load(file: &str) -> SerialGraph {
     SerialGraph::load(&path, &runtime, &GraphOptions::default()).expect("a model of this repository")
 }
 
-fn picture((width, height): (u32, u32)) -> Vec<u8> {
+fn image((width, height): (u32, u32)) -> Vec<u8> {
     let mut rgb = vec![0; 3 * width as usize * height as usize];
     DemoScene::new(1, width, height).render(0, &mut rgb, None, None);
     rgb
@@ -37,20 +37,19 @@ impl Bench {
     fn new(file: &str) -> Self {
         let pipeline =
             Pipeline::new(load(file), PipelineOptions::default()).expect("no camera that could not fit");
-        let picture = picture(pipeline.size());
+        let image = image(pipeline.size());
         let camera = CameraName::new(&format!("bench_{}", std::process::id())).expect("a good name");
-        let plan = TopicPlan { topic: Topic::Depth, payload_bytes: picture.len() / 3 * size_of::<f32>() };
+        let plan = TopicPlan { topic: Topic::Depth, payload_bytes: image.len() / 3 * size_of::<f32>() };
         let publisher = Publisher::create(&camera, &[plan], &Limits::default()).expect("a camera of our own");
         let reader =
             Reader::open(&camera, &[Topic::Depth], std::time::Duration::ZERO).expect("our own camera");
-        Self { pipeline, picture, publisher, reader }
+        Self { pipeline, image, publisher, reader }
     }
 
     /// From the image to the depth in a reader's hands.
     fn frame(&mut self) {
         let (width, height) = self.pipeline.size();
-        let view =
-            ImageView::packed(&self.picture, width, height, PixelFormat::Rgb8).expect("a whole picture");
+        let view = ImageView::packed(&self.image, width, height, PixelFormat::Rgb8).expect("a whole image");
         let mut loan = self.publisher.loan(Topic::Depth).expect("a free chunk");
         let outputs =
             Outputs { depth_m: loan.slice_mut().expect("planned as floats"), labels: None, cloud: None };
@@ -76,12 +75,12 @@ fn end_to_end(criterion: &mut Criterion) {
 
         let mut graph = load(file);
         let clock: &dyn Clock = &MonotonicClock;
-        let mut depth = vec![0.0; bench.picture.len() / 3];
+        let mut depth = vec![0.0; bench.image.len() / 3];
         let mut group = criterion.benchmark_group("network");
         group.bench_function(BenchmarkId::new(name, &size), |bencher| {
             bencher.iter(|| {
                 let outputs = GraphOutputs { depth: &mut depth, labels: None };
-                graph.run(GraphInput::Rgb(&bench.picture), outputs, clock).expect("a run")
+                graph.run(GraphInput::Rgb(&bench.image), outputs, clock).expect("a run")
             });
         });
         group.finish();

@@ -1,7 +1,7 @@
-//! How long a frame takes from its owner to its reader, by payload size. Nothing is copied: it should not matter.
+//! How long a frame takes from its publisher to its reader, by payload size. Nothing is copied: it should not matter.
 //!
 //! `hop/wake/SIZE` is two processes: from before the send to the received view, with the reader asleep (its clock
-//! is the owner's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process and nobody asleep.
+//! is the publisher's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process and nobody asleep.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark may stop at the first thing that is wrong")]
 
@@ -14,7 +14,7 @@ use criterion::{BenchmarkId, Criterion, Throughput};
 use nunet_ipc::{CameraName, Limits, Publisher, Reader, Topic, TopicPlan, Wake, monotonic_nanos};
 
 const SIZES: [usize; 5] = [64 << 10, 256 << 10, 1 << 20, 4 << 20, 16 << 20];
-const PATIENCE: Duration = Duration::from_secs(10);
+const TIMEOUT: Duration = Duration::from_secs(10);
 /// The camera that the reader's process reads; set in that process only.
 const READER: &str = "NUNET_BENCH_HOP_READER";
 
@@ -31,22 +31,22 @@ fn main() {
 fn wake(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("hop/wake");
     for bytes in SIZES {
-        let owner = owner(bytes);
-        let mut reader = ReaderProcess::spawn(owner.camera());
+        let publisher = publisher(bytes);
+        let mut reader = ReaderProcess::spawn(publisher.camera());
         group.throughput(Throughput::Bytes(bytes as u64));
         group.bench_function(BenchmarkId::from_parameter(name_of(bytes)), |bencher| {
-            bencher.iter_custom(|frames| (0..frames).map(|_| hop(&owner, &mut reader)).sum());
+            bencher.iter_custom(|frames| (0..frames).map(|_| hop(&publisher, &mut reader)).sum());
         });
     }
     group.finish();
 }
 
 /// One frame to the other process, which answers with the time at which it had the view.
-fn hop(owner: &Publisher, reader: &mut ReaderProcess) -> Duration {
-    let loan = owner.loan(Topic::Depth).unwrap();
+fn hop(publisher: &Publisher, reader: &mut ReaderProcess) -> Duration {
+    let loan = publisher.loan(Topic::Depth).unwrap();
     let sent = monotonic_nanos();
     loan.publish(sent).unwrap();
-    owner.notify(Wake::Depth).unwrap();
+    publisher.notify(Wake::Depth).unwrap();
     let mut line = String::new();
     reader.answers.read_line(&mut line).unwrap();
     let received: i64 = line.trim().parse().unwrap();
@@ -56,12 +56,12 @@ fn hop(owner: &Publisher, reader: &mut ReaderProcess) -> Duration {
 fn loan_publish_receive(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("hop/loan_publish_receive");
     for bytes in SIZES {
-        let owner = owner(bytes);
-        let reader = Reader::open(owner.camera(), &[Topic::Depth], PATIENCE).unwrap();
+        let publisher = publisher(bytes);
+        let reader = Reader::open(publisher.camera(), &[Topic::Depth], TIMEOUT).unwrap();
         group.throughput(Throughput::Bytes(bytes as u64));
         group.bench_function(BenchmarkId::from_parameter(name_of(bytes)), |bencher| {
             bencher.iter(|| {
-                owner.loan(Topic::Depth).unwrap().publish(0).unwrap();
+                publisher.loan(Topic::Depth).unwrap().publish(0).unwrap();
                 black_box(reader.latest(Topic::Depth).unwrap().unwrap().bytes().len())
             });
         });
@@ -69,7 +69,7 @@ fn loan_publish_receive(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn owner(payload_bytes: usize) -> Publisher {
+fn publisher(payload_bytes: usize) -> Publisher {
     let camera =
         CameraName::new(&format!("bench-{}-{}", std::process::id(), name_of(payload_bytes))).unwrap();
     let plan = TopicPlan { topic: Topic::Depth, payload_bytes };
@@ -111,7 +111,7 @@ fn read(camera: &str) {
         let _ = std::io::stdin().read_line(&mut String::new());
         END.store(true, std::sync::atomic::Ordering::Relaxed);
     });
-    let reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     let mut output = std::io::stdout();
     writeln!(output, "ready").unwrap();
     while !END.load(std::sync::atomic::Ordering::Relaxed) {

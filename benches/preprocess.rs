@@ -9,7 +9,7 @@ use nunet_core::preprocess::{ChannelOrder, Preprocessor, TensorFormat, TensorLay
 
 const NETWORK: (u32, u32) = (640, 480);
 
-fn picture(format: PixelFormat, (width, height): (u32, u32)) -> Vec<u8> {
+fn image(format: PixelFormat, (width, height): (u32, u32)) -> Vec<u8> {
     let len = format.byte_len(width, height, format.min_stride(width));
     (0..len as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect()
 }
@@ -30,8 +30,8 @@ fn prepare(criterion: &mut Criterion) {
         ("resize", PixelFormat::Nv12, (1280, 720)),
     ];
     for (case, format, (width, height)) in cases {
-        let bytes = picture(format, (width, height));
-        let frame = ImageView::packed(&bytes, width, height, format).expect("a whole picture");
+        let bytes = image(format, (width, height));
+        let frame = ImageView::packed(&bytes, width, height, format).expect("a whole image");
         let mut preprocessor = Preprocessor::new(NETWORK.0, NETWORK.1);
         let id = format!("preprocess/{case}_{format}/{width}x{height}_to_{}x{}", NETWORK.0, NETWORK.1);
         criterion.bench_function(&id, |bencher| {
@@ -41,7 +41,7 @@ fn prepare(criterion: &mut Criterion) {
 }
 
 fn tensor(criterion: &mut Criterion) {
-    let rgb = picture(PixelFormat::Rgb8, NETWORK);
+    let rgb = image(PixelFormat::Rgb8, NETWORK);
     let mut out = vec![0.0; rgb.len()];
     for (case, layout, channels) in [
         ("nchw_rgb", TensorLayout::Nchw, ChannelOrder::Rgb),

@@ -21,7 +21,7 @@ import nunet_py as nunet
 SIZES = {"256 KB": (512, 512), "1.2 MB": (1280, 960), "4.9 MB": (2560, 1920)}
 WARM_UP = 50
 PACE = 0.005
-PATIENCE = 30.0
+TIMEOUT = 30.0
 
 
 def is_shared(address: int) -> bool:
@@ -36,7 +36,7 @@ def is_shared(address: int) -> bool:
 def read(camera: str, count: int, results: Connection) -> None:
     """Send back the nanoseconds from each send to its view, and how many bytes were copied."""
     nanos, copied = [], 0
-    with nunet.subscribe(camera, topics=["rgb"], timeout=PATIENCE) as frames:
+    with nunet.subscribe(camera, topics=["rgb"], timeout=TIMEOUT) as frames:
         results.send("ready")
         for frame in frames:
             view = frame.image

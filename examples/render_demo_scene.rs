@@ -44,7 +44,7 @@ fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
     let pixels = SIZE.0 as usize * SIZE.1 as usize;
     let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);
     DemoScene::new(SEED, SIZE.0, SIZE.1).render(frame, &mut rgb, Some(&mut depth_m), None);
-    Ok((RgbImage::from_raw(SIZE.0, SIZE.1, rgb).ok_or("the picture has another size")?, depth_m))
+    Ok((RgbImage::from_raw(SIZE.0, SIZE.1, rgb).ok_or("the image has another size")?, depth_m))
 }
 
 fn side_by_side(frame: u64) -> Result<RgbImage, Box<dyn Error>> {

@@ -3,7 +3,7 @@
 
     python3 tests/soak.py --minutes 30 --nunetd target/release/nunetd --csv soak.csv
 
-Pictures go through shared memory into `nunetd`, which records them; one reader stays and others come, leave politely or
+Images go through shared memory into `nunetd`, which records them; one reader stays and others come, leave politely or
 are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon and feeder, what they have in
 /dev/shm, frames, and their age when they reach the reader that stays. It ends with 1, and says why, if memory, shared
 memory, descriptors, threads or the oldest frames' age grew after the warm-up, if an interval brought no frame, if the
@@ -34,7 +34,7 @@ SHARED_MEMORY = pathlib.Path("/dev/shm")
 # iceoryx2's own counter of nodes, which it never removes.
 ALLOWED_REST = ".global_mgmt"
 # How long a process may take to end, and the first frame to come.
-PATIENCE_S = 60
+TIMEOUT_S = 60
 FIELDS = [
     "seconds",
     "daemon_anon_kb",
@@ -63,7 +63,7 @@ def arguments():
     parser.add_argument("--drift-age-ms", type=float, default=100, help="the most that the 99th percentile may rise")
     parser.add_argument("--nunetd", default=os.environ.get("NUNETD", str(ROOT / "target/release/nunetd")))
     parser.add_argument("--model", default=str(ROOT / "models/tiny/tiny_wnet_c.onnx"))
-    parser.add_argument("--pictures", default=str(ROOT / "models/clip/rgb"))
+    parser.add_argument("--images", default=str(ROOT / "models/clip/rgb"))
     parser.add_argument("--csv", type=pathlib.Path, default=pathlib.Path("soak.csv"))
     parser.add_argument("--seed", type=int, default=1, help="of the readers that come and go")
     return parser.parse_args()
@@ -92,7 +92,7 @@ class Reader:
 
 
 class Visitors:
-    """Readers that come and go: some end by themselves, some are told to, some are killed."""
+    """Readers that come and go: some end by themselves, some on a signal, some are killed."""
 
     def __init__(self, command, folder, seed):
         self.command, self.folder, self.chance, self.next = command, folder, random.Random(seed), 0.0
@@ -114,7 +114,7 @@ class Visitors:
         if self.process is None:
             return
         self.process.send_signal(sent)
-        code = self.process.wait(timeout=PATIENCE_S)
+        code = self.process.wait(timeout=TIMEOUT_S)
         if code not in {0, -signal.SIGKILL}:
             self.bad.append(code)
         self.process = None
@@ -170,13 +170,13 @@ class Soak:
         folder = world.folder
         self.recording, self.stats = folder / "soak.mcap", folder / "stats.json"
         # They are started elsewhere.
-        given_paths = (given.nunetd, given.pictures, given.model)
-        nunetd, pictures, model = (str(pathlib.Path(path).resolve()) for path in given_paths)
+        given_paths = (given.nunetd, given.images, given.model)
+        nunetd, images, model = (str(pathlib.Path(path).resolve()) for path in given_paths)
         tool = [nunetd, "-q"]
-        feed = [*tool, "feed", pictures, "--camera", self.name, "--loop", "--rate", str(given.rate)]
+        feed = [*tool, "feed", images, "--camera", self.name, "--loop", "--rate", str(given.rate)]
         run = [*tool, "--model", model, "--source", f"shm:{self.name}", "--camera", self.name]
         run += ["--record", str(self.recording), "--stats-json", str(self.stats)]
-        watch = [*tool, "watch", self.name, "--json", "--timeout", str(PATIENCE_S)]
+        watch = [*tool, "watch", self.name, "--json", "--timeout", str(TIMEOUT_S)]
         self.feeder = subprocess.Popen(feed, cwd=folder)
         self.daemon = subprocess.Popen(run, cwd=folder)
         self.reader = Reader(watch, folder)
@@ -225,7 +225,7 @@ class Soak:
         for name, process in ending.items():
             process.terminate()
             try:
-                code = process.wait(timeout=PATIENCE_S)
+                code = process.wait(timeout=TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 code = process.wait()

@@ -78,7 +78,7 @@ def configured(env):
             try:
                 parser.read(path, encoding="utf-8")
             except (configparser.Error, UnicodeDecodeError, PermissionError) as error:
-                raise FetchError(f"cannot read `{path}`: {error}", "mend or remove the file") from error
+                raise FetchError(f"cannot read `{path}`: {error}", "repair or remove the file") from error
             if parser.has_section(section):
                 options.update({key.replace("_", "-"): value for key, value in parser.items(section)})
     return options
@@ -296,7 +296,7 @@ def place(part, member, to):
             os.fsync(out.fileno())
         fresh.replace(to)
     except KeyError as error:
-        raise FetchError(f"`{part.name}` has no member `{member}`", "mend xtask/wheels.lock") from error
+        raise FetchError(f"`{part.name}` has no member `{member}`", "fix xtask/wheels.lock") from error
     finally:
         fresh.unlink(missing_ok=True)
     part.unlink()

@@ -9,7 +9,7 @@ use nunet_daemon::fuzzing;
 use nunet_daemon::source::{Fill, Frame, Source};
 
 /// No valid pipe of a few kilobytes has more images.
-const MAX_PICTURES: usize = 100_000;
+const MAX_IMAGES: usize = 100_000;
 
 /// Y4M on stdin.
 pub fn y4m(data: &[u8]) {
@@ -28,12 +28,12 @@ pub fn raw(data: &[u8]) {
 fn drain(opened: anyhow::Result<Box<dyn Source>>) {
     let mut pipe = opened.expect("an invalid pipe is refused at its first image");
     let mut frame = Frame::default();
-    for _ in 0..MAX_PICTURES {
+    for _ in 0..MAX_IMAGES {
         match pipe.fill(&mut frame) {
             Fill::Frame => assert!(frame.view().is_ok(), "an image has the bytes of its size"),
             Fill::Nothing => {}
             Fill::End => return,
-            Fill::Cut(error) | Fill::Broken(error) => return told(&format!("{error:#}")),
+            Fill::Cut(error) | Fill::Broken(error) => return check_message(&format!("{error:#}")),
             other => panic!("a pipe has no {other:?}"),
         }
     }
@@ -46,21 +46,21 @@ pub fn config(data: &[u8]) {
     let line = [OsString::from("nunetd"), "run".into(), "--config".into(), file.path().into()];
     if let Err(error) = Cli::parse_line(line) {
         let text = error.to_string();
-        told(&text);
+        check_message(&text);
         assert!(text.contains(&*file.path().to_string_lossy()), "which file is wrong is not said: {text}");
     }
 }
 
 /// A JPEG or PNG file, as a camera or a recording delivers it.
-pub fn picture(data: &[u8]) {
+pub fn image(data: &[u8]) {
     let mut frame = Frame { file: data.to_vec(), ..Frame::default() };
     match fuzzing::decode(&mut frame) {
-        Err(error) => told(&format!("{error:#}")),
+        Err(error) => check_message(&format!("{error:#}")),
         Ok(()) => assert!(frame.view().is_ok(), "an image has the bytes of its size"),
     }
 }
 
 /// An error says something, and does not repeat the file.
-fn told(error: &str) {
+fn check_message(error: &str) {
     assert!((1..10_000).contains(&error.len()), "an error of {} bytes", error.len());
 }

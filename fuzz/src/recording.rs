@@ -18,7 +18,7 @@ pub fn recording(data: &[u8]) {
 fn read(opened: Result<Recording, RecordingError>) {
     let mut recording = match opened {
         Ok(recording) => recording,
-        Err(error) => return told(&error),
+        Err(error) => return check_message(&error),
     };
     let first = drain(&mut recording);
     if recording.rewind().is_ok() {
@@ -37,13 +37,13 @@ fn drain(recording: &mut Recording) -> (u64, u64) {
                 good += 1;
             }
             Next::Bad(error) => {
-                told(&error);
+                check_message(&error);
                 bad += 1;
             }
             Next::Nothing => {}
             Next::End => break,
             Next::Cut(error) => {
-                told(&error);
+                check_message(&error);
                 break;
             }
         }
@@ -68,7 +68,7 @@ fn check(image: &RecordedImage) {
 }
 
 /// An error says something, and does not repeat the file.
-fn told(error: &RecordingError) {
+fn check_message(error: &RecordingError) {
     let length = error.to_string().len();
     assert!((1..10_000).contains(&length), "an error of {length} bytes");
 }

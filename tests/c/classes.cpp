@@ -19,7 +19,7 @@ static void holds(int line, const char *condition, bool found) {
   std::cout << "line " << line << ": " << condition << " does not hold\n";
 }
 
-template <typename Call> static nunet_status_t thrown(Call call) {
+template <typename Call> static nunet_status_t status_of(Call call) {
   try {
     call();
   } catch (const nunet::Error &error) {
@@ -39,8 +39,8 @@ static void reading(const std::string &camera) {
   {
     nunet::Reader first(camera, NUNET_BIT_DEPTH | NUNET_BIT_LABELS | NUNET_BIT_CLOUD, 30s);
     nunet::Reader reader = std::move(first);
-    HOLDS(first.get() == nullptr && reader.is_connected() && reader.owner(NUNET_TOPIC_DEPTH).alive);
-    HOLDS(thrown([&] { first.next(NUNET_TOPIC_DEPTH, 0ms); }) == NUNET_BAD_ARGUMENT);
+    HOLDS(first.get() == nullptr && reader.is_connected() && reader.publisher(NUNET_TOPIC_DEPTH).alive);
+    HOLDS(status_of([&] { first.next(NUNET_TOPIC_DEPTH, 0ms); }) == NUNET_BAD_ARGUMENT);
     auto set = reader.next_set(30s);
     HOLDS(set.has_value() && set->has(NUNET_TOPIC_CLOUD) && !set->has(NUNET_TOPIC_RGB));
     const auto points = (*set)[NUNET_TOPIC_CLOUD].points();
@@ -48,8 +48,8 @@ static void reading(const std::string &camera) {
     HOLDS(points.size() == depth.size() && (*set)[NUNET_TOPIC_LABELS].labels().size() == depth.size());
     HOLDS(&depth(1, 2) == depth.begin() + 2 * depth.width + 1);
     HOLDS(std::any_of(depth.begin(), depth.end(), [](float meters) { return meters > 0; }));
-    HOLDS(thrown([&] { (*set)[NUNET_TOPIC_DEPTH].labels(); }) == NUNET_WRONG_ENCODING);
-    HOLDS(thrown([&] { (*set)[NUNET_TOPIC_RGB].header(); }) == NUNET_BAD_ARGUMENT);
+    HOLDS(status_of([&] { (*set)[NUNET_TOPIC_DEPTH].labels(); }) == NUNET_WRONG_ENCODING);
+    HOLDS(status_of([&] { (*set)[NUNET_TOPIC_RGB].header(); }) == NUNET_BAD_ARGUMENT);
     nunet::FrameSet moved = std::move(*set);
     HOLDS(!set->has(NUNET_TOPIC_DEPTH) && moved.has(NUNET_TOPIC_DEPTH));
     *set = std::move(moved);
@@ -67,18 +67,18 @@ static void reading(const std::string &camera) {
 
 static void publishing(const std::string &own) {
   nunet::Publisher publisher(own, NUNET_ENCODING_MONO8, 8, 2);
-  HOLDS(thrown([&] { nunet::Publisher second(own, NUNET_ENCODING_MONO8, 8, 2); }) == NUNET_ALREADY_OWNED);
+  HOLDS(status_of([&] { nunet::Publisher second(own, NUNET_ENCODING_MONO8, 8, 2); }) == NUNET_ALREADY_PUBLISHED);
   publisher.set_camera(10, 11, 3.5, 0.5, NUNET_DISTORTION_MODEL_KANNALA_BRANDT, {0.5, 0, 0, 0});
   publisher.set_frame_id("optical");
   nunet::Reader reader(own, NUNET_BIT_RGB, 30s);
   HOLDS(publisher.has_readers() && !reader.next(NUNET_TOPIC_RGB, 0ms));
   { publisher.loan(); } // dropped unseen
   auto loan = publisher.loan();
-  HOLDS(thrown([&] { publisher.loan(); }) == NUNET_TOO_MANY_LOANS);
+  HOLDS(status_of([&] { publisher.loan(); }) == NUNET_TOO_MANY_LOANS);
   auto bytes = loan.bytes();
   std::fill(bytes.begin(), bytes.end(), std::uint8_t{42});
   loan.send(5, NUNET_CLOCK_MEDIA);
-  HOLDS(thrown([&] { loan.header(); }) == NUNET_BAD_ARGUMENT);
+  HOLDS(status_of([&] { loan.header(); }) == NUNET_BAD_ARGUMENT);
   auto frame = reader.next(NUNET_TOPIC_RGB, 30s);
   HOLDS(frame && frame->bytes().size == 16 && frame->bytes().data[15] == 42);
   // A position in a recording says nothing about the time of day: it is now, in this century.
@@ -90,12 +90,12 @@ static void publishing(const std::string &own) {
   HOLDS(late && late->age() >= 5s); // since its capture, not since it was sent
   reader.close();
   publisher.close();
-  HOLDS(thrown([&] { reader.wait(0ms); }) == NUNET_BAD_ARGUMENT);
+  HOLDS(status_of([&] { reader.wait(0ms); }) == NUNET_BAD_ARGUMENT);
 }
 
 int main(int argc, char **argv) {
   if (argc < 3) return 2;
-  HOLDS(thrown([] { nunet::Reader("nobody-has-this-name", NUNET_BIT_DEPTH, 20ms); }) == NUNET_NOBODY_PUBLISHES);
+  HOLDS(status_of([] { nunet::Reader("nobody-has-this-name", NUNET_BIT_DEPTH, 20ms); }) == NUNET_NOBODY_PUBLISHES);
   reading(argv[1]);
   publishing(argv[2]);
   std::cout << failures << " failures\n";

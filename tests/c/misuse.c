@@ -48,7 +48,7 @@ static void nulls(void) {
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_next_set(NULL, 0, &set));
   HOLDS(set.frames[0] == NULL && set.frames[5] == NULL);
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_next_set(NULL, 0, NULL));
-  EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_owner(NULL, DEPTH, NULL, NULL));
+  EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_publisher(NULL, DEPTH, NULL, NULL));
   HOLDS(!nunet_reader_is_connected(NULL));
   EXPECT(NUNET_OK, nunet_reader_close(NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_frame_header(NULL, NULL));
@@ -104,7 +104,7 @@ static void frames(const char *camera) {
   EXPECT(NUNET_OK, nunet_reader_open(camera, NUNET_BIT_DEPTH, 30000, &reader));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_next(reader, 99, 0, &frame));
   EXPECT(NUNET_NO_SUCH_TOPIC, nunet_reader_next(reader, NUNET_TOPIC_LABELS, 0, &frame));
-  EXPECT(NUNET_NO_SUCH_TOPIC, nunet_reader_owner(reader, NUNET_TOPIC_CLOUD, NULL, NULL));
+  EXPECT(NUNET_NO_SUCH_TOPIC, nunet_reader_publisher(reader, NUNET_TOPIC_CLOUD, NULL, NULL));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_reader_next(reader, DEPTH, 0, NULL));
 
   EXPECT(NUNET_OK, nunet_reader_next(reader, DEPTH, 30000, &kept));
@@ -195,7 +195,7 @@ static void publishing(const char *own) {
   EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_open(own, NUNET_ENCODING_RGB8, 0, 3, 0, &publisher));
   EXPECT(NUNET_BAD_ARGUMENT, nunet_publisher_open(own, NUNET_ENCODING_RGB8, 4, 3, 1000, &publisher));
   EXPECT(NUNET_OK, nunet_publisher_open(own, NUNET_ENCODING_BGR8, 4, 3, 1, &publisher));
-  EXPECT(NUNET_ALREADY_OWNED, nunet_publisher_open(own, NUNET_ENCODING_BGR8, 4, 3, 1, &second));
+  EXPECT(NUNET_ALREADY_PUBLISHED, nunet_publisher_open(own, NUNET_ENCODING_BGR8, 4, 3, 1, &second));
   HOLDS(second == NULL && !nunet_publisher_has_readers(publisher));
   publisher_arguments(publisher);
 

@@ -32,7 +32,7 @@ int main(int argc, char **argv) {
   if (nunet_reader_next(reader, NUNET_TOPIC_DEPTH, 30000, &kept)) return fail("next");
   if (nunet_frame_bytes(kept, &bytes, &count) || !(before = malloc(count))) return fail("bytes");
   memcpy(before, bytes, count);
-  if (nunet_reader_owner(reader, NUNET_TOPIC_DEPTH, &pid, &alive) || !alive) return fail("owner");
+  if (nunet_reader_publisher(reader, NUNET_TOPIC_DEPTH, &pid, &alive) || !alive) return fail("publisher");
   printf("%lu\n", (unsigned long)pid);
   step("reading");
 
@@ -45,7 +45,7 @@ int main(int argc, char **argv) {
   if (status != NUNET_TIMEOUT || frame) return fail("after the end");
   if (!strstr(nunet_last_error(), "no process publishes the camera")) return fail("text");
   if (nunet_reader_is_connected(reader)) return fail("is_connected");
-  if (nunet_reader_owner(reader, NUNET_TOPIC_DEPTH, &pid, &alive) || alive) return fail("owner after the end");
+  if (nunet_reader_publisher(reader, NUNET_TOPIC_DEPTH, &pid, &alive) || alive) return fail("publisher after the end");
   if (memcmp(before, bytes, count) != 0) return fail("the kept frame changed");
   step("alone");
 

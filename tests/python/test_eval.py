@@ -22,7 +22,7 @@ from nunet_models.evaluation.compare import (
 )
 from nunet_models.evaluation.protocol import FULL
 
-PICTURES = 5
+IMAGES = 5
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +32,13 @@ def session():
 
 @pytest.fixture(scope="module")
 def dataset(session, tmp_path_factory):
-    """Pictures of the model's size with depth from 0.5 to 12 m, holes in it, and NYU's 40 labels with holes."""
+    """Images of the model's size with depth from 0.5 to 12 m, holes in it, and NYU's 40 labels with holes."""
     _, height, width, _ = session.get_inputs()[0].shape
     root = tmp_path_factory.mktemp("dataset")
     random = np.random.default_rng(3)
     for name in ("rgb", "depth", "label40"):
         (root / name).mkdir()
-    for index in range(PICTURES):
+    for index in range(IMAGES):
         rgb = random.integers(0, 256, (height, width, 3), np.uint8)
         depth = random.integers(500, 12000, (height, width)).astype(np.uint16)
         depth[random.random((height, width)) < 0.1] = 0
@@ -48,7 +48,7 @@ def dataset(session, tmp_path_factory):
         Image.fromarray(rgb).save(root / "rgb" / f"{index}.png")
         Image.fromarray(depth).save(root / "depth" / f"{index}.png")
         Image.fromarray(labels).save(root / "label40" / f"{index}.png")
-    return FolderPairs(root, [str(index) for index in range(PICTURES)], units=DepthUnits())
+    return FolderPairs(root, [str(index) for index in range(IMAGES)], units=DepthUnits())
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def expected(session, dataset):
         valid = (depth >= least) & (depth <= most)
         return Prediction(np.where(valid, depth, np.float32(np.nan))[0, 0], labels[0])
 
-    pairs = [dataset[index] for index in range(PICTURES)]
+    pairs = [dataset[index] for index in range(IMAGES)]
     return compare(pairs, predict, protocol=FULL, metric=True, classes=13)
 
 
@@ -82,11 +82,11 @@ def test_figures_of_depth_and_labels_agree(found, expected):
     for count in ("pixels", "pixels_without_prediction", "pixels_beyond"):
         assert ours[count] == theirs[count], count
     assert theirs["pixels_beyond"] > 0
-    assert (ours["pictures"], ours["skipped"]) == (PICTURES, 0)
+    assert (ours["pictures"], ours["skipped"]) == (IMAGES, 0)
 
 
 def test_the_mean_image_agrees(found, dataset):
-    pairs = [dataset[index] for index in range(PICTURES)]
+    pairs = [dataset[index] for index in range(IMAGES)]
     ours = found[0]["baseline"]
     mean = Prediction(mean_image(dataset), None)
     theirs = compare(pairs, lambda _: mean, protocol=FULL, metric=True, classes=0).figures()
@@ -100,7 +100,7 @@ def test_the_mean_image_agrees(found, dataset):
 def test_the_table_has_a_row_an_image(found, expected):
     lines = (found[1] / "pictures.csv").read_text().splitlines()
     names = lines[0].split(",")
-    assert len(lines) == 1 + PICTURES
+    assert len(lines) == 1 + IMAGES
     for line, theirs in zip(lines[1:], expected.per_picture, strict=True):
         row = dict(zip(names, line.split(","), strict=True))
         assert row["id"] == theirs["id"]

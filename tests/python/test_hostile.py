@@ -33,7 +33,7 @@ COPIES = int(os.environ.get("NUNET_SWEEP") or 8)
 # The largest image that is decoded takes 512 MB, and its results as much; the model test raises its own limit.
 ADDRESS_SPACE = 4 << 30
 PEAK_BYTES = 1500 << 20
-PATIENCE_S = 60
+TIMEOUT_S = 60
 ONCE = ["--provider", "cpu", "--threads", "1"]
 CALIBRATION = """image_width: 640
 image_height: 480
@@ -176,7 +176,7 @@ def limited():
 
 def wait(process):
     """Waits for the end as `wait4` tells it; what does not end is killed, which counts as a signal."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
@@ -184,7 +184,7 @@ def wait(process):
             return status, usage
         if time.monotonic() > deadline:
             process.send_signal(signal.SIGKILL)
-            deadline += PATIENCE_S
+            deadline += TIMEOUT_S
         time.sleep(0.005)
 
 
@@ -227,7 +227,7 @@ def problems_of(kind, code, said, peak):
         yield f"{peak >> 20} MB"
 
 
-def sweep(nunetd, folder, kind, whole):
+def run_damaged(nunetd, folder, kind, whole):
     """Tries all copies of one kind; how they ended, the most memory, and what is wrong."""
     bench = Bench(nunetd, folder / kind)
     codes, most, problems = collections.Counter(), 0, []
@@ -244,7 +244,7 @@ def sweep(nunetd, folder, kind, whole):
 
 def test_damaged_files_end_with_an_exit_code_in_time_and_in_bounds(nunetd, good, tmp_path):
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        jobs = [pool.submit(sweep, nunetd, tmp_path, kind, whole) for kind, whole in good.items()]
+        jobs = [pool.submit(run_damaged, nunetd, tmp_path, kind, whole) for kind, whole in good.items()]
         results = [job.result() for job in jobs]
     for kind, codes, most, _ in results:
         print(f"{kind:<12} exit codes {codes}, at most {most >> 20} MB")

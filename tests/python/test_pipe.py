@@ -1,4 +1,4 @@
-"""Pictures on stdin: what `ffmpeg` writes, where it is installed, and what we write by hand as it would."""
+"""Images on stdin: what `ffmpeg` writes, where it is installed, and what we write by hand as it would."""
 
 import json
 import os

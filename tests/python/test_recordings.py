@@ -163,8 +163,8 @@ def test_images_travel_as_they_came_and_the_camera_is_theirs(replayed):
 def test_depth_and_labels_are_those_of_infer(nunetd, replayed, tmp_path):
     for index in (0, FRAMES - 1):
         Image.fromarray(image(index)).save(tmp_path / "image.png")
-        optics = ["--intrinsics", f"{K[0]},{K[4]},{K[2]},{K[5]}@640x480"]
-        command = [nunetd, "-q", "infer", str(tmp_path / "image.png"), "--out", str(tmp_path), *ONCE, *optics]
+        intrinsics = ["--intrinsics", f"{K[0]},{K[4]},{K[2]},{K[5]}@640x480"]
+        command = [nunetd, "-q", "infer", str(tmp_path / "image.png"), "--out", str(tmp_path), *ONCE, *intrinsics]
         subprocess.run(command, check=True)
         expected = np.load(tmp_path / "depth.npy")
         depth = meters(replayed[1]["/camera/depth/image_raw"][index][1])

@@ -119,7 +119,7 @@ def test_shared_memory_holds_what_the_python_package_computes(nunetd, contract, 
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory):
-    """Pictures in a folder, and the depth of each, computed with what the network remembers of those before it."""
+    """Images in a folder, and the depth of each, computed with what the network remembers of those before it."""
     session = open_session(RECURRENT)
     memory = json.loads(session.get_modelmeta().custom_metadata_map["nunet.state"])
     state = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in memory}

@@ -29,7 +29,7 @@ def manager(tmp_path):
 
 
 def heard(ear, word):
-    """Whether `word` comes within the ear's patience, and what came before it."""
+    """Whether `word` comes within the listener's timeout, and what came before it."""
     before = []
     for _ in range(1000):
         message = ear.recv(4096).decode()

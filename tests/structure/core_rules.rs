@@ -1,4 +1,4 @@
-//! What nunet-core promises: nothing but computing happens on a frame's journey.
+//! What nunet-core promises: nothing but computing happens while a frame is processed.
 
 use crate::assert_none;
 use crate::repository;

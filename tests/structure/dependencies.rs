@@ -116,7 +116,7 @@ fn crates_depend_only_on_what_their_layer_allows() {
     let mut problems = Vec::new();
     for (path, unwanted) in NO_DEPENDENCY {
         let manifest = manifests.iter().find(|(found, _)| found == path);
-        let (_, text) = manifest.unwrap_or_else(|| panic!("{path} is gone; mend NO_DEPENDENCY"));
+        let (_, text) = manifest.unwrap_or_else(|| panic!("{path} is gone; fix NO_DEPENDENCY"));
         assert!(!dependencies(text).is_empty(), "{path}: no dependency was understood");
         problems.extend(forbidden(path, text, unwanted));
     }

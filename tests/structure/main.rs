@@ -14,6 +14,7 @@ mod repository;
 mod rust_source;
 mod sizes;
 mod unsafe_code;
+mod vocabulary;
 mod words;
 
 /// Fail with all problems, not the first.

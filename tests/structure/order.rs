@@ -1,4 +1,4 @@
-//! The journey runs one way: no module imports one that comes after it.
+//! Module order: no module imports one that comes after it.
 
 use crate::assert_none;
 use crate::repository;
@@ -9,14 +9,14 @@ struct Order {
     /// Its sources.
     folder: &'static str,
     /// The modules in reading order. One may import those before it, never one after it.
-    journey: &'static [&'static str],
+    modules: &'static [&'static str],
     /// Who may look ahead all the same: importer, imported, reason.
     ahead: &'static [(&'static str, &'static str, &'static str)],
 }
 
 const CORE: Order = Order {
     folder: "crates/nunet-core/src/",
-    journey: &[
+    modules: &[
         "clock",
         "text",
         "plain_file",
@@ -41,7 +41,7 @@ const CORE: Order = Order {
 
 const DAEMON: Order = Order {
     folder: "crates/nunet-daemon/src/",
-    journey: &[
+    modules: &[
         "version",
         "telemetry",
         "exit",
@@ -61,7 +61,7 @@ const DAEMON: Order = Order {
 
 const ENGINE: Order = Order {
     folder: "crates/nunet-engine/src/",
-    journey: &[
+    modules: &[
         "text",
         "telemetry",
         "clock",
@@ -85,7 +85,7 @@ const ENGINE: Order = Order {
 
 const PYTHON: Order = Order {
     folder: "crates/nunet-py/src/",
-    journey: &[
+    modules: &[
         "error",
         "argument",
         "array",
@@ -130,7 +130,7 @@ impl Order {
     }
 
     fn place(&self, module: &str) -> Option<usize> {
-        self.journey.iter().position(|name| *name == module)
+        self.modules.iter().position(|name| *name == module)
     }
 
     fn turning_back(&self, path: &str, text: &str) -> Vec<String> {
@@ -138,7 +138,7 @@ impl Order {
             return Vec::new();
         };
         let Some(own_place) = self.place(own) else {
-            return vec![format!("{path}: give module `{own}` its place in the journey")];
+            return vec![format!("{path}: give module `{own}` its place in the order")];
         };
         let mut problems = Vec::new();
         for named in paths(without_tests(text)) {

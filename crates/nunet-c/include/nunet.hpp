@@ -208,10 +208,10 @@ public:
     return woken;
   }
   /** The process that publishes a topic. */
-  Process owner(nunet_topic_t topic) const {
-    Process owner;
-    check(nunet_reader_owner(handle_.get(), topic, &owner.pid, &owner.alive));
-    return owner;
+  Process publisher(nunet_topic_t topic) const {
+    Process publisher;
+    check(nunet_reader_publisher(handle_.get(), topic, &publisher.pid, &publisher.alive));
+    return publisher;
   }
   /** Whether a living process publishes each of the topics. */
   bool is_connected() const noexcept { return nunet_reader_is_connected(handle_.get()); }

@@ -90,7 +90,7 @@ impl Camera {
         let sequence = header.sequence;
         loan.publish(monotonic_nanos())?;
         self.next_sequence = sequence.wrapping_add(1);
-        self.publisher.notify(Wake::Picture)?;
+        self.publisher.notify(Wake::Image)?;
         Ok(())
     }
 }

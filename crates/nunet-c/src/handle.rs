@@ -92,7 +92,7 @@ impl<T> Table<T> {
     }
 }
 
-/// A lock, also after a panic in another thread: the values behind it are sound at each step, and the panic was told.
+/// A lock, also after a panic in another thread: the values behind it are sound at each step, and the panic was reported.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

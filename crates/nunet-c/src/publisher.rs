@@ -25,7 +25,7 @@ pub struct PublisherHandle;
 /// `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
 /// closed with `nunet_publisher_close()`; NULL after a failure.
 ///
-/// Fails with `NUNET_ALREADY_OWNED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
+/// Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
 /// does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nunet_publisher_open(

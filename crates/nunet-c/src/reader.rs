@@ -135,7 +135,7 @@ pub extern "C" fn nunet_reader_next_set(
 ///
 /// Fails with `NUNET_NO_SUCH_TOPIC`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_reader_owner(
+pub extern "C" fn nunet_reader_publisher(
     reader: *const ReaderHandle,
     topic: u32,
     pid: Option<&mut MaybeUninit<u32>>,
@@ -143,14 +143,14 @@ pub extern "C" fn nunet_reader_owner(
 ) -> Status {
     guard(|| {
         let reader = READERS.get(reader)?;
-        let owner = locked(&reader).owner(word(topic, "topic")?)?;
-        fill(pid, owner.map_or(0, |owner| owner.pid));
-        fill(alive, owner.is_some_and(|owner| owner.alive));
+        let publisher = locked(&reader).publisher(word(topic, "topic")?)?;
+        fill(pid, publisher.map_or(0, |publisher| publisher.pid));
+        fill(alive, publisher.is_some_and(|publisher| publisher.alive));
         Ok(())
     })
 }
 
-/// Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_owner()`. A reader that
+/// Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_publisher()`. A reader that
 /// is not connected need not be opened again: it receives the frames of the next publisher. False for a reader that is closed
 /// or NULL.
 #[unsafe(no_mangle)]

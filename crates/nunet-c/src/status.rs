@@ -31,7 +31,7 @@ pub enum Status {
     /// As many loans as allowed are open: send or release one.
     TooManyLoans = 7,
     /// Another process publishes this camera.
-    AlreadyOwned = 8,
+    AlreadyPublished = 8,
     /// Readers keep services open that were made with other limits.
     OtherLimits = 9,
     /// Shared memory is missing or too small.
@@ -123,7 +123,7 @@ impl From<IpcError> for Failure {
         let status = match error.kind() {
             Kind::InvalidArgument => Status::BadArgument,
             Kind::SharedMemory => Status::SharedMemory,
-            Kind::AlreadyPublished => Status::AlreadyOwned,
+            Kind::AlreadyPublished => Status::AlreadyPublished,
             Kind::ContractVersion => Status::WrongContractVersion,
             Kind::OtherLimits => Status::OtherLimits,
             Kind::NobodyPublishes => Status::NobodyPublishes,

@@ -1,6 +1,6 @@
 //! From an image to metric depth and a point cloud.
 //!
-//! The modules read in the order of a frame's journey: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] -> [`filter`] ->
+//! The modules read in the order in which a frame passes them: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] -> [`filter`] ->
 //! [`cloud`], called in turn by [`pipeline`]. A later module may import an earlier one, never the reverse. Nothing here starts
 //! threads, opens sockets, prints, or reads a clock, and every large buffer is the caller's.
 //!

@@ -20,17 +20,17 @@ static COUNTING: CountingAllocator = CountingAllocator;
 const SIZE: (u32, u32) = (64, 48);
 /// The caller's memory for one frame.
 struct Buffers {
-    picture: Vec<u8>,
+    image: Vec<u8>,
     depth_m: Vec<f32>,
     labels: Vec<u8>,
     cloud: Vec<CloudPoint>,
 }
 
 impl Buffers {
-    fn new(picture_bytes: usize, (width, height): (u32, u32)) -> Self {
+    fn new(image_bytes: usize, (width, height): (u32, u32)) -> Self {
         let pixels = (width * height) as usize;
         Self {
-            picture: (0..picture_bytes).map(|i| (i * 31 % 251) as u8).collect(),
+            image: (0..image_bytes).map(|i| (i * 31 % 251) as u8).collect(),
             depth_m: vec![0.0; pixels],
             labels: vec![0; pixels],
             cloud: vec![CloudPoint::NONE; pixels],
@@ -65,16 +65,16 @@ fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFo
     let mut frames = |count: usize| {
         for i in 0..count {
             // Images and results do not change in step: 4 of each, in 16 pairs.
-            let picture = std::mem::take(&mut buffers[i / 4 % 4].picture);
+            let image = std::mem::take(&mut buffers[i / 4 % 4].image);
             let memory = &mut buffers[i % 4];
-            let frame = ImageView::packed(&picture, size.0, size.1, format).unwrap();
+            let frame = ImageView::packed(&image, size.0, size.1, format).unwrap();
             let outputs = Outputs {
                 depth_m: &mut memory.depth_m,
                 labels: labels.then_some(&mut memory.labels[..]),
                 cloud: Some(&mut memory.cloud),
             };
             pipeline.process(&frame, outputs, &clock).unwrap();
-            buffers[i / 4 % 4].picture = picture;
+            buffers[i / 4 % 4].image = image;
         }
     };
     frames(16);
@@ -138,7 +138,7 @@ fn filters_allocate_nothing_and_neither_does_forgetting() {
 }
 
 #[test]
-fn later_pictures_of_a_size_are_preprocessed_without_allocation() {
+fn later_images_of_the_same_size_are_preprocessed_without_allocation() {
     for &format in PixelFormat::ALL {
         for (width, height) in [SIZE, (131, 97), (40, 20)] {
             let bytes = vec![100; format.byte_len(width, height, format.min_stride(width))];

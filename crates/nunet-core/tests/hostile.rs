@@ -4,7 +4,7 @@
 #[path = "../../../fuzz/src/description.rs"]
 mod body;
 
-use nunet_testkit::hostile::{greedy_texts, keep_for_fuzzing, sweep};
+use nunet_testkit::hostile::{feed_damaged, greedy_texts, keep_for_fuzzing};
 use proptest::prelude::*;
 
 const CALIBRATION: &str = "image_width: 640
@@ -96,7 +96,7 @@ fn all() -> [Target; 4] {
     ]
 }
 
-/// A sweep over a text that is wrong from the beginning would try nothing.
+/// Damaged copies of a text that is invalid to begin with would test nothing.
 #[test]
 fn every_text_is_good_before_it_is_damaged() {
     assert!(nunet_core::camera::Calibration::parse(CALIBRATION).is_ok());
@@ -120,7 +120,7 @@ fn every_text_is_good_before_it_is_damaged() {
 fn damaged_texts_never_panic() {
     for (target, take, texts) in all() {
         for text in texts {
-            sweep(target, text.as_bytes(), take);
+            feed_damaged(target, text.as_bytes(), take);
         }
     }
 }

@@ -9,7 +9,7 @@ mod body;
 mod header;
 
 use nunet_testkit::demo::DemoScene;
-use nunet_testkit::hostile::{greedy_texts, keep_for_fuzzing, sweep};
+use nunet_testkit::hostile::{feed_damaged, greedy_texts, keep_for_fuzzing};
 use proptest::prelude::*;
 
 const CONFIG: &str = r#"model = "a.onnx"
@@ -65,7 +65,7 @@ fn pictures() -> Vec<(&'static str, Vec<u8>)> {
 fn damaged_y4m_never_panics() {
     for (number, pipe) in pipes().into_iter().enumerate() {
         keep_for_fuzzing("y4m", &number.to_string(), &pipe);
-        sweep("y4m", &pipe, body::y4m);
+        feed_damaged("y4m", &pipe, body::y4m);
     }
 }
 
@@ -83,7 +83,7 @@ fn raw_pictures_of_every_format_and_length_never_panic() {
 #[test]
 fn damaged_configurations_never_panic() {
     keep_for_fuzzing("config", "all", CONFIG.as_bytes());
-    sweep("config", CONFIG.as_bytes(), body::config);
+    feed_damaged("config", CONFIG.as_bytes(), body::config);
     for text in greedy_texts() {
         body::config(text.as_bytes());
     }
@@ -92,8 +92,8 @@ fn damaged_configurations_never_panic() {
 #[test]
 fn damaged_pictures_never_panic() {
     for (name, file) in pictures() {
-        keep_for_fuzzing("picture", name, &file);
-        sweep(name, &file, body::picture);
+        keep_for_fuzzing("image", name, &file);
+        feed_damaged(name, &file, body::image);
     }
 }
 
@@ -116,6 +116,6 @@ proptest! {
         body::y4m(&bytes);
         body::y4m(&[b"YUV4MPEG2 ", bytes.as_slice()].concat());
         body::raw(&bytes);
-        body::picture(&bytes);
+        body::image(&bytes);
     }
 }

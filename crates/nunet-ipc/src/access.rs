@@ -229,9 +229,9 @@ pub fn check_files() -> Result<String, IpcError> {
             }
         }
     }
-    let told =
+    let users =
         |groups: Vec<String>| if groups.is_empty() { "no group".to_owned() } else { groups.join(", ") };
-    Ok(format!("{count} segments of payload, read by {}, written by {}", told(readers), told(writers)))
+    Ok(format!("{count} segments of payload, read by {}, written by {}", users(readers), users(writers)))
 }
 
 /// Gives the files that a publisher has created so far to the group of [`share_with`]: those with the process id in one of
@@ -288,7 +288,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn groups_are_told_by_name_and_number() {
+    fn groups_are_shown_by_name_and_number() {
         let groups = "root:x:0:\nrobots:x:1234:ann,bob\nbroken\nodd:x:none:\n";
         assert_eq!(gid_in(groups, "robots"), Some(1234));
         assert_eq!(gid_in(groups, "robot"), None);

@@ -9,7 +9,7 @@ use crate::error::IpcError;
 use crate::iceoryx::{Iceoryx, check_root, config, root};
 use crate::name::CameraName;
 use crate::recovery;
-use crate::service::{open_topic, owner_of};
+use crate::service::{open_topic, publisher_of};
 
 /// The cameras whose `topic` a living process publishes, sorted by name. Cameras of users who do not share memory with this
 /// one are not listed.
@@ -36,7 +36,7 @@ pub fn list(topic: Topic) -> Result<Vec<CameraName>, IpcError> {
     let node = recovery::create_node()?;
     cameras.retain(|camera| {
         let service = open_topic(&node, camera, topic).ok().flatten();
-        service.as_ref().and_then(owner_of).is_some_and(|owner| owner.alive)
+        service.as_ref().and_then(publisher_of).is_some_and(|publisher| publisher.alive)
     });
     cameras.sort();
     cameras.dedup();

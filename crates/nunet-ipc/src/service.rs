@@ -99,21 +99,21 @@ pub(crate) fn is_complete(name: &str, pattern: MessagingPattern) -> Result<bool,
 }
 
 /// The process that publishes on a service.
-pub(crate) fn owner_of(service: &TopicService) -> Option<Process> {
-    let mut owner = None;
+pub(crate) fn publisher_of(service: &TopicService) -> Option<Process> {
+    let mut node_id = None;
     service.dynamic_config().list_publishers(|publisher| {
-        owner = Some(publisher.node_id);
+        node_id = Some(publisher.node_id);
         CallbackProgression::Stop
     });
-    let owner = owner?;
-    let pid = owner.pid::<Iceoryx>().map_or(0, |pid| pid.value().cast_unsigned());
+    let node_id = node_id?;
+    let pid = node_id.pid::<Iceoryx>().map_or(0, |pid| pid.value().cast_unsigned());
     let mut alive = false;
-    // A listing that fails halfway reports the owner as dead: it could not be found.
+    // A listing that fails halfway reports the publisher as dead: it could not be found.
     let _ = service.nodes(|node| {
-        alive |= *node.node_id() == owner
+        alive |= *node.node_id() == node_id
             && match &node {
                 NodeState::Alive(_) => true,
-                // The signs of life of another user's process cannot be read.
+                // Whether another user's process is alive cannot be read from iceoryx2's files.
                 NodeState::Inaccessible(_) => Path::new("/proc").join(pid.to_string()).exists(),
                 _ => false,
             };

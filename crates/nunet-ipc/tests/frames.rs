@@ -1,4 +1,4 @@
-//! Owners and readers: who gets which frame, and what nobody can do to anybody else.
+//! Publishers and readers: who gets which frame, and what nobody can do to anybody else.
 
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
@@ -9,12 +9,12 @@ use std::time::Duration;
 use nunet_ipc::{
     CameraName, Frame, IpcError, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake, cameras,
 };
-use support::{HEIGHT, PATIENCE, WIDTH, camera, eventually, owner, plan, publish_depth};
+use support::{HEIGHT, TIMEOUT, WIDTH, camera, eventually, plan, publish_depth, publisher};
 
 const SHORT: Duration = Duration::from_millis(50);
 
 fn depth_reader(camera: &CameraName) -> Reader {
-    Reader::open(camera, &[Topic::Depth], PATIENCE).unwrap()
+    Reader::open(camera, &[Topic::Depth], TIMEOUT).unwrap()
 }
 
 fn latest(reader: &Reader) -> Frame {
@@ -24,9 +24,9 @@ fn latest(reader: &Reader) -> Frame {
 #[test]
 fn a_published_frame_arrives_as_it_was_filled() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
-    publish_depth(&owner, 7);
+    publish_depth(&publisher, 7);
     let frame = latest(&reader);
     assert_eq!(frame.header().sequence, 7);
     assert_eq!(frame.depth().unwrap(), [7.0; WIDTH * HEIGHT]);
@@ -45,22 +45,22 @@ fn frames_and_readers_can_move_to_another_thread() {
 #[test]
 fn the_last_frame_reaches_a_late_joiner_though_the_source_stands_still() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
-    publish_depth(&owner, 1);
-    publish_depth(&owner, 2);
+    let publisher = publisher(&camera, &[Topic::Depth]);
+    publish_depth(&publisher, 1);
+    publish_depth(&publisher, 2);
     let reader = depth_reader(&camera);
-    owner.refresh().unwrap(); // as a timer would
+    publisher.refresh().unwrap(); // as a timer would
     assert_eq!(latest(&reader).header().sequence, 2);
 }
 
 #[test]
 fn a_slow_reader_gets_the_newest_frame_and_delays_nobody() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let (slow, fast) = (depth_reader(&camera), depth_reader(&camera));
     for sequence in 0..1000 {
-        publish_depth(&owner, sequence);
-        owner.notify(Wake::Depth).unwrap(); // nor do wake-ups that nobody picks up block
+        publish_depth(&publisher, sequence);
+        publisher.notify(Wake::Depth).unwrap(); // nor do wake-ups that nobody picks up block
         assert_eq!(latest(&fast).header().sequence, sequence);
     }
     assert_eq!(latest(&slow).header().sequence, 999);
@@ -68,9 +68,9 @@ fn a_slow_reader_gets_the_newest_frame_and_delays_nobody() {
 }
 
 #[test]
-fn readers_that_never_give_frames_back_stop_neither_the_owner_nor_others() {
+fn readers_that_never_give_frames_back_stop_neither_the_publisher_nor_others() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let limits = Limits::default();
     let mut hoarders = Vec::new();
     for _ in 0..limits.max_readers - 1 {
@@ -78,7 +78,7 @@ fn readers_that_never_give_frames_back_stop_neither_the_owner_nor_others() {
     }
     let honest = depth_reader(&camera);
     for sequence in 0..100 {
-        publish_depth(&owner, sequence); // panics when there is no free chunk
+        publish_depth(&publisher, sequence); // panics when there is no free chunk
         for (reader, held) in &mut hoarders {
             if held.len() < limits.max_held_frames && sequence % 3 == 0 {
                 held.push(latest(reader));
@@ -98,11 +98,11 @@ proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig { cases: 8, failure_persistence: None, ..Default::default() })]
 
     /// The bound of `Limits::chunks_of` is lower than iceoryx2's own: here readers come, hold, let go and leave in
-    /// any order, and the owner must still find a free chunk for every frame.
+    /// any order, and the publisher must still find a free chunk for every frame.
     #[test]
     fn a_loan_succeeds_whatever_the_readers_do(actions in proptest::collection::vec((0_usize..4, 0_u8..6), 200)) {
         let camera = camera();
-        let owner = owner(&camera, &[Topic::Depth]);
+        let publisher = publisher(&camera, &[Topic::Depth]);
         let mut readers: [Option<Reader>; 4] = std::array::from_fn(|_| None);
         let mut held: [Vec<Frame>; 4] = Default::default();
         for (sequence, (who, action)) in actions.into_iter().enumerate() {
@@ -116,7 +116,7 @@ proptest::proptest! {
                 (4, Some(_)) if !held[who].is_empty() => drop(held[who].remove(0)),
                 _ => {}
             }
-            publish_depth(&owner, sequence as u64); // panics when there is no free chunk
+            publish_depth(&publisher, sequence as u64); // panics when there is no free chunk
         }
     }
 }
@@ -124,11 +124,11 @@ proptest::proptest! {
 #[test]
 fn a_hoarder_goes_on_with_the_newest_frame_once_it_lets_go() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     let mut held = Vec::new();
     for sequence in 0..5 {
-        publish_depth(&owner, sequence);
+        publish_depth(&publisher, sequence);
         if let Ok(frame) = reader.latest(Topic::Depth) {
             held.extend(frame);
         }
@@ -138,9 +138,9 @@ fn a_hoarder_goes_on_with_the_newest_frame_once_it_lets_go() {
 }
 
 #[test]
-fn a_second_owner_of_the_same_camera_is_refused_by_name() {
+fn a_second_publisher_of_the_same_camera_is_refused_by_name() {
     let camera = camera();
-    let first = owner(&camera, &[Topic::Depth]);
+    let first = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     let error = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
     let expected = format!(
@@ -155,46 +155,46 @@ fn a_second_owner_of_the_same_camera_is_refused_by_name() {
 #[test]
 fn a_camera_and_a_daemon_share_a_name_with_different_topics() {
     let camera = camera();
-    let _camera_driver = owner(&camera, &[Topic::Rgb]);
-    let daemon = owner(&camera, &[Topic::Depth, Topic::Labels]);
+    let _camera_driver = publisher(&camera, &[Topic::Rgb]);
+    let daemon = publisher(&camera, &[Topic::Depth, Topic::Labels]);
     assert!(matches!(daemon.loan(Topic::Rgb), Err(IpcError::NoSuchTopic { topic: Topic::Rgb, .. })));
 }
 
 #[test]
-fn a_reader_goes_on_with_the_next_owner_of_its_camera() {
+fn a_reader_goes_on_with_the_next_publisher_of_its_camera() {
     let camera = camera();
-    let first = owner(&camera, &[Topic::Depth]);
+    let first = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     publish_depth(&first, 41);
     assert_eq!(latest(&reader).header().sequence, 41);
     assert!(reader.is_connected());
     drop(first);
     assert!(!reader.is_connected());
-    assert_eq!(reader.owner(Topic::Depth).unwrap(), None);
-    let second = owner(&camera, &[Topic::Depth]);
+    assert_eq!(reader.publisher(Topic::Depth).unwrap(), None);
+    let second = publisher(&camera, &[Topic::Depth]);
     publish_depth(&second, 1);
     assert_eq!(latest(&reader).header().sequence, 1);
     assert!(reader.is_connected());
 }
 
 #[test]
-fn a_frame_outlives_its_reader_and_its_owner() {
+fn a_frame_outlives_its_reader_and_its_publisher() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
-    publish_depth(&owner, 5);
+    publish_depth(&publisher, 5);
     let frame = latest(&reader);
     drop(reader);
-    (6..40).for_each(|sequence| publish_depth(&owner, sequence)); // every chunk comes round
+    (6..40).for_each(|sequence| publish_depth(&publisher, sequence)); // every chunk comes round
     assert_eq!(frame.depth().unwrap(), [5.0; WIDTH * HEIGHT]);
-    drop(owner);
+    drop(publisher);
     assert_eq!(frame.depth().unwrap(), [5.0; WIDTH * HEIGHT]);
 }
 
 #[test]
 fn one_reader_more_than_planned_is_refused() {
     let camera = camera();
-    let _owner = owner(&camera, &[Topic::Depth]);
+    let _publisher = publisher(&camera, &[Topic::Depth]);
     let readers: Vec<_> = (0..Limits::default().max_readers).map(|_| depth_reader(&camera)).collect();
     let error = Reader::open(&camera, &[Topic::Depth], SHORT).unwrap_err();
     assert!(matches!(error, IpcError::TooManyReaders { limit: 4, .. }), "{error}");
@@ -210,66 +210,66 @@ fn a_camera_that_nobody_publishes_is_an_error_after_the_timeout() {
 
 #[test]
 fn cameras_are_listed_by_topic_while_a_living_process_publishes_them() {
-    let (depth, pictures) = (camera(), camera());
-    let of_depth = owner(&depth, &[Topic::Depth]);
-    let _of_pictures = owner(&pictures, &[Topic::Rgb]);
+    let (depth, images) = (camera(), camera());
+    let of_depth = publisher(&depth, &[Topic::Depth]);
+    let _of_images = publisher(&images, &[Topic::Rgb]);
     let has = |topic, camera: &CameraName| cameras::list(topic).unwrap().contains(camera);
-    assert!(has(Topic::Depth, &depth) && has(Topic::Rgb, &pictures));
-    assert!(!has(Topic::Rgb, &depth) && !has(Topic::Depth, &pictures));
+    assert!(has(Topic::Depth, &depth) && has(Topic::Rgb, &images));
+    assert!(!has(Topic::Rgb, &depth) && !has(Topic::Depth, &images));
     let _reader = depth_reader(&depth);
     drop(of_depth);
     assert!(!has(Topic::Depth, &depth), "a reader that waits keeps the service, not the camera");
 }
 
 #[test]
-fn a_reader_may_come_before_the_owner() {
+fn a_reader_may_come_before_the_publisher() {
     let camera = camera();
     let name = camera.clone();
     let waiting = std::thread::spawn(move || depth_reader(&name));
     std::thread::sleep(SHORT);
-    let _owner = owner(&camera, &[Topic::Depth]);
+    let _publisher = publisher(&camera, &[Topic::Depth]);
     assert!(waiting.join().unwrap().is_connected());
 }
 
 #[test]
 fn a_sleeping_reader_is_woken_by_its_own_topics_only() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Rgb, Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Rgb, Topic::Depth]);
     let reader = depth_reader(&camera);
-    while reader.wait(SHORT).unwrap() {} // whatever was left of the owner's coming
-    owner.notify(Wake::Picture).unwrap();
+    while reader.wait(SHORT).unwrap() {} // whatever was left of the publisher's coming
+    publisher.notify(Wake::Image).unwrap();
     assert!(!reader.wait(SHORT).unwrap());
-    owner.notify(Wake::Depth).unwrap();
-    assert!(reader.wait(PATIENCE).unwrap());
+    publisher.notify(Wake::Depth).unwrap();
+    assert!(reader.wait(TIMEOUT).unwrap());
 }
 
 #[test]
-fn an_owner_that_leaves_wakes_its_readers() {
+fn an_publisher_that_leaves_wakes_its_readers() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
-    drop(owner);
-    assert!(reader.wait(PATIENCE).unwrap());
+    drop(publisher);
+    assert!(reader.wait(TIMEOUT).unwrap());
 }
 
 #[test]
 fn a_set_is_complete_when_every_topic_has_the_same_sequence_and_time_of_capture() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Labels, Topic::Depth]);
-    let mut reader = Reader::open(&camera, &[Topic::Depth, Topic::Labels], PATIENCE).unwrap();
+    let publisher = publisher(&camera, &[Topic::Labels, Topic::Depth]);
+    let mut reader = Reader::open(&camera, &[Topic::Depth, Topic::Labels], TIMEOUT).unwrap();
     let labels = |sequence| {
-        let mut loan = owner.loan(Topic::Labels).unwrap();
+        let mut loan = publisher.loan(Topic::Labels).unwrap();
         loan.header_mut().sequence = sequence;
         loan.publish(0).unwrap();
     };
     labels(1);
     assert!(reader.next_set().unwrap().is_none(), "depth is missing");
-    publish_depth(&owner, 1);
+    publish_depth(&publisher, 1);
     let first = reader.next_set().unwrap().unwrap();
     labels(2); // its depth never comes
     assert!(reader.next_set().unwrap().is_none());
     labels(3);
-    publish_depth(&owner, 3);
+    publish_depth(&publisher, 3);
     let second = reader.next_set().unwrap().unwrap(); // while the first is still held
     let sequences =
         |set: &nunet_ipc::FrameSet| set.iter().map(|frame| frame.header().sequence).collect::<Vec<_>>();
@@ -277,13 +277,14 @@ fn a_set_is_complete_when_every_topic_has_the_same_sequence_and_time_of_capture(
     assert!(second.get(Topic::Cloud).is_none());
 }
 
-/// Not every publisher counts its pictures, and one that begins again counts from 0.
+/// Not every publisher counts its images, and one that begins again counts from 0.
 #[test]
 fn frames_of_one_number_that_were_taken_at_other_times_are_no_set() {
     let camera = camera();
-    let (driver, daemon) = (owner(&camera, &[Topic::Rgb]), owner(&camera, &[Topic::Labels, Topic::Depth]));
-    let publish = |owner: &Publisher, topic, capture_nanos| {
-        let mut loan = owner.loan(topic).unwrap();
+    let (driver, daemon) =
+        (publisher(&camera, &[Topic::Rgb]), publisher(&camera, &[Topic::Labels, Topic::Depth]));
+    let publish = |publisher: &Publisher, topic, capture_nanos| {
+        let mut loan = publisher.loan(topic).unwrap();
         loan.header_mut().sequence = 7;
         loan.header_mut().capture_nanos = capture_nanos;
         loan.publish(0).unwrap();
@@ -292,8 +293,8 @@ fn frames_of_one_number_that_were_taken_at_other_times_are_no_set() {
         let set = reader.next_set().unwrap();
         set.map(|set| set.iter().map(|frame| frame.header().capture_nanos).collect::<Vec<_>>())
     };
-    let mut results = Reader::open(&camera, &[Topic::Depth, Topic::Labels], PATIENCE).unwrap();
-    let mut all = Reader::open(&camera, &[Topic::Rgb, Topic::Depth, Topic::Labels], PATIENCE).unwrap();
+    let mut results = Reader::open(&camera, &[Topic::Depth, Topic::Labels], TIMEOUT).unwrap();
+    let mut all = Reader::open(&camera, &[Topic::Rgb, Topic::Depth, Topic::Labels], TIMEOUT).unwrap();
     publish(&driver, Topic::Rgb, 100);
     publish(&daemon, Topic::Labels, 100);
     publish(&daemon, Topic::Depth, 200);
@@ -302,7 +303,7 @@ fn frames_of_one_number_that_were_taken_at_other_times_are_no_set() {
     publish(&daemon, Topic::Labels, 200);
     assert_eq!(times(&mut results), Some(vec![200, 200]));
     assert_eq!(times(&mut all), Some(vec![200, 200, 200]));
-    // A picture is kept for its depth, although the next one has the same number.
+    // A image is kept for its depth, although the next one has the same number.
     publish(&driver, Topic::Rgb, 300);
     assert_eq!(times(&mut all), None);
     publish(&driver, Topic::Rgb, 400);
@@ -312,11 +313,11 @@ fn frames_of_one_number_that_were_taken_at_other_times_are_no_set() {
 }
 
 #[test]
-fn results_are_joined_with_their_picture_though_the_camera_is_ahead_of_them() {
+fn results_are_joined_with_their_image_although_the_camera_is_ahead() {
     let camera = camera();
-    let (driver, daemon) = (owner(&camera, &[Topic::Rgb]), owner(&camera, &[Topic::Depth]));
-    let mut reader = Reader::open(&camera, &[Topic::Rgb, Topic::Depth], PATIENCE).unwrap();
-    let picture = |sequence| {
+    let (driver, daemon) = (publisher(&camera, &[Topic::Rgb]), publisher(&camera, &[Topic::Depth]));
+    let mut reader = Reader::open(&camera, &[Topic::Rgb, Topic::Depth], TIMEOUT).unwrap();
+    let image = |sequence| {
         let mut loan = driver.loan(Topic::Rgb).unwrap();
         loan.header_mut().sequence = sequence;
         loan.publish(0).unwrap();
@@ -324,43 +325,43 @@ fn results_are_joined_with_their_picture_though_the_camera_is_ahead_of_them() {
     let sequences = |set: Option<nunet_ipc::FrameSet>| {
         set.map(|set| set.iter().map(|frame| frame.header().sequence).collect::<Vec<_>>())
     };
-    picture(1);
+    image(1);
     assert_eq!(sequences(reader.next_set().unwrap()), None);
-    picture(2);
-    assert_eq!(sequences(reader.next_set().unwrap()), None, "picture 1 is kept for its depth");
+    image(2);
+    assert_eq!(sequences(reader.next_set().unwrap()), None, "image 1 is kept for its depth");
     publish_depth(&daemon, 1);
     assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![1, 1]));
 
-    assert_eq!(sequences(reader.next_set().unwrap()), None, "picture 2 is kept");
-    picture(3);
-    publish_depth(&daemon, 3); // picture 2 was passed over
+    assert_eq!(sequences(reader.next_set().unwrap()), None, "image 2 is kept");
+    image(3);
+    publish_depth(&daemon, 3); // image 2 was passed over
     assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![3, 3]));
 
-    picture(9);
+    image(9);
     assert_eq!(sequences(reader.next_set().unwrap()), None);
-    picture(0); // the camera begins anew
+    image(0); // the camera begins anew
     publish_depth(&daemon, 0);
     assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![0, 0]));
 }
 
 #[test]
-fn demand_is_visible_to_the_owner() {
+fn demand_is_visible_to_the_publisher() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth, Topic::Labels]);
-    assert!(!owner.has_readers(Topic::Depth));
+    let publisher = publisher(&camera, &[Topic::Depth, Topic::Labels]);
+    assert!(!publisher.has_readers(Topic::Depth));
     let reader = depth_reader(&camera);
-    assert!(owner.has_readers(Topic::Depth));
-    assert!(!owner.has_readers(Topic::Labels));
+    assert!(publisher.has_readers(Topic::Depth));
+    assert!(!publisher.has_readers(Topic::Labels));
     drop(reader);
-    assert!(!owner.has_readers(Topic::Depth));
+    assert!(!publisher.has_readers(Topic::Depth));
 }
 
 #[test]
 fn a_view_of_the_wrong_kind_is_refused() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
-    publish_depth(&owner, 1);
+    publish_depth(&publisher, 1);
     let frame = latest(&reader);
     assert!(matches!(frame.labels(), Err(IpcError::WrongEncoding { .. })));
     assert!(matches!(frame.points(), Err(IpcError::WrongEncoding { .. })));
@@ -370,9 +371,9 @@ fn a_view_of_the_wrong_kind_is_refused() {
 #[test]
 fn a_header_that_contradicts_its_payload_is_refused() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
-    let mut loan = owner.loan(Topic::Depth).unwrap();
+    let mut loan = publisher.loan(Topic::Depth).unwrap();
     support::describe(&mut loan, 1);
     loan.header_mut().height += 1;
     loan.publish(0).unwrap();
@@ -384,9 +385,9 @@ fn a_header_that_contradicts_its_payload_is_refused() {
 fn statistics_travel_as_a_record() {
     let camera = camera();
     let plan = TopicPlan { topic: Topic::Stats, payload_bytes: size_of::<StatsRecord>() };
-    let owner = Publisher::create(&camera, &[plan], &Limits::default()).unwrap();
-    let reader = Reader::open(&camera, &[Topic::Stats], PATIENCE).unwrap();
-    let mut loan = owner.loan(Topic::Stats).unwrap();
+    let publisher = Publisher::create(&camera, &[plan], &Limits::default()).unwrap();
+    let reader = Reader::open(&camera, &[Topic::Stats], TIMEOUT).unwrap();
+    let mut loan = publisher.loan(Topic::Stats).unwrap();
     loan.header_mut().set_encoding(nunet_ipc::Encoding::StatsRecord);
     loan.slice_mut::<StatsRecord>().unwrap()[0] =
         StatsRecord { captured: 3, published: 2, ..Default::default() };
@@ -398,10 +399,10 @@ fn statistics_travel_as_a_record() {
 #[test]
 fn more_bytes_than_planned_are_refused_and_fewer_are_not() {
     let camera = camera();
-    let owner = owner(&camera, &[Topic::Depth]);
+    let publisher = publisher(&camera, &[Topic::Depth]);
     let planned = plan(Topic::Depth).payload_bytes;
-    assert!(matches!(owner.loan_bytes(Topic::Depth, planned + 1), Err(IpcError::PayloadTooLarge { .. })));
-    assert_eq!(owner.loan_bytes(Topic::Depth, 10).unwrap().bytes_mut().len(), 10);
+    assert!(matches!(publisher.loan_bytes(Topic::Depth, planned + 1), Err(IpcError::PayloadTooLarge { .. })));
+    assert_eq!(publisher.loan_bytes(Topic::Depth, 10).unwrap().bytes_mut().len(), 10);
 }
 
 #[test]
@@ -410,13 +411,13 @@ fn memory_that_is_not_there_is_refused_before_it_is_taken() {
     let error =
         Publisher::create_within(&camera, &[plan(Topic::Depth)], &Limits::default(), 1000).unwrap_err();
     assert!(matches!(error, IpcError::SharedMemoryTooSmall { free_bytes: 1000, .. }), "{error}");
-    owner(&camera, &[Topic::Depth]); // and nothing is in the way of a smaller one
+    publisher(&camera, &[Topic::Depth]); // and nothing is in the way of a smaller one
 }
 
 #[test]
-fn an_owner_with_other_limits_cannot_take_over_services_that_readers_keep_open() {
+fn an_publisher_with_other_limits_cannot_take_over_services_that_readers_keep_open() {
     let camera = camera();
-    let first = owner(&camera, &[Topic::Depth]);
+    let first = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
     drop(first);
     let limited = |max_readers| Limits { max_readers, ..Limits::default() };
@@ -429,20 +430,20 @@ fn an_owner_with_other_limits_cannot_take_over_services_that_readers_keep_open()
 }
 
 #[test]
-fn an_owner_with_other_limits_hears_of_the_one_that_lives() {
+fn an_publisher_with_other_limits_hears_of_the_one_that_lives() {
     let camera = camera();
-    let _owner = owner(&camera, &[Topic::Depth]);
+    let _publisher = publisher(&camera, &[Topic::Depth]);
     for max_readers in [2, 9] {
         let limits = Limits { max_readers, ..Limits::default() };
         let error = Publisher::create(&camera, &[plan(Topic::Depth)], &limits).unwrap_err();
-        assert!(matches!(error, IpcError::AlreadyOwned { .. }), "{max_readers}: {error}");
+        assert!(matches!(error, IpcError::AlreadyPublished { .. }), "{max_readers}: {error}");
     }
 }
 
 #[test]
-fn an_owner_whose_turn_does_not_come_gives_up_when_it_is_asked_to() {
+fn an_publisher_whose_turn_does_not_come_gives_up_when_it_is_asked_to() {
     let camera = camera();
-    drop(owner(&camera, &[Topic::Depth])); // the folder is there from now on
+    drop(publisher(&camera, &[Topic::Depth])); // the folder is there from now on
     let folder = std::fs::File::open(nunet_ipc::root()).unwrap();
     folder.lock().unwrap();
     let asked = std::cell::Cell::new(0);

@@ -1,4 +1,4 @@
-//! Owners and readers in processes of their own: the same memory, and what is left when they are killed.
+//! Publishers and readers in processes of their own: the same memory, and what is left when they are killed.
 
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
@@ -11,7 +11,7 @@ use nunet_ipc::{
     CameraName, IpcError, IpcErrorKind, Limits, Publisher, Reader, Topic, TopicPlan, Wake, orphans,
 };
 use support::{
-    HEIGHT, PATIENCE, Sandbox, WIDTH, describe, eventually, listen, plan, publish_depth, role, say,
+    HEIGHT, Sandbox, TIMEOUT, WIDTH, describe, eventually, listen, plan, publish_depth, role, say,
 };
 
 /// Not a test: what this binary does when [`Sandbox::spawn`] runs it in another process.
@@ -23,7 +23,7 @@ fn peer() {
         "own in vain" => say(&create(&argument).unwrap_err().to_string()),
         "read" => read(&argument),
         "look once" => {
-            Reader::open(&CameraName::new(&argument).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+            Reader::open(&CameraName::new(&argument).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
             say("ready");
         }
         "wait in vain" => wait_in_vain(&argument),
@@ -44,18 +44,18 @@ fn create(camera: &str) -> Result<Publisher, IpcError> {
 
 /// Publishes until the test ends it.
 fn own(camera: &str) {
-    let owner = create(camera).unwrap();
+    let publisher = create(camera).unwrap();
     say("ready");
     for sequence in 0.. {
-        publish_depth(&owner, sequence);
-        owner.notify(Wake::Depth).unwrap();
+        publish_depth(&publisher, sequence);
+        publisher.notify(Wake::Depth).unwrap();
         std::thread::sleep(Duration::from_millis(1));
     }
 }
 
 /// Reads until the test ends it, holding as many frames as it may.
 fn read(camera: &str) {
-    let mut reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let mut reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     say("ready");
     let mut held = Vec::new();
     loop {
@@ -97,11 +97,11 @@ fn place_of<T>(pointer: *const T) -> String {
 }
 
 fn show_a_pointer(camera: &str) {
-    let owner = create(camera).unwrap();
+    let publisher = create(camera).unwrap();
     say("ready");
     for sequence in 1..=20 {
         listen();
-        let mut loan = owner.loan(Topic::Depth).unwrap();
+        let mut loan = publisher.loan(Topic::Depth).unwrap();
         describe(&mut loan, sequence);
         let depth = loan.slice_mut::<f32>().unwrap();
         depth.iter_mut().enumerate().for_each(|(index, cell)| *cell = (index as u64 * sequence) as f32);
@@ -113,7 +113,7 @@ fn show_a_pointer(camera: &str) {
 }
 
 fn look_at_a_pointer(camera: &str) {
-    let reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     say("ready");
     for sequence in 1..=20 {
         let frame = eventually("a frame", || reader.latest(Topic::Depth).unwrap());
@@ -129,21 +129,21 @@ fn publish_everything_of_vga(camera: &str) {
     let pixels = 640 * 480;
     let plans = [(Topic::Rgb, 3), (Topic::Depth, 4), (Topic::Labels, 1), (Topic::Cloud, 16)]
         .map(|(topic, bytes)| TopicPlan { topic, payload_bytes: pixels * bytes });
-    let owner = Publisher::create(&CameraName::new(camera).unwrap(), &plans, &Limits::default()).unwrap();
-    say(&owner.reservation().total_bytes().to_string());
+    let publisher = Publisher::create(&CameraName::new(camera).unwrap(), &plans, &Limits::default()).unwrap();
+    say(&publisher.reservation().total_bytes().to_string());
     let faults_before = minor_faults();
     for _ in 0..100 {
         for plan in plans {
-            let mut loan = owner.loan(plan.topic).unwrap();
+            let mut loan = publisher.loan(plan.topic).unwrap();
             loan.bytes_mut().fill(1);
             loan.publish(0).unwrap();
         }
     }
     say(&(minor_faults() - faults_before).to_string());
     let readers: Vec<_> = (0..2)
-        .map(|_| Reader::open(owner.camera(), &plans.map(|plan| plan.topic), PATIENCE).unwrap())
+        .map(|_| Reader::open(publisher.camera(), &plans.map(|plan| plan.topic), TIMEOUT).unwrap())
         .collect();
-    owner.refresh().unwrap();
+    publisher.refresh().unwrap();
     assert!(readers.iter().all(|reader| reader.latest(Topic::Cloud).unwrap().is_some()));
     say("everything is in use");
     listen();
@@ -163,29 +163,29 @@ fn leftovers(sandbox: &Sandbox) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_reader_in_another_process_looks_at_the_very_bytes_that_the_owner_filled() {
+fn a_reader_in_another_process_looks_at_the_very_bytes_that_the_publisher_filled() {
     let sandbox = Sandbox::new();
-    let mut owner = sandbox.spawn("peer", "show a pointer", "front");
-    owner.line();
+    let mut publisher = sandbox.spawn("peer", "show a pointer", "front");
+    publisher.line();
     let mut reader = sandbox.spawn("peer", "look at a pointer", "front");
     reader.line();
     for _ in 0..20 {
-        owner.tell("next");
-        assert_eq!(owner.line(), reader.line());
+        publisher.tell("next");
+        assert_eq!(publisher.line(), reader.line());
     }
     reader.finish();
-    owner.finish();
+    publisher.finish();
     assert_eq!(leftovers(&sandbox), Vec::<PathBuf>::new());
 }
 
 #[test]
 fn a_camera_uses_no_more_shared_memory_than_it_reserved_and_touches_it_at_start() {
     let sandbox = Sandbox::new();
-    let mut owner = sandbox.spawn("peer", "publish everything of vga", "front");
-    let reserved: u64 = owner.line().parse().unwrap();
+    let mut publisher = sandbox.spawn("peer", "publish everything of vga", "front");
+    let reserved: u64 = publisher.line().parse().unwrap();
     let used_at_start: u64 = sandbox.shared_memory().iter().map(|(_, bytes)| bytes).sum();
-    let faults: u64 = owner.line().parse().unwrap();
-    assert_eq!(owner.line(), "everything is in use");
+    let faults: u64 = publisher.line().parse().unwrap();
+    assert_eq!(publisher.line(), "everything is in use");
     let used: u64 = sandbox.shared_memory().iter().map(|(_, bytes)| bytes).sum();
     println!(
         "reserved {reserved}, at start {used_at_start}, in use {used}, {faults} minor faults in 400 frames"
@@ -195,12 +195,12 @@ fn a_camera_uses_no_more_shared_memory_than_it_reserved_and_touches_it_at_start(
     assert!(used_at_start > used * 99 / 100, "frames and readers needed {} bytes more", used - used_at_start);
     // 400 frames of 1.8 MB on average are 180 000 pages.
     assert!(faults < 1000, "{faults} pages were first touched by a frame");
-    owner.finish();
+    publisher.finish();
     assert_eq!(leftovers(&sandbox), Vec::<PathBuf>::new());
 }
 
 #[test]
-fn a_second_owner_is_told_which_process_has_the_camera() {
+fn a_second_publisher_gets_the_process_that_has_the_camera() {
     let sandbox = Sandbox::new();
     let mut first = sandbox.spawn("peer", "own", "front");
     first.line();
@@ -210,7 +210,7 @@ fn a_second_owner_is_told_which_process_has_the_camera() {
 }
 
 #[test]
-fn a_dead_owner_makes_room_for_the_next_and_its_readers_go_on() {
+fn a_dead_publisher_makes_room_for_the_next_and_its_readers_go_on() {
     let sandbox = Sandbox::new();
     let mut first = sandbox.spawn("peer", "own", "front");
     first.line();
@@ -224,10 +224,10 @@ fn a_dead_owner_makes_room_for_the_next_and_its_readers_go_on() {
 #[test]
 fn the_dead_are_listed_and_cleaned_up_after() {
     let sandbox = Sandbox::new();
-    let mut owner = sandbox.spawn("peer", "own", "front");
-    owner.line();
-    owner.kill();
-    assert_eq!(sandbox.spawn("peer", "list orphans", "").line(), format!("[{}]", owner.pid()));
+    let mut publisher = sandbox.spawn("peer", "own", "front");
+    publisher.line();
+    publisher.kill();
+    assert_eq!(sandbox.spawn("peer", "list orphans", "").line(), format!("[{}]", publisher.pid()));
     assert_ne!(leftovers(&sandbox), Vec::<PathBuf>::new());
     let mut cleaner = sandbox.spawn("peer", "clean", "");
     assert_eq!(cleaner.line(), "Cleaning { removed: 1, failed: 0 }");
@@ -236,15 +236,15 @@ fn the_dead_are_listed_and_cleaned_up_after() {
 }
 
 #[test]
-fn nothing_is_left_after_owners_and_readers_were_killed_at_any_moment() {
+fn nothing_is_left_after_publishers_and_readers_were_killed_at_any_moment() {
     let sandbox = Sandbox::new();
     for round in 0..24_u64 {
-        let mut owner = sandbox.spawn("peer", "own", "front");
+        let mut publisher = sandbox.spawn("peer", "own", "front");
         let mut readers = [sandbox.spawn("peer", "read", "front"), sandbox.spawn("peer", "read", "front")];
         // From before the first service to the midst of the stream; spread evenly, so that a failure comes again.
         std::thread::sleep(Duration::from_micros(round * 2700));
         if round % 3 != 0 {
-            owner.kill();
+            publisher.kill();
         }
         if round % 3 != 1 {
             readers.iter_mut().for_each(support::Peer::kill);

@@ -7,7 +7,7 @@ mod support;
 use iceoryx2::config::Config;
 use iceoryx2::prelude::*;
 use nunet_ipc::{CONTRACT_ATTRIBUTE, IpcError, Limits, Publisher, Reader, Topic};
-use support::{PATIENCE, camera, plan};
+use support::{TIMEOUT, camera, plan};
 
 /// A header as a later version might have it: another size under another name.
 #[derive(Debug, Default, Clone, Copy, ZeroCopySend)]
@@ -26,7 +26,7 @@ fn config() -> Config {
 }
 
 #[test]
-fn a_service_of_another_version_is_refused_by_readers_and_owners() {
+fn a_service_of_another_version_is_refused_by_readers_and_publishers() {
     let camera = camera();
     let node = NodeBuilder::new().config(&config()).create::<ipc::Service>().unwrap();
     let name: ServiceName = camera.service(Topic::Depth).as_str().try_into().unwrap();
@@ -38,7 +38,7 @@ fn a_service_of_another_version_is_refused_by_readers_and_owners() {
     let expected = format!(
         "service `nunet/{camera}/depth` speaks version `2` of the nunet contract, but this program speaks `1`"
     );
-    let error = Reader::open(&camera, &[Topic::Depth], PATIENCE).unwrap_err();
+    let error = Reader::open(&camera, &[Topic::Depth], TIMEOUT).unwrap_err();
     assert_eq!(error.to_string(), expected);
     let error = Publisher::create(&camera, &[plan(Topic::Depth)], &Limits::default()).unwrap_err();
     assert_eq!(error.to_string(), expected);
@@ -50,6 +50,6 @@ fn a_service_without_a_version_is_refused() {
     let node = NodeBuilder::new().config(&config()).create::<ipc::Service>().unwrap();
     let name: ServiceName = camera.service(Topic::Depth).as_str().try_into().unwrap();
     let _foreign = node.service_builder(&name).publish_subscribe::<u64>().create().unwrap();
-    let error = Reader::open(&camera, &[Topic::Depth], PATIENCE).unwrap_err();
+    let error = Reader::open(&camera, &[Topic::Depth], TIMEOUT).unwrap_err();
     assert!(matches!(&error, IpcError::ContractVersion { found, .. } if found == "none"), "{error}");
 }

@@ -194,7 +194,7 @@ fn every_kind_of_recording_is_read_before_it_is_damaged() {
 #[test]
 fn damaged_recordings_of_every_kind_never_panic() {
     for (name, bytes) in files() {
-        hostile::sweep(&name, &bytes, body::recording);
+        hostile::feed_damaged(&name, &bytes, body::recording);
     }
 }
 
@@ -203,7 +203,7 @@ fn damaged_recordings_of_every_kind_never_panic() {
 fn damaged_messages_never_panic() {
     let all = [ros_messages(), foxglove_messages("protobuf"), foxglove_messages("json")].concat();
     for (topic, schema, encoding, data) in all {
-        hostile::sweep(schema, &data, |bytes| {
+        hostile::feed_damaged(schema, &data, |bytes| {
             let message = (topic, schema, encoding, bytes.to_vec());
             body::recording(&file(WriteOptions::new().use_chunks(false), &[message]));
         });

@@ -132,9 +132,9 @@ fn a_file_cut_at_any_byte_gives_every_complete_image_before_the_cut() {
         for length in 0..whole.len() {
             let read = read(&folder.file(&whole[..length]));
             let values = read.as_ref().map_or(Vec::new(), |(values, _)| values.clone());
-            let told = !matches!(read, Ok((_, Next::End)));
+            let is_reported = !matches!(read, Ok((_, Next::End)));
             assert!(
-                told || length >= whole.len() - mcap::MAGIC.len(),
+                is_reported || length >= whole.len() - mcap::MAGIC.len(),
                 "{name} cut at {length} passes for whole"
             );
             assert_eq!(values, (1..).take(values.len()).collect::<Vec<u8>>(), "{name} cut at {length}");
@@ -150,7 +150,7 @@ fn a_file_cut_at_any_byte_gives_every_complete_image_before_the_cut() {
 }
 
 #[test]
-fn a_cut_in_the_data_is_told_and_a_missing_index_is_not() {
+fn truncated_data_is_an_error_and_a_missing_index_is_not() {
     let folder = Folder::new();
     let whole = recording(WriteOptions::new().compression(None).chunk_size(Some(150)), &images());
     let (values, end) = read(&folder.file(&whole[..whole.len() / 3])).unwrap();
@@ -229,7 +229,7 @@ fn a_length_beyond_the_file_is_refused_without_memory_for_it() {
 }
 
 #[test]
-fn a_bad_image_is_told_with_its_number_and_the_next_is_read() {
+fn a_bad_image_is_an_error_with_its_number_and_the_next_is_read() {
     let folder = Folder::new();
     let mut messages = images();
     messages[1].1.truncate(30);
@@ -336,7 +336,7 @@ fn what_was_synced_is_read_while_the_file_still_grows() {
 }
 
 #[test]
-fn whose_results_a_recording_holds_is_told_of_our_own_alone() {
+fn the_producer_of_results_is_known_only_for_our_own_recordings() {
     let folder = Folder::new();
     let path = folder.0.path().join("own.mcap");
     let options = WriterOptions {
@@ -391,7 +391,7 @@ fn a_recording_that_is_being_written_is_not_overwritten_even_by_force() {
 
 /// `/dev/full` takes no byte. A disk that fills up later is tried with the daemon.
 #[test]
-fn a_disk_that_takes_nothing_is_told() {
+fn a_write_error_of_the_disk_is_returned() {
     let options = WriterOptions {
         camera: "front".to_owned(),
         frame_id: String::new(),

@@ -15,7 +15,7 @@ use crate::source_type::{Properties, SourceType};
 use crate::{Capture, Fill, Frame, OpenOptions, Pixels, Source};
 
 /// How long one call may wait, so that a stop is noticed.
-const PATIENCE: Duration = Duration::from_millis(100);
+const POLL_TIMEOUT: Duration = Duration::from_millis(100);
 /// A connected camera that sends nothing for so long counts as away.
 const SILENCE: Duration = Duration::from_secs(5);
 /// How often the user is reminded that the camera is away.
@@ -54,7 +54,7 @@ pub(crate) struct SharedMemory {
     bad_camera: bool,
 }
 
-/// How long nothing has come, and when the user was last told.
+/// How long no frame has arrived, and when that was last reported.
 #[derive(Debug, Default)]
 struct Silence {
     /// The last frame, or when the camera was connected to.
@@ -78,7 +78,7 @@ impl Silence {
         self.since.is_none_or(|since| now.duration_since(since) >= SILENCE)
     }
 
-    /// Notes that the camera is away. Returns whether the user is to be told, which is now and then.
+    /// Records that the camera is away. Returns whether to report it, which is once per interval.
     fn is_news(&mut self, now: Instant) -> bool {
         self.waiting = true;
         let news = self.reminded.is_none_or(|last| now.duration_since(last) >= REMINDER);
@@ -115,7 +115,7 @@ impl SharedMemory {
     /// Another contract version is final; everything else may change while we wait.
     fn connect(&mut self) -> Result<Option<&Reader>, IpcError> {
         if self.reader.is_none() {
-            match Reader::open(&self.camera, &[Topic::Rgb], PATIENCE) {
+            match Reader::open(&self.camera, &[Topic::Rgb], POLL_TIMEOUT) {
                 Ok(reader) => {
                     info!("connected to camera `{}`", self.camera);
                     self.reader = Some(reader);
@@ -133,7 +133,7 @@ impl SharedMemory {
     fn reconnect(&mut self, error: &IpcError) {
         self.reader = None;
         self.remind(&error.to_string());
-        std::thread::sleep(PATIENCE);
+        std::thread::sleep(POLL_TIMEOUT);
     }
 
     fn remind(&mut self, what: &str) {
@@ -218,7 +218,7 @@ fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Frame>, IpcError>
     if let Some(sample) = reader.latest(Topic::Rgb)? {
         return Ok(Some(sample));
     }
-    reader.wait(PATIENCE)?;
+    reader.wait(POLL_TIMEOUT)?;
     reader.latest(Topic::Rgb)
 }
 

@@ -12,7 +12,7 @@ const CUTS: usize = 500;
 /// The most damages in one copy.
 const DAMAGES: u64 = 4;
 /// The most failures that are reported; one fault often has hundreds.
-const TOLD: usize = 5;
+const MAX_REPORTED: usize = 5;
 
 /// Pseudorandom numbers from a seed: splitmix64.
 #[derive(Debug, Clone)]
@@ -85,14 +85,14 @@ fn damage(bytes: &mut Vec<u8>, chance: &mut Chance) {
 ///
 /// # Panics
 /// If `take` does, with the length or the seed of the first few inputs for which it did.
-pub fn sweep(name: &str, whole: &[u8], mut take: impl FnMut(&[u8])) {
+pub fn feed_damaged(name: &str, whole: &[u8], mut take: impl FnMut(&[u8])) {
     take(whole);
     let mut failures = Vec::new();
     let mut try_one = |what: String, bytes: &[u8]| {
         if let Err(panic) = catch_unwind(AssertUnwindSafe(|| take(bytes))) {
-            let told = panic.downcast_ref::<String>().map(String::as_str);
-            let told = told.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no text");
-            failures.push(format!("{what}: {told}"));
+            let message = panic.downcast_ref::<String>().map(String::as_str);
+            let message = message.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no text");
+            failures.push(format!("{what}: {message}"));
         }
     };
     let step = if asked().is_some() { 1 } else { whole.len().div_ceil(CUTS).max(1) };
@@ -103,7 +103,7 @@ pub fn sweep(name: &str, whole: &[u8], mut take: impl FnMut(&[u8])) {
         try_one(format!("seed {seed}"), &damaged(whole, seed));
     }
     let count = failures.len();
-    failures.truncate(TOLD);
+    failures.truncate(MAX_REPORTED);
     assert!(failures.is_empty(), "{name}: {count} inputs failed, the first:\n{}", failures.join("\n"));
 }
 
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "three: 2 inputs failed, the first:\ncut to 2 bytes: two bytes")]
-    fn an_input_that_panics_is_told() {
-        sweep("three", b"abc", |bytes| assert!(bytes != b"ab", "two bytes"));
+    fn an_input_that_panics_is_reported() {
+        feed_damaged("three", b"abc", |bytes| assert!(bytes != b"ab", "two bytes"));
     }
 }

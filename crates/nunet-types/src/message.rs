@@ -99,15 +99,15 @@ vocabulary! {
     /// The id of an event on `nunet/CAMERA/wake`.
     Wake as "wake" {
         /// The camera published an image (`rgb`).
-        Picture = 0 "picture",
+        Image = 0 "image",
         /// The daemon published a frame: `depth` and everything that belongs to it.
         Depth = 1 "depth",
         /// A publisher started. Sent by iceoryx2 itself.
-        OwnerCame = 2 "owner_came",
+        PublisherStarted = 2 "publisher_started",
         /// A publisher closed normally. Sent by iceoryx2 itself.
-        OwnerLeft = 3 "owner_left",
+        PublisherClosed = 3 "publisher_closed",
         /// A dead publisher was found. Sent by iceoryx2 itself when any process cleans up after it.
-        OwnerDied = 4 "owner_died",
+        PublisherDied = 4 "publisher_died",
     }
 }
 

@@ -197,7 +197,7 @@ mod decimation {
     }
 
     #[test]
-    fn buffers_of_another_size_and_pictures_without_a_block_are_refused() {
+    fn buffers_of_another_size_and_images_smaller_than_a_block_are_refused() {
         let mut decimation = decimation(2, (4, 2));
         let full = Appearance { rgb: &[0; 24], labels: None };
         let error = decimation.reduce(full, &mut [0.0; 8], None, false).unwrap_err();

@@ -99,9 +99,8 @@ impl<'a> Loader<'a> {
             .threads
             .or_else(|| std::thread::available_parallelism().ok())
             .unwrap_or(NonZeroUsize::MIN);
-        let provider = options
-            .provider
-            .resolve(runtime, threads)
+        let provider = runtime
+            .resolve(options.provider, threads)
             .map_err(|error| GraphError::Provider { provider: error.provider, reason: error.reason })?;
         Ok(Self { runtime, allowed_hashes: &options.allowed_hashes, provider, threads })
     }

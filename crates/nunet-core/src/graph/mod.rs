@@ -10,6 +10,7 @@ mod io;
 mod load;
 mod manifest;
 mod onnx;
+mod provider;
 mod run_tensors;
 mod serial;
 mod signature;
@@ -23,7 +24,8 @@ pub use io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, Ten
 pub use load::{model_files, model_hashes};
 pub use manifest::{MAX_STAGES, Manifest, ManifestError};
 pub use nunet_types::Quality;
-pub use onnx::{Provider, Runtime, RuntimeError, UnknownProvider};
+pub use onnx::{Runtime, RuntimeError};
+pub use provider::{Provider, UnknownProvider};
 pub use serial::SerialGraph;
 pub use signature::{ElementType, Signature, TensorSpec};
 pub use times::{MAX_TIMED_STAGES, StageTimes};

@@ -71,7 +71,7 @@ fn bytes_written_are_counted() {
 }
 
 #[test]
-fn the_made_picture_stays_at_one_address() {
+fn the_converted_image_stays_at_one_address() {
     let bytes = noise(64 * 48 * 3);
     let mut preprocessor = Preprocessor::new(16, 12);
     let addresses = [(64, 48, PixelFormat::Rgb8), (33, 21, PixelFormat::Nv12), (16, 12, PixelFormat::Bgr8)]
@@ -89,13 +89,13 @@ fn half_the_size_weighs_four_pixels_by_hand_computed_weights() {
 }
 
 #[test]
-fn a_shrunk_bgr_picture_has_its_channels_in_order() {
+fn a_downscaled_bgr_image_has_its_channels_in_order() {
     let bgr = [[30, 20, 10]; 16].concat();
     assert_eq!(prepared(&bgr, (4, 4), 12, PixelFormat::Bgr8, (2, 2)), [[10, 20, 30]; 4].concat());
 }
 
 #[test]
-fn one_pixel_fills_the_picture_and_a_picture_shrinks_to_one() {
+fn one_pixel_upscales_to_an_image_and_an_image_downscales_to_one() {
     assert_eq!(prepared(&[7, 8, 9], (1, 1), 3, PixelFormat::Rgb8, (40, 30)), [[7, 8, 9]; 1200].concat());
     assert_eq!(prepared(&[7, 8, 9].repeat(1200), (40, 30), 120, PixelFormat::Rgb8, (1, 1)), [7, 8, 9]);
     assert_eq!(prepared(&[128; 4], (1, 1), 4, PixelFormat::Yuyv, (2, 2)), [131; 12]);
@@ -158,7 +158,7 @@ proptest! {
     }
 
     #[test]
-    fn a_flat_picture_stays_flat_at_every_size(
+    fn a_uniform_image_stays_uniform_at_every_size(
         width in 1u32..60, height in 1u32..60, to_width in 1u32..60, to_height in 1u32..60, value: u8,
     ) {
         let flat = vec![value; 3 * (width * height) as usize];

@@ -117,15 +117,15 @@ def radius_at_end(camera):
     if camera["model"] == "kannala_brandt":
         angle = np.linspace(0, np.pi / 2, 2_000_001)
         u = angle**2
-        thrown = angle * (1 + lens[0] * u + lens[1] * u**2 + lens[2] * u**3 + lens[3] * u**4)
+        distorted = angle * (1 + lens[0] * u + lens[1] * u**2 + lens[2] * u**3 + lens[3] * u**4)
     else:
         radius = np.tan(np.linspace(0, np.arctan(1000), 2_000_001))
         u = radius**2
         above = 1 + lens[0] * u + lens[1] * u**2 + lens[4] * u**3
         below = 1 + lens[5] * u + lens[6] * u**2 + lens[7] * u**3
-        thrown = radius * above / below
-    falls = np.flatnonzero(np.diff(thrown) < 0)
-    return thrown[falls[0]] if len(falls) else thrown[-1]
+        distorted = radius * above / below
+    falls = np.flatnonzero(np.diff(distorted) < 0)
+    return distorted[falls[0]] if len(falls) else distorted[-1]
 
 
 def answers(camera, random):

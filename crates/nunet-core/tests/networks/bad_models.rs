@@ -111,7 +111,7 @@ fn weights_outside_the_file_are_refused_even_where_they_can_be_found() {
 }
 
 #[test]
-fn a_model_that_does_not_describe_itself_is_told_how() {
+fn the_error_for_a_model_without_metadata_has_a_hint() {
     let message = message(&models::undescribed_unet(SIZE));
     assert!(
         message.contains("there is no sidecar `m.toml`\nhint: describe a foreign network in `m.toml`"),

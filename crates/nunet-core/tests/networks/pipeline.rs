@@ -1,4 +1,4 @@
-//! The whole journey: encodings, scale, cloud, self-test.
+//! The whole pipeline: encodings, scale, cloud, self-test.
 
 use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::cloud::CloudPoint;
@@ -148,7 +148,7 @@ fn a_camera_may_be_set_later_and_taken_away_again() {
 }
 
 #[test]
-fn a_larger_picture_is_made_to_fit_and_its_bytes_counted() {
+fn a_larger_image_is_resized_and_its_bytes_are_counted() {
     let mut pipeline = pipeline(&models::unet(SIZE), PipelineOptions::default());
     let gray = vec![64; 12 * 6 * 3];
     let frame = ImageView::packed(&gray, 12, 6, PixelFormat::Bgr8).unwrap();

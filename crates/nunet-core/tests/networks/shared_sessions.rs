@@ -11,7 +11,7 @@ fn numbered(number: u8) -> Vec<u8> {
 }
 
 #[test]
-fn each_sibling_remembers_its_own_frames() {
+fn graphs_with_shared_sessions_keep_their_own_state() {
     let load = || Folder::new().model("m.onnx", &models::remembering(SIZE)).load("m.onnx").unwrap();
     let depths = |graph: &mut SerialGraph, numbers: &[u8]| -> Vec<Vec<f32>> {
         numbers.iter().map(|&number| run(graph, &numbered(number)).depth).collect()
@@ -20,7 +20,7 @@ fn each_sibling_remembers_its_own_frames() {
     assert_ne!(front, rear);
 
     let mut first = load();
-    // A sibling begins with zeros, whatever the first has seen.
+    // A graph that shares its sessions begins with zeros, whatever the first has seen.
     run(&mut first, &numbered(5));
     let mut second = first.share_sessions().unwrap();
     first.reset();
@@ -50,7 +50,7 @@ labels = "segmentation.labels"
 "#;
 
 #[test]
-fn each_sibling_counts_its_own_frames_and_reuses_its_own_results() {
+fn graphs_with_shared_sessions_count_their_own_frames_and_reuse_their_own_results() {
     let folder = Folder::new()
         .model("segmentation.onnx", &models::segmentation_stage(SIZE))
         .model("depth.onnx", &models::depth_stage(SIZE, true))

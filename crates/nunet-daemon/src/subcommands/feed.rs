@@ -200,7 +200,7 @@ impl Port {
         loan.bytes_mut().copy_from_slice(view.bytes());
         describe(loan.header_mut(), frame, view.format(), camera);
         loan.publish(monotonic_nanos())?;
-        Ok(self.publisher.notify(Wake::Picture)?)
+        Ok(self.publisher.notify(Wake::Image)?)
     }
 }
 

@@ -22,7 +22,7 @@ impl IpcError {
                 "set NUNET_IPC_ROOT to an absolute path of at most 40 bytes, such as /tmp/robot"
             }
             Self::SharedMemoryMissing { .. } => "mount a tmpfs there",
-            Self::AlreadyOwned { .. } => "stop it, or choose another camera name",
+            Self::AlreadyPublished { .. } => "stop it, or choose another camera name",
             Self::ContractVersion { .. } => "run the same version on both sides",
             Self::OtherLimits { .. } => {
                 "readers of the previous publisher keep it open; stop them, or request the same limits"

@@ -52,7 +52,7 @@ impl IpcError {
             Self::SharedMemoryTooSmall { .. }
             | Self::SharedMemoryMissing { .. }
             | Self::MemoryNotBacked { .. } => Kind::SharedMemory,
-            Self::AlreadyOwned { .. } => Kind::AlreadyPublished,
+            Self::AlreadyPublished { .. } => Kind::AlreadyPublished,
             Self::ContractVersion { .. } => Kind::ContractVersion,
             Self::OtherLimits { .. } => Kind::OtherLimits,
             Self::NobodyPublishes { .. } => Kind::NobodyPublishes,

@@ -72,14 +72,14 @@ pub enum IpcError {
         source: io::Error,
     },
     /// Another process publishes this.
-    #[error("camera `{camera}` is already published: topic `{topic}` belongs to {owner}")]
-    AlreadyOwned {
+    #[error("camera `{camera}` is already published: topic `{topic}` belongs to {publisher}")]
+    AlreadyPublished {
         /// The camera.
         camera: CameraName,
         /// The first topic that is taken.
         topic: Topic,
         /// Its publisher.
-        owner: Process,
+        publisher: Process,
     },
     /// A service of that name belongs to another version of the contract.
     #[error(

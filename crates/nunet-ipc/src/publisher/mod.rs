@@ -24,7 +24,7 @@ use crate::name::CameraName;
 use crate::plan::{Limits, Reservation, TopicPlan};
 use crate::process::Process;
 use crate::recovery::{CreationLock, create_node};
-use crate::service::{TopicService, WakeService, owner_of};
+use crate::service::{TopicService, WakeService, publisher_of};
 
 pub use checks::free_shared_memory_bytes;
 pub use loan::Loan;
@@ -61,7 +61,7 @@ impl Publisher {
     /// Becomes the publisher of these topics of a camera.
     ///
     /// # Errors
-    /// [`IpcError::AlreadyOwned`] when another process publishes one of them, [`IpcError::SharedMemoryTooSmall`]
+    /// [`IpcError::AlreadyPublished`] when another process publishes one of them, [`IpcError::SharedMemoryTooSmall`]
     /// when they do not fit, [`IpcError::ContractVersion`] and [`IpcError::OtherLimits`] when readers keep services
     /// open that this publisher cannot take over.
     pub fn create(camera: &CameraName, plans: &[TopicPlan], limits: &Limits) -> Result<Self, IpcError> {
@@ -110,13 +110,13 @@ impl Publisher {
         let mut services = Vec::with_capacity(plans.len());
         for plan in plans {
             let service = services::create_topic(&lock, &node, camera, plan.topic, limits)?;
-            refuse_living_owner(&service, camera, plan.topic)?;
+            refuse_living_publisher(&service, camera, plan.topic)?;
             services.push((*plan, service));
         }
         let wake = services::create_wake(&lock, &node, camera)?;
         share_services(camera, &services, &wake)?;
         drop(lock);
-        // Only the records of the services exist so far. Checked after the owners: for a camera that is already published
+        // Only the records of the services exist so far. Checked after the publishers: for a camera that is already published
         // that is the error, not that its memory does not fit twice.
         reservation.check(free_bytes)?;
         let topics = services
@@ -178,7 +178,7 @@ impl Publisher {
         }
     }
 
-    /// Wakes the readers: [`Wake::Picture`] after `rgb`, [`Wake::Depth`] after a frame's last topic, `depth`.
+    /// Wakes the readers: [`Wake::Image`] after `rgb`, [`Wake::Depth`] after a frame's last topic, `depth`.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].
@@ -230,8 +230,12 @@ impl OwnedTopic {
         let port = match created {
             Ok(port) => port,
             Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                let owner = owner_of(&service).unwrap_or(Process { pid: 0, alive: true });
-                return Err(IpcError::AlreadyOwned { camera: camera.clone(), topic: plan.topic, owner });
+                let publisher = publisher_of(&service).unwrap_or(Process { pid: 0, alive: true });
+                return Err(IpcError::AlreadyPublished {
+                    camera: camera.clone(),
+                    topic: plan.topic,
+                    publisher,
+                });
             }
             Err(cause) => {
                 return Err(IpcError::iceoryx(format!("publish `{}`", camera.service(plan.topic)), cause));
@@ -260,9 +264,15 @@ fn share_services(
 }
 
 /// Refuses a topic that a living process publishes; cleans up after a dead one.
-fn refuse_living_owner(service: &TopicService, camera: &CameraName, topic: Topic) -> Result<(), IpcError> {
-    match owner_of(service) {
-        Some(owner) if owner.alive => Err(IpcError::AlreadyOwned { camera: camera.clone(), topic, owner }),
+fn refuse_living_publisher(
+    service: &TopicService,
+    camera: &CameraName,
+    topic: Topic,
+) -> Result<(), IpcError> {
+    match publisher_of(service) {
+        Some(publisher) if publisher.alive => {
+            Err(IpcError::AlreadyPublished { camera: camera.clone(), topic, publisher })
+        }
         Some(_) => {
             service.blocking_cleanup_dead_nodes(CLEAN_UP_TIMEOUT);
             Ok(())

@@ -16,7 +16,7 @@ use crate::iceoryx::{Iceoryx, contract_attribute, service_name};
 use crate::name::CameraName;
 use crate::plan::Limits;
 use crate::recovery::CreationLock;
-use crate::service::{TopicService, WakeService, open_topic, owner_of, refuse_other_contract};
+use crate::service::{TopicService, WakeService, open_topic, publisher_of, refuse_other_contract};
 
 /// A queue and the history hold one frame: the newest wins.
 const QUEUE_FRAMES: usize = 1;
@@ -101,8 +101,8 @@ fn asks_for_more(cause: &PublishSubscribeOpenOrCreateError) -> bool {
 /// Why a service with other limits is in the way. If a living process publishes the camera, the error names it.
 fn other_limits(node: &Node<Iceoryx>, camera: &CameraName, topic: Topic) -> IpcError {
     let service = open_topic(node, camera, topic).ok().flatten();
-    match service.as_ref().and_then(owner_of).filter(|owner| owner.alive) {
-        Some(owner) => IpcError::AlreadyOwned { camera: camera.clone(), topic, owner },
+    match service.as_ref().and_then(publisher_of).filter(|publisher| publisher.alive) {
+        Some(publisher) => IpcError::AlreadyPublished { camera: camera.clone(), topic, publisher },
         None => IpcError::OtherLimits { service: camera.service(topic) },
     }
 }
@@ -125,9 +125,9 @@ pub(crate) fn create_wake(
             .max_notifiers(MAX_NOTIFIERS)
             .max_nodes(MAX_LISTENERS + SPARE_NODES)
             .event_id_max_value(Wake::ALL.len() - 1)
-            .notifier_created_event(id(Wake::OwnerCame))
-            .notifier_dropped_event(id(Wake::OwnerLeft))
-            .notifier_dead_event(id(Wake::OwnerDied))
+            .notifier_created_event(id(Wake::PublisherStarted))
+            .notifier_dropped_event(id(Wake::PublisherClosed))
+            .notifier_dead_event(id(Wake::PublisherDied))
             .open_or_create_with_attributes(&attribute)
     };
     let created = match create() {

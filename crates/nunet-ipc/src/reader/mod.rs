@@ -17,7 +17,7 @@ use crate::error::IpcError;
 use crate::iceoryx::Iceoryx;
 use crate::name::CameraName;
 use crate::process::Process;
-use crate::service::{TopicService, owner_of};
+use crate::service::{TopicService, publisher_of};
 
 pub use frame::{Frame, FrameSet};
 
@@ -61,19 +61,19 @@ struct ReadTopic {
     service: Arc<TopicService>,
 }
 
-/// The publishers of a reader's topics, for a thread that does not have the reader: [`Reader::owners`].
+/// The publishers of a reader's topics, for a thread that does not have the reader: [`Reader::publishers`].
 ///
 /// It keeps the services open, so drop it with its reader.
 #[derive(Debug, Clone)]
-pub struct Owners {
+pub struct Publishers {
     services: Vec<Arc<TopicService>>,
 }
 
-impl Owners {
+impl Publishers {
     /// As [`Reader::is_connected`].
     #[must_use]
     pub fn are_all_alive(&self) -> bool {
-        self.services.iter().all(|service| owner_of(service).is_some_and(|owner| owner.alive))
+        self.services.iter().all(|service| publisher_of(service).is_some_and(|publisher| publisher.alive))
     }
 }
 
@@ -119,9 +119,9 @@ impl Reader {
     /// Without this, a daemon that reads `rgb` would be woken by its own depth maps.
     fn cares_for(&self, event: usize) -> bool {
         match Wake::ALL.get(event) {
-            Some(Wake::Picture) => self.topics().any(|topic| topic == Topic::Rgb),
+            Some(Wake::Image) => self.topics().any(|topic| topic == Topic::Rgb),
             Some(Wake::Depth) => self.topics().any(|topic| topic != Topic::Rgb),
-            Some(Wake::OwnerCame | Wake::OwnerLeft | Wake::OwnerDied) => true,
+            Some(Wake::PublisherStarted | Wake::PublisherClosed | Wake::PublisherDied) => true,
             None => false,
         }
     }
@@ -162,20 +162,20 @@ impl Reader {
     ///
     /// # Errors
     /// [`IpcError::NoSuchTopic`].
-    pub fn owner(&self, topic: Topic) -> Result<Option<Process>, IpcError> {
-        Ok(owner_of(&self.topic(topic)?.service))
+    pub fn publisher(&self, topic: Topic) -> Result<Option<Process>, IpcError> {
+        Ok(publisher_of(&self.topic(topic)?.service))
     }
 
-    /// Whether a living process publishes each of the topics. As costly as [`owner`](Self::owner).
+    /// Whether a living process publishes each of the topics. As costly as [`publisher`](Self::publisher).
     #[must_use]
     pub fn is_connected(&self) -> bool {
-        self.owners().are_all_alive()
+        self.publishers().are_all_alive()
     }
 
     /// The publishers of the topics, for other threads.
     #[must_use]
-    pub fn owners(&self) -> Owners {
-        Owners { services: self.topics.iter().map(|opened| Arc::clone(&opened.service)).collect() }
+    pub fn publishers(&self) -> Publishers {
+        Publishers { services: self.topics.iter().map(|opened| Arc::clone(&opened.service)).collect() }
     }
 
     fn has_more(&self, topic: Topic) -> Result<bool, IpcError> {

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use nunet_ipc::{CameraName, Encoding, Limits, Loan, Publisher, Topic, TopicPlan, Units};
 
 /// Long enough for any machine; nothing waits for it unless the test fails.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Pixels of the test frames.
 pub(crate) const WIDTH: usize = 32;
@@ -47,15 +47,15 @@ pub(crate) fn plan(topic: Topic) -> TopicPlan {
     TopicPlan { topic, payload_bytes: WIDTH * HEIGHT * pixel_bytes }
 }
 
-/// An owner of small frames with the default limits.
-pub(crate) fn owner(camera: &CameraName, topics: &[Topic]) -> Publisher {
+/// An publisher of small frames with the default limits.
+pub(crate) fn publisher(camera: &CameraName, topics: &[Topic]) -> Publisher {
     let plans: Vec<_> = topics.iter().map(|topic| plan(*topic)).collect();
     Publisher::create(camera, &plans, &Limits::default()).unwrap()
 }
 
 /// Publishes a depth map whose every pixel is the frame's number.
-pub(crate) fn publish_depth(owner: &Publisher, sequence: u64) {
-    let mut loan = owner.loan(Topic::Depth).unwrap();
+pub(crate) fn publish_depth(publisher: &Publisher, sequence: u64) {
+    let mut loan = publisher.loan(Topic::Depth).unwrap();
     describe(&mut loan, sequence);
     loan.slice_mut::<f32>().unwrap().fill(sequence as f32);
     loan.publish(0).unwrap();
@@ -79,7 +79,7 @@ pub(crate) fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> 
         if let Some(found) = look() {
             return found;
         }
-        assert!(start.elapsed() < PATIENCE, "{what} did not happen");
+        assert!(start.elapsed() < TIMEOUT, "{what} did not happen");
         std::thread::sleep(Duration::from_millis(1));
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, FrameSet, IpcError, Owners, Reader, StatsRecord, Topic};
+use nunet_ipc::{CameraName, FrameSet, IpcError, Publishers, Reader, StatsRecord, Topic};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 
@@ -21,7 +21,7 @@ pub(super) struct SharedFeed {
 struct State {
     feed: Option<Feed>,
     /// For callers that ask while a thread uses the feed. Dropped on closing, because it keeps the topics open.
-    owners: Option<Owners>,
+    publishers: Option<Publishers>,
     closed: bool,
 }
 
@@ -49,8 +49,8 @@ pub(super) enum Taken {
 
 impl SharedFeed {
     pub(super) fn new(feed: Feed) -> Self {
-        let owners = Some(feed.reader.owners());
-        let state = State { feed: Some(feed), owners, closed: false };
+        let publishers = Some(feed.reader.publishers());
+        let state = State { feed: Some(feed), publishers, closed: false };
         Self { state: Mutex::new(state), returned: Condvar::new() }
     }
 
@@ -60,8 +60,8 @@ impl SharedFeed {
     }
 
     /// The publishers of the topics; `None` after closing.
-    pub(super) fn owners(&self) -> Option<Owners> {
-        self.state().owners.clone()
+    pub(super) fn publishers(&self) -> Option<Publishers> {
+        self.state().publishers.clone()
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -86,7 +86,7 @@ impl SharedFeed {
         let feed = {
             let mut state = self.state();
             state.closed = true;
-            (state.feed.take(), state.owners.take())
+            (state.feed.take(), state.publishers.take())
         };
         self.returned.notify_all();
         drop(feed);
@@ -158,13 +158,13 @@ impl Feed {
             "look at the source with `nunetd watch {camera}`, or pass a longer timeout for a slow network"
         );
         for topic in &self.topics {
-            match self.reader.owner(*topic) {
-                Ok(Some(owner)) if owner.alive => {
-                    why = format!("process {} publishes it, but has sent nothing new", owner.pid);
+            match self.reader.publisher(*topic) {
+                Ok(Some(publisher)) if publisher.alive => {
+                    why = format!("process {} publishes it, but has sent nothing new", publisher.pid);
                     continue;
                 }
-                Ok(Some(owner)) => {
-                    why = format!("process {}, which published `{topic}`, is dead", owner.pid);
+                Ok(Some(publisher)) => {
+                    why = format!("process {}, which published `{topic}`, is dead", publisher.pid);
                 }
                 _ => why = format!("`{topic}` is no longer published"),
             }

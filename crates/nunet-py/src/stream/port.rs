@@ -30,7 +30,7 @@ pub(super) type Anchor = Arc<Mutex<nunet_ipc::Loan>>;
 pub(super) struct Source {
     pub(super) camera: CameraName,
     pub(super) layout: Layout,
-    pub(super) optics: Option<Camera>,
+    pub(super) camera_info: Option<Camera>,
     pub(super) clock: Clock,
     pub(super) frame_id: String,
 }
@@ -120,7 +120,7 @@ impl Port {
             self.source.describe(loan.header_mut(), capture, sequence);
             loan.publish(monotonic_nanos())?;
             open.sequence = sequence.wrapping_add(1);
-            open.publisher.notify(Wake::Picture)?;
+            open.publisher.notify(Wake::Image)?;
             Ok(sequence)
         })
     }
@@ -176,8 +176,8 @@ impl Source {
         (header.width, header.height) = self.layout.size;
         header.row_stride_bytes = self.layout.row_bytes;
         header.set_frame_id(&self.frame_id);
-        if let Some(optics) = &self.optics {
-            header.set_camera(&optics.into());
+        if let Some(camera_info) = &self.camera_info {
+            header.set_camera(&camera_info.into());
         }
     }
 }

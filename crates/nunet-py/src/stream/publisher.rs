@@ -86,10 +86,10 @@ fn publisher(
     let camera = camera_name(camera)?;
     let size = whole_size(size)?;
     let layout = Layout::new(size, encoding)?;
-    let optics = intrinsics.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose();
-    let optics = optics.map_err(of_camera)?;
+    let camera_info = intrinsics.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose();
+    let camera_info = camera_info.map_err(of_camera)?;
     let clock = clock_of(clock)?;
-    let source = Source { camera, layout, optics, clock, frame_id: frame_id.to_owned() };
+    let source = Source { camera, layout, camera_info, clock, frame_id: frame_id.to_owned() };
     Ok(Publisher { port: Arc::new(Port::create(py, source, readers)?) })
 }
 

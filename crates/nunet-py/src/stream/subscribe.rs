@@ -244,8 +244,8 @@ impl Subscriber {
     ///     This subscriber is closed.
     #[getter]
     fn connected(&self, py: Python<'_>) -> PyResult<bool> {
-        let owners = self.feed.get(NAME)?.owners().ok_or_else(|| self.closed_error())?;
-        Ok(py.detach(|| owners.are_all_alive()))
+        let publishers = self.feed.get(NAME)?.publishers().ok_or_else(|| self.closed_error())?;
+        Ok(py.detach(|| publishers.are_all_alive()))
     }
 
     /// Whether `close` was called.

@@ -40,7 +40,7 @@ fn a_image_beyond_the_limits_is_refused_before_it_is_decoded() {
 }
 
 #[test]
-fn what_is_no_jpeg_and_no_png_is_told_with_what_it_is_and_what_would_do() {
+fn the_error_for_another_file_type_has_the_type_found_and_the_types_expected() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let refused = |content: &[u8]| {

@@ -16,7 +16,7 @@ use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
 use crate::{Capture, Fill, Frame, OpenOptions, Pixels, Source};
 
 /// How long one call may wait, so that a stop is noticed.
-const PATIENCE: Duration = Duration::from_millis(100);
+const POLL_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Standard input.
 pub(crate) struct StandardInput;
@@ -145,7 +145,7 @@ impl Pipe {
 
 impl Source for Pipe {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
-        match self.messages.recv_timeout(PATIENCE) {
+        match self.messages.recv_timeout(POLL_TIMEOUT) {
             Ok(Message::Shot(shot)) => {
                 self.take(shot, frame);
                 Fill::Frame

@@ -88,7 +88,7 @@ plain! {
         seconds: [u32; 6] = [0; 6],
         reserved: [u32; 2] = [0; 2],
     }
-    PictureFormat is "v4l2_format", 208 bytes {
+    ImageFormat is "v4l2_format", 208 bytes {
         kind: u32 = CAPTURE,
         gap: u32 = 0,
         width: u32 = 0,
@@ -133,7 +133,7 @@ plain! {
     }
 }
 
-/// What starting and stopping a stream is told: the type of its buffers.
+/// The argument of starting and stopping a stream: the type of its buffers.
 impl Plain for i32 {}
 
 const _: () = {
@@ -142,7 +142,7 @@ const _: () = {
     assert!(offset_of!(Description, format) == 44);
     assert!(offset_of!(FrameSize, sides) == 12);
     assert!(offset_of!(FrameInterval, seconds) == 20);
-    assert!(offset_of!(PictureFormat, width) == 8);
+    assert!(offset_of!(ImageFormat, width) == 8);
     assert!(offset_of!(StreamParameters, numerator) == 12);
     assert!(offset_of!(BufferState, seconds) == 24);
     assert!(offset_of!(BufferState, sequence) == 56);

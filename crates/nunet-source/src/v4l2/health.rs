@@ -1,40 +1,39 @@
-//! When a lost camera is tried again, and what the user is told of it.
+//! When a lost camera is retried, and when that is reported.
 
 use std::time::Duration;
 
-/// How soon a lost camera is tried again at first ...
+/// The wait before the first retry. Each further wait is twice as long.
 const FIRST_WAIT: Duration = Duration::from_millis(200);
-/// ... and at last: soon enough for who plugs it in again, seldom enough to cost nothing.
+/// The longest wait: short for a user who plugs the camera in again, long enough to cost nothing.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
-/// Whether the camera gives images. Good ones alone make it healthy: one that opens and stays silent is not back.
+/// Whether the camera delivers images. Only a good image makes it healthy again: opening the device is not enough.
 #[derive(Debug)]
 pub(super) struct Health {
     wait: Duration,
     due_nanos: i64,
-    told: Option<String>,
+    reported: Option<String>,
 }
 
 impl Default for Health {
     fn default() -> Self {
-        Self { wait: FIRST_WAIT, due_nanos: 0, told: None }
+        Self { wait: FIRST_WAIT, due_nanos: 0, reported: None }
     }
 }
 
 impl Health {
-    /// Something is wrong now: the next try comes later than the last one did. Returns whether the user is to be told,
-    /// which is once for each reason, however often it comes again.
+    /// Records a failure and schedules the next retry. Returns whether to report it: once per reason, not per failure.
     pub(super) fn fails(&mut self, why: &str, now_nanos: i64) -> bool {
         self.due_nanos = now_nanos.saturating_add(self.wait.as_nanos() as i64);
         self.wait = (self.wait * 2).min(LONGEST_WAIT);
-        let news = self.told.as_deref() != Some(why);
-        self.told = Some(why.to_owned());
-        news
+        let is_new = self.reported.as_deref() != Some(why);
+        self.reported = Some(why.to_owned());
+        is_new
     }
 
     /// Whether no good image has come since something was wrong.
     pub(super) fn is_bad(&self) -> bool {
-        self.told.is_some()
+        self.reported.is_some()
     }
 
     /// How long until the next try.
@@ -42,10 +41,10 @@ impl Health {
         Duration::from_nanos(self.due_nanos.saturating_sub(now_nanos).max(0).unsigned_abs())
     }
 
-    /// A good image came. Returns whether that is news.
+    /// Records a good image. Returns whether it ends a failure.
     pub(super) fn recovers(&mut self) -> bool {
         self.wait = FIRST_WAIT;
-        self.told.take().is_some()
+        self.reported.take().is_some()
     }
 }
 
@@ -56,7 +55,7 @@ mod tests {
     const SECOND: i64 = 1_000_000_000;
 
     #[test]
-    fn waits_double_up_to_a_bound_and_begin_anew_after_a_good_picture() {
+    fn waits_double_up_to_a_limit_and_are_reset_by_a_good_image() {
         let mut health = Health::default();
         let mut waits = Vec::new();
         for now in 0..8 {

@@ -16,7 +16,7 @@ use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
 use super::abi::{
-    self, BufferRequest, BufferState, Capabilities, Description, FrameInterval, FrameSize, PictureFormat,
+    self, BufferRequest, BufferState, Capabilities, Description, FrameInterval, FrameSize, ImageFormat,
     Plain, StreamParameters,
 };
 use super::device::{
@@ -25,7 +25,7 @@ use super::device::{
 
 const QUERY_CAPABILITIES: Opcode = opcode::read::<Capabilities>(b'V', 0);
 const DESCRIBE_FORMAT: Opcode = opcode::read_write::<Description>(b'V', 2);
-const SET_FORMAT: Opcode = opcode::read_write::<PictureFormat>(b'V', 5);
+const SET_FORMAT: Opcode = opcode::read_write::<ImageFormat>(b'V', 5);
 const REQUEST_BUFFERS: Opcode = opcode::read_write::<BufferRequest>(b'V', 8);
 const QUERY_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 9);
 const QUEUE_BUFFER: Opcode = opcode::read_write::<BufferState>(b'V', 15);
@@ -150,9 +150,9 @@ impl Device for VideoDevice {
     }
 
     fn set_format(&mut self, format: FourCc, (width, height): (u32, u32)) -> Result<Layout> {
-        let mut answer = PictureFormat { width, height, format: format.0, ..PictureFormat::ZERO };
+        let mut answer = ImageFormat { width, height, format: format.0, ..ImageFormat::ZERO };
         self.control::<SET_FORMAT, _>(&mut answer)?;
-        let PictureFormat { width, height, format, row_stride, .. } = answer;
+        let ImageFormat { width, height, format, row_stride, .. } = answer;
         Ok(Layout { format: FourCc(format), size: (width, height), row_stride })
     }
 

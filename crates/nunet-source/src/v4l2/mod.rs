@@ -32,7 +32,7 @@ use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
 use crate::{Capture, Fill, Frame, OpenOptions, Rate, Source, decode_file};
 
 /// How long one call may wait, so that a stop is noticed.
-const PATIENCE: Duration = Duration::from_millis(100);
+const POLL_TIMEOUT: Duration = Duration::from_millis(100);
 /// One is read, one is filled, and two are between: more would only make images older.
 const BUFFERS: u32 = 4;
 /// How many filled buffers are searched for the newest, in case a driver never runs out of them.
@@ -166,7 +166,7 @@ impl<H: Host> Video<H> {
     fn try_again(&mut self) -> Result<bool, Trouble> {
         let wait = self.health.wait(self.host.now().monotonic_nanos);
         if !wait.is_zero() {
-            self.host.pause(wait.min(PATIENCE));
+            self.host.pause(wait.min(POLL_TIMEOUT));
             return Ok(false);
         }
         self.stream = Some(Stream::open(&mut self.host, &self.path, self.requested)?);
@@ -221,7 +221,7 @@ impl Stream {
         Ok(Self { device, mode, name, last_nanos: None })
     }
 
-    /// The newest image and how many there were with it, or nothing within [`PATIENCE`].
+    /// The newest image and how many there were with it, or nothing within [`POLL_TIMEOUT`].
     fn next(&mut self, now: Now) -> Result<Option<(Buffer, u64)>, Trouble> {
         let failed = Trouble::at("take an image");
         if self.last_nanos.is_none() {
@@ -231,7 +231,7 @@ impl Stream {
                 self.device.queue(stale).map_err(&failed)?;
             }
         }
-        if !self.device.wait(PATIENCE).map_err(&failed)? {
+        if !self.device.wait(POLL_TIMEOUT).map_err(&failed)? {
             return Ok(None);
         }
         newest(self.device.as_mut()).map_err(failed)

@@ -271,26 +271,26 @@ fn refusal(host: &FakeHost) -> String {
 }
 
 fn jpeg(width: u32, height: u32) -> Vec<u8> {
-    let picture = RgbImage::from_pixel(width, height, Rgb([200, 100, 50]));
+    let image = RgbImage::from_pixel(width, height, Rgb([200, 100, 50]));
     let mut file = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
+    image.write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
     file.into_inner()
 }
 
 #[test]
-fn raw_pictures_are_handed_on_as_they_lie() {
+fn raw_images_are_passed_on_unchanged() {
     for (format, lies, bytes) in
         [(YUYV, PixelFormat::Yuyv, 16), (NV12, PixelFormat::Nv12, 12), (GREY, PixelFormat::Mono8, 8)]
     {
         let host = FakeHost::of(format);
         let mut video = awake(&host);
-        let picture: Vec<u8> = (0..bytes).collect();
-        host.shoot([&picture[..], b"what a driver leaves behind"].concat());
+        let image: Vec<u8> = (0..bytes).collect();
+        host.shoot([&image[..], b"what a driver leaves behind"].concat());
         let mut frame = Frame { file: vec![1], ..Frame::default() };
         assert!(matches!(video.fill(&mut frame), Fill::Frame), "{format}");
         let view = frame.view().unwrap();
-        assert_eq!((view.format(), view.size(), view.bytes()), (lies, SIZE, &picture[..]));
-        assert!(frame.file.is_empty(), "the file of the frame's last journey");
+        assert_eq!((view.format(), view.size(), view.bytes()), (lies, SIZE, &image[..]));
+        assert!(frame.file.is_empty(), "the file of the frame that used this buffer before");
     }
 }
 
@@ -316,7 +316,7 @@ fn a_jpeg_is_decoded_and_kept_for_recordings() {
 }
 
 #[test]
-fn of_several_pictures_the_newest_wins_and_the_others_go_back_to_the_driver() {
+fn of_several_images_the_newest_is_taken_and_the_others_go_back_to_the_driver() {
     let host = FakeHost::of(GREY);
     let mut video = awake(&host);
     for number in 1..=4 {
@@ -335,7 +335,7 @@ fn of_several_pictures_the_newest_wins_and_the_others_go_back_to_the_driver() {
 }
 
 #[test]
-fn what_was_filled_before_anybody_asked_is_not_a_picture_of_now() {
+fn buffers_filled_before_the_first_read_are_skipped() {
     let host = FakeHost::of(GREY);
     let mut video = host.open();
     host.shoot([1; 8]);
@@ -347,7 +347,7 @@ fn what_was_filled_before_anybody_asked_is_not_a_picture_of_now() {
 }
 
 #[test]
-fn bad_pictures_fail_one_by_one_and_the_next_good_one_is_taken() {
+fn each_bad_image_is_an_error_and_the_next_good_one_is_taken() {
     let host = FakeHost::of(GREY);
     let mut video = awake(&host);
     host.shoot([1; 8]);
@@ -438,7 +438,7 @@ fn a_camera_that_falls_silent_is_opened_anew_and_not_called_back_before_it_sends
         assert!(matches!(next(&mut video), Err(Fill::Nothing)));
     }
     let tries: Vec<_> = host.world().tries[1..].iter().map(|nanos| (nanos - start) / SECOND).collect();
-    assert_eq!(tries, [3, 6, 10, 15, 21, 29], "three seconds of patience and a longer wait each time");
+    assert_eq!(tries, [3, 6, 10, 15, 21, 29], "3 s without images, then a longer wait each time");
     host.shoot([1; 8]);
     while next(&mut video).is_err() {
         if host.world().filled.is_empty() {
@@ -577,7 +577,7 @@ fn grey_is_taken_only_where_there_is_no_colour() {
 }
 
 #[test]
-fn a_driver_that_keeps_no_lists_is_asked_for_the_wish() {
+fn a_driver_without_lists_is_asked_for_the_requested_mode() {
     assert_eq!(asked(vec![(YUYV, vec![])], RequestedMode::default()), (YUYV, (640, 480), 30.0));
 }
 

@@ -1,7 +1,8 @@
 //! How much light falls on each surface, computed once: nothing in the room moves but the camera.
 
 use super::room::{LAMP, LAMP_RADIUS, WINDOW, WINDOW_SIZE};
-use super::solid::{FACES, OnFace, Shape, Solid};
+use super::solid::{FACES, Shape, Solid};
+use super::texture::OnFace;
 use super::vector::Vec3;
 
 /// Distance between two samples on a surface, meters; light changes slowly.

@@ -1,6 +1,6 @@
 //! The shapes that the room is made of: where a ray meets them, and where on their surface a point lies.
 
-use super::texture::Material;
+use super::texture::{Material, OnFace};
 use super::vector::Vec3;
 
 /// Surfaces of one solid; curved ones use fewer.
@@ -42,12 +42,6 @@ pub(super) struct Solid {
     /// Cosine and sine of the turn about the upright axis.
     pub(super) turn: (f32, f32),
     pub(super) faces: [Finish; FACES],
-}
-
-/// Where a point lies on a surface: meters from the surface's corner.
-pub(super) struct OnFace {
-    pub(super) u: f32,
-    pub(super) v: f32,
 }
 
 impl Solid {

@@ -1,7 +1,8 @@
 //! The room against its own geometry, computed another way.
 
 use super::path::pose;
-use super::solid::{FACES, OnFace, Shape};
+use super::solid::{FACES, Shape};
+use super::texture::OnFace;
 use super::vector::Vec3;
 use super::*;
 
@@ -30,7 +31,7 @@ fn distance_to_nearest(solids: &[Solid], point: Vec3) -> f32 {
     solids.iter().map(|solid| distance_outside(solid, point)).fold(f32::INFINITY, f32::min)
 }
 
-fn picture(seed: u64, frame_index: u64) -> (Vec<u8>, Vec<f32>, Vec<u8>) {
+fn image(seed: u64, frame_index: u64) -> (Vec<u8>, Vec<f32>, Vec<u8>) {
     let (mut rgb, mut depth_m, mut labels) = (vec![0; 3 * PIXELS], vec![0.0; PIXELS], vec![0; PIXELS]);
     let mut scene = DemoScene::new(seed, WIDTH, HEIGHT);
     scene.render(frame_index, &mut rgb, Some(&mut depth_m), Some(&mut labels));
@@ -124,7 +125,7 @@ fn the_cameras_axes_are_square_to_each_other() {
 
 #[test]
 fn a_seed_and_an_index_give_the_same_bytes_again() {
-    let (rgb, depth_m, labels) = picture(5, 77);
+    let (rgb, depth_m, labels) = image(5, 77);
     let mut scene = DemoScene::new(5, WIDTH, HEIGHT);
     let mut again = vec![0; 3 * PIXELS];
     scene.render(400, &mut again, None, None);
@@ -132,12 +133,12 @@ fn a_seed_and_an_index_give_the_same_bytes_again() {
     let (mut again_depth_m, mut again_labels) = (vec![0.0; PIXELS], vec![0; PIXELS]);
     scene.render(77, &mut again, Some(&mut again_depth_m), Some(&mut again_labels));
     assert_eq!((again, again_depth_m, again_labels), (rgb.clone(), depth_m, labels));
-    assert_ne!(picture(6, 77).0, rgb);
+    assert_ne!(image(6, 77).0, rgb);
 }
 
 #[test]
 fn a_mirrored_turned_or_recoloured_picture_is_another() {
-    let (rgb, _, _) = picture(0, 0);
+    let (rgb, _, _) = image(0, 0);
     let (width, height) = (WIDTH as usize, HEIGHT as usize);
     let pixel = |x: usize, y: usize, channel: usize| i32::from(rgb[3 * (y * width + x) + channel]);
     let difference = |other: &dyn Fn(usize, usize, usize) -> i32| -> f64 {

@@ -1,8 +1,13 @@
 //! What surfaces look like, computed at each point: no images to ship, no resolution to run out of.
 
 use super::noise::{hash, hills, mix, unit};
-use super::solid::OnFace;
 use super::vector::Vec3;
+
+/// Where a point lies on a surface: meters from the surface's corner.
+pub(super) struct OnFace {
+    pub(super) u: f32,
+    pub(super) v: f32,
+}
 
 /// Red, green, blue as x, y, z: the part of the light that comes back, 0 to 1.
 pub(super) type Colour = Vec3;

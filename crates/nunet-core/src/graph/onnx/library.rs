@@ -7,7 +7,7 @@
 use std::ffi::CStr;
 use std::path::Path;
 
-use crate::graph::RuntimeError;
+use super::error::RuntimeError;
 
 type GetApiBase = unsafe extern "C" fn() -> *const ort::sys::OrtApiBase;
 

@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex};
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType};
 
+use super::runtime::Runtime;
 use super::session::{Session, SharedSession};
-use super::{Provider, Runtime};
-use crate::graph::{ElementType, Signature, TensorSpec};
+use crate::graph::{ElementType, Provider, Signature, TensorSpec};
 
 /// A loaded model file, before its outputs are chosen.
 pub(in crate::graph) struct Model {
@@ -72,7 +72,7 @@ const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 /// Within a run a thread that waits for another one spins for 20 us, then sleeps.
 ///
 /// Most of the 160 operators of a network end within that, so threads are rarely woken. Without a limit, the thread whose
-/// sibling has lost its core to another process spins until it is back. `wnet_c.onnx` on two cores, median in ms, quiet and
+/// partner has lost its core to another process spins until it is back. `wnet_c.onnx` on two cores, median in ms, quiet and
 /// with another process on one core: unlimited 27.1 and 80.8, 20 us 27.7 and 46.6, 50 us 27.3 and 47.4, no spinning 30.4 and
 /// 46.2, one thread 45.7 and 45.4. Before ONNX Runtime 1.31 the option does not exist and is ignored.
 const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "20");

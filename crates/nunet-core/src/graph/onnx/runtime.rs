@@ -1,16 +1,16 @@
 //! The ONNX Runtime library: loaded by path, once for the life of the process.
 
-use std::borrow::Cow;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nunet_types::Hint;
 use ort::environment::Environment;
 use ort::logging::LogLevel;
 
-use super::{Provider, library};
-use crate::error_kind::ErrorKind;
+use super::error::RuntimeError;
+use super::library;
+use super::provider::ProviderError;
+use crate::graph::Provider;
 
 /// The process's ONNX Runtime: ort allows one environment for the life of a process.
 static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
@@ -67,13 +67,28 @@ impl Runtime {
     /// The providers that start on this machine without long preparations, those that [`Provider::Auto`] tries, best first.
     #[must_use]
     pub fn providers(&self) -> Vec<Provider> {
-        Provider::AUTOMATIC.into_iter().filter(|provider| provider.works(self, NonZeroUsize::MIN)).collect()
+        Provider::AUTOMATIC
+            .into_iter()
+            .filter(|provider| provider.works(&self.environment, NonZeroUsize::MIN))
+            .collect()
     }
 
     /// What [`Provider::Auto`] means with this library on this machine.
     #[must_use]
     pub fn best_provider(&self) -> Provider {
-        Provider::Auto.resolve(self, NonZeroUsize::MIN).unwrap_or(Provider::Cpu)
+        self.resolve(Provider::Auto, NonZeroUsize::MIN).unwrap_or(Provider::Cpu)
+    }
+
+    /// `provider`, or the best one for [`Provider::Auto`].
+    ///
+    /// # Errors
+    /// A named provider that does not register.
+    pub(in crate::graph) fn resolve(
+        &self,
+        provider: Provider,
+        threads: NonZeroUsize,
+    ) -> Result<Provider, ProviderError> {
+        provider.resolve(&self.environment, threads)
     }
 
     /// The library's path, with links resolved.
@@ -95,78 +110,4 @@ fn plain_file(path: &Path) -> Result<PathBuf, RuntimeError> {
     let library = path.canonicalize().map_err(missing)?;
     let is_file = library.metadata().map_err(missing)?.is_file();
     if is_file { Ok(library) } else { Err(RuntimeError::NotAFile { library }) }
-}
-
-/// Why ONNX Runtime could not be loaded.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum RuntimeError {
-    /// No file, or one that cannot be read.
-    #[error("no ONNX Runtime at `{}`", library.display())]
-    Missing {
-        /// The path.
-        library: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Not a regular file.
-    #[error("`{}` is not a file", library.display())]
-    NotAFile {
-        /// The path.
-        library: PathBuf,
-    },
-    /// A file that the dynamic linker does not load.
-    #[error("`{}` is not a shared library for this machine: {reason}", library.display())]
-    NotALibrary {
-        /// The file.
-        library: PathBuf,
-        /// The linker's message.
-        reason: String,
-    },
-    /// Another shared library.
-    #[error("`{}` is not ONNX Runtime: it has no `OrtGetApiBase`", library.display())]
-    NotOnnxRuntime {
-        /// The file.
-        library: PathBuf,
-    },
-    /// Older than the interface that this library is built for.
-    #[error("`{}` is ONNX Runtime {version}, expected 1.{minimum} or newer", library.display())]
-    TooOld {
-        /// The file.
-        library: PathBuf,
-        /// Its version.
-        version: String,
-        /// The oldest supported minor version.
-        minimum: u32,
-    },
-    /// The process has loaded another one.
-    #[error("this process has already loaded ONNX Runtime from `{}` and cannot load `{}`", loaded.display(), library.display())]
-    AnotherLoaded {
-        /// The path asked for.
-        library: PathBuf,
-        /// The path in use.
-        loaded: PathBuf,
-    },
-    /// It was loaded, but does not initialize.
-    #[error("cannot initialize ONNX Runtime from `{}`: {reason}", library.display())]
-    Start {
-        /// The file.
-        library: PathBuf,
-        /// Its message.
-        reason: String,
-    },
-}
-
-impl RuntimeError {
-    /// [`ErrorKind::Runtime`].
-    #[must_use]
-    pub fn kind(&self) -> ErrorKind {
-        ErrorKind::Runtime
-    }
-}
-
-impl Hint for RuntimeError {
-    fn hint(&self) -> Option<Cow<'static, str>> {
-        None
-    }
 }

@@ -414,7 +414,7 @@ depth = 'd.depth'
 labels = 's.labels'
 ";
     let mut wired = 0;
-    nunet_testkit::hostile::sweep("manifest", MANIFEST.as_bytes(), |bytes| {
+    nunet_testkit::hostile::feed_damaged("manifest", MANIFEST.as_bytes(), |bytes| {
         let Some(manifest) = str::from_utf8(bytes).ok().and_then(|text| Manifest::parse(text).ok()) else {
             return;
         };

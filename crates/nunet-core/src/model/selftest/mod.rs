@@ -80,7 +80,7 @@ impl SelfTest {
     /// What is wrong, as text for [`super::ModelError::Invalid`].
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|error| error.to_string())?;
-        if file.version != VERSION || file.picture != IMAGE {
+        if file.version != VERSION || file.image != IMAGE {
             return Err(format!("expected version {VERSION} of the image `{IMAGE}`"));
         }
         if !file.tolerance.contains_key(&file.precision) {
@@ -172,7 +172,9 @@ struct Worst {
 #[derive(Deserialize)]
 struct File {
     version: u32,
-    picture: String,
+    /// The name of the test image.
+    #[serde(rename = "picture")]
+    image: String,
     precision: String,
     depth: [[Option<f32>; GRID_WIDTH]; GRID_HEIGHT],
     labels: Option<[[u8; GRID_WIDTH]; GRID_HEIGHT]>,
