@@ -27,7 +27,7 @@ pub struct CameraResolver {
     named: Option<Named>,
     /// What the pipeline's camera was made from.
     current: Option<Key>,
-    has_told: bool,
+    has_reported: bool,
     /// The named camera, if any, fitted a frame.
     fits: bool,
 }
@@ -112,7 +112,7 @@ impl CameraResolver {
             SourceError::bad_frame("the camera does not fit the network").with_cause(error)
         })?;
         self.current = Some(key);
-        let is_news = camera.is_none() && !std::mem::replace(&mut self.has_told, true);
+        let is_news = camera.is_none() && !std::mem::replace(&mut self.has_reported, true);
         Ok(is_news.then(|| assumption(pipeline)))
     }
 }
