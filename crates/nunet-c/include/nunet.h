@@ -408,7 +408,7 @@ typedef enum {
   /**
    * Another process publishes this camera.
    */
-  NUNET_ALREADY_OWNED = 8,
+  NUNET_ALREADY_PUBLISHED = 8,
   /**
    * Readers keep services open that were made with other limits.
    */
@@ -580,13 +580,13 @@ nunet_status_t nunet_reader_next_set(const nunet_reader_t *reader,
  *
  * Fails with `NUNET_NO_SUCH_TOPIC`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
  */
-nunet_status_t nunet_reader_owner(const nunet_reader_t *reader,
-                                  uint32_t topic,
-                                  uint32_t *pid,
-                                  bool *alive);
+nunet_status_t nunet_reader_publisher(const nunet_reader_t *reader,
+                                      uint32_t topic,
+                                      uint32_t *pid,
+                                      bool *alive);
 
 /**
- * Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_owner()`. A reader that
+ * Whether a living process publishes each of the reader's topics; as costly as `nunet_reader_publisher()`. A reader that
  * is not connected need not be opened again: it receives the frames of the next publisher. False for a reader that is closed
  * or NULL.
  */
@@ -692,7 +692,7 @@ nunet_status_t nunet_set_release(nunet_set_t *set);
  * `max_readers`: how many may read the camera at a time; 0 for 4, and at most 64. `*publisher` is the caller's, to be
  * closed with `nunet_publisher_close()`; NULL after a failure.
  *
- * Fails with `NUNET_ALREADY_OWNED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
+ * Fails with `NUNET_ALREADY_PUBLISHED` when another process publishes this camera, `NUNET_SHARED_MEMORY` when its memory
  * does not fit, `NUNET_OTHER_LIMITS`, `NUNET_WRONG_CONTRACT_VERSION`, `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
  */
 nunet_status_t nunet_publisher_open(const char *camera,
