@@ -40,6 +40,7 @@ mod npy;
 mod ply;
 mod png;
 mod results;
+mod save;
 
 pub use color::{color_range, colorize, depth_image, draw_text};
 pub use error::{FilesError, FilesErrorKind};
@@ -47,4 +48,5 @@ pub use folder::{check_folder, make_folder};
 pub use npy::{MAX_NPY_BYTES, read_npy, write_npy};
 pub use ply::write_cloud;
 pub use png::write_depth_mm;
-pub use results::{Results, write_results};
+pub use results::Results;
+pub use save::write_results;
