@@ -15,7 +15,7 @@ from nunet_models.zoo.deploy import FusedModel
 
 FP32_MARGIN = 10.0  # other processors and providers stray further than one machine's settings
 INT8_MARGIN = 3.0  # integer sums are exact, but providers fuse and round in other places
-INT8_LABEL_CELLS = 3  # of 48: OpenVINO's integers decide two cells otherwise than ONNX Runtime's own
+INT8_LABEL_CELLS = 3  # of 48; OpenVINO 1.24 differs from ONNX Runtime's own kernels in two
 BF16_MARGIN = 3.0  # bf16 strays much already; three times that still catches a wrong channel
 FLOOR = 0.001  # of the depth's unit: below this no error matters to anyone
 TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, metres
