@@ -29,7 +29,7 @@ def test_the_ray_cast_room_of_the_tests_has_the_same_names_in_the_same_order():
 
 
 def test_nunetd_folds_nyu_s_40_classes_in_the_same_way():
-    numbers = rust_list(CRATES / "nunet-daemon/src/subcommands/eval/dataset.rs", "NYU13_OF_NYU40")
+    numbers = rust_list(CRATES / "nunet-eval/src/dataset/labels.rs", "NYU13_OF_NYU40")
     folded = [int(number) for number in re.findall(r"\d+", numbers)]
     folded += [IGNORE] * (256 - len(folded))
     assert labels13_from_labels40(np.arange(256, dtype=np.uint8)).tolist() == folded
