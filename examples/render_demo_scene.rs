@@ -1,7 +1,7 @@
 //! Writes views of the demo scene with their exact depth: the image of the README, or a dataset.
 //!
 //! `cargo run --release -p nunet-daemon --example render_demo_scene -- docs/images/demo.png`, or `-- DIR` for `rgb/` and
-//! `depth/` (16-bit millimetres) as `nunetd eval` and the recipe read them.
+//! `depth/` (16-bit millimeters) as `nunetd eval` and the recipe read them.
 
 use std::error::Error;
 use std::path::Path;
@@ -31,9 +31,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for frame in FRAMES {
         let (view, depth_m) = view(frame)?;
         view.save(path.join(format!("rgb/demo_{frame:02}.png")))?;
-        let millimetres = depth_m.iter().map(|metres| (metres * 1000.0).round() as u16).collect();
+        let millimeters = depth_m.iter().map(|meters| (meters * 1000.0).round() as u16).collect();
         let depth: Option<ImageBuffer<Luma<u16>, Vec<u16>>> =
-            ImageBuffer::from_raw(SIZE.0, SIZE.1, millimetres);
+            ImageBuffer::from_raw(SIZE.0, SIZE.1, millimeters);
         depth.ok_or("depth has another size")?.save(path.join(format!("depth/demo_{frame:02}.png")))?;
     }
     Ok(())

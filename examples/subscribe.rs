@@ -35,6 +35,6 @@ fn line(frame: &Frame) -> Result<String, Box<dyn std::error::Error>> {
         age.map_or_else(|| "of unknown age".to_owned(), |nanos| format!("{:.2} ms old", nanos as f64 / 1e6));
     let depth = frame.depth()?; // a view of shared memory: `[height, width]`
     let (width, height) = (header.width as usize, header.height as usize);
-    let centre = depth[height / 2 * width + width / 2];
-    Ok(format!("frame {}: {age}, centre {centre:.3} ({})", header.sequence, header.units()?))
+    let center = depth[height / 2 * width + width / 2];
+    Ok(format!("frame {}: {age}, center {center:.3} ({})", header.sequence, header.units()?))
 }

@@ -20,9 +20,9 @@ fn dataset(error_mm: u16) -> Bench {
         let mut rgb = image::open(bench.path(&format!("data/rgb/{name}.png"))).unwrap().into_rgb8();
         rgb.iter_mut().for_each(|value| *value /= 4);
         rgb.save(bench.path(&format!("data/rgb/{name}.png"))).unwrap();
-        let millimetres =
+        let millimeters =
             |pixel: &image::Rgb<u8>| (models::connected_depth(pixel.0) * 1000.0).round() as u16 + error_mm;
-        let depth = rgb.pixels().map(millimetres).collect();
+        let depth = rgb.pixels().map(millimeters).collect();
         let depth: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::from_raw(SIZE.0, SIZE.1, depth).unwrap();
         depth.save(bench.path(&format!("data/depth/{name}.png"))).unwrap();
         let labels = rgb.pixels().map(|pixel| models::label(pixel.0)).collect();
@@ -58,7 +58,7 @@ fn assert_near(value: &Value, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn a_network_that_is_right_has_no_error_but_the_millimetres() {
+fn a_network_that_is_right_has_no_error_but_the_millimeters() {
     let found = figures(&dataset(0), &[]);
     assert_near(&found["metrics"]["rmse"], 0.0, 0.0005);
     assert_near(&found["metrics"]["delta1"], 1.0, 0.0);

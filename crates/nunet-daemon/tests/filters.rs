@@ -170,10 +170,10 @@ fn eval_measures_filtered_depth_and_says_so() {
     std::fs::create_dir_all(bench.path("data/depth")).unwrap();
     // One color: every filter leaves its depth as it is.
     std::fs::create_dir_all(bench.path("data/rgb")).unwrap();
-    let grey = image::RgbImage::from_pixel(SIZE.0, SIZE.1, image::Rgb([16; 3]));
-    grey.save(bench.path("data/rgb/a.png")).unwrap();
-    let millimetres = (models::connected_depth([16; 3]) * 1000.0) as u16;
-    let truth = image::ImageBuffer::from_pixel(SIZE.0, SIZE.1, image::Luma([millimetres]));
+    let gray = image::RgbImage::from_pixel(SIZE.0, SIZE.1, image::Rgb([16; 3]));
+    gray.save(bench.path("data/rgb/a.png")).unwrap();
+    let millimeters = (models::connected_depth([16; 3]) * 1000.0) as u16;
+    let truth = image::ImageBuffer::from_pixel(SIZE.0, SIZE.1, image::Luma([millimeters]));
     truth.save(bench.path("data/depth/a.png")).unwrap();
     let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
     let how = ["--filter", "holes", "--filter", "decimation=7", "--json"];

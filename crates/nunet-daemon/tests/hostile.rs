@@ -55,7 +55,7 @@ fn pictures() -> Vec<(&'static str, Vec<u8>)> {
     };
     vec![
         ("jpeg", file(&rgb, image::ImageFormat::Jpeg)),
-        ("grey_jpeg", file(&rgb.to_luma8().into(), image::ImageFormat::Jpeg)),
+        ("gray_jpeg", file(&rgb.to_luma8().into(), image::ImageFormat::Jpeg)),
         ("png", file(&rgb, image::ImageFormat::Png)),
         ("deep_png", file(&rgb.to_rgba16().into(), image::ImageFormat::Png)),
     ]

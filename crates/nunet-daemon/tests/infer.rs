@@ -13,12 +13,12 @@ fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
     let rgb = image::open(&photo).unwrap().into_rgb8();
     let depth = bench.depth("out");
     let labels = image::open(bench.path("out/labels.png")).unwrap().into_luma8();
-    let millimetres = image::open(bench.path("out/depth_mm.png")).unwrap().into_luma16();
+    let millimeters = image::open(bench.path("out/depth_mm.png")).unwrap().into_luma16();
     for (index, pixel) in rgb.pixels().enumerate() {
         let expected = models::connected_depth(pixel.0);
         assert_eq!(depth[index], expected, "pixel {index}");
         assert_eq!(labels.as_raw()[index], models::label(pixel.0), "pixel {index}");
-        assert_eq!(f32::from(millimetres.as_raw()[index]), (expected * 1000.0).round(), "pixel {index}");
+        assert_eq!(f32::from(millimeters.as_raw()[index]), (expected * 1000.0).round(), "pixel {index}");
     }
     let stats: serde_json::Value =
         serde_json::from_slice(&std::fs::read(bench.path("out/stats.json")).unwrap()).unwrap();

@@ -142,7 +142,7 @@ fn watch_tells_a_frames_age_by_its_cameras_clock_and_none_where_nobody_knows_it(
     let hostile = age_ms(Clock::Unix, i64::MIN, i64::MIN);
     assert_eq!(hostile.as_f64(), Some(i64::MAX as f64 / 1e6));
     let line = watched(Clock::Media, 5, 0, &[]);
-    assert!(line.starts_with("frame 0 age unknown centre "), "{line}");
+    assert!(line.starts_with("frame 0 age unknown center "), "{line}");
 }
 
 #[test]

@@ -44,8 +44,8 @@ impl ModelReport<'_> {
     /// The nearest and the farthest depth that it can measure, meters; `None` if there is no such limit.
     fn limits_m(&self) -> [Option<f64>; 2] {
         let about = self.description();
-        let is_limit = |metres: &f32| about.encoding.is_metric() && *metres < f32::MAX;
-        [about.range.min_m(), about.range.max_m()].map(|metres| Some(metres).filter(is_limit).map(shortest))
+        let is_limit = |meters: &f32| about.encoding.is_metric() && *meters < f32::MAX;
+        [about.range.min_m(), about.range.max_m()].map(|meters| Some(meters).filter(is_limit).map(shortest))
     }
 
     /// The description as JSON.

@@ -22,7 +22,7 @@ pub fn write_cloud(path: &Path, points: &[CloudPoint], metric: bool) -> Result<(
 }
 
 fn write_to(out: &mut impl Write, points: &[CloudPoint], metric: bool) -> std::io::Result<()> {
-    let unit = if metric { "metres" } else { "no unit" };
+    let unit = if metric { "meters" } else { "no unit" };
     let valid = || points.iter().filter(|point| point.z.is_finite());
     write!(
         out,
@@ -58,7 +58,7 @@ mod tests {
         expected.extend([30, 20, 10, 4]);
         assert_eq!(body, expected);
         assert!(file[..file.len() - 16].ends_with(b"end_header\n"));
-        assert!(text.contains("z forward, metres\n"), "{text}");
+        assert!(text.contains("z forward, meters\n"), "{text}");
         let mut relative = Vec::new();
         write_to(&mut relative, &[valid], false).unwrap();
         assert!(String::from_utf8_lossy(&relative).contains("z forward, no unit\n"));

@@ -5,7 +5,7 @@ use crate::messages::{Header, TransformStamped};
 /// A camera's place on the robot: the body frame (x forward, y left, z up) of the camera in the robot's `base_link`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
-    /// Metres.
+    /// Meters.
     pub translation_m: [f64; 3],
     /// Radians about the fixed axes x, y and z, in this order.
     pub roll_pitch_yaw_rad: [f64; 3],

@@ -170,9 +170,9 @@ proptest! {
 /// What each of `from` pixels contributes to pixel `target` of `to`.
 fn weights(from: u32, to: u32, target: u32) -> Vec<f64> {
     let scale = f64::from(from) / f64::from(to);
-    let centre = (f64::from(target) + 0.5) * scale;
+    let center = (f64::from(target) + 0.5) * scale;
     let weight = |pixel: u32| {
-        let t = ((f64::from(pixel) + 0.5 - centre) / scale.max(1.0)).abs();
+        let t = ((f64::from(pixel) + 0.5 - center) / scale.max(1.0)).abs();
         if t < 1.0 { 2.0 * t.powi(3) - 3.0 * t.powi(2) + 1.0 } else { 0.0 }
     };
     let weights: Vec<f64> = (0..from).map(weight).collect();

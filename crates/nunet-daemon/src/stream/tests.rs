@@ -24,14 +24,14 @@ use crate::source::{CameraGeometry, Fill, Frame};
 const PATIENCE: Duration = Duration::from_secs(60);
 const SIZE: (u32, u32) = (64, 48);
 
-/// Grey images; of a live source one each millisecond.
-struct Grey {
+/// Gray images; of a live source one each millisecond.
+struct Gray {
     left: u64,
     sequence: u64,
     live: bool,
 }
 
-impl Source for Grey {
+impl Source for Gray {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         if self.left == 0 {
             return Fill::End;
@@ -133,7 +133,7 @@ fn recorder(disk: &Arc<Disk>, notify: &Arc<Notify>) -> Vec<Box<dyn Sink>> {
     vec![record_into(Box::new(Arc::clone(disk)), Arc::new(move || notify.notify())).unwrap()]
 }
 
-fn stream(name: &CameraName, source: Grey, sinks: Vec<Box<dyn Sink>>) -> Stream {
+fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream {
     let pipeline = pipeline();
     let options = ShmPublisherOptions {
         camera: name,
@@ -168,8 +168,8 @@ fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_o
     let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
     let (recorded, live) = (camera("recorded"), camera("live"));
     let streams = vec![
-        stream(&recorded, Grey { left: FRAMES, sequence: 0, live: false }, recorder(&disk, &notify)),
-        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
+        stream(&recorded, Gray { left: FRAMES, sequence: 0, live: false }, recorder(&disk, &notify)),
+        stream(&live, Gray { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];
     let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
     let held = Reader::open(&recorded, &[Topic::Depth], PATIENCE).unwrap();
@@ -201,7 +201,7 @@ fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_o
     const UNDER_WAY: u64 = 8;
     let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
     let name = camera("held");
-    let source = Grey { left: u64::MAX, sequence: 0, live: false };
+    let source = Gray { left: u64::MAX, sequence: 0, live: false };
     let streams = vec![stream(&name, source, recorder(&disk, &notify))];
     let reader = Reader::open(&name, &[Topic::Depth], PATIENCE).unwrap();
     std::thread::scope(|scope| {
@@ -235,10 +235,10 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
     let streams = vec![
         stream(
             &over,
-            Grey { left: 3, sequence: 0, live: false },
+            Gray { left: 3, sequence: 0, live: false },
             vec![last_frame::in_folder(folder.path().to_owned())],
         ),
-        stream(&live, Grey { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
+        stream(&live, Gray { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];
     let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
     std::thread::scope(|scope| {
@@ -269,7 +269,7 @@ fn a_camera_that_fits_no_frame_ends_its_stream_at_the_first_one() {
     let (notify, stop) = (Arc::new(Notify::default()), Stop::default());
     let geometry =
         CameraGeometry { intrinsics: Some("50,50,32,18@64x36".parse().unwrap()), calibration: None };
-    let source = Grey { left: u64::MAX, sequence: 0, live: true };
+    let source = Gray { left: u64::MAX, sequence: 0, live: true };
     let stream = stream(&camera("misfit"), source, Vec::new());
     let task = stream.task.with_camera(CameraResolver::new(&geometry).unwrap());
     let mut ended = run(vec![Stream { task, ..stream }], &notify, &stop).unwrap();

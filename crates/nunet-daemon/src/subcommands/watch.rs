@@ -204,7 +204,7 @@ fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Value> {
     }))
 }
 
-fn centre_of(frame: &Frame) -> anyhow::Result<String> {
+fn center_of(frame: &Frame) -> anyhow::Result<String> {
     let unit = if frame.header().units()? == Units::Metre { " m" } else { " (no unit)" };
     Ok(depth_center(frame)?.map_or_else(|| "none".to_owned(), |depth| format!("{depth:.3}{unit}")))
 }
@@ -212,10 +212,10 @@ fn centre_of(frame: &Frame) -> anyhow::Result<String> {
 fn line_of(frame: &Frame) -> anyhow::Result<String> {
     let header = frame.header();
     Ok(format!(
-        "frame {} age {} centre {} quality {}",
+        "frame {} age {} center {} quality {}",
         header.sequence,
         age_of(header),
-        centre_of(frame)?,
+        center_of(frame)?,
         header.quality()?.name()
     ))
 }
@@ -224,7 +224,7 @@ fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow:
     let header = frame.header();
     let mut text = format!(
         "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
-         frame {} · age {} · centre {} · scale {} · quality {}\n\
+         frame {} · age {} · center {} · scale {} · quality {}\n\
          captured {} = published {} + superseded {} + failed {} + in flight {}\n\
          copied {} bytes · without depth {} pixels\n\
          {:<14} {:>9} {:>9} {:>9} {:>9}\n",
@@ -235,7 +235,7 @@ fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow:
         stats.fps,
         header.sequence,
         age_of(header),
-        centre_of(frame)?,
+        center_of(frame)?,
         header.scale_source()?.name(),
         header.quality()?.name(),
         stats.captured,

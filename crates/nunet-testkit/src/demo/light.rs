@@ -158,10 +158,10 @@ fn may_meet(solid: &Solid, from: Vec3, direction: Vec3) -> bool {
     if matches!(solid.shape, Shape::Hollow { .. }) {
         return true;
     }
-    let to_centre = solid.centre - from;
-    let along = to_centre.dot(direction);
+    let to_center = solid.center - from;
+    let along = to_center.dot(direction);
     let extent = solid.shape.half_extent();
     let radius_squared = extent.dot(extent);
-    let aside_squared = to_centre.dot(to_centre) - along * along;
-    aside_squared <= radius_squared && (along > 0.0 || to_centre.dot(to_centre) <= radius_squared)
+    let aside_squared = to_center.dot(to_center) - along * along;
+    aside_squared <= radius_squared && (along > 0.0 || to_center.dot(to_center) <= radius_squared)
 }

@@ -104,8 +104,8 @@ impl Renderer {
                 let point = rays.origin + rays.direction(column, row) * self.depth_m[pixel];
                 let at = solid.shape.chart(face, point);
                 let material = solid.faces[face as usize].material;
-                let colour = material.colour(&at);
-                let seen = if material.shines() { colour } else { lit(colour, light.at(surface, &at)) };
+                let color = material.color(&at);
+                let seen = if material.shines() { color } else { lit(color, light.at(surface, &at)) };
                 if let Some(out) = pixels.next() {
                     *out = bytes(seen);
                 }
@@ -178,8 +178,8 @@ fn pixels_between(low: f32, high: f32, side: usize) -> (usize, usize) {
     ((low.floor() as usize).min(end), end)
 }
 
-fn lit(colour: Vec3, light: Vec3) -> Vec3 {
-    Vec3::new(colour.x * light.x, colour.y * light.y, colour.z * light.z)
+fn lit(color: Vec3, light: Vec3) -> Vec3 {
+    Vec3::new(color.x * light.x, color.y * light.y, color.z * light.z)
 }
 
 /// From light to bytes: a gamma of 2, whose square root is the same everywhere.

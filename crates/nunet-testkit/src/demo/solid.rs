@@ -38,7 +38,7 @@ pub(super) struct Finish {
 #[derive(Debug, Clone)]
 pub(super) struct Solid {
     pub(super) shape: Shape,
-    pub(super) centre: Vec3,
+    pub(super) center: Vec3,
     /// Cosine and sine of the turn about the upright axis.
     pub(super) turn: (f32, f32),
     pub(super) faces: [Finish; FACES],
@@ -53,7 +53,7 @@ impl Solid {
 
     /// A point of the room in the solid's own axes.
     pub(super) fn own_point(&self, p: Vec3) -> Vec3 {
-        self.own_direction(p - self.centre)
+        self.own_direction(p - self.center)
     }
 
     /// A direction in the solid's own axes in the room's.
@@ -64,7 +64,7 @@ impl Solid {
 
     /// A point in the solid's own axes in the room's.
     pub(super) fn room_point(&self, p: Vec3) -> Vec3 {
-        self.room_direction(p) + self.centre
+        self.room_direction(p) + self.center
     }
 }
 

@@ -137,7 +137,7 @@ fn a_seed_and_an_index_give_the_same_bytes_again() {
 }
 
 #[test]
-fn a_mirrored_turned_or_recoloured_picture_is_another() {
+fn a_mirrored_turned_or_recolored_image_is_another() {
     let (rgb, _, _) = image(0, 0);
     let (width, height) = (WIDTH as usize, HEIGHT as usize);
     let pixel = |x: usize, y: usize, channel: usize| i32::from(rgb[3 * (y * width + x) + channel]);

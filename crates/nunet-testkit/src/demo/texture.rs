@@ -10,25 +10,25 @@ pub(super) struct OnFace {
 }
 
 /// Red, green, blue as x, y, z: the part of the light that comes back, 0 to 1.
-pub(super) type Colour = Vec3;
+pub(super) type Color = Vec3;
 
-const WHITE: Colour = Colour::new(0.82, 0.81, 0.78);
-const DARK: Colour = Colour::new(0.03, 0.03, 0.04);
+const WHITE: Color = Color::new(0.82, 0.81, 0.78);
+const DARK: Color = Color::new(0.03, 0.03, 0.04);
 
 /// The look of a surface; lengths in meters.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Material {
     /// One color.
-    Paint(Colour),
+    Paint(Color),
     /// A wall's: one color in soft clouds.
-    Plaster(Colour),
+    Plaster(Color),
     /// A floor's boards.
-    Boards(Colour),
+    Boards(Color),
     /// Grained along u.
-    Wood(Colour),
-    Fabric(Colour),
+    Wood(Color),
+    Fabric(Color),
     /// Two colors by turns along u.
-    Stripes(Colour, Colour),
+    Stripes(Color, Color),
     Leaves,
     /// Spines side by side, up to `height`.
     Books {
@@ -52,7 +52,7 @@ pub(super) enum Material {
         height: f32,
     },
     /// Shines by itself.
-    Glow(Colour),
+    Glow(Color),
 }
 
 impl Material {
@@ -62,16 +62,16 @@ impl Material {
     }
 
     /// The color at a point of a surface.
-    pub(super) fn colour(self, at: &OnFace) -> Colour {
+    pub(super) fn color(self, at: &OnFace) -> Color {
         let OnFace { u, v } = *at;
         match self {
-            Self::Paint(colour) | Self::Glow(colour) => colour,
-            Self::Plaster(colour) => colour * mix(0.93, 1.0, hills(u * 3.0, v * 3.0, 11)),
-            Self::Boards(colour) => boards(colour, u, v),
-            Self::Wood(colour) => colour * mix(0.75, 1.1, hills(u * 2.5, v * 34.0, 12)),
-            Self::Fabric(colour) => colour * mix(0.84, 1.08, hills(u * 45.0, v * 45.0, 13)),
+            Self::Paint(color) | Self::Glow(color) => color,
+            Self::Plaster(color) => color * mix(0.93, 1.0, hills(u * 3.0, v * 3.0, 11)),
+            Self::Boards(color) => boards(color, u, v),
+            Self::Wood(color) => color * mix(0.75, 1.1, hills(u * 2.5, v * 34.0, 12)),
+            Self::Fabric(color) => color * mix(0.84, 1.08, hills(u * 45.0, v * 45.0, 13)),
             Self::Stripes(one, other) => stripes(one, other, u, v),
-            Self::Leaves => Colour::new(0.07, 0.24, 0.06) * mix(0.4, 1.6, hills(u * 24.0, v * 24.0, 14)),
+            Self::Leaves => Color::new(0.07, 0.24, 0.06) * mix(0.4, 1.6, hills(u * 24.0, v * 24.0, 14)),
             Self::Books { height, seed } => books(height, seed, u, v),
             Self::Painting { width, height, seed } => painting(u / width, v / height, seed),
             Self::Screen { width, height } => screen(u / width, v / height),
@@ -80,7 +80,7 @@ impl Material {
     }
 }
 
-fn boards(colour: Colour, u: f32, v: f32) -> Colour {
+fn boards(color: Color, u: f32, v: f32) -> Color {
     const WIDTH: f32 = 0.14;
     const LENGTH: f32 = 1.3;
     let row = (v / WIDTH) as i32;
@@ -90,16 +90,16 @@ fn boards(colour: Colour, u: f32, v: f32) -> Colour {
     let tone = mix(0.72, 1.08, unit(row as u32, board as u32));
     let grain = mix(0.85, 1.1, hills(u * 3.0, v * 60.0, 22));
     let seam = if across_seam < 0.03 || along_seam < 0.004 { 0.55 } else { 1.0 };
-    colour * (tone * grain * seam)
+    color * (tone * grain * seam)
 }
 
-fn stripes(one: Colour, other: Colour, u: f32, v: f32) -> Colour {
+fn stripes(one: Color, other: Color, u: f32, v: f32) -> Color {
     let first = (u * 5.0) as i32 % 2 == 0;
-    let colour = if first { one } else { other };
-    colour * mix(0.85, 1.05, hills(u * 60.0, v * 60.0, 23))
+    let color = if first { one } else { other };
+    color * mix(0.85, 1.05, hills(u * 60.0, v * 60.0, 23))
 }
 
-fn books(height: f32, seed: u32, u: f32, v: f32) -> Colour {
+fn books(height: f32, seed: u32, u: f32, v: f32) -> Color {
     const WIDTH: f32 = 0.036;
     let book = (u / WIDTH) as i32;
     let across = u / WIDTH - book as f32;
@@ -108,59 +108,59 @@ fn books(height: f32, seed: u32, u: f32, v: f32) -> Colour {
         return DARK;
     }
     let cover = match hash(book as u32, seed ^ 31) % 6 {
-        0 => Colour::new(0.42, 0.05, 0.05),
-        1 => Colour::new(0.05, 0.13, 0.34),
-        2 => Colour::new(0.09, 0.26, 0.12),
-        3 => Colour::new(0.55, 0.40, 0.10),
-        4 => Colour::new(0.55, 0.50, 0.42),
-        _ => Colour::new(0.22, 0.10, 0.28),
+        0 => Color::new(0.42, 0.05, 0.05),
+        1 => Color::new(0.05, 0.13, 0.34),
+        2 => Color::new(0.09, 0.26, 0.12),
+        3 => Color::new(0.55, 0.40, 0.10),
+        4 => Color::new(0.55, 0.50, 0.42),
+        _ => Color::new(0.22, 0.10, 0.28),
     };
     let title = (0.6..0.8).contains(&(v / top));
     if title { mix_colour(cover, WHITE, 0.6) } else { cover }
 }
 
-fn painting(u: f32, v: f32, seed: u32) -> Colour {
+fn painting(u: f32, v: f32, seed: u32) -> Color {
     const FRAME: f32 = 0.06;
     if u.min(v) < FRAME || u.max(v) > 1.0 - FRAME {
-        return Colour::new(0.13, 0.07, 0.03);
+        return Color::new(0.13, 0.07, 0.03);
     }
     let (sun_u, sun_v) = (mix(0.6, 0.8, unit(seed, 41)), 0.72);
     let ridge = 0.25 + 0.35 * hills(u * 4.0, 0.0, seed);
     let shore = 0.12 + 0.2 * hills(u * 6.0, 5.0, seed);
     if v < shore {
-        Colour::new(0.10, 0.22, 0.08)
+        Color::new(0.10, 0.22, 0.08)
     } else if v < ridge {
-        Colour::new(0.20, 0.22, 0.40)
+        Color::new(0.20, 0.22, 0.40)
     } else if (u - sun_u) * (u - sun_u) + (v - sun_v) * (v - sun_v) < 0.006 {
-        Colour::new(0.95, 0.75, 0.25)
+        Color::new(0.95, 0.75, 0.25)
     } else {
-        mix_colour(Colour::new(0.85, 0.45, 0.22), Colour::new(0.25, 0.35, 0.62), v)
+        mix_colour(Color::new(0.85, 0.45, 0.22), Color::new(0.25, 0.35, 0.62), v)
     }
 }
 
-fn screen(u: f32, v: f32) -> Colour {
+fn screen(u: f32, v: f32) -> Color {
     let bezel = u.min(v) < 0.025 || u.max(v) > 0.975;
     // The window's reflection, a slanted band.
     let shine = (1.0 - (u + 0.4 * v - 0.45).abs() * 5.0).max(0.0);
-    if bezel { DARK } else { mix_colour(DARK, Colour::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine) }
+    if bezel { DARK } else { mix_colour(DARK, Color::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine) }
 }
 
-fn window(u: f32, v: f32, width: f32, height: f32) -> Colour {
+fn window(u: f32, v: f32, width: f32, height: f32) -> Color {
     const BAR: f32 = 0.06;
     let from_edge = u.min(width - u).min(v).min(height - v);
     let from_middle = (u - width / 2.0).abs().min((v - height * 0.62).abs());
     if from_edge < BAR || from_middle < BAR / 2.0 {
-        return Colour::new(0.62, 0.62, 0.60);
+        return Color::new(0.62, 0.62, 0.60);
     }
     let up = v / height;
     let trees = 0.22 + 0.16 * hills(u * 5.0, 0.0, 51) + 0.05 * hills(u * 25.0, 0.0, 52);
     if up < trees {
-        Colour::new(0.16, 0.30, 0.12) * mix(0.6, 1.3, hills(u * 30.0, v * 30.0, 53))
+        Color::new(0.16, 0.30, 0.12) * mix(0.6, 1.3, hills(u * 30.0, v * 30.0, 53))
     } else {
-        mix_colour(Colour::new(0.92, 0.95, 0.98), Colour::new(0.40, 0.64, 0.95), up)
+        mix_colour(Color::new(0.92, 0.95, 0.98), Color::new(0.40, 0.64, 0.95), up)
     }
 }
 
-fn mix_colour(a: Colour, b: Colour, t: f32) -> Colour {
+fn mix_colour(a: Color, b: Color, t: f32) -> Color {
     a + (b - a) * t
 }
