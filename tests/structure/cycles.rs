@@ -12,7 +12,7 @@ use crate::repository;
 use crate::rust_source::{is_test_file, paths, without_tests};
 
 /// Cycles that still exist. The list may only shrink; the goal is an empty one.
-const KNOWN: [&str; 1] = ["crates/nunet-daemon: cli::{file, settings}"];
+const KNOWN: [&str; 0] = [];
 
 /// A module: its path below the crate's root, such as `["depth", "decode"]`.
 type Module = Vec<String>;

@@ -24,6 +24,7 @@ mod dispatch;
 mod eval;
 mod file;
 mod filter;
+mod keys;
 mod lens;
 mod record;
 #[cfg(test)]

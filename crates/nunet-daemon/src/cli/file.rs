@@ -9,7 +9,7 @@ use nunet_core::text::shortened;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use super::settings::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
+use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
 
 /// Below this likeness a guess would be an insult.
 const LEAST_LIKENESS: f64 = 0.6;

@@ -8,7 +8,7 @@ use clap::{Arg, ArgAction, Command, CommandFactory as _};
 use serde_json::{Map, Value, json};
 
 use super::Cli;
-use super::settings::{CAMERA_NAME_KEY, is_setting, stream_flags};
+use super::keys::{CAMERA_NAME_KEY, is_setting, stream_flags};
 
 /// A page of Markdown: a section per subcommand, a table of its flags.
 fn page() -> String {

@@ -14,12 +14,10 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::file::File;
+use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
 use super::{Cli, LogArgs, RunArgs, StreamArgs};
 use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
-
-/// The key of a camera's name in its section of the file.
-pub(super) const CAMERA_NAME_KEY: &str = "name";
 
 /// Flags that mean nothing without another one, which may be in the file.
 const NEEDS: [(&str, &str); 4] =
@@ -228,32 +226,6 @@ fn overlay(run: &Command, upper: &Table, lower: &Table) -> Table {
     };
     let beside = lower.iter().filter(|(key, _)| is_beside(key));
     upper.iter().chain(beside).map(|(key, value)| (key.clone(), value.clone())).collect()
-}
-
-/// Whether a value is one that a flag would be given for.
-pub(super) fn is_on(value: &Value) -> bool {
-    !matches!(value, Value::Boolean(false) | Value::Integer(0))
-}
-
-/// Whether two flags cannot be given together.
-pub(super) fn excludes(run: &Command, one: &str, other: &str) -> bool {
-    let argument = |key: &str| run.get_arguments().find(|argument| argument.get_long() == Some(key));
-    let (Some(one), Some(other)) = (argument(one), argument(other)) else { return false };
-    let names = |one: &Arg, other: &Arg| {
-        run.get_arg_conflicts_with(one).iter().any(|argument| argument.get_id() == other.get_id())
-    };
-    names(one, other) || names(other, one)
-}
-
-/// The file cannot name another file, and asking for help is no setting.
-pub(super) fn is_setting(argument: &Arg) -> bool {
-    argument.get_long().is_some_and(|name| !["config", "help", "version"].contains(&name))
-}
-
-/// The long names of the flags that belong to one camera.
-pub(super) fn stream_flags() -> Vec<String> {
-    let command = StreamArgs::augment_args(Command::new("camera"));
-    command.get_arguments().filter_map(Arg::get_long).map(str::to_owned).collect()
 }
 
 /// The values that come from `source`, by the long names of their flags.
