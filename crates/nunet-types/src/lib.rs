@@ -32,6 +32,7 @@
 extern crate self as nunet_types;
 
 mod camera_info;
+mod classes;
 mod cloud_point;
 mod contract;
 mod depth;
@@ -43,6 +44,7 @@ mod pixel_format;
 mod vocabulary;
 
 pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
+pub use classes::NYU13_CLASSES;
 pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
 pub use depth::{Quality, ScaleSource, Units};

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nunet_source::Numbers;
+use nunet_types::NYU13_CLASSES;
 
 use crate::error::EvalError;
 use crate::metrics::IGNORE;
@@ -11,22 +12,6 @@ use crate::metrics::IGNORE;
 const OWN_FOLDER: &str = "labels";
 /// The 40 classes of NYU Depth V2.
 const NYU40_FOLDER: &str = "label40";
-/// The 13 classes that NYU's 40 fold into, index = label.
-const CLASS_NAMES: [&str; 13] = [
-    "bed",
-    "books",
-    "ceiling",
-    "chair",
-    "floor",
-    "furniture",
-    "objects",
-    "picture",
-    "sofa",
-    "table",
-    "tv",
-    "wall",
-    "window",
-];
 
 /// Where true labels lie and what their numbers mean.
 #[derive(Debug)]
@@ -58,7 +43,7 @@ impl LabelFolder {
                 name: OWN_FOLDER,
                 table: numbers.map(|label| own(label).or(is_none(label))).collect(),
             })
-        } else if root.join(NYU40_FOLDER).is_dir() && classes == CLASS_NAMES {
+        } else if root.join(NYU40_FOLDER).is_dir() && classes == NYU13_CLASSES {
             let class = |label| nyu(label).or(other(label)).or(is_none(label));
             Some(Self { name: NYU40_FOLDER, table: numbers.map(class).collect() })
         } else {
@@ -107,7 +92,7 @@ mod tests {
 
     #[test]
     fn the_40_classes_fold_into_13() {
-        let names = CLASS_NAMES.map(str::to_owned);
+        let names = NYU13_CLASSES.map(str::to_owned);
         for (label, expected) in [(0, 11), (3, 0), (38, 5), (39, IGNORE), (255, IGNORE)] {
             assert_eq!(classes(NYU40_FOLDER, &names, label).unwrap(), [expected], "{label}");
         }

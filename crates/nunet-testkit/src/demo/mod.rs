@@ -19,22 +19,8 @@ use light::LightMap;
 use render::Renderer;
 use solid::Solid;
 
-/// Names of the classes, index = label: the 13 classes of NYU Depth V2.
-pub const CLASS_NAMES: [&str; 13] = [
-    "bed",
-    "books",
-    "ceiling",
-    "chair",
-    "floor",
-    "furniture",
-    "objects",
-    "picture",
-    "sofa",
-    "table",
-    "tv",
-    "wall",
-    "window",
-];
+/// Names of the classes, index = label.
+pub use nunet_types::NYU13_CLASSES as CLASS_NAMES;
 
 /// Labels, as indices into [`CLASS_NAMES`].
 mod class {
