@@ -37,7 +37,7 @@ pub(crate) struct Options {
 
 /// Measures every model in turn, interleaved, so that a disturbed moment meets them all.
 pub(crate) fn bench(options: &Options) -> anyhow::Result<Outcome> {
-    let frame = picture(options.image.as_deref())?;
+    let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
     let mut subjects = Vec::new();
     for model in &options.models {
@@ -59,13 +59,13 @@ pub(crate) fn bench(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 /// The image of all predictions.
-pub(super) fn picture(image: Option<&Path>) -> anyhow::Result<Frame> {
+pub(super) fn image_or_demo(image: Option<&Path>) -> anyhow::Result<Frame> {
     let mut frame = Frame::default();
     match image {
         Some(path) => {
             decode(path, &mut frame)
                 .map_err(source_error)
-                .with_context(|| format!("cannot read the picture `{}`", path.display()))?;
+                .with_context(|| format!("cannot read the image `{}`", path.display()))?;
         }
         None => {
             let folders = nunet_engine::model_folders();

@@ -44,7 +44,7 @@ pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
-    let images: Vec<PathBuf> = pictures(&options.images)?;
+    let images: Vec<PathBuf> = named_images(&options.images)?;
     let folders = result_folders(&images, &options.out)?;
     let camera = CameraResolver::new(&options.optics.geometry)?;
     check_folder(&options.out)?;
@@ -73,7 +73,7 @@ fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
 }
 
 /// All images that are named, in that order: those of a folder or a glob by their names.
-fn pictures(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     for name in named {
         let found = list(name).map_err(source_error)?;

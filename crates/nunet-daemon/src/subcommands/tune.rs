@@ -11,7 +11,7 @@ use nunet_engine::{Engine, EngineOptions, find_model};
 use serde_json::{Value, json};
 use tracing::warn;
 
-use super::bench::{Subject, WARM_UP_RUNS, host, picture};
+use super::bench::{Subject, WARM_UP_RUNS, host, image_or_demo};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::exit::BadArguments;
@@ -37,7 +37,7 @@ pub(crate) struct Options {
 pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
     refuse_existing(options.out.as_deref())?;
     find_model(&options.model)?;
-    let frame = picture(options.image.as_deref())?;
+    let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
     let mut ways = Vec::new();
     for way in possible(&options.engine, &engine.runtime().providers()) {
