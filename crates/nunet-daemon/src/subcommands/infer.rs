@@ -102,7 +102,7 @@ fn refuse_no_pictures(images: &[PathBuf]) -> anyhow::Result<()> {
 }
 
 fn unreadable(error: anyhow::Error, image: &Path) -> anyhow::Error {
-    error.context(format!("cannot read the picture `{}`", image.display()))
+    error.context(format!("cannot read the image `{}`", image.display()))
 }
 
 /// Nothing done is a failure; some of many undone are a loss.
