@@ -7,6 +7,7 @@ from pathlib import Path
 from nunet_models.answer import by_name
 from nunet_models.errors import ConfigError
 from nunet_models.export.annotate import read_accuracy
+from nunet_models.export.blend import blended, with_range
 from nunet_models.export.collections import export_paper, export_tiny
 from nunet_models.export.metadata import DATA_LICENSE
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
@@ -59,6 +60,16 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         help="licence of the weights and attribution of their data, for the metadata (default: "
         "that of the model that ships, trained on NYU Depth V2)",
     )
+    parser.add_argument(
+        "--blend",
+        metavar="FILE=SHARE",
+        help="with `--checkpoint`: mix in this share of another checkpoint's weights",
+    )
+    parser.add_argument(
+        "--depth-range",
+        metavar="NEAR,FAR",
+        help="with `--checkpoint`: meters outside of which depth is no measurement",
+    )
     parser.set_defaults(carry_out=run)
 
 
@@ -89,7 +100,7 @@ def _export_one(options: argparse.Namespace) -> Path:
     out: Path | None = options.out
     if out is not None and out.suffix == ".pt" and options.checkpoint:
         out.parent.mkdir(parents=True, exist_ok=True)
-        Checkpoint.load(options.checkpoint).halved().save(out)
+        _checkpoint(options).halved().save(out)
         return out
     if out is None or out.suffix not in {".onnx", ".toml"}:
         raise ConfigError(
@@ -107,8 +118,15 @@ def _untrained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     return untrained_graph(spec, seed=options.seed), Provenance(license_text=options.license)
 
 
-def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
+def _checkpoint(options: argparse.Namespace) -> Checkpoint:
     checkpoint = Checkpoint.load(options.checkpoint)
+    if options.blend:
+        checkpoint = blended(checkpoint, options.blend)
+    return with_range(checkpoint, options.depth_range) if options.depth_range else checkpoint
+
+
+def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
+    checkpoint = _checkpoint(options)
     _require_trained(checkpoint, options.checkpoint)
     if checkpoint.spec.camera != NYU_CAMERA and not options.license:
         raise ConfigError(
