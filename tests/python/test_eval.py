@@ -75,7 +75,7 @@ def expected(session, dataset):
 
 
 def test_figures_of_depth_and_labels_agree(found, expected):
-    ours, theirs = found[0], expected.figures()
+    ours, theirs = found[0], expected.values()
     for group in ("metrics", "picture_mean", "minmax", "labels"):
         assert ours[group].keys() == theirs[group].keys()
         assert ours[group] == pytest.approx(theirs[group], rel=1e-6), group
@@ -89,11 +89,11 @@ def test_the_mean_image_agrees(found, dataset):
     pairs = [dataset[index] for index in range(IMAGES)]
     ours = found[0]["baseline"]
     mean = Prediction(mean_image(dataset), None)
-    theirs = compare(pairs, lambda _: mean, protocol=FULL, metric=True, classes=0).figures()
+    theirs = compare(pairs, lambda _: mean, protocol=FULL, metric=True, classes=0).values()
     for group in ("metrics", "picture_mean"):
         assert ours[group] == pytest.approx(theirs[group], rel=1e-6), group
     stretched = Prediction(mean_stretched_image(dataset), None)
-    theirs = compare(pairs, lambda _: stretched, protocol=FULL, metric=False, classes=0).figures()["minmax"]
+    theirs = compare(pairs, lambda _: stretched, protocol=FULL, metric=False, classes=0).values()["minmax"]
     assert ours["minmax"] == pytest.approx(theirs, rel=1e-6)
 
 
@@ -101,10 +101,10 @@ def test_the_table_has_a_row_an_image(found, expected):
     lines = (found[1] / "pictures.csv").read_text().splitlines()
     names = lines[0].split(",")
     assert len(lines) == 1 + IMAGES
-    for line, theirs in zip(lines[1:], expected.per_picture, strict=True):
+    for line, theirs in zip(lines[1:], expected.per_image, strict=True):
         row = dict(zip(names, line.split(","), strict=True))
         assert row["id"] == theirs["id"]
-        figures = {name: float(row[name]) for name in theirs if name != "id"}
-        assert figures == pytest.approx({n: v for n, v in theirs.items() if n != "id"}, rel=1e-6)
+        metrics = {name: float(row[name]) for name in theirs if name != "id"}
+        assert metrics == pytest.approx({n: v for n, v in theirs.items() if n != "id"}, rel=1e-6)
     assert json.loads((found[1] / "eval.json").read_text()) == found[0]
     assert Image.open(found[1] / "contact_sheet.png").width > 4 * 320

@@ -1,4 +1,4 @@
-"""Recipe of nunet's Serial U-Nets: the zoo, its training, evaluation, quantisation and export."""
+"""Recipe of nunet's Serial U-Nets: the zoo, its training, evaluation, quantization and export."""
 
 import os
 

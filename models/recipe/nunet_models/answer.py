@@ -1,4 +1,4 @@
-"""Answers of `evaluate` and of `nunetd eval --json`, which name their model differently."""
+"""Results of `evaluate` and of `nunetd eval --json`, which name their model differently."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ class Measured:
 
 
 def measured(answer: dict[str, Any]) -> Measured:
-    """Which model file an answer is of; nothing where it does not say.
+    """The model file that a result is for; None if the result does not name it.
 
     # Errors
     `TypeError` where `model` is neither a name nor nunetd's `{"name", "hash"}`.
@@ -28,6 +28,6 @@ def measured(answer: dict[str, Any]) -> Measured:
 
 
 def by_name(answer: dict[str, Any]) -> dict[str, Any]:
-    """The answer with its model by name alone: a hash is of the file before anything is written."""
+    """The result with its model by name only: the hash changes when metadata is written."""
     name = measured(answer).name
     return answer if name is None else {**answer, "model": name}

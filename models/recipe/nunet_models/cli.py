@@ -1,4 +1,4 @@
-"""The command line: `python -m nunet_models VERB`."""
+"""The command line: `python -m nunet_models SUBCOMMAND`."""
 
 import argparse
 import sys
@@ -8,7 +8,7 @@ from nunet_models.errors import OptionError, RecipeError
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import annotate as annotate_command
 from nunet_models.export import command as export_command
-from nunet_models.quantisation import command as quantize_command
+from nunet_models.quantization import command as quantize_command
 from nunet_models.rendering import command as render_command
 from nunet_models.reporting import command as report_command
 from nunet_models.training import command as train_command
@@ -17,7 +17,7 @@ EXIT_FAILURE = 1
 EXIT_USAGE = 2  # argparse's own, too
 EXIT_INTERRUPTED = 130
 
-VERBS = (
+SUBPARSERS = (
     train_command,
     evaluate_command,
     quantize_command,
@@ -30,16 +30,16 @@ VERBS = (
 
 
 def parser() -> argparse.ArgumentParser:
-    """Every verb with its options."""
+    """Every subcommand with its options."""
     top = argparse.ArgumentParser(prog="nunet_models", description=__doc__)
-    verbs = top.add_subparsers(required=True, metavar="VERB")
-    for command in VERBS:
-        command.add_parser(verbs)
+    subparsers = top.add_subparsers(required=True, metavar="SUBCOMMAND")
+    for command in SUBPARSERS:
+        command.add_parser(subparsers)
     return top
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a verb and return the exit code: 0 done, 1 failure, 2 bad arguments, 130 interrupted."""
+    """Run a subcommand; exit code 0 done, 1 failure, 2 bad arguments, 130 interrupted."""
     options = parser().parse_args(arguments)
     try:
         return options.carry_out(options)
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _said(error: RecipeError | OSError) -> str:
-    """The system's own errors as ours are: the file, then what is wrong with it."""
+    """The system's errors in the form of this package's: the file, then what is wrong."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"`{error.filename}`: {error.strerror.lower()}"
     return str(error)

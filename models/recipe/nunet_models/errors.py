@@ -1,12 +1,12 @@
-"""The package's exceptions: one class a kind, each naming the file or option at fault."""
+"""The package's exceptions: one class per kind. Messages name the file or option."""
 
 
 class RecipeError(Exception):
-    """Base of every error that a user can mend; the command line prints it without a traceback."""
+    """Base of every error that a user can fix; the command line prints it without a traceback."""
 
 
 class DataError(RecipeError):
-    """A dataset, picture or id list is missing, damaged or of the wrong shape."""
+    """A dataset, image or id list is missing, damaged or of the wrong shape."""
 
 
 class ConfigError(RecipeError):
@@ -14,7 +14,7 @@ class ConfigError(RecipeError):
 
 
 class OptionError(ConfigError):
-    """An option has a value that it cannot have, whatever the files hold."""
+    """The value of an option is invalid, independent of any file."""
 
 
 class ExportError(RecipeError):

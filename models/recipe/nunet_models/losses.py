@@ -1,6 +1,6 @@
 """Losses: each a function of prediction and truth, with its formula and its source.
 
-Depth losses take float `[B, 1, h, w]` prediction and truth of one encoding (metres, or 0..1) and
+Depth losses take float `[B, 1, h, w]` prediction and truth of one encoding (meters, or 0..1) and
 skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain; where none
 does, every loss is at its least and moves no weight. Where a loss works in logarithms, `log_depth`
 tensors are its arguments.
@@ -50,11 +50,11 @@ def scale_invariant(
 ) -> torch.Tensor:
     """The paper's scale-invariant loss, `sum(d^2) / n - lam * (sum(d) / n)^2`.
 
-    `d = log(1 + max(p, 1e-7)) - log(1 + max(t, 1e-7))`, one value an image, averaged over the
+    `d = log(1 + max(p, 1e-7)) - log(1 + max(t, 1e-7))`, one value per image, averaged over the
     batch. From the code of Cantrell, Miller, Morato, "Practical depth estimation with image
-    segmentation and serial U-Nets", 2020 (`losses.py`, `sil`, where n is every pixel of a picture
+    segmentation and serial U-Nets", 2020 (`losses.py`, `sil`, where n is every pixel of an image
     and lambda 0.5), after Eigen, Puhrsch, Fergus, 2014, equation 4, which has `log p - log t`:
-    `silog` is of that form. `lam` lies in [0, 1): at 1 the scale of the whole picture would be
+    `silog` is of that form. `lam` lies in [0, 1): at 1 the scale of the whole image would be
     free.
 
     # Errors
@@ -111,7 +111,7 @@ def l1(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
 
 
 def silog(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
-    """Square root of the scale-invariant error with lambda 0.85, of log depths, an image at a time.
+    """Square root of the scale-invariant error with lambda 0.85, of log depths, per image.
 
     Lee et al., "From big to small: multi-scale local planar guidance", 2019, equation 5, without
     its factor of 10.
@@ -139,7 +139,7 @@ def gradient_matching(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> t
 def scale_shift_invariant(log_predicted: torch.Tensor, log_truth: torch.Tensor) -> torch.Tensor:
     """Mean absolute difference of inverse depths, each shifted by its median and scaled to 1.
 
-    Ranftl et al., "Towards robust monocular depth estimation", 2020, equations 6 and 7: an image's
+    Ranftl et al., "Toward robust monocular depth estimation", 2020, equations 6 and 7: an image's
     own scale and shift do not count, so that images with a wrong scale teach shape. The scale is
     the mean absolute difference from the median. Images with fewer than 16 known pixels are
     skipped.
@@ -204,7 +204,7 @@ def parse_loss(text: str) -> dict[str, float]:
     `scale_invariant:0.85=1` is the scale-invariant loss with a lambda of its own.
 
     # Errors
-    `OptionError` for an unknown name, one named twice, a weight that is no number above 0, or a
+    `OptionError` for an unknown name, one named twice, a weight that is not a number above 0, or a
     lambda outside [0, 1).
     """
     weights = {}
@@ -224,8 +224,8 @@ def _weight(text: str, name: str) -> float:
         raise OptionError(f"weight `{text}` of loss `{name}` is not a number") from error
     if not 0.0 < weight < math.inf:
         raise OptionError(
-            f"weight `{text}` of loss `{name}`; expected more than 0; hint: leave out a loss that "
-            "shall not count"
+            f"weight `{text}` of loss `{name}`; expected more than 0; hint: remove a loss that "
+            "should not count"
         )
     return weight
 

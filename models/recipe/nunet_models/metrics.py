@@ -1,9 +1,9 @@
-"""Metrics: of depth and of labels, gathered picture by picture.
+"""Metrics of depth and labels, summed image by image.
 
-Depth figures are pooled over all pixels that have truth and prediction, so that a picture with
-half its pixels weighs half. The code of AdaBins, BTS and FastDepth takes each picture's figures
-alone and then their mean instead (`picture_mean`). Its RMSE is usually smaller, as a mean of
-roots is: say which of the two a figure is.
+Depth metrics are pooled over all pixels that have truth and prediction, so that an image with
+half its pixels weighs half. The code of AdaBins, BTS and FastDepth averages the metrics of each
+image instead (`picture_mean`). That RMSE is usually smaller, because it is a mean of roots.
+Always say which of the two a number is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,25 +14,25 @@ import numpy as np
 
 DELTA = 1.25
 
-FIGURES = (
+METRICS = (
     *("mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"),
     *("delta1", "delta2", "delta3"),
 )
-"""Names of the figures of depth, in the order of every table."""
+"""Names of the metrics of depth, in the order of every table."""
 
 
 @dataclass
 class DepthMetrics:
-    """Sums over pixels from which the figures follow."""
+    """Sums over pixels from which the metrics follow."""
 
     sums: dict[str, float] = field(default_factory=dict)
     pixels: int = 0
     missing: int = 0
 
     def add(self, predicted: np.ndarray, truth: np.ndarray) -> None:
-        """Count one picture: float arrays of one shape and unit, positive, NaN = none.
+        """Count one image: float arrays of one shape and unit, positive, NaN = none.
 
-        Pixels with truth but no prediction are counted in `missing` and in nothing else.
+        Pixels with truth but no prediction are counted in `missing` only.
         """
         known = np.isfinite(truth)
         both = known & np.isfinite(predicted)
@@ -43,13 +43,13 @@ class DepthMetrics:
         self.pixels += p.size
 
     def merge(self, other: "DepthMetrics") -> None:
-        """Count the pictures that `other` counted as well."""
+        """Count the images that `other` counted as well."""
         for name, value in other.sums.items():
             self.sums[name] = self.sums.get(name, 0.0) + value
         self.pixels += other.pixels
         self.missing += other.missing
 
-    def figures(self) -> dict[str, float]:
+    def values(self) -> dict[str, float]:
         """Every metric by name; see the module's functions for the formulas.
 
         mse `mean((p-t)^2)`, rmse its root, rmse_log `sqrt(mean((ln p - ln t)^2))`, log10
@@ -90,31 +90,31 @@ def _pixel_sums(p: np.ndarray, t: np.ndarray) -> dict[str, float]:
     }
 
 
-def picture_mean(pictures: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Each figure's mean over pictures, given as each one's own figures of depth by name.
+def picture_mean(images: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """The mean over images of each metric, given the depth metrics of each image by name.
 
-    Pictures weigh alike, whatever their number of pixels; those without a figure do not count.
+    Images weigh the same, however many pixels they have; those without metrics do not count.
     """
-    measured = [figures for figures in pictures if FIGURES[0] in figures]
+    measured = [metrics for metrics in images if METRICS[0] in metrics]
     if not measured:
         return {}
-    return {name: float(np.mean([figures[name] for figures in measured])) for name in FIGURES}
+    return {name: float(np.mean([metrics[name] for metrics in measured])) for name in METRICS}
 
 
 class LabelMetrics:
     """Confusion of `classes` labels, from which accuracy and intersection over union follow.
 
-    `confusion[truth, predicted]` has one column more than rows, for predictions that are none of
-    the classes: they are wrong, and no class's.
+    `confusion[truth, predicted]` has an extra column for predictions that are not a class; they
+    count as errors.
     """
 
     def __init__(self, classes: int) -> None:
         self.confusion = np.zeros((classes, classes + 1), dtype=np.int64)
 
     def add(self, predicted: np.ndarray, truth: np.ndarray) -> None:
-        """Count one picture: integer arrays of one shape.
+        """Count one image: integer arrays of one shape.
 
-        Pixels whose truth is none of the classes, as `classes.IGNORE` is, are skipped.
+        Pixels whose truth is not a class, such as `classes.IGNORE`, are skipped.
         """
         classes, columns = self.confusion.shape
         known = truth < classes
@@ -127,7 +127,7 @@ class LabelMetrics:
         """How many pixels were counted."""
         return int(self.confusion.sum())
 
-    def figures(self) -> dict[str, float]:
+    def values(self) -> dict[str, float]:
         """`miou`: mean of `hit / (truth + predicted - hit)` over classes seen in the truth or
         predicted; `accuracy`: share of pixels that are right."""  # noqa: D205, D209
         hit = np.diag(self.confusion).astype(np.float64)

@@ -22,7 +22,7 @@ def one_thread():
 
 
 def write_dataset(root: Path, *, count: int = COUNT, size: tuple[int, int] = SIZE) -> list[str]:
-    """Pictures whose brightness tells the depth: 16-bit millimetres, labels by thirds."""
+    """Images whose brightness tells the depth: 16-bit millimeters, labels by thirds."""
     for name in ("rgb", "depth", "label40"):
         (root / name).mkdir(parents=True, exist_ok=True)
     random = np.random.default_rng(5)

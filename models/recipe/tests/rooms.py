@@ -1,4 +1,4 @@
-"""Sets of a dataset list, made of a plane whose depth every camera knows."""
+"""Sets of a dataset list, made of a plane whose depth is known for every camera."""
 
 from pathlib import Path
 

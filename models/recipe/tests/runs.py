@@ -1,4 +1,4 @@
-"""Small runs of the verbs `train` and `evaluate`, and the logs that the first one leaves."""
+"""Small runs of the subparsers `train` and `evaluate`, and the logs that the first one leaves."""
 
 import csv
 from pathlib import Path
@@ -9,7 +9,7 @@ TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 
 
 def evaluate_tiny(dataset, *more, model=TINY, data=None):
-    """On the pictures of `val.txt` of a folder, or on those of `data`."""
+    """On the images of `val.txt` of a folder, or on those of `data`."""
     ids = ("--ids", str(dataset / "val.txt"))
     return main(["evaluate", "--model", str(model), "--data", str(data or dataset), *ids, *more])
 

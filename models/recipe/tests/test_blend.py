@@ -72,3 +72,13 @@ def test_another_graph_is_not_blended(checkpoints, tmp_path, capsys):
     new, _, unet = checkpoints
     assert export(new, tmp_path / "bad.pt", "--blend", f"{unet}=0.5") == 1
     assert "other components" in capsys.readouterr().err
+
+
+def test_the_key_of_the_optimizer_in_a_checkpoint_is_the_one_of_earlier_files(tmp_path):
+    path = tmp_path / "run.pt"
+    graph = untrained_graph(tiny_spec("unet"), seed=1)
+    settings = {"depth": {"optimizer": "adam", "lr": 0.1}}
+    Checkpoint(graph.spec, graph.state_dict(), settings=settings).save(path)
+    in_file = torch.load(path, weights_only=True)["settings"]
+    assert in_file == {"depth": {"optimiser": "adam", "lr": 0.1}}
+    assert Checkpoint.load(path).settings == settings

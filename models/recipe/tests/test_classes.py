@@ -35,7 +35,7 @@ def test_nunetd_folds_nyu_s_40_classes_in_the_same_way():
     assert labels13_from_labels40(np.arange(256, dtype=np.uint8)).tolist() == folded
 
 
-def test_rendered_rooms_are_labelled_by_the_same_names(monkeypatch):
+def test_rendered_rooms_are_labeled_by_the_same_names(monkeypatch):
     """Blender is stood in for: the shapes' labels need nothing of it."""
     for name in ("bpy", "mathutils"):
         monkeypatch.setitem(sys.modules, name, MagicMock())

@@ -24,7 +24,7 @@ def opened(dataset, *options):
     return open_pairs(parser.parse_args(["--data", str(dataset), *options]), ids)
 
 
-def test_a_pair_is_metres_with_nan_where_there_is_none(dataset):
+def test_a_pair_is_meters_with_nan_where_there_is_none(dataset):
     path = dataset / "depth" / "0000.png"
     values = np.array(Image.open(path))
     values[0, 0] = 0
@@ -37,14 +37,14 @@ def test_a_pair_is_metres_with_nan_where_there_is_none(dataset):
 
 def test_eight_bit_depth_with_an_offset_has_no_holes():
     units = DepthUnits(scale_m=9.99547 / 255, offset=0.5, zero_is_none=False)
-    assert units.metres(np.array([0, 255], np.uint8)) == pytest.approx([0.0196, 10.0151], abs=1e-4)
+    assert units.meters(np.array([0, 255], np.uint8)) == pytest.approx([0.0196, 10.0151], abs=1e-4)
 
 
-def test_65535_of_16_bit_pictures_is_no_measurement_whatever_the_offset():
+def test_65535_of_16_bit_images_is_no_measurement_whatever_the_offset():
     values = np.array([0, 1500, 65535], np.uint16)
-    found = DepthUnits().metres(values)
+    found = DepthUnits().meters(values)
     assert np.isnan(found[[0, 2]]).all() and found[1] == np.float32(1.5)
-    found = DepthUnits(offset=500.0, zero_is_none=False).metres(values)
+    found = DepthUnits(offset=500.0, zero_is_none=False).meters(values)
     assert found[:2].tolist() == [0.5, 2.0] and np.isnan(found[2])
 
 
@@ -61,7 +61,7 @@ def test_a_window_without_pixels_is_refused(dataset, window):
         opened(dataset, f"--window={window}")
 
 
-def test_a_window_beside_the_picture_is_refused_with_its_name(dataset):
+def test_a_window_beside_the_image_is_refused_with_its_name(dataset):
     with pytest.raises(DataError, match=r"nothing of `.*0000\.png`, which has 96 rows and 128 col"):
         opened(dataset, "--window=96,0,200,128")[0]
 
@@ -85,11 +85,11 @@ def test_the_clip_s_labels_are_its_own_classes():
 @pytest.mark.parametrize(
     ("folder", "value", "expected", "hint"),
     [
-        ("labels", 13, "0 to 12, or 255", "NYU's 40 classes belong into `label40/`"),
-        ("labels", 39, "0 to 12, or 255", "NYU's 40 classes belong into `label40/`"),
-        ("labels", 254, "0 to 12, or 255", "`255` says that nothing is known"),
+        ("labels", 13, "0 to 12, or 255", "NYU's 40 classes belong in `label40/`"),
+        ("labels", 39, "0 to 12, or 255", "NYU's 40 classes belong in `label40/`"),
+        ("labels", 254, "0 to 12, or 255", "`255` means unknown"),
         ("label40", 40, "0 to 39, or 255", "`label40/` counts NYU's classes from 0"),
-        ("label40", 300, "0 to 39, or 255", "`255` says that nothing is known"),
+        ("label40", 300, "0 to 39, or 255", "`255` means unknown"),
     ],
 )
 def test_a_label_that_is_no_class_is_refused(dataset, folder, value, expected, hint):
@@ -103,10 +103,10 @@ def test_a_label_that_is_no_class_is_refused(dataset, folder, value, expected, h
     assert (found[2] == IGNORE).all()
     labels[4, 4] = value
     Image.fromarray(labels).save(path)
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as raised:
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
-    said = f"`{path}` has the label {value}; expected {expected} where nothing is known; hint: "
-    assert str(told.value).startswith(said + hint)
+    said = f"`{path}` has the label {value}; expected {expected} for unknown; hint: "
+    assert str(raised.value).startswith(said + hint)
 
 
 def test_a_missing_file_is_named(dataset):
@@ -135,15 +135,15 @@ def test_missing_files_are_counted_by_the_file(dataset):
         FolderPairs(dataset, ["0001", "0002"], units=DepthUnits())
 
 
-def test_grey_pictures_of_16_bits_keep_their_shades(tmp_path):
-    path = tmp_path / "grey.png"
+def test_gray_images_of_16_bits_keep_their_shades(tmp_path):
+    path = tmp_path / "gray.png"
     Image.fromarray(np.array([[0, 128 * 257, 65535, 300]], np.uint16)).save(path)
     assert read_rgb(path).tolist() == [[[0] * 3, [128] * 3, [255] * 3, [1] * 3]]
 
 
 @pytest.mark.parametrize(("orientation", "turns"), [(1, 0), (3, 2), (6, 3), (8, 1)])
 @pytest.mark.parametrize("ending", ["jpg", "png"])
-def test_a_picture_is_turned_as_its_exif_orientation_says(tmp_path, ending, orientation, turns):
+def test_a_image_is_turned_as_its_exif_orientation_says(tmp_path, ending, orientation, turns):
     upright = np.zeros((32, 48, 3), np.uint8)
     upright[:16, :24] = 250
     path, exif = tmp_path / f"turned.{ending}", Image.Exif()
@@ -155,18 +155,18 @@ def test_a_picture_is_turned_as_its_exif_orientation_says(tmp_path, ending, orie
     assert np.abs(found.astype(int) - upright).max() < 30
 
 
-def test_grey_pictures_of_16_bits_are_turned_as_well(tmp_path):
+def test_gray_images_of_16_bits_are_turned_as_well(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 3
     values = np.array([[0, 257], [514, 65535]], np.uint16)
-    Image.fromarray(values).save(tmp_path / "grey.png", exif=exif)
-    assert read_rgb(tmp_path / "grey.png")[..., 0].tolist() == [[255, 2], [1, 0]]
+    Image.fromarray(values).save(tmp_path / "gray.png", exif=exif)
+    assert read_rgb(tmp_path / "gray.png")[..., 0].tolist() == [[255, 2], [1, 0]]
 
 
 @pytest.mark.filterwarnings("ignore:Corrupt EXIF")
 @pytest.mark.parametrize("exif", [b"Exif\0\0nothing", b"Exif\0\0MM\0*\0\0\0\x08\0\x09\x01"])
 def test_a_damaged_orientation_is_none(tmp_path, exif):
-    path = tmp_path / "picture.jpg"
+    path = tmp_path / "image.jpg"
     Image.new("RGB", (8, 8), (9, 9, 9)).save(path)
     plain = path.read_bytes()
     block = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
@@ -174,7 +174,7 @@ def test_a_damaged_orientation_is_none(tmp_path, exif):
     assert read_rgb(path).shape == (8, 8, 3)
 
 
-def test_a_corrupt_picture_is_named(dataset):
+def test_a_corrupt_image_is_named(dataset):
     (dataset / "rgb" / "0001.png").write_bytes(b"\x89PNG no more")
     with pytest.raises(DataError, match=r"0001\.png` cannot be read"):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
@@ -186,13 +186,13 @@ def test_depth_of_another_size_is_named_with_both_sizes(dataset):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
 
 
-def test_depth_with_colour_channels_is_refused(dataset):
+def test_depth_with_color_channels_is_refused(dataset):
     Image.new("RGB", (128, 96)).save(dataset / "depth" / "0001.png")
     with pytest.raises(DataError, match="3 channels"):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
 
 
-def test_depth_of_8_bits_needs_to_be_told_its_unit(dataset):
+def test_depth_of_8_bits_needs_a_unit(dataset):
     Image.new("L", (128, 96), 100).save(dataset / "depth" / "0001.png")
     with pytest.raises(DataError, match=r"0001\.png` has 8 bits, .*hint: `--depth-scale"):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
@@ -203,7 +203,7 @@ def test_depth_of_8_bits_needs_to_be_told_its_unit(dataset):
 @pytest.mark.parametrize("folder", ["depth", "label40"])
 def test_one_bit_a_pixel_is_neither_depth_nor_label(dataset, folder):
     Image.new("1", (128, 96), 1).save(dataset / folder / "0001.png")
-    with pytest.raises(DataError, match=rf"{folder}/0001\.png` has 1 bit a pixel; expected"):
+    with pytest.raises(DataError, match=rf"{folder}/0001\.png` has 1 bit per pixel; expected"):
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
 
 
@@ -225,19 +225,19 @@ def test_a_bad_id_list_is_refused(tmp_path, text, word):
 
 def test_a_list_that_is_missing_or_no_file_is_named(tmp_path):
     absent = tmp_path / "nolist.txt"
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as raised:
         read_ids(absent)
-    assert str(told.value) == f"`{absent}` is missing; expected a list of ids, one a line"
-    with pytest.raises(DataError) as told:
+    assert str(raised.value) == f"`{absent}` is missing; expected a list of ids, one per line"
+    with pytest.raises(DataError) as raised:
         read_ids(tmp_path)
-    assert str(told.value) == f"`{tmp_path}` is no file; expected a list of ids, one a line"
+    assert str(raised.value) == f"`{tmp_path}` is not a file; expected a list of ids, one per line"
 
 
 def test_a_folder_of_data_that_is_missing_is_named(tmp_path):
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as raised:
         FolderPairs(tmp_path / "rooms", ["0001"], units=DepthUnits())
-    said = f"`{tmp_path / 'rooms'}` is no folder; expected one with `rgb/` and `depth/`, or "
-    assert str(told.value).startswith(said)
+    said = f"`{tmp_path / 'rooms'}` is not a folder; expected one with `rgb/` and `depth/`, or "
+    assert str(raised.value).startswith(said)
 
 
 def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
@@ -249,11 +249,11 @@ def test_a_list_may_have_a_mark_of_its_order_and_ids_with_spaces(tmp_path):
 def test_a_list_that_is_no_text_is_named(tmp_path):
     path = tmp_path / "ids.txt"
     path.write_text("0001\n", encoding="utf-16")
-    with pytest.raises(DataError, match=r"ids\.txt` is no list of ids in UTF-8"):
+    with pytest.raises(DataError, match=r"ids\.txt` is not a list of ids in UTF-8"):
         read_ids(path)
 
 
-def test_a_cache_gives_the_pairs_back_to_a_tenth_of_a_millimetre(pairs, tmp_path):
+def test_a_cache_gives_the_pairs_back_to_a_tenth_of_a_millimeter(pairs, tmp_path):
     cached = build_cache(pairs, tmp_path / "cache")
     pair = pairs[3]
     assert np.array_equal(cached.rgb[3], pair.rgb)
@@ -294,7 +294,7 @@ def test_a_decoding_that_fails_leaves_nothing_to_be_taken_for_whole(pairs, datas
     assert not list((tmp_path / "cache").iterdir())
 
 
-def test_labels_are_found_where_the_first_picture_has_none(pairs, dataset, tmp_path):
+def test_labels_are_found_where_the_first_image_has_none(pairs, dataset, tmp_path):
     blank = np.full((96, 128), IGNORE, np.uint8)
     Image.fromarray(blank).save(dataset / "label40" / "0000.png")
     assert build_cache(pairs, tmp_path / "cache").has_labels
@@ -311,14 +311,14 @@ def test_depth_beyond_the_cache_s_reach_is_none_and_counted(dataset, tmp_path, c
     pairs = FolderPairs(dataset, ["0000"], units=DepthUnits())
     for _ in range(2):  # decoded, then found
         cached = build_cache(pairs, tmp_path / "cache")
-        assert "rooms, 1 pictures: 5 pixels of depth beyond 13.1 m" in capsys.readouterr().err
+        assert "rooms, 1 images: 5 pixels of depth beyond 13.1 m" in capsys.readouterr().err
     depth_m = cached.depth_m(0)
     assert np.isnan(depth_m[2, :5]).all()
     assert depth_m[2, 5] == pytest.approx(13.107)
 
 
 @pytest.mark.parametrize("what", ["an older file", "another size"])
-def test_a_replaced_picture_is_not_served_from_the_cache(dataset, tmp_path, what):
+def test_a_replaced_image_is_not_served_from_the_cache(dataset, tmp_path, what):
     path = dataset / "depth" / "0000.png"
     ids = ["0000", "0001"]
     before = build_cache(FolderPairs(dataset, ids, units=DepthUnits()), tmp_path / "cache")
@@ -345,7 +345,7 @@ def a_sample(size=(96, 128)):
     return Sample(rgb, rows + 1.0, (rows // 40).astype(np.uint8))
 
 
-def test_without_augmentation_the_picture_is_downsampled_by_area():
+def test_without_augmentation_the_image_is_downsampled_by_area():
     sample = a_sample()
     out = augmented(sample, NO_AUGMENTATION, size=(48, 64), random=np.random.default_rng(0))
     mean = sample.rgb.reshape(48, 2, 64, 2, 3).mean(axis=(1, 3))
@@ -388,7 +388,7 @@ def test_batches_of_a_seed_and_epoch_are_the_same_from_any_start(pairs, tmp_path
     assert whole[1].depth_m.nan_to_num(0).equal(rest[0].depth_m.nan_to_num(0))
 
 
-def test_another_epoch_draws_other_pictures(pairs, tmp_path):
+def test_another_epoch_draws_other_images(pairs, tmp_path):
     cached = build_cache(pairs, tmp_path / "cache")
     one, other = (
         next(epoch_batches(cached, STRONG, size=(48, 64), batch=2, seed=3, epoch=e, workers=0))
@@ -398,7 +398,7 @@ def test_another_epoch_draws_other_pictures(pairs, tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--depth-scale=0.001", "--depth-offset=0.5"])
-def test_units_are_refused_where_depth_is_metres(dataset, option):
+def test_units_are_refused_where_depth_is_meters(dataset, option):
     name = option.partition("=")[0]
-    with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` holds metres; hint: leave"):
+    with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` contains meters; hint: omit"):
         opened(dataset / "nyu.mat", option)

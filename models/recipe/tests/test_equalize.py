@@ -5,10 +5,10 @@ import onnx
 import onnxruntime as ort
 import pytest
 from onnx import helper, numpy_helper
-from test_quantisation import TINY
+from test_quantization import TINY
 
 from nunet_models.export.onnx_file import load_model
-from nunet_models.quantisation.equalize import LEAST_SHARE, equalize_channels
+from nunet_models.quantization.equalize import LEAST_SHARE, equalize_channels
 
 SHAPE = (1, 2, 8, 8)
 

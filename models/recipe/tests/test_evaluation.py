@@ -56,36 +56,36 @@ def test_eigen_s_crop_refuses_another_size():
         EIGEN.truth(np.zeros((96, 128)))
 
 
-def test_a_comparison_gives_metres_and_the_paper_s_stretched_error():
+def test_a_comparison_gives_meters_and_the_paper_s_stretched_error():
     found = compare(
         [a_pair([[1, 2], [3, 5]])],
         answering([[2, 2], [4, 4]]),
         protocol=FULL,
         metric=True,
         classes=0,
-    ).figures()
+    ).values()
     assert found["metrics"]["mse"] == pytest.approx((1 + 0 + 1 + 1) / 4)
     # truth 0 .25 .5 1, prediction 0 0 1 1
     assert found["minmax"]["mse"] == pytest.approx((0 + 0.0625 + 0.25 + 0) / 4, rel=1e-5)
 
 
-def test_truth_beyond_ten_metres_is_none_and_predictions_end_there():
+def test_truth_beyond_ten_meters_is_none_and_predictions_end_there():
     pairs = [a_pair([[9.0, 1.0, 1.0]]), a_pair([[12.0, 10.0, 1e-3]])]
     answers = iter([[[50.0, 0.0, np.nan]], [[2.0, 2.0, 2.0]]])
     comparison = compare(
         pairs, lambda _: answering(next(answers))(None), protocol=FULL, metric=True, classes=0
     )
-    assert comparison.depth.figures()["mse"] == pytest.approx((1 + 0.999**2) / 2, rel=1e-6)
+    assert comparison.depth.values()["mse"] == pytest.approx((1 + 0.999**2) / 2, rel=1e-6)
     assert (comparison.depth.pixels, comparison.depth.missing) == (2, 1)
 
 
 def test_what_is_compared_and_what_is_not_is_counted():
     truth = a_pair([[12.0, 10.0, 1e-3, np.nan, 2.0, 3.0, 4.0]])
     answer = answering([[1, 1, 1, 1, np.nan, 3, 4]])
-    found = compare([truth] * 2, answer, protocol=FULL, metric=True, classes=0).figures()
+    found = compare([truth] * 2, answer, protocol=FULL, metric=True, classes=0).values()
     assert (found["pixels"], found["pixels_without_prediction"]) == (4, 2)
     assert found["pixels_beyond"] == 6
-    found = compare([truth], answer, protocol=FULL, metric=False, classes=0).figures()
+    found = compare([truth], answer, protocol=FULL, metric=False, classes=0).values()
     assert (found["pixels"], found["pixels_without_prediction"]) == (5, 1)
     assert found["pixels_beyond"] == 0, "stretched depth has no cap"
 
@@ -94,12 +94,12 @@ def test_truth_beyond_counts_within_the_crop_alone():
     depth = np.full((480, 640), 20.0, np.float32)
     depth[45, 41:44] = 2.0, np.nan, 1e-4
     found = compare([a_pair(depth)], answering(depth), protocol=EIGEN, metric=True, classes=0)
-    assert found.figures()["pixels"] == 1
-    assert found.figures()["pixels_beyond"] == 426 * 560 - 2
+    assert found.values()["pixels"] == 1
+    assert found.values()["pixels_beyond"] == 426 * 560 - 2
 
 
 @pytest.mark.parametrize(("far", "said"), [(61, False), (62, True)])
-def test_much_truth_beyond_the_cap_is_told(dataset, capsys, far, said):
+def test_much_truth_beyond_the_cap_is_reported(dataset, capsys, far, said):
     path = dataset / "depth" / "0004.png"
     values = np.full((96, 128), 2000, np.uint16)
     values.flat[: far * 10] = 10_000
@@ -115,12 +115,10 @@ def test_much_truth_beyond_the_cap_is_told(dataset, capsys, far, said):
     assert len(lines) == said
     if said:
         assert "5.1 % of the true depth (620 of 12240 pixels)" in lines[0]
-        assert lines[0].endswith(
-            "hint: `--depth-scale METRES` says what a unit of the depth pictures is"
-        )
+        assert lines[0].endswith("hint: `--depth-scale METERS` sets the unit of the depth images")
 
 
-def test_truth_of_another_scale_is_told():
+def test_truth_of_another_scale_is_reported():
     with pytest.raises(DataError, match=r"between 0\.001 and 10\.0 m.*--depth-scale"):
         compare(
             [a_pair([[1250.0, 4000.0]])],
@@ -131,12 +129,12 @@ def test_truth_of_another_scale_is_told():
         )
 
 
-def test_the_mean_over_pictures_stands_beside_the_pooled_figures():
+def test_the_mean_over_images_stands_beside_the_pooled_figures():
     pairs = [a_pair([[2.0, 2.0, 2.0]]), a_pair([[np.nan, np.nan, 1.0]]), a_pair([[np.nan] * 3])]
     answers = iter([[[3.0, 3.0, 3.0]], [[4.0, 4.0, 4.0]], [[4.0, 4.0, 4.0]]])
     found = compare(
         pairs, lambda _: answering(next(answers))(None), protocol=FULL, metric=True, classes=0
-    ).figures()
+    ).values()
     assert found["metrics"]["mse"] == pytest.approx((3 * 1 + 9) / 4)
     assert found["picture_mean"]["mse"] == pytest.approx((1 + 9) / 2)
     assert found["picture_mean"]["rmse"] == pytest.approx((1 + 3) / 2)
@@ -146,7 +144,7 @@ def test_the_mean_over_pictures_stands_beside_the_pooled_figures():
 def test_a_minmax_network_is_not_stretched_again():
     found = compare(
         [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
-    ).figures()
+    ).values()
     assert found["metrics"] == found["picture_mean"] == {}
     assert found["minmax"]["mse"] == pytest.approx(0.25, rel=1e-5)
 
@@ -178,17 +176,17 @@ def test_focal_scaling_compares_cameras_at_one_size():
     assert predictor.focal_scale(518.858, 1280) == pytest.approx(0.5)
 
 
-def test_a_picture_of_another_size_is_answered_at_its_own():
+def test_a_image_of_another_size_is_answered_at_its_own():
     prediction = Predictor(TINY)(np.zeros((50, 70, 3), np.uint8))
     assert prediction.depth.shape == (50, 70) and prediction.labels.shape == (50, 70)
 
 
 def frames(dataset, count):
-    """The first pictures of the made dataset, uint8 `[96, 128, 3]` each, the tiny models' size."""
+    """The first images of the made dataset, uint8 `[96, 128, 3]` each, the tiny models' size."""
     return [np.array(Image.open(dataset / f"rgb/{index:04d}.png")) for index in range(count)]
 
 
-def test_pictures_are_no_stream_and_the_frames_of_one_are(dataset):
+def test_images_are_no_stream_and_the_frames_of_one_are(dataset):
     state = json.loads(read_metadata(RECURRENT)["nunet.state"])
     kept = {tensor["input"]: np.zeros(tensor["shape"], np.float32) for tensor in state}
     predictor = Predictor(RECURRENT)
@@ -204,14 +202,14 @@ def test_pictures_are_no_stream_and_the_frames_of_one_are(dataset):
         assert (index > 0) == bool(np.abs(after["depth"] - alone["depth"]).max() > 0.01)
 
 
-def test_a_stream_of_a_network_without_a_memory_is_its_pictures(dataset):
+def test_a_stream_of_a_network_without_a_state_equals_its_images(dataset):
     predictor = Predictor(TINY)
     follow = predictor.stream()
     for rgb in frames(dataset, 2):
         np.testing.assert_array_equal(follow(rgb).depth, predictor(rgb).depth)
 
 
-def test_a_clip_alone_carries_what_a_network_remembers(dataset, tmp_path, capsys):
+def test_only_a_clip_carries_the_state_of_a_network(dataset, tmp_path, capsys):
     def measured(*more):
         out = tmp_path / "rows.csv"
         assert evaluate(dataset, "--csv", str(out), *more, model=RECURRENT) == 0
@@ -266,7 +264,7 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("cut.onnx", ("cannot be read as an ONNX file", "hint: is it whole?")),
+        ("cut.onnx", ("as an ONNX file", "hint: check that the file is complete")),
         (
             "tiny_wnet_c.toml",
             (
@@ -303,7 +301,7 @@ def test_labels_of_the_13_classes_give_the_figures_of_the_40(dataset, capsys):
     assert evaluate(dataset) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["labels"] == expected
-    assert "no label figures" not in said.err
+    assert "no label metrics" not in said.err
 
 
 def test_a_folder_without_labels_is_said_once(dataset, capsys):
@@ -311,13 +309,13 @@ def test_a_folder_without_labels_is_said_once(dataset, capsys):
     assert evaluate(dataset) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["labels"] == {}
-    assert said.err.count(f"no label figures: `{dataset}` has no folder `labels`") == 1
+    assert said.err.count(f"no label metrics: `{dataset}` has no folder `labels`") == 1
 
 
-def test_eigen_s_crop_names_the_picture_of_another_size(dataset, capsys):
+def test_eigen_s_crop_names_the_image_of_another_size(dataset, capsys):
     assert evaluate(dataset, "--protocol", "eigen") == 1
     said = capsys.readouterr().err
-    assert "picture `0004`: protocol `eigen` is for pictures of (480, 640)" in said
+    assert "image `0004`: protocol `eigen` is for images of (480, 640)" in said
     assert "hint: `--protocol full`" in said
 
 
@@ -329,10 +327,10 @@ def test_a_mean_image_of_another_size_is_said_before_the_network_runs(dataset, c
             Image.open(path).resize((64, 48), Image.Resampling.NEAREST).save(path)
     baseline = ("--baseline-ids", str(dataset / "train.txt"))
     assert evaluate(dataset, *baseline) == 1
-    assert "picture `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
+    assert "image `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
     (dataset / "train.txt").write_text("0000\n0005\n")
     assert evaluate(dataset, *baseline) == 1
-    assert "picture `0005` is (96, 128), the first one (48, 64)" in capsys.readouterr().err
+    assert "image `0005` is (96, 128), the first one (48, 64)" in capsys.readouterr().err
 
 
 def test_a_mean_image_is_kept_for_other_data(dataset, tmp_path, capsys):
@@ -353,7 +351,7 @@ def test_a_mean_image_is_kept_for_other_data(dataset, tmp_path, capsys):
     assert found["of"] == "baseline-file"
     assert (found["metrics"], found["picture_mean"]) == (named["metrics"], named["picture_mean"])
     pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (4, 5)]
-    own = compare(pairs, answering(image), protocol=FULL, metric=True, classes=0).figures()
+    own = compare(pairs, answering(image), protocol=FULL, metric=True, classes=0).values()
     assert found["minmax"] == pytest.approx(own["minmax"])
 
 
@@ -361,16 +359,16 @@ def test_a_mean_image_of_another_size_is_no_baseline(dataset, tmp_path, capsys, 
     monkeypatch.setattr(Predictor, "__call__", lambda *_: pytest.fail("the network has run"))
     np.save(tmp_path / "mean.npy", np.ones((48, 64), np.float32))
     assert evaluate(dataset, "--baseline", str(tmp_path / "mean.npy")) == 1
-    assert "picture `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
+    assert "image `0004` is (96, 128); expected (48, 64)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("image", "said"),
     [
-        (None, "is missing; expected a mean image in metres, float32 [H, W]"),
-        (b"\x93NUMPY no more", "is no .npy file: "),
-        (b"", "is no .npy file: "),
-        (np.array(["a"], object), "is no .npy file: "),
+        (None, "is missing; expected a mean image in meters, float32 [H, W]"),
+        (b"\x93NUMPY no more", "is not a .npy file: "),
+        (b"", "is not a .npy file: "),
+        (np.array(["a"], object), "is not a .npy file: "),
         (np.ones((96, 128), np.uint16), "holds uint16 [96, 128]; expected a mean image"),
         (np.ones((1, 96, 128), np.float32), "holds float32 [1, 96, 128]; expected"),
         (np.full((96, 128), np.nan, np.float32), "has pixels without depth; expected"),
@@ -389,13 +387,13 @@ def test_a_file_that_is_no_mean_image_is_named(dataset, tmp_path, capsys, image,
 
 def test_options_of_the_baseline_that_do_not_go_together_are_bad_arguments(dataset, capsys):
     assert evaluate(dataset, "--save-baseline", "mean.npy") == 2
-    assert "hint: `--baseline-ids FILE` names training pictures" in capsys.readouterr().err
+    assert "hint: `--baseline-ids FILE` names training images" in capsys.readouterr().err
     with pytest.raises(SystemExit) as ended:
         evaluate(dataset, "--baseline", "mean.npy", "--baseline-ids", "train.txt")
     assert ended.value.code == 2
 
 
-def test_a_row_of_a_picture_without_depth_is_empty_and_the_others_are_not(dataset, tmp_path):
+def test_a_row_of_a_image_without_depth_is_empty_and_the_others_are_not(dataset, tmp_path):
     Image.fromarray(np.zeros((96, 128), np.uint16)).save(dataset / "depth" / "0004.png")
     assert evaluate(dataset, "--csv", str(tmp_path / "rows.csv")) == 0
     head, empty, full = (tmp_path / "rows.csv").read_text().splitlines()
@@ -408,14 +406,14 @@ def test_a_stretched_network_s_rows_hold_the_stretched_error():
     compared = compare(
         [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
     )
-    assert compared.per_picture == [{"id": "0", "minmax_mse": ANY, "minmax_rmse": ANY}]
-    assert compared.per_picture[0]["minmax_rmse"] == pytest.approx(0.5, rel=1e-5)
+    assert compared.per_image == [{"id": "0", "minmax_mse": ANY, "minmax_rmse": ANY}]
+    assert compared.per_image[0]["minmax_rmse"] == pytest.approx(0.5, rel=1e-5)
 
 
 def test_one_frame_is_no_clip(dataset, capsys):
     (dataset / "val.txt").write_text("0004\n")
     assert evaluate(dataset, "--clip") == 1
-    assert "names one picture; expected two frames or more" in capsys.readouterr().err
+    assert "names one image; expected two frames or more" in capsys.readouterr().err
 
 
 def test_frames_without_depth_have_no_clip_figures():
@@ -440,17 +438,17 @@ def stretching(tmp_path):
     return path
 
 
-def test_the_focal_length_scales_metres_and_nothing_else(dataset, stretching, capsys):
-    def figures(model, *more):
+def test_the_focal_length_scales_meters_and_nothing_else(dataset, stretching, capsys):
+    def metrics(model, *more):
         assert evaluate(dataset, *more, model=model) == 0
         return json.loads(capsys.readouterr().out)
 
     fx = ("--fx", "1000")
-    assert figures(TINY, *fx)["metrics"] != figures(TINY)["metrics"]
-    assert figures(stretching, *fx) == figures(stretching)
+    assert metrics(TINY, *fx)["metrics"] != metrics(TINY)["metrics"]
+    assert metrics(stretching, *fx) == metrics(stretching)
 
 
-def test_a_clip_of_a_network_without_metres_is_refused(dataset, stretching, capsys):
+def test_a_clip_of_a_network_without_meters_is_refused(dataset, stretching, capsys):
     assert evaluate(dataset, "--clip", model=stretching) == 1
     said = capsys.readouterr().err
-    assert f"`--clip` compares metres, but `{stretching}` gives depth as `minmax`; hint: " in said
+    assert f"`--clip` compares meters, but `{stretching}` outputs depth as `minmax`; hint: " in said

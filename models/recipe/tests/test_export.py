@@ -1,4 +1,4 @@
-"""Model files: the self-test picture to the byte, and files that compute the network."""
+"""Model files: the self-test image to the byte, and files that compute the network."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ from nunet_models.export import measure
 from nunet_models.export.collections import TINY_ARCHITECTURES, TINY_SEED, tiny_spec
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.onnx_file import read_metadata, run, session
-from nunet_models.export.selftest import answer_from_outputs, selftest_picture
+from nunet_models.export.selftest import answer_from_outputs, selftest_image
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.zoo.deploy import FusedModel
 
@@ -27,12 +27,12 @@ KEYS = {
 }
 
 
-def test_the_selftest_picture_is_the_documented_one():
-    picture = selftest_picture(640, 480)
+def test_the_selftest_image_is_the_documented_one():
+    image = selftest_image(640, 480)
     first = [150, 130, 100, 150, 130, 100, 150, 130, 100, 157, 137, 107, 157, 137, 107, 164]
-    assert picture.reshape(-1)[:16].tolist() == first
+    assert image.reshape(-1)[:16].tolist() == first
     digest = "f13ba5a29ec76e875ed3a4cebc8c294e8be9e184d3485a166b7446ac8cd72536"
-    assert hashlib.sha256(picture.tobytes()).hexdigest() == digest
+    assert hashlib.sha256(image.tobytes()).hexdigest() == digest
 
 
 def test_an_answer_is_lower_medians_and_lowest_majorities():
@@ -81,7 +81,7 @@ def test_a_fused_file_passes_its_own_selftest(wnet_c):
     graph, folder = wnet_c
     selftest = json.loads(read_metadata(folder / "fused.onnx")["nunet.selftest"])
     answer = measure.answer_of(
-        run(folder / "fused.onnx", {"rgb": measure.picture_of(graph.spec)}), graph.spec
+        run(folder / "fused.onnx", {"rgb": measure.image_of(graph.spec)}), graph.spec
     )
     assert np.abs(np.array(selftest["depth"]) - answer.depth).max() <= 1e-5
     assert selftest["labels"] == answer.labels.tolist()
@@ -89,9 +89,9 @@ def test_a_fused_file_passes_its_own_selftest(wnet_c):
 
 
 @pytest.mark.parametrize("change", ["mirrored", "bgr", "upside down"])
-def test_the_selftest_catches_a_changed_picture(wnet_c, change):
+def test_the_selftest_catches_a_changed_image(wnet_c, change):
     graph, folder = wnet_c
-    rgb = measure.picture_of(graph.spec)
+    rgb = measure.image_of(graph.spec)
     changed = {"mirrored": rgb[:, :, ::-1], "bgr": rgb[..., ::-1], "upside down": rgb[:, ::-1]}
     selftest = json.loads(read_metadata(folder / "fused.onnx")["nunet.selftest"])
     outputs = run(folder / "fused.onnx", {"rgb": np.ascontiguousarray(changed[change])})
@@ -101,7 +101,7 @@ def test_the_selftest_catches_a_changed_picture(wnet_c, change):
 
 def test_stages_wired_by_the_toml_give_the_fused_answer(wnet_c):
     graph, folder = wnet_c
-    rgb = measure.picture_of(graph.spec)
+    rgb = measure.image_of(graph.spec)
     staged = tomllib.loads((folder / "staged.toml").read_text())
     results = {"image": rgb}
     for stage in staged["stage"]:
@@ -123,7 +123,7 @@ def test_the_depth_stage_carries_the_whole_graph_s_metadata(wnet_c):
 def test_a_smaller_inner_size_gives_outputs_of_the_input_s_size(tmp_path):
     spec = tiny_spec("wnet_c").with_sizes(input_size=(192, 256), inner_size=(96, 128))
     export_fused(untrained_graph(spec, seed=3), tmp_path / "m.onnx", Provenance())
-    outputs = run(tmp_path / "m.onnx", {"rgb": measure.picture_of(spec)})
+    outputs = run(tmp_path / "m.onnx", {"rgb": measure.image_of(spec)})
     assert outputs["depth"].shape == (1, 1, 192, 256)
     labels = outputs["labels"][0]
     assert np.array_equal(labels[::2, ::2], labels[1::2, 1::2])
@@ -134,7 +134,7 @@ def test_a_file_that_computes_something_else_is_refused(wnet_c):
     other = FusedModel(untrained_graph(tiny_spec("wnet_c"), seed=4))
     with pytest.raises(ExportError, match="differs from the network"):
         measure.check_against_torch(
-            other, wnet_c[1] / "fused.onnx", measure.picture_of(other.network.spec)
+            other, wnet_c[1] / "fused.onnx", measure.image_of(other.network.spec)
         )
 
 
@@ -150,28 +150,28 @@ TINY = Path(__file__).parents[2] / "tiny"
 def test_a_test_model_in_git_is_what_the_recipe_makes(architecture):
     model = FusedModel(untrained_graph(tiny_spec(architecture), seed=TINY_SEED).eval())
     path = TINY / f"tiny_{architecture}.onnx"
-    rgb = measure.picture_of(model.network.spec)
+    rgb = measure.image_of(model.network.spec)
     measure.check_against_torch(model, path, rgb, bound=measure.UNTRAINED_BOUND)
     assert read_metadata(path)["nunet.architecture"] == architecture
 
 
-def test_a_memory_goes_in_and_out_of_its_file():
+def test_a_model_file_takes_and_returns_its_state():
     path = TINY / "tiny_wnet_c_lstm.onnx"
     (hidden, cell) = json.loads(read_metadata(path)["nunet.state"])
     zeros = {s["input"]: np.zeros(s["shape"], np.float32) for s in (hidden, cell)}
-    rgb = selftest_picture(128, 96)[None]
+    rgb = selftest_image(128, 96)[None]
     outputs = run(path, {"rgb": rgb, **zeros})
     assert outputs[cell["output"]].shape == tuple(cell["shape"])
     assert np.abs(outputs[hidden["output"]]).max() > 0
     left = {s["input"]: outputs[s["output"]] for s in (hidden, cell)}
     again = run(path, {"rgb": rgb, **left})
     difference = np.abs(again["depth"] - outputs["depth"]).max()
-    assert difference > 0.01, "a memory that nobody sees in the answer tests nothing"
+    assert difference > 0.01, "a state without an effect on the output tests nothing"
 
 
-def test_a_graph_with_a_memory_has_no_stages(tmp_path):
+def test_a_recurrent_graph_cannot_be_staged(tmp_path):
     graph = untrained_graph(tiny_spec("wnet_c_lstm"), seed=1)
-    with pytest.raises(ExportError, match="no stages"):
+    with pytest.raises(ExportError, match="cannot be staged"):
         export_staged(graph, tmp_path / "staged.toml", Provenance())
 
 

@@ -12,22 +12,22 @@ from nunet_models.errors import ConfigError, OptionError
 NAN = float("nan")
 
 
-def picture(*values):
+def image(*values):
     return torch.tensor(values, dtype=torch.float32).reshape(1, 1, 1, -1)
 
 
 def test_mse_skips_pixels_without_truth():
     # ((1-2)^2 + (3-5)^2) / 2
-    assert losses.mse(picture(1, 3, 9), picture(2, 5, NAN)).item() == pytest.approx(2.5)
+    assert losses.mse(image(1, 3, 9), image(2, 5, NAN)).item() == pytest.approx(2.5)
 
 
 def test_l1_is_the_mean_absolute_error():
-    assert losses.l1(picture(1, 3), picture(2, 5)).item() == pytest.approx(1.5)
+    assert losses.l1(image(1, 3), image(2, 5)).item() == pytest.approx(1.5)
 
 
 def test_scale_invariant_with_lambda_zero_is_the_squared_error_of_log1p():
     # d = ln 3 - ln 2, 0
-    value = losses.scale_invariant(picture(2, 3), picture(1, 3), lam=0.0).item()
+    value = losses.scale_invariant(image(2, 3), image(1, 3), lam=0.0).item()
     assert value == pytest.approx(math.log(3 / 2) ** 2 / 2, rel=1e-6)
 
 
@@ -35,37 +35,35 @@ def test_scale_invariant_is_the_paper_s_published_formula():
     # n = 3, lambda 0.5; d = ln 2 - ln 4, ln 5 - ln 3, 0
     d = (math.log(2 / 4), math.log(5 / 3), 0.0)
     expected = sum(x * x for x in d) / 3 - 0.5 / (3 * 3) * sum(d) ** 2
-    value = losses.scale_invariant(picture(1, 4, 2), picture(3, 2, 2)).item()
+    value = losses.scale_invariant(image(1, 4, 2), image(3, 2, 2)).item()
     assert value == pytest.approx(expected, rel=1e-6)
 
 
-def test_scale_invariant_takes_each_picture_alone_and_its_known_pixels():
+def test_scale_invariant_takes_each_image_alone_and_its_known_pixels():
     # d = ln 2 everywhere in the one, and in the one known pixel of the other
-    predicted = torch.cat([picture(1, 3), picture(5, 9)])
-    truth = torch.cat([picture(0, 1), picture(2, NAN)])
+    predicted = torch.cat([image(1, 3), image(5, 9)])
+    truth = torch.cat([image(0, 1), image(2, NAN)])
     value = losses.scale_invariant(predicted, truth, lam=0.5).item()
     assert value == pytest.approx(0.5 * math.log(2) ** 2, rel=1e-5)
 
 
 def test_scale_invariant_clips_at_1e_7_and_adds_one():
     # a prediction below 0 counts as 1e-7: d = ln(1 + 1e-7) - ln 2
-    value = losses.scale_invariant(picture(-3), picture(1), lam=0.0).item()
+    value = losses.scale_invariant(image(-3), image(1), lam=0.0).item()
     assert value == pytest.approx(math.log(2 / (1 + 1e-7)) ** 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("lam", [-0.1, 1.0, NAN])
 def test_scale_invariant_refuses_lambda_outside_its_range(lam):
     with pytest.raises(ConfigError, match="0 <= lambda < 1"):
-        losses.scale_invariant(picture(1), picture(1), lam=lam)
+        losses.scale_invariant(image(1), image(1), lam=lam)
 
 
 def test_a_loss_may_say_its_lambda():
     weights = losses.parse_loss("scale_invariant:0.85=2, mse")
     assert weights == {"scale_invariant:0.85": 2.0, "mse": 1.0}
     weights = {"scale_invariant:0.85": 2.0}
-    value = losses.weighted_depth_loss(
-        picture(1, 3), picture(0, 1), weights=weights, log_network=False
-    )
+    value = losses.weighted_depth_loss(image(1, 3), image(0, 1), weights=weights, log_network=False)
     # d = ln 2 everywhere
     assert value.item() == pytest.approx(2 * 0.15 * math.log(2) ** 2, rel=1e-4)
 
@@ -85,27 +83,25 @@ def test_a_lambda_that_does_not_fit_is_refused(text, word):
 
 
 def test_msle_is_the_squared_difference_of_log1p():
-    value = losses.msle(picture(1, 0), picture(3, 0)).item()
+    value = losses.msle(image(1, 0), image(3, 0)).item()
     assert value == pytest.approx((math.log(2) - math.log(4)) ** 2 / 2, rel=1e-5)
 
 
 def test_berhu_is_linear_below_c_and_quadratic_above():
     # errors 1 and 10, c = 2: 1 and (100 + 4) / 4 = 26
-    assert losses.berhu(picture(1, 10), picture(0, 0)).item() == pytest.approx((1 + 26) / 2)
+    assert losses.berhu(image(1, 10), image(0, 0)).item() == pytest.approx((1 + 26) / 2)
 
 
 def test_silog_is_the_root_with_lambda_085():
     # d = 1 everywhere: sqrt(1 - 0.85)
-    assert losses.silog(picture(2, 3), picture(1, 2)).item() == pytest.approx(
-        math.sqrt(0.15), rel=1e-5
-    )
+    assert losses.silog(image(2, 3), image(1, 2)).item() == pytest.approx(math.sqrt(0.15), rel=1e-5)
 
 
-def test_silog_treats_each_picture_alone():
-    one = losses.silog(picture(2, 3), picture(1, 2))
-    other = losses.silog(picture(5, 2), picture(1, NAN))
+def test_silog_treats_each_image_alone():
+    one = losses.silog(image(2, 3), image(1, 2))
+    other = losses.silog(image(5, 2), image(1, NAN))
     both = losses.silog(
-        torch.cat([picture(2, 3), picture(5, 2)]), torch.cat([picture(1, 2), picture(1, NAN)])
+        torch.cat([image(2, 3), image(5, 2)]), torch.cat([image(1, 2), image(1, NAN)])
     )
     assert both.item() == pytest.approx((one.item() + other.item()) / 2, rel=1e-6)
 
@@ -123,8 +119,8 @@ def test_gradient_matching_of_a_slope_grows_with_the_scale():
 
 
 def test_gradient_matching_drops_steps_to_unknown_pixels():
-    d = picture(0, 5, 1).expand(1, 1, 1, 3)
-    truth = picture(0, NAN, 0)
+    d = image(0, 5, 1).expand(1, 1, 1, 3)
+    truth = image(0, NAN, 0)
     # at scale 1 both steps touch the unknown pixel; at scale 2 pixels 0 and 2 remain: step 1
     assert losses.gradient_matching(d, truth).item() == pytest.approx(1 / 4)
 
@@ -156,9 +152,9 @@ def test_an_unknown_loss_is_refused_by_name(text):
         losses.parse_loss(text)
 
 
-def test_a_log_network_is_compared_in_metres_where_the_loss_is_linear():
-    raw = picture(math.log(2.0))
-    value = losses.weighted_depth_loss(raw, picture(3.0), weights={"mse": 2.0}, log_network=True)
+def test_a_log_network_is_compared_in_meters_where_the_loss_is_linear():
+    raw = image(math.log(2.0))
+    value = losses.weighted_depth_loss(raw, image(3.0), weights={"mse": 2.0}, log_network=True)
     assert value.item() == pytest.approx(2.0, rel=1e-5)
 
 

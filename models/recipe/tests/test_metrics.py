@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from nunet_models.classes import IGNORE
-from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics, picture_mean
+from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, picture_mean
 
 
-def figures(predicted, truth):
+def metrics(predicted, truth):
     metrics = DepthMetrics()
     metrics.add(np.array(predicted, dtype=np.float32), np.array(truth, dtype=np.float32))
-    return metrics.figures()
+    return metrics.values()
 
 
 def test_every_depth_figure_of_two_pixels():
-    found = figures([2.0, 2.0], [1.0, 4.0])
+    found = metrics([2.0, 2.0], [1.0, 4.0])
     ln2 = math.log(2)
     assert found["mse"] == pytest.approx((1 + 4) / 2)
     assert found["rmse"] == pytest.approx(math.sqrt(2.5))
@@ -31,25 +31,25 @@ def test_every_depth_figure_of_two_pixels():
 
 
 def test_deltas_count_pixels_within_their_ratio():
-    found = figures([1.2, 1.5, 1.9, 2.1], [1.0, 1.0, 1.0, 1.0])
+    found = metrics([1.2, 1.5, 1.9, 2.1], [1.0, 1.0, 1.0, 1.0])
     assert (found["delta1"], found["delta2"], found["delta3"]) == (0.25, 0.5, 0.75)
 
 
 def test_silog_is_zero_for_a_wrong_scale():
-    assert figures([2.0, 4.0], [1.0, 2.0])["silog"] == pytest.approx(0.0, abs=1e-4)
+    assert metrics([2.0, 4.0], [1.0, 2.0])["silog"] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_figures_are_pooled_over_pixels_not_pictures():
+def test_figures_are_pooled_over_pixels_not_images():
     metrics = DepthMetrics()
     metrics.add(np.array([1.0, 1.0, 1.0]), np.array([2.0, 2.0, 2.0]))
     metrics.add(np.array([1.0]), np.array([1.0]))
-    assert metrics.figures()["mse"] == pytest.approx(3 / 4)
+    assert metrics.values()["mse"] == pytest.approx(3 / 4)
 
 
-def test_pictures_weigh_alike_in_the_mean_over_pictures():
-    alone = [figures([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]), figures([4.0], [1.0]), {}]
+def test_images_weigh_alike_in_the_mean_over_images():
+    alone = [metrics([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]), metrics([4.0], [1.0]), {}]
     found = picture_mean(alone)
-    assert list(found) == list(FIGURES)
+    assert list(found) == list(METRICS)
     assert found["rmse"] == pytest.approx((1 + 3) / 2)
     assert found["mse"] == pytest.approx((1 + 9) / 2)
     assert found["abs_rel"] == pytest.approx((0.5 + 3) / 2)
@@ -62,10 +62,10 @@ def test_pixels_without_prediction_are_counted():
     assert (metrics.pixels, metrics.missing) == (1, 1)
 
 
-def test_miou_and_accuracy_of_a_small_picture():
+def test_miou_and_accuracy_of_a_small_image():
     metrics = LabelMetrics(3)
     metrics.add(np.array([0, 0, 1, 1]), np.array([0, 1, 1, IGNORE]))
-    found = metrics.figures()
+    found = metrics.values()
     # class 0: hit 1, union 2; class 1: hit 1, union 2; class 2 unseen
     assert found["miou"] == pytest.approx(0.5)
     assert found["accuracy"] == pytest.approx(2 / 3)
@@ -77,10 +77,10 @@ def test_a_prediction_that_is_no_class_is_wrong_and_no_other_class_s(beyond):
     truth = np.array([0, 0, 1, 2], np.uint8)
     metrics.add(np.array([0, beyond, 1, beyond], np.uint8), truth)
     # class 0: hit 1, union 2; class 1: hit 1, union 1; class 2: hit 0, union 1
-    assert metrics.figures() == pytest.approx({"miou": (0.5 + 1 + 0) / 3, "accuracy": 0.5})
+    assert metrics.values() == pytest.approx({"miou": (0.5 + 1 + 0) / 3, "accuracy": 0.5})
 
 
 def test_truth_that_is_no_class_of_the_network_is_not_counted():
     metrics = LabelMetrics(3)
     metrics.add(np.array([0, 1, 2], np.uint8), np.array([0, 3, 12], np.uint8))
-    assert metrics.figures() == {"miou": 1.0, "accuracy": 1.0}
+    assert metrics.values() == {"miou": 1.0, "accuracy": 1.0}

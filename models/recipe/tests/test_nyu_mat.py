@@ -1,4 +1,4 @@
-"""NYU Depth V2's own files: pictures, classes and split."""
+"""NYU Depth V2's own files: images, classes and split."""
 
 import json
 import os
@@ -28,7 +28,7 @@ def write_class_map(path, classes=CLASSES, **how):
 
 
 def write_nyu(path, count=2, size=(6, 8), labels=None):
-    """`count` pictures of `size` rows and columns, axes turned as MATLAB's are."""
+    """`count` images of `size` rows and columns, axes turned as MATLAB's are."""
     height, width = size
     random = np.random.default_rng(2)
     with h5py.File(path, "w") as file:
@@ -53,7 +53,7 @@ def test_axes_are_turned(tmp_path):
     pairs = NyuMatPairs(path, ["1"])
     pair = pairs[0]
     assert pair.rgb.shape == (6, 8, 3) and pair.depth_m.shape == (6, 8)
-    # column 2, row 5, green of picture 1
+    # column 2, row 5, green of image 1
     assert pair.rgb[5, 2, 1] == np.uint8((1 * 3 + 1) * 48 + 2 * 6 + 5)
     assert pair.labels is None and not pairs.has_labels
 
@@ -92,8 +92,8 @@ def test_a_class_map_of_any_version_of_matlab_is_read(tmp_path, class_map, how):
     ("write", "said"),
     [
         (lambda p: None, "is missing; expected Gupta et al.'s `classMapping40.mat`"),
-        (lambda p: p.write_bytes(b"<html>404"), "is no MATLAB file: "),
-        (lambda p: p.write_bytes(b""), "is no MATLAB file: "),
+        (lambda p: p.write_bytes(b"<html>404"), "is not a MATLAB file: "),
+        (lambda p: p.write_bytes(b""), "is not a MATLAB file: "),
         (lambda p: savemat(p, {"names": [1], "other": [2]}), "the variables `names`, `other`; exp"),
         (lambda p: write_class_map(p, CLASSES % 13 + 1), "894 numbers from 1 to 13; expected 894 "),
         (lambda p: write_class_map(p, CLASSES[:800]), "has 800 numbers from 1 to 40; expected 894"),
@@ -105,20 +105,20 @@ def test_a_class_map_of_any_version_of_matlab_is_read(tmp_path, class_map, how):
 def test_a_file_that_is_no_class_map_is_named(tmp_path, write, said):
     path = tmp_path / "classMapping.mat"
     write(path)
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as raised:
         read_class_map(path)
-    assert str(path) in str(told.value) and said in str(told.value)
+    assert str(path) in str(raised.value) and said in str(raised.value)
 
 
 def test_a_cut_class_map_is_no_matlab_file(class_map):
     class_map.write_bytes(class_map.read_bytes()[:700])
-    with pytest.raises(DataError, match="is no MATLAB file"):
+    with pytest.raises(DataError, match="is not a MATLAB file"):
         read_class_map(class_map)
 
 
 def test_a_label_that_is_no_raw_class_is_refused(tmp_path, class_map):
     path = write_nyu(tmp_path / "nyu.mat", labels=np.full((2, 8, 6), 895))
-    with pytest.raises(DataError, match=r"picture 1` has the label 895; expected 0.* to 894"):
+    with pytest.raises(DataError, match=r"image 1` has the label 895; expected 0.* to 894"):
         NyuMatPairs(path, ["1"], class_map=class_map)[0]
 
 
@@ -127,12 +127,12 @@ def test_a_label_that_is_no_raw_class_is_refused(tmp_path, class_map):
 )
 def test_a_file_that_is_not_nyu_s_is_refused_by_name(tmp_path, name, said):
     (tmp_path / "other.mat").write_bytes(b"MATLAB 5.0")
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as raised:
         NyuMatPairs(tmp_path / name, ["0"])
-    assert f"`{tmp_path / name}` {said}" in str(told.value)
+    assert f"`{tmp_path / name}` {said}" in str(raised.value)
 
 
-def test_a_file_without_labels_is_told_where_they_are_wanted(tmp_path, class_map):
+def test_a_file_without_labels_fails_with_a_hint_where_labels_are_needed(tmp_path, class_map):
     path = write_nyu(tmp_path / "nyu.mat")
     with pytest.raises(DataError, match=r"nyu\.mat` is not NYU.*labels"):
         NyuMatPairs(path, ["0"], class_map=class_map)
@@ -141,10 +141,10 @@ def test_a_file_without_labels_is_told_where_they_are_wanted(tmp_path, class_map
 def test_a_replaced_file_or_class_map_is_not_served_from_the_cache(tmp_path, class_map):
     path = tmp_path / "nyu.mat"
 
-    def depth_of(metres, time_ns):
+    def depth_of(meters, time_ns):
         with h5py.File(path, "w") as file:
             file["images"] = np.zeros((1, 3, 8, 6), np.uint8)
-            file["depths"] = np.full((1, 8, 6), metres, np.float32)
+            file["depths"] = np.full((1, 8, 6), meters, np.float32)
         os.utime(path, ns=(time_ns, time_ns))
         return build_cache(NyuMatPairs(path, ["0"]), tmp_path / "cache").depth_m(0)[3, 3]
 
@@ -175,7 +175,9 @@ def test_segmentation_is_trained_from_nyu_s_own_files(tmp_path, class_map, capsy
     data = ("--data", str(rooms(tmp_path)))
     assert train(tmp_path, tmp_path / "run", *data) == 1
     said = capsys.readouterr().err
-    assert "nyu.mat` has no labels of its own to train `segmentation` on: which of NYU's" in said
+    assert (
+        "nyu.mat` has no labels of its own to train `segmentation` on: its 894 raw classes" in said
+    )
     assert said.endswith("hint: `--class-map classMapping40.mat`\n")
     data = (*data, "--class-map", str(class_map))
     assert train(tmp_path, tmp_path / "run", *data, epochs=1) == 0
@@ -191,7 +193,7 @@ def test_labels_are_measured_by_nyu_s_own_files(tmp_path, class_map, capsys):
     assert evaluate_tiny(tmp_path, data=path) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["labels"] == {}
-    assert "has no labels of its own: which of NYU's" in said.err
+    assert "has no labels of its own: its 894 raw classes" in said.err
     assert evaluate_tiny(tmp_path, "--class-map", str(class_map), data=path) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["labels"]["pixels"] > 20_000
@@ -212,14 +214,14 @@ def splits(tmp_path):
 
 def test_the_official_split_becomes_lists_that_count_from_0(tmp_path, splits, capsys):
     out = tmp_path / "lists"
-    verb = ["nyu-lists", "--splits", str(splits), "--out", str(out)]
+    subcommand = ["nyu-lists", "--splits", str(splits), "--out", str(out)]
     for _ in range(2):
-        assert main(verb) == 0
-        assert f"{out / 'train.txt'}: 2 pictures\n" in capsys.readouterr().out
+        assert main(subcommand) == 0
+        assert f"{out / 'train.txt'}: 2 images\n" in capsys.readouterr().out
     assert (out / "train.txt").read_text() == "2\n3\n"
     assert (out / "test.txt").read_text() == "0\n1\n1448\n"
     (out / "test.txt").write_text("mine\n")
-    assert main(verb) == 1
+    assert main(subcommand) == 1
     assert "test.txt` exists and is another list; hint: " in capsys.readouterr().err
     assert (out / "test.txt").read_text() == "mine\n"
 

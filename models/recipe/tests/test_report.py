@@ -1,4 +1,4 @@
-"""Reports: tables from evaluations, figures from logs and pictures."""
+"""Reports: tables from evaluations, figures from logs and images."""
 
 import json
 from pathlib import Path
@@ -36,11 +36,11 @@ def test_the_metric_table_ends_with_the_mean_image():
     lines = metric_table([EVALUATION]).splitlines()
     head, _, ours, mean = ([cell.strip() for cell in line.split("|")[1:-1]] for line in lines)
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
-    errors.insert(2, "rmse, mean of pictures")
+    errors.insert(2, "rmse, mean of images")
     names = [*errors, "delta1", "delta2", "delta3", "mIoU", "accuracy"]
-    assert head == ["model", "pictures", *names]
+    assert head == ["model", "images", *names]
     known = {"rmse": "0.6110", "abs_rel": "0.1900", "delta1": "0.7190", "accuracy": "0.7041"}
-    known["rmse, mean of pictures"] = "0.5900"
+    known["rmse, mean of images"] = "0.5900"
     assert ours == ["wnet_c.onnx", "323", *(known.get(name, "-") for name in names)]
     assert mean[:5] == ["mean image", "323", "-", "1.2030", "1.1150"]
 
@@ -53,7 +53,7 @@ def test_the_paper_s_figure_stands_beside_ours():
 
 OF_NUNETD = {
     **{"contract": 1, "model": {"name": "wnet_c.onnx", "hash": "ab" * 32}},
-    **{"architecture": "wnet_c", "dataset": "rooms", "protocol": "full", "units": "metres"},
+    **{"architecture": "wnet_c", "dataset": "rooms", "protocol": "full", "units": "meters"},
     **{"pictures": 9, "skipped": 0, "metrics": {"rmse": 0.7}, "minmax": {}, "labels": {}},
     "baseline": None,
 }
@@ -74,11 +74,11 @@ def test_an_answer_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp
 def test_an_answer_whose_model_has_no_name_is_none(tmp_path, model):
     path = tmp_path / "eval.json"
     path.write_text(json.dumps(OF_NUNETD | {"model": model}))
-    with pytest.raises(DataError, match="is no answer of `evaluate`: "):
+    with pytest.raises(DataError, match="is not an answer of `evaluate`: "):
         read_evaluation(path)
 
 
-def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):
+def test_a_report_holds_tables_curves_and_images(dataset, tmp_path, capsys):
     run, out = tmp_path / "run", tmp_path / "out"
     run.mkdir()
     (run / "steps.csv").write_text("step,loss\n1,2.0\n2,1.0\n2,0.9\n")
@@ -99,12 +99,12 @@ def test_a_report_holds_tables_curves_and_pictures(dataset, tmp_path, capsys):
     assert [caption for caption, _ in evolution(run)] == [f"run {k}" for k in (1, 2, 4, 5, 7, 8)]
     assert capsys.readouterr().out.strip() == str(out / "report.md")
     assert "| mean image |" in (out / "report.md").read_text()
-    for name in ("losses.png", "evolution.png", "pictures.png"):
+    for name in ("losses.png", "evolution.png", "images.png"):
         assert min(Image.open(out / name).size) > 200
 
 
-def test_networks_with_and_without_metres_are_shown_in_one_unit():
-    """Else the colours of the truth's metres would show a depth of 0..1 as one near wall."""
+def test_networks_with_and_without_meters_are_shown_in_one_unit():
+    """Else the colors of the truth's meters would show a depth of 0..1 as one near wall."""
     truth_m = np.array([[1.0, 3.0], [5.0, np.nan]], np.float32)
     relative = Answer("relative", np.array([[0.0, 0.5], [1.0, 1.0]], np.float32), metric=False)
     metric = Answer("metric", np.array([[2.0, 4.0], [6.0, 60.0]], np.float32), metric=True)
@@ -125,8 +125,8 @@ def test_networks_with_and_without_metres_are_shown_in_one_unit():
     [
         ([], "nothing to report"),
         (["--run", "absent"], "no log `absent/steps.csv`"),
-        (["--evaluation", "README.md"], "is no answer of `evaluate`"),
-        (["--model", str(TINY)], "which pictures"),
+        (["--evaluation", "README.md"], "is not an answer of `evaluate`"),
+        (["--model", str(TINY)], "which images"),
     ],
 )
 def test_what_cannot_be_reported_is_said(options, word, tmp_path, capsys, monkeypatch):

@@ -53,7 +53,7 @@ def test_a_run_is_not_resumed_from_other_weights(dataset, tmp_path, capsys):
     assert train(dataset, run, "--resume", *start, component="depth") == 0
 
 
-def test_every_origin_is_told_by_its_option():
+def test_every_origin_is_reported_by_its_option():
     file = {"file": "a.pt", "sha256": "ab" * 32}
     started = {"origin": {"plug": {"segmentation": file}, "imagenet": True, "begin_with": file}}
     assert provenance_differences(started, started) == []

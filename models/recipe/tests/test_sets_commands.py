@@ -47,8 +47,8 @@ def test_both_components_train_on_images_of_two_sizes_and_cameras(sets, tmp_path
     assert train(sets, tmp_path / "seg", "--epoch-images", "4") == 0
     start = ("--architecture", "wnet_c", "--plug", f"segmentation={tmp_path / 'seg/best.pt'}")
     assert train(sets, tmp_path / "depth", *start, "--patch", "0.7", component="depth") == 0
-    figures = rows(tmp_path / "depth", "epochs.csv")[-1]
-    assert {"abs_rel", "delta1", "b.abs_rel"} <= set(figures)
+    metrics = rows(tmp_path / "depth", "epochs.csv")[-1]
+    assert {"abs_rel", "delta1", "b.abs_rel"} <= set(metrics)
     data = Checkpoint.load(tmp_path / "depth/best.pt").provenance["depth"]["data"]
     assert [(s["set"], s["images"], s["rooms"]) for s in data["train_sets"]] == [
         ("a", 4, 2),

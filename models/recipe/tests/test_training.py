@@ -42,17 +42,17 @@ def test_a_run_leaves_logs_checkpoints_and_tensorboard(dataset, tmp_path):
     assert len(Checkpoint.load(run / "last.pt").history["segmentation"]) == 2
 
 
-def test_the_picture_to_show_is_kept_at_each_validation(dataset, tmp_path):
-    picture = next((dataset / "rgb").iterdir())
-    assert train(dataset, tmp_path, "--show", str(picture), epochs=1) == 0
+def test_the_image_to_show_is_kept_at_each_validation(dataset, tmp_path):
+    image = next((dataset / "rgb").iterdir())
+    assert train(dataset, tmp_path, "--show", str(image), epochs=1) == 0
     (kept,) = (tmp_path / "evolution").iterdir()
-    height, width = Image.open(picture).size[::-1]
+    height, width = Image.open(image).size[::-1]
     assert np.load(kept).shape == (height // 2, width // 2)
 
 
-def test_a_picture_to_show_that_is_none_is_named(dataset, tmp_path, capsys):
+def test_a_image_to_show_that_is_none_is_named(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, "--show", str(dataset / "val.txt")) == 1
-    assert f"`{dataset / 'val.txt'}` cannot be read as a picture" in capsys.readouterr().err
+    assert f"`{dataset / 'val.txt'}` cannot be read as an image" in capsys.readouterr().err
 
 
 def test_a_stopped_run_resumes_to_the_same_losses(dataset, tmp_path):
@@ -94,8 +94,8 @@ def test_depth_trains_behind_a_frozen_segmentation(dataset, tmp_path):
     for name in before:
         if name.startswith("components.0"):
             assert torch.equal(before[name], after[name]), name
-    figures = rows(second, "epochs.csv")
-    assert float(figures[-1]["rmse"]) < float(figures[0]["rmse"])
+    metrics = rows(second, "epochs.csv")
+    assert float(metrics[-1]["rmse"]) < float(metrics[0]["rmse"])
 
 
 def test_a_run_is_not_overwritten_without_resume(dataset, tmp_path, capsys):
@@ -142,12 +142,12 @@ def test_a_number_that_no_training_can_have_is_a_bad_argument(dataset, tmp_path,
     assert not (dataset / "cache").exists() and not (tmp_path / "last.pt").exists()
 
 
-def test_a_memory_is_not_trained_on_single_pictures(dataset, tmp_path, capsys):
-    """Each would begin at zeros, and the weights that read what is remembered never change."""
+def test_a_recurrent_network_is_not_trained_on_single_images(dataset, tmp_path, capsys):
+    """Each would start from a zero state, and the weights that read it would never change."""
     lstm = ("--architecture", "wnet_c_lstm")
     assert train(dataset, tmp_path, *lstm, component="depth", epochs=1) == 2
     said = capsys.readouterr().err
-    assert "`--component depth` of `wnet_c_lstm` has a memory; this recipe does not train " in said
+    assert "`--component depth` of `wnet_c_lstm` is recurrent; this recipe does not train " in said
     assert "hint: `--architecture wnet_c`" in said
     assert not (dataset / "cache").exists() and not (tmp_path / "last.pt").exists()
     assert train(dataset, tmp_path, *lstm, component="segmentation", epochs=1) == 0
@@ -155,7 +155,7 @@ def test_a_memory_is_not_trained_on_single_pictures(dataset, tmp_path, capsys):
 
 def test_a_batch_that_no_epoch_fills_is_refused(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, "--batch", "5") == 1
-    assert "names 4 pictures; expected at least `--batch 5`" in capsys.readouterr().err
+    assert "names 4 images; expected at least `--batch 5`" in capsys.readouterr().err
 
 
 def test_a_loss_is_refused_before_anything_is_decoded(dataset, tmp_path, capsys):
@@ -195,10 +195,10 @@ def test_a_missing_list_is_said_to_be_missing(dataset, tmp_path, capsys):
     absent = tmp_path / "nolist.txt"
     assert train(dataset, tmp_path / "run", "--train-ids", str(absent)) == 1
     said = capsys.readouterr().err
-    assert said == f"nunet_models: `{absent}` is missing; expected a list of ids, one a line\n"
+    assert said == f"nunet_models: `{absent}` is missing; expected a list of ids, one per line\n"
 
 
-def test_a_file_that_the_system_refuses_is_told_without_its_number(dataset, tmp_path, capsys):
+def test_a_file_that_the_system_refuses_is_reported_without_its_number(dataset, tmp_path, capsys):
     absent = tmp_path / "absent.pt"
     assert train(dataset, tmp_path / "run", "--begin-with", str(absent)) == 1
     said = capsys.readouterr().err
@@ -223,8 +223,8 @@ def test_data_without_truth_is_refused_before_the_first_step(
 ):
     folder, blank = ("label40", 255) if component == "segmentation" else ("depth", 0)
     for index in ids:
-        picture = Image.fromarray(np.full((96, 128), blank, np.uint16))
-        picture.save(dataset / folder / f"{index:04d}.png")
+        image = Image.fromarray(np.full((96, 128), blank, np.uint16))
+        image.save(dataset / folder / f"{index:04d}.png")
     assert train(dataset, tmp_path / "run", component=component) == 1
     what = "labels" if component == "segmentation" else "depth"
     assert f"the {name} data has no {what}; hint: " in capsys.readouterr().err
@@ -237,7 +237,7 @@ def test_truth_that_no_crop_shows_is_said_to_be_so():
     labels = np.full(depth.shape, IGNORE, np.uint8)
     data = Cached(("corner",), np.zeros((1, 480, 640, 3), np.uint8), depth, labels)
     graph = SerialGraph(tiny_spec("unet")).eval()
-    with pytest.raises(ConfigError, match="no pixel of the validation pictures"):
+    with pytest.raises(ConfigError, match="no pixel of the validation images"):
         validate(graph, data, component=0, batch=1, bf16=False, workers=0)
 
 
@@ -257,7 +257,7 @@ def test_the_best_epoch_is_on_disk_before_the_run_goes_past_it(dataset, tmp_path
 def test_drop_path_is_refused_where_it_would_do_nothing(dataset, tmp_path, capsys, backbone):
     options = ("--backbone", backbone, "--drop-path", "0.1", "--architecture", "unet", "--resume")
     assert train(dataset, tmp_path, *options, component="depth") == 1
-    assert f"backbone `{backbone}` knows no drop path" in capsys.readouterr().err
+    assert f"backbone `{backbone}` has no drop path" in capsys.readouterr().err
 
 
 def test_drop_path_is_taken_where_a_backbone_knows_it():
@@ -285,7 +285,7 @@ def test_a_damaged_checkpoint_is_refused_by_name(tmp_path, dataset, capsys):
     (tmp_path / "last.pt").write_bytes(b"no checkpoint")
     assert train(dataset, tmp_path, "--resume") == 1
     said = capsys.readouterr().err
-    assert "last.pt` is no checkpoint of this package, or damaged; hint: `train` writes" in said
+    assert "last.pt` is not a checkpoint of this package, or damaged; hint: `train` writes" in said
     assert "weights_only" not in said and "torch" not in said
 
 
@@ -295,7 +295,7 @@ def test_a_run_of_another_graph_is_not_resumed(dataset, tmp_path, capsys):
     assert "trains another graph" in capsys.readouterr().err
 
 
-def test_a_run_resumed_with_other_options_is_told_each_of_them(dataset, tmp_path, capsys):
+def test_a_run_resumed_with_other_options_lists_each_of_them(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, "--minutes", "1e-9", "--lr", "0.002") == 0
     other = ("--lr", "0.001", "--no-bf16", "--loss", "mse", "--threads", "1", "--workers", "0")
     assert train(dataset, tmp_path, "--resume", *other, epochs=3) == 1
@@ -306,7 +306,7 @@ def test_a_run_resumed_with_other_options_is_told_each_of_them(dataset, tmp_path
     assert not any(word in said for word in ("workers", "epochs", "threads"))
 
 
-def test_a_run_is_not_resumed_on_other_pictures(dataset, tmp_path, capsys):
+def test_a_run_is_not_resumed_on_other_images(dataset, tmp_path, capsys):
     assert train(dataset, tmp_path, epochs=1) == 0
     (dataset / "val.txt").write_text("0005\n0004\n")
     assert train(dataset, tmp_path, "--resume", epochs=1) == 1
@@ -392,7 +392,7 @@ def test_a_trained_run_becomes_a_file_that_says_how_it_was_trained(dataset, tmp_
     assert train(dataset, run, "--architecture", "unet", component="depth", epochs=1) == 0
     export = ["export", "--checkpoint", str(run / "best.pt"), "--accuracy", str(accuracy)]
     whole = accuracy.read_text()
-    for text, word in ((whole[:-1], "is no JSON: "), ("[]", "is no JSON object")):
+    for text, word in ((whole[:-1], "is not JSON: "), ("[]", "is not a JSON object")):
         accuracy.write_text(text)
         assert main([*export, "--out", str(model)]) == 1
         assert f"`{accuracy}` {word}" in capsys.readouterr().err and not model.exists()
@@ -428,10 +428,10 @@ def test_a_run_without_a_validated_epoch_is_not_exported(dataset, tmp_path, caps
     assert train(dataset, run, *unet, component="depth") == 0
     assert main(["export", "--checkpoint", str(run / "last.pt"), "--out", str(model)]) == 1
     assert "component `depth` of" in (said := capsys.readouterr().err)
-    assert "has no validated epoch yet; hint: train on with `--resume`" in said
+    assert "has no validated epoch yet; hint: continue with `--resume`" in said
 
 
-def test_what_learnt_along_with_a_later_component_counts_as_trained():
+def test_what_learned_along_with_a_later_component_counts_as_trained():
     spec = tiny_spec("wnet_c")
     history = {"depth": [{"epoch": 1}]}
     alone = Checkpoint(spec, {}, history=history, settings={"depth": {"unfrozen": False}})
@@ -442,7 +442,7 @@ def test_what_learnt_along_with_a_later_component_counts_as_trained():
 
 def test_the_paper_s_stretched_target_trains_and_is_measured_on_its_own_scale(dataset, tmp_path):
     paper = ("--encoding", "minmax", "--loss", "mse", "--ema", "0", "--schedule", "constant")
-    options = ("--architecture", "unet", "--optimiser", "adam", *paper)
+    options = ("--architecture", "unet", "--optimizer", "adam", *paper)
     assert train(dataset, tmp_path, *options, component="depth", epochs=1) == 0
     assert 0.0 < float(rows(tmp_path, "epochs.csv")[0]["rmse"]) < 1.0
 
@@ -512,18 +512,18 @@ def test_a_checkpoint_that_knows_no_provenance_still_loads_resumes_and_exports(d
     assert Checkpoint.load(run / "last.pt").provenance == {}
 
 
-def test_a_network_of_another_camera_says_so_and_whose_pictures_they_are(dataset, tmp_path, capsys):
+def test_a_network_of_another_camera_says_so_and_whose_images_they_are(dataset, tmp_path, capsys):
     run, onward, model = tmp_path / "run", tmp_path / "onward", tmp_path / "model.onnx"
     camera = ("--intrinsics", "600,601.5,320,240@640x480")
     assert train(dataset, run, "--architecture", "unet", *camera, component="depth", epochs=1) == 0
     export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
     assert main(export) == 1
-    assert "hint: `--license TEXT` says whose pictures they are" in capsys.readouterr().err
-    assert main([*export, "--license", "CC0, our own pictures"]) == 0
+    assert "hint: `--license TEXT` names the license of the images" in capsys.readouterr().err
+    assert main([*export, "--license", "CC0, our own images"]) == 0
     values = read_metadata(model)
     known = {"width": 640, "height": 480, "fx": 600.0, "fy": 601.5}
     assert json.loads(values["nunet.camera"]) == known
-    assert values["nunet.license"] == "CC0, our own pictures"
+    assert values["nunet.license"] == "CC0, our own images"
     best = str(run / "best.pt")
     for more, fx in (((), 600.0), (("--intrinsics", "300,300,160,120@320x240"), 300.0)):
         shutil.rmtree(onward, ignore_errors=True)
@@ -531,7 +531,7 @@ def test_a_network_of_another_camera_says_so_and_whose_pictures_they_are(dataset
         assert Checkpoint.load(onward / "best.pt").spec.camera.fx == fx
 
 
-def test_the_camera_and_the_licence_that_nobody_named_are_said(dataset, tmp_path, capsys):
+def test_defaults_of_camera_and_license_are_printed(dataset, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     unet = ("--architecture", "unet")
     camera = "taken for NYU Depth V2's camera, of fx 518.858 pixels at 640x480"
@@ -548,10 +548,10 @@ def test_the_camera_and_the_licence_that_nobody_named_are_said(dataset, tmp_path
         assert "camera" not in capsys.readouterr().err
     export = ["export", "--checkpoint", str(run / "best.pt"), "--out", str(model)]
     assert main(export) == 0
-    licence = read_metadata(model)["nunet.license"]
-    assert f"the licence is `{licence}`; hint: `--license TEXT`" in capsys.readouterr().err
+    license = read_metadata(model)["nunet.license"]
+    assert f"the license is `{license}`; hint: `--license TEXT`" in capsys.readouterr().err
     assert main([*export, "--license", "CC0"]) == 0
-    assert "licence" not in capsys.readouterr().err
+    assert "license" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -559,7 +559,7 @@ def test_the_camera_and_the_licence_that_nobody_named_are_said(dataset, tmp_path
     [
         ("600,600,320,240", 2, "expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are"),
         ("0,600,320,240@640x480", 2, "expected fx,fy,cx,cy@WxH in pixels"),
-        ("600,600,320,180@640x360", 1, "of 640x360; the training pictures are 128x96; hint:"),
+        ("600,600,320,180@640x360", 1, "of 640x360; the training images are 128x96; hint:"),
     ],
 )
 def test_intrinsics_that_cannot_be_are_refused(dataset, tmp_path, capsys, text, code, word):

@@ -85,8 +85,11 @@ def test_tasks_and_kept_sigmoids_are_the_caller_s():
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
-        ({"tasks": ("depth",)}, "`depth` do not fit `wnet` of 2 components; hint: a list by comma"),
-        ({"tasks": ("colour", "depth")}, "of segmentation or depth, one a component"),
+        (
+            {"tasks": ("depth",)},
+            "`depth` do not fit `wnet` of 2 components; hint: a comma-separated list",
+        ),
+        ({"tasks": ("color", "depth")}, "of segmentation or depth, one per component"),
         ({"tasks": ("depth", "segmentation")}, "must be of task `depth`"),
         ({"sigmoid_joints": ["depth"]}, "no component `depth` whose numbers another one reads"),
     ],
@@ -102,8 +105,8 @@ def test_tasks_and_sigmoids_that_do_not_fit_are_refused(changes, word):
         ("znet", "tiny", "no architecture `znet`"),
         ("wnet", "tiny,tiny,tiny", "3 backbones"),
         ("unet", "resnet9000", "no backbone `resnet9000`"),
-        ("unet", "tu-nonsense", r"backbone `tu-nonsense` makes no U-Net: .*; hint: "),
-        ("unet", "vit_tiny_patch16_224", r"backbone `vit_tiny_patch16_224` makes no U-Net: "),
+        ("unet", "tu-nonsense", r"a U-Net from backbone `tu-nonsense`: .*; hint: "),
+        ("unet", "vit_tiny_patch16_224", r"a U-Net from backbone `vit_tiny_patch16_224`: "),
     ],
 )
 def test_unknown_names_are_refused_with_a_hint(architecture, backbone, word):
@@ -116,27 +119,27 @@ def test_an_inner_size_that_does_not_divide_is_refused():
         graph_spec("unet", inner_size=(224, 320))
 
 
-def test_a_memory_without_training_changes_nothing_and_is_carried_on():
+def test_an_untrained_state_changes_nothing_and_is_carried():
     graph = SerialGraph(tiny_spec("wnet_c_lstm")).eval()
     image = torch.randn(1, 3, 96, 128)
     state = graph.components[-1].no_state()
-    first, state = graph.remembering(image, state)
+    first, state = graph.with_state(image, state)
     assert torch.allclose(first[-1], graph(image)[-1])
     assert state[0].abs().sum() > 0
     torch.nn.init.ones_(graph.components[-1].memory.widen.weight)
-    fresh, _ = graph.remembering(image, graph.components[-1].no_state())
-    again, _ = graph.remembering(image, state)
+    fresh, _ = graph.with_state(image, graph.components[-1].no_state())
+    again, _ = graph.with_state(image, state)
     assert not torch.allclose(fresh[-1], again[-1])
 
 
-def test_a_memory_fits_a_backbone_whose_pools_round_down():
+def test_a_state_fits_a_backbone_whose_pools_round_down():
     spec = graph_spec("wnet_c_lstm", backbone="tiny,vgg16")
     spec = spec.with_sizes(input_size=(112, 144), inner_size=(112, 144))
     graph = SerialGraph(spec).eval()
     state = graph.components[-1].no_state()
     assert state[0].shape == (1, 64, 3, 4)  # 112 / 32 and 144 / 32, rounded down
     with torch.no_grad():
-        outputs, left = graph.remembering(torch.zeros(1, 3, 112, 144), state)
+        outputs, left = graph.with_state(torch.zeros(1, 3, 112, 144), state)
     assert outputs[-1].shape == (1, 1, 112, 144) and left[0].shape == state[0].shape
 
 

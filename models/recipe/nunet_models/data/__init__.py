@@ -1,1 +1,1 @@
-"""Pairs of pictures and truth: reading, caching, augmenting, batching."""
+"""Pairs of images and truth: reading, caching, augmenting, batching."""

@@ -1,4 +1,4 @@
-"""Augmentation of a picture together with its depth and labels."""
+"""Augmentation of an image together with its depth and labels."""
 
 from dataclasses import dataclass, replace
 
@@ -11,16 +11,16 @@ _LEAST = (-0.3, -0.25, -0.3, -0.5)
 _MOST = (0.3, 0.25, 0.3, 0.4)
 """Natural logarithms of the least and the greatest gamma, gain, contrast and saturation."""
 
-GREY = 127  # what fills a picture beyond its edge: zero after normalisation
+GRAY = 127  # what fills an image beyond its edge: zero after normalization
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How much a picture is changed; every figure 0 (and `scale` 1, 1) leaves it as it is.
+    """How much an image is changed; 0 for every value (and `scale` 1, 1) changes nothing.
 
     `scale` is the range of the zoom, drawn evenly in its logarithm with probability
-    `scale_chance`, else 1. `rotation_deg` is the largest turn. `colour` scales all colour
-    changes; `noise` is the largest standard deviation in grey levels; `blur`, `cutout` and `grey`
+    `scale_chance`, else 1. `rotation_deg` is the largest turn. `color` scales all color
+    changes; `noise` is the largest standard deviation in gray levels; `blur`, `cutout` and `gray`
     are probabilities.
     """
 
@@ -28,10 +28,10 @@ class Augmentation:
     scale_chance: float = 1.0
     rotation_deg: float = 0.0
     flip: float = 0.0
-    colour: float = 0.0
+    color: float = 0.0
     noise: float = 0.0
     blur: float = 0.0
-    grey: float = 0.0
+    gray: float = 0.0
     cutout: float = 0.0
 
 
@@ -41,21 +41,21 @@ STRONG = Augmentation(
     scale_chance=0.75,
     rotation_deg=5.0,
     flip=0.5,
-    colour=1.0,
+    color=1.0,
     noise=8.0,
     blur=0.25,
-    grey=0.05,
+    gray=0.05,
     cutout=0.5,
 )
 
 
 BALANCED = replace(STRONG, scale=(0.8, 1.3), scale_chance=0.6)
-"""Zooms in and out alike, so that far things are as frequent as in the pictures themselves."""
+"""Zooms in and out equally, so that far things are as frequent as in the images."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A picture ready to train on: uint8 `[h, w, 3]`, float32 metres `[h, w]`, uint8 `[h, w]`."""
+    """An image ready to train on: uint8 `[h, w, 3]`, float32 meters `[h, w]`, uint8 `[h, w]`."""
 
     rgb: np.ndarray
     depth_m: np.ndarray
@@ -69,7 +69,7 @@ def augmented(
     size: tuple[int, int],
     random: np.random.Generator,
 ) -> Sample:
-    """Zoom, turn, mirror and recolour `sample`, and give it the inner `size` (h, w).
+    """Zoom, turn, mirror and recolor `sample`, and give it the inner `size` (h, w).
 
     Without augmentation this is the area downsampling that the model file does.
     """
@@ -92,14 +92,14 @@ def zoomed(sample: Sample, zoom: float, *, size: tuple[int, int], corner: np.nda
     """Enlarge `sample` by `zoom` about a window whose place `corner` (two numbers 0..1) gives.
 
     A zoom multiplies the focal length in pixels. The network answers for the training camera's
-    focal length, in whose picture such an object would be `zoom` times nearer: so depth is
-    divided by `zoom`. A zoom below 1 leaves a grey margin without truth. A window that fits into
-    the part that has truth is placed there: else no depth would ever be learnt at a picture's edge.
+    focal length, in whose image such an object would be `zoom` times nearer: so depth is
+    divided by `zoom`. A zoom below 1 leaves a gray margin without truth. A window that fits into
+    the part that has truth is placed there: else no depth would ever be learned at an image's edge.
     """
     cut = _window(sample, zoom, corner)
-    rgb = Image.fromarray(_cut(sample.rgb, cut, GREY))
+    rgb = Image.fromarray(_cut(sample.rgb, cut, GRAY))
     shape = size[::-1]
-    # PIL's BOX is the area downsampling of the model file at whole factors, and nearly so between.
+    # At whole factors PIL's BOX equals the area downsampling of the model file.
     rgb = rgb.resize(shape, Image.Resampling.BOX if zoom <= 1.0 else Image.Resampling.BILINEAR)
     depth = Image.fromarray(_cut(sample.depth_m, cut, np.nan))
     labels = Image.fromarray(_cut(sample.labels, cut, IGNORE))
@@ -146,7 +146,7 @@ def _turned(sample: Sample, degrees: float) -> Sample:
 
     nearest = Image.Resampling.NEAREST
     return Sample(
-        turn(sample.rgb, Image.Resampling.BILINEAR, (GREY, GREY, GREY)),
+        turn(sample.rgb, Image.Resampling.BILINEAR, (GRAY, GRAY, GRAY)),
         turn(sample.depth_m, nearest, float("nan")),
         turn(sample.labels, nearest, IGNORE),
     )
@@ -161,10 +161,10 @@ def recolored(rgb: np.ndarray, how: Augmentation, random: np.random.Generator) -
             (round(width / factor), round(height / factor)), Image.Resampling.BILINEAR
         )
         rgb = np.array(small.resize((width, height), Image.Resampling.BILINEAR))
-    if not (how.colour or how.noise or how.grey or how.cutout):
+    if not (how.color or how.noise or how.gray or how.cutout):
         return rgb
-    x = _colour_changed(rgb, how.colour, random)
-    if random.random() < how.grey:
+    x = _color_changed(rgb, how.color, random)
+    if random.random() < how.gray:
         x = np.repeat(x.mean(axis=2, keepdims=True), 3, axis=2)
     if how.noise:
         x += random.standard_normal(x.shape, np.float32) * (random.random() * how.noise / 255.0)
@@ -173,23 +173,23 @@ def recolored(rgb: np.ndarray, how: Augmentation, random: np.random.Generator) -
     return (x.clip(0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-def _colour_changed(rgb: np.ndarray, amount: float, random: np.random.Generator) -> np.ndarray:
-    """Gamma, gain a channel (white balance), contrast and saturation: bytes to float32 0..1.
+def _color_changed(rgb: np.ndarray, amount: float, random: np.random.Generator) -> np.ndarray:
+    """Gamma, gain per channel (white balance), contrast and saturation: bytes to float32 0..1.
 
-    All but the saturation is one table of 256 entries a channel, ten times quicker than powers.
+    All but the saturation is one table of 256 entries per channel, ten times quicker than powers.
     """
     gamma, gain, contrast, saturation = np.exp(random.uniform(_LEAST, _MOST) * amount)
     gains = gain * np.exp(random.uniform(-0.12, 0.12, 3) * amount)
     levels = np.linspace(0.0, 1.0, 256)[:, None] ** gamma * gains
-    centre = (rgb.mean() / 255.0) ** gamma * gain
-    table = ((levels - centre) * contrast + centre).astype(np.float32)
+    center = (rgb.mean() / 255.0) ** gamma * gain
+    table = ((levels - center) * contrast + center).astype(np.float32)
     x = np.stack([table[:, c][rgb[..., c]] for c in range(3)], axis=2)
     luma = x.mean(axis=2, keepdims=True)
     return luma + (x - luma) * np.float32(saturation)
 
 
 def _cut_out(x: np.ndarray, random: np.random.Generator) -> None:
-    """Cover one to four rectangles with one colour each; what is behind must be guessed."""
+    """Cover one to four rectangles with one color each; the network must guess what is behind."""
     height, width = x.shape[:2]
     for _ in range(random.integers(1, 5)):
         h, w = random.integers(height // 16, height // 4), random.integers(width // 16, width // 4)

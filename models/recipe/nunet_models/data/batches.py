@@ -31,8 +31,8 @@ class _Epoch(Dataset):
         return len(self.data)
 
     def __getitem__(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        # Randomness hangs on the picture's place alone, so a resumed or a differently
-        # parallelised run draws the same.
+        # Randomness hangs on the image's place alone, so a resumed or a differently
+        # parallelized run draws the same.
         random = np.random.default_rng((*self.key, index))
         whole = Sample(self.data.rgb[index], self.data.depth_m(index), self.data.labels[index])
         sample = augmented(whole, self.how, size=self.size, random=random)
@@ -64,7 +64,7 @@ def epoch_batches(  # noqa: PLR0913  (every one of them changes what is drawn)
         batch_size=batch,
         sampler=order.tolist(),
         num_workers=workers,
-        generator=torch.Generator(),  # else opening a loader draws from the run's random numbers
+        generator=torch.Generator(),  # otherwise the loader would use the run's random numbers
     )
     for rgb, depth_m, labels in loader:
         yield Batch(rgb, depth_m, labels)

@@ -1,4 +1,4 @@
-"""Decoded pictures kept as flat arrays on disk, so that an epoch costs no decoding."""
+"""Decoded images kept as flat arrays on disk, so that an epoch costs no decoding."""
 
 import hashlib
 import json
@@ -19,7 +19,9 @@ from nunet_models.errors import DataError
 UNIT_M = 0.0002  # of cached depth: rounds to 0.1 mm
 REACH_M = np.iinfo(np.uint16).max * UNIT_M  # 13.1 m, past the 12 m that a network can give
 NONE = 0  # cached depth where there is no measurement
-VERSION = 3  # 1 could be whole for one run while another wrote it; 2 has pictures never turned
+VERSION = (
+    3  # version 1 could be read while another run wrote it; version 2 ignored EXIF orientation
+)
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,11 @@ class Cached:
     labels: np.ndarray
 
     @classmethod
-    def of_picture(cls, path: Path) -> Self:
-        """One picture without truth.
+    def of_image(cls, path: Path) -> Self:
+        """One image without truth.
 
         # Errors
-        `DataError` naming a file that is no picture.
+        `DataError` naming a file that is not an image.
         """
         return cls.of_rgb(path.stem, read_rgb(path))
 
@@ -56,30 +58,30 @@ class Cached:
         return len(self.ids)
 
     def depth_m(self, index: int) -> np.ndarray:
-        """Depth of one pair in metres, float32 `[H, W]`, NaN = none."""
-        return metres(self.depth[index])
+        """Depth of one pair in meters, float32 `[H, W]`, NaN = none."""
+        return meters(self.depth[index])
 
     @property
     def has_labels(self) -> bool:
-        """Whether any pixel of any pair is labelled."""
-        return any(bool((picture != IGNORE).any()) for picture in self.labels)
+        """Whether any pixel of any pair is labeled."""
+        return any(bool((image != IGNORE).any()) for image in self.labels)
 
     @property
     def has_depth(self) -> bool:
         """Whether any pixel of any pair has depth."""
-        return any(bool((picture != NONE).any()) for picture in self.depth)
+        return any(bool((image != NONE).any()) for image in self.depth)
 
 
-def metres(cached: np.ndarray) -> np.ndarray:
-    """Cached depth (uint16) to float32 metres, NaN = none; same shape."""
+def meters(cached: np.ndarray) -> np.ndarray:
+    """Cached depth (uint16) to float32 meters, NaN = none; same shape."""
     return np.where(cached == NONE, np.float32(np.nan), cached.astype(np.float32) * UNIT_M)
 
 
 def build_cache(pairs: Pairs, folder: Path, *, quiet: bool = False) -> Cached:
     """Decode `pairs` once under `folder`, or open what an earlier run decoded.
 
-    All pictures must have one size: batches and evaluation crops depend on it. Any number of runs
-    may share `folder`: each decodes beside what it shall be, and what is whole first stays.
+    All images must have one size: batches and evaluation crops depend on it. Any number of runs
+    may share `folder`: each decodes into its own temporary folder, and the first to finish wins.
     `quiet` draws no progress bar.
     """
     key = json.dumps([VERSION, pairs.identity, list(pairs.ids)])
@@ -103,16 +105,16 @@ def build_cache(pairs: Pairs, folder: Path, *, quiet: bool = False) -> Cached:
 
 
 def _move(beside: Path, place: Path) -> None:
-    """Give a decoded folder its name, unless another run was first."""
+    """Rename a decoded folder to its final name, unless another run was first."""
     try:
-        beside.rename(place)  # takes the place of nothing but an empty folder
+        beside.rename(place)  # replaces an empty folder only
     except OSError:
         if not (place / "done").exists():
             raise
 
 
 def _decode(pairs: Pairs, place: Path, *, quiet: bool) -> None:
-    """Decode into the empty folder `place`; its file `done` says how many pixels lay too far."""
+    """Decode into the empty folder `place`; its file `done` counts the pixels that are too far."""
     height, width = pairs[0].depth_m.shape
     shape = (len(pairs), height, width)
 
@@ -124,11 +126,11 @@ def _decode(pairs: Pairs, place: Path, *, quiet: bool) -> None:
     labels = array("labels", np.uint8, shape)
     far = 0
     what = f"decoding {pairs.description}"
-    for index in tqdm(range(len(pairs)), desc=what, unit="picture", disable=quiet):
+    for index in tqdm(range(len(pairs)), desc=what, unit="image", disable=quiet):
         pair = pairs[index]
         if pair.depth_m.shape != (height, width):
             raise DataError(
-                f"picture `{pair.id}` is {pair.depth_m.shape}, the first one {(height, width)}; "
+                f"image `{pair.id}` is {pair.depth_m.shape}, the first one {(height, width)}; "
                 "hint: resize the data to one size first"
             )
         rgb[index] = pair.rgb
@@ -137,6 +139,6 @@ def _decode(pairs: Pairs, place: Path, *, quiet: bool) -> None:
         far += int(beyond.sum())
         depth[index] = np.where(beyond, NONE, units.clip(min=NONE))
         labels[index] = IGNORE if pair.labels is None else pair.labels
-    for memory in (rgb, depth, labels):
-        memory.flush()
+    for array in (rgb, depth, labels):
+        array.flush()
     (place / "done").write_text(str(far), encoding="utf-8")

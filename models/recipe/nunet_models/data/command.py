@@ -1,4 +1,4 @@
-"""The verb `nyu-lists`."""
+"""The subcommand `nyu-lists`."""
 
 import argparse
 from pathlib import Path
@@ -7,9 +7,9 @@ from nunet_models.data.nyu_mat import read_splits
 from nunet_models.errors import ConfigError
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `nyu-lists` and its options."""
-    parser = verbs.add_parser(
+    parser = subparsers.add_parser(
         "nyu-lists", help="write lists of ids of NYU Depth V2's official split"
     )
     parser.add_argument("--splits", type=Path, required=True, help="the dataset's splits.mat")
@@ -31,5 +31,5 @@ def run(options: argparse.Namespace) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     for path, text in lists.items():
         path.write_text(text, encoding="utf-8")
-        print(f"{path}: {text.count(chr(10))} pictures")
+        print(f"{path}: {text.count(chr(10))} images")
     return 0

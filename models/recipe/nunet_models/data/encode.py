@@ -1,4 +1,4 @@
-"""Metres to the number that a graph is trained to give."""
+"""Meters to the encoding that a graph is trained to output."""
 
 import torch
 
@@ -6,10 +6,10 @@ from nunet_models.zoo.spec import Encoding
 
 
 def encoded_depth(depth_m: torch.Tensor, encoding: Encoding) -> torch.Tensor:
-    """Depth `[B, 1, h, w]` in metres (NaN = none) to the graph's encoding, same shape.
+    """Depth `[B, 1, h, w]` in meters (NaN = none) to the graph's encoding, same shape.
 
-    `minmax` stretches each picture from its nearest (0) to its farthest point (1): the paper's
-    target, which loses the scale. A flat picture becomes 0.
+    `minmax` stretches each image from its nearest (0) to its farthest point (1): the paper's
+    target, which loses the scale. A flat image becomes 0.
     """
     if encoding == "metric":
         return depth_m

@@ -1,4 +1,4 @@
-"""Numbers out of MATLAB's files, of any of their versions."""
+"""Reads numbers from MATLAB files of any version."""
 
 from pathlib import Path
 
@@ -12,29 +12,29 @@ def read_whole_numbers(path: Path, name: str, *, of: str) -> np.ndarray:
     """The variable `name`, a row or a column of whole numbers, as int64 `[N]`.
 
     # Errors
-    `DataError` naming a file that is missing, none of MATLAB's, or without such a variable; `of`
-    says what the file should have been.
+    `DataError` naming a file that is missing, not a MATLAB file, or without such a variable; `of`
+    describes the expected file.
     """
     if not path.is_file():
         raise DataError(f"`{path}` is missing; expected {of}")
     try:
-        # MATLAB 7.3 writes HDF5, which scipy leaves to h5py; all before are scipy's.
+        # MATLAB 7.3 writes HDF5, which h5py reads; scipy reads earlier versions.
         names, values = (_read_hdf5 if h5py.is_hdf5(path) else _read_older)(path, name)
     except ImportError:
         raise
-    except Exception as error:  # scipy's, zlib's and struct's own, without a common class
-        raise DataError(f"`{path}` is no MATLAB file: {error}; expected {of}") from error
+    except Exception as error:  # of scipy, zlib and struct, without a common base class
+        raise DataError(f"`{path}` is not a MATLAB file: {error}; expected {of}") from error
     if values is None:
         has = ", ".join(f"`{other}`" for other in sorted(names)) or "none at all"
         raise DataError(f"`{path}` has the variables {has}; expected `{name}` of {of}")
     if values.dtype.kind not in "iuf" or values.size != max(values.shape, default=0):
         raise DataError(
             f"`{name}` of `{path}` is {values.dtype} of {values.shape}; expected one row or "
-            f"column of numbers, as of {of}"
+            f"column of numbers, as in {of}"
         )
     flat = values.ravel()
     if not (np.isfinite(flat).all() and np.array_equal(flat, np.rint(flat))):
-        raise DataError(f"`{name}` of `{path}` has fractions; expected whole numbers, as of {of}")
+        raise DataError(f"`{name}` of `{path}` has fractions; expected whole numbers, as in {of}")
     return flat.astype(np.int64)
 
 

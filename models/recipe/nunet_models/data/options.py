@@ -1,4 +1,4 @@
-"""Command-line options that say where the data is and in which units."""
+"""Command-line options for the data and its units."""
 
 import argparse
 import math
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nunet_models.data.cache import Cached, build_cache
 from nunet_models.data.nyu_mat import MAT_SUFFIX, NyuMatPairs
-from nunet_models.data.pairs import MILLIMETRE_M, DepthUnits, FolderPairs, Pairs, read_ids
+from nunet_models.data.pairs import MILLIMETER_M, DepthUnits, FolderPairs, Pairs, read_ids
 from nunet_models.errors import OptionError
 
 
@@ -28,18 +28,18 @@ def add_data_options(parser: argparse.ArgumentParser, *, required: bool = True) 
     group.add_argument(
         "--depth-scale",
         type=float,
-        help=f"metres a unit of the depth pictures (default {MILLIMETRE_M}, for 16 bits alone)",
+        help=f"meters per unit of the depth images (default {MILLIMETER_M}, for 16 bits alone)",
     )
     group.add_argument(
         "--depth-offset",
         type=float,
         default=0.0,
-        help="added to each value before scaling; not 0 says that the value 0 is a measurement",
+        help="added to each value before scaling; if not 0, the value 0 is a measurement",
     )
     group.add_argument(
         "--window",
         metavar="TOP,LEFT,BOTTOM,RIGHT",
-        help="pixels outside have no truth, for data with a frame around each picture",
+        help="pixels outside have no truth, for data with a frame around each image",
     )
 
 
@@ -52,7 +52,7 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     if options.class_map is not None:
         raise OptionError(
             f"`--class-map {options.class_map}` is for the labels of NYU's .mat; `{options.data}` "
-            "is a folder, with `labels/` or `label40/`; hint: leave `--class-map` out"
+            "is a folder, with `labels/` or `label40/`; hint: omit `--class-map`"
         )
     _check_units(options)
     units = DepthUnits(
@@ -95,7 +95,7 @@ def check_sets_or_data(options: argparse.Namespace, *needed: str) -> None:
     for name in (*_WITHOUT_SETS, *needed):
         if getattr(options, name, None) is not None:
             raise OptionError(
-                f"`{_flag(name)}` is given beside `--sets {options.sets}`, which says it per set"
+                f"`{_flag(name)}` is given beside `--sets {options.sets}`, which has it per set"
             )
 
 
@@ -113,15 +113,15 @@ def _check_no_units(options: argparse.Namespace) -> None:
     for option, value in given.items():
         if value is not None:
             raise OptionError(
-                f"`{option} {value}` is for pictures of depth; `{options.data}` holds metres; "
-                f"hint: leave `{option}` out"
+                f"`{option} {value}` is for images of depth; `{options.data}` contains meters; "
+                f"hint: omit `{option}`"
             )
 
 
 def _check_units(options: argparse.Namespace) -> None:
     scale, offset = options.depth_scale, options.depth_offset
     if scale is not None and not 0.0 < scale < math.inf:
-        raise OptionError(f"`--depth-scale {scale}`; expected metres a unit, more than 0")
+        raise OptionError(f"`--depth-scale {scale}`; expected meters per unit, more than 0")
     if not math.isfinite(offset):
         raise OptionError(f"`--depth-offset {offset}`; expected a number")
 

@@ -1,4 +1,4 @@
-"""Pictures with depth and labels, wherever they come from."""
+"""Images with depth and labels, wherever they come from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from nunet_models.errors import DataError
 RGB_SUFFIXES = (".jpg", ".jpeg", ".png")
 SIXTEEN_TO_EIGHT = 257  # 65535 / 255
 LABEL_FOLDERS = {"labels": len(CLASSES_13), "label40": 40}
-"""How many classes a folder's labels name; the first folder that is there counts, as in nunetd."""
-MILLIMETRE_M = 0.001  # unit of 16-bit depth pictures unless told otherwise
-NO_DEPTH = 65535  # written by sensors that measured nothing, besides 0: 7-Scenes has both
+"""Number of classes by label folder; the first folder that exists is used, as in nunetd."""
+MILLIMETER_M = 0.001  # default unit of 16-bit depth images
+NO_DEPTH = 65535  # some sensors write this, some 0, where they measured nothing: 7-Scenes has both
 
 
 @dataclass(frozen=True)
 class Pair:
-    """One picture with its truth.
+    """One image with its truth.
 
-    `rgb` uint8 `[H, W, 3]`; `depth_m` float32 `[H, W]`, metres, NaN where there is no
+    `rgb` uint8 `[H, W, 3]`; `depth_m` float32 `[H, W]`, meters, NaN where there is no
     measurement; `labels` uint8 `[H, W]`, `IGNORE` where nothing is known, or None.
     """
 
@@ -39,7 +39,7 @@ class Pairs(Protocol):
     ids: Sequence[str]
     description: str
     identity: str
-    """Everything that decides what `__getitem__` gives: another identity, other pairs."""
+    """Text that identifies the pairs: it differs if `__getitem__` would return others."""
     has_labels: bool
 
     def __len__(self) -> int:
@@ -53,19 +53,19 @@ class Pairs(Protocol):
 
 @dataclass(frozen=True)
 class DepthUnits:
-    """How the numbers of a depth picture become metres: `(value + offset) * scale_m`.
+    """How the numbers of a depth image become meters: `(value + offset) * scale_m`.
 
     0 is no measurement where `zero_is_none`, 65535 never is one. Without a `scale_m` 16 bits are
-    millimetres, and pictures of 8 bits are refused.
+    millimeters, and images of 8 bits are refused.
     """
 
     scale_m: float | None = None
     offset: float = 0.0
     zero_is_none: bool = True
 
-    def metres(self, values: np.ndarray) -> np.ndarray:
-        """Picture values (integers, any shape) to float32 metres, NaN = none."""
-        scale_m = MILLIMETRE_M if self.scale_m is None else self.scale_m
+    def meters(self, values: np.ndarray) -> np.ndarray:
+        """Image values (integers, any shape) to float32 meters, NaN = none."""
+        scale_m = MILLIMETER_M if self.scale_m is None else self.scale_m
         depth = ((values.astype(np.float64) + self.offset) * scale_m).astype(np.float32)
         if self.zero_is_none:
             depth[values == 0] = np.nan
@@ -79,7 +79,7 @@ class FolderPairs:
     They are `labels/ID.png` of the 13 classes or `label40/ID.png` of NYU's 40, both from 0, with
     `IGNORE` where nothing is known.
     `window` is (top, left, bottom, right) in pixels: outside of it depth and labels count as
-    none, for data with a frame around each picture.
+    none, for data with a frame around each image.
     """
 
     def __init__(
@@ -92,8 +92,8 @@ class FolderPairs:
     ) -> None:
         if not root.is_dir():
             raise DataError(
-                f"`{root}` is no folder; expected one with `rgb/` and `depth/`, or NYU Depth V2's "
-                "own .mat file; hint: `--data` names it"
+                f"`{root}` is not a folder; expected one with `rgb/` and `depth/`, or NYU Depth "
+                "V2's .mat file; hint: check `--data`"
             )
         self.root = root
         self.ids = ids
@@ -101,7 +101,7 @@ class FolderPairs:
         self.window = window
         self.label_folder = next((name for name in LABEL_FOLDERS if (root / name).is_dir()), None)
         self.has_labels = self.label_folder is not None
-        self.description = f"{root.name}, {len(ids)} pictures"
+        self.description = f"{root.name}, {len(ids)} images"
         missing = [p for i in ids for p in self._paths(i) if not p.is_file()]
         if missing:
             files = sum(len(self._paths(i)) for i in ids)
@@ -119,7 +119,7 @@ class FolderPairs:
         """Read one pair.
 
         # Errors
-        `DataError` naming the file that is corrupt or of another size than its picture.
+        `DataError` naming the file that is corrupt or of another size than its image.
         """
         identity = self.ids[index]
         rgb_path, depth_path, *label_path = self._paths(identity)
@@ -127,10 +127,10 @@ class FolderPairs:
         depth = _single_channel(depth_path, rgb.shape[:2])
         if depth.dtype == np.uint8 and self.units.scale_m is None:
             raise DataError(
-                f"`{depth_path}` has 8 bits, which cannot be millimetres; "
-                "hint: `--depth-scale METRES` says what a unit is"
+                f"`{depth_path}` has 8 bits, which cannot be millimeters; "
+                "hint: `--depth-scale METERS` sets the unit"
             )
-        depth_m = self.units.metres(depth)
+        depth_m = self.units.meters(depth)
         labels = self._labels(label_path[0], rgb.shape[:2]) if label_path else None
         known = blank_outside(depth_m, labels, self.window, of=str(depth_path))
         return Pair(identity, rgb, *known)
@@ -143,7 +143,7 @@ class FolderPairs:
         ]
 
     def _path(self, folder: str, identity: str, suffixes: Sequence[str]) -> Path:
-        """The file of a picture, or its name where there is none; cameras write endings large."""
+        """The image's file, or its expected name if none exists; endings may be in capitals."""
         names = [identity + ending for suffix in suffixes for ending in (suffix, suffix.upper())]
         paths = [self.root / folder / name for name in names]
         return next((path for path in paths if path.is_file()), paths[0])
@@ -156,27 +156,27 @@ class FolderPairs:
 
 
 def _check_labels(values: np.ndarray, path: Path, *, folder: str) -> None:
-    """Refuse numbers that are no class: left out in silence, they would be no one's mistakes."""
+    """Refuse numbers that are not a class. Skipping them would hide a wrong unit or class list."""
     classes = LABEL_FOLDERS[folder]
     wrong = values[(values >= classes) & (values != IGNORE)]
     if not wrong.size:
         return
     worst = int(wrong.max())
-    hint = f"`{IGNORE}` says that nothing is known"
+    hint = f"`{IGNORE}` means unknown"
     if worst <= LABEL_FOLDERS["label40"]:
-        hint = "NYU's 40 classes belong into `label40/`"
+        hint = "NYU's 40 classes belong in `label40/`"
         if folder == "label40":
             hint = "`label40/` counts NYU's classes from 0, 0 is a wall"
     raise DataError(
-        f"`{path}` has the label {worst}; expected 0 to {classes - 1}, or {IGNORE} where nothing "
-        f"is known; hint: {hint}"
+        f"`{path}` has the label {worst}; expected 0 to {classes - 1}, or {IGNORE} for "
+        f"unknown; hint: {hint}"
     )
 
 
 def file_state(paths: Sequence[Path]) -> str:
-    """What changes with any of the files, as far as their sizes and times tell.
+    """A text that changes when the size or time of any file changes.
 
-    Not the newest time alone: a file put in the place of another may well be older.
+    The newest time alone is not enough: a replaced file may be older.
     """
     known = [path.stat() for path in paths]
     size, times = sum(s.st_size for s in known), sum(s.st_mtime_ns for s in known)
@@ -195,12 +195,12 @@ def read_ids(path: Path) -> list[str]:
 def list_of_lines(path: Path) -> dict[str, int]:
     """The same, each id with its line, from 1."""
     if not path.is_file():
-        what = "is no file" if path.exists() else "is missing"
-        raise DataError(f"`{path}` {what}; expected a list of ids, one a line")
+        what = "is not a file" if path.exists() else "is missing"
+        raise DataError(f"`{path}` {what}; expected a list of ids, one per line")
     try:
         lines = path.read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
-        raise DataError(f"`{path}` is no list of ids in UTF-8: {error}") from error
+        raise DataError(f"`{path}` is not a list of ids in UTF-8: {error}") from error
     named = [(line.strip(), number) for number, line in enumerate(lines, 1) if line.strip()]
     if not named:
         raise DataError(f"`{path}` holds no ids")
@@ -219,7 +219,7 @@ def blank_outside(
     """Depth and labels `[H, W]` with no truth outside of `window` (top, left, bottom, right).
 
     # Errors
-    `DataError` naming the picture, `of`, of which nothing would be left.
+    `DataError` naming the image, `of`, of which nothing would be left.
     """
     if window is None:
         return depth_m, labels
@@ -239,19 +239,19 @@ def blank_outside(
 
 
 def read_rgb(path: Path) -> np.ndarray:
-    """A picture's colours, uint8 `[H, W, 3]`; 16 bits a channel are rounded to 8.
+    """An image's colors, uint8 `[H, W, 3]`; 16 bits per channel are rounded to 8.
 
-    It is turned as its EXIF orientation says, as nunetd does: depth and labels lie as it is seen.
+    It is rotated by its EXIF orientation, as in nunetd: depth and labels have that orientation.
 
     # Errors
-    `DataError` naming a file that is no picture.
+    `DataError` naming a file that is not an image.
     """
     image = _upright(_open(path))
     if not image.mode.startswith("I"):
         return np.array(image.convert("RGB"))
-    # 16 bits of grey, which PIL would clip at 255
-    grey = (np.array(image).astype(np.int64) + SIXTEEN_TO_EIGHT // 2) // SIXTEEN_TO_EIGHT
-    return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    # 16 bits of gray, which PIL would clip at 255
+    gray = (np.array(image).astype(np.int64) + SIXTEEN_TO_EIGHT // 2) // SIXTEEN_TO_EIGHT
+    return np.repeat(gray.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
 def _open(path: Path) -> Image.Image:
@@ -259,12 +259,12 @@ def _open(path: Path) -> Image.Image:
         image = Image.open(path)
         image.load()
     except (UnidentifiedImageError, OSError, SyntaxError) as error:
-        raise DataError(f"`{path}` cannot be read as a picture: {error}") from error
+        raise DataError(f"`{path}` cannot be read as an image: {error}") from error
     return image
 
 
 def _upright(image: Image.Image) -> Image.Image:
-    """Turned as its EXIF says; one that cannot be read says nothing."""
+    """Rotated by its EXIF orientation; unreadable EXIF data is ignored."""
     try:
         return ImageOps.exif_transpose(image)
     except Exception:  # a damaged block raises whatever PIL meets in it
@@ -278,7 +278,7 @@ def _single_channel(path: Path, size: tuple[int, int]) -> np.ndarray:
         raise DataError(f"`{path}` has {values.shape[-1]} channels; expected one")
     if values.dtype.kind not in "iu":
         kind = "1 bit" if values.dtype == np.bool_ else values.dtype
-        raise DataError(f"`{path}` has {kind} a pixel; expected whole numbers of 8 or 16 bits")
+        raise DataError(f"`{path}` has {kind} per pixel; expected whole numbers of 8 or 16 bits")
     if values.shape != size:
-        raise DataError(f"`{path}` is {values.shape}, but its colour picture is {size}")
+        raise DataError(f"`{path}` is {values.shape}, but its color image is {size}")
     return values

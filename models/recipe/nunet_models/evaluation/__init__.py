@@ -1,1 +1,1 @@
-"""Accuracy: protocols of evaluation, and the verb that carries them out."""
+"""Accuracy: protocols of evaluation, and the subcommand that carries them out."""

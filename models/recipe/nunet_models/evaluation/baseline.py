@@ -1,4 +1,4 @@
-"""The trivial baseline: one depth image for all pictures, whatever they show."""
+"""The trivial baseline: one depth image as the prediction for every image."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -16,54 +16,54 @@ from nunet_models.evaluation.compare import (
 from nunet_models.evaluation.protocol import Protocol
 
 OF_NAMED = "baseline-ids"
-"""Of the mean image of pictures that the user named, as `nunetd eval` calls it."""
+"""`of` for the mean image of `--baseline-ids`, as in `nunetd eval`."""
 OF_FILE = "baseline-file"
-"""Of a mean image that was kept."""
+"""`of` for a saved mean image."""
 
 Again = Callable[[], Iterable[Pair]]
-"""Gives the pictures to measure on once more, from the first."""
+"""Iterates over the images to measure, from the first."""
 
 
 def named_baseline(
-    training: Pairs, pictures: Again, *, protocol: Protocol, save: Path | None = None
+    training: Pairs, images: Again, *, protocol: Protocol, save: Path | None = None
 ) -> dict[str, object]:
-    """Figures of the mean image of `training`, in metres and stretched; `save` keeps the first."""
+    """Metrics of the mean image of `training`, in meters and stretched; saves the former."""
     image = mean_image(training)
     if save is not None:
         write_mean_image(save, image)
     stretched = mean_stretched_image(training)
     return {
         "of": OF_NAMED,
-        **_metric_figures(image, pictures, protocol),
-        "minmax": _figures(stretched, pictures, protocol, metric=False)["minmax"],
+        **_metric_figures(image, images, protocol),
+        "minmax": _figures(stretched, images, protocol, metric=False)["minmax"],
     }
 
 
-def kept_baseline(path: Path, pictures: Again, *, protocol: Protocol) -> dict[str, object]:
-    """The same of a mean image that was kept: it is in metres, and stretched as predictions are."""
+def kept_baseline(path: Path, images: Again, *, protocol: Protocol) -> dict[str, object]:
+    """The same for a saved mean image, in meters; it is stretched like a prediction."""
     image = read_mean_image(path)
-    return {"of": OF_FILE, **_metric_figures(image, pictures, protocol, "minmax")}
+    return {"of": OF_FILE, **_metric_figures(image, images, protocol, "minmax")}
 
 
 def write_mean_image(path: Path, image: np.ndarray) -> None:
-    """Keep a mean image, float32 `[H, W]`, metres, under this very name."""
+    """Save a mean image, float32 `[H, W]`, meters, under exactly this name."""
     with path.open("wb") as file:
         np.save(file, image, allow_pickle=False)
 
 
 def read_mean_image(path: Path) -> np.ndarray:
-    """A mean image that was kept, or that others made: float32 `[H, W]`, metres.
+    """Read a mean image: float32 `[H, W]`, meters.
 
     # Errors
-    `DataError` naming a file that is missing or none.
+    `DataError` naming a file that is missing or not a mean image.
     """
-    expected = "a mean image in metres, float32 [H, W], as `--save-baseline` writes it"
+    expected = "a mean image in meters, float32 [H, W], as `--save-baseline` writes it"
     if not path.is_file():
         raise DataError(f"`{path}` is missing; expected {expected}")
     try:
         image = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
-        raise DataError(f"`{path}` is no .npy file: {error}; expected {expected}") from error
+        raise DataError(f"`{path}` is not a .npy file: {error}; expected {expected}") from error
     if not isinstance(image, np.ndarray) or image.ndim != 2 or image.dtype.kind != "f":
         what = f"{image.dtype} {list(image.shape)}" if isinstance(image, np.ndarray) else "several"
         raise DataError(f"`{path}` holds {what}; expected {expected}")
@@ -75,16 +75,16 @@ def read_mean_image(path: Path) -> np.ndarray:
 
 
 def _metric_figures(
-    image: np.ndarray, pictures: Again, protocol: Protocol, *more: str
+    image: np.ndarray, images: Again, protocol: Protocol, *more: str
 ) -> dict[str, object]:
-    found = _figures(image, pictures, protocol, metric=True)
+    found = _figures(image, images, protocol, metric=True)
     return {name: found[name] for name in ("metrics", "picture_mean", *more)}
 
 
 def _figures(
-    image: np.ndarray, pictures: Again, protocol: Protocol, *, metric: bool
+    image: np.ndarray, images: Again, protocol: Protocol, *, metric: bool
 ) -> dict[str, object]:
     prediction = Prediction(image, labels=None)
     return compare(
-        pictures(), lambda _: prediction, protocol=protocol, metric=metric, classes=0
-    ).figures()
+        images(), lambda _: prediction, protocol=protocol, metric=metric, classes=0
+    ).values()

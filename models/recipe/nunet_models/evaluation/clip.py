@@ -9,15 +9,15 @@ from nunet_models.errors import DataError
 from nunet_models.evaluation.compare import Predict
 
 STATIC = 0.02  # a pixel whose true depth changes by less than this share counts as static
-STRIDE = 4  # pixels are sampled; neighbours say the same
+STRIDE = 4  # pixels are sampled: neighbors are nearly equal
 
 
 def clip_figures(pairs: Iterable[Pair], predict: Predict) -> dict[str, float | None]:
-    """Figures of consecutive frames; None where no pixel can be compared.
+    """Metrics of consecutive frames; None where no pixel can be compared.
 
     `abs_rel_median`: median of `|p - t| / t`. `aligned_abs_rel_median`: the same after one scale
     for the whole clip, the median of `t / p`. `flicker_m`: median of `|p_k - p_(k-1)|` over pixels
-    whose truth is static, in metres.
+    whose truth is static, in meters.
 
     # Errors
     `DataError` naming a frame of another size than the one before.

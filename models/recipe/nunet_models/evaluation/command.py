@@ -1,4 +1,4 @@
-"""The verb `evaluate`."""
+"""The subcommand `evaluate`."""
 
 import argparse
 import csv
@@ -37,9 +37,9 @@ from nunet_models.evaluation.sets_command import run_sets
 MUCH_BEYOND = 0.05  # of the truth; rooms of NYU Depth V2 and 7-Scenes have next to none there
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `evaluate` and its options."""
-    parser = verbs.add_parser("evaluate", help="measure a model file against truth")
+    parser = subparsers.add_parser("evaluate", help="measure a model file against truth")
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
     add_data_options(parser, required=False)
     parser.add_argument("--ids", type=Path, help="images of `--data` to measure on")
@@ -51,39 +51,38 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     )
     baseline = parser.add_mutually_exclusive_group()
     baseline.add_argument(
-        "--baseline-ids", type=Path, help="training pictures of this data, for the mean image"
+        "--baseline-ids", type=Path, help="training images of this data, for the mean image"
     )
     baseline.add_argument(
         "--baseline",
         type=Path,
         metavar="FILE.npy",
-        help="the mean image of other data (float32 [H, W], metres), of these pictures' size",
+        help="the mean image of other data (float32 [H, W], meters), of these images' size",
     )
     parser.add_argument(
         "--save-baseline",
         type=Path,
         metavar="FILE.npy",
-        help="keep the mean image of --baseline-ids",
+        help="save the mean image of --baseline-ids",
     )
     parser.add_argument(
         "--protocol",
         choices=sorted(PROTOCOLS),
         default="full",
-        help="whole pictures, or Eigen's crop of NYU Depth V2's (default %(default)s)",
+        help="whole images, or Eigen's crop of NYU Depth V2's (default %(default)s)",
     )
     parser.add_argument(
         "--fx",
         type=float,
-        help="focal length in pixels of the pictures; scales depth of networks that give metres, "
-        "and of no other",
+        help="focal length of the images in pixels; scales the depth of models with metric depth",
     )
     parser.add_argument(
         "--clip",
         action="store_true",
-        help="the ids are frames of one video, in order, and a network with a memory carries it "
-        "from each to the next; for networks that give metres",
+        help="the ids are frames of one video, in order; a recurrent network carries its state "
+        "from each to the next; for models with metric depth only",
     )
-    parser.add_argument("--csv", type=Path, help="write a row a picture")
+    parser.add_argument("--csv", type=Path, help="write a row an image")
     parser.add_argument("--threads", type=int, default=1)
     parser.set_defaults(carry_out=run)
 
@@ -96,12 +95,12 @@ def run(options: argparse.Namespace) -> int:
     if options.fx is not None and not 0.0 < options.fx < math.inf:
         raise OptionError(
             f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
-            "number of the camera's matrix, at the pictures' size"
+            "number of the camera's matrix, at the images' size"
         )
     if options.save_baseline is not None and options.baseline_ids is None:
         raise OptionError(
-            f"`--save-baseline {options.save_baseline}` keeps the mean image of `--baseline-ids`, "
-            "which are not given; hint: `--baseline-ids FILE` names training pictures"
+            f"`--save-baseline {options.save_baseline}` saves the mean image of `--baseline-ids`, "
+            "which is missing; hint: `--baseline-ids FILE` names training images"
         )
     predictor = Predictor(options.model, threads=options.threads)
     pairs = open_pairs(options, options.ids)
@@ -111,8 +110,8 @@ def run(options: argparse.Namespace) -> int:
         why = "has no folder `labels` or `label40`"
         if options.data.suffix == MAT_SUFFIX:
             why = f"has no labels of its own: {MAT_LABELS}"
-        print(f"nunet_models: no label figures: `{options.data}` {why}", file=sys.stderr)
-    # First, since its pictures may not fit and a network takes minutes.
+        print(f"nunet_models: no label metrics: `{options.data}` {why}", file=sys.stderr)
+    # First: it fails at once on images of another size, and the network takes minutes.
     baseline = _baseline(options, pairs)
     comparison = compare(
         _progress(pairs, predictor.path.name),
@@ -127,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
         "architecture": predictor.metadata["nunet.architecture"],
         "epoch": predictor.best_epoch,
         "protocol": options.protocol,
-        **comparison.figures(),
+        **comparison.values(),
     }
     if baseline:
         found["baseline"] = baseline
@@ -140,40 +139,40 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _say_beyond(comparison: Comparison) -> None:
-    """Tell of truth that cannot be compared where it is so much that its unit may be wrong."""
+    """Warn if so much truth is out of range that its unit may be wrong."""
     beyond, known = comparison.beyond, comparison.known
     if beyond <= MUCH_BEYOND * known:
         return
     print(
         f"nunet_models: {100 * beyond / known:.1f} % of the true depth ({beyond} of {known} "
-        f"pixels) is not between {MIN_DEPTH_M} and {comparison.protocol.cap_m} m and so not "
-        "compared; hint: `--depth-scale METRES` says what a unit of the depth pictures is",
+        f"pixels) is not between {MIN_DEPTH_M} and {comparison.protocol.cap_m} m and is not "
+        "compared; hint: `--depth-scale METERS` sets the unit of the depth images",
         file=sys.stderr,
     )
 
 
 def _check_clip(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
-    """Refuse to measure a clip without metres or without a second frame."""
+    """Refuse to measure a clip without meters or without a second frame."""
     if not predictor.metric:
         raise ConfigError(
-            f"`--clip` compares metres, but `{options.model}` gives depth as "
-            f"`{predictor.encoding}`; hint: leave `--clip` out, `minmax` holds such a network's "
-            "figures"
+            f"`--clip` compares meters, but `{options.model}` outputs depth as "
+            f"`{predictor.encoding}`; hint: omit `--clip`; `minmax` contains such a network's "
+            "metrics"
         )
     if len(pairs) < 2:
         raise DataError(
-            f"`{options.ids}` names one picture; expected two frames or more of a video; hint: "
-            "leave `--clip` out"
+            f"`{options.ids}` names one image; expected two frames or more of a video; hint: "
+            "omit `--clip`"
         )
 
 
 def _progress(pairs: Pairs, what: str) -> Iterator[Pair]:
-    for index in tqdm(range(len(pairs)), desc=what, unit="picture", disable=None):
+    for index in tqdm(range(len(pairs)), desc=what, unit="image", disable=None):
         yield pairs[index]
 
 
 def _predict(predictor: Predictor, options: argparse.Namespace) -> Predict:
-    """What answers for one pass over the pictures: the frames of a video, or pictures alone."""
+    """The predictor for one pass over the images: frames of a video, or independent images."""
     answer = predictor.stream() if options.clip else predictor
     fx_px = options.fx
     if fx_px is None or not predictor.metric:  # 0..1 is the same for every camera
@@ -188,23 +187,23 @@ def _predict(predictor: Predictor, options: argparse.Namespace) -> Predict:
 
 
 def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object] | None:
-    """Figures of a mean image, that of training pictures or one that was kept."""
+    """Metrics of a mean image: of training images, or one that was saved."""
     protocol = PROTOCOLS[options.protocol]
 
-    def pictures() -> Iterator[Pair]:
+    def images() -> Iterator[Pair]:
         return _progress(pairs, "mean image")
 
     if options.baseline is not None:
-        return kept_baseline(options.baseline, pictures, protocol=protocol)
+        return kept_baseline(options.baseline, images, protocol=protocol)
     if options.baseline_ids is None:
         return None
     training = open_pairs(options, options.baseline_ids)
-    return named_baseline(training, pictures, protocol=protocol, save=options.save_baseline)
+    return named_baseline(training, images, protocol=protocol, save=options.save_baseline)
 
 
 def _write_csv(path: Path, comparison: Comparison) -> None:
-    """A row a picture; a figure that could not be measured is left empty."""
+    """A row an image; a figure that could not be measured is left empty."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=ROW)
         writer.writeheader()
-        writer.writerows(comparison.per_picture)
+        writer.writerows(comparison.per_image)

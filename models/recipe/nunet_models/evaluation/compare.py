@@ -8,11 +8,11 @@ import numpy as np
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
-from nunet_models.metrics import FIGURES, DepthMetrics, LabelMetrics, picture_mean
+from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, picture_mean
 
-MINMAX_FIGURES = ("mse", "rmse")  # what the paper measures of stretched depth
-ROW = ("id", *FIGURES, *(f"minmax_{name}" for name in MINMAX_FIGURES))
-"""Columns of a row a picture, those of the `pictures.csv` that `nunetd eval --out DIR` writes."""
+MINMAX_METRICS = ("mse", "rmse")  # what the paper measures of stretched depth
+ROW = ("id", *METRICS, *(f"minmax_{name}" for name in MINMAX_METRICS))
+"""Columns of a row an image, those of the `pictures.csv` that `nunetd eval --out DIR` writes."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ Predict = Callable[[np.ndarray], Prediction]
 
 @dataclass
 class Comparison:
-    """Figures gathered picture by picture.
+    """Metrics gathered per image.
 
-    `depth` is metres under the protocol; `minmax` compares whole pictures, each stretched from
-    its nearest to its farthest point, as the paper did; `per_picture` holds a row a picture.
-    `beyond` counts pixels whose true depth in metres is too near or too far to be compared.
+    `depth` is meters under the protocol; `minmax` compares whole images, each stretched from
+    its nearest to its farthest point, as the paper did; `per_image` holds a row an image.
+    `beyond` counts pixels whose true depth in meters is too near or too far to be compared.
     """
 
     protocol: Protocol
@@ -41,32 +41,32 @@ class Comparison:
     depth: DepthMetrics = field(default_factory=DepthMetrics)
     minmax: DepthMetrics = field(default_factory=DepthMetrics)
     beyond: int = 0
-    per_picture: list[dict[str, float | str]] = field(default_factory=list)
+    per_image: list[dict[str, float | str]] = field(default_factory=list)
 
     def add(self, pair: Pair, prediction: Prediction) -> None:
-        """Count one picture.
+        """Count one image.
 
         # Errors
-        `DataError` naming a picture of another size than the prediction or the protocol's.
+        `DataError` naming an image of another size than the prediction or the protocol's.
         """
         if prediction.depth.shape != pair.depth_m.shape:
             raise DataError(
-                f"picture `{pair.id}` is {pair.depth_m.shape}; expected "
+                f"image `{pair.id}` is {pair.depth_m.shape}; expected "
                 f"{prediction.depth.shape}, the size of what it is compared with; hint: a mean "
-                "image is for pictures of its own size"
+                "image is for images of its own size"
             )
         try:
-            figures = self.add_depth(prediction.depth, pair.depth_m)
+            metrics = self.add_depth(prediction.depth, pair.depth_m)
         except DataError as error:
-            raise DataError(f"picture `{pair.id}`: {error}") from error
+            raise DataError(f"image `{pair.id}`: {error}") from error
         if self.labels is not None and pair.labels is not None and prediction.labels is not None:
             self.labels.add(prediction.labels, pair.labels)
-        self.per_picture.append({"id": pair.id, **figures})
+        self.per_image.append({"id": pair.id, **metrics})
 
     def add_depth(self, predicted: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
-        """Count the depth of one picture, both `[H, W]`; gives this picture's own figures.
+        """Count the depth of one image, both `[H, W]`; returns this image's own metrics.
 
-        They are empty where the picture has no depth, and without metres where the network has
+        They are empty where the image has no depth, and without meters where the network has
         none.
         """
         alone, alone_minmax = DepthMetrics(), DepthMetrics()
@@ -78,12 +78,12 @@ class Comparison:
         guess = stretched(predicted, known) if self.metric else predicted.clip(0.0, 1.0)
         alone_minmax.add(_positive(guess), _positive(stretched(truth_m, known)))
         self.minmax.merge(alone_minmax)
-        minmax = alone_minmax.figures()
-        return alone.figures() | {f"minmax_{k}": minmax[k] for k in MINMAX_FIGURES if minmax}
+        minmax = alone_minmax.values()
+        return alone.values() | {f"minmax_{k}": minmax[k] for k in MINMAX_METRICS if minmax}
 
     @property
     def counted(self) -> DepthMetrics:
-        """What is asked of the network first: metres where it gives them, else stretched depth."""
+        """The main metrics: in meters if the network outputs them, else of stretched depth."""
         return self.depth if self.metric else self.minmax
 
     @property
@@ -91,21 +91,21 @@ class Comparison:
         """Pixels with truth, those `beyond` too, that the protocol's crop leaves."""
         return self.beyond + self.counted.pixels + self.counted.missing
 
-    def figures(self) -> dict[str, object]:
-        """All figures, shaped as `nunetd eval --json` shapes them."""
-        minmax = self.minmax.figures()
+    def values(self) -> dict[str, object]:
+        """All metrics, shaped as `nunetd eval --json` shapes them."""
+        minmax = self.minmax.values()
         counted = self.counted
         found: dict[str, object] = {
-            "pictures": len(self.per_picture),
+            "pictures": len(self.per_image),
             "pixels": counted.pixels,
             "pixels_without_prediction": counted.missing,
             "pixels_beyond": self.beyond,
-            "metrics": self.depth.figures(),
-            "picture_mean": picture_mean(self.per_picture),
-            "minmax": {name: minmax[name] for name in MINMAX_FIGURES} if minmax else {},
+            "metrics": self.depth.values(),
+            "picture_mean": picture_mean(self.per_image),
+            "minmax": {name: minmax[name] for name in MINMAX_METRICS} if minmax else {},
         }
         if self.labels is not None:
-            labels = self.labels.figures()
+            labels = self.labels.values()
             found["labels"] = {**labels, "pixels": self.labels.pixels} if labels else {}
         return found
 
@@ -120,34 +120,34 @@ def stretched(depth: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _positive(stretched_depth: np.ndarray) -> np.ndarray:
-    """Lift 0 off the logarithm's edge; squared errors, all that is read, do not notice."""
+    """Replace 0, which has no logarithm, by a tiny value; squared errors do not change."""
     return np.clip(stretched_depth, 1e-7, None)
 
 
 def compare(
     pairs: Iterable[Pair], predict: Predict, *, protocol: Protocol, metric: bool, classes: int
 ) -> Comparison:
-    """Predict every pair and gather the figures; `classes` 0 leaves labels out.
+    """Predict every pair and gather the metrics; `classes` 0 leaves labels out.
 
     # Errors
-    `DataError` when metres are compared and no pair has truth within the protocol's cap.
+    `DataError` when meters are compared and no pair has truth within the protocol's cap.
     """
     comparison = Comparison(protocol, metric, LabelMetrics(classes) if classes else None)
     for pair in pairs:
         comparison.add(pair, predict(pair.rgb))
     if metric and not comparison.depth.pixels + comparison.depth.missing:
         raise DataError(
-            f"no true depth lies between {MIN_DEPTH_M} and {protocol.cap_m} m, where depth is "
-            "compared: does --depth-scale say what a unit of the depth pictures is?"
+            f"no true depth is between {MIN_DEPTH_M} and {protocol.cap_m} m, the range that is "
+            "compared; hint: `--depth-scale METERS` sets the unit of the depth images"
         )
     return comparison
 
 
 def mean_image(pairs: Pairs) -> np.ndarray:
-    """Mean depth of every pixel over `pairs`, float32 metres `[H, W]`: the trivial prediction.
+    """Mean depth of every pixel over `pairs`, float32 meters `[H, W]`: the trivial prediction.
 
     # Errors
-    `DataError` naming a picture of another size than the first.
+    `DataError` naming an image of another size than the first.
     """
     total, count = 0.0, 0
     for depth in _depths(pairs):
@@ -159,7 +159,7 @@ def mean_image(pairs: Pairs) -> np.ndarray:
 
 
 def mean_stretched_image(pairs: Pairs) -> np.ndarray:
-    """The same of depth stretched to 0..1 picture by picture: the paper's trivial prediction."""
+    """The same of depth stretched to 0..1 per image: the paper's trivial prediction."""
     total, count = 0.0, 0
     for depth in _depths(pairs):
         known = np.isfinite(depth)
@@ -176,7 +176,7 @@ def _depths(pairs: Pairs) -> Iterator[np.ndarray]:
         first = first or pair.depth_m.shape
         if pair.depth_m.shape != first:
             raise DataError(
-                f"picture `{pair.id}` is {pair.depth_m.shape}, the first one {first}; hint: a mean "
-                "image needs pictures of one size"
+                f"image `{pair.id}` is {pair.depth_m.shape}, the first one {first}; hint: a mean "
+                "image needs images of one size"
             )
         yield pair.depth_m

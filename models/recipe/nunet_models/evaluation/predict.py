@@ -1,4 +1,4 @@
-"""A model file as it answers for pictures of any size."""
+"""A model file as it answers for images of any size."""
 
 import json
 from pathlib import Path
@@ -13,10 +13,10 @@ from nunet_models.export.onnx_file import read_metadata, session
 
 
 class Predictor:
-    """Runs a model file with ONNX Runtime on the CPU, one picture at a time.
+    """Runs a model file with ONNX Runtime on the CPU, one image at a time.
 
-    A graph with a memory starts anew for each picture, since pictures of a dataset are no stream;
-    `stream` is for those that are one.
+    Images are independent: a recurrent graph starts from a zero state for each. Use `stream` for
+    the frames of one video.
 
     # Errors
     `ConfigError` naming a file that is none, damaged, or one stage of a graph.
@@ -27,22 +27,22 @@ class Predictor:
         _refuse_stages(path)
         self.metadata = read_metadata(path)
         if self.metadata.get("nunet.version") != "1":
-            raise ConfigError(f"`{path}` is no nunet model file of version 1")
+            raise ConfigError(f"`{path}` is not a nunet model file of version 1")
         self.session = session(path, threads=threads)
         inputs = {tensor.name: tensor.shape for tensor in self.session.get_inputs()}
         self.outputs = [tensor.name for tensor in self.session.get_outputs()]
-        memory = json.loads(self.metadata.get("nunet.state", "[]"))
-        self._require_whole(list(inputs), memory)
+        state = json.loads(self.metadata.get("nunet.state", "[]"))
+        self._require_whole(list(inputs), state)
         self.size: tuple[int, int] = tuple(inputs.pop("rgb")[1:3])
         self.state = {name: np.zeros(shape, np.float32) for name, shape in inputs.items()}
-        self.remembered = {tensor["output"]: tensor["input"] for tensor in memory}
+        self.state_inputs = {tensor["output"]: tensor["input"] for tensor in state}
         self.encoding = self.metadata["nunet.depth.encoding"]
         self.min_m = float(self.metadata["nunet.depth.min_m"])
         self.max_m = float(self.metadata["nunet.depth.max_m"])
 
-    def _require_whole(self, inputs: list[str], memory: list[dict[str, str]]) -> None:
-        """A picture goes in and depth comes out, which a stage of a graph alone does not do."""
-        state = [tensor["input"] for tensor in memory]
+    def _require_whole(self, inputs: list[str], tensors: list[dict[str, str]]) -> None:
+        """Refuse a single stage of a graph: expected an image as input and depth as output."""
+        state = [tensor["input"] for tensor in tensors]
         if sorted(inputs) != sorted(["rgb", *state]) or "depth" not in self.outputs:
             raise ConfigError(
                 f"`{self.path}` takes {_listed(inputs)} and gives {_listed(self.outputs)}; "
@@ -52,7 +52,7 @@ class Predictor:
 
     @property
     def metric(self) -> bool:
-        """Whether depth is in metres; else it is stretched from 0 to 1, picture by picture."""
+        """Whether depth is in meters; else it is stretched from 0 to 1, per image."""
         return self.encoding == "metric"
 
     @property
@@ -69,30 +69,30 @@ class Predictor:
     def focal_scale(self, fx_px: float, width_px: int) -> float:
         """Factor of depth for a camera of `fx_px` at `width_px`, against the training camera.
 
-        Depth from one picture grows with the focal length in pixels, both at one size.
+        Depth from one image grows with the focal length in pixels, both at one size.
         """
         camera = json.loads(self.metadata["nunet.camera"])
         return (fx_px / width_px) / (camera["fx"] / camera["width"])
 
     def inputs(self, rgb: np.ndarray) -> dict[str, np.ndarray]:
-        """The session's inputs for a picture, uint8 `[H, W, 3]`, of any size, that follows none."""
+        """The session's inputs for an image, uint8 `[H, W, 3]`, of any size, that follows none."""
         given = _resized(rgb, self.size, Image.Resampling.BILINEAR)
         return {"rgb": given[None], **self.state}
 
     def __call__(self, rgb: np.ndarray) -> Prediction:
-        """Answer for a picture, uint8 `[H, W, 3]`, at its own size.
+        """Answer for an image, uint8 `[H, W, 3]`, at its own size.
 
-        Where the sizes differ the picture is resized by PIL's `BILINEAR`, a triangle that grows
-        as wide as the picture shrinks, and depth back by the same, labels to the nearest. nunetd
-        weighs a picture's pixels by another curve (Hermite's), so that its figures of pictures of
+        Where the sizes differ the image is resized by PIL's `BILINEAR`, a triangle that grows
+        as wide as the image shrinks, and depth back by the same, labels to the nearest. nunetd
+        weighs an image's pixels by another curve (Hermite's), so that its metrics of images of
         another size than the model's are near these and not the same.
         """
         return self._predicted(rgb, self.inputs(rgb))[0]
 
     def stream(self) -> Predict:
-        """Answers for the frames of one video, asked in their order, the first one's from zeros.
+        """Predicts the frames of one video in order, starting from a zero state.
 
-        As `__call__`, but what a graph remembers of a frame is given with the next.
+        As `__call__`, but a recurrent graph gets the state of the previous frame.
         """
         state = self.state
 
@@ -106,14 +106,14 @@ class Predictor:
     def _predicted(
         self, rgb: np.ndarray, inputs: dict[str, np.ndarray]
     ) -> tuple[Prediction, dict[str, np.ndarray]]:
-        """The answer for a picture, and what is remembered of it, by the names of the inputs."""
-        picture_size = rgb.shape[:2]
+        """The prediction for an image, and the next state by the names of its inputs."""
+        image_size = rgb.shape[:2]
         named = dict(zip(self.outputs, self.session.run(None, inputs), strict=True))
-        depth = _resized(named["depth"][0, 0], picture_size, Image.Resampling.BILINEAR)
+        depth = _resized(named["depth"][0, 0], image_size, Image.Resampling.BILINEAR)
         labels = named.get("labels")
         if labels is not None:
-            labels = _resized(labels[0], picture_size, Image.Resampling.NEAREST)
-        state = {given: named[output] for output, given in self.remembered.items()}
+            labels = _resized(labels[0], image_size, Image.Resampling.NEAREST)
+        state = {given: named[output] for output, given in self.state_inputs.items()}
         return Prediction(decoded(depth, self), labels), state
 
 

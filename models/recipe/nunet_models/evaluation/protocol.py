@@ -1,4 +1,4 @@
-"""What is compared with what: crops and caps of the field's protocols."""
+"""Crops and caps of the usual evaluation protocols."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ import numpy as np
 from nunet_models.errors import DataError
 
 MIN_DEPTH_M = 1e-3  # predictions below would make relative errors meaningless; the field's figure
-MAX_DEPTH_M = 10.0  # truth beyond is no truth, as in the code of BTS, AdaBins and ZoeDepth
+MAX_DEPTH_M = 10.0  # truth beyond is ignored, as in the code of BTS, AdaBins and ZoeDepth
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """A crop (top, left, bottom, right) in pixels of pictures of `size`, and a cap in metres."""
+    """A crop (top, left, bottom, right) in pixels of images of `size`, and a cap in meters."""
 
     name: str
     crop: tuple[int, int, int, int] | None = None
@@ -20,16 +20,16 @@ class Protocol:
     cap_m: float = MAX_DEPTH_M
 
     def predicted(self, depth_m: np.ndarray) -> np.ndarray:
-        """Predicted depth `[H, W]` in metres, cropped and capped; NaN stays NaN."""
+        """Predicted depth `[H, W]` in meters, cropped and capped; NaN stays NaN."""
         return np.clip(self.cropped(depth_m), MIN_DEPTH_M, self.cap_m)
 
     def truth(self, depth_m: np.ndarray) -> np.ndarray:
-        """True depth `[H, W]` in metres, cropped; NaN where it is not within the cap."""
+        """True depth `[H, W]` in meters, cropped; NaN where it is not within the cap."""
         truth = self.cropped(depth_m)
         return np.where((truth > MIN_DEPTH_M) & (truth < self.cap_m), truth, np.float32(np.nan))
 
     def beyond(self, depth_m: np.ndarray) -> int:
-        """How many pixels of true depth `[H, W]` in metres `truth` leaves out for their depth."""
+        """Number of pixels of true depth `[H, W]` in meters that the cap excludes."""
         known = np.isfinite(self.cropped(depth_m))
         return int(known.sum() - np.isfinite(self.truth(depth_m)).sum())
 
@@ -37,13 +37,13 @@ class Protocol:
         """`[H, W]` cropped.
 
         # Errors
-        `DataError` when the picture has not the size that the crop is meant for.
+        `DataError` when the image does not have the size of the protocol.
         """
         if self.crop is None:
             return image
         if image.shape != self.size:
             raise DataError(
-                f"protocol `{self.name}` is for pictures of {self.size}; this one is "
+                f"protocol `{self.name}` is for images of {self.size}; this one is "
                 f"{image.shape}; hint: `--protocol full`"
             )
         top, left, bottom, right = self.crop

@@ -1,4 +1,4 @@
-"""What an accuracy figure hides: borders, noise, grain, a camera that is not upright."""
+"""Robustness: borders, noise, roughness, a rolled camera."""
 
 from collections.abc import Callable
 
@@ -49,7 +49,7 @@ def border_errors(depth: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 def turned_errors(
     image: CameraImage, predict: Callable[[np.ndarray], np.ndarray], degrees: float, cap_m: float
 ) -> dict[str, float]:
-    """Figures of the image as a camera rolled by `degrees` sees it, gray beyond its edge."""
+    """Metrics of the image as a camera rolled by `degrees` sees it, gray beyond its edge."""
     height, width = image.pair.depth_m.shape
     turned = seen(image, View((0, 0, width, height), roll=degrees), size=(height, width))
     truth = np.where(turned.depth_m < cap_m, turned.depth_m, np.float32(np.nan))

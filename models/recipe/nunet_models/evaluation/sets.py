@@ -26,23 +26,23 @@ SIDES = ("left", "right", "top", "bottom")
 
 @dataclass
 class Means:
-    """Figures of images by scene."""
+    """Metrics of images by scene."""
 
     scenes: dict[str, dict[str, list[float]]] = field(
         default_factory=lambda: defaultdict(lambda: defaultdict(list))
     )
 
-    def add(self, scene: str, figures: dict[str, float]) -> None:
-        """Count the figures of one image; NaN says that one was not measured."""
-        for name, value in figures.items():
+    def add(self, scene: str, metrics: dict[str, float]) -> None:
+        """Count the metrics of one image; NaN says that one was not measured."""
+        for name, value in metrics.items():
             if np.isfinite(value):
                 self.scenes[scene][name].append(value)
 
     def means(self) -> dict[str, float]:
         """Mean over scenes of the mean over images, by figure."""
         by_name: dict[str, list[float]] = defaultdict(list)
-        for figures in self.scenes.values():
-            for name, values in figures.items():
+        for metrics in self.scenes.values():
+            for name, values in metrics.items():
                 by_name[name].append(float(np.mean(values)))
         return {name: float(np.mean(values)) for name, values in by_name.items()}
 
@@ -53,7 +53,7 @@ def focal_factor(camera: Pinhole, training: Camera) -> float:
 
 
 def errors(predicted: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """Figures of one image, both `[H, W]` in meters, NaN where nothing is known."""
+    """Metrics of one image, both `[H, W]` in meters, NaN where nothing is known."""
     both = np.isfinite(predicted) & np.isfinite(truth) & (predicted > 0)
     if not both.any():
         return {}
@@ -75,7 +75,7 @@ def set_figures(
     robustness: bool = False,
     progress: Callable[[Iterable[int]], Iterable[int]] = iter,
 ) -> dict[str, float]:
-    """Figures of one set.
+    """Metrics of one set.
 
     `baseline_m` is the trivial answer, one depth for every pixel of the training camera; it is
     scaled by the focal length as well. `robustness` adds the border, noise, roughness and turns.

@@ -73,7 +73,7 @@ def _depth(predictor: Predictor) -> Depth:
 def median_depth(train: Mixture, camera: Camera, *, images: int = 100) -> float:
     """Median depth of training images for the training camera, weighed as they are drawn.
 
-    The trivial answer: what a network without eyes would give for every pixel.
+    The trivial prediction: the same depth for every pixel.
     """
     medians = []
     for place in train.drawn(images, seed=0, epoch=0):
@@ -87,16 +87,16 @@ def median_depth(train: Mixture, camera: Camera, *, images: int = 100) -> float:
 
 def mean_over_sets(sets: list[dict[str, float]]) -> dict[str, float]:
     """Each figure's mean over the sets that have it, sets equally weighted."""
-    names = {name: None for figures in sets for name in figures}
+    names = {name: None for metrics in sets for name in metrics}
     means = {n: float(np.mean([f[n] for f in sets if n in f])) for n in names}
     return {**means, **{n: sum(f[n] for f in sets) for n in ("images", "scenes")}}
 
 
 def table(found: dict[str, dict[str, float]]) -> str:
-    """The figures as a Markdown table."""
+    """The metrics as a Markdown table."""
     rows = [["set", *(title for title, _, _ in COLUMNS)]]
-    for name, figures in found.items():
-        cells = [form.format(figures[key]) if key in figures else "" for _, key, form in COLUMNS]
+    for name, metrics in found.items():
+        cells = [form.format(metrics[key]) if key in metrics else "" for _, key, form in COLUMNS]
         rows.append([name, *cells])
     lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]])

@@ -1,1 +1,1 @@
-"""From a network to model files that say what they are."""
+"""From a network to model files."""

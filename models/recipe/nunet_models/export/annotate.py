@@ -1,4 +1,4 @@
-"""The verb `annotate`: what is known of a finished model file, written into it."""
+"""The subcommand `annotate`: what is known of a finished model file, written into it."""
 
 import argparse
 import hashlib
@@ -12,9 +12,9 @@ from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import read_metadata, write_metadata
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `annotate` and its options."""
-    parser = verbs.add_parser("annotate", help="write accuracy or licence into a model file")
+    parser = subparsers.add_parser("annotate", help="write accuracy or license into a model file")
     parser.add_argument("--model", type=Path, required=True, help="model file, .onnx")
     parser.add_argument(
         "--accuracy",
@@ -22,7 +22,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         help="answer of `evaluate` or `nunetd eval --json` for this very file",
     )
     parser.add_argument(
-        "--license", metavar="TEXT", help="licence of the weights, attribution of their data"
+        "--license", metavar="TEXT", help="license of the weights, attribution of their data"
     )
     parser.set_defaults(carry_out=run)
 
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("nothing to write; hint: `--accuracy FILE` or `--license TEXT`")
     values = read_metadata(options.model)
     if values.get("nunet.version") != "1":
-        raise ConfigError(f"`{options.model}` is no nunet model file of version 1")
+        raise ConfigError(f"`{options.model}` is not a nunet model file of version 1")
     if options.license:
         values["nunet.license"] = options.license
     if options.accuracy:
@@ -55,7 +55,7 @@ def _check_measured(model: Path, path: Path, of: Measured) -> None:
             raise ConfigError(
                 f"`{path}` is of the model `{of.name}` with the SHA-256 `{of.sha256}`; expected "
                 f"`{model.name}` with `{digest}`; hint: measure the file as it is now, since "
-                "whatever is written into it changes it"
+                "any change to its metadata changes its hash"
             )
     elif of.name not in {None, model.name}:
         raise ConfigError(
@@ -74,10 +74,10 @@ def read_accuracy(path: Path) -> dict[str, Any]:
         values = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refused)
     except ValueError as error:  # of JSON or of UTF-8
         raise ConfigError(
-            f"`{path}` is no JSON: {error}; hint: `evaluate ... > {path.name}` writes it"
+            f"`{path}` is not JSON: {error}; hint: `evaluate ... > {path.name}` writes it"
         ) from error
     if not isinstance(values, dict):
-        raise ConfigError(f"`{path}` is no JSON object; hint: an answer of `evaluate` is one")
+        raise ConfigError(f"`{path}` is not a JSON object; hint: an answer of `evaluate` is one")
     try:
         measured(values)
     except TypeError as error:
@@ -86,4 +86,4 @@ def read_accuracy(path: Path) -> dict[str, Any]:
 
 
 def _refused(constant: str) -> NoReturn:
-    raise ValueError(f"`{constant}` is no number that JSON knows")
+    raise ValueError(f"`{constant}` is not a JSON number")

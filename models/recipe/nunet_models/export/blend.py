@@ -15,7 +15,7 @@ def blended(checkpoint: Checkpoint, text: str) -> Checkpoint:
     at (Wortsman et al., "Robust fine-tuning of zero-shot models", 2022).
 
     # Errors
-    `OptionError` for another text, `ConfigError` for a checkpoint of another graph.
+    `OptionError` for other text, `ConfigError` for a checkpoint of another graph.
     """
     name, _, number = text.rpartition("=")
     share = _share(number)
@@ -24,7 +24,7 @@ def blended(checkpoint: Checkpoint, text: str) -> Checkpoint:
     other = Checkpoint.load(Path(name))
     if other.spec.components != checkpoint.spec.components:
         raise ConfigError(
-            f"cannot blend with `{name}`: it is a `{other.spec.architecture}` of other components"
+            f"cannot blend with `{name}`: it is a `{other.spec.architecture}` with other components"
         )
     weights = {
         key: value.float() * (1 - share) + other.weights[key].float() * share
@@ -43,7 +43,7 @@ def with_range(checkpoint: Checkpoint, text: str) -> Checkpoint:
     """`checkpoint` with another range of valid depth; `text` is `NEAR,FAR` in meters.
 
     # Errors
-    `OptionError` for another text, or a range that is empty.
+    `OptionError` for other text or an empty range.
     """
     parts = [_number(part) for part in text.split(",")]
     if len(parts) != 2 or None in parts or not 0 < parts[0] < parts[1] < float("inf"):

@@ -1,4 +1,4 @@
-"""Sets of model files made in one go: the test models, the first export, the paper's sizes."""
+"""Sets of model files: the test models and the paper's networks."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ TINY_DECODER = (8, 8, 8, 6, 4)
 TINY_SIZE = (96, 128)
 TINY_SEED = 7
 TINY_WIDTH = 0.05  # of the dense systems' hidden layers
-TINY_DENSE_SIZE = (48, 64)  # they give each pixel a dense layer's row: half the picture's size
+TINY_DENSE_SIZE = (48, 64)  # a dense layer has one row per pixel: half the image's size
 TINY_ARCHITECTURES = (
     *("unet", "wnet", "wnet_c", "cnn", "rcnn", "unet_cnn", "unet_rcnn"),
     *("nunet3", "nunet3_c", "wnet_c_lstm"),

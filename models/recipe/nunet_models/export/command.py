@@ -1,4 +1,4 @@
-"""The verb `export`."""
+"""The subcommand `export`."""
 
 import argparse
 import sys
@@ -17,9 +17,9 @@ from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_
 from nunet_models.zoo.checkpoint import Checkpoint
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `export` and its options."""
-    parser = verbs.add_parser("export", help="write model files that nunetd runs")
+    parser = subparsers.add_parser("export", help="write model files that nunetd runs")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
         "--untrained",
@@ -40,24 +40,26 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         "--split",
         type=Path,
         metavar="FUSED",
-        help="cut a connected graph's fused file, quantised or not, into stages of the same bits",
+        help="split the fused file of a connected graph into stages with the same results",
     )
     parser.add_argument(
         "--out",
         type=Path,
-        help="NAME.onnx for one file, NAME.toml for stages, NAME.pt for weights to train on from",
-    )
-    parser.add_argument("--backbone", default="efficientnet_lite0", help="one, or a list by comma")
-    parser.add_argument(
-        "--seed", type=int, default=0, help="of random weights (default %(default)s)"
+        help="NAME.onnx for one file, NAME.toml for stages, NAME.pt for weights to fine-tune",
     )
     parser.add_argument(
-        "--accuracy", type=Path, help="answer of `evaluate`, to be kept in the file's metadata"
+        "--backbone", default="efficientnet_lite0", help="one, or a comma-separated list"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of random weights (default %(default)s)"
+    )
+    parser.add_argument(
+        "--accuracy", type=Path, help="output of `evaluate`, stored in the file's metadata"
     )
     parser.add_argument(
         "--license",
         metavar="TEXT",
-        help="licence of the weights and attribution of their data, for the metadata (default: "
+        help="license of the weights and attribution of their data, for the metadata (default: "
         "that of the model that ships, trained on NYU Depth V2)",
     )
     parser.add_argument(
@@ -68,7 +70,7 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--depth-range",
         metavar="NEAR,FAR",
-        help="with `--checkpoint`: meters outside of which depth is no measurement",
+        help="with `--checkpoint`: range of valid depth in meters; depth outside counts as none",
     )
     parser.set_defaults(carry_out=run)
 
@@ -131,12 +133,12 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     if checkpoint.spec.camera != NYU_CAMERA and not options.license:
         raise ConfigError(
             f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
-            "licence text is the default; hint: `--license TEXT` says whose pictures they are"
+            "license text is the default; hint: `--license TEXT` names the license of the images"
         )
     if not options.license:
         print(
-            f"nunet_models: the licence is `{DATA_LICENSE}`; hint: `--license TEXT` for other "
-            "pictures than NYU Depth V2's",
+            f"nunet_models: the license is `{DATA_LICENSE}`; hint: `--license TEXT` for other "
+            "images than NYU Depth V2's",
             file=sys.stderr,
         )
     accuracy = by_name(read_accuracy(options.accuracy)) if options.accuracy else {}
@@ -160,8 +162,8 @@ def _require_trained(checkpoint: Checkpoint, path: Path) -> None:
         return
     if checkpoint.settings.get(untrained):
         raise ConfigError(
-            f"component `{untrained}` of `{path}` has no validated epoch yet; hint: train on with "
-            "`--resume`, an epoch or as many as `--validate-every` says, then export `best.pt`"
+            f"component `{untrained}` of `{path}` has no validated epoch yet; hint: continue with "
+            "`--resume` until the next validation (`--validate-every`), then export `best.pt`"
         )
     raise ConfigError(
         f"component `{untrained}` of `{path}` is untrained, its weights are random; hint: `train "

@@ -1,4 +1,4 @@
-"""Where the image joins what a component gave: the joints of a connected graph, in its file."""
+"""The joints of a connected graph in its file: image and features are concatenated there."""
 
 from collections.abc import Iterator
 
@@ -8,9 +8,9 @@ IMAGE_CHANNELS = 3
 
 
 def connected_joints(model: onnx.ModelProto) -> Iterator[tuple[onnx.NodeProto, str]]:
-    """Every Concat that puts features behind the image, and the features' name.
+    """Every Concat of image and features, with the name of the features.
 
-    The image comes first in every graph of ours; it and the features may be integers or not.
+    The image is always the first input. Image and features may be quantized.
     """
     makers = {output: node for node in model.graph.node for output in node.output}
     for node in model.graph.node:
@@ -19,7 +19,7 @@ def connected_joints(model: onnx.ModelProto) -> Iterator[tuple[onnx.NodeProto, s
 
 
 def _is_image(makers: dict[str, onnx.NodeProto], name: str) -> bool:
-    """Whether a tensor is the normalised picture, integers or not."""
+    """Whether a tensor is the normalized image, integers or not."""
     node = makers.get(name)
     while node is not None and node.op_type in {"DequantizeLinear", "QuantizeLinear"}:
         node = makers.get(node.input[0])

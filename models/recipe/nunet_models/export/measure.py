@@ -1,4 +1,4 @@
-"""Measuring a model file at export: does it compute the network, and how far do runtimes stray."""
+"""Measures a model file at export: difference to the network, and spread between runtimes."""
 
 from pathlib import Path
 from typing import Protocol
@@ -9,7 +9,7 @@ import torch
 
 from nunet_models.errors import ExportError
 from nunet_models.export.onnx_file import run
-from nunet_models.export.selftest import Answer, answer_from_outputs, selftest_picture
+from nunet_models.export.selftest import Answer, answer_from_outputs, selftest_image
 from nunet_models.zoo import GraphSpec
 from nunet_models.zoo.deploy import FusedModel
 
@@ -17,8 +17,8 @@ FP32_MARGIN = 10.0  # other processors and providers stray further than one mach
 INT8_MARGIN = 3.0  # integer sums are exact, but providers fuse and round in other places
 INT8_LABEL_CELLS = 3  # of 48; OpenVINO 1.24 differs from ONNX Runtime's own kernels in two
 BF16_MARGIN = 3.0  # bf16 strays much already; three times that still catches a wrong channel
-FLOOR = 0.001  # of the depth's unit: below this no error matters to anyone
-TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, metres
+FLOOR = 0.001  # in the depth's unit: smaller errors do not matter
+TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, meters
 UNTRAINED_BOUND = 0.01  # random weights magnify rounding as no trained network does
 
 _LEVELS = (
@@ -29,10 +29,10 @@ _LEVELS = (
 )
 
 
-def picture_of(spec: GraphSpec) -> np.ndarray:
-    """The self-test picture as the model's input, uint8 `[1, H, W, 3]`."""
+def image_of(spec: GraphSpec) -> np.ndarray:
+    """The self-test image as the model's input, uint8 `[1, H, W, 3]`."""
     height, width = spec.input_size
-    return selftest_picture(width, height)[None]
+    return selftest_image(width, height)[None]
 
 
 class DepthLimits(Protocol):
@@ -54,7 +54,7 @@ def decoded(depth: np.ndarray, spec: DepthLimits) -> np.ndarray:
 
 
 def answer_of(outputs: dict[str, np.ndarray], spec: DepthLimits) -> Answer:
-    """The self-test's answer from a model's outputs on the self-test picture."""
+    """The self-test's answer from a model's outputs on the self-test image."""
     return answer_from_outputs(decoded(outputs["depth"], spec), outputs.get("labels"))
 
 
@@ -90,9 +90,9 @@ def check_against_torch(
 
 
 def measured_selftest(model: FusedModel, path: Path) -> dict:
-    """Run the self-test through every optimisation level and thread count; `nunet.selftest`."""
+    """Run the self-test through every optimization level and thread count; `nunet.selftest`."""
     spec = model.network.spec
-    rgb = picture_of(spec)
+    rgb = image_of(spec)
     answers = _answers_over_settings(path, named_inputs(model, rgb), spec)
     others = [*answers[1:], answer_of(torch_outputs(model, rgb), spec)]
     bf16 = answer_of(torch_outputs(model, rgb, bf16=True), spec)
@@ -103,8 +103,8 @@ def measured_selftest(model: FusedModel, path: Path) -> dict:
     return answers[0].to_json(precision="fp32", tolerance=tolerance)
 
 
-def quantised_selftest(path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits) -> dict:
-    """The same for a quantised file, which torch cannot check; `inputs` hold the picture."""
+def quantized_selftest(path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits) -> dict:
+    """The same for a quantized file, which torch cannot check; `inputs` hold the image."""
     answers = _answers_over_settings(path, inputs, limits)
     tolerance = _tolerance(answers[0], answers[1:], INT8_MARGIN)
     tolerance["label_cells"] = max(INT8_LABEL_CELLS, tolerance["label_cells"])
@@ -114,7 +114,7 @@ def quantised_selftest(path: Path, inputs: dict[str, np.ndarray], limits: DepthL
 def _answers_over_settings(
     path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits
 ) -> list[Answer]:
-    """Answers at every optimisation level with one and two threads, the default first."""
+    """Answers at every optimization level with one and two threads, the default first."""
     settings = [(level, threads) for level in reversed(_LEVELS) for threads in (1, 2)]
     return [answer_of(run(path, inputs, threads=t, level=level), limits) for level, t in settings]
 

@@ -60,7 +60,7 @@ def metadata(
 
 
 def inner_stage_metadata(spec: GraphSpec) -> dict[str, str]:
-    """What an inner stage of a staged graph says of itself: the depth stage says the rest."""
+    """Metadata of an inner stage of a staged graph; the depth stage carries the rest."""
     return {
         "nunet.version": "1",
         "nunet.classes": to_json(list(spec.classes)),
@@ -69,7 +69,7 @@ def inner_stage_metadata(spec: GraphSpec) -> dict[str, str]:
 
 
 def to_json(value: object) -> str:
-    """Compact JSON, not a number left that JSON does not know."""
+    """Compact JSON without NaN and infinities."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False)
 
 

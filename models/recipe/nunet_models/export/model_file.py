@@ -13,8 +13,8 @@ from nunet_models.export.measure import (
     TORCH_BOUND,
     UNTRAINED_BOUND,
     check_against_torch,
+    image_of,
     measured_selftest,
-    picture_of,
 )
 from nunet_models.export.metadata import inner_stage_metadata, metadata
 from nunet_models.export.onnx_file import export_onnx, write_metadata
@@ -24,7 +24,7 @@ from nunet_models.zoo.deploy import FusedModel, StageModel
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the weights come from: what the metadata says of them."""
+    """Where the weights come from, for the metadata."""
 
     trained: bool = False
     training: dict[str, Any] = field(default_factory=dict)
@@ -36,13 +36,13 @@ def export_fused(graph: SerialGraph, path: Path, provenance: Provenance) -> None
     """Write the whole graph as one model file, checked against torch, self-test inside.
 
     # Errors
-    `ExportError` when the file computes something else than the network; a file that was at
-    `path` is then still there.
+    `ExportError` when the results of the file differ from the network's; an earlier file at
+    `path` is kept then.
     """
     model = FusedModel(graph.eval())
     beside = path.with_suffix(".partial.onnx")
     try:
-        export_onnx(model, model.example(torch.from_numpy(picture_of(graph.spec))), beside)
+        export_onnx(model, model.example(torch.from_numpy(image_of(graph.spec))), beside)
         write_metadata(beside, _metadata(model, beside, provenance))
         beside.replace(path)
     finally:
@@ -56,13 +56,13 @@ def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> Non
     file, made for that and removed: the stages compute the same.
 
     # Errors
-    `ExportError` as for `export_fused`, and for a graph with a memory: stages carry no state.
+    `ExportError` as for `export_fused`, and for a recurrent graph: stages carry no state.
     """
     fused = path.with_suffix(".fused.onnx")
     model = FusedModel(graph.eval())
-    if model.remembers:
-        raise ExportError("a graph with a memory has no stages; hint: write one `.onnx`")
-    export_onnx(model, (torch.from_numpy(picture_of(graph.spec)),), fused)
+    if model.is_recurrent:
+        raise ExportError("a recurrent graph cannot be staged; hint: write one `.onnx`")
+    export_onnx(model, (torch.from_numpy(image_of(graph.spec)),), fused)
     try:
         whole = _metadata(model, fused, provenance)
     finally:
@@ -70,7 +70,7 @@ def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> Non
     outputs: list[torch.Tensor] = []
     for index, component in enumerate(graph.spec.components):
         stage = StageModel(graph, index).eval()
-        named = {"rgb": torch.from_numpy(picture_of(graph.spec))}
+        named = {"rgb": torch.from_numpy(image_of(graph.spec))}
         if outputs:
             named["features"] = outputs[-1]
         examples = tuple(named[name] for name in stage.input_names)
@@ -83,7 +83,7 @@ def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> Non
 
 
 def staged_toml(graph: SerialGraph, stem: str) -> str:
-    """The text of a staged graph: one `[[stage]]` a component, wired in order."""
+    """The text of a staged graph: one `[[stage]]` per component, wired in order."""
     stages, results = [], {}
     before = None
     for index, component in enumerate(graph.spec.components):
@@ -115,7 +115,7 @@ def graph_toml(stem: str, stages: list[tuple[str, dict[str, str]]], results: dic
 
 def _metadata(model: FusedModel, path: Path, provenance: Provenance) -> dict[str, str]:
     bound = TORCH_BOUND if provenance.trained else UNTRAINED_BOUND
-    gap = check_against_torch(model, path, picture_of(model.network.spec), bound=bound)
+    gap = check_against_torch(model, path, image_of(model.network.spec), bound=bound)
     measured = {
         "torch_max_difference": float(f"{gap:.3g}"),
         "selftest_margin": {"fp32": FP32_MARGIN, "bf16": BF16_MARGIN},

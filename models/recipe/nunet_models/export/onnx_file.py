@@ -40,7 +40,7 @@ def write_metadata(path: Path, values: dict[str, str]) -> None:
     """Set the file's `metadata_props` to `values`, and drop what the exporter left of its own.
 
     Doc strings and stack traces of the exporter would carry the exporting machine's paths. The file
-    is replaced as a whole: a crash meanwhile leaves the one that was there.
+    is replaced atomically: a crash keeps the earlier file.
     """
     model = load_model(path)
     describe(model, values)
@@ -48,7 +48,7 @@ def write_metadata(path: Path, values: dict[str, str]) -> None:
 
 
 def describe(model: onnx.ModelProto, values: dict[str, str]) -> None:
-    """Do the same to a model that is no file yet."""
+    """Do the same to a model that is not a file yet."""
     for part in (model, model.graph, *model.graph.node):
         part.doc_string = ""
         del part.metadata_props[:]
@@ -62,7 +62,7 @@ def describe(model: onnx.ModelProto, values: dict[str, str]) -> None:
 
 
 def save_whole(model: onnx.ModelProto, path: Path) -> None:
-    """Write `model` beside `path` and rename it: there is never half a file at `path`."""
+    """Write `model` atomically."""
     beside = path.with_name(f"{path.name}.partial")
     try:
         onnx.save(model, beside)
@@ -75,20 +75,20 @@ def load_model(path: Path) -> onnx.ModelProto:
     """An ONNX file, its weights inside it.
 
     # Errors
-    `ConfigError` naming a file that is missing, cut or none.
+    `ConfigError` naming a file that is missing, truncated or not an ONNX file.
     """
     if not path.is_file():
         raise ConfigError(f"no model file `{path}`")
     if path.suffix == ".toml":
         raise ConfigError(
-            f"`{path}` is a staged graph; expected an ONNX file; hint: the fused `.onnx` that it "
-            "was made from or with computes the same"
+            f"`{path}` is a staged graph; expected an ONNX file; hint: use the fused "
+            "`.onnx`, which computes the same"
         )
     try:
         return onnx.load(path, load_external_data=False)
     except Exception as error:  # protobuf's own, of several modules
         raise ConfigError(
-            f"`{path}` cannot be read as an ONNX file: {error}; hint: is it whole?"
+            f"cannot read `{path}` as an ONNX file: {error}; hint: check that the file is complete"
         ) from error
 
 
@@ -115,7 +115,7 @@ def session(
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # ONNX Runtime's own, a class a kind without a common one
+    except Exception as error:  # ONNX Runtime's own, one class per kind without a common one
         raise ConfigError(f"ONNX Runtime cannot open `{path}`: {error}") from error
 
 

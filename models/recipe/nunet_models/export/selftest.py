@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-PICTURE = "nunet-selftest-1"
+IMAGE = "nunet-selftest-1"
 GRID_WIDTH = 8
 GRID_HEIGHT = 6
 CLOSE_CALL = 0.01  # a lead this thin, in shares of a cell, falls either way between runtimes
 
 
-def selftest_picture(width: int, height: int) -> np.ndarray:
-    """The picture `nunet-selftest-1`: uint8 `[height, width, 3]`, RGB, rows top to bottom.
+def selftest_image(width: int, height: int) -> np.ndarray:
+    """The image `nunet-selftest-1`: uint8 `[height, width, 3]`, RGB, rows top to bottom.
 
     Integers only, so that every language computes the same bytes.
     """
@@ -36,11 +36,11 @@ def selftest_picture(width: int, height: int) -> np.ndarray:
         ),
         ((u - 140) ** 2 + (v - 180) ** 2 < 28**2, (30 + t, 150 - u // 4, 40 + v // 4)),
     )
-    picture = np.zeros((height, width, 3), dtype=np.uint8)
+    image = np.zeros((height, width, 3), dtype=np.uint8)
     for where, channels in layers:
         for channel, value in enumerate(channels):
-            picture[..., channel][where] = value[where]
-    return picture
+            image[..., channel][where] = value[where]
+    return image
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Answer:
     def to_json(self, *, precision: str, tolerance: dict[str, dict[str, float]]) -> dict:
         """The value of `nunet.selftest`."""
         rows = [[None if np.isnan(z) else round(float(z), 6) for z in row] for row in self.depth]
-        answer: dict = {"version": 1, "picture": PICTURE, "precision": precision, "depth": rows}
+        answer: dict = {"version": 1, "picture": IMAGE, "precision": precision, "depth": rows}
         if self.labels is not None:
             answer["labels"] = self.labels.tolist()
         return {**answer, "tolerance": tolerance}

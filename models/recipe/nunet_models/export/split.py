@@ -1,4 +1,4 @@
-"""A fused model file of two components, cut at its joint into a staged graph."""
+"""Splits a fused model file of two components at its joint into a staged graph."""
 
 from pathlib import Path
 
@@ -15,23 +15,22 @@ OF_AN_INNER_STAGE = ("nunet.version", "nunet.classes", "nunet.inner_size")
 
 
 def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "depth")) -> None:
-    """Write `out`, a staged graph's TOML, and `STEM.NAME.onnx` beside it, that compute the same.
+    """Write `out`, the TOML of a staged graph, with one `STEM.NAME.onnx` per stage beside it.
 
-    The cut goes through the features of the connected joint, so the stages give the bits of the
-    fused file, integers included: what crossed as integers crosses as the numbers that they stand
-    for, and comes back to the same integers. (Features that were balanced before quantisation keep
-    that factor: the labels are the same, the logits are scaled.)
+    The file is split at the features of the connected joint. The stages give the same results as
+    the fused file, bit for bit: quantized features are dequantized on their way out and quantized
+    again with the same scale. (Features that were balanced before quantization keep their factor:
+    the labels are the same, the logits are scaled.)
 
     # Errors
-    `ExportError` where the file has no connected joint, more than one, or a memory; nothing is
+    `ExportError` if the file has no connected joint, more than one, or is recurrent. Nothing is
     written then.
     """
     model = load_model(fused)
     values = read_metadata(fused)
     if "nunet.state" in values:
         raise ExportError(
-            f"`{fused.name}` remembers earlier frames, and stages carry no state; hint: run the "
-            "one `.onnx`"
+            f"`{fused.name}` is recurrent, and stages carry no state; hint: run the fused `.onnx`"
         )
     features = _features(model, fused)
     first = _part(model, ["rgb"], [features, "labels"])
@@ -57,7 +56,7 @@ def _features(model: onnx.ModelProto, path: Path) -> str:
     if len(found) != 1:
         raise ExportError(
             f"`{path.name}` has {len(found)} connected joints; hint: only a graph of two connected "
-            "components can be cut in two"
+            "components can be split"
         )
     return found[0]
 
@@ -79,7 +78,7 @@ def _rename(part: onnx.ModelProto, old: str, new: str) -> None:
 
 
 def _as_integers_again(part: onnx.ModelProto, whole: onnx.ModelProto, features: str) -> None:
-    """Quantise the features on arrival, as they were before they left; nothing for a float file."""
+    """Quantize the incoming features with their former scale; nothing for a float file."""
     maker = next(node for node in whole.graph.node if features in node.output)
     if maker.op_type != "DequantizeLinear":
         return

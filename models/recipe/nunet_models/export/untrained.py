@@ -1,6 +1,6 @@
-"""Networks of seeded random weights whose answers still vary over a picture.
+"""Networks with seeded random weights whose outputs still vary over an image.
 
-Tests and benchmarks need them: depth that is constant could not catch a mirrored picture.
+Tests and benchmarks need them: depth that is constant could not catch a mirrored image.
 """
 
 import math
@@ -8,52 +8,52 @@ import math
 import torch
 from torch import nn
 
-from nunet_models.export.measure import picture_of
+from nunet_models.export.measure import image_of
 from nunet_models.zoo import GraphSpec, SerialGraph
 from nunet_models.zoo.deploy import ToInner
 
-MEAN_DEPTH_M = 2.7  # about the mean of indoor pictures
-SPREAD = 0.35  # standard deviation of log depth, as indoor pictures have it
-MEMORY_SPREAD = 2.0  # of the weights that add what is remembered: it shows in centimetres
+MEAN_DEPTH_M = 2.7  # about the mean of indoor images
+SPREAD = 0.35  # standard deviation of log depth, as indoor images have it
+STATE_SPREAD = 2.0  # of the weights that add the state: depth changes by centimeters
 
 
 def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
-    """A graph with weights drawn from `seed`, settled on the self-test picture.
+    """A graph with weights drawn from `seed`, normalized on the self-test image.
 
-    Batch-norm statistics are those of the picture, so that no activation dies on the way; heads
+    Batch-norm statistics are those of the image, so that no activation dies on the way; heads
     are shifted and scaled so that every class wins somewhere and depth spans a room.
     """
     torch.manual_seed(seed)
     graph = SerialGraph(spec)
-    image = ToInner(spec)(torch.from_numpy(picture_of(spec)))
+    image = ToInner(spec)(torch.from_numpy(image_of(spec)))
     outputs: list[torch.Tensor] = []
     with torch.no_grad():
         for component in graph.components:
             x = graph.joint(image, outputs)
-            _wake_memory(component)
+            _randomize_state(component)
             _settle_batch_norm(component, x)
             _settle_head(component.head, component(x), spec)
             outputs.append(component(x))
     return graph
 
 
-def _wake_memory(component: nn.Module) -> None:
-    """Let the memory be seen in the answer.
+def _randomize_state(component: nn.Module) -> None:
+    """Make the state visible in the output.
 
-    Its addition starts at zero for training's sake: no test could tell a memory that is carried
+    Training starts with a state that adds zero. No test could then tell a state that is carried
     from one that is lost.
     """
     if hasattr(component, "memory"):
-        nn.init.normal_(component.memory.widen.weight, std=MEMORY_SPREAD)
+        nn.init.normal_(component.memory.widen.weight, std=STATE_SPREAD)
 
 
 def _settle_batch_norm(module: nn.Module, x: torch.Tensor) -> None:
     norms = [m for m in module.modules() if isinstance(m, nn.BatchNorm2d)]
     momenta = [norm.momentum for norm in norms]
     for norm in norms:
-        norm.momentum = 1.0  # take the picture's statistics as they are
+        norm.momentum = 1.0  # take the image's statistics as they are
     module.train()
-    module(torch.cat([x, x.flip(3)]))  # two pictures: batch norm refuses one value a channel
+    module(torch.cat([x, x.flip(3)]))  # two images: batch norm refuses one value per channel
     module.eval()
     for norm, momentum in zip(norms, momenta, strict=True):
         norm.momentum = momentum

@@ -132,7 +132,7 @@ def cushion(
     roll: float = 0,
     size: float = 0.45,
 ) -> None:
-    """A cushion leaning back towards +y."""
+    """A cushion leaning back toward +y."""
     maker.soft(
         (size, size, 0.15),
         (0, 0, size * 0.34),
@@ -240,7 +240,7 @@ def slippers(maker: Maker, color: materials.Color) -> None:
 
 
 def laptop(maker: Maker) -> None:
-    """An open laptop, its keys towards -y."""
+    """An open laptop, its keys toward -y."""
     gray, black = materials.metal((0.5, 0.5, 0.52), 0.45), materials.paint((0.03, 0.03, 0.032), 0.6)
     maker.box((0.32, 0.22, 0.014), (0, 0, 0), gray, bevel=0.005)
     maker.box((0.27, 0.1, 0.002), (0, 0.03, 0.013), black, bevel=0.0005)

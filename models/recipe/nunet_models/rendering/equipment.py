@@ -130,7 +130,7 @@ def fridge(maker: Maker) -> None:
 
 
 def stairs(maker: Maker, width: float, steps: int) -> None:
-    """Stairs that rise towards +x along a wall, their side at y = 0, the first step at x = 0."""
+    """Stairs that rise toward +x along a wall, their side at y = 0, the first step at x = 0."""
     random = maker.random
     rise, run = random.uniform(0.16, 0.19), random.uniform(0.24, 0.3)
     tread = materials.wood((random.uniform(0.15, 0.5), 0.2, 0.1), "y")
@@ -151,7 +151,7 @@ def stairs(maker: Maker, width: float, steps: int) -> None:
 
 
 def cable(maker: Maker, length: float) -> None:
-    """A cable that winds along the floor towards +x."""
+    """A cable that winds along the floor toward +x."""
     random = maker.random
     radius = random.uniform(0.003, 0.009)
     color = random.choice(

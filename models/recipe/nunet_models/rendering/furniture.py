@@ -1,4 +1,4 @@
-"""Furniture; each piece stands on its maker's origin with its back towards +y."""
+"""Furniture; each piece stands on its maker's origin with its back toward +y."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def bed(maker: Maker, width: float, tone: materials.Color, duvet: Material) -> N
 
 
 def television(maker: Maker, width: float) -> None:
-    """A flat television on a foot, its screen towards -y."""
+    """A flat television on a foot, its screen toward -y."""
     maker = maker.of("tv")
     black = materials.paint((0.012, 0.012, 0.013), 0.35)
     tall = width * 0.58

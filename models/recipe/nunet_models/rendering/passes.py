@@ -72,7 +72,7 @@ def with_noise(rgb: np.ndarray, random: np.random.Generator) -> np.ndarray:
 def truth() -> tuple[np.ndarray, np.ndarray]:
     """Depth in meters along the optical axis (NaN = none) and labels at pixel centers.
 
-    One ray a pixel through its centre, without any filter; everything is opaque to it, so that a
+    One ray per pixel through its center, without any filter; everything is opaque to it, so that a
     window's depth is its pane's.
     """
     scene, layer = bpy.context.scene, bpy.context.view_layer

@@ -8,7 +8,7 @@ import numpy as np
 
 STEP_M = 0.01
 LOOK_AHEAD_M = 0.45
-"""A robot turns towards the point of its path that lies this far ahead."""
+"""A robot turns toward the point of its path that lies this far ahead."""
 
 
 class RobotPath:

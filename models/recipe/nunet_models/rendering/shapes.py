@@ -137,7 +137,7 @@ class Maker:
     ) -> bpy.types.Object:
         """A stuffed box: rounded by `radius`, swollen by `puff` in the middle of its wide sides.
 
-        `pinch` (0 to 1) makes it thin towards its rim, as a cushion; `wrinkle` is the height of
+        `pinch` (0 to 1) makes it thin toward its rim, as a cushion; `wrinkle` is the height of
         folds in meters.
         """
         half = np.array(size) / 2

@@ -138,7 +138,7 @@ def _daylight(
 
 
 def sun(direction_deg: tuple[float, float], strength: float) -> None:
-    """The sun at a height and an azimuth (degrees; 0 shines towards +y, 90 towards -x)."""
+    """The sun at a height and an azimuth (degrees; 0 shines toward +y, 90 toward -x)."""
     lamp = bpy.data.lights.new("sun", "SUN")
     lamp.energy, lamp.angle, lamp.color = strength, math.radians(1.2), (1.0, 0.9, 0.76)
     made = bpy.data.objects.new("sun", lamp)

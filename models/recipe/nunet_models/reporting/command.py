@@ -1,4 +1,4 @@
-"""The verb `report`."""
+"""The subcommand `report`."""
 
 import argparse
 from pathlib import Path
@@ -17,9 +17,9 @@ from nunet_models.reporting.figures import (
 from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `report` and its options."""
-    parser = verbs.add_parser("report", help="tables and figures from runs and evaluations")
+    parser = subparsers.add_parser("report", help="tables and figures from runs and evaluations")
     parser.add_argument("--out", type=Path, required=True, help="folder for report.md and figures")
     parser.add_argument("--run", type=Path, action="append", default=[], help="a run's folder")
     parser.add_argument(
@@ -29,9 +29,9 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
         default=[],
         help="an answer of `evaluate` or of `nunetd eval --json`",
     )
-    parser.add_argument("--model", type=Path, action="append", default=[], help="to show pictures")
+    parser.add_argument("--model", type=Path, action="append", default=[], help="to show images")
     add_data_options(parser, required=False)
-    parser.add_argument("--ids", type=Path, help="pictures to show with `--model`")
+    parser.add_argument("--ids", type=Path, help="images to show with `--model`")
     parser.set_defaults(carry_out=run)
 
 
@@ -43,8 +43,8 @@ def run(options: argparse.Namespace) -> int:
     parts = ["# Report\n"]
     if options.evaluation:
         evaluations = [read_evaluation(path) for path in options.evaluation]
-        parts += ["## Metres\n", metric_table(evaluations)]
-        parts += ["## Stretched picture by picture\n", paper_table(evaluations)]
+        parts += ["## Meters\n", metric_table(evaluations)]
+        parts += ["## Stretched per image\n", paper_table(evaluations)]
     if options.run:
         loss_curves(options.run, options.out / "losses.png")
         parts.append("![loss curves](losses.png)\n")
@@ -53,8 +53,8 @@ def run(options: argparse.Namespace) -> int:
             side_by_side(evolving, options.out / "evolution.png")
             parts.append("![a prediction over the epochs](evolution.png)\n")
     if options.model:
-        side_by_side(_panels(options), options.out / "pictures.png")
-        parts.append("![input, truth and networks](pictures.png)\n")
+        side_by_side(_panels(options), options.out / "images.png")
+        parts.append("![input, truth and networks](images.png)\n")
     report = options.out / "report.md"
     report.write_text("\n".join(parts), encoding="utf-8")
     print(report)
@@ -62,9 +62,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _panels(options: argparse.Namespace) -> list[list[Panel]]:
-    """A row a picture: input, truth, then every model's depth."""
+    """A row an image: input, truth, then every model's depth."""
     if not (options.data and options.ids):
-        raise ConfigError("`--model` needs `--data` and `--ids`: which pictures to show")
+        raise ConfigError("`--model` needs `--data` and `--ids`: which images to show")
     predictors = [Predictor(path) for path in options.model]
     pairs = open_pairs(options, options.ids)
     rows = []

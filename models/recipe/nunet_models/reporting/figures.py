@@ -1,4 +1,4 @@
-"""Figures: loss curves, a picture evolving over epochs, networks side by side."""
+"""Figures: loss curves, an image evolving over epochs, networks side by side."""
 
 import csv
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from nunet_models.evaluation.compare import stretched
 from nunet_models.training.log import EVOLUTION
 
 DPI = 120
-MANY = 10  # curves, from which on colours of ten would come twice
+MANY = 10  # curves, from which on colors of ten would come twice
 EPOCHS_SHOWN = 6  # as many as fit side by side on a page
 
 Panel = tuple[str, np.ndarray]
-"""A caption, and a picture: colour uint8 `[H, W, 3]`, or depth float `[H, W]` with NaN = none."""
+"""A caption, and an image: color uint8 `[H, W, 3]`, or depth float `[H, W]` with NaN = none."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A network's depth `[H, W]`, metres if `metric`, else 0 (nearest) to 1 of the picture."""
+    """A network's depth `[H, W]`, meters if `metric`, else 0 (nearest) to 1 of the image."""
 
     caption: str
     depth: np.ndarray
@@ -31,7 +31,7 @@ class Answer:
 
 
 def loss_curves(runs: list[Path], out: Path) -> None:
-    """Training loss by step and the validation figure by epoch of every run, as one picture.
+    """Training loss by step and the validation figure by epoch of every run, as one image.
 
     # Errors
     `DataError` naming a folder without logs.
@@ -59,23 +59,23 @@ def loss_curves(runs: list[Path], out: Path) -> None:
 
 
 def side_by_side(rows: list[list[Panel]], out: Path) -> None:
-    """Rows of panels as one picture; the depth panels of a row share one colour scale.
+    """Rows of panels as one image; the depth panels of a row share one color scale.
 
     The scale is that of the row's first depth panel, the truth where there is one: another for
     each network would hide an error of scale. It ends at the panel's 1st and 99th percentile, since
-    a network's few odd pixels at a picture's edge would take all colours from the rest.
+    a network's few odd pixels at an image's edge would take all colors from the rest.
     """
     columns = max(len(row) for row in rows)
     figure = Figure(figsize=(2.6 * columns, 2.1 * len(rows)), layout="constrained")
     axes = figure.subplots(len(rows), columns, squeeze=False)
     for line, row in zip(axes, rows, strict=True):
-        depths = [picture for _, picture in row if picture.ndim == 2]
+        depths = [image for _, image in row if image.ndim == 2]
         limits = np.nanpercentile(depths[0], (1.0, 99.0)) if depths else (0.0, 1.0)
-        for place, (caption, picture) in zip(line, row, strict=False):
-            if picture.ndim == 2:
-                place.imshow(picture, cmap="turbo_r", vmin=limits[0], vmax=limits[1])
+        for place, (caption, image) in zip(line, row, strict=False):
+            if image.ndim == 2:
+                place.imshow(image, cmap="turbo_r", vmin=limits[0], vmax=limits[1])
             else:
-                place.imshow(picture)
+                place.imshow(image)
             place.set_title(caption, fontsize="small")
         for place in line:
             place.axis("off")
@@ -83,9 +83,9 @@ def side_by_side(rows: list[list[Panel]], out: Path) -> None:
 
 
 def comparable_panels(truth_m: np.ndarray, answers: list[Answer]) -> list[Panel]:
-    """The truth and every answer in one unit: metres, or all 0..1 where one answer has no metres.
+    """The truth and every answer in one unit: meters, or all 0..1 where one answer has no meters.
 
-    What is in metres is then stretched from its nearest to its farthest point, as the paper does.
+    What is in meters is then stretched from its nearest to its farthest point, as the paper does.
     """
     if all(answer.metric for answer in answers):
         return [("truth", truth_m)] + [(answer.caption, answer.depth) for answer in answers]

@@ -1,4 +1,4 @@
-"""Markdown tables of evaluations, the paper's figures and the trivial baseline among them."""
+"""Markdown tables of evaluations, the paper's metrics and the trivial baseline among them."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from nunet_models.answer import by_name
 from nunet_models.errors import DataError
-from nunet_models.metrics import FIGURES
+from nunet_models.metrics import METRICS
 
 PAPER_MSE = {
     "unet": 0.0436,
@@ -14,15 +14,15 @@ PAPER_MSE = {
     "wnet_c": 0.0412,
 }
 """Table 1 of "Practical Depth Estimation with Image Segmentation and Serial U-Nets": mean squared
-error of depth stretched to 0..1 picture by picture."""
+error of depth stretched to 0..1 per image."""
 
-_RMSE = FIGURES.index("rmse") + 1
+_RMSE = METRICS.index("rmse") + 1
 _COLUMNS = (
-    *(("metrics", name) for name in FIGURES[:_RMSE]),
+    *(("metrics", name) for name in METRICS[:_RMSE]),
     ("picture_mean", "rmse"),  # papers mean either by it, and the two differ by a tenth
-    *(("metrics", name) for name in FIGURES[_RMSE:]),
+    *(("metrics", name) for name in METRICS[_RMSE:]),
 )
-"""Group and name of the table's figures of depth."""
+"""Group and name of the table's metrics of depth."""
 
 
 def read_evaluation(path: Path) -> dict[str, Any]:
@@ -38,24 +38,24 @@ def read_evaluation(path: Path) -> dict[str, Any]:
         values["minmax"], values["metrics"], values["pictures"]
     except (ValueError, AttributeError, KeyError, TypeError) as error:
         raise DataError(
-            f"`{path}` is no answer of `evaluate`: {error}; hint: `evaluate` and `nunetd eval "
+            f"`{path}` is not an answer of `evaluate`: {error}; hint: `evaluate` and `nunetd eval "
             "--json` write such answers"
         ) from error
     return values
 
 
 def metric_table(evaluations: list[dict[str, Any]]) -> str:
-    """A row a model in metres, then the mean image where an evaluation has it.
+    """A row a model in meters, then the mean image where an evaluation has it.
 
-    Figures are pooled over all pixels; the RMSE is given as the mean over pictures as well.
+    Metrics are pooled over all pixels; the RMSE is given as the mean over images as well.
     """
-    names = [f"{n}, mean of pictures" if group == "picture_mean" else n for group, n in _COLUMNS]
-    rows = [("model", "pictures", *names, "mIoU", "accuracy")]
+    names = [f"{n}, mean of images" if group == "picture_mean" else n for group, n in _COLUMNS]
+    rows = [("model", "images", *names, "mIoU", "accuracy")]
     for found in evaluations:
         if found["metrics"]:
             labels = [_n(found.get("labels", {}).get(name)) for name in ("miou", "accuracy")]
-            figures = _cells(found)
-            rows.append((found["model"], str(found["pictures"]), *figures, *labels))
+            metrics = _cells(found)
+            rows.append((found["model"], str(found["pictures"]), *metrics, *labels))
     for found in evaluations:
         baseline = found.get("baseline") or {}
         if baseline.get("metrics"):
@@ -66,7 +66,7 @@ def metric_table(evaluations: list[dict[str, Any]]) -> str:
 
 
 def paper_table(evaluations: list[dict[str, Any]]) -> str:
-    """A row a model on depth stretched picture by picture, beside the paper's figure."""
+    """A row a model on depth stretched per image, beside the paper's figure."""
     rows = [("model", "best epoch", "MSE", "RMSE", "paper's MSE")]
     for found in evaluations:
         minmax = found["minmax"]

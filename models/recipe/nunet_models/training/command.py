@@ -1,4 +1,4 @@
-"""The verb `train`."""
+"""The subcommand `train`."""
 
 import argparse
 import sys
@@ -24,25 +24,25 @@ from nunet_models.training.graph import add_graph_options, build_graph, require_
 from nunet_models.training.provenance import run_provenance
 from nunet_models.training.schedule import SCHEDULES
 from nunet_models.training.settings import AUGMENTATIONS, Settings
-from nunet_models.training.trainer import OPTIMISERS, Trainer
+from nunet_models.training.trainer import OPTIMIZERS, Trainer
 from nunet_models.zoo import GraphSpec
 
 SHARED_SHOWN = 3  # of the ids that two lists share
 CHOICES = {
     "augmentation": sorted(AUGMENTATIONS),
-    "optimiser": sorted(OPTIMISERS),
+    "optimizer": sorted(OPTIMIZERS),
     "schedule": SCHEDULES,
 }
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `train` and its options."""
-    parser = verbs.add_parser("train", help="train one component of a serial graph")
+    parser = subparsers.add_parser("train", help="train one component of a serial graph")
     parser.add_argument("--run", type=Path, required=True, dest="folder", help="the run's folder")
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the run in the folder, with the options it was started with; other "
+        help="continue the run in the folder, with the options it was started with; other "
         "`--epochs`, `--threads`, `--workers` and `--validate-every` are taken as given now",
     )
     parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
@@ -60,8 +60,8 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--show",
         type=Path,
-        metavar="PICTURE",
-        help="the picture whose prediction each validation keeps (default: the first one of them)",
+        metavar="IMAGE",
+        help="the image whose prediction each validation keeps (default: the first one of them)",
     )
     add_graph_options(parser)
     _add_settings(parser)
@@ -75,7 +75,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
         "--epochs",
         type=int,
         required=True,
-        help="a run resumed with more goes on along the schedule of the new length",
+        help="may be raised on `--resume`: the run follows the schedule of the new length",
     )
     for setting in fields(Settings):
         if setting.name in {"component", "epochs"}:
@@ -143,7 +143,7 @@ def _sets_feed(options: argparse.Namespace) -> SetsFeed:
 
 
 def _show(options: argparse.Namespace) -> Cached | None:
-    return Cached.of_picture(options.show) if options.show else None
+    return Cached.of_image(options.show) if options.show else None
 
 
 def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
@@ -158,14 +158,14 @@ def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
 
 
 def _say_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool) -> None:
-    """Name the camera that is assumed where nobody named one and metres hang on it."""
+    """Print the camera that is assumed if none was given: the scale of depth depends on it."""
     given = options.intrinsics or options.start or options.sets or resuming
     if given or options.data.suffix == MAT_SUFFIX or spec.encoding != "metric":
         return
     camera = spec.camera
     print(
-        f"nunet_models: the pictures are taken for NYU Depth V2's camera, of fx {camera.fx} pixels "
-        f"at {camera.width}x{camera.height}, by which nunetd will scale metres; hint: "
+        f"nunet_models: the images are taken for NYU Depth V2's camera, of fx {camera.fx} pixels "
+        f"at {camera.width}x{camera.height}, by which nunetd will scale meters; hint: "
         "`--intrinsics fx,fy,cx,cy@WxH` says which one it was",
         file=sys.stderr,
     )
@@ -184,7 +184,7 @@ def _check_ids(options: argparse.Namespace) -> None:
         )
     if len(train) < options.batch:
         raise ConfigError(
-            f"`{options.train_ids}` names {len(train)} pictures; expected at least "
+            f"`{options.train_ids}` names {len(train)} images; expected at least "
             f"`--batch {options.batch}` of them, as an epoch has whole batches only; "
             f"hint: `--batch {len(train)}` or less"
         )

@@ -72,7 +72,7 @@ def _(
     )
 
 
-def _remember(ctx: Any, inputs: tuple, output: torch.Tensor) -> None:  # noqa: ANN401
+def _save_inputs(ctx: Any, inputs: tuple, output: torch.Tensor) -> None:  # noqa: ANN401
     del output
     x, weight, ctx.stride, ctx.padding = inputs
     ctx.save_for_backward(x, weight)
@@ -83,7 +83,7 @@ def _backward(ctx: Any, g: torch.Tensor) -> tuple:  # noqa: ANN401
     return of_x, of_weight, None, None
 
 
-_depthwise.register_autograd(_backward, setup_context=_remember)
+_depthwise.register_autograd(_backward, setup_context=_save_inputs)
 
 
 def _quick(conv: nn.Conv2d, x: torch.Tensor) -> torch.Tensor:

@@ -28,7 +28,7 @@ class Averaged:
 
     @torch.no_grad()
     def update(self, step: int) -> None:
-        """Move a little towards the live module, after its optimiser's step number `step`."""
+        """Move a little toward the live module, after its optimizer's step number `step`."""
         if not self.decay:
             return
         keep = min(self.decay, (1 + step) / (10 + step))

@@ -41,7 +41,7 @@ class Feed(Protocol):
         ...
 
     def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
-        """Figures of the graph."""
+        """Metrics of the graph."""
         ...
 
     def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:
@@ -92,7 +92,7 @@ class FolderFeed:
         return _label_counts(self.train.labels[:: max(1, len(self.train) // 200)])
 
     def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
-        """Figures of the graph."""
+        """Metrics of the graph."""
         how = _how(component, settings)
         return validate(graph, self.val, batch=VALIDATION_BATCH, **how)
 
@@ -149,7 +149,7 @@ class SetsFeed:
         return _label_counts(found for found in labels if found is not None)
 
     def validate(self, graph: SerialGraph, component: int, settings: Settings) -> dict[str, float]:
-        """Figures of the graph, mean over sets and of each set."""
+        """Metrics of the graph, mean over sets and of each set."""
         return validate_sets(graph, self.val, component=component, bf16=settings.bf16)
 
     def shown(self, graph: SerialGraph, component: int, settings: Settings) -> np.ndarray:

@@ -25,7 +25,7 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--tasks",
         metavar="TASK,TASK...",
-        help="one a component, `segmentation` or `depth`, instead of the architecture's own; a "
+        help="one per component, `segmentation` or `depth`, instead of the architecture's own; a "
         "component whose task changes is called by task and place, such as `depth1`",
     )
     group.add_argument(
@@ -42,7 +42,7 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--intrinsics",
         metavar="fx,fy,cx,cy@WxH",
-        help="camera of the training pictures, for nunetd's focal scaling (default: that of "
+        help="camera of the training images, for nunetd's focal scaling (default: that of "
         "`--start`, else NYU Depth V2's)",
     )
     group.add_argument("--dropout", type=float, default=0.0)
@@ -57,7 +57,7 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="COMPONENT=CHECKPOINT",
-        help="take a component, trained in whatever graph, from a checkpoint",
+        help="take a trained component from the checkpoint of any graph",
     )
     group.add_argument(
         "--begin-with",
@@ -84,9 +84,9 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
         raise ConfigError(f"components are {', '.join(c.name for c in spec.components)}")
     if spec.component(options.component).memory:
         raise OptionError(
-            f"`--component {options.component}` of `{spec.architecture}` has a memory; this recipe "
-            "does not train over sequences yet, and single pictures leave the weights that read "
-            "what is remembered as they began; hint: `--architecture wnet_c` is the same network "
+            f"`--component {options.component}` of `{spec.architecture}` is recurrent; this recipe "
+            "does not train over sequences yet, and single images leave the weights that read "
+            "the state as they began; hint: `--architecture wnet_c` is the same network "
             "without one"
         )
     if options.drop_path and not (options.folder / Trainer.LAST).exists():
@@ -102,7 +102,7 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
 
 
 def build_graph(options: argparse.Namespace) -> tuple[SerialGraph, Checkpoint]:
-    """The graph to train, and the checkpoint whose history goes on.
+    """The graph to train, and the checkpoint whose history it continues.
 
     # Errors
     `ConfigError` for options that do not fit each other or the checkpoints that they name.
@@ -148,12 +148,12 @@ def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:
 
 
 def require_shape(camera: Camera, train: Cached) -> None:
-    """The camera's pictures and those of the data may differ in size, not in shape."""
+    """The camera's images and those of the data may differ in size, not in shape."""
     height, width = train.depth.shape[1:]
     if camera.width * height != camera.height * width:
         raise ConfigError(
-            f"`--intrinsics` is of pictures of {camera.width}x{camera.height}; the training "
-            f"pictures are {width}x{height}; hint: intrinsics at that size, scaled or cropped"
+            f"`--intrinsics` is of images of {camera.width}x{camera.height}; the training "
+            f"images are {width}x{height}; hint: intrinsics at that size, scaled or cropped"
         )
 
 
@@ -194,7 +194,7 @@ def _asked(options: argparse.Namespace, spec: GraphSpec) -> dict[str, str]:
 
 
 def _spec(options: argparse.Namespace) -> GraphSpec:
-    """The graph of a run that starts anew: what was not given is as the model that ships has it."""
+    """The graph of a new run; options that are not given are those of the shipped model."""
     return graph_spec(
         options.architecture or "wnet_c",
         backbone=options.backbone or "efficientnet_lite0",

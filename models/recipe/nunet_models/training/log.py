@@ -7,7 +7,7 @@ import numpy as np
 from torch.utils.tensorboard import SummaryWriter
 
 EVOLUTION = "evolution"
-"""Folder of a run that holds one prediction an epoch."""
+"""Folder of a run that holds one prediction per epoch."""
 
 
 class RunLog:
@@ -23,24 +23,24 @@ class RunLog:
         self.board = SummaryWriter(str(folder / "tensorboard"))
 
     def step(self, step: int, values: dict[str, float]) -> None:
-        """Log figures of an optimiser's step."""
+        """Log metrics of an optimizer's step."""
         self._row("steps.csv", {"step": step, **values})
         self._scalars("step", step, values)
 
     def epoch(self, epoch: int, values: dict[str, float]) -> None:
-        """Log figures of a finished epoch."""
+        """Log metrics of a finished epoch."""
         self._row("epochs.csv", {"epoch": epoch, **values})
         self._scalars("epoch", epoch, values)
 
-    def prediction(self, epoch: int, picture: np.ndarray) -> None:
-        """Keep the answer for the picture that is shown, `[H, W]`; a report shows them all.
+    def prediction(self, epoch: int, image: np.ndarray) -> None:
+        """Save the prediction for the image of `--show`, `[H, W]`, for reports.
 
         Every second pixel and half precision do for a figure.
         """
         folder = self.folder / EVOLUTION
         folder.mkdir(exist_ok=True)
-        kind = np.float16 if picture.dtype.kind == "f" else picture.dtype
-        np.save(folder / f"{epoch:04d}.npy", picture[::2, ::2].astype(kind))
+        kind = np.float16 if image.dtype.kind == "f" else image.dtype
+        np.save(folder / f"{epoch:04d}.npy", image[::2, ::2].astype(kind))
 
     def close(self) -> None:
         """Flush TensorBoard's file."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from nunet_models.data.pairs import MILLIMETRE_M
+from nunet_models.data.pairs import MILLIMETER_M
 from nunet_models.data.sets.mixture import Mixture, mixture_summary
 
 
@@ -32,7 +32,7 @@ def folder_provenance(
     return {
         "name": options.data.resolve().name,
         "class_map": options.class_map and _file(options.class_map),
-        "depth_scale": MILLIMETRE_M if options.depth_scale is None else options.depth_scale,
+        "depth_scale": MILLIMETER_M if options.depth_scale is None else options.depth_scale,
         "depth_offset": options.depth_offset,
         "window": options.window,
         "train": list_of_ids(train),

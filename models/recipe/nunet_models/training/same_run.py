@@ -34,8 +34,8 @@ def graph_differences(started: GraphSpec, given: GraphSpec, component: str) -> l
 def provenance_differences(started: dict[str, Any], given: dict[str, Any]) -> list[str]:
     """A phrase for each difference of data and of where the weights began (`run_provenance`).
 
-    Lists of ids and other files are the same whose content is, wherever they lie and however they
-    are called. What `started` lacks is of an earlier version: it is not told.
+    Files are compared by content, not by path. Values that `started` lacks, because an earlier
+    version wrote it, are not compared.
     """
     found = []
     before, now = started.get("data", {}), given.get("data", {})

@@ -23,7 +23,7 @@ VIEWS: dict[str, ViewRanges] = {
 """The same names for the images of a dataset list, whose cameras are known."""
 
 MAY_CHANGE = frozenset({"epochs", "threads", "workers", "validate_every"})
-"""Settings that a resumed run may be given anew: none of them changes a step already made."""
+"""Settings that may change on `--resume`: none of them changes a step already made."""
 
 _SEEDS = 2**64  # what torch takes
 
@@ -56,8 +56,8 @@ class Settings:
     `loss` is for depth components (see `losses.parse_loss`: weights by name, and
     `scale_invariant:LAMBDA=WEIGHT`); `smoothing` and `class_power` for
     segmentation: classes weigh as their frequency to the power `-class_power`. `joint_noise` is
-    the probability that a picture's features from the component before are withheld, and sets how
-    much they are scaled: a frozen component is surer of pictures it was trained on than it will
+    the probability that an image's features from the component before are withheld, and sets how
+    much they are scaled: a frozen component is surer of images it was trained on than it will
     be of others, and the next one must not learn to trust that. `unfrozen` lets the earlier
     components learn along, from this component's loss alone. `validate_every` is how many epochs
     lie between two validations; the last epoch is always validated. `workers` prepare batches in
@@ -67,11 +67,11 @@ class Settings:
     `patch` trains on parts of the views of `--sets`, of this share of each side: pixels are as
     large as in the whole view, so that the weights fit, and a step takes less time.
 
-    A run resumed with more `epochs` goes on along the schedule of the new length: `cosine` rises
-    at once to where the longer curve is at that step; `constant` does not change.
+    A run resumed with more `epochs` follows the schedule of the new length: with `cosine` the rate
+    rises at once to the longer curve; `constant` does not change.
 
     # Errors
-    `OptionError` naming a setting that cannot be.
+    `OptionError` naming an invalid setting.
     """
 
     component: str
@@ -83,7 +83,7 @@ class Settings:
     warmup: float = 0.05
     final_lr: float = 0.01
     schedule: str = "cosine"
-    optimiser: str = "adamw"
+    optimizer: str = "adamw"
     loss: str = "l1_log=1,silog=0.5,gradient=0.5"
     smoothing: float = 0.05
     class_power: float = 0.5
@@ -113,8 +113,8 @@ class Settings:
     def differences(self, started: dict[str, Any]) -> list[str]:
         """What differs from the settings that a run was started with (`to_json`'s answer).
 
-        A phrase an option, those of `MAY_CHANGE` left out. A setting that `started` lacks is of a
-        later version than the run, which had its default.
+        One phrase per option, except those of `MAY_CHANGE`. A setting that `started` lacks was
+        added after that run, which had its default.
         """
         found = []
         for setting in fields(self):

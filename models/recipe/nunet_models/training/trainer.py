@@ -26,11 +26,11 @@ from nunet_models.training.schedule import learning_rate_factor
 from nunet_models.training.settings import Settings
 from nunet_models.zoo import Component, SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
-from nunet_models.zoo.deploy import normalise
+from nunet_models.zoo.deploy import normalize
 
 SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
 LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer
-OPTIMISERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
+OPTIMIZERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
 
 class Trainer:
@@ -71,7 +71,7 @@ class Trainer:
             if settings.compile and settings.bf16:
                 quicken(component)
         self.averages = [Averaged(component, settings.ema) for component in self.trained]
-        self.optimiser = _optimiser(self.trained, settings)
+        self.optimizer = _optimizer(self.trained, settings)
         self.weights = _class_weights(feed, graph, settings) if self.segments else None
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
@@ -94,7 +94,7 @@ class Trainer:
 
     @property
     def batches(self) -> int:
-        """Optimiser's steps of an epoch."""
+        """Optimizer's steps of an epoch."""
         return self.feed.images() // self.settings.batch
 
     def run(self, *, minutes: float | None, quiet: bool) -> bool:
@@ -144,7 +144,7 @@ class Trainer:
     def _log_losses(self, log: RunLog) -> None:
         """Log the mean loss of the steps since the last time, if there were any."""
         if self.losses:
-            rate = self.optimiser.param_groups[-1]["lr"]
+            rate = self.optimizer.param_groups[-1]["lr"]
             log.step(self.step, {"loss": float(np.mean(self.losses)), "lr": rate})
         self.losses = []
 
@@ -157,7 +157,7 @@ class Trainer:
             final=settings.final_lr,
             schedule=settings.schedule,
         )
-        for group in self.optimiser.param_groups:
+        for group in self.optimizer.param_groups:
             group["lr"] = group["base_lr"] * factor
         loss = self._loss(batch, *forward)
         value = loss.item()
@@ -166,19 +166,19 @@ class Trainer:
                 f"the loss is {value} at step {self.step + 1}; hint: lower `--lr` "
                 "in another `--run`"
             )
-        self.optimiser.zero_grad(set_to_none=True)
+        self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         if settings.clip:
             parameters = [p for component in self.trained for p in component.parameters()]
             nn.utils.clip_grad_norm_(parameters, settings.clip)
-        self.optimiser.step()
+        self.optimizer.step()
         self.step += 1
         for averaged in self.averages:
             averaged.update(self.step)
         return value
 
     def _loss(self, batch: Batch, frozen: list, trained: list) -> torch.Tensor:
-        image = normalise(batch.rgb).contiguous(memory_format=torch.channels_last)
+        image = normalize(batch.rgb).contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.bf16):
             outputs: list[torch.Tensor] = []
             with torch.no_grad():
@@ -202,7 +202,7 @@ class Trainer:
         )
 
     def _disturbed(self, features: torch.Tensor) -> torch.Tensor:
-        """Features scaled by 0.5..1.1 a picture, and withheld from some: see `joint_noise`."""
+        """Features scaled by 0.5..1.1 an image, and withheld from some: see `joint_noise`."""
         shape = (len(features), 1, 1, 1)
         scale = torch.empty(shape).uniform_(0.5, 1.1)
         kept = torch.rand(shape) >= self.settings.joint_noise
@@ -214,13 +214,13 @@ class Trainer:
             self.save()
             return
         graph = self.averaged_graph()
-        figures = self.feed.validate(graph, self.index, self.settings)
+        metrics = self.feed.validate(graph, self.index, self.settings)
         log.prediction(self.epoch, self.feed.shown(graph, self.index, self.settings))
-        log.epoch(self.epoch, figures)
+        log.epoch(self.epoch, metrics)
         if not quiet:
-            shown = " ".join(f"{name} {value:.4f}" for name, value in figures.items())
+            shown = " ".join(f"{name} {value:.4f}" for name, value in metrics.items())
             tqdm.write(f"epoch {self.epoch}: {shown}")
-        self.history.append({"epoch": self.epoch, **figures})
+        self.history.append({"epoch": self.epoch, **metrics})
         score = [_score(row) for row in self.history]
         if score[-1] == max(score):
             self.save(best=True)  # first: a run that ends in between repeats the epoch from `LAST`
@@ -235,12 +235,12 @@ class Trainer:
         return graph.eval()
 
     def save(self, *, best: bool = False) -> None:
-        """Write `LAST`, or `BEST` (which carries no optimiser and cannot be resumed)."""
+        """Write `LAST`, or `BEST` (which carries no optimizer and cannot be resumed)."""
         name = self.settings.component
         progress = {
             "component": self.component.state_dict(),
             "unfrozen": [component.state_dict() for component in self.trained[:-1]],
-            "optimiser": self.optimiser.state_dict(),
+            "optimiser": self.optimizer.state_dict(),
             "torch_rng": torch.get_rng_state(),
             "step": self.step,
             "epoch": self.epoch,
@@ -274,7 +274,7 @@ class Trainer:
         for component, averaged, weights in zip(self.trained, self.averages, live, strict=True):
             averaged.module.load_state_dict(component.state_dict())
             component.load_weights(weights)
-        self.optimiser.load_state_dict(progress["optimiser"])
+        self.optimizer.load_state_dict(progress["optimiser"])
         torch.set_rng_state(progress["torch_rng"])
         self.step, self.epoch, self.batch = (progress[k] for k in ("step", "epoch", "batch"))
         self.losses = list(progress.get("losses", []))  # absent in files of earlier versions
@@ -304,14 +304,14 @@ class Trainer:
             )
 
 
-def _score(figures: dict[str, float]) -> float:
+def _score(metrics: dict[str, float]) -> float:
     """More is better: mIoU of labels; of depth the negative RMSE, or AbsRel of several sets."""
-    if "miou" in figures:
-        return figures["miou"]
-    return -figures["rmse"] if "mse" in figures else -figures["abs_rel"]
+    if "miou" in metrics:
+        return metrics["miou"]
+    return -metrics["rmse"] if "mse" in metrics else -metrics["abs_rel"]
 
 
-def _optimiser(components: list[Component], settings: Settings) -> torch.optim.Optimizer:
+def _optimizer(components: list[Component], settings: Settings) -> torch.optim.Optimizer:
     """Weight decay on convolutions alone; encoders at their own rate."""
     groups: dict[tuple[bool, bool], list[nn.Parameter]] = {}
     for name, parameter in chain.from_iterable(c.named_parameters() for c in components):
@@ -326,7 +326,7 @@ def _optimiser(components: list[Component], settings: Settings) -> torch.optim.O
         }
         for (encoder, decays), parameters in groups.items()
     ]
-    return OPTIMISERS[settings.optimiser](listed, fused=True)  # one pass over the weights
+    return OPTIMIZERS[settings.optimizer](listed, fused=True)  # one pass over the weights
 
 
 def _class_weights(feed: Feed, graph: SerialGraph, settings: Settings) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Figures of a graph on a validation set while it trains."""
+"""Metrics of a graph on a validation set while it trains."""
 
 from collections.abc import Iterator
 
@@ -14,16 +14,16 @@ from nunet_models.evaluation.compare import Comparison
 from nunet_models.evaluation.protocol import EIGEN, FULL
 from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import GraphSpec, SerialGraph
-from nunet_models.zoo.deploy import decode_depth, normalise
+from nunet_models.zoo.deploy import decode_depth, normalize
 
 
 def validate(
     graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool, workers: int
 ) -> dict[str, float]:
-    """Depth or label figures of component `component` over `data`, at the pictures' own size.
+    """Depth or label metrics of component `component` over `data`, at the images' own size.
 
     Metric depth is cropped as `EIGEN` where the size fits; labels, and depth of a network that
-    gives it stretched, are compared over the whole picture.
+    gives it stretched, are compared over the whole image.
 
     # Errors
     `ConfigError` where no pixel has both truth and an answer.
@@ -34,25 +34,25 @@ def validate(
     size = tuple(data.depth.shape[1:])
     depth = Comparison(EIGEN if size == EIGEN.size else FULL, spec.encoding == "metric")
     found = predictions(graph, data, component=component, batch=batch, bf16=bf16, workers=workers)
-    for index, picture in enumerate(found):
+    for index, image in enumerate(found):
         if segments:
-            labels.add(picture, data.labels[index])
+            labels.add(image, data.labels[index])
         else:
-            depth.add_depth(picture, data.depth_m(index))
+            depth.add_depth(image, data.depth_m(index))
     metrics = labels if segments else depth.depth if depth.metric else depth.minmax
-    figures = metrics.figures()
-    if not figures:
+    values = metrics.values()
+    if not values:
         raise ConfigError(
-            "no pixel of the validation pictures has both truth and an answer; hint: of pictures "
+            "no pixel of the validation images has both truth and an answer; hint: of images "
             f"of {EIGEN.size}, metric depth is compared within Eigen's crop alone"
         )
-    return figures
+    return values
 
 
 def predictions(
     graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool, workers: int
 ) -> Iterator[np.ndarray]:
-    """What component `component` gives for every picture in order, `[H, W]` at its own size.
+    """What component `component` gives for every image in order, `[H, W]` at its own size.
 
     Labels uint8, or depth float32 in the graph's encoding, as the model file gives them.
     """
@@ -70,7 +70,7 @@ def predictions(
         workers=workers,
     )
     for samples in batches:
-        image = normalise(samples.rgb).contiguous(memory_format=torch.channels_last)
+        image = normalize(samples.rgb).contiguous(memory_format=torch.channels_last)
         outputs: list[torch.Tensor] = []
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=bf16):
             for module in graph.components[: component + 1]:
@@ -81,7 +81,7 @@ def predictions(
 def _at_size(
     raw: torch.Tensor, spec: GraphSpec, size: tuple[int, int], *, segments: bool
 ) -> np.ndarray:
-    """Raw inner numbers as the model file gives them at the pictures' size, `[B, H, W]`."""
+    """Raw inner numbers as the model file gives them at the images' size, `[B, H, W]`."""
     if segments:
         found = raw.argmax(1, keepdim=True).to(torch.uint8)
         return F.interpolate(found, size=size, mode="nearest")[:, 0].numpy()

@@ -1,4 +1,4 @@
-"""Figures of a graph on the validation sets of a dataset list while it trains."""
+"""Metrics of a graph on the validation sets of a dataset list while it trains."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.deploy import FromInner, ToInner
 
-FIGURES = ("abs_rel", "delta1", "abs_rel_median", "rmse")
+METRICS = ("abs_rel", "delta1", "abs_rel_median", "rmse")
 
 
 def validate_sets(
@@ -31,7 +31,7 @@ def validate_sets(
     if spec.components[component].task == "segmentation":
         return _label_figures(graph, val, component, bf16)
     if spec.encoding != "metric":
-        raise ConfigError("a dataset list needs a graph that gives meters (`--encoding metric`)")
+        raise ConfigError("a dataset list needs a graph with metric depth (`--encoding metric`)")
     predict = depth_of(graph, component=component, bf16=bf16)
     by_set = {
         images.entry.name: set_figures(images, predict, training=spec.camera) for images in val.sets
@@ -39,10 +39,10 @@ def validate_sets(
     measured = {name: found for name, found in by_set.items() if "abs_rel" in found}
     if not measured:
         raise ConfigError("no pixel of the validation sets has both truth and an answer")
-    figures = {k: float(np.mean([f[k] for f in measured.values()])) for k in FIGURES}
+    metrics = {k: float(np.mean([f[k] for f in measured.values()])) for k in METRICS}
     for name, found in measured.items():
-        figures |= {f"{name}.{k}": found[k] for k in FIGURES}
-    return figures
+        metrics |= {f"{name}.{k}": found[k] for k in METRICS}
+    return metrics
 
 
 def depth_of(
@@ -88,7 +88,7 @@ def _label_figures(
         found = logits.argmax(1, keepdim=True).to(torch.uint8)
         labels = F.interpolate(found, size=pair.labels.shape, mode="nearest")[0, 0].numpy()
         metrics.add(labels, pair.labels)
-    figures = metrics.figures()
-    if not figures:
+    values = metrics.values()
+    if not values:
         raise ConfigError("no image of the validation sets has labels")
-    return figures
+    return values

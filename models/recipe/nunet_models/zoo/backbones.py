@@ -77,8 +77,8 @@ def check_drop_path(backbone: str) -> None:
     """
     if backbone in DENSE or not library_name(backbone).startswith("tu-"):
         raise ConfigError(
-            f"backbone `{backbone}` knows no drop path; expected one of timm's; hint: "
-            "`efficientnet_lite0`..`4`, `tu-NAME` for another, or no `--drop-path`"
+            f"backbone `{backbone}` has no drop path; expected one of timm's; hint: "
+            "`efficientnet_lite0`..`4`, `tu-NAME` for another, or omit `--drop-path`"
         )
 
 
@@ -112,12 +112,12 @@ def build_unet(
         )
     except (ValueError, RuntimeError) as error:
         raise ConfigError(
-            f"backbone `{backbone}` makes no U-Net: {error}; hint: one with feature maps at "
-            "strides 2 to 32, such as `efficientnet_lite0` or `resnet34`"
+            f"cannot build a U-Net from backbone `{backbone}`: {error}; hint: choose one with "
+            "feature maps at strides 2 to 32, such as `efficientnet_lite0` or `resnet34`"
         ) from error
     except TypeError as error:
         if not drop_path:
             raise
         raise ConfigError(
-            f"backbone `{backbone}` knows no drop path: {error}; hint: no `--drop-path`"
+            f"backbone `{backbone}` has no drop path: {error}; hint: omit `--drop-path`"
         ) from error

@@ -1,4 +1,4 @@
-"""Checkpoints: written whole or not at all, read with a clear word when they do not fit."""
+"""Checkpoints: written atomically; reading one that does not fit is a clear error."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,14 +10,16 @@ from nunet_models.errors import ConfigError
 from nunet_models.zoo import GraphSpec, SerialGraph
 
 VERSION = 1
+_SETTINGS_IN_FILE = {"optimizer": "optimiser"}
+"""Settings whose key in the file is spelled otherwise: version 1 has always had that key."""
 
 
 @dataclass
 class Checkpoint:
-    """A serial graph and what is needed to go on training it.
+    """A serial graph and what is needed to continue its training.
 
     `weights` are the averaged ones, `progress` the trainer's own state (None in a file made only
-    to be exported), `history` the figures of each epoch by component name. `provenance` says by
+    to be exported), `history` the metrics of each epoch by component name. `provenance` says by
     component what its run was made from (see `training.provenance`); older files have none.
     """
 
@@ -35,7 +37,7 @@ class Checkpoint:
         return graph.eval()
 
     def halved(self) -> Self:
-        """The same to start from, in half the size: convolutions in 16 bits, no optimiser."""
+        """The same to start from, in half the size: convolutions in 16 bits, no optimizer."""
         weights = {
             name: tensor.half() if tensor.is_floating_point() and tensor.dim() > 1 else tensor
             for name, tensor in self.weights.items()
@@ -48,12 +50,12 @@ class Checkpoint:
         A component learns in its own training, and in that of a later one which left it unfrozen.
         """
         names = [component.name for component in self.spec.components]
-        learnt: set[str] = set()
+        learned: set[str] = set()
         for index, name in enumerate(names):
             if self.history.get(name):
                 unfrozen = self.settings.get(name, {}).get("unfrozen", False)
-                learnt.update(names[: index + 1] if unfrozen else [name])
-        return next((name for name in names if name not in learnt), None)
+                learned.update(names[: index + 1] if unfrozen else [name])
+        return next((name for name in names if name not in learned), None)
 
     def component_weights(self, name: str) -> dict[str, torch.Tensor]:
         """The averaged weights of the component called `name`, by its own keys."""
@@ -64,7 +66,7 @@ class Checkpoint:
         return {k.removeprefix(prefix): v for k, v in self.weights.items() if k.startswith(prefix)}
 
     def save(self, path: Path) -> None:
-        """Write to `path`; a crash meanwhile leaves the file that was there."""
+        """Write to `path` atomically: a crash keeps the earlier file."""
         beside = path.with_suffix(".partial")
         torch.save(
             {
@@ -73,7 +75,7 @@ class Checkpoint:
                 "weights": self.weights,
                 "progress": self.progress,
                 "history": self.history,
-                "settings": self.settings,
+                "settings": _renamed(self.settings, _SETTINGS_IN_FILE),
                 "provenance": self.provenance,
             },
             beside,
@@ -85,18 +87,28 @@ class Checkpoint:
         """Read a checkpoint.
 
         # Errors
-        `ConfigError` for a file that is no checkpoint or of another version.
+        `ConfigError` for a file that is not a checkpoint or of another version.
         """
         if not path.is_file():
             raise ConfigError(f"no checkpoint `{path}`")
         try:
             values = torch.load(path, weights_only=True, map_location="cpu")
             version = values.pop("version")
-        except Exception as error:  # whose text advises to load what may run code: not repeated
+        except Exception as error:  # its text suggests an unsafe way to load the file: not shown
             raise ConfigError(
-                f"`{path}` is no checkpoint of this package, or damaged; hint: `train` writes "
+                f"`{path}` is not a checkpoint of this package, or damaged; hint: `train` writes "
                 "`last.pt` and `best.pt`"
             ) from error
         if version != VERSION:
             raise ConfigError(f"checkpoint `{path}` is of version {version}; expected {VERSION}")
+        names = {in_file: name for name, in_file in _SETTINGS_IN_FILE.items()}
+        values["settings"] = _renamed(values.get("settings", {}), names)
         return cls(**{**values, "spec": GraphSpec.from_json(values["spec"])})
+
+
+def _renamed(settings: dict[str, dict[str, Any]], names: dict[str, str]) -> dict[str, Any]:
+    """The settings of each component with the keys of `names` renamed."""
+    return {
+        component: {names.get(key, key): value for key, value in values.items()}
+        for component, values in settings.items()
+    }

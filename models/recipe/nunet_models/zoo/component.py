@@ -9,11 +9,11 @@ from torch.func import functional_call
 from nunet_models.errors import ConfigError
 from nunet_models.zoo.backbones import build_unet
 from nunet_models.zoo.dense import DENSE
-from nunet_models.zoo.memory import ConvLstm
+from nunet_models.zoo.recurrent import ConvLstm
 from nunet_models.zoo.spec import ComponentSpec
 
 State = tuple[torch.Tensor, torch.Tensor]
-"""Hidden and cell of a component's memory, each `[B, units, h, w]` of the encoder's last map."""
+"""Hidden and cell of a component's LSTM, each `[B, units, h, w]` of the encoder's last map."""
 
 
 class Component(nn.Module):
@@ -56,21 +56,21 @@ class Component(nn.Module):
         return self.dense.head if hasattr(self, "dense") else self.unet.segmentation_head[0]
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Raw numbers of one picture, or of the first of a stream."""
+        """Raw numbers of one image, or of the first of a stream."""
         if hasattr(self, "dense"):
             return self.dense(x)
         if self.spec.memory:
-            return self.remembering(x, self.no_state(len(x)))[0]
+            return self.with_state(x, self.no_state(len(x)))[0]
         return self._decoded(self.unet.encoder(x))
 
-    def remembering(self, x: torch.Tensor, state: State) -> tuple[torch.Tensor, State]:
-        """Raw numbers of the next picture of a stream, and the state to give with the one after."""
+    def with_state(self, x: torch.Tensor, state: State) -> tuple[torch.Tensor, State]:
+        """Raw numbers of the next image of a stream, and the state to give with the one after."""
         maps = list(self.unet.encoder(x))
         maps[-1], *state = self.memory(maps[-1], *state)
         return self._decoded(maps), tuple(state)
 
     def no_state(self, batch: int = 1) -> State:
-        """The state before the first picture: zeros."""
+        """The state before the first image: zeros."""
         shape = (batch, self.spec.memory, *self.bottleneck)
         return torch.zeros(shape), torch.zeros(shape)
 
@@ -113,8 +113,8 @@ def _last_map(encoder: nn.Module, in_channels: int, size: tuple[int, int]) -> tu
     """
     everything = chain(encoder.named_parameters(), encoder.named_buffers())
     shapes = {name: torch.empty_like(tensor, device="meta") for name, tensor in everything}
-    encoder.eval()  # batch norm refuses to learn from one value a channel
-    picture = torch.empty(1, in_channels, *size, device="meta")
-    last = functional_call(encoder, shapes, (picture,))[-1]
+    encoder.eval()  # batch norm refuses to learn from one value per channel
+    image = torch.empty(1, in_channels, *size, device="meta")
+    last = functional_call(encoder, shapes, (image,))[-1]
     encoder.train()
     return tuple(last.shape[2:])

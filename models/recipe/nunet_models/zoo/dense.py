@@ -1,7 +1,7 @@
 """The paper's CNN and RCNN: few convolutions, then dense layers that give every pixel.
 
 Layer for layer the paper's published Keras code (convolutions without padding), scaled by
-`width` only for tests. They are bound to one picture size, unlike a U-Net.
+`width` only for tests. They are bound to one image size, unlike a U-Net.
 """
 
 import torch
@@ -44,7 +44,7 @@ class Cnn(nn.Module):
         self.head = nn.Linear(units, out_channels * size[0] * size[1])
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Features, hidden layers, one number a pixel."""
+        """Features, hidden layers, one number per pixel."""
         return self.head(self.hidden(self.features(x))).unflatten(1, self.shape)
 
 
@@ -75,7 +75,7 @@ class Rcnn(nn.Module):
         self.head = nn.Linear(narrow, out_channels * size[0] * size[1])
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Rows of the map as a sequence, two LSTMs, one number a pixel."""
+        """Rows of the map as a sequence, two LSTMs, one number per pixel."""
         rows = self.features(x).permute(0, 2, 3, 1).flatten(2)  # [B, rows, columns * channels]
         sequence = self.between(self.rows(rows)).relu()
         last = self.summary(sequence)[:, -1]
@@ -114,8 +114,8 @@ def _features_of(features: nn.Module, in_channels: int, size: tuple[int, int]) -
         with torch.no_grad():
             return features.eval()(torch.zeros(1, in_channels, *size)).shape
     except RuntimeError as error:
-        raise ConfigError(f"pictures of {size} are too small for the unpadded layers") from error
+        raise ConfigError(f"images of {size} are too small for the unpadded layers") from error
 
 
 DENSE: dict[str, type[nn.Module]] = {"cnn": Cnn, "rcnn": Rcnn}
-"""Systems that stand where a backbone's name stands in a component's spec."""
+"""Systems that can be named instead of a backbone in a component's spec."""

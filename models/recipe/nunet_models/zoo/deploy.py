@@ -1,4 +1,4 @@
-"""The byte side of a serial graph: what is wrapped around the network in a model file."""
+"""The layers around the network in a model file: bytes in, depth and labels out."""
 
 import torch
 import torch.nn.functional as F
@@ -8,16 +8,16 @@ from nunet_models.zoo import GraphSpec, SerialGraph
 
 PIXEL_MEAN = 127.0
 PIXEL_SCALE = 128.0
-"""One normalisation for every network, `(rgb - 127) / 128`: it is EfficientNet-Lite's own, and
-also a DequantizeLinear, so that camera bytes can be the quantised tensor."""
+"""One normalization for every network, `(rgb - 127) / 128`: it is EfficientNet-Lite's own, and
+also a DequantizeLinear, so that camera bytes can be the quantized tensor."""
 
 STATE_INPUTS = ("hidden_in", "cell_in")
 STATE_OUTPUTS = ("hidden_out", "cell_out")
-"""What a graph with a memory takes and gives beside the picture's tensors, float32, zeros before
-the first frame and after every jump of the stream; each output is the next frame's input."""
+"""State tensors of a recurrent graph, float32: zeros before the first frame and after every
+discontinuity of the stream; each output is the next frame's input."""
 
 
-def normalise(rgb: torch.Tensor) -> torch.Tensor:
+def normalize(rgb: torch.Tensor) -> torch.Tensor:
     """Bytes 0..255 (any shape, any number type) to float32 -0.99..1."""
     return (rgb.float() - PIXEL_MEAN) / PIXEL_SCALE
 
@@ -25,25 +25,25 @@ def normalise(rgb: torch.Tensor) -> torch.Tensor:
 def decode_depth(raw: torch.Tensor, spec: GraphSpec) -> torch.Tensor:
     """Raw numbers of a depth component to the graph's depth encoding, same shape.
 
-    `metric`: the network works in log metres, where an error is relative. Nothing is clamped: a
-    depth outside `min_m..max_m` is no measurement, and whoever reads the file says so.
+    `metric`: the network works in log meters, where an error is relative. Nothing is clamped: the
+    reader of the file invalidates depth outside `min_m..max_m`.
     """
     return raw.float().exp() if spec.encoding == "metric" else raw.float()
 
 
 class ToInner(nn.Module):
-    """uint8 `[1, H, W, 3]` to the normalised inner image, float32 `[1, 3, h, w]`."""
+    """uint8 `[1, H, W, 3]` to the normalized inner image, float32 `[1, 3, h, w]`."""
 
     def __init__(self, spec: GraphSpec) -> None:
         super().__init__()
         self.factors = spec.downsampling
 
     def forward(self, rgb: torch.Tensor) -> torch.Tensor:
-        """Area downsampling first, so that the arithmetic runs on the smaller picture."""
+        """Area downsampling first, so that the arithmetic runs on the smaller image."""
         planes = rgb.permute(0, 3, 1, 2).float()
         if self.factors != (1, 1):
             planes = F.avg_pool2d(planes, self.factors)
-        return normalise(planes)
+        return normalize(planes)
 
 
 class FromInner(nn.Module):
@@ -88,11 +88,11 @@ class FusedModel(nn.Module):
     def forward(self, rgb: torch.Tensor, *state: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Tensors in the order of `input_names` to tensors in the order of `output_names`.
 
-        Depth and labels of the picture; where the graph remembers, its state goes in and out.
+        Depth and labels of the image; a recurrent graph also takes and returns its state.
         """
         image = self.to_inner(rgb)
         if state:
-            outputs, state = self.network.remembering(image, state)
+            outputs, state = self.network.with_state(image, state)
         else:
             outputs = self.network(image)
         results = [self.from_inner.depth(outputs[-1])]
@@ -101,24 +101,24 @@ class FusedModel(nn.Module):
         return (*results, *state)
 
     @property
-    def remembers(self) -> bool:
+    def is_recurrent(self) -> bool:
         """Whether the graph carries a state from frame to frame."""
         return self.network.spec.components[-1].memory > 0
 
     @property
     def input_names(self) -> list[str]:
         """Names of the tensors that `forward` takes."""
-        return ["rgb", *(STATE_INPUTS if self.remembers else ())]
+        return ["rgb", *(STATE_INPUTS if self.is_recurrent else ())]
 
     @property
     def output_names(self) -> list[str]:
         """Names of the tensors that `forward` gives."""
         results = ["depth"] if self.segments is None else ["depth", "labels"]
-        return [*results, *(STATE_OUTPUTS if self.remembers else ())]
+        return [*results, *(STATE_OUTPUTS if self.is_recurrent else ())]
 
     def example(self, rgb: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        """Inputs for a picture, the first of its stream."""
-        return (rgb, *(self.network.components[-1].no_state() if self.remembers else ()))
+        """Inputs for an image, the first of its stream."""
+        return (rgb, *(self.network.components[-1].no_state() if self.is_recurrent else ()))
 
 
 class StageModel(nn.Module):
@@ -145,7 +145,7 @@ class StageModel(nn.Module):
 
     @property
     def sees_image(self) -> bool:
-        """Whether this stage reads the picture."""
+        """Whether this stage reads the image."""
         return self.index == 0 or self.spec.components[self.index].connected
 
     @property

@@ -40,7 +40,7 @@ _SERIES = re.compile(r"nunet(?P<count>[1-9]\d?)(?P<connected>_c)?")
 
 
 def architecture_names() -> str:
-    """What may stand for an architecture, for help and errors."""
+    """Names of architectures, for help and errors."""
     return "one of " + ", ".join([*ARCHITECTURES, "nunetN", "nunetN_c"])
 
 
@@ -62,7 +62,7 @@ def graph_spec(
     components whose final sigmoid the next one reads, as in the paper's code.
 
     # Errors
-    `ConfigError` for a name that there is not, or another number of backbones or tasks.
+    `ConfigError` for an unknown name, or another number of backbones or tasks.
     """
     backbones = backbone.split(",")
     series = _SERIES.fullmatch(architecture)
@@ -102,7 +102,8 @@ def _with_tasks(
     if len(tasks) != len(components) or not set(tasks) <= set(get_args(Task)):
         raise ConfigError(
             f"tasks `{','.join(tasks)}` do not fit `{architecture}` of {len(components)} "
-            f"components; hint: a list by comma of {' or '.join(get_args(Task))}, one a component"
+            f"components; hint: a comma-separated list of {' or '.join(get_args(Task))}, "
+            "one per component"
         )
     return tuple(
         c if c.task == task else c.changed(task=task, name=f"{task}{place}")

@@ -38,18 +38,18 @@ class SerialGraph(nn.Module):
         return self.components[self.spec.components.index(self.spec.component(name))]
 
     def forward(self, image: torch.Tensor) -> list[torch.Tensor]:
-        """Image `[B, 3, h, w]`, normalised, to the raw numbers of every component in order."""
+        """Image `[B, 3, h, w]`, normalized, to the raw numbers of every component in order."""
         outputs: list[torch.Tensor] = []
         for component in self.components:
             outputs.append(component(self.joint(image, outputs)))
         return outputs
 
-    def remembering(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
-        """The same for the next picture of a stream; the last component carries the state."""
+    def with_state(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
+        """The same for the next image of a stream; the last component carries the state."""
         outputs: list[torch.Tensor] = []
         for component in self.components[:-1]:
             outputs.append(component(self.joint(image, outputs)))
-        raw, state = self.components[-1].remembering(self.joint(image, outputs), state)
+        raw, state = self.components[-1].with_state(self.joint(image, outputs), state)
         return [*outputs, raw], state
 
     def joint(self, image: torch.Tensor, outputs: list[torch.Tensor]) -> torch.Tensor:

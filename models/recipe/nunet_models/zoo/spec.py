@@ -51,7 +51,7 @@ _INTRINSICS = re.compile(rf"{_LENGTH},{_LENGTH},{_PLACE},{_PLACE}@(\d+)x(\d+)")
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera that the training pictures were taken with: pixels at `width` x `height`."""
+    """Pinhole camera that the training images were taken with: pixels at `width` x `height`."""
 
     width: int
     height: int
@@ -62,10 +62,10 @@ class Camera:
     def from_intrinsics(cls, text: str) -> Self:
         """Read `fx,fy,cx,cy@WxH` in pixels, as nunetd's `--intrinsics` is written.
 
-        The principal point decides no depth and is not kept.
+        The principal point does not affect depth and is dropped.
 
         # Errors
-        `OptionError` for another text, and for lengths that are not positive.
+        `OptionError` for other text, and for lengths that are not positive.
         """
         found = _INTRINSICS.fullmatch(text)
         numbers = [float(number) for number in found.groups()] if found else [0.0]
@@ -107,7 +107,7 @@ class GraphSpec:
                 f"the last component of `{self.architecture}` must be of task `depth`"
             )
         if any(c.memory for c in self.components[:-1]):
-            raise ConfigError("only the last component can have a memory")
+            raise ConfigError("only the last component can be recurrent")
         for outer, inner in zip(self.input_size, self.inner_size, strict=True):
             if outer % inner:
                 raise ConfigError(
@@ -127,7 +127,7 @@ class GraphSpec:
         """The component called `name`.
 
         # Errors
-        `ConfigError` with the names that there are.
+        `ConfigError` that lists the names.
         """
         for component in self.components:
             if component.name == name:
@@ -136,7 +136,7 @@ class GraphSpec:
         raise ConfigError(f"no component `{name}` in `{self.architecture}`; hint: {names}")
 
     def outputs_of(self, component: ComponentSpec) -> int:
-        """Channels that a component gives: a logit a class, or one number of depth."""
+        """Channels that a component gives: one logit per class, or one number of depth."""
         return len(self.classes) if component.task == "segmentation" else 1
 
     def with_sizes(self, *, input_size: tuple[int, int], inner_size: tuple[int, int]) -> Self:
@@ -149,7 +149,7 @@ class GraphSpec:
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> Self:
-        """Rebuild a spec from `to_json`'s answer, also after a trip through JSON text."""
+        """Rebuild a spec from `to_json`'s result, also after a round trip through JSON text."""
         components = tuple(
             ComponentSpec(**{**c, "decoder_channels": tuple(c["decoder_channels"])})
             for c in values["components"]

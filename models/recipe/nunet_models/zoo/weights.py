@@ -1,4 +1,4 @@
-"""Weights that a component may start from."""
+"""Initial weights of a component."""
 
 import importlib.util
 from pathlib import Path
@@ -15,7 +15,7 @@ _BEYOND_FEATURES = ("_conv_head", "_bn1", "_fc")  # of the classifier, behind th
 def imagenet_encoder(component: Component) -> None:
     """Give a component's encoder ImageNet weights that ship inside a Python package.
 
-    Input channels beyond the picture's three start at zero, so that the encoder first sees what
+    Input channels beyond the image's three start at zero, so that the encoder first sees what
     it was trained on.
 
     # Errors
@@ -58,9 +58,9 @@ def like_component(component: Component, earlier: Component) -> None:
 
 
 def begin_with(component: Component, weights: dict[str, torch.Tensor]) -> None:
-    """Start `component` from one of another graph, head and all; the image's channels come first.
+    """Start `component` from one of another graph, head included; the image's channels come first.
 
-    Channels that only `component` sees start at zero; those that only the other saw are left out.
+    Channels that only `component` has start at zero; those that only the other had are dropped.
 
     # Errors
     `ConfigError` when the weights are of another backbone or decoder.

@@ -1,4 +1,4 @@
-"""Quantisation of a test model: integers inside, nearly the same depth, its own self-test."""
+"""Quantization of a test model: integers inside, nearly the same depth, its own self-test."""
 
 import hashlib
 import json
@@ -18,15 +18,15 @@ from nunet_models.evaluation.predict import Predictor
 from nunet_models.export.joints import connected_joints
 from nunet_models.export.onnx_file import read_metadata, run
 from nunet_models.export.split import split
-from nunet_models.quantisation.command import _spread
-from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
-from nunet_models.quantisation.static import Plan, heads, quantise
+from nunet_models.quantization.command import _spread
+from nunet_models.quantization.rewrites import balance_joints, double_by_copies
+from nunet_models.quantization.static import Plan, heads, quantize
 
 TINY = Path(__file__).parents[2] / "tiny" / "tiny_wnet_c.onnx"
 
 
 @pytest.fixture(scope="module")
-def quantised(tmp_path_factory):
+def quantized(tmp_path_factory):
     from conftest import write_dataset  # noqa: PLC0415  (a module's fixture cannot use `dataset`)
 
     root = tmp_path_factory.mktemp("rooms")
@@ -35,18 +35,18 @@ def quantised(tmp_path_factory):
     code = main(
         [
             *("quantize", "--model", str(TINY), "--out", str(out), "--data", str(root)),
-            *("--ids", str(root / "train.txt"), "--pictures", "4"),
+            *("--ids", str(root / "train.txt"), "--images", "4"),
         ]
     )
     assert code == 0
     return root, out
 
 
-def test_convolutions_are_quantised_and_heads_are_not(quantised):
-    model = onnx.load(quantised[1])
-    dequantised = {n.output[0] for n in model.graph.node if n.op_type == "DequantizeLinear"}
+def test_convolutions_are_quantized_and_heads_are_not(quantized):
+    model = onnx.load(quantized[1])
+    dequantized = {n.output[0] for n in model.graph.node if n.op_type == "DequantizeLinear"}
     convolutions = [n for n in model.graph.node if n.op_type == "Conv"]
-    in_float = [n.name for n in convolutions if n.input[1] not in dequantised]
+    in_float = [n.name for n in convolutions if n.input[1] not in dequantized]
     assert sorted(in_float) == heads(onnx.load(TINY))
 
 
@@ -59,8 +59,8 @@ def test_the_head_is_the_last_convolution_of_depth_and_labels_need_none():
     assert heads(model) == [node.name]
 
 
-def test_a_quantised_file_is_a_model_file_with_its_own_selftest(quantised):
-    predictor = Predictor(quantised[1])
+def test_a_quantized_file_is_a_model_file_with_its_own_selftest(quantized):
+    predictor = Predictor(quantized[1])
     selftest = json.loads(predictor.metadata["nunet.selftest"])
     assert selftest["precision"] == "int8" and "int8" in selftest["tolerance"]
     how = json.loads(predictor.metadata["nunet.training"])["quantisation"]
@@ -69,19 +69,19 @@ def test_a_quantised_file_is_a_model_file_with_its_own_selftest(quantised):
     assert how["calibration"] == {"used": 4, "pictures": 4, "ids_sha256": digest}
 
 
-def test_quantised_depth_stays_near(quantised):
-    rgb = np.array(Image.open(quantised[0] / "rgb" / "0005.png"))
-    before, after = Predictor(TINY)(rgb).depth, Predictor(quantised[1])(rgb).depth
+def test_quantized_depth_stays_near(quantized):
+    rgb = np.array(Image.open(quantized[0] / "rgb" / "0005.png"))
+    before, after = Predictor(TINY)(rgb).depth, Predictor(quantized[1])(rgb).depth
     error = np.nanmean(np.abs(before - after) / before)
-    assert error < 0.15, error  # random weights quantise badly
+    assert error < 0.15, error  # random weights quantize badly
 
 
-def test_what_is_quantised_is_not_quantised_again(quantised):
-    with pytest.raises(ConfigError, match="no fp32 model file"):
-        quantise(quantised[1], quantised[0] / "again.onnx", iter(()), Plan())
+def test_what_is_quantized_is_not_quantized_again(quantized):
+    with pytest.raises(ConfigError, match="not an fp32 model file"):
+        quantize(quantized[1], quantized[0] / "again.onnx", iter(()), Plan())
 
 
-def test_a_quantised_file_awaits_an_accuracy_of_its_own(quantised, tmp_path, capsys):
+def test_a_quantized_file_awaits_an_accuracy_of_its_own(quantized, tmp_path, capsys):
     out, found = tmp_path / "int8.onnx", tmp_path / "accuracy.json"
     measured = tmp_path / TINY.name
     shutil.copy(TINY, measured)
@@ -89,7 +89,7 @@ def test_a_quantised_file_awaits_an_accuracy_of_its_own(quantised, tmp_path, cap
     note = ["annotate", "--accuracy", str(found), "--model"]
     assert main([*note, str(measured)]) == 0
     assert json.loads(read_metadata(measured)["nunet.accuracy"])["metrics"] == {"rmse": 0.5}
-    quantise(measured, out, iter([np.zeros((96, 128, 3), np.uint8)]), Plan())
+    quantize(measured, out, iter([np.zeros((96, 128, 3), np.uint8)]), Plan())
     assert read_metadata(out)["nunet.accuracy"] == "{}"
     before = out.read_bytes()
     assert main([*note, str(out)]) == 1
@@ -108,25 +108,25 @@ def test_a_quantised_file_awaits_an_accuracy_of_its_own(quantised, tmp_path, cap
     assert "nothing to write; hint: `--accuracy FILE`" in capsys.readouterr().err
 
 
-def test_a_failed_quantisation_leaves_the_file_that_was_there(tmp_path, monkeypatch):
+def test_a_failed_quantization_leaves_the_file_that_was_there(tmp_path, monkeypatch):
     def fails(*_):
         raise ExportError("a self-test cell has depth in one run and none in another")
 
-    monkeypatch.setattr("nunet_models.quantisation.static.quantised_selftest", fails)
+    monkeypatch.setattr("nunet_models.quantization.static.quantized_selftest", fails)
     out = tmp_path / "int8.onnx"
     out.write_text("the old one")
     with pytest.raises(ExportError):
-        quantise(TINY, out, iter([np.zeros((96, 128, 3), np.uint8)]), Plan())
+        quantize(TINY, out, iter([np.zeros((96, 128, 3), np.uint8)]), Plan())
     assert [path.name for path in tmp_path.iterdir()] == ["int8.onnx"]
     assert out.read_text() == "the old one"
 
 
 @pytest.mark.parametrize("count", ["0", "-1"])
-def test_no_pictures_to_calibrate_on_is_said(dataset, tmp_path, capsys, count):
+def test_no_images_to_calibrate_on_is_said(dataset, tmp_path, capsys, count):
     out = tmp_path / "int8.onnx"
-    data = ("--data", str(dataset), "--ids", str(dataset / "train.txt"), "--pictures", count)
+    data = ("--data", str(dataset), "--ids", str(dataset / "train.txt"), "--images", count)
     assert main(["quantize", "--model", str(TINY), "--out", str(out), *data]) == 2
-    assert f"`--pictures {count}`: expected one or more" in capsys.readouterr().err
+    assert f"`--images {count}`: expected one or more" in capsys.readouterr().err
     assert not out.exists()
 
 
@@ -139,11 +139,11 @@ def test_no_pictures_to_calibrate_on_is_said(dataset, tmp_path, capsys, count):
         (10, 1, [0]),
     ],
 )
-def test_calibration_pictures_are_spread_over_all(count, wanted, indices):
+def test_calibration_images_are_spread_over_all(count, wanted, indices):
     assert spread(count, wanted) == indices
 
 
-def test_calibration_pictures_are_spread_where_their_number_divides_none():
+def test_calibration_images_are_spread_where_their_number_divides_none():
     """A whole step between them took the first 64 of 120: half of the rooms."""
     chosen = spread(120, 64)
     assert len(set(chosen)) == 64 and (chosen[0], chosen[-1]) == (0, 119)
@@ -155,14 +155,14 @@ def spread(count, wanted):
     return list(_spread(pairs, wanted))
 
 
-def test_a_model_is_not_quantised_over_itself(dataset, tmp_path, capsys):
+def test_a_model_is_not_quantized_over_itself(dataset, tmp_path, capsys):
     model, out = tmp_path / "model.onnx", tmp_path / "same.onnx"
     shutil.copy(TINY, model)
     out.symlink_to(model)
     data = ("--data", str(dataset), "--ids", str(dataset / "train.txt"))
     for name in (model, out):
         assert main(["quantize", "--model", str(model), "--out", str(name), *data]) == 1
-        assert f"`--out {name}` is the file of `--model`" in capsys.readouterr().err
+        assert f"`--out {name}` would overwrite the file of `--model`" in capsys.readouterr().err
     assert model.read_bytes() == TINY.read_bytes()
 
 
@@ -201,7 +201,7 @@ def test_a_joint_whose_features_are_0_is_left_alone_and_the_others_are_not():
         assert np.isfinite(onnx.numpy_helper.to_array(tensor)).all(), tensor.name
 
 
-def test_a_network_whose_features_are_0_is_quantised(tmp_path):
+def test_a_network_whose_features_are_0_is_quantized(tmp_path):
     model = onnx.load(TINY)
     makers = {output: node for node in model.graph.node for output in node.output}
     ((_, features),) = connected_joints(model)
@@ -212,17 +212,17 @@ def test_a_network_whose_features_are_0_is_quantised(tmp_path):
     dull, out = tmp_path / "dull.onnx", tmp_path / "int8.onnx"
     onnx.save(model, dull)
     rgb = np.random.default_rng(2).integers(0, 256, (96, 128, 3), np.uint8)
-    quantise(dull, out, iter([rgb]), Plan())
+    quantize(dull, out, iter([rgb]), Plan())
     assert json.loads(read_metadata(out)["nunet.training"])["quantisation"]["joints"] == {}
     before, after = Predictor(dull)(rgb).depth, Predictor(out)(rgb).depth
     assert np.nanmean(np.abs(before - after) / before) < 0.15
 
 
-def test_a_network_with_a_memory_is_not_quantised(tmp_path):
-    """Calibrated on zeros, its integers gave the answer of a network that remembers nothing."""
-    pictures = iter([np.zeros((96, 128, 3), np.uint8)])
-    with pytest.raises(ConfigError, match=r"_lstm\.onnx` remembers earlier frames; .*; hint: "):
-        quantise(TINY.with_name("tiny_wnet_c_lstm.onnx"), tmp_path / "int8.onnx", pictures, Plan())
+def test_a_recurrent_network_is_not_quantized(tmp_path):
+    """Calibrated on zeros, its integers would give the output of a network without a state."""
+    images = iter([np.zeros((96, 128, 3), np.uint8)])
+    with pytest.raises(ConfigError, match=r"_lstm\.onnx` is recurrent; .*; hint: "):
+        quantize(TINY.with_name("tiny_wnet_c_lstm.onnx"), tmp_path / "int8.onnx", images, Plan())
     assert not list(tmp_path.iterdir())
 
 
@@ -287,9 +287,9 @@ def test_an_upsampling_that_does_not_double_is_left_alone():
     assert model == upsampling(7, 10)
 
 
-def test_a_fused_file_cut_at_its_joint_gives_the_same_bits(quantised, tmp_path):
+def test_a_fused_file_cut_at_its_joint_gives_the_same_bits(quantized, tmp_path):
     rgb = np.random.default_rng(1).integers(0, 256, (1, 96, 128, 3), dtype=np.uint8)
-    for fused in (TINY, quantised[1]):
+    for fused in (TINY, quantized[1]):
         staged = tmp_path / f"{fused.stem}.toml"
         assert main(["export", "--split", str(fused), "--out", str(staged)]) == 0
         expected = run(fused, {"rgb": rgb})
@@ -312,8 +312,8 @@ def test_a_graph_without_a_connected_joint_is_not_cut(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_graph_with_a_memory_is_not_cut(tmp_path, capsys):
+def test_a_recurrent_graph_is_not_split(tmp_path, capsys):
     fused, out = TINY.with_name("tiny_wnet_c_lstm.onnx"), tmp_path / "new" / "staged.toml"
     assert main(["export", "--split", str(fused), "--out", str(out)]) == 1
-    assert "`tiny_wnet_c_lstm.onnx` remembers earlier frames" in capsys.readouterr().err
+    assert "`tiny_wnet_c_lstm.onnx` is recurrent" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

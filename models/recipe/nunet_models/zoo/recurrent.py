@@ -1,4 +1,4 @@
-"""A convolutional LSTM at a U-Net's bottleneck: what the network remembers of earlier frames."""
+"""A convolutional LSTM at a U-Net's bottleneck, which carries a state from frame to frame."""
 
 import torch
 from torch import nn
@@ -7,9 +7,9 @@ from torch import nn
 class ConvLstm(nn.Module):
     """Shi et al., "Convolutional LSTM network", 2015, without peepholes, as a residual.
 
-    Reads a map `[B, C, h, w]` and the state (hidden and cell, each `[B, units, h, w]`), and gives
-    the map with what is remembered added. The addition starts at zero: without training the
-    network answers as if it had no memory.
+    Reads a map `[B, C, h, w]` and the state (hidden and cell, each `[B, units, h, w]`), and
+    returns the map plus a projection of the hidden state. The projection starts at zero: an
+    untrained LSTM changes nothing.
     """
 
     def __init__(self, channels: int, units: int) -> None:

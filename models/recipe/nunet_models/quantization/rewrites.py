@@ -1,4 +1,4 @@
-"""Changes of a graph around its quantisation, none of which changes what it computes."""
+"""Changes of a graph before and after quantization that do not change its results."""
 
 from collections.abc import Callable, Iterator
 
@@ -9,17 +9,17 @@ from onnx import numpy_helper
 from nunet_models.export.joints import IMAGE_CHANNELS, connected_joints
 
 Ranges = Callable[[list[str]], dict[str, float]]
-"""The largest magnitude of named tensors over the calibration pictures."""
+"""The largest magnitude of named tensors over the calibration images."""
 
 
 def balance_joints(model: onnx.ModelProto, ranges: Ranges) -> dict[str, float]:
-    """Bring the features that cross a connected joint into the image's range; gives the factors.
+    """Bring the features that cross a connected joint into the image's range; returns the factors.
 
-    One scale quantises what a convolution reads. Where logits up to 20 lie beside an image within
+    One scale quantizes what a convolution reads. Where logits up to 20 lie beside an image within
     1, a step of that scale is a seventh of the image. So the head that makes the logits is divided
     by their range, and the weights that read them are multiplied by it: labels are the same, since
     the greatest logit stays the greatest, and so is everything behind the joint. Features that are
-    0 over all calibration pictures have no range to be divided by, and are left as they are.
+    0 over all calibration images have no range to be divided by, and are left as they are.
     """
     joints = list(_joints(model))
     if not joints:
@@ -49,7 +49,7 @@ def _joints(model: onnx.ModelProto) -> Iterator[Joint]:
         readers = consumers.get(concat.output[0], [])
         head = makers.get(features)
         others = [n for n in consumers.get(features, []) if n is not concat]
-        # Whoever else reads the features must not notice a positive factor.
+        # All other consumers of the features must be invariant to a positive factor.
         if (
             head is not None
             and head.op_type == "Conv"
@@ -60,7 +60,7 @@ def _joints(model: onnx.ModelProto) -> Iterator[Joint]:
 
 
 def double_by_copies(model: onnx.ModelProto) -> int:
-    """Turn nearest upsampling by two, of integers, into copies; gives how many were turned.
+    """Turn nearest upsampling by two, of integers, into copies; returns how many were turned.
 
     ONNX Runtime 1.31 computes integers with channels last, where its Resize moves byte by byte.
     There a pixel doubled in width is its channels written twice, and a row doubled in height is
@@ -129,7 +129,7 @@ def _attribute(node: onnx.NodeProto, name: str) -> bytes:
 
 
 def _parameters(model: onnx.ModelProto, node: onnx.NodeProto) -> list[list[float]]:
-    """Scale and zero point of a node that quantises or does the reverse."""
+    """Scale and zero point of a node that quantizes or does the reverse."""
     return [numpy_helper.to_array(_initializer(model, name)).tolist() for name in node.input[1:]]
 
 
@@ -139,7 +139,7 @@ def _constant(model: onnx.ModelProto, name: str, shape: list[int]) -> str:
 
 
 def _remove_unread(model: onnx.ModelProto) -> None:
-    """Remove nodes and weights whose results nobody reads."""
+    """Remove nodes and weights whose results are not used."""
     graph = model.graph
     while True:
         read = {name for node in graph.node for name in node.input}

@@ -1,4 +1,4 @@
-"""Static quantisation (QDQ, per channel) of a fused model file."""
+"""Static quantization (QDQ, per channel) of a fused model file."""
 
 import json
 import tempfile
@@ -21,16 +21,16 @@ from tqdm import tqdm
 
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.export.measure import INT8_MARGIN, quantised_selftest
+from nunet_models.export.measure import INT8_MARGIN, quantized_selftest
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import load_model, read_metadata, write_metadata
-from nunet_models.export.selftest import selftest_picture
-from nunet_models.quantisation.equalize import equalize_channels
-from nunet_models.quantisation.rewrites import balance_joints, double_by_copies
+from nunet_models.export.selftest import selftest_image
+from nunet_models.quantization.equalize import equalize_channels
+from nunet_models.quantization.rewrites import balance_joints, double_by_copies
 
-QUANTISED = ("Conv", "Gemm", "MatMul", "Add", "Concat", "Resize", "Clip", "Relu", "AveragePool")
-"""Operators worth their integers. ArgMax and Exp stay in float: neither is arithmetic-bound, and a
-logarithm of depth in 256 steps over four octaves would cost a hundredth of every depth."""
+QUANTIZED = ("Conv", "Gemm", "MatMul", "Add", "Concat", "Resize", "Clip", "Relu", "AveragePool")
+"""Operators that are faster in integers. ArgMax and Exp stay in float: neither is arithmetic-bound,
+and the logarithm of depth in 256 steps over four octaves would be off by 1 % of each depth."""
 
 METHODS = {
     "minmax": CalibrationMethod.MinMax,
@@ -41,7 +41,7 @@ METHODS = {
 
 @dataclass(frozen=True)
 class Plan:
-    """How to quantise: calibration method, which nodes stay in float, and the weights' range.
+    """How to quantize: calibration method, which nodes stay in float, and the weights' range.
 
     `float_heads` keeps the convolution before each result in float: its output is read as a
     number, not as a feature. `float_nodes` names further ones. `equalize` brings channels to one
@@ -56,41 +56,40 @@ class Plan:
     reduce_range: bool = False
 
 
-class _Pictures(CalibrationDataReader):
-    """Feeds pictures, uint8 `[H, W, 3]` each, to the calibrator."""
+class _Images(CalibrationDataReader):
+    """Feeds images, uint8 `[H, W, 3]` each, to the calibrator."""
 
-    def __init__(self, pictures: Iterator[np.ndarray], predictor: Predictor) -> None:
-        self.pictures, self.predictor = pictures, predictor
+    def __init__(self, images: Iterator[np.ndarray], predictor: Predictor) -> None:
+        self.images, self.predictor = images, predictor
 
     def get_next(self) -> dict[str, np.ndarray] | None:
-        rgb = next(self.pictures, None)
+        rgb = next(self.images, None)
         return None if rgb is None else self.predictor.inputs(rgb)
 
 
-def quantise(
+def quantize(
     path: Path,
     out: Path,
-    pictures: Iterator[np.ndarray],
+    images: Iterator[np.ndarray],
     plan: Plan,
     *,
     calibration: dict[str, Any] | None = None,
 ) -> dict[str, str]:
-    """Write the quantised file of `path` to `out`, self-test measured anew; gives its metadata.
+    """Write the quantized file of `path` to `out` with its own self-test; returns its metadata.
 
-    `calibration` says which `pictures` they are, for the metadata. Accuracy is not taken over from
-    `path`: it is to be measured anew (see `annotate`). A file that was at `out` stays until all is
-    done.
+    `calibration` describes `images` in the metadata. The accuracy of `path` is not copied: measure
+    the new file (see `annotate`). An earlier file at `out` is replaced only at the end.
 
     # Errors
-    `ConfigError` for a file that is quantised already or has a memory, and without a picture.
+    `ConfigError` for a file that is quantized already or recurrent, and without an image.
     """
     values = read_metadata(path)
     if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
-        raise ConfigError(f"`{path}` is no fp32 model file")
+        raise ConfigError(f"`{path}` is not an fp32 model file")
     if "nunet.state" in values:
         raise ConfigError(
-            f"`{path}` remembers earlier frames; calibration pictures follow none, so that what is "
-            "remembered would have no integers but 0; hint: the fp32 file runs as it is"
+            f"`{path}` is recurrent; calibration images are independent, so its state would be "
+            "quantized to 0; hint: use the fp32 file"
         )
     model = load_model(path)
     keep = [*plan.float_nodes, *(heads(model) if plan.float_heads else ())]
@@ -98,16 +97,16 @@ def quantise(
     unknown = [name for name in keep if name not in known]
     if unknown:
         raise ConfigError(f"`{path.name}` has no node `{unknown[0]}` to keep in float")
-    shown = list(pictures)
+    shown = list(images)
     if not shown:
-        raise ConfigError("no picture to calibrate on; expected one or more")
+        raise ConfigError("no image to calibrate on; expected one or more")
     factors = balance_joints(model, lambda names: _magnitudes(model, names, shown, Predictor(path)))
     equalized = 0
     if plan.equalize:
         predictor = Predictor(path)
         equalized = equalize_channels(model, lambda n: _channel_ranges(model, n, shown, predictor))
-    quantised = _quantised(model, shown, plan, keep)
-    double_by_copies(quantised)
+    quantized = _quantized(model, shown, plan, keep)
+    double_by_copies(quantized)
     training = json.loads(values["nunet.training"])
     training["quantisation"] = {
         "method": plan.method,
@@ -118,14 +117,14 @@ def quantise(
         "calibration": {"used": len(shown), **(calibration or {})},
     }
     values["nunet.training"] = to_json(training)
-    values["nunet.accuracy"] = to_json({})  # the float file's figures are not this one's
+    values["nunet.accuracy"] = to_json({})  # the float file's metrics are not this one's
     beside = out.with_suffix(".partial.onnx")
     try:
-        onnx.save(quantised, beside)
+        onnx.save(quantized, beside)
         write_metadata(beside, values)
         predictor = Predictor(beside)
-        picture = selftest_picture(*predictor.size[::-1])
-        selftest = quantised_selftest(beside, predictor.inputs(picture), predictor)
+        image = selftest_image(*predictor.size[::-1])
+        selftest = quantized_selftest(beside, predictor.inputs(image), predictor)
         values["nunet.selftest"] = to_json(selftest)
         write_metadata(beside, values)
         beside.replace(out)
@@ -134,19 +133,19 @@ def quantise(
     return values
 
 
-def _quantised(
-    model: onnx.ModelProto, pictures: list[np.ndarray], plan: Plan, keep: list[str]
+def _quantized(
+    model: onnx.ModelProto, images: list[np.ndarray], plan: Plan, keep: list[str]
 ) -> onnx.ModelProto:
-    """`model` in integers, ranges taken over `pictures`, nodes named in `keep` left in float."""
+    """`model` in integers, ranges taken over `images`, nodes named in `keep` left in float."""
     with tempfile.TemporaryDirectory() as scratch:
-        raw, balanced = Path(scratch) / "quantised.onnx", Path(scratch) / "balanced.onnx"
+        raw, balanced = Path(scratch) / "quantized.onnx", Path(scratch) / "balanced.onnx"
         onnx.save(model, balanced)
         quantize_static(
             str(balanced),
             str(raw),
-            _Pictures(iter(_shown("calibration", pictures)), Predictor(balanced)),
+            _Images(iter(_shown("calibration", images)), Predictor(balanced)),
             quant_format=QuantFormat.QDQ,
-            op_types_to_quantize=list(QUANTISED),
+            op_types_to_quantize=list(QUANTIZED),
             nodes_to_exclude=keep,
             per_channel=True,
             reduce_range=plan.reduce_range,
@@ -158,9 +157,9 @@ def _quantised(
         return onnx.load(raw)
 
 
-def _shown(what: str, pictures: list[np.ndarray]) -> Iterable[np.ndarray]:
-    """`pictures` with a progress bar, where somebody watches."""
-    return tqdm(pictures, desc=what, unit="picture", disable=None)
+def _shown(what: str, images: list[np.ndarray]) -> Iterable[np.ndarray]:
+    """`images` with a progress bar if stderr is a terminal."""
+    return tqdm(images, desc=what, unit="image", disable=None)
 
 
 def _magnitudes(

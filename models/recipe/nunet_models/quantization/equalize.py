@@ -47,7 +47,7 @@ class Site:
 
 
 def equalize_channels(model: onnx.ModelProto, ranges: ChannelRanges) -> int:
-    """Scale the channels of every site in place; gives how many sites there are.
+    """Scale the channels of every site in place; returns how many sites there are.
 
     Every channel of a site then reaches 1, or as far as what lies beside it and cannot be scaled.
     Channels that are 0 over all calibration images are left as they are.
@@ -88,7 +88,7 @@ def _sites(model: onnx.ModelProto) -> list[Site]:
 
 @dataclass(frozen=True)
 class _Links:
-    """Who makes and who reads each tensor of a graph."""
+    """The producer and the consumers of each tensor of a graph."""
 
     makers: dict[str, onnx.NodeProto]
     consumers: dict[str, list[onnx.NodeProto]]

@@ -1,4 +1,4 @@
-"""The verb `quantize`."""
+"""The subcommand `quantize`."""
 
 import argparse
 from collections.abc import Iterator
@@ -9,28 +9,28 @@ import numpy as np
 from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.data.pairs import Pairs
 from nunet_models.errors import ConfigError, OptionError
-from nunet_models.quantisation.static import METHODS, Plan, quantise
+from nunet_models.quantization.static import METHODS, Plan, quantize
 from nunet_models.training.provenance import list_of_ids
 
-PICTURES = 32  # for calibration: more widen the ranges by rare values, at the cost of all others
+IMAGES = 32  # with more images, rare values widen the ranges, at the cost of all others
 
 
-def add_parser(verbs: argparse._SubParsersAction) -> None:
+def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `quantize` and its options."""
-    parser = verbs.add_parser("quantize", help="turn a model file's arithmetic into integers")
+    parser = subparsers.add_parser("quantize", help="convert a model file to 8-bit integers")
     parser.add_argument("--model", type=Path, required=True, help="fp32 model file, .onnx")
     parser.add_argument("--out", type=Path, required=True)
     add_data_options(parser)
     parser.add_argument(
-        "--ids", type=Path, required=True, help="pictures to calibrate on: training ids only"
+        "--ids", type=Path, required=True, help="images to calibrate on: training ids only"
     )
-    parser.add_argument("--pictures", type=int, default=PICTURES, help="default %(default)s")
+    parser.add_argument("--images", type=int, default=IMAGES, help="default %(default)s")
     parser.add_argument("--method", choices=sorted(METHODS), default="minmax")
     parser.add_argument(
         "--float-node", action="append", default=[], metavar="NAME", help="leave a node in float"
     )
     parser.add_argument(
-        "--quantise-heads", action="store_true", help="quantise the last layers too"
+        "--quantize-heads", action="store_true", help="quantize the last layers too"
     )
     parser.add_argument(
         "--equalize",
@@ -44,27 +44,27 @@ def add_parser(verbs: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `quantize`; prints the file written."""
-    if options.pictures < 1:
+    if options.images < 1:
         raise OptionError(
-            f"`--pictures {options.pictures}`: expected one or more; hint: {PICTURES} do"
+            f"`--images {options.images}`: expected one or more; hint: {IMAGES} are enough"
         )
     out, model = options.out, options.model
     if out.exists() and model.exists() and out.samefile(model):
         raise ConfigError(
-            f"`--out {out}` is the file of `--model`, which would be lost; hint: another name"
+            f"`--out {out}` would overwrite the file of `--model`; hint: use another name"
         )
     pairs = open_pairs(options, options.ids)
     plan = Plan(
         options.method,
-        float_heads=not options.quantise_heads,
+        float_heads=not options.quantize_heads,
         float_nodes=tuple(options.float_node),
         equalize=options.equalize,
         reduce_range=options.reduce_range,
     )
-    quantise(
+    quantize(
         options.model,
         options.out,
-        _spread(pairs, options.pictures),
+        _spread(pairs, options.images),
         plan,
         calibration=list_of_ids(pairs.ids),
     )
@@ -74,6 +74,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _spread(pairs: Pairs, count: int) -> Iterator[np.ndarray]:
-    """`count` pictures spread evenly over the collection: neighbours are of one room."""
+    """`count` images spread evenly over the collection: neighbors are of one room."""
     chosen = np.linspace(0, len(pairs) - 1, min(count, len(pairs))).astype(int)
     return (pairs[int(index)].rgb for index in chosen)

@@ -1,1 +1,0 @@
-"""Integer arithmetic: static quantisation of a model file with onnxruntime."""
