@@ -113,7 +113,7 @@ fn it_is_said_whose_mean_the_mean_image_is() {
         std::fs::write(bench.path(name), id).unwrap();
     }
     let (one, other) = (bench.arg("one.txt"), bench.arg("other.txt"));
-    assert_eq!(figures(&bench, &["--ids", &one])["baseline"]["of"], "measured pictures");
+    assert_eq!(figures(&bench, &["--ids", &one])["baseline"]["of"], "measured images");
     let named = figures(&bench, &["--ids", &one, "--baseline-ids", &other]);
     assert_eq!(named["baseline"]["of"], "baseline-ids");
     let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));

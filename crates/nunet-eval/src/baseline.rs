@@ -24,19 +24,19 @@ struct Rules {
     cap_m: f32,
 }
 
-/// Whose mean the mean image is.
+/// The images that the mean image is the mean of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(crate) enum BaselineSource {
-    /// Of what it is measured on: it is better than one can be on other images.
-    #[serde(rename = "measured pictures")]
+    /// The measured images themselves. Such a baseline is better than it can be on other images.
+    #[serde(rename = "measured images")]
     Measured,
-    /// Of the other scenes of the dataset, for each image.
+    /// For each image, the other scenes of the dataset.
     #[serde(rename = "other scenes")]
     OtherScenes,
-    /// Of images of the dataset that the user named.
+    /// Images of the dataset that the user named.
     #[serde(rename = "baseline-ids")]
     Ids,
-    /// Of a file that the user named.
+    /// A mean image from a file.
     #[serde(rename = "baseline-file")]
     File,
 }
@@ -201,8 +201,8 @@ mod tests {
             (&[1.0, 2.0, 3.0][..], SIZE, BaselineSource::File)
         );
         baseline.add("a", &[2.0, 4.0, 6.0], SIZE).unwrap();
-        assert_eq!(baseline.metric.depth.figures().unwrap().abs_rel, 0.5);
-        assert!(baseline.minmax().figures().unwrap().mse < 1e-12, "its scale does not matter there");
+        assert_eq!(baseline.metric.depth.scores().unwrap().abs_rel, 0.5);
+        assert!(baseline.minmax().scores().unwrap().mse < 1e-12, "its scale does not matter there");
         let other = ImageSize::new(1, 3);
         assert!(matches!(baseline.add("b", &[1.0; 3], other), Err(EvalError::MeanSize { .. })));
     }
@@ -231,6 +231,6 @@ mod tests {
         let mut baseline = Means::Scenes(scenes).baseline(BaselineSource::Measured, RULES).unwrap();
         assert_eq!(baseline.of, BaselineSource::OtherScenes);
         baseline.add("bed_1", &[2.0; 3], SIZE).unwrap(); // the sofas' mean is 4 m
-        assert_eq!(baseline.metric.depth.figures().unwrap().mse, 4.0);
+        assert_eq!(baseline.metric.depth.scores().unwrap().mse, 4.0);
     }
 }

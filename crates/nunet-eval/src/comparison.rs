@@ -8,13 +8,13 @@ use crate::error::EvalError;
 use crate::metrics::{DepthMetrics, ImageMean};
 use crate::options::Protocol;
 
-/// Predictions below would make relative errors meaningless; the field's figure.
+/// Smaller predictions would make relative errors meaningless; the usual value in the literature.
 const MIN_DEPTH_M: f32 = 1e-3;
-/// The field's cap for rooms: truth beyond is no truth, and predictions end there, as in the code of `BTS`, `AdaBins` and
-/// `ZoeDepth`.
+/// The usual cap for rooms: truth beyond it is ignored and predictions are clamped to it, as in the code of `BTS`,
+/// `AdaBins` and `ZoeDepth`.
 #[cfg(test)]
 const ROOM_CAP_M: f32 = 10.0;
-/// What is left of 0 where a logarithm is taken; squared errors, all that is read of stretched depth, do not notice.
+/// Replaces 0 where a logarithm is taken. Only squared errors of stretched depth are used, and they do not change.
 const CLIP: f32 = 1e-7;
 /// The least range that is stretched to 0..1.
 const LEAST_RANGE: f32 = 1e-6;
@@ -67,7 +67,7 @@ impl Comparison {
     /// Whether there was truth to compare meters with.
     ///
     /// # Errors
-    /// There was none within the cap, so that every figure would be missing.
+    /// No truth is within the cap, so every metric would be missing.
     pub(crate) fn check_truth(&self) -> Result<(), EvalError> {
         if self.kind != Kind::Metric || self.depth.pixels + self.depth.missing > 0 {
             return Ok(());
@@ -135,7 +135,7 @@ impl Comparison {
             alone.minmax.add(positive(p), positive(t));
         }
         self.depth.merge(&alone.depth);
-        self.each.add(alone.depth.figures());
+        self.each.add(alone.depth.scores());
         self.minmax.merge(&alone.minmax);
         self.beyond += alone.beyond;
         for end in alone.truth_m.map_or([f32::NAN; 2], |(near, far)| [near, far]) {
@@ -144,7 +144,7 @@ impl Comparison {
         Ok(alone)
     }
 
-    /// Takes note of a pixel's truth, NaN = none.
+    /// Records the truth of a pixel, NaN = none.
     fn see(&mut self, truth_m: f32) {
         if truth_m.is_finite() {
             let (near, far) = self.truth_m.unwrap_or((truth_m, truth_m));
@@ -153,7 +153,7 @@ impl Comparison {
     }
 }
 
-/// 0 lifted off the logarithm's edge; NaN stays NaN.
+/// Replaces 0, which has no logarithm; NaN stays NaN.
 fn positive(stretched: f32) -> f32 {
     if stretched < CLIP { CLIP } else { stretched }
 }
@@ -188,9 +188,9 @@ mod tests {
     fn a_prediction_of_another_scale_has_no_stretched_error_but_one_in_meters() {
         let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
         let alone = comparison.add(&[2.0, 4.0, 6.0], &[1.0, 2.0, 3.0], SIZE).unwrap();
-        assert!(alone.minmax.figures().unwrap().mse < 1e-12);
-        let figures = comparison.depth.figures().unwrap();
-        assert!((figures.abs_rel - 1.0).abs() < 1e-6, "{figures:?}");
+        assert!(alone.minmax.scores().unwrap().mse < 1e-12);
+        let scores = comparison.depth.scores().unwrap();
+        assert!((scores.abs_rel - 1.0).abs() < 1e-6, "{scores:?}");
     }
 
     #[test]
@@ -198,14 +198,14 @@ mod tests {
         let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
         comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
         comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
-        let figures = comparison.depth.figures().unwrap();
+        let scores = comparison.depth.scores().unwrap();
         // 50 m are taken for 10 m where there are 9, and 0 m for a millimeter where there is 1 m; no other pixel counts.
-        assert!((figures.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{figures:?}");
+        assert!((scores.mse - (1.0 + 0.999 * 0.999) / 2.0).abs() < 1e-6, "{scores:?}");
         assert_eq!((comparison.depth.pixels, comparison.depth.missing), (2, 1));
         assert_eq!((comparison.beyond, comparison.share_beyond()), (3, 0.5));
-        let each = comparison.each.figures().unwrap();
+        let each = comparison.each.scores().unwrap();
         assert!(
-            (each.mse - figures.mse).abs() < 1e-12,
+            (each.mse - scores.mse).abs() < 1e-12,
             "an image without a pixel counts for nothing: {each:?}"
         );
         assert!(comparison.check_truth().is_ok());
@@ -233,8 +233,8 @@ mod tests {
         let mut comparison = Comparison::new(Protocol::Full, 80.0, Kind::Metric);
         comparison.add(&[60.0, 200.0, 10.0], &[30.0, 79.0, 81.0], SIZE).unwrap();
         assert_eq!((comparison.depth.pixels, comparison.beyond), (2, 1));
-        let figures = comparison.depth.figures().unwrap();
-        assert!((figures.mse - (900.0 + 1.0) / 2.0).abs() < 1e-3, "predictions end at 80 m: {figures:?}");
+        let scores = comparison.depth.scores().unwrap();
+        assert!((scores.mse - (900.0 + 1.0) / 2.0).abs() < 1e-3, "predictions end at 80 m: {scores:?}");
     }
 
     #[test]

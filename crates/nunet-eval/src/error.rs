@@ -13,7 +13,7 @@ use nunet_types::{Hint, ImageSize, text_with_causes};
 
 use crate::metrics::IGNORE;
 
-/// Whatever a library reports below.
+/// The error of a library below this one.
 pub(crate) type Cause = Box<dyn Error + Send + Sync>;
 
 /// Why an image, or a whole dataset, could not be measured.

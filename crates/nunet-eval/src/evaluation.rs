@@ -246,8 +246,8 @@ impl Evaluation {
         self.contact_sheet()?.save(&path).map_err(EvalError::write(&path))
     }
 
-    /// Predicts the chosen images once more, nine, because all would not fit into memory; of a clip also whatever leads up
-    /// to them.
+    /// Predicts the chosen nine images once more, because all results would not fit into memory. In a clip, the images
+    /// before them are predicted too.
     fn contact_sheet(&mut self) -> Result<RgbImage, EvalError> {
         let errors: Vec<f64> = self.rows.iter().map(ImageRow::error).collect();
         let chosen = chosen(&errors);

@@ -6,7 +6,7 @@ use nunet_core::pipeline::Pipeline;
 use nunet_types::ImageSize;
 
 /// From the size of results to the size of the truth. The network saw the image stretched to its own size; a decimation
-/// leaves out what fills no whole block at the right and at the bottom, and there the last column and row stand in.
+/// drops incomplete blocks at the right and at the bottom, where the last column and row are repeated.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fit {
     from: ImageSize,

@@ -48,8 +48,8 @@
 //! for (predicted_m, true_m) in [(2.0, 1.0), (3.0, 4.0), (5.0, f32::NAN)] {
 //!     metrics.add(predicted_m, true_m);
 //! }
-//! let figures = metrics.figures().ok_or("no pixel has truth")?;
-//! assert_eq!((metrics.pixels, figures.rmse, figures.abs_rel), (2, 1.0, 0.625));
+//! let scores = metrics.scores().ok_or("no pixel has truth")?;
+//! assert_eq!((metrics.pixels, scores.rmse, scores.abs_rel), (2, 1.0, 0.625));
 //! # Ok::<(), &str>(())
 //! ```
 //!
@@ -71,6 +71,6 @@ mod sheet;
 pub use error::{EvalError, EvalErrorKind, cap_for};
 pub use evaluation::{Evaluation, Evaluator};
 pub use event::Event;
-pub use metrics::{DepthFigures, DepthMetrics, IGNORE, LabelFigures, LabelMetrics};
+pub use metrics::{DepthMetrics, DepthScores, IGNORE, LabelMetrics, LabelScores};
 pub use options::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
 pub use report::Report;

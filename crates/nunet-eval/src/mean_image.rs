@@ -7,7 +7,7 @@ use nunet_types::ImageSize;
 use crate::comparison::stretched;
 use crate::error::EvalError;
 
-/// The trivial prediction: for each pixel its mean over all images, whatever the image shows.
+/// The trivial prediction: the mean of each pixel over all images, independent of the image.
 #[derive(Debug, Default)]
 pub(crate) struct MeanImage {
     pub(crate) size: Option<ImageSize>,
@@ -94,7 +94,7 @@ pub(crate) struct Scenes {
     each: BTreeMap<String, MeanImage>,
 }
 
-/// More scenes than this would take much memory, and one of them makes little difference.
+/// More scenes would take too much memory, and a single one would make little difference.
 const MAX_SCENES: usize = 32;
 
 /// The scene that an id names: `bedroom_` of `bedroom_07`. `None` for an id without a number.

@@ -1,6 +1,6 @@
 //! Metrics of depth and of labels over all pixels of all images, and those of depth as the mean over images.
 //!
-//! Tables of the field have either: `FastDepth`, `BTS` and `AdaBins` take the mean over images, which gives a smaller RMSE.
+//! Published tables use either: `FastDepth`, `BTS` and `AdaBins` average over images, which gives a smaller RMSE.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ const DELTA: f64 = 1.25;
 /// The label of a pixel about which nothing is known.
 pub const IGNORE: u8 = 255;
 
-/// Sums over pixels from which the figures follow.
+/// Sums over pixels from which the scores are computed.
 #[derive(Debug, Clone, Default)]
 pub struct DepthMetrics {
     squared: f64,
@@ -21,7 +21,7 @@ pub struct DepthMetrics {
     within: [u64; 3],
     /// Pixels with truth and prediction.
     pub pixels: u64,
-    /// Pixels with truth but without prediction: counted here and nowhere else.
+    /// Pixels with truth but without prediction, which count only here.
     pub missing: u64,
 }
 
@@ -65,12 +65,12 @@ impl DepthMetrics {
         self.missing += other.missing;
     }
 
-    /// The figures; `None` before the first pixel.
-    pub fn figures(&self) -> Option<DepthFigures> {
+    /// The scores; `None` before the first pixel.
+    pub fn scores(&self) -> Option<DepthScores> {
         let n = (self.pixels > 0).then_some(self.pixels as f64)?;
         let log = self.log / n;
         let [delta1, delta2, delta3] = self.within.map(|within| within as f64 / n);
-        Some(DepthFigures {
+        Some(DepthScores {
             mse: self.squared / n,
             rmse: (self.squared / n).sqrt(),
             rmse_log: (self.log_squared / n).sqrt(),
@@ -85,10 +85,10 @@ impl DepthMetrics {
     }
 }
 
-/// Figures of depth, after Eigen et al., "Depth map prediction from a single image", 2014; `silog` as KITTI's benchmark
+/// Scores of depth, after Eigen et al., "Depth map prediction from a single image", 2014; `silog` as KITTI's benchmark
 /// has it. p is the prediction, t the truth, d = ln p - ln t.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub struct DepthFigures {
+pub struct DepthScores {
     /// mean((p - t)^2)
     pub mse: f64,
     /// Root of `mse`.
@@ -111,7 +111,7 @@ pub struct DepthFigures {
     pub delta3: f64,
 }
 
-/// Figures of each image by itself, averaged over the images that have any.
+/// Scores of each image by itself, averaged over the images that have any.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ImageMean {
     sums: [f64; 10],
@@ -120,24 +120,24 @@ pub(crate) struct ImageMean {
 
 impl ImageMean {
     /// Counts one image; `None` had no pixel to compare.
-    pub(crate) fn add(&mut self, figures: Option<DepthFigures>) {
-        let Some(figures) = figures else { return };
-        for (sum, (_, value)) in self.sums.iter_mut().zip(figures.named()) {
+    pub(crate) fn add(&mut self, scores: Option<DepthScores>) {
+        let Some(scores) = scores else { return };
+        for (sum, (_, value)) in self.sums.iter_mut().zip(scores.named()) {
             *sum += value;
         }
         self.images += 1;
     }
 
-    /// The figures; `None` before the first image.
-    pub(crate) fn figures(&self) -> Option<DepthFigures> {
+    /// The scores; `None` before the first image.
+    pub(crate) fn scores(&self) -> Option<DepthScores> {
         let n = (self.images > 0).then_some(self.images as f64)?;
         let [mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3] =
             self.sums.map(|sum| sum / n);
-        Some(DepthFigures { mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3 })
+        Some(DepthScores { mse, rmse, rmse_log, log10, abs_rel, sq_rel, silog, delta1, delta2, delta3 })
     }
 }
 
-impl DepthFigures {
+impl DepthScores {
     /// The fields, in their order.
     pub const NAMES: [&'static str; 10] =
         ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog", "delta1", "delta2", "delta3"];
@@ -150,7 +150,7 @@ impl DepthFigures {
     }
 }
 
-/// How often each class was taken for each other.
+/// The confusion matrix.
 #[derive(Debug, Clone)]
 pub struct LabelMetrics {
     classes: usize,
@@ -158,9 +158,9 @@ pub struct LabelMetrics {
     confusion: Vec<u64>,
 }
 
-/// Figures of labels.
+/// Scores of labels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct LabelFigures {
+pub struct LabelScores {
     /// Mean over the classes that were seen or predicted of hit / (truth + predicted - hit).
     pub miou: f64,
     /// Share of pixels that are right.
@@ -176,7 +176,7 @@ impl LabelMetrics {
         Self { classes, confusion: vec![0; classes * (classes + 1)] }
     }
 
-    /// Counts one image; truth [`IGNORE`] is left out.
+    /// Counts one image; pixels whose truth is [`IGNORE`] are skipped.
     pub fn add(&mut self, predicted: &[u8], truth: &[u8]) {
         for (&predicted, &truth) in predicted.iter().zip(truth) {
             let at = usize::from(truth) * (self.classes + 1) + usize::from(predicted).min(self.classes);
@@ -188,8 +188,8 @@ impl LabelMetrics {
         }
     }
 
-    /// The figures; `None` before the first pixel.
-    pub fn figures(&self) -> Option<LabelFigures> {
+    /// The scores; `None` before the first pixel.
+    pub fn scores(&self) -> Option<LabelScores> {
         let total: u64 = self.confusion.iter().sum();
         let columns = self.classes + 1;
         let row = |class: usize| self.confusion.iter().skip(class * columns).take(columns);
@@ -199,7 +199,7 @@ impl LabelMetrics {
         let seen: Vec<_> = (0..self.classes).filter(|&class| union(class) > 0).collect();
         let iou: f64 = seen.iter().map(|&class| hit(class) as f64 / union(class) as f64).sum();
         let right: u64 = (0..self.classes).map(hit).sum();
-        (total > 0).then(|| LabelFigures {
+        (total > 0).then(|| LabelScores {
             miou: iou / seen.len() as f64,
             accuracy: right as f64 / total as f64,
             pixels: total,
@@ -213,7 +213,7 @@ mod tests {
 
     /// Two pixels, 1 m taken for 2 m and 4 m taken for 3 m, by hand.
     #[test]
-    fn figures_of_two_pixels_are_those_computed_by_hand() {
+    fn scores_of_two_pixels_are_those_computed_by_hand() {
         let mut metrics = DepthMetrics::default();
         for (predicted, truth) in [(2.0, 1.0), (3.0, 4.0), (5.0, f32::NAN), (f32::NAN, 1.0)] {
             metrics.add(predicted, truth);
@@ -234,7 +234,7 @@ mod tests {
             ("delta3", 0.5),
         ];
         for ((name, value), (expected_name, by_hand)) in
-            metrics.figures().unwrap().named().iter().zip(expected)
+            metrics.scores().unwrap().named().iter().zip(expected)
         {
             assert_eq!(*name, expected_name);
             assert!((value - by_hand).abs() < 1e-12, "{name}: {value} instead of {by_hand}");
@@ -251,8 +251,8 @@ mod tests {
         };
         let mut merged = of(&pixels[..1]);
         merged.merge(&of(&pixels[1..]));
-        let whole = of(&pixels).figures().unwrap().named();
-        for ((name, whole), (_, merged)) in whole.iter().zip(merged.figures().unwrap().named()) {
+        let whole = of(&pixels).scores().unwrap().named();
+        for ((name, whole), (_, merged)) in whole.iter().zip(merged.scores().unwrap().named()) {
             assert!((whole - merged).abs() < 1e-12, "{name}");
         }
     }
@@ -262,29 +262,29 @@ mod tests {
         let of = |pixels: &[(f32, f32)]| {
             let mut metrics = DepthMetrics::default();
             pixels.iter().for_each(|&(predicted, truth)| metrics.add(predicted, truth));
-            metrics.figures()
+            metrics.scores()
         };
         let mut mean = ImageMean::default();
-        assert!(mean.figures().is_none());
+        assert!(mean.scores().is_none());
         for image in [of(&[(2.0, 1.0); 3]), of(&[(4.0, 4.0)]), of(&[])] {
             mean.add(image);
         }
-        let figures = mean.figures().unwrap();
-        assert_eq!((figures.rmse, figures.abs_rel, figures.delta1), (0.5, 0.5, 0.5));
+        let scores = mean.scores().unwrap();
+        assert_eq!((scores.rmse, scores.abs_rel, scores.delta1), (0.5, 0.5, 0.5));
     }
 
     #[test]
     fn a_number_that_is_no_class_is_wrong_and_nobody_elses() {
         let mut labels = LabelMetrics::new(3);
         labels.add(&[4, 1, 1], &[0, 1, 1]);
-        let figures = labels.figures().unwrap();
-        assert_eq!((figures.miou, figures.accuracy), (0.5, 2.0 / 3.0));
+        let scores = labels.scores().unwrap();
+        assert_eq!((scores.miou, scores.accuracy), (0.5, 2.0 / 3.0));
     }
 
     #[test]
-    fn nothing_counted_has_no_figures() {
-        assert!(DepthMetrics::default().figures().is_none());
-        assert_eq!(LabelMetrics::new(3).figures(), None);
+    fn nothing_counted_has_no_scores() {
+        assert!(DepthMetrics::default().scores().is_none());
+        assert_eq!(LabelMetrics::new(3).scores(), None);
     }
 
     #[test]
@@ -292,8 +292,8 @@ mod tests {
         let mut labels = LabelMetrics::new(4);
         labels.add(&[0, 0, 1, 1, 2], &[0, 1, 1, 1, IGNORE]);
         // class 0: 1 of 2, class 1: 2 of 3, classes 2 and 3 are neither.
-        let figures = labels.figures().unwrap();
-        assert!((figures.miou - (0.5 + 2.0 / 3.0) / 2.0).abs() < 1e-12);
-        assert!((figures.accuracy - 0.75).abs() < 1e-12);
+        let scores = labels.scores().unwrap();
+        assert!((scores.miou - (0.5 + 2.0 / 3.0) / 2.0).abs() < 1e-12);
+        assert!((scores.accuracy - 0.75).abs() < 1e-12);
     }
 }

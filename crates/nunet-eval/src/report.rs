@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::baseline::{Baseline, BaselineSource};
 use crate::comparison::{Comparison, Kind};
 use crate::error::{Cause, EvalError};
-use crate::metrics::{DepthFigures, DepthMetrics, LabelFigures, LabelMetrics};
+use crate::metrics::{DepthMetrics, DepthScores, LabelMetrics, LabelScores};
 use crate::options::Protocol;
 
 /// Everything that was found. Its fields are those of `eval.json`: serialize it.
@@ -30,37 +30,37 @@ pub struct Report {
     pixels: u64,
     pixels_without_prediction: u64,
     pixels_beyond: u64,
-    metrics: Figures<DepthFigures>,
-    picture_mean: Figures<DepthFigures>,
-    minmax: Figures<Stretched>,
-    labels: Figures<LabelFigures>,
+    metrics: Scores<DepthScores>,
+    picture_mean: Scores<DepthScores>,
+    minmax: Scores<Stretched>,
+    labels: Scores<LabelScores>,
     baseline: Option<BaselineReport>,
 }
 
-/// Figures, `{}` where nothing could be measured.
+/// Scores, `{}` where nothing could be measured.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[serde(untagged)]
-enum Figures<T> {
+enum Scores<T> {
     Measured(T),
     Nothing {},
 }
 
-impl<T: Copy> Figures<T> {
+impl<T: Copy> Scores<T> {
     fn measured(&self) -> Option<T> {
         match *self {
-            Self::Measured(figures) => Some(figures),
+            Self::Measured(scores) => Some(scores),
             Self::Nothing {} => None,
         }
     }
 }
 
-impl<T> From<Option<T>> for Figures<T> {
-    fn from(figures: Option<T>) -> Self {
-        figures.map_or(Self::Nothing {}, Self::Measured)
+impl<T> From<Option<T>> for Scores<T> {
+    fn from(scores: Option<T>) -> Self {
+        scores.map_or(Self::Nothing {}, Self::Measured)
     }
 }
 
-/// Errors of depth stretched to 0..1 image by image, as the paper measured.
+/// Errors of depth stretched to 0..1 per image, as the paper measured.
 #[derive(Debug, Clone, Copy, Serialize)]
 struct Stretched {
     mse: f64,
@@ -69,7 +69,7 @@ struct Stretched {
 
 impl Stretched {
     fn of(metrics: &DepthMetrics) -> Option<Self> {
-        metrics.figures().map(|figures| Self { mse: figures.mse, rmse: figures.rmse })
+        metrics.scores().map(|scores| Self { mse: scores.mse, rmse: scores.rmse })
     }
 }
 
@@ -78,9 +78,9 @@ impl Stretched {
 struct BaselineReport {
     /// Whose mean it is.
     of: BaselineSource,
-    metrics: Figures<DepthFigures>,
-    picture_mean: Figures<DepthFigures>,
-    minmax: Figures<Stretched>,
+    metrics: Scores<DepthScores>,
+    picture_mean: Scores<DepthScores>,
+    minmax: Scores<Stretched>,
 }
 
 /// What was measured.
@@ -116,14 +116,14 @@ impl Report {
             pixels: comparison.compared().pixels,
             pixels_without_prediction: comparison.compared().missing,
             pixels_beyond: comparison.beyond,
-            metrics: comparison.depth.figures().into(),
-            picture_mean: comparison.each.figures().into(),
+            metrics: comparison.depth.scores().into(),
+            picture_mean: comparison.each.scores().into(),
             minmax: Stretched::of(&comparison.minmax).into(),
-            labels: labels.figures().into(),
+            labels: labels.scores().into(),
             baseline: baseline.map(|baseline| BaselineReport {
                 of: baseline.of,
-                metrics: baseline.metric.depth.figures().into(),
-                picture_mean: baseline.metric.each.figures().into(),
+                metrics: baseline.metric.depth.scores().into(),
+                picture_mean: baseline.metric.each.scores().into(),
                 minmax: Stretched::of(baseline.minmax()).into(),
             }),
         }
@@ -131,7 +131,7 @@ impl Report {
 
     /// Errors of depth in meters; `None` for a network without meters.
     #[must_use]
-    pub fn depth(&self) -> Option<DepthFigures> {
+    pub fn depth(&self) -> Option<DepthScores> {
         self.metrics.measured()
     }
 
@@ -141,7 +141,7 @@ impl Report {
         std::fs::write(path, text + "\n").map_err(EvalError::write(path))
     }
 
-    /// For people: the network and the mean image side by side, without a line end after the last line.
+    /// A table of the network and the mean image side by side, without a final newline.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = self.header() + &self.depth_lines();
@@ -168,20 +168,20 @@ impl Report {
     fn depth_lines(&self) -> String {
         let mut text = String::new();
         let trivial = self.baseline.as_ref();
-        if let Some(figures) = self.metrics.measured() {
+        if let Some(scores) = self.metrics.measured() {
             let beside = trivial.and_then(|baseline| baseline.metrics.measured());
-            for (index, (name, value)) in figures.named().into_iter().enumerate() {
-                text += &line(name, value, beside.map(|figures| figures.named()[index].1));
+            for (index, (name, value)) in scores.named().into_iter().enumerate() {
+                text += &line(name, value, beside.map(|scores| scores.named()[index].1));
             }
         }
-        if let Some(figures) = self.picture_mean.measured() {
+        if let Some(scores) = self.picture_mean.measured() {
             let beside = trivial.and_then(|baseline| baseline.picture_mean.measured());
-            text += &line("rmse, averaged", figures.rmse, beside.map(|figures| figures.rmse));
+            text += &line("rmse, averaged", scores.rmse, beside.map(|scores| scores.rmse));
         }
-        if let Some(figures) = self.minmax.measured() {
+        if let Some(scores) = self.minmax.measured() {
             let beside = trivial.and_then(|baseline| baseline.minmax.measured());
-            text += &line("minmax mse", figures.mse, beside.map(|figures| figures.mse));
-            text += &line("minmax rmse", figures.rmse, beside.map(|figures| figures.rmse));
+            text += &line("minmax mse", scores.mse, beside.map(|scores| scores.mse));
+            text += &line("minmax rmse", scores.rmse, beside.map(|scores| scores.rmse));
         }
         text
     }
@@ -199,12 +199,12 @@ fn line(name: &str, value: f64, beside: Option<f64>) -> String {
     format!("{name:<15}{value:>9.4}{beside}\n")
 }
 
-/// One image's own figures.
+/// One image's own scores.
 #[derive(Debug)]
 pub(crate) struct ImageRow {
     pub(crate) id: String,
     metric: bool,
-    depth: Option<DepthFigures>,
+    depth: Option<DepthScores>,
     minmax: Option<Stretched>,
 }
 
@@ -213,15 +213,15 @@ impl ImageRow {
         Self {
             id: id.to_owned(),
             metric: alone.kind() == Kind::Metric,
-            depth: alone.depth.figures(),
+            depth: alone.depth.scores(),
             minmax: Stretched::of(&alone.minmax),
         }
     }
 
     /// What images are ranked by: the root of the mean squared error, in meters where there are meters.
     pub(crate) fn error(&self) -> f64 {
-        let stretched = self.minmax.map(|figures| figures.rmse);
-        let metric = self.depth.map(|figures| figures.rmse);
+        let stretched = self.minmax.map(|scores| scores.rmse);
+        let metric = self.depth.map(|scores| scores.rmse);
         (if self.metric { metric } else { stretched }).unwrap_or(f64::INFINITY)
     }
 
@@ -231,15 +231,15 @@ impl ImageRow {
     }
 }
 
-/// Writes a row an image; a figure that could not be measured is left empty.
+/// Writes one row per image; a value that could not be measured is empty.
 pub(crate) fn write_csv(path: &Path, rows: &[ImageRow]) -> Result<(), EvalError> {
     let write = || -> Result<(), Cause> {
         let mut file = csv::Writer::from_path(path)?;
-        let names = DepthFigures::NAMES.iter().copied();
+        let names = DepthScores::NAMES.iter().copied();
         file.write_record(["id"].into_iter().chain(names).chain(["minmax_mse", "minmax_rmse"]))?;
         for row in rows {
-            let depth = row.depth.map(|figures| figures.named().map(|(_, value)| value.to_string()));
-            let minmax = row.minmax.map(|figures| [figures.mse.to_string(), figures.rmse.to_string()]);
+            let depth = row.depth.map(|scores| scores.named().map(|(_, value)| value.to_string()));
+            let minmax = row.minmax.map(|scores| [scores.mse.to_string(), scores.rmse.to_string()]);
             let values = depth.unwrap_or_default().into_iter().chain(minmax.unwrap_or_default());
             file.write_record([row.id.clone()].into_iter().chain(values))?;
         }

@@ -8,12 +8,12 @@ use nunet_core::plain_file;
 
 use crate::error::{Cause, EvalError};
 
-/// What some editors begin a text with.
+/// The byte order mark that some editors write.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 /// A million ids of 64 characters.
 const MAX_LIST_BYTES: u64 = 64 << 20;
 
-/// Ids of a list, one a line.
+/// Ids of a list, one per line.
 pub(crate) fn read_ids(list: &Path) -> Result<Vec<String>, EvalError> {
     let unreadable = |error| EvalError::Ids(format!("cannot read `{}`: {error}", list.display()));
     let text = read_list(list).map_err(unreadable)?;

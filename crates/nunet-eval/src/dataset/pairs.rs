@@ -39,7 +39,7 @@ fn times(names: &[String]) -> Option<Vec<(u64, &String)>> {
     Some(times)
 }
 
-/// Seconds with a fraction, or a whole number since 1970 in milli-, micro- or nanoseconds, told by its digits.
+/// Seconds with a fraction, or a whole number since 1970 in milli-, micro- or nanoseconds, recognized by its digits.
 fn nanos(name: &str) -> Option<u64> {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     if let Some((seconds, fraction)) = name.split_once('.') {
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_are_told_by_their_digits() {
+    fn units_of_whole_numbers_follow_from_their_digits() {
         assert_eq!(pairs(&["1403636579763555584"], &["1403636579770000000"]).len(), 1);
         assert_eq!(pairs(&["1403636579763555"], &["1403636579790000"]).len(), 0, "microseconds, 26 ms apart");
         assert_eq!(pairs(&["1403636579763"], &["1403636579770"]).len(), 1, "milliseconds");
