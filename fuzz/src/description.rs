@@ -55,7 +55,7 @@ pub fn sidecar(data: &[u8]) {
     }
 }
 
-/// A model file's metadata, written as lines `key=value`; the prefix `nunet.` may be left out.
+/// A model file's metadata, written as lines `key=value`; the prefix `nunet.` may be omitted.
 pub fn metadata(data: &[u8]) {
     let Ok(text) = str::from_utf8(data) else { return };
     let entries = text.lines().filter_map(|line| line.split_once('='));

@@ -10,14 +10,14 @@ use crate::{paths, wheels};
 /// What goes with the library wherever it is passed on.
 const TEXTS: [&str; 2] = ["LICENSE", "ThirdPartyNotices.txt"];
 
-/// Fetch ONNX Runtime's library and its licence, if the cache does not have them.
+/// Fetch ONNX Runtime's library and its license, if the cache does not have them.
 pub(crate) fn setup() -> Result<()> {
     TEXTS.iter().try_for_each(|text| onnxruntime_text(text).map(drop))?;
     say(&format!("setup: ONNX Runtime is at {}", onnxruntime()?.display()));
     Ok(())
 }
 
-/// A text that comes with the library, such as its licence; fetched for those who pass the library on.
+/// A text that comes with the library, such as its license; fetched for those who pass the library on.
 pub(crate) fn onnxruntime_text(name: &str) -> Result<PathBuf> {
     let wheel = wheels::pinned("onnxruntime")?;
     let text = paths::cache()?.join(format!("onnxruntime-{}", wheel.version)).join(name);

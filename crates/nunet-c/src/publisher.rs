@@ -200,7 +200,7 @@ mod tests {
             nunet_publisher_open(name.as_ptr(), Encoding::Mono8.into(), 4, 4, 1, Some(&mut opened))
         };
         assert_eq!(status, Status::Ok);
-        // SAFETY: initialised above, and filled since.
+        // SAFETY: initialized above, and filled since.
         let publisher = unsafe { opened.assume_init() };
         let handle = publisher.addr();
         let lost = std::thread::scope(|scope| {

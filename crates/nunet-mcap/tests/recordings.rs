@@ -22,7 +22,7 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 const IMAGES: u8 = 6;
 
 /// A `sensor_msgs/msg/Image` in CDR of 4x2 gray pixels, laid out by hand.
-fn grey_image(value: u8) -> Vec<u8> {
+fn gray_image(value: u8) -> Vec<u8> {
     let mut cdr = vec![0, 1, 0, 0];
     cdr.extend([value, 0, 0, 0, 0, 0, 0, 0]); // stamp
     cdr.extend([4, 0, 0, 0, b'e', b'y', b'e', 0]);
@@ -48,7 +48,7 @@ fn recording(options: WriteOptions, messages: &[(u64, Vec<u8>)]) -> Vec<u8> {
 }
 
 fn images() -> Vec<(u64, Vec<u8>)> {
-    (1..=IMAGES).map(|value| (u64::from(value) * 10, grey_image(value))).collect()
+    (1..=IMAGES).map(|value| (u64::from(value) * 10, gray_image(value))).collect()
 }
 
 fn all_options() -> [(&'static str, WriteOptions); 4] {
@@ -473,7 +473,7 @@ fn no_flipped_bit_of_a_small_file_requests_much_memory() {
 fn the_parts_of_a_split_bag_are_one_recording_and_a_damaged_part_loses_only_its_own_images() {
     let folder = Folder::new();
     let part = |from: u8| -> Vec<(u64, Vec<u8>)> {
-        (from..from + 3).map(|value| (u64::from(value) * 10, grey_image(value))).collect()
+        (from..from + 3).map(|value| (u64::from(value) * 10, gray_image(value))).collect()
     };
     for (number, from) in [(0, 1), (2, 4), (10, 7)] {
         let file = recording(WriteOptions::new().use_chunks(false), &part(from));

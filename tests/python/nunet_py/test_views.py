@@ -133,7 +133,7 @@ def test_a_subscriber_that_holds_too_many_frames_gets_an_error_and_affects_no_ot
             assert other.next().rgb[0, 0, 0] == value
         assert [array[0, 0, 0] for array in hoard] == [0, 1]
         hoard.pop()
-        assert hoarder.next().rgb[0, 0, 0] == 49, "it goes on with the newest"
+        assert hoarder.next().rgb[0, 0, 0] == 49, "it continues with the newest"
 
 
 # A publisher of depth with an arbitrary header, in a process of its own: see above.

@@ -179,7 +179,7 @@ mod decimation {
         let full = Appearance { rgb: &rgb, labels: Some(&labels) };
         let appearance = decimation.reduce(full, &mut depth_m, Some(&mut small), true).unwrap();
         assert_eq!(appearance.labels, Some(&[1, 2][..]), "the smaller of equals");
-        // Columns 0, 1 of both rows: 0, 1, 5, 6; columns 2, 3: 2, 3, 7, 8. The fifth column is left out.
+        // Columns 0, 1 of both rows: 0, 1, 5, 6; columns 2, 3: 2, 3, 7, 8. The fifth column is dropped.
         assert_eq!(appearance.rgb, [30, 255, 3, 50, 255, 5]);
         assert_eq!(small, [1, 2]);
         let appearance = decimation.reduce(full, &mut depth_m, None, true).unwrap();
@@ -227,7 +227,7 @@ mod spatial {
     }
 
     #[test]
-    fn neighbours_are_compared_as_they_were_before_the_pass() {
+    fn neighbors_are_compared_as_they_were_before_the_pass() {
         // 1.9 differs from the raw 1.5 by 0.4, though from the smoothed 1.25 by more than delta.
         // Right: 1, 1.25, 1.9 + (1.25 - 1.9) / 2 = 1.575. Left, of these: 1.575, 1.4125 and 1.20625.
         let got = filtered("spatial=magnitude:1,delta:0.6", (3, 1), &[1.0, 1.5, 1.9]);

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn every_byte_is_normalised_as_the_formula_says() {
+    fn every_byte_is_normalized_as_the_formula_says() {
         let format = TensorFormat {
             layout: TensorLayout::Nhwc,
             channels: ChannelOrder::Rgb,

@@ -112,7 +112,7 @@ def undistort(camera, pixels):
 
 
 def radius_at_end(camera):
-    """How far from the centre, in focal lengths, the rings of the lens reach before they fold or are at 90 degrees."""
+    """How far from the center, in focal lengths, the rings of the lens reach before they fold or are at 90 degrees."""
     lens = np.array(camera["distortion"] + [0.0] * (14 - len(camera["distortion"])))
     if camera["model"] == "kannala_brandt":
         angle = np.linspace(0, np.pi / 2, 2_000_001)

@@ -1,6 +1,6 @@
 #![expect(
     unsafe_code,
-    reason = "the chunk's bytes come from the kernel, which Rust cannot know to be initialised"
+    reason = "the chunk's bytes come from the kernel, which Rust cannot know to be initialized"
 )]
 //! A frame that is being filled.
 

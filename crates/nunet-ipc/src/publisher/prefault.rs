@@ -34,7 +34,7 @@ pub(crate) fn every_chunk(
 }
 
 /// Backs the pages of a payload. Rounding outwards to whole pages stays inside of the segment's mapping, which
-/// begins and ends at page boundaries; what lies there are the neighbouring chunks and their headers.
+/// begins and ends at page boundaries; what lies there are the neighboring chunks and their headers.
 fn populate(payload: &mut [MaybeUninit<Block64>]) -> Result<(), Errno> {
     let page = rustix::param::page_size();
     let range = payload.as_mut_ptr_range();

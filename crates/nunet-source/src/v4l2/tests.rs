@@ -569,7 +569,7 @@ fn the_nearest_size_comes_first_then_the_nearest_rate_then_the_format() {
 }
 
 #[test]
-fn gray_is_taken_only_where_there_is_no_colour() {
+fn gray_is_taken_only_where_there_is_no_color() {
     let requested = RequestedMode::default();
     let infrared = one(GREY, (640, 480), 30.0);
     assert_eq!(asked(vec![infrared.clone(), one(MJPG, (1920, 1080), 5.0)], requested).0, MJPG);

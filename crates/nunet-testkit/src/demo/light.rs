@@ -100,7 +100,7 @@ fn openness(solids: &[Solid], point: Vec3, normal: Vec3) -> f32 {
     const RING: [(f32, f32); 6] =
         [(1.0, 0.0), (0.5, 0.866), (-0.5, 0.866), (-1.0, 0.0), (-0.5, -0.866), (0.5, -0.866)];
     let aside = if normal.z.abs() < 0.7 { Vec3::new(0.0, 0.0, 1.0) } else { Vec3::new(1.0, 0.0, 0.0) };
-    let a = normal.cross(aside).normalised();
+    let a = normal.cross(aside).normalized();
     let b = normal.cross(a);
     let directions = RING.into_iter().flat_map(|(x, y)| {
         let aside = a * x + b * y;

@@ -116,7 +116,7 @@ fn books(height: f32, seed: u32, u: f32, v: f32) -> Color {
         _ => Color::new(0.22, 0.10, 0.28),
     };
     let title = (0.6..0.8).contains(&(v / top));
-    if title { mix_colour(cover, WHITE, 0.6) } else { cover }
+    if title { mix_color(cover, WHITE, 0.6) } else { cover }
 }
 
 fn painting(u: f32, v: f32, seed: u32) -> Color {
@@ -134,7 +134,7 @@ fn painting(u: f32, v: f32, seed: u32) -> Color {
     } else if (u - sun_u) * (u - sun_u) + (v - sun_v) * (v - sun_v) < 0.006 {
         Color::new(0.95, 0.75, 0.25)
     } else {
-        mix_colour(Color::new(0.85, 0.45, 0.22), Color::new(0.25, 0.35, 0.62), v)
+        mix_color(Color::new(0.85, 0.45, 0.22), Color::new(0.25, 0.35, 0.62), v)
     }
 }
 
@@ -142,7 +142,7 @@ fn screen(u: f32, v: f32) -> Color {
     let bezel = u.min(v) < 0.025 || u.max(v) > 0.975;
     // The window's reflection, a slanted band.
     let shine = (1.0 - (u + 0.4 * v - 0.45).abs() * 5.0).max(0.0);
-    if bezel { DARK } else { mix_colour(DARK, Color::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine) }
+    if bezel { DARK } else { mix_color(DARK, Color::new(0.10, 0.12, 0.16), 0.2 + 0.8 * shine) }
 }
 
 fn window(u: f32, v: f32, width: f32, height: f32) -> Color {
@@ -157,10 +157,10 @@ fn window(u: f32, v: f32, width: f32, height: f32) -> Color {
     if up < trees {
         Color::new(0.16, 0.30, 0.12) * mix(0.6, 1.3, hills(u * 30.0, v * 30.0, 53))
     } else {
-        mix_colour(Color::new(0.92, 0.95, 0.98), Color::new(0.40, 0.64, 0.95), up)
+        mix_color(Color::new(0.92, 0.95, 0.98), Color::new(0.40, 0.64, 0.95), up)
     }
 }
 
-fn mix_colour(a: Color, b: Color, t: f32) -> Color {
+fn mix_color(a: Color, b: Color, t: f32) -> Color {
     a + (b - a) * t
 }

@@ -33,7 +33,7 @@ impl Vec3 {
         self.dot(self).sqrt()
     }
 
-    pub(super) fn normalised(self) -> Self {
+    pub(super) fn normalized(self) -> Self {
         self * (1.0 / self.length())
     }
 }

@@ -16,7 +16,7 @@ type GetApiBase = unsafe extern "C" fn() -> *const ort::sys::OrtApiBase;
 /// # Errors
 /// A file that is no shared library, a library of something else, and one too old for the interface we are built for.
 pub(super) fn version(path: &Path) -> Result<String, RuntimeError> {
-    // SAFETY: loading runs the library's initialisers, which is what the user asked for by naming it; it stays loaded
+    // SAFETY: loading runs the library's initializers, which is what the user asked for by naming it; it stays loaded
     // for the whole of this function, and everything read from it is copied.
     let library = unsafe { libloading::Library::new(path) }.map_err(|error| RuntimeError::NotALibrary {
         library: path.to_owned(),

@@ -272,7 +272,7 @@ impl OwnTensors {
     /// The bytes of one tensor.
     pub(in crate::graph) fn bytes(&self, index: usize) -> &[u8] {
         let tensor = &self.0[index];
-        // SAFETY: `tensor` owns at least that many initialised bytes; runs write them only through tokens of `lend`,
+        // SAFETY: `tensor` owns at least that many initialized bytes; runs write them only through tokens of `lend`,
         // which borrows `self` mutably and so cannot be alive beside this view.
         unsafe { std::slice::from_raw_parts(tensor.memory.as_ptr().cast(), tensor.bytes) }
     }
