@@ -3,7 +3,7 @@
 use nunet_core::cloud::CloudPoint;
 use nunet_core::pipeline::{Outputs, Pipeline};
 
-/// Room for one frame's results.
+/// Buffers for the results of one frame.
 #[derive(Debug)]
 pub(crate) struct Buffers {
     depth: Vec<f32>,
@@ -12,7 +12,7 @@ pub(crate) struct Buffers {
 }
 
 impl Buffers {
-    /// Room for everything that `pipeline` gives.
+    /// Buffers for all results of `pipeline`.
     pub(crate) fn new(pipeline: &Pipeline) -> Self {
         let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
         let size = pixels(pipeline.size());
@@ -23,22 +23,22 @@ impl Buffers {
         }
     }
 
-    /// The room, to be filled.
+    /// The buffers, to be filled.
     pub(crate) fn outputs(&mut self) -> Outputs<'_> {
         Outputs { depth_m: &mut self.depth, labels: self.labels.as_deref_mut(), cloud: Some(&mut self.cloud) }
     }
 
-    /// `[H, W]`, as the last frame left it.
+    /// `[H, W]`, of the last frame.
     pub(crate) fn depth(&self) -> &[f32] {
         &self.depth
     }
 
-    /// `[H, W]`, as the last frame left it; `None` where the network does not segment.
+    /// `[H, W]`, of the last frame; `None` if the network does not segment.
     pub(crate) fn labels(&self) -> Option<&[u8]> {
         self.labels.as_deref()
     }
 
-    /// The organized cloud, as the last frame left it.
+    /// The organized cloud of the last frame.
     pub(crate) fn cloud(&self) -> &[CloudPoint] {
         &self.cloud
     }

@@ -1,5 +1,5 @@
-//! The command line as clap sees it, and checked values made from it. The last module: it imports all others, and nothing but
-//! the program's entry imports it.
+//! The clap structs of the command line, and the checked values made from them. The last module: it imports all others, and
+//! only the entry of the program imports it.
 //!
 //! Arguments -> [`Cli`] -> (with `--config`, the file between defaults and flags) -> [`Config`](crate::config::Config) or the
 //! options of a subcommand -> that subcommand. A new flag of `run` is a field of a struct here, which makes it a key of the
@@ -68,7 +68,7 @@ pub struct Cli {
 }
 
 impl SubcommandArgs {
-    /// What `run` is to do, for the subcommands that take its arguments.
+    /// The configuration of `run`, for the subcommands that take its arguments.
     fn run_mut(&mut self) -> Option<&mut RunCommand> {
         match self {
             Self::Run(run) | Self::Config(run) => Some(run),
@@ -81,7 +81,7 @@ impl Cli {
     /// Parses a command line, the program's name first, and the configuration file that it names.
     ///
     /// # Errors
-    /// What clap has to say: a mistake, or the help that was asked for.
+    /// The message of clap: a mistake, or the requested help.
     pub fn parse_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut arguments: Vec<_> = arguments.into_iter().collect();
         default_subcommand::insert(&mut arguments)?;
@@ -129,7 +129,7 @@ pub enum SubcommandArgs {
     CheckModel(CheckModelArgs),
 }
 
-/// How much is logged, and how.
+/// Log level and format.
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct LogArgs {
@@ -152,17 +152,17 @@ impl LogArgs {
     }
 }
 
-/// How log lines look.
+/// The format of log lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LogFormat {
-    /// Lines for people.
+    /// Plain text.
     Text,
     /// One JSON object per line.
     Json,
 }
 
-/// What runs the networks.
+/// The options of the inference engine.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct EngineArgs {
     /// The execution provider: auto, cpu, openvino, cuda or tensorrt

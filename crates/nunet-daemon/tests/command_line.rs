@@ -28,7 +28,7 @@ fn config_refuses_files_that_run_refuses_with_the_same_words() {
         ["--record", &no_folder],
         ["--stats-json", &no_folder],
     ] {
-        // The last one of two equal flags would be an error: the good one is left out.
+        // The last one of two equal flags would be an error: the good one is omitted.
         let others = good.chunks(2).filter(|pair| pair[0] != bad[0]).flatten().copied();
         let arguments: Vec<&str> = others.chain(bad).chain(["--frames", "1"]).collect();
         let by_run = error_of(&[&["-q", "run"][..], &arguments].concat());

@@ -39,7 +39,7 @@ fn a_file_that_is_there_is_not_overwritten_and_a_model_that_is_not_is_named() {
     let (model, out) = (bench.arg("model.onnx"), bench.arg("mine.toml"));
     let output = run(nunetd(&["-q", "tune", &model, "--out", &out]));
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("mine.toml` is there already\nhint: "), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("mine.toml` exists\nhint: "), "{}", text(&output.stderr));
     assert_eq!(std::fs::read_to_string(bench.path("mine.toml")).unwrap(), "rate = 30\n");
     let output = run(nunetd(&["-q", "tune", &bench.arg("none.onnx")]));
     assert_eq!(output.status.code(), Some(2));

@@ -11,16 +11,16 @@ use toml::{Spanned, Table, Value};
 
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
 
-/// Below this likeness a guess would be an insult.
+/// No key is suggested below this similarity.
 const LEAST_LIKENESS: f64 = 0.6;
-/// A hundred times what all flags take.
+/// A hundred times the length of a file with all flags.
 const MAX_BYTES: u64 = 64 * 1024;
-/// What belongs into the sections where there are sections.
+/// Keys that must be in the sections if there are any.
 const OF_ONE_CAMERA: [&str; 2] = ["source", "camera"];
 const SECTIONS_HINT: &str =
     "hint: a `[[camera]]` section for each of several cameras, or `camera = \"NAME\"` for one";
 
-/// What a file says, by the long names of flags.
+/// The settings of a file, by the long names of flags.
 pub(super) struct File {
     /// Above the sections.
     pub(super) shared: Table,
@@ -58,7 +58,7 @@ fn text_of_file(path: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// What is wrong, and where.
+/// A mistake and its place.
 struct Mistake {
     line: Option<usize>,
     message: String,
@@ -88,7 +88,7 @@ impl Reader<'_> {
         let Some(sections) = sections else { return Ok(File { shared, sections: Vec::new() }) };
         if let Some(own) = OF_ONE_CAMERA.into_iter().find(|own| shared.contains_key(*own)) {
             let message =
-                format!("`{own}` stands above the `[[camera]]` sections\nhint: each section says its own");
+                format!("`{own}` stands above the `[[camera]]` sections\nhint: set it in each section");
             return Err(message.into());
         }
         let sections = sections.into_iter().enumerate();
@@ -199,7 +199,7 @@ fn sections_of<'a>(document: &'a DeTable<'a>) -> Result<Option<Vec<&'a DeTable<'
     sections.iter().map(section).collect::<Result<_, _>>().map(Some)
 }
 
-/// A key that no flag has, with the nearest that there is.
+/// The error for an unknown key, with the most similar known one.
 fn unknown<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
     let flag = key.replace('_', "-");
     let likeness = |name: &str| strsim::jaro_winkler(name, &flag);

@@ -8,7 +8,7 @@ use super::StreamArgs;
 /// The key of a camera's name in its section of the file.
 pub(super) const CAMERA_NAME_KEY: &str = "name";
 
-/// Whether a value is one that a flag would be given for.
+/// Whether a value is one that turns its flag on.
 pub(super) fn is_on(value: &Value) -> bool {
     !matches!(value, Value::Boolean(false) | Value::Integer(0))
 }

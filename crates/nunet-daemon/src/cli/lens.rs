@@ -14,7 +14,7 @@ use crate::config::OpticsConfig;
 use crate::exit::BadArguments;
 use crate::source::CameraGeometry;
 
-/// The camera, as far as the user knows it.
+/// The intrinsics or calibration, if known.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct GeometryArgs {
     /// Focal lengths and principal point in pixels, for a camera without distortion; `@WxH` is the size they are valid for
@@ -33,7 +33,7 @@ impl GeometryArgs {
     }
 }
 
-/// How the lens affects depth.
+/// How the camera affects depth.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct LensArgs {
     #[command(flatten)]
@@ -56,7 +56,7 @@ impl LensArgs {
     }
 }
 
-/// The camera, and what is made of its depth.
+/// The camera, and the processing of its depth.
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct CameraArgs {

@@ -11,7 +11,7 @@ use crate::config::{MountOption, Publish, RecordConfig};
 use crate::exit::camera_name;
 use crate::subcommands::replay;
 
-/// What is recorded of a stream.
+/// The recording of a stream.
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct RecordArgs {

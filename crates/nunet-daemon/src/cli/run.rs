@@ -53,7 +53,7 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// What is for all cameras, and the cameras of `arguments`, at least one.
+    /// The settings for all cameras, and the cameras of `arguments`, at least one.
     pub(crate) fn config(&self, cameras: &[StreamArgs]) -> anyhow::Result<Config> {
         let several = cameras.len() > 1;
         let every = self.every.iter().map(|Text(StageEvery(stage, count))| (stage.clone(), *count));
@@ -151,7 +151,7 @@ impl StreamArgs {
     }
 }
 
-/// Without `--source`, the demo scene; someone who forgot the flag is told.
+/// Without `--source`, the demo scene, with a warning in case the flag was forgotten.
 fn source_name(source: Option<&str>) -> SourceName {
     let demo = || {
         warn!("no --source: frames come from the built-in demo scene");

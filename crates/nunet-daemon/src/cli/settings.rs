@@ -19,7 +19,7 @@ use super::{Cli, LogArgs, RunArgs, StreamArgs};
 use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
 
-/// Flags that mean nothing without another one, which may be in the file.
+/// Flags that need another one, which may be in the file.
 const NEEDS: [(&str, &str); 4] =
     [("force", "record"), ("record-lossless", "record"), ("format", "size"), ("access-mode", "access-group")];
 
@@ -32,7 +32,7 @@ pub struct RunCommand {
     pub settings: Settings,
 }
 
-/// What the layers say.
+/// The layers.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     defaults: Table,
@@ -96,7 +96,7 @@ impl Settings {
         let own = stream_flags();
         let camera = |section: &Table| {
             let mut table = overlay(run, flags, &overlay(run, section, &shared));
-            // What is said to all cameras means nothing to one that lacks what it needs.
+            // A setting for all cameras has no effect on a camera that lacks the flag it needs.
             for (flag, needed) in NEEDS {
                 let is_shared = !section.contains_key(flag) && !flags.contains_key(flag);
                 if is_shared && own.iter().any(|own| own == flag) && !table.contains_key(needed) {
@@ -196,8 +196,8 @@ fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Optio
     }
 }
 
-/// A file is written for a robot: depth of an invented room must not go out under a camera's name because a line is
-/// missing. The bare command line may leave it out.
+/// A file is written for a robot: a missing line must not publish the depth of the demo scene under a camera's name.
+/// On the command line `--source` is optional.
 fn refuse_no_source(path: &Path, cameras: &[StreamArgs]) -> Result<(), BadArguments> {
     let Some(camera) = cameras.iter().find(|camera| camera.source.is_none()) else { return Ok(()) };
     let camera = camera.camera.as_ref().map(|name| format!(" for camera `{name}`")).unwrap_or_default();
@@ -217,7 +217,7 @@ fn unmet_need(command: &Command, table: &Table) -> Option<(&'static str, &'stati
     NEEDS.into_iter().find(is_unmet)
 }
 
-/// `upper`, and what `lower` says beside it.
+/// `upper`, completed by `lower`.
 fn overlay(run: &Command, upper: &Table, lower: &Table) -> Table {
     let is_beside = |key: &str| {
         let excludes =
@@ -251,7 +251,7 @@ fn value_of(argument: &Arg, matches: &ArgMatches) -> Value {
     }
 }
 
-/// TOML is Unicode, and so is what stands beside it.
+/// TOML is Unicode, so the flags that are merged with it must be Unicode too.
 fn refuse_what_is_not_unicode(run: &Command, matches: &ArgMatches) -> Result<(), String> {
     let given = run.get_arguments().filter(|argument| argument.get_action().takes_values());
     let is_unicode = |argument: &&Arg| {

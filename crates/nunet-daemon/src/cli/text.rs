@@ -1,4 +1,4 @@
-//! Values as flags and keys write them. Both use the same parser, so that both give the same error.
+//! Parsers for the values of flags and keys. Both use the same parser, so both give the same error.
 
 use std::fmt::Display;
 use std::net::SocketAddr;
@@ -45,7 +45,7 @@ pub(super) fn value<T: Clone>(text: &Option<Text<T>>) -> Option<T> {
     text.as_ref().map(|Text(value)| value.clone())
 }
 
-/// Types whose own parser says everything.
+/// Types whose parser gives complete errors.
 macro_rules! from_str {
     ($error:path: $($type:ty),+) => {
         $(impl FromText for $type {
@@ -67,7 +67,7 @@ fn plain(error: &impl Display) -> String {
     error.to_string()
 }
 
-/// Counts; what the standard library says of a bad one speaks of its types.
+/// Counts. The standard library's messages about a bad one name Rust types, so they are replaced.
 macro_rules! count {
     ($($type:ty),+) => {
         $(impl FromText for $type {

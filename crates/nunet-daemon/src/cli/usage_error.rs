@@ -9,7 +9,7 @@ use crate::{exit, logging};
 /// the rest of them is wrong.
 pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
     if !error.use_stderr() || !asks_for_json_log(arguments) {
-        // Printing fails only if the terminal is gone: nobody can read it.
+        // Printing fails only if the terminal is gone.
         let _ = error.print();
         return if error.use_stderr() { exit::BAD_ARGUMENTS } else { exit::DONE };
     }

@@ -27,7 +27,7 @@ pub(crate) fn in_folder(folder: PathBuf) -> Box<dyn Sink> {
 }
 
 impl Sink for LastFrame {
-    /// Nobody knows which frame will be the last one, so labels and cloud are computed for each.
+    /// Any frame may be the last one, so labels and cloud are computed for each.
     fn wants(&self) -> Wants {
         Wants { labels: true, cloud: true }
     }
@@ -47,7 +47,7 @@ impl Sink for LastFrame {
     }
 }
 
-/// Results in memory of their own.
+/// Copies of the results.
 struct OwnedResults {
     size: (u32, u32),
     depth: Vec<f32>,

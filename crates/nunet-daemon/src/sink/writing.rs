@@ -1,4 +1,4 @@
-//! Files that are written on a thread of their own, so that a disk that hangs blocks only those who wait for them.
+//! Writes files on a separate thread, so that a hanging disk blocks only those who wait for the files.
 
 use std::thread::JoinHandle;
 
@@ -15,7 +15,7 @@ pub(crate) struct Writing {
 }
 
 impl Writing {
-    /// Starts `write`, which owns all that it needs.
+    /// Starts `write`, which owns everything it needs.
     pub(crate) fn start(
         what: String,
         write: impl FnOnce() -> anyhow::Result<()> + Send + 'static,

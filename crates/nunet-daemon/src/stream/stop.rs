@@ -13,12 +13,12 @@ use signal_hook::{flag, low_level};
 /// Exit code of the second signal.
 const INTERRUPTED_TWICE: i32 = 130;
 /// Two signals within this time count as one. `timeout` of coreutils signals the process and its group, `ros2 launch` and
-/// a terminal do the same: nobody has lost patience yet.
+/// a terminal do the same.
 const ONE_REQUEST: Duration = Duration::from_secs(1);
 /// How long a stop may go unseen.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// What was begun is not gone on with, because a stop was requested before the first frame.
+/// A stop was requested before the first frame.
 #[derive(Debug, thiserror::Error)]
 #[error("stopped before the first frame")]
 pub(crate) struct Stopped;
@@ -28,7 +28,7 @@ pub(crate) struct Stopped;
 pub(crate) struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// A request that the process' signals make.
+    /// A request that is made by signals.
     pub(crate) fn on_signals() -> anyhow::Result<Self> {
         let stop = Self::default();
         let failed = "cannot listen to SIGINT, SIGTERM and SIGHUP";
@@ -51,7 +51,7 @@ impl Stop {
         &self.0
     }
 
-    /// Asked before a step that is not to be begun after a stop.
+    /// Checked before each step that must not begin after a stop.
     ///
     /// # Errors
     /// [`Stopped`].
@@ -59,13 +59,13 @@ impl Stop {
         if self.requested() { Err(Stopped) } else { Ok(()) }
     }
 
-    /// Makes the request, as a signal does.
+    /// Requests a stop, as a signal does.
     #[cfg(test)]
     pub(crate) fn request(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether it was made.
+    /// Whether a stop was requested.
     pub(crate) fn requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -96,8 +96,8 @@ fn is_second_request(first: &mut Option<Instant>, now: Instant) -> bool {
     now.duration_since(*first.get_or_insert(now)) >= ONE_REQUEST
 }
 
-/// Whether this process was started with a signal ignored, as `nohup` does, and is to go on so. Read in the kernel's
-/// table, since asking for the handler itself takes unsafe code.
+/// Whether a signal was ignored when this process started, as under `nohup`, and stays ignored. Read from the kernel's
+/// table, because querying the handler takes unsafe code.
 fn is_ignored(signal: i32) -> bool {
     std::fs::read_to_string("/proc/self/status").is_ok_and(|status| ignores(&status, signal))
 }

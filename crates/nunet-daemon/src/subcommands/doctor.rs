@@ -43,7 +43,7 @@ pub(crate) fn doctor(model: &Path, engine: EngineOptions, json: bool) -> anyhow:
     }
 }
 
-/// Library, model, provider and self-test; each needs the one before.
+/// Library, model, provider and self-test; each check needs the previous one.
 fn check_engine(checks: &mut Checks, model: &Path, engine: EngineOptions) -> Option<Pipeline> {
     let engine = match Engine::start(engine) {
         Ok(engine) => engine,
@@ -147,7 +147,7 @@ fn cache() -> Finding {
     }
 }
 
-/// What readers can find now: a name that is not listed is mistyped or belongs to another user.
+/// The cameras that readers can find. A name that is not listed is mistyped or belongs to another user.
 fn published() -> Result<String, IpcError> {
     let list = |what: &str, topic| {
         cameras::list(topic).map(|there| {

@@ -1,4 +1,4 @@
-//! `nunetd inspect`: what a model file is.
+//! `nunetd inspect`: describes a model file.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -9,7 +9,7 @@ use nunet_engine::{Engine, EngineOptions, ModelReport};
 use super::load::load;
 use crate::Outcome;
 
-/// Loads and self-tests the model, and prints what it is.
+/// Loads and self-tests the model, and prints its description.
 pub(crate) fn inspect(model: &Path, engine: EngineOptions, json: bool) -> anyhow::Result<Outcome> {
     let loaded = load(&Engine::start(engine)?, model)?;
     let (file, hash) = (loaded.path().display().to_string(), loaded.hash());

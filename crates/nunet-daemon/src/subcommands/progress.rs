@@ -2,7 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar with rate and time left; without an end where nobody knows how many there are.
+/// A bar with rate and time left; a counter if the total is unknown.
 pub(super) fn progress(what: &'static str, count: Option<u64>) -> ProgressBar {
     let (bar, template) = match count {
         Some(count) => (ProgressBar::new(count), "{prefix} {wide_bar} {pos}/{len} {per_sec} {eta} left"),

@@ -1,4 +1,4 @@
-//! `nunetd tune`: which provider and how many threads are fastest for a model on this machine.
+//! `nunetd tune`: finds the fastest provider and number of threads for a model on this machine.
 
 use std::io::Write as _;
 use std::num::{NonZeroU32, NonZeroUsize};
@@ -16,24 +16,25 @@ use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::exit::BadArguments;
 
-/// So much slower than the fastest is as fast, where it takes fewer threads: the robot has other work for them.
+/// A combination with fewer threads is preferred if it is at most this much slower than the fastest, because a robot has
+/// other work for its cores.
 const AS_FAST: f64 = 1.05;
 
-/// What is measured.
+/// The options.
 pub(crate) struct Options {
     pub(crate) model: PathBuf,
     /// The image to predict from; `None` for the first of the demo scene.
     pub(crate) image: Option<PathBuf>,
     /// The number of predictions per combination.
     pub(crate) runs: NonZeroU32,
-    /// What is named here is not varied.
+    /// Values that are set here are not varied.
     pub(crate) engine: EngineOptions,
     /// The configuration file to write.
     pub(crate) out: Option<PathBuf>,
     pub(crate) json: bool,
 }
 
-/// Measures every way to run the model in turn, interleaved, so that a disturbed moment meets them all.
+/// Measures all combinations interleaved, so that a disturbance affects all of them.
 pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
     refuse_existing(options.out.as_deref())?;
     find_model(&options.model)?;
@@ -43,7 +44,7 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
     for way in possible(&options.engine, &engine.runtime().providers()) {
         match Way::load(way, options) {
             Ok(way) => ways.push(way),
-            Err(error) => warn!("left out: {error:#}"),
+            Err(error) => warn!("skipped: {error:#}"),
         }
     }
     for run in 0..WARM_UP_RUNS + options.runs.get() {
@@ -52,7 +53,7 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
         }
     }
     let medians: Vec<_> = ways.iter().map(|way| (way.threads, way.subject.median_ms())).collect();
-    let best = best(&medians).context("no way to run the model here\nhint: nunetd doctor")?;
+    let best = best(&medians).context("no combination runs this model\nhint: run `nunetd doctor`")?;
     let text =
         if options.json { json(&ways, &ways[best], &engine).to_string() } else { table(&ways, &ways[best]) };
     writeln!(std::io::stdout(), "{text}")?;
@@ -63,18 +64,18 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// A configuration may hold what somebody wrote by hand.
+/// Refuses to overwrite a file, which may have been edited by hand.
 fn refuse_existing(out: Option<&Path>) -> anyhow::Result<()> {
     if let Some(out) = out.filter(|out| out.exists()) {
         bail!(BadArguments(format!(
-            "`{}` is there already\nhint: name a new file, and take over the lines that you want",
+            "`{}` exists\nhint: name a new file and copy the lines that you need",
             out.display()
         )));
     }
     Ok(())
 }
 
-/// A provider with a number of threads.
+/// A combination: a provider with a number of threads.
 struct Way {
     provider: Provider,
     threads: NonZeroUsize,
@@ -94,7 +95,7 @@ impl Way {
     }
 }
 
-/// What was named, else every provider that starts here, with 1, 2, 4 ... threads up to one a core.
+/// The configured values, else every provider that starts here, with 1, 2, 4 ... threads up to one per core.
 fn possible(engine: &EngineOptions, here: &[Provider]) -> Vec<(Provider, NonZeroUsize)> {
     let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let powers = std::iter::successors(Some(1_usize), |threads| threads.checked_mul(2));
@@ -113,7 +114,7 @@ fn possible(engine: &EngineOptions, here: &[Provider]) -> Vec<(Provider, NonZero
     providers.iter().flat_map(with).collect()
 }
 
-/// The place of the way to choose, of threads and median times.
+/// The index of the best combination, given threads and median times.
 fn best(medians: &[(NonZeroUsize, f64)]) -> Option<usize> {
     let fastest = medians.iter().map(|way| way.1).min_by(f64::total_cmp)?;
     let as_fast = medians.iter().enumerate().filter(|(_, way)| way.1 <= AS_FAST * fastest);
@@ -128,7 +129,7 @@ fn table(ways: &[Way], best: &Way) -> String {
         text += &format!("  {}\n", way.subject.end_to_end_row(&name));
     }
     let (provider, threads, ms) = (best.provider, best.threads, best.subject.median_ms());
-    text + &format!("--provider {provider} --threads {threads}: {ms:.1} ms a frame, end to end")
+    text + &format!("--provider {provider} --threads {threads}: {ms:.1} ms per frame, end to end")
 }
 
 fn json(ways: &[Way], best: &Way, engine: &Engine) -> Value {
@@ -149,11 +150,11 @@ fn json(ways: &[Way], best: &Way, engine: &Engine) -> Value {
     })
 }
 
-/// What `--config` reads.
+/// The configuration file.
 fn config(model: &Path, best: &Way) -> anyhow::Result<String> {
     let mut table = toml::Table::new();
     let model =
-        model.to_str().context("the model's path is no text, so that no configuration can name it")?;
+        model.to_str().context("the model's path is not UTF-8, so no configuration file can name it")?;
     table.insert("model".to_owned(), model.into());
     table.insert("provider".to_owned(), best.provider.name().into());
     table.insert("threads".to_owned(), i64::try_from(best.threads.get())?.into());

@@ -1,4 +1,4 @@
-//! `nunetd watch`: what a running daemon publishes, for people and for scripts.
+//! `nunetd watch`: shows what a running daemon publishes, for people and for scripts.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::num::NonZeroU64;
@@ -16,18 +16,18 @@ use crate::Outcome;
 use crate::exit::BadArguments;
 use crate::stream::Stop;
 
-/// How long one wait may take, so that a stop is seen.
+/// The longest single wait, so that a stop is noticed.
 const GLANCE: Duration = Duration::from_millis(100);
-/// How long the first frame waits for the figures: they come with the next frame, or when a late joiner is served.
+/// How long the first frame waits for the stats, which arrive with the next frame or when a late reader is served.
 const FIRST_STATS: Duration = Duration::from_millis(500);
-/// How often it looks for them.
+/// How often it checks for them.
 const FIRST_STATS_PERIOD: Duration = Duration::from_millis(5);
-/// As many cameras as an error names.
+/// The most cameras that an error lists.
 const MOST_NAMES: usize = 8;
-/// How often the view is drawn anew.
+/// How often the view is redrawn.
 const REDRAW: Duration = Duration::from_millis(200);
 
-/// Follows the camera until `--frames` are seen, a signal comes, or no frame comes for `--timeout`.
+/// Follows the camera until `--frames` are seen, a stop is requested, or no frame arrives within `--timeout`.
 pub(crate) fn watch(
     camera: &CameraName,
     json: bool,
@@ -50,7 +50,7 @@ pub(crate) fn watch(
     Ok(Outcome::Done)
 }
 
-/// Waits for the camera in short turns; `None` when a stop was requested.
+/// Waits for the camera in short steps; `None` if a stop was requested.
 fn open(camera: &CameraName, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
     let start = Instant::now();
     while !stop.requested() {
@@ -67,7 +67,7 @@ fn open(camera: &CameraName, timeout: Duration, stop: &Stop) -> anyhow::Result<O
     Ok(None)
 }
 
-/// Nobody publishes the camera: with the cameras that there are, the name most alike first.
+/// The error for a camera that is not published; lists the published ones, the most similar name first.
 fn nobody(camera: &CameraName, error: &IpcError) -> anyhow::Error {
     let mut there = cameras::list(Topic::Depth).unwrap_or_default();
     there.retain(|other| other != camera);
@@ -78,7 +78,7 @@ fn nobody(camera: &CameraName, error: &IpcError) -> anyhow::Error {
     there.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
     let names: Vec<_> = there.iter().take(MOST_NAMES).map(|name| format!("`{name}`")).collect();
     let more = if there.len() > names.len() { " and others" } else { "" };
-    anyhow!("{error}\nhint: cameras that are published now: {}{more}", names.join(", "))
+    anyhow!("{error}\nhint: published cameras: {}{more}", names.join(", "))
 }
 
 struct Watcher {
@@ -89,7 +89,7 @@ struct Watcher {
 }
 
 impl Watcher {
-    /// The next frame, or `None` to look around.
+    /// The next frame; `None` if none arrived in time.
     fn next(&mut self) -> anyhow::Result<Option<Frame>> {
         let mut frame = self.reader.next(Topic::Depth)?;
         if frame.is_none() {
@@ -103,14 +103,14 @@ impl Watcher {
             bail!(
                 "no frame for {} s: {}",
                 self.timeout.as_secs_f64(),
-                if self.reader.is_connected() { "the source stands still" } else { "the daemon is gone" }
+                if self.reader.is_connected() { "the source is paused" } else { "the daemon is gone" }
             );
         }
         Ok(frame)
     }
 
-    /// The figures of a frame follow it: those known at a frame are of the one before, or newer. Before the first
-    /// frame is shown they are waited for, since stages have no names without them.
+    /// The stats of a frame arrive after it, so the known ones are of the previous frame or newer. The first frame waits for
+    /// them, because stages have no names without them.
     fn follow_stats(&mut self) -> anyhow::Result<()> {
         let start = Instant::now();
         loop {
@@ -125,7 +125,7 @@ impl Watcher {
     }
 }
 
-/// How frames are shown.
+/// The output format.
 enum View {
     Json,
     Lines,
@@ -161,7 +161,7 @@ impl View {
     }
 }
 
-/// Milliseconds since the image was taken; `None` where its sender does not say when.
+/// Milliseconds since the image was taken; `None` if its capture time is unknown.
 fn age_ms(header: &FrameHeader) -> Option<f64> {
     header.age_nanos(monotonic_nanos(), unix_nanos()).map(|nanos| nanos as f64 / 1e6)
 }
@@ -170,7 +170,7 @@ fn age_of(header: &FrameHeader) -> String {
     age_ms(header).map_or_else(|| "unknown".to_owned(), |age| format!("{age:.1} ms"))
 }
 
-/// Depth in the middle of the image; `None` where there is no measurement.
+/// Depth at the center of the image; `None` if there is no measurement.
 fn depth_center(frame: &Frame) -> anyhow::Result<Option<f32>> {
     let (width, height) = (frame.header().width as usize, frame.header().height as usize);
     let depth = frame.depth()?.get(height / 2 * width + width / 2).copied();

@@ -1,4 +1,4 @@
-//! The recording's thread: it alone waits for the disk.
+//! The recording's thread, the only one that waits for the disk.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use tracing::error;
 use super::record::Record;
 use crate::sink::queue::Writer;
 
-/// At most so much is lost if the process or the machine dies.
+/// The longest part that is lost if the process or the machine dies.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
 
 /// What a recorder writes to.

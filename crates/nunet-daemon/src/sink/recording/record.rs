@@ -1,4 +1,4 @@
-//! One frame with its results, in memory of its own that is reused. Everything is little-endian, like shared memory.
+//! A copy of one frame with its results; the memory is reused. Everything is little-endian, like shared memory.
 
 use nunet_core::camera::Camera;
 use nunet_ipc::Units;
@@ -26,7 +26,7 @@ pub(crate) struct Record {
 }
 
 impl Record {
-    /// Takes a frame, and its camera at the image's size. Memory that another process lends is given back at once.
+    /// Takes a frame, and its camera at the image's size. Memory of another process is returned at once.
     pub(crate) fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
         if let Pixels::Shared(sample) = &frame.pixels {
             frame.pixels = Pixels::Owned(sample.bytes().to_vec());
@@ -78,7 +78,7 @@ impl Record {
         (!self.labels.is_empty()).then_some(&self.labels)
     }
 
-    /// Points are meters to everybody who reads ROS' messages: there are none of depth without a unit.
+    /// Readers of ROS messages expect points in meters, so depth without a unit has no points.
     pub(crate) fn cloud(&self) -> Option<CloudRecord<'_>> {
         let (width, height) = self.cloud_size;
         (!self.cloud.is_empty() && self.scale[0] == Units::Metre.name()).then_some(CloudRecord {

@@ -95,7 +95,7 @@ impl Sink for Recorder {
     }
 }
 
-/// A recording to which nothing is added any more.
+/// A finished recording.
 struct Ending {
     queue: ClosedQueue<ArchiveWriter>,
     path: PathBuf,
@@ -103,7 +103,7 @@ struct Ending {
     offered: u64,
 }
 
-/// What became of the frames of a stream.
+/// The outcome of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Tally {
     recorded: u64,

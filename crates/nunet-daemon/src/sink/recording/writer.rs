@@ -23,7 +23,7 @@ use tracing::info;
 /// For raw images: lower qualities become visible, and the file is a tenth of the raw image.
 const JPEG_QUALITY: u8 = 92;
 
-/// What is known of a recording before its first frame.
+/// The settings of a recording before its first frame.
 pub(crate) struct About<'a> {
     pub(crate) camera: &'a str,
     pub(crate) frame_id: &'a str,
@@ -68,14 +68,14 @@ pub(crate) fn settings(pipeline: &Pipeline) -> [(&'static str, String); 2] {
     [("filters", filters.join(" ")), ("every", every.join(" "))]
 }
 
-/// Refuses an output that is there, or that is the input under whatever name, before any work is done.
+/// Refuses an output that exists, or that is the input under another name, before any work is done.
 pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) -> anyhow::Result<()> {
     let Ok(there) = std::fs::metadata(output) else { return Ok(()) };
     let is_input = input
         .and_then(|input| std::fs::metadata(input).ok())
         .is_some_and(|input| (input.dev(), input.ino()) == (there.dev(), there.ino()));
     if is_input {
-        bail!(BadArguments(format!("`{}` cannot be read and written at once", output.display())));
+        bail!(BadArguments(format!("`{}` is both input and output", output.display())));
     }
     if !force {
         let exists = RecordingError::Exists { path: output.to_owned() };
@@ -250,7 +250,7 @@ mod tests {
         std::fs::write(&input, "x").unwrap();
         std::fs::hard_link(&input, &link).unwrap();
         let refused = |force| refuse_output(&link, Some(&input), force).unwrap_err().to_string();
-        assert!(refused(true).ends_with("cannot be read and written at once"));
+        assert!(refused(true).ends_with("is both input and output"));
         assert!(refuse_output(&link, None, false).unwrap_err().to_string().contains("already exists"));
         assert!(refuse_output(&link, None, true).is_ok());
         assert!(refuse_output(&folder.path().join("new.mcap"), Some(&input), false).is_ok());

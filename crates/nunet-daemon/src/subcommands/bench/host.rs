@@ -1,4 +1,4 @@
-//! The machine that a figure was measured on.
+//! The machine of the measurement.
 
 use nunet_ipc::unix_nanos;
 use serde_json::{Value, json};
@@ -12,7 +12,7 @@ pub(in crate::subcommands) fn json() -> Value {
     })
 }
 
-/// The most memory that this process ever held, in megabytes.
+/// The peak memory of this process, in megabytes.
 pub(super) fn peak_rss_mb() -> Option<f64> {
     let kib: f64 = field("/proc/self/status", "VmHWM")?.trim_end_matches("kB").trim().parse().ok()?;
     Some(kib * 1024.0 / 1e6)

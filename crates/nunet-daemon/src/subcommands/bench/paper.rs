@@ -18,7 +18,7 @@ const TABLE: [Row; 3] = [
     Row { architecture: "wnet_c", mean: 132.66, min: 118.58, max: 195.70 },
 ];
 
-/// The paper's figures for the same network, where this is one of its networks.
+/// The times in the paper for the same network, if it is one of the paper's.
 pub(super) fn row(pipeline: &Pipeline) -> Option<Row> {
     let description = pipeline.graph().description();
     let same = pipeline.size() == (640, 480)

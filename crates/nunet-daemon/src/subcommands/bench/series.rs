@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 pub(super) const HEAD: &str =
     "ms                  mean       min       p50       p90       p99      p999       max";
 
-/// Times in milliseconds, all of them kept: a benchmark has few.
+/// All times in milliseconds: a benchmark has few.
 #[derive(Debug, Default)]
 pub(super) struct Series(Vec<f64>);
 
@@ -19,7 +19,7 @@ impl Series {
         self.0.iter().sum::<f64>() / self.0.len().max(1) as f64
     }
 
-    /// The smallest time that the share `quantile` of all does not exceed.
+    /// The smallest time that a share of `quantile` does not exceed.
     pub(super) fn quantile(&self, quantile: f64) -> f64 {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);

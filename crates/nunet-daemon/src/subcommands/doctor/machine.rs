@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::report::{Finding, Problem};
 
-/// Everybody may write here, but not remove what belongs to others.
+/// Folders in which everybody can write, but nobody can remove the files of others.
 const SHARED_FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
 const STICKY: u32 = 0o1000;
 const OTHERS_WRITE: u32 = 0o002;

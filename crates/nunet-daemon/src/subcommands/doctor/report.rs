@@ -20,7 +20,7 @@ impl Problem {
         Self { detail: detail.into(), hint: Some(hint.into()) }
     }
 
-    /// The problem that an error is.
+    /// The problem for an error.
     pub(super) fn of(error: impl Into<anyhow::Error>) -> Self {
         let (message, hints) = message_and_hints(&error.into());
         let detail = message.replace("\n  because: ", ": ");

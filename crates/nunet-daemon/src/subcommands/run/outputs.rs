@@ -1,4 +1,4 @@
-//! The files that a run leaves: looked at before anything slow, made when nothing else can fail any more.
+//! The output files of a run: checked before anything slow, created after everything else that can fail.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::camera::{Prepared, place};
 use crate::exit::in_camera;
 use crate::sink::stats::check_writable;
 
-/// Where a run writes.
+/// The output paths of a run.
 pub(super) struct Outputs {
     cameras: Vec<Camera>,
     stats_json: Option<PathBuf>,
@@ -30,7 +30,7 @@ impl Outputs {
         Self { cameras: cameras.iter().map(camera).collect(), stats_json: stats_json.map(Path::to_owned) }
     }
 
-    /// Makes sure that all of it can be written, as far as that can be said without making anything.
+    /// Checks that all of it can be written, as far as possible without creating anything.
     pub(super) fn check(&self) -> anyhow::Result<()> {
         self.each(
             |folder| Ok(check_folder(folder)?),
@@ -38,7 +38,7 @@ impl Outputs {
         )
     }
 
-    /// Makes the folders, and makes sure that the files can be written.
+    /// Creates the folders and checks that the files can be written.
     pub(super) fn make(&self) -> anyhow::Result<()> {
         self.each(|folder| Ok(make_folder(folder)?), check_writable)
     }
@@ -60,7 +60,7 @@ impl Outputs {
         self.stats_json.as_deref().map_or(Ok(()), file)
     }
 
-    /// Whether a file's folder is not there, and will be made with those of results.
+    /// Whether a file's folder is missing and will be created with the folders of results.
     fn waits_for_folder(&self, file: &Path) -> bool {
         let missing = file.parent().filter(|parent| !parent.as_os_str().is_empty() && !parent.exists());
         missing.map(place).is_some_and(|missing| {
