@@ -1,19 +1,19 @@
 //! What the daemon itself reads: pipes, configurations, images.
 
 use std::ffi::OsString;
-use std::io::Write as _;
+use std::io::{Cursor, Write as _};
 
 use nunet_core::frame::PixelFormat;
 use nunet_daemon::cli::Cli;
-use nunet_daemon::fuzzing;
-use nunet_daemon::source::{Fill, Frame, Source};
+use nunet_source::{Fill, Frame, OpenOptions, Source, SourceError, decode_file, open_pipe};
+use nunet_types::ImageSize;
 
 /// No valid pipe of a few kilobytes has more images.
 const MAX_IMAGES: usize = 100_000;
 
 /// Y4M on stdin.
 pub fn y4m(data: &[u8]) {
-    drain(fuzzing::pipe(data.to_vec(), None));
+    drain(open_pipe(Cursor::new(data.to_vec()), OpenOptions::default()));
 }
 
 /// Raw images on stdin; the first byte chooses their format.
@@ -22,10 +22,12 @@ pub fn raw(data: &[u8]) {
         [PixelFormat::Rgb8, PixelFormat::Bgr8, PixelFormat::Mono8, PixelFormat::Yuyv, PixelFormat::Nv12];
     let Some((&choice, data)) = data.split_first() else { return };
     let (format, side) = (FORMATS[usize::from(choice) % FORMATS.len()], u32::from(choice) / 8 + 1);
-    drain(fuzzing::pipe(data.to_vec(), Some(((side, 7), format))));
+    let size = Some(ImageSize { width: side, height: 7 });
+    let options = OpenOptions { size, format: Some(format), ..OpenOptions::default() };
+    drain(open_pipe(Cursor::new(data.to_vec()), options));
 }
 
-fn drain(opened: anyhow::Result<Box<dyn Source>>) {
+fn drain(opened: Result<Box<dyn Source>, SourceError>) {
     let mut pipe = opened.expect("an invalid pipe is refused at its first image");
     let mut frame = Frame::default();
     for _ in 0..MAX_IMAGES {
@@ -54,9 +56,9 @@ pub fn config(data: &[u8]) {
 /// A JPEG or PNG file, as a camera or a recording delivers it.
 pub fn image(data: &[u8]) {
     let mut frame = Frame { file: data.to_vec(), ..Frame::default() };
-    match fuzzing::decode(&mut frame) {
+    match decode_file(&mut frame) {
         Err(error) => check_message(&format!("{error:#}")),
-        Ok(()) => assert!(frame.view().is_ok(), "an image has the bytes of its size"),
+        Ok(_) => assert!(frame.view().is_ok(), "an image has the bytes of its size"),
     }
 }
 

@@ -1,8 +1,8 @@
 //! The header that another process writes into shared memory.
 
 use nunet_core::frame::{ImageView, PixelFormat};
-use nunet_daemon::fuzzing;
 use nunet_ipc::FrameHeader;
+use nunet_source::camera_in;
 
 /// Numbers one after the other, zeros at the end.
 struct Numbers<'a>(&'a [u8]);
@@ -68,7 +68,7 @@ pub fn header(data: &[u8]) {
         let view = ImageView::new(&pixels, header.width, header.height, header.row_stride_bytes, format);
         assert!(view.is_err() || header.height as usize <= pixels.len(), "each row has its bytes");
     }
-    if let Ok(Some(camera)) = fuzzing::camera(&header) {
+    if let Ok(Some(camera)) = camera_in(&header) {
         assert!(camera.intrinsics.fx_px.is_finite() && camera.intrinsics.fx_px > 0.0);
         assert_eq!((camera.intrinsics.width, camera.intrinsics.height), (header.width, header.height));
     }

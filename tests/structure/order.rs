@@ -52,7 +52,6 @@ const DAEMON: Order = Order {
         "buffers",
         "subcommands",
         "embed",
-        "fuzzing",
         // Last: the command line makes the configuration that all others take, and only the crate's root calls it.
         "cli",
     ],
@@ -97,6 +96,7 @@ const PYTHON: Order = Order {
         "colorize",
         "command",
         "installation",
+        "player",
         "result",
         "model",
         "replay",

@@ -8,11 +8,7 @@ use crate::rust_source::{is_test_file, without_tests};
 const MAX_LINES: usize = 350;
 
 /// Files that are still longer. The list may only shrink; the goal is an empty one.
-const PENDING: [&str; 3] = [
-    "crates/nunet-daemon/src/cli/config.rs",
-    "crates/nunet-daemon/src/sink/metrics.rs",
-    "crates/nunet-daemon/src/sink/shm.rs",
-];
+const PENDING: [&str; 1] = ["crates/nunet-daemon/src/sink/metrics.rs"];
 
 /// Of everything below `models/` together.
 const MAX_MODEL_BYTES: usize = 110_000_000;

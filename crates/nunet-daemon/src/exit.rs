@@ -104,7 +104,8 @@ pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> an
 }
 
 /// An error of a source; one of its arguments stays one.
-pub(crate) fn source_error(error: SourceError) -> anyhow::Error {
+#[must_use]
+pub fn source_error(error: SourceError) -> anyhow::Error {
     let (kind, text) = (error.kind(), error.to_string());
     let error = anyhow::Error::new(error);
     if kind == SourceErrorKind::BadArguments { error.context(BadArguments(text)) } else { error }

@@ -9,8 +9,6 @@ pub mod cli;
 pub mod config;
 pub mod embed;
 mod exit;
-#[doc(hidden)]
-pub mod fuzzing;
 mod logging;
 pub mod sink;
 pub mod stream;

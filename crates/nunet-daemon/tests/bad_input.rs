@@ -221,7 +221,7 @@ fn folder_of_a_recording_instead_of_its_file() {
 }
 
 #[test]
-fn pipe_without_a_picture() {
+fn pipe_without_an_image() {
     let bench = Bench::new();
     snapshot!(arguments(&bench, &["--source", "-", "--size", "10x10", "--format", "rgb8"]));
 }
@@ -234,7 +234,7 @@ fn recording_into_a_folder_that_does_not_exist() {
 }
 
 #[test]
-fn source_folder_without_pictures() {
+fn source_folder_without_images() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("nothing")).unwrap();
     let folder = bench.arg("nothing");
@@ -335,9 +335,9 @@ fn calibration_beside_intrinsics() {
 }
 
 #[test]
-fn calibration_for_pictures_of_another_shape() {
+fn calibration_for_images_of_another_shape() {
     let bench = Bench::new();
-    bench.add_picture("photo.png", 0);
+    bench.add_image("photo.png", 0);
     let text = calibration((1280, 720), [900.0, 900.0, 640.0, 360.0], "plumb_bob", &[0.0; 5]);
     std::fs::write(bench.path("camera.yaml"), text).unwrap();
     let (model, photo, out) = (bench.arg("model.onnx"), bench.arg("photo.png"), bench.arg("out"));
@@ -471,9 +471,9 @@ fn provider_that_the_library_has_not() {
 }
 
 #[test]
-fn picture_that_is_cut_off() {
+fn image_that_is_cut_off() {
     let bench = Bench::new();
-    bench.add_picture("whole.png", 0);
+    bench.add_image("whole.png", 0);
     let whole = std::fs::read(bench.path("whole.png")).unwrap();
     std::fs::write(bench.path("cut.png"), &whole[..whole.len() / 3]).unwrap();
     let (model, cut, out) = (bench.arg("model.onnx"), bench.arg("cut.png"), bench.arg("out"));
@@ -481,7 +481,7 @@ fn picture_that_is_cut_off() {
 }
 
 #[test]
-fn picture_that_claims_to_be_giant() {
+fn image_that_claims_to_be_giant() {
     let bench = Bench::new();
     // A PNG's header may claim any size: 60,000 x 60,000 here, with a body of a few bytes.
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xea\x60\0\0\xea\x60\x08\x02\0\0\0".to_vec();
@@ -493,10 +493,10 @@ fn picture_that_claims_to_be_giant() {
 }
 
 #[test]
-fn pictures_of_one_name() {
+fn images_of_one_name() {
     let bench = Bench::new();
-    bench.add_picture("a/1.png", 0);
-    bench.add_picture("b/1.png", 1);
+    bench.add_image("a/1.png", 0);
+    bench.add_image("b/1.png", 1);
     let (one, other, out) = (bench.arg("a/1.png"), bench.arg("b/1.png"), bench.arg("out"));
     snapshot!(outcome(&bench, nunetd(&["-q", "infer", &one, &other, "--out", &out])));
 }

@@ -15,7 +15,7 @@ fn dataset(error_mm: u16) -> Bench {
         std::fs::create_dir_all(bench.path(folder)).unwrap();
     }
     for (name, frame) in [("a", 1), ("b", 40)] {
-        bench.add_picture(&format!("data/rgb/{name}.png"), frame);
+        bench.add_image(&format!("data/rgb/{name}.png"), frame);
         // Dark, since the test network says up to 24 m of a bright one, and 10 m is the cap of all protocols.
         let mut rgb = image::open(bench.path(&format!("data/rgb/{name}.png"))).unwrap().into_rgb8();
         rgb.iter_mut().for_each(|value| *value /= 4);
@@ -102,7 +102,7 @@ fn figures_table_and_sheet_are_written() {
     assert!(table.contains("the mean image is that of the measured images themselves"), "{table}");
     assert_eq!(std::fs::read_to_string(bench.path("out/pictures.csv")).unwrap().lines().count(), 3);
     let sheet = image::open(bench.path("out/contact_sheet.png")).unwrap();
-    assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two pictures, once each");
+    assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two images, once each");
 }
 
 /// That of the measured images beats networks that have not seen them.
@@ -126,7 +126,7 @@ fn it_is_said_whose_mean_the_mean_image_is() {
 fn what_cannot_be_measured_is_named_and_counted() {
     let bench = dataset(0);
     std::fs::remove_file(bench.path("data/depth/b.png")).unwrap();
-    std::fs::write(bench.path("data/depth/only_depth.png"), "no picture").unwrap();
+    std::fs::write(bench.path("data/depth/only_depth.png"), "no image").unwrap();
     let (code, stderr) = outcome(&bench, &[]);
     assert_eq!(code, Some(3), "{stderr}");
     for part in ["skipped `b`: cannot read the image `[DIR]/data/depth/b.png`", "skipped `only_depth`"] {
@@ -204,10 +204,10 @@ fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
     let bench = Bench::new();
     let (model, own, camera) = (bench.arg("model.onnx"), bench.arg("own.mcap"), camera("own"));
     for frame in 0..3 {
-        bench.add_picture(&format!("pictures/{frame}.png"), frame);
+        bench.add_image(&format!("images/{frame}.png"), frame);
     }
-    let pictures = bench.arg("pictures");
-    let record = ["-q", "--model", &model, "--source", &pictures, "--camera", &camera];
+    let images = bench.arg("images");
+    let record = ["-q", "--model", &model, "--source", &images, "--camera", &camera];
     run_well(nunetd(&[&record[..], &["--record", &own]].concat()));
     let output = run(nunetd(&eval(&own, &model, &[])));
     let stderr = text(&output.stderr);
@@ -224,7 +224,7 @@ fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
 
 /// It would count for the network and not for the mean image.
 #[test]
-fn a_picture_that_the_mean_image_does_not_fit_counts_for_nothing() {
+fn an_image_that_the_mean_image_does_not_fit_counts_for_nothing() {
     let bench = dataset(100);
     std::fs::write(bench.path("b.txt"), "b").unwrap();
     for folder in ["rgb", "depth", "labels"] {
@@ -237,7 +237,7 @@ fn a_picture_that_the_mean_image_does_not_fit_counts_for_nothing() {
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&found["pictures"], &found["skipped"]), (&1.into(), &1.into()));
     assert_eq!(found["pixels"], SIZE.0 * SIZE.1, "those of the other alone");
-    assert_eq!(found["metrics"], found["picture_mean"], "of one picture");
+    assert_eq!(found["metrics"], found["picture_mean"], "of one image");
 }
 
 #[test]

@@ -25,11 +25,11 @@ fn first_set(camera: &str) -> FrameSet {
 }
 
 /// The means and the majorities of the blocks of an image. Sums of these depths are exact.
-fn expected(picture: &image::RgbImage) -> (Vec<f32>, Vec<u8>) {
+fn expected(image: &image::RgbImage) -> (Vec<f32>, Vec<u8>) {
     let (mut depth_m, mut labels) = (Vec::new(), Vec::new());
     for (row, column) in (0..SMALL.1).flat_map(|row| (0..SMALL.0).map(move |column| (row, column))) {
         let (left, top) = (column * FACTOR as u32, row * FACTOR as u32);
-        let block = (0..16).map(|i| picture.get_pixel(left + i % 4, top + i / 4).0);
+        let block = (0..16).map(|i| image.get_pixel(left + i % 4, top + i / 4).0);
         depth_m.push(block.clone().map(models::connected_depth).sum::<f32>() / 16.0);
         let votes = |class| block.clone().filter(|&pixel| models::label(pixel) == class).count();
         labels.push((0..3).rev().max_by_key(|&class| votes(class)).unwrap());
@@ -40,16 +40,15 @@ fn expected(picture: &image::RgbImage) -> (Vec<f32>, Vec<u8>) {
 #[test]
 fn decimated_depth_labels_and_cloud_are_published_with_their_own_size_and_camera() {
     let bench = Bench::new();
-    bench.add_picture("pictures/0.png", 3);
-    let (model, pictures, name) = (bench.arg("model.onnx"), bench.arg("pictures"), camera("decimated"));
-    let stream =
-        ["-q", "--model", &model, "--source", &pictures, "--loop", "--rate", "20", "--camera", &name];
+    bench.add_image("images/0.png", 3);
+    let (model, images, name) = (bench.arg("model.onnx"), bench.arg("images"), camera("decimated"));
+    let stream = ["-q", "--model", &model, "--source", &images, "--loop", "--rate", "20", "--camera", &name];
     let rest = ["--intrinsics", "520,518,321,238.5", "--focal", "off", "--filter", "decimation=4"];
     let _daemon = Guarded::start(nunetd(&[&stream[..], &rest[..]].concat()));
     let set = first_set(&name);
 
-    let picture = image::open(bench.path("pictures/0.png")).unwrap().into_rgb8();
-    let (depth_m, labels) = expected(&picture);
+    let image = image::open(bench.path("images/0.png")).unwrap().into_rgb8();
+    let (depth_m, labels) = expected(&image);
     for frame in set.iter() {
         let header = frame.header();
         assert_eq!((header.width, header.height), SMALL);
@@ -91,17 +90,16 @@ fn depth_file(bench: &Bench, folder: &str) -> (Vec<f32>, (u64, u64)) {
 #[test]
 fn files_of_run_and_infer_have_the_decimated_size_too() {
     let bench = Bench::new();
-    bench.add_picture("pictures/0.png", 3);
-    let (model, pictures, photo) =
-        (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("pictures/0.png"));
+    bench.add_image("images/0.png", 3);
+    let (model, images, photo) = (bench.arg("model.onnx"), bench.arg("images"), bench.arg("images/0.png"));
     let (of_run, of_infer, name) = (bench.arg("run"), bench.arg("infer"), camera("decimated_files"));
     let how = ["--model", &model, "--focal", "off", "--filter", "decimation=4"];
     run_well(nunetd(
-        &[&["-q", "run", "--source", &pictures, "--camera", &name, "--out", &of_run], &how[..]].concat(),
+        &[&["-q", "run", "--source", &images, "--camera", &name, "--out", &of_run], &how[..]].concat(),
     ));
     run_well(nunetd(&[&["-q", "infer", &photo, "--out", &of_infer], &how[..]].concat()));
-    let picture = image::open(&photo).unwrap().into_rgb8();
-    let (depth_m, labels) = expected(&picture);
+    let image = image::open(&photo).unwrap().into_rgb8();
+    let (depth_m, labels) = expected(&image);
     for folder in ["run", "infer"] {
         let (depth, size) = depth_file(&bench, folder);
         assert_eq!(size, (SMALL.0.into(), SMALL.1.into()), "{folder}");
@@ -112,17 +110,17 @@ fn files_of_run_and_infer_have_the_decimated_size_too() {
 }
 
 #[test]
-fn temporal_forgets_where_the_source_begins_again_and_between_pictures_of_infer() {
+fn temporal_forgets_where_the_source_begins_again_and_between_images_of_infer() {
     let bench = Bench::new();
     for step in 0..2 {
-        bench.add_picture(&format!("walk/{step}.png"), 40 * step);
+        bench.add_image(&format!("walk/{step}.png"), 40 * step);
     }
     let (model, walk, out) = (bench.arg("model.onnx"), bench.arg("walk"), bench.arg("out"));
     // Nothing new is taken where the depth changes by less than a meter.
     let filter = ["--model", &model, "--focal", "off", "--filter", "temporal=alpha:0,delta:1"];
     let own = |step: usize| -> Vec<f32> {
-        let picture = image::open(bench.path(&format!("walk/{step}.png"))).unwrap().into_rgb8();
-        picture.pixels().map(|pixel| models::connected_depth(pixel.0)).collect()
+        let image = image::open(bench.path(&format!("walk/{step}.png"))).unwrap().into_rgb8();
+        image.pixels().map(|pixel| models::connected_depth(pixel.0)).collect()
     };
     let run = |frames: &str| {
         let name = camera("temporal");
@@ -134,26 +132,26 @@ fn temporal_forgets_where_the_source_begins_again_and_between_pictures_of_infer(
     let (first, second) = (own(0), own(1));
     let held = |(&old, &new): (&f32, &f32)| if (new - old).abs() < 1.0 { old } else { new };
     let expected: Vec<f32> = first.iter().zip(&second).map(held).collect();
-    assert!(expected != second, "the pictures must have something in common");
+    assert!(expected != second, "the images must have something in common");
     let far = run("2").iter().zip(&expected).filter(|(a, b)| (**a - **b).abs() > 1e-5).count();
     assert_eq!(far, 0, "pixels that are neither held nor new");
-    assert!(run("3") == first, "the third frame is the first picture again, and begins anew");
-    let pictures = [0, 1].map(|step| bench.arg(&format!("walk/{step}.png")));
-    run_well(nunetd(&[&["-q", "infer", &pictures[0], &pictures[1], "--out", &out], &filter[..]].concat()));
-    assert!(bench.depth("out/1") == second, "single pictures are no stream");
+    assert!(run("3") == first, "the third frame is the first image again, and begins anew");
+    let images = [0, 1].map(|step| bench.arg(&format!("walk/{step}.png")));
+    run_well(nunetd(&[&["-q", "infer", &images[0], &images[1], "--out", &out], &filter[..]].concat()));
+    assert!(bench.depth("out/1") == second, "single images are no stream");
 }
 
 #[test]
 fn a_filtered_stream_is_recorded_and_replayed() {
     let bench = Bench::new();
-    bench.add_picture("pictures/0.png", 3);
-    let (model, pictures, name) = (bench.arg("model.onnx"), bench.arg("pictures"), camera("filtered"));
+    bench.add_image("images/0.png", 3);
+    let (model, images, name) = (bench.arg("model.onnx"), bench.arg("images"), camera("filtered"));
     let (recorded, replayed) = (bench.arg("recorded.mcap"), bench.arg("replayed.mcap"));
     let all =
         ["--filter", "holes", "--filter", "temporal", "--filter", "spatial", "--filter", "decimation=3"];
     let how = [&["--model", &model][..], &all].concat();
     run_well(nunetd(
-        &[&["-q", "run", "--source", &pictures, "--camera", &name, "--record", &recorded], &how[..]].concat(),
+        &[&["-q", "run", "--source", &images, "--camera", &name, "--record", &recorded], &how[..]].concat(),
     ));
     let output = run_well(nunetd(&[&["-q", "replay", &recorded, &replayed], &how[..]].concat()));
     assert!(text(&output.stdout).starts_with("1 frames, 0 lost"), "{}", text(&output.stdout));

@@ -27,9 +27,9 @@ size = "640x480"
 metrics = "127.0.0.1:9477"
 "#;
 
-fn y4m(header: &str, picture_bytes: usize) -> Vec<u8> {
-    let picture = [b"FRAME\n".to_vec(), vec![9; picture_bytes]].concat();
-    [format!("YUV4MPEG2 {header}\n").into_bytes(), picture.repeat(3)].concat()
+fn y4m(header: &str, image_bytes: usize) -> Vec<u8> {
+    let image = [b"FRAME\n".to_vec(), vec![9; image_bytes]].concat();
+    [format!("YUV4MPEG2 {header}\n").into_bytes(), image.repeat(3)].concat()
 }
 
 /// Good pipes, one of each layout; raw ones begin with the byte that chooses it.
@@ -43,14 +43,14 @@ fn pipes() -> [Vec<u8>; 4] {
 }
 
 /// A view of the demo scene in each of the files that are read.
-fn pictures() -> Vec<(&'static str, Vec<u8>)> {
+fn images() -> Vec<(&'static str, Vec<u8>)> {
     let size = (32, 24);
     let mut rgb = vec![0; 3 * 32 * 24];
     DemoScene::new(1, size.0, size.1).render(0, &mut rgb, None, None);
     let rgb = image::DynamicImage::from(image::RgbImage::from_raw(size.0, size.1, rgb).unwrap());
-    let file = |picture: &image::DynamicImage, format| {
+    let file = |image: &image::DynamicImage, format| {
         let mut file = std::io::Cursor::new(Vec::new());
-        picture.write_to(&mut file, format).unwrap();
+        image.write_to(&mut file, format).unwrap();
         file.into_inner()
     };
     vec![
@@ -70,7 +70,7 @@ fn damaged_y4m_never_panics() {
 }
 
 #[test]
-fn raw_pictures_of_every_format_and_length_never_panic() {
+fn raw_images_of_every_format_and_length_never_panic() {
     for choice in [0, 9, 18, 27, 36, 44] {
         let pipe = [vec![choice], vec![1; 300]].concat();
         keep_for_fuzzing("raw", &choice.to_string(), &pipe);
@@ -90,8 +90,8 @@ fn damaged_configurations_never_panic() {
 }
 
 #[test]
-fn damaged_pictures_never_panic() {
-    for (name, file) in pictures() {
+fn damaged_images_never_panic() {
+    for (name, file) in images() {
         keep_for_fuzzing("image", name, &file);
         feed_damaged(name, &file, body::image);
     }

@@ -5,9 +5,9 @@ use nunet_testkit::models;
 use crate::support::{Bench, SIZE, nunetd, run, run_well, text};
 
 #[test]
-fn the_files_of_a_picture_hold_the_numbers_that_the_network_computes_by_hand() {
+fn the_files_of_an_image_hold_the_numbers_that_the_network_computes_by_hand() {
     let bench = Bench::new();
-    bench.add_picture("photo.png", 7);
+    bench.add_image("photo.png", 7);
     let (model, photo, out) = (bench.arg("model.onnx"), bench.arg("photo.png"), bench.arg("out"));
     run_well(nunetd(&["-q", "infer", &photo, "--out", &out, "--model", &model, "--focal", "off"]));
     let rgb = image::open(&photo).unwrap().into_rgb8();
@@ -51,9 +51,9 @@ fn a_small_photograph_is_enlarged_to_the_networks_size() {
 fn folders_and_globs_are_taken_like_everywhere_else() {
     let bench = Bench::new();
     for (name, frame) in [("folder/a.png", 0), ("folder/b.jpg", 1), ("more/c.png", 2), ("more/d.png", 3)] {
-        bench.add_picture(name, frame);
+        bench.add_image(name, frame);
     }
-    std::fs::write(bench.path("folder/notes.txt"), "no picture").unwrap();
+    std::fs::write(bench.path("folder/notes.txt"), "no image").unwrap();
     let (model, folder, glob, out) =
         (bench.arg("model.onnx"), bench.arg("folder"), bench.arg("more/c*.png"), bench.arg("out"));
     run_well(nunetd(&["-q", "infer", &folder, &glob, "--out", &out, "--model", &model]));
@@ -63,7 +63,7 @@ fn folders_and_globs_are_taken_like_everywhere_else() {
 }
 
 #[test]
-fn what_is_no_picture_is_told_before_the_network_is_looked_for_and_leaves_no_folder() {
+fn what_is_no_image_is_told_before_the_network_is_looked_for_and_leaves_no_folder() {
     let bench = Bench::new();
     std::fs::write(bench.path("photo.bmp"), b"BM\x46\0\0\0").unwrap();
     let (bmp, missing, out) = (bench.arg("photo.bmp"), bench.arg("missing.png"), bench.arg("out"));
@@ -80,16 +80,16 @@ fn what_is_no_picture_is_told_before_the_network_is_looked_for_and_leaves_no_fol
     let (code, stderr) = infer(&missing);
     assert_eq!(code, Some(2), "{stderr}");
     assert!(
-        stderr.contains("missing.png`: neither a file nor a folder with JPEG or PNG pictures, and"),
+        stderr.contains("missing.png`: neither a file nor a folder with JPEG or PNG images, and"),
         "{stderr}"
     );
     assert!(!bench.path("out").exists(), "a folder of results without a result");
 }
 
 #[test]
-fn a_picture_that_cannot_be_decoded_leaves_no_folder() {
+fn an_image_that_cannot_be_decoded_leaves_no_folder() {
     let bench = Bench::new();
-    bench.add_picture("whole.png", 0);
+    bench.add_image("whole.png", 0);
     let whole = std::fs::read(bench.path("whole.png")).unwrap();
     std::fs::write(bench.path("cut.png"), &whole[..whole.len() / 3]).unwrap();
     let (model, cut, out) = (bench.arg("model.onnx"), bench.arg("cut.png"), bench.arg("new/out"));

@@ -37,14 +37,14 @@ fn check_fisheye(header: &FrameHeader) {
 #[test]
 fn a_fed_fisheye_is_known_to_the_daemon_and_its_points_lie_on_the_lenss_rays() {
     let bench = Bench::new();
-    bench.add_picture("pictures/0.png", 0);
+    bench.add_image("images/0.png", 0);
     std::fs::write(bench.path("fisheye.yaml"), fisheye()).unwrap();
-    let (model, pictures, file) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("fisheye.yaml"));
+    let (model, images, file) = (bench.arg("model.onnx"), bench.arg("images"), bench.arg("fisheye.yaml"));
     let (front, depth) = (camera("fisheye"), camera("fisheye_depth"));
     let _feeder = Guarded::start(nunetd(&[
         "-q",
         "feed",
-        &pictures,
+        &images,
         "--camera",
         &front,
         "--loop",

@@ -5,20 +5,20 @@ use serde_json::Value;
 use crate::support::{Bench, camera, nunetd, run, text};
 
 #[test]
-fn exit_code_is_3_when_a_picture_of_a_folder_was_unreadable_and_the_rest_is_done() {
+fn exit_code_is_3_when_an_image_of_a_folder_was_unreadable_and_the_rest_is_done() {
     let bench = Bench::new();
     for frame in [0, 1, 3] {
-        bench.add_picture(&format!("pictures/{frame}.png"), frame);
+        bench.add_image(&format!("images/{frame}.png"), frame);
     }
-    bench.add_picture("pictures/2.jpg", 2);
-    let whole = std::fs::read(bench.path("pictures/2.jpg")).unwrap();
-    std::fs::write(bench.path("pictures/2.jpg"), &whole[..whole.len() / 2]).unwrap();
-    let (model, pictures, stats) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("stats.json"));
+    bench.add_image("images/2.jpg", 2);
+    let whole = std::fs::read(bench.path("images/2.jpg")).unwrap();
+    std::fs::write(bench.path("images/2.jpg"), &whole[..whole.len() / 2]).unwrap();
+    let (model, images, stats) = (bench.arg("model.onnx"), bench.arg("images"), bench.arg("stats.json"));
     let output = run(nunetd(&[
         "--model",
         &model,
         "--source",
-        &pictures,
+        &images,
         "--camera",
         &camera("lossy"),
         "--stats-json",
@@ -33,9 +33,9 @@ fn exit_code_is_3_when_a_picture_of_a_folder_was_unreadable_and_the_rest_is_done
 }
 
 #[test]
-fn exit_code_is_3_when_one_of_several_pictures_could_not_be_inferred() {
+fn exit_code_is_3_when_one_of_several_images_could_not_be_inferred() {
     let bench = Bench::new();
-    bench.add_picture("good.png", 0);
+    bench.add_image("good.png", 0);
     std::fs::write(bench.path("bad.png"), b"").unwrap();
     let (model, good, bad, out) =
         (bench.arg("model.onnx"), bench.arg("good.png"), bench.arg("bad.png"), bench.arg("out"));
@@ -73,17 +73,17 @@ fn frames_that_a_newer_one_replaced_are_no_loss() {
 #[test]
 fn what_sets_the_exit_code_is_told_with_q_as_well() {
     let bench = Bench::new();
-    bench.add_picture("pictures/0.png", 0);
-    std::fs::write(bench.path("pictures/1.png"), "no picture").unwrap();
-    let (model, pictures, name) = (bench.arg("model.onnx"), bench.arg("pictures"), camera("quiet"));
+    bench.add_image("images/0.png", 0);
+    std::fs::write(bench.path("images/1.png"), "no image").unwrap();
+    let (model, images, name) = (bench.arg("model.onnx"), bench.arg("images"), camera("quiet"));
     let quiet = |verb: &[&str]| {
         let output = run(nunetd(&[&["-q"][..], verb].concat()));
         assert_eq!(output.status.code(), Some(3), "{verb:?}");
         text(&output.stderr)
     };
-    let stderr = quiet(&["run", "--model", &model, "--source", &pictures, "--camera", &name]);
+    let stderr = quiet(&["run", "--model", &model, "--source", &images, "--camera", &name]);
     assert!(stderr.contains("1 of 2 frames were lost"), "{stderr}");
-    let stderr = quiet(&["feed", &pictures, "--camera", &name]);
+    let stderr = quiet(&["feed", &images, "--camera", &name]);
     assert!(stderr.contains("1 of 2 frames were lost"), "{stderr}");
 
     let (whole, cut) = (bench.arg("whole.mcap"), bench.arg("cut.mcap"));

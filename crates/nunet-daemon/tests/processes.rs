@@ -178,12 +178,12 @@ fn results_whose_disk_hangs_hold_up_neither_a_stop_nor_the_figures() {
 #[test]
 fn a_stop_of_infer_leaves_whole_folders_and_says_what_is_missing() {
     let bench = Bench::new();
-    bench.add_picture("pictures/0.png", 0);
+    bench.add_image("images/0.png", 0);
     for number in 1..400 {
-        std::fs::copy(bench.path("pictures/0.png"), bench.path(&format!("pictures/{number}.png"))).unwrap();
+        std::fs::copy(bench.path("images/0.png"), bench.path(&format!("images/{number}.png"))).unwrap();
     }
-    let (model, pictures, out) = (bench.arg("model.onnx"), bench.arg("pictures"), bench.arg("out"));
-    let mut command = nunetd(&["-q", "infer", &pictures, "--out", &out, "--model", &model]);
+    let (model, images, out) = (bench.arg("model.onnx"), bench.arg("images"), bench.arg("out"));
+    let mut command = nunetd(&["-q", "infer", &images, "--out", &out, "--model", &model]);
     command.stderr(std::fs::File::create(bench.path("log")).unwrap());
     let mut infer = Guarded::start(command);
     for _ in 0..600 {
@@ -195,7 +195,7 @@ fn a_stop_of_infer_leaves_whole_folders_and_says_what_is_missing() {
     signal(infer.pid(), "INT");
     assert_eq!(infer.wait(), Some(3));
     let log = std::fs::read_to_string(bench.path("log")).unwrap();
-    assert!(log.contains("stopped before ") && log.contains(" of 400 pictures"), "{log}");
+    assert!(log.contains("stopped before ") && log.contains(" of 400 images"), "{log}");
     let files = |folder: std::fs::DirEntry| std::fs::read_dir(folder.path()).unwrap().count();
     let folders = std::fs::read_dir(&out).unwrap().map(|folder| files(folder.unwrap()));
     assert!(folders.inspect(|files| assert_eq!(*files, 6)).count() >= 1);

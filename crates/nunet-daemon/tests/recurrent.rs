@@ -9,7 +9,7 @@ fn walk() -> Bench {
     let bench = Bench::new();
     bench.add_model("remembering.onnx", &models::remembering(SIZE));
     for step in 0..3 {
-        bench.add_picture(&format!("walk/{step}.png"), 20 * step);
+        bench.add_image(&format!("walk/{step}.png"), 20 * step);
     }
     bench
 }
@@ -38,7 +38,7 @@ fn run(bench: &Bench, frames: &str, rate: &str) -> Vec<f32> {
 }
 
 #[test]
-fn pictures_of_a_folder_are_one_stream_until_it_begins_again() {
+fn images_of_a_folder_are_one_stream_until_it_begins_again() {
     let bench = walk();
     assert_eq!(run(&bench, "3", "max"), depth_after(&bench, &[0, 1, 2]));
     assert_eq!(run(&bench, "4", "max"), depth_after(&bench, &[0]));
@@ -52,12 +52,12 @@ fn a_camera_that_is_slower_than_a_frame_a_second_gives_no_stream_to_remember() {
 }
 
 #[test]
-fn pictures_of_infer_are_each_a_first_one() {
+fn images_of_infer_are_each_a_first_one() {
     let bench = walk();
     let (model, out) = (bench.arg("remembering.onnx"), bench.arg("out"));
-    let pictures = [0, 1].map(|step| bench.arg(&format!("walk/{step}.png")));
+    let images = [0, 1].map(|step| bench.arg(&format!("walk/{step}.png")));
     let rest = ["--out", &out, "--model", &model, "--focal", "off"];
-    run_well(nunetd(&[&["-q", "infer", &pictures[0], &pictures[1]], &rest[..]].concat()));
+    run_well(nunetd(&[&["-q", "infer", &images[0], &images[1]], &rest[..]].concat()));
     for step in [0, 1] {
         assert_eq!(bench.depth(&format!("out/{step}")), depth_after(&bench, &[step]));
     }

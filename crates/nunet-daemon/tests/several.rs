@@ -53,8 +53,8 @@ fn is_gone(name: &str) -> bool {
 #[test]
 fn each_camera_has_its_own_results_settings_and_ledger_and_the_file_has_all_of_them() {
     let bench = Bench::new();
-    bench.add_picture("left/0.png", 0);
-    bench.add_picture("right/0.png", 40);
+    bench.add_image("left/0.png", 0);
+    bench.add_image("right/0.png", 40);
     let (front, rear) = (camera("front"), camera("rear"));
     let config = bench.configure(&format!(
         "stats-json = \"{}\"\nrecord = \"{}\"\n{}{}",
@@ -71,8 +71,8 @@ fn each_camera_has_its_own_results_settings_and_ledger_and_the_file_has_all_of_t
 
     // The same images alone.
     for (folder, out) in [("left", "alone/front"), ("right", "alone/rear")] {
-        let (picture, model) = (bench.arg(&format!("{folder}/0.png")), bench.arg("model.onnx"));
-        let mut command = nunetd(&["-q", "infer", &picture, "--model", &model, "--out", &bench.arg(out)]);
+        let (image, model) = (bench.arg(&format!("{folder}/0.png")), bench.arg("model.onnx"));
+        let mut command = nunetd(&["-q", "infer", &image, "--model", &model, "--out", &bench.arg(out)]);
         if folder == "right" {
             command.args(["--filter", "decimation"]);
         }
@@ -189,7 +189,7 @@ fn a_source_that_cannot_be_opened_leaves_the_others_and_is_a_loss() {
 fn where_all_cameras_fail_on_the_way_the_figures_are_written_all_the_same() {
     let bench = Bench::new();
     std::fs::write(bench.path("torn.mcap"), "no recording").unwrap();
-    std::fs::write(bench.path("stdin"), "no pictures either").unwrap();
+    std::fs::write(bench.path("stdin"), "no images either").unwrap();
     let (torn, piped) = (camera("torn"), camera("piped"));
     let config = bench.configure(&format!(
         "stats-json = \"{}\"\n{}{}",
@@ -265,11 +265,11 @@ fn a_camera_that_is_not_plugged_in_is_waited_for_and_its_health_says_so() {
 #[test]
 fn frames_that_fail_before_their_turn_are_told_while_they_fail_and_a_camera_that_has_ended_is_down() {
     let bench = Bench::new();
-    bench.add_picture("good/0.png", 0);
+    bench.add_image("good/0.png", 0);
     // The last one is good: a round without one would end the source.
-    bench.add_picture("bad/zz.png", 0);
+    bench.add_image("bad/zz.png", 0);
     for number in 0..400 {
-        std::fs::write(bench.path(&format!("bad/{number:03}.png")), "no picture").unwrap();
+        std::fs::write(bench.path(&format!("bad/{number:03}.png")), "no image").unwrap();
     }
     let (bad, over) = (camera("bad"), camera("over"));
     let sections = [

@@ -187,7 +187,7 @@ impl Bench {
     }
 
     /// Saves an image of the demo scene.
-    pub(crate) fn add_picture(&self, name: &str, frame: u64) {
+    pub(crate) fn add_image(&self, name: &str, frame: u64) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         let mut rgb = vec![0; 3 * (SIZE.0 * SIZE.1) as usize];

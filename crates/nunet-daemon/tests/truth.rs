@@ -89,16 +89,16 @@ fn published_depth_labels_and_cloud_equal_the_truth_of_the_demo_scene() {
     let truth = Truth::new();
     let bench = Bench::new();
     bench.add_model("oracle.onnx", &truth.network());
-    bench.add_picture("pictures/0.png", 0);
+    bench.add_image("images/0.png", 0);
     let name = camera("truth");
-    let (model, pictures, intrinsics) =
-        (bench.arg("oracle.onnx"), bench.arg("pictures"), intrinsics_flag(&truth));
+    let (model, images, intrinsics) =
+        (bench.arg("oracle.onnx"), bench.arg("images"), intrinsics_flag(&truth));
     let _daemon = Guarded::start(nunetd(&[
         "-q",
         "--model",
         &model,
         "--source",
-        &pictures,
+        &images,
         "--loop",
         "--rate",
         "20",

@@ -16,6 +16,7 @@ mod installation;
 mod memory;
 mod model;
 mod own;
+mod player;
 mod replay;
 mod result;
 mod stream;

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use nunet_daemon::embed::{Player, Step};
 use pyo3::prelude::*;
 
 use crate::argument;
 use crate::camera::{Camera, camera_argument};
 use crate::error::{failure, warn};
 use crate::model::{Model, model_argument};
+use crate::player::{Player, Step};
 use crate::result::Result;
 
 /// An iterator over the results of a recording's images, returned by `replay`.

@@ -19,6 +19,7 @@
 
 mod camera_file;
 mod camera_resolver;
+mod continuity;
 mod convert;
 mod demo;
 mod error;
@@ -42,6 +43,7 @@ mod v4l2;
 
 pub use camera_file::CameraFile;
 pub use camera_resolver::{CameraGeometry, CameraResolver, read_calibration};
+pub use continuity::{Continuity, Discontinuity};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{Capture, Frame, Pixels};
 pub use image_file::{IMAGE_EXTENSIONS, Numbers, decode, decode_file, decode_numbers, glance};

@@ -4,6 +4,8 @@
 //! were published.
 #![expect(unsafe_code, reason = "published messages are read where they lie")]
 
+mod stats_record;
+
 use std::marker::PhantomData;
 
 use anyhow::Context as _;
@@ -254,10 +256,10 @@ impl ShmPublisher {
     /// Sends the running figures; they are not worth a frame when that fails.
     pub(crate) fn publish_stats(&mut self, counts: &Counts, totals: &Totals, latencies: &Latencies) {
         let now_nanos = MonotonicClock.nanos();
-        set_counts(&mut self.stats, counts);
+        stats_record::set_counts(&mut self.stats, counts);
         if now_nanos.saturating_sub(self.summarised_nanos) >= SUMMARY_PERIOD_NANOS {
             self.summarised_nanos = now_nanos;
-            set_summaries(&mut self.stats, totals, latencies);
+            stats_record::set_summaries(&mut self.stats, totals, latencies);
         }
         if let Err(error) = self.try_publish_stats() {
             warn!("the figures are not published: {error:#}");
@@ -335,32 +337,4 @@ fn send(mut loan: Loan, header: FrameHeader) -> anyhow::Result<()> {
     *loan.header_mut() = header;
     foreign_allocations(|| loan.publish(monotonic_nanos()))?;
     Ok(())
-}
-
-fn set_counts(record: &mut StatsRecord, counts: &Counts) {
-    record.captured = counts.captured;
-    record.published = counts.published;
-    record.superseded = counts.superseded;
-    record.failed = counts.failed;
-    record.in_flight = counts.in_flight;
-}
-
-fn set_summaries(record: &mut StatsRecord, totals: &Totals, latencies: &Latencies) {
-    const US_PER_MS: f64 = 1e3;
-    record.fps = totals.fps();
-    record.bytes_copied_per_frame = totals.bytes_copied_per_frame();
-    record.allocations_per_frame = totals.allocations_per_frame().unwrap_or(f64::NAN);
-    let total = latencies.total();
-    record.total_p50_us = total.p50 * US_PER_MS;
-    record.total_p90_us = total.p90 * US_PER_MS;
-    record.total_p99_us = total.p99 * US_PER_MS;
-    record.total_max_us = total.max * US_PER_MS;
-    record.total_mean_us = total.mean * US_PER_MS;
-    for (index, (_, stage)) in latencies.stages().enumerate().take(record.stage_p50_us.len()) {
-        record.stage_p50_us[index] = stage.p50 * US_PER_MS;
-        record.stage_p90_us[index] = stage.p90 * US_PER_MS;
-        record.stage_p99_us[index] = stage.p99 * US_PER_MS;
-        record.stage_max_us[index] = stage.max * US_PER_MS;
-        record.stage_mean_us[index] = stage.mean * US_PER_MS;
-    }
 }

@@ -102,32 +102,44 @@ pub(crate) fn drive(
         next_is_due = fill.had_frame();
         left -= u64::from(fill.had_frame());
         handler.on_source_state(source.is_waiting());
-        match fill {
-            Fill::Frame => {
-                if handler.on_frame(frame)?.is_break() {
-                    break;
-                }
-            }
-            Fill::Failed(error) => {
-                if let Some(suppressed) = lost.allow(Instant::now()) {
-                    let text = format!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
-                    handler.around_log(&mut || warn!("{text}"));
-                }
-                handler.on_lost(frame);
-            }
-            Fill::Nothing => handler.on_idle(frame, false),
-            Fill::Crowded => handler.on_idle(frame, true),
-            Fill::End => break,
-            // Ctrl-C also ends the process that writes into a pipe, in the middle of an image or before the first.
-            Fill::Cut(_) | Fill::Broken(_) if stop.requested() => return Ok(SourceEnd::Stopped),
-            Fill::Cut(error) => {
-                handler.around_log(&mut || error!("the source ends early: {error:#}"));
-                return Ok(SourceEnd::Truncated);
-            }
-            Fill::Broken(error) => return Err(source_error(error)),
+        if let ControlFlow::Break(end) = hand_over(fill, frame, handler, &mut lost, stop)? {
+            return Ok(end);
         }
     }
     Ok(SourceEnd::Complete)
+}
+
+/// Gives the outcome of one request to `handler`; `Break` at the end.
+fn hand_over(
+    fill: Fill,
+    frame: Frame,
+    handler: &mut dyn FrameHandler,
+    lost: &mut RateLimit,
+    stop: &Stop,
+) -> anyhow::Result<ControlFlow<SourceEnd>> {
+    match fill {
+        Fill::Frame => return Ok(handler.on_frame(frame)?.map_break(|()| SourceEnd::Complete)),
+        Fill::Failed(error) => {
+            if let Some(suppressed) = lost.allow(Instant::now()) {
+                let text = format!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
+                handler.around_log(&mut || warn!("{text}"));
+            }
+            handler.on_lost(frame);
+        }
+        Fill::Nothing => handler.on_idle(frame, false),
+        Fill::Crowded => handler.on_idle(frame, true),
+        Fill::End => return Ok(ControlFlow::Break(SourceEnd::Complete)),
+        // Ctrl-C also ends the process that writes into a pipe, in the middle of an image or before the first.
+        Fill::Cut(_) | Fill::Broken(_) if stop.requested() => {
+            return Ok(ControlFlow::Break(SourceEnd::Stopped));
+        }
+        Fill::Cut(error) => {
+            handler.around_log(&mut || error!("the source ends early: {error:#}"));
+            return Ok(ControlFlow::Break(SourceEnd::Truncated));
+        }
+        Fill::Broken(error) => return Err(source_error(error)),
+    }
+    Ok(ControlFlow::Continue(()))
 }
 
 #[cfg(test)]

@@ -4,12 +4,11 @@
 //! [`capture`](capture::capture) reads the source on a thread of its own. [`StreamTask`] turns frames into depth on the
 //! caller's thread, publishes them, and passes them to the sinks. Readers are other processes. Nothing waits for a reader
 //! or a sink, except that a source that has all its frames is asked for the next one when there is room for it.
-//! [`Continuity`] finds discontinuities for recurrent networks. Several cameras take turns on the inference thread
+//! Several cameras take turns on the inference thread
 //! ([`round_robin`]); a single camera is a round of one.
 
 mod camera_resolver;
 mod capture;
-mod continuity;
 mod drive;
 mod mailbox;
 mod notify;
@@ -21,7 +20,6 @@ mod task;
 mod tests;
 
 pub(crate) use camera_resolver::{CameraResolver, warn_of_unknown_camera};
-pub(crate) use continuity::Continuity;
 pub(crate) use drive::{FrameHandler, Pace, SourceEnd, drive};
 pub use mailbox::{Mailbox, Put, Taken};
 pub use notify::Notify;

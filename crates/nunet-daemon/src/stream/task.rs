@@ -10,14 +10,13 @@ use nunet_ipc::LATE_JOINER_PERIOD;
 use tracing::{debug, error, trace_span, warn};
 
 use super::camera_resolver::CameraResolver;
-use super::continuity::Continuity;
 use super::mailbox::Taken;
 use super::round_robin::{Poll, RoundRobinTask};
 use super::state::StreamState;
 use crate::exit::BadArguments;
 use crate::sink::shm::{ShmPublisher, stage_names};
 use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Timings, Wants};
-use crate::source::Frame;
+use crate::source::{Continuity, Frame};
 use crate::telemetry::{
     Counts, End, Latencies, MonotonicClock, RateLimit, Totals, allocations_of_this_thread,
 };

@@ -181,13 +181,13 @@ impl Port {
         let bytes = view.bytes().len();
         ensure!(
             frame.size == self.size,
-            "a picture of {:?} from a camera that began with {:?}: a camera has one size",
+            "an image of {:?} from a camera that began with {:?}: a camera has one size",
             frame.size,
             self.size
         );
         ensure!(
             bytes <= self.room,
-            "a picture of {bytes} bytes ({}) from a camera that began with {}: a camera has one format",
+            "an image of {bytes} bytes ({}) from a camera that began with {}: a camera has one format",
             view.format(),
             self.room
         );
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_there_is_no_room_for_is_lost_alone() {
+    fn an_image_that_there_is_no_room_for_is_lost_alone() {
         let camera = camera_name(&format!("turning_{}", std::process::id())).unwrap();
         let port = OnceLock::new();
         let stop = Stop::default();

@@ -48,7 +48,7 @@ fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let folders = result_folders(&images, &options.out)?;
     let camera = CameraResolver::new(&options.optics.geometry)?;
     check_folder(&options.out)?;
-    refuse_no_pictures(&images)?;
+    refuse_no_images(&images)?;
     let engine = Engine::start(options.engine.clone())?;
     let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
@@ -66,7 +66,7 @@ fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     }
     let outcome = judge(failures, looked_at)?;
     if looked_at < images.len() {
-        error!("stopped before {} of {} pictures", images.len() - looked_at, images.len());
+        error!("stopped before {} of {} images", images.len() - looked_at, images.len());
         return Ok(Outcome::Lost);
     }
     Ok(outcome)
@@ -79,8 +79,8 @@ fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         let found = list(name).map_err(source_error)?;
         if found.is_empty() {
             bail!(BadArguments(format!(
-                "no picture `{}`: neither a file nor a folder with JPEG or PNG pictures, and no file matches it as a glob\n\
-                 hint: name a picture, a folder of pictures, or a glob such as 'frames/*.jpg' (quoted)",
+                "no image `{}`: neither a file nor a folder with JPEG or PNG images, and no file matches it as a glob\n\
+                 hint: name an image, a folder of images, or a glob such as 'frames/*.jpg' (quoted)",
                 name.display()
             )));
         }
@@ -90,7 +90,7 @@ fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// Where nothing looks like an image, the network need not be loaded.
-fn refuse_no_pictures(images: &[PathBuf]) -> anyhow::Result<()> {
+fn refuse_no_images(images: &[PathBuf]) -> anyhow::Result<()> {
     let mut failures = Vec::new();
     for image in images {
         match glance(image) {
@@ -106,7 +106,7 @@ fn unreadable(error: anyhow::Error, image: &Path) -> anyhow::Error {
 }
 
 /// Nothing done is a failure; some of many undone are a loss.
-fn judge(mut failures: Vec<anyhow::Error>, pictures: usize) -> anyhow::Result<Outcome> {
+fn judge(mut failures: Vec<anyhow::Error>, images: usize) -> anyhow::Result<Outcome> {
     if failures.is_empty() {
         return Ok(Outcome::Done);
     }
@@ -115,10 +115,10 @@ fn judge(mut failures: Vec<anyhow::Error>, pictures: usize) -> anyhow::Result<Ou
         error!("{failure:#}");
     }
     match last {
-        Some(last) if failed == pictures => Err(last),
+        Some(last) if failed == images => Err(last),
         last => {
             last.into_iter().for_each(|last| error!("{last:#}"));
-            error!("{failed} of {pictures} pictures failed");
+            error!("{failed} of {images} images failed");
             Ok(Outcome::Lost)
         }
     }
@@ -136,7 +136,7 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
         if !seen.insert(stem) {
             let folder = out.join(stem);
             bail!(BadArguments(format!(
-                "two pictures are called `{}`: both results would go to `{}`\nhint: call nunetd for each with its \
+                "two images are called `{}`: both results would go to `{}`\nhint: call nunetd for each with its \
                  own --out",
                 stem.display(),
                 folder.display()

@@ -23,8 +23,8 @@ use crate::exit::source_error;
 use crate::sink::Results;
 use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
 use crate::sink::stats::ModelName;
-use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source};
-use crate::stream::{CameraResolver, Continuity, FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
+use crate::source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
+use crate::stream::{CameraResolver, FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 use crate::telemetry::{MonotonicClock, RateLimit};
 
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
@@ -315,13 +315,13 @@ mod tests {
     use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
 
     #[test]
-    fn the_coordinate_frame_is_the_pictures_however_many_other_messages_come_before() {
+    fn the_coordinate_frame_is_the_images_however_many_other_messages_come_before() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
         let mut png = Cursor::new(Vec::new());
         RgbImage::new(2, 2).write_to(&mut png, ImageFormat::Png).unwrap();
-        let mut pictures = vec![None; 600];
-        pictures.push(Some(png.get_ref().as_slice()));
+        let mut images = vec![None; 600];
+        images.push(Some(png.get_ref().as_slice()));
         let options = WriterOptions {
             camera: "front".into(),
             frame_id: "left_camera_optical".into(),
@@ -330,7 +330,7 @@ mod tests {
             force: false,
         };
         let mut writer = RecordingWriter::create(&path, options).unwrap();
-        for (log_nanos, image) in (1..).zip(pictures) {
+        for (log_nanos, image) in (1..).zip(images) {
             let image = image.map(|data| EncodedImage { format: "png", data });
             let depth = DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] };
             let (camera, depth_camera, labels, cloud) = (None, None, None, None);
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_is_seen_before_the_first_picture() {
+    fn a_stop_is_seen_before_the_first_image() {
         let stop = Stop::default();
         stop.request();
         assert!(matches!(first_fill(&mut Silent, &mut Frame::default(), &stop), Fill::Nothing));

@@ -12,7 +12,6 @@ use numpy::{PyArray2, PyArray3, PyArrayMethods as _};
 use nunet_core::camera;
 use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
 use nunet_core::filter::Appearance;
-use nunet_daemon::embed::Played;
 use nunet_engine::Inferred;
 use nunet_files::{Results, write_results};
 use pyo3::prelude::*;
@@ -24,6 +23,7 @@ use crate::argument;
 use crate::camera::{Camera, camera_argument};
 use crate::cloud::{Cloud, METRE};
 use crate::error::{NunetError, failure, of_camera};
+use crate::player::Played;
 
 /// The message of a recording that held the image.
 #[derive(Clone, Default)]

@@ -1,8 +1,6 @@
 //! What the Python package shares with nunetd besides the engine: reading images, calibrations and recordings, and the
 //! texts and kinds of errors.
 
-mod player;
-
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -10,10 +8,9 @@ use nunet_core::camera::{Calibration, Camera};
 use nunet_engine::EngineErrorKind;
 use nunet_ipc::FrameHeader;
 
-pub use player::{Played, Player, Step};
-
 use crate::exit;
-use crate::exit::{NotFound, is_usage, source_error};
+pub use crate::exit::source_error;
+use crate::exit::{NotFound, is_usage};
 use crate::source::{self, Frame};
 
 /// The text of an error as `nunetd` prints it: one line per cause, then the hints.

@@ -3,14 +3,12 @@
 use std::path::Path;
 
 use nunet_core::camera::Camera;
+use nunet_daemon::embed::source_error;
+use nunet_daemon::source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Source as _};
 use nunet_engine::{Inferred, Model};
 
-use crate::exit::source_error;
-use crate::source::{Fill, Frame, OpenOptions, RecordingSource, Source as _};
-use crate::stream::Continuity;
-
 /// A recording, read from its beginning.
-pub struct Player {
+pub(crate) struct Player {
     source: RecordingSource,
     camera: Option<Camera>,
     continuity: Continuity,
@@ -21,22 +19,22 @@ pub struct Player {
 
 /// An image of a recording, with its results.
 #[derive(Debug)]
-pub struct Played {
+pub(crate) struct Played {
     /// The results.
-    pub inferred: Inferred,
+    pub(crate) inferred: Inferred,
     /// The image's index in the recording, from 0. Unreadable images count.
-    pub sequence: u64,
+    pub(crate) sequence: u64,
     /// The image's time stamp, nanoseconds since 1970.
-    pub capture_unix_nanos: i64,
+    pub(crate) capture_unix_nanos: i64,
     /// The image's coordinate frame.
-    pub frame_id: String,
+    pub(crate) frame_id: String,
     /// Width and height as recorded, pixels.
-    pub frame_size: (u32, u32),
+    pub(crate) frame_size: (u32, u32),
 }
 
 /// The outcome of [`Player::step`].
 #[derive(Debug)]
-pub enum Step {
+pub(crate) enum Step {
     /// The results of an image.
     Played(Box<Played>),
     /// An image that cannot be read. The next one may be good.
@@ -57,7 +55,7 @@ impl Player {
     ///
     /// # Errors
     /// The file does not exist or is not MCAP, or has no or several image topics.
-    pub fn open(path: &Path, topic: Option<&str>, camera: Option<Camera>) -> anyhow::Result<Self> {
+    pub(crate) fn open(path: &Path, topic: Option<&str>, camera: Option<Camera>) -> anyhow::Result<Self> {
         let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })
             .map_err(source_error)?;
         let (continuity, frame) = (Continuity::default(), Frame::default());
@@ -65,14 +63,12 @@ impl Player {
     }
 
     /// The image topic.
-    #[must_use]
-    pub fn topic(&self) -> &str {
+    pub(crate) fn topic(&self) -> &str {
         self.source.topic()
     }
 
     /// The number of images; `None` if the recording has no index.
-    #[must_use]
-    pub fn image_count(&self) -> Option<u64> {
+    pub(crate) fn image_count(&self) -> Option<u64> {
         self.source.image_count()
     }
 
@@ -80,7 +76,7 @@ impl Player {
     ///
     /// # Errors
     /// The file is damaged or cut off at this point. All images before were returned.
-    pub fn step(&mut self, model: &mut Model) -> anyhow::Result<Step> {
+    pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<Step> {
         let sequence = |frame: &Frame| frame.sequence;
         match self.source.fill(&mut self.frame) {
             Fill::Frame => Ok(match self.process(model) {

@@ -6,7 +6,7 @@ use std::fmt;
 use nunet_core::camera::Camera;
 use nunet_ipc::Clock;
 
-use crate::source::Frame;
+use crate::frame::Frame;
 
 /// The longest time between two consecutive frames. A robot at walking pace moves by its own length in that time. A
 /// camera that drops some frames stays far below it.
@@ -14,7 +14,7 @@ const MAX_GAP_NANOS: i64 = 1_000_000_000;
 
 /// Follows a stream from one frame that the network took to the next.
 #[derive(Debug, Default)]
-pub(crate) struct Continuity {
+pub struct Continuity {
     last: Option<Seen>,
 }
 
@@ -31,7 +31,7 @@ struct Seen {
 
 /// Why a frame does not follow the one before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Discontinuity {
+pub enum Discontinuity {
     /// The source restarted from its beginning (`--loop`).
     Repeated,
     /// The sequence number went back: another process publishes now.
@@ -53,7 +53,8 @@ impl Continuity {
     ///
     /// Frames that were superseded or failed in between change nothing: the network has not seen them, and their time
     /// counts.
-    pub(crate) fn discontinuity_to(&self, frame: &Frame) -> Option<Discontinuity> {
+    #[must_use]
+    pub fn discontinuity_to(&self, frame: &Frame) -> Option<Discontinuity> {
         let (last, next) = (self.last?, Seen::of(frame));
         let gap_nanos = next.nanos.saturating_sub(last.nanos);
         let candidates = [
@@ -70,7 +71,7 @@ impl Continuity {
     }
 
     /// The network took `frame`: the next one is compared with it.
-    pub(crate) fn took(&mut self, frame: &Frame) {
+    pub fn took(&mut self, frame: &Frame) {
         self.last = Some(Seen::of(frame));
     }
 }
