@@ -7,7 +7,7 @@ use nunet_core::clock::Clock;
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphInput, GraphOptions, GraphOutputs, Runtime, SerialGraph};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
-use nunet_daemon::telemetry::MonotonicClock;
+use nunet_engine::MonotonicClock;
 use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Wake, monotonic_nanos};
 use nunet_testkit::demo::DemoScene;
 

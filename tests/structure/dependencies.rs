@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 12] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 13] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -52,6 +52,10 @@ const NO_DEPENDENCY: [(&str, &[&str]); 12] = [
     (
         "crates/nunet-source/Cargo.toml",
         &["ort", "iceoryx2", "mcap", "foxglove", "clap", "anyhow", "nunet-daemon", "nunet-engine"],
+    ),
+    (
+        "crates/nunet-telemetry/Cargo.toml",
+        &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-source", "nunet-daemon", "clap", "anyhow"],
     ),
     ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),

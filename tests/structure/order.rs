@@ -43,7 +43,6 @@ const DAEMON: Order = Order {
     folder: "crates/nunet-daemon/src/",
     modules: &[
         "version",
-        "telemetry",
         "exit",
         "config",
         "logging",

@@ -9,7 +9,6 @@ use nunet_engine::EngineErrorKind;
 use nunet_ipc::FrameHeader;
 
 use crate::exit;
-pub use crate::exit::source_error;
 use crate::exit::{NotFound, is_usage};
 use crate::source::{self, Frame};
 
@@ -36,7 +35,7 @@ pub fn error_kind(error: &anyhow::Error) -> EngineErrorKind {
 /// # Errors
 /// The file cannot be read or is not a calibration.
 pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
-    source::read_calibration(path).map_err(source_error)
+    Ok(source::read_calibration(path)?)
 }
 
 /// Reads a JPEG or PNG file, as `nunetd infer` does: RGB `[H, W, 3]` with its width and height, upright.
@@ -46,7 +45,6 @@ pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
 pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
     let mut frame = Frame::default();
     source::decode(path, &mut frame)
-        .map_err(source_error)
         .with_context(|| format!("cannot read the image `{}`", path.display()))?;
     Ok((frame.view()?.bytes().to_vec(), frame.size))
 }

@@ -10,6 +10,7 @@ use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, text_with_hint};
+use tracing::warn;
 
 /// How a subcommand ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,20 +96,12 @@ pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
 
 /// Says which of several cameras is meant; what kind of error it is stays.
 pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
-    let text = format!("camera `{camera}` cannot begin");
-    match several {
-        false => error,
-        true if error.is::<BadArguments>() => error.context(BadArguments(text)),
-        true => error.context(text),
-    }
+    if several { error.context(format!("camera `{camera}` cannot begin")) } else { error }
 }
 
-/// An error of a source; one of its arguments stays one.
-#[must_use]
-pub fn source_error(error: SourceError) -> anyhow::Error {
-    let (kind, text) = (error.kind(), error.to_string());
-    let error = anyhow::Error::new(error);
-    if kind == SourceErrorKind::BadArguments { error.context(BadArguments(text)) } else { error }
+/// Says what is assumed about a camera without intrinsics.
+pub(crate) fn warn_of_unknown_camera(assumption: &str) {
+    warn!("no intrinsics: {assumption}\nhint: --intrinsics fx,fy,cx,cy or --calibration FILE.yaml");
 }
 
 pub(crate) const DONE: u8 = 0;
@@ -151,6 +144,9 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
                 || cause
                     .downcast_ref::<EvalError>()
                     .is_some_and(|error| error.kind() == EvalErrorKind::Argument)
+                || cause
+                    .downcast_ref::<SourceError>()
+                    .is_some_and(|error| error.kind() == SourceErrorKind::BadArguments)
         })
 }
 
@@ -264,7 +260,8 @@ mod tests {
         let bad = || anyhow::Error::from(BadArguments("no such camera".into()));
         let wrapped = anyhow::Error::from(WithHint::new("cannot start", "try again").because(bad()));
         let usage = anyhow::Error::from(WithHint::usage("no", "yes")).context("outer");
-        for error in [bad().context("outer"), wrapped.context("outer"), usage] {
+        let source = anyhow::Error::from(SourceError::bad_arguments("no such size")).context("outer");
+        for error in [bad().context("outer"), wrapped.context("outer"), usage, source] {
             assert_eq!(from_result(Err(error), false), BAD_ARGUMENTS);
         }
         assert_eq!(

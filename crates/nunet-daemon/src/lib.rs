@@ -1,8 +1,8 @@
 //! `nunetd` as a library: everything the binary does, so that the Python package can offer the same command.
 //!
 //! The way in is [`main`]: arguments -> [`cli`] -> [`config`] -> one of the [`subcommands`]. A stream of frames runs through
-//! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`telemetry`], [`config`],
-//! [`sink`], [`stream`], subcommands, [`cli`], never the other way.
+//! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`config`], [`sink`],
+//! [`stream`], subcommands, [`cli`], never the other way.
 
 mod buffers;
 pub mod cli;
@@ -13,7 +13,6 @@ mod logging;
 pub mod sink;
 pub mod stream;
 mod subcommands;
-pub mod telemetry;
 mod version;
 
 use std::ffi::OsString;

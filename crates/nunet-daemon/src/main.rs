@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-use nunet_daemon::telemetry::CountingAllocator;
 use nunet_engine::{Installation, Telemetry};
+use nunet_telemetry::CountingAllocator;
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use nunet_core::camera::Camera;
-use nunet_daemon::embed::source_error;
 use nunet_daemon::source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Source as _};
 use nunet_engine::{Inferred, Model};
 
@@ -56,8 +55,7 @@ impl Player {
     /// # Errors
     /// The file does not exist or is not MCAP, or has no or several image topics.
     pub(crate) fn open(path: &Path, topic: Option<&str>, camera: Option<Camera>) -> anyhow::Result<Self> {
-        let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })
-            .map_err(source_error)?;
+        let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })?;
         let (continuity, frame) = (Continuity::default(), Frame::default());
         Ok(Self { source, camera, continuity, frame, left_at: None })
     }
@@ -83,12 +81,10 @@ impl Player {
                 Ok(played) => Step::Played(Box::new(played)),
                 Err(error) => Step::Lost { sequence: sequence(&self.frame), error },
             }),
-            Fill::Failed(error) => {
-                Ok(Step::Lost { sequence: sequence(&self.frame), error: source_error(error) })
-            }
+            Fill::Failed(error) => Ok(Step::Lost { sequence: sequence(&self.frame), error: error.into() }),
             Fill::Nothing | Fill::Crowded => Ok(Step::Nothing),
             Fill::End => Ok(Step::End),
-            Fill::Cut(error) | Fill::Broken(error) => Err(source_error(error)),
+            Fill::Cut(error) | Fill::Broken(error) => Err(error.into()),
         }
     }
 

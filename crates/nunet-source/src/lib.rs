@@ -1,7 +1,8 @@
 //! Where frames come from: images on disk, pipes, recordings, V4L2 cameras, shared memory.
 //!
 //! [`SourceName::parse`] chooses a kind of source, [`SourceName::open`] opens it, and [`Source::fill`] gives one [`Frame`]
-//! after the other. Adding a source takes a file of its own and a line in the registry (`registry.rs`).
+//! after the other. Adding a source takes a file of its own and a line in the registry (`registry.rs`). A [`Mailbox`] passes
+//! frames from the thread that reads a source to the one that processes them.
 //!
 //! # Example: the images of a folder
 //! ```
@@ -28,6 +29,8 @@ mod frame;
 mod image_file;
 mod jpeg;
 mod listing;
+mod mailbox;
+mod notify;
 mod pipe;
 mod rate;
 #[cfg(feature = "mcap")]
@@ -48,6 +51,8 @@ pub use error::{SourceError, SourceErrorKind};
 pub use frame::{Capture, Frame, Pixels};
 pub use image_file::{IMAGE_EXTENSIONS, Numbers, decode, decode_file, decode_numbers, glance};
 pub use listing::list;
+pub use mailbox::{Mailbox, Put, Reuse, Taken};
+pub use notify::Notify;
 pub use pipe::open_pipe;
 pub use rate::{Pacer, Rate};
 #[cfg(feature = "mcap")]

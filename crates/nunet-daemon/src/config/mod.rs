@@ -16,7 +16,7 @@ use nunet_types::ImageSize;
 
 pub use values::{LogOptions, MountOption, Publish};
 
-use crate::exit::{BadArguments, source_error};
+use crate::exit::BadArguments;
 
 /// What `nunetd run` does.
 #[derive(Debug, Clone)]
@@ -114,7 +114,7 @@ impl SourceConfig {
                     .into()
             ));
         }
-        self.name.check(&self.open_options()).map_err(source_error)
+        Ok(self.name.check(&self.open_options())?)
     }
 }
 

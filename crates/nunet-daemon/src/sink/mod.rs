@@ -19,15 +19,14 @@ use std::sync::Arc;
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::pipeline::Pipeline;
+use nunet_telemetry::{Counts, MetricsServer, Totals};
 use nunet_types::{ScaleSource, Units};
 
-use self::metrics::MetricsServer;
 use self::shutdown::DrainTimeout;
 use self::stats::Common;
 use crate::Outcome;
 use crate::config::CameraConfig;
 use crate::source::Frame;
-use crate::telemetry::{Counts, Totals};
 
 /// All sinks but shared memory, which is always on.
 pub(crate) const REGISTRY: &[OpenSink] = &[recording::open, last_frame::open, metrics::open];

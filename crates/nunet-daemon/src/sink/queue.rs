@@ -8,10 +8,10 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use nunet_telemetry::StallDetector;
 
 use super::OnRoom;
 use super::shutdown::{DrainTimeout, GivenUp};
-use crate::telemetry::StallDetector;
 
 /// If nothing is written for so long while items wait, the user is warned. A disk that is only slow writes some.
 const STALLED: Duration = Duration::from_secs(5);

@@ -12,16 +12,17 @@ use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
+use nunet_engine::MonotonicClock;
 use nunet_ipc::{
     CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, ScaleSource,
     StatsRecord, Topic, TopicPlan, Units, Wake, monotonic_nanos,
 };
+use nunet_telemetry::{Counts, Latencies, Totals, foreign_allocations};
 use tracing::{info, warn};
 
 use super::{Results, Wants};
 use crate::config::Publish;
 use crate::source::Frame;
-use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals, foreign_allocations};
 
 /// How often percentiles are computed anew; the ledger is of every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use tracing::warn;
 
-use crate::telemetry::StallDetector;
+use nunet_telemetry::StallDetector;
 
 /// For all pending writes together, after a stop. A service manager kills after 10 s (`TimeoutStopSec` in the unit), and
 /// the frame in work and the stats take some of them.

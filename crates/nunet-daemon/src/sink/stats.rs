@@ -10,7 +10,7 @@ use nunet_core::depth::Scale;
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
-use crate::telemetry::{Counts, Latencies, Summary, Totals};
+use nunet_telemetry::{Counts, Latencies, Summary, Totals};
 
 /// The figures of a camera, or of several together.
 #[derive(Debug, Serialize)]

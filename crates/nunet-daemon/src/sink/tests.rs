@@ -1,6 +1,8 @@
 //! One suite for every sink: what it takes arrives, and a backend that is slow, fails, hangs during a stop or is used again
 //! does no harm to the stream. A new sink adds a line to [`CASES`].
 
+use std::io::{Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -115,13 +117,23 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
     }
 }
 
+/// The metrics as a scraper reads them.
+fn page(address: SocketAddr) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
+
 fn metrics(_folder: &Path, _backend: Backend) -> Rig {
-    let (server, address) = metrics::tests::endpoint();
+    let server = MetricsServer::open("127.0.0.1:0".parse().unwrap()).unwrap();
     Rig {
-        sink: metrics::tests::sink(&server, "front"),
+        sink: metrics::sink(&server, "front", ["queue", "graph", "publish"]),
         release: Box::new(|| {}),
         arrived: Box::new(move |frames| {
-            let answer = metrics::tests::ask(address, "GET /metrics HTTP/1.1\r\n\r\n");
+            let answer = page(server.address());
             answer.contains(&format!("nunet_latency_seconds_count{{camera=\"front\"}} {frames}\n"))
                 && answer.contains("nunet_camera_up{camera=\"front\"} 0\n")
         }),

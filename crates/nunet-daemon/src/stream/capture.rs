@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use nunet_core::clock::Clock as _;
+use nunet_engine::MonotonicClock;
+use nunet_telemetry::End;
 use tracing::info;
 
 use super::drive::{FrameHandler, Pace, SourceEnd, drive};
-use super::mailbox::Put;
 use super::state::{CloseOnDrop, StreamState};
-use crate::source::{Frame, Rate, Source};
-use crate::telemetry::{End, MonotonicClock};
+use crate::source::{Frame, Put, Rate, Source};
 
 /// How long to wait for a lent frame to be returned.
 const CROWDED_PAUSE: Duration = Duration::from_millis(1);
@@ -95,13 +95,12 @@ fn supersede_when_stopped(state: &StreamState) {
 
 #[cfg(test)]
 mod tests {
+    use nunet_telemetry::Counts;
     use std::num::NonZeroU64;
     use std::time::Instant;
 
     use super::*;
-    use crate::source::Fill;
-    use crate::stream::Taken;
-    use crate::telemetry::Counts;
+    use crate::source::{Fill, Taken};
 
     /// Frames by number; some are unreadable; the end comes after `count`.
     struct Numbers {

@@ -4,13 +4,12 @@ use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use nunet_telemetry::RateLimit;
 use tracing::{error, warn};
 
 use super::Stop;
 use crate::config::SourceConfig;
-use crate::exit::source_error;
 use crate::source::{Fill, Frame, Pacer, Rate, Source};
-use crate::telemetry::RateLimit;
 
 /// How a source is asked for frames.
 #[derive(Debug, Clone, Copy)]
@@ -137,7 +136,7 @@ fn hand_over(
             handler.around_log(&mut || error!("the source ends early: {error:#}"));
             return Ok(ControlFlow::Break(SourceEnd::Truncated));
         }
-        Fill::Broken(error) => return Err(source_error(error)),
+        Fill::Broken(error) => return Err(error.into()),
     }
     Ok(ControlFlow::Continue(()))
 }

@@ -7,11 +7,8 @@
 //! Several cameras take turns on the inference thread
 //! ([`round_robin`]); a single camera is a round of one.
 
-mod camera_resolver;
 mod capture;
 mod drive;
-mod mailbox;
-mod notify;
 mod round_robin;
 mod state;
 mod stop;
@@ -19,10 +16,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use camera_resolver::{CameraResolver, warn_of_unknown_camera};
 pub(crate) use drive::{FrameHandler, Pace, SourceEnd, drive};
-pub use mailbox::{Mailbox, Put, Taken};
-pub use notify::Notify;
 pub(crate) use stop::{Stop, Stopped};
 pub(crate) use task::{StreamSummary, StreamTask};
 
@@ -31,12 +25,12 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use nunet_ipc::orphans;
+use nunet_telemetry::Counts;
 use tracing::{Span, debug};
 
 use self::capture::capture;
 use self::state::{CloseOnDrop, StreamState};
-use crate::source::Source;
-use crate::telemetry::Counts;
+use crate::source::{Notify, Source};
 
 /// A camera before its first frame.
 pub(crate) struct Stream {

@@ -1,10 +1,10 @@
 //! The inference thread: one frame of each camera in turn.
 
 use nunet_ipc::LATE_JOINER_PERIOD;
+use nunet_telemetry::{End, Supervisor};
 
-use super::notify::Notify;
 use super::state::StreamState;
-use crate::telemetry::{End, Supervisor};
+use crate::source::Notify;
 
 /// One camera's work on the inference thread.
 pub(super) trait RoundRobinTask: Sized {

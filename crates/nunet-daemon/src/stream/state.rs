@@ -3,13 +3,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use nunet_telemetry::Ledger;
 use tracing::Span;
 
-use super::mailbox::Mailbox;
-use super::notify::Notify;
 use super::stop::Stop;
-use crate::source::Frame;
-use crate::telemetry::Ledger;
+use crate::source::{Frame, Mailbox, Notify};
 
 /// Both ends of a camera's mailbox see it.
 #[derive(Debug)]

@@ -6,20 +6,17 @@ use std::time::{Duration, Instant};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_engine::MonotonicClock;
 use nunet_ipc::LATE_JOINER_PERIOD;
+use nunet_telemetry::{Counts, End, Latencies, RateLimit, Totals, allocations_of_this_thread};
 use tracing::{debug, error, trace_span, warn};
 
-use super::camera_resolver::CameraResolver;
-use super::mailbox::Taken;
 use super::round_robin::{Poll, RoundRobinTask};
 use super::state::StreamState;
-use crate::exit::BadArguments;
+use crate::exit::{is_usage, warn_of_unknown_camera};
 use crate::sink::shm::{ShmPublisher, stage_names};
 use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Timings, Wants};
-use crate::source::{Continuity, Frame};
-use crate::telemetry::{
-    Counts, End, Latencies, MonotonicClock, RateLimit, Totals, allocations_of_this_thread,
-};
+use crate::source::{CameraResolver, Continuity, Frame, Taken};
 
 /// If so many frames fail in a row before the first one is published, the next ones will fail too.
 const MAX_FAILURES_BEFORE_FIRST_FRAME: u32 = 30;
@@ -237,7 +234,7 @@ impl StreamTask {
     fn fail(&mut self, frame: &Frame, error: anyhow::Error) {
         self.failures = self.failures.saturating_add(1);
         let is_first = self.totals.frames() == 0;
-        if error.is::<BadArguments>() {
+        if is_usage(&error) {
             self.failure = Some(error);
         } else if is_first && self.failures >= MAX_FAILURES_BEFORE_FIRST_FRAME {
             self.failure = Some(error.context(format!("the first {} frames failed", self.failures)));
@@ -248,7 +245,7 @@ impl StreamTask {
 
     fn try_process_frame(&mut self, frame: &Frame) -> anyhow::Result<()> {
         let taken_nanos = MonotonicClock.nanos();
-        self.camera.update(frame, &mut self.pipeline)?;
+        self.camera.update(frame, &mut self.pipeline)?.into_iter().for_each(warn_of_unknown_camera);
         if let Some(reason) = self.continuity.discontinuity_to(frame) {
             debug!("frame {} does not follow the last one: {reason}", frame.sequence);
             self.pipeline.reset();

@@ -18,7 +18,7 @@ use crate::sink::recording::{Archive, Record, record_into};
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
 use crate::sink::shutdown::DrainTimeout;
 use crate::sink::{Sink, last_frame};
-use crate::source::{CameraGeometry, Fill, Frame};
+use crate::source::{CameraGeometry, CameraResolver, Fill, Frame};
 
 /// No test waits longer for anything.
 const PATIENCE: Duration = Duration::from_secs(60);

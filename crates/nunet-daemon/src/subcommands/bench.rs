@@ -6,15 +6,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
+use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions};
 use serde_json::{Value, json};
 
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::exit::source_error;
 use crate::source::{Fill, Frame, OpenOptions, SourceName, decode};
-use crate::telemetry::MonotonicClock;
 
 pub(super) mod host;
 mod paper;
@@ -64,15 +63,14 @@ pub(super) fn image_or_demo(image: Option<&Path>) -> anyhow::Result<Frame> {
     match image {
         Some(path) => {
             decode(path, &mut frame)
-                .map_err(source_error)
                 .with_context(|| format!("cannot read the image `{}`", path.display()))?;
         }
         None => {
             let folders = nunet_engine::model_folders();
             let options = OpenOptions { model_folders: &folders, ..OpenOptions::default() };
-            let fill = SourceName::demo().open(options).map_err(source_error)?.fill(&mut frame);
+            let fill = SourceName::demo().open(options)?.fill(&mut frame);
             if let Fill::Failed(error) | Fill::Broken(error) = fill {
-                return Err(source_error(error));
+                return Err(error.into());
             }
         }
     }

@@ -14,7 +14,7 @@ use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
 use crate::exit::WithHint;
-use crate::stream::warn_of_unknown_camera;
+use crate::exit::warn_of_unknown_camera;
 
 /// What is measured.
 pub(crate) struct Options {

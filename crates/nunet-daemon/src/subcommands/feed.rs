@@ -11,14 +11,14 @@ use nunet_core::frame::PixelFormat;
 use nunet_ipc::{
     CameraName, FrameHeader, LATE_JOINER_PERIOD, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos,
 };
+use nunet_telemetry::RateLimit;
 use tracing::{error, info, warn};
 
 use crate::Outcome;
 use crate::config::SourceConfig;
-use crate::exit::{BadArguments, source_error};
-use crate::source::{CameraGeometry, Frame, OpenOptions};
-use crate::stream::{CameraResolver, FrameHandler, Pace, SourceEnd, Stop, drive};
-use crate::telemetry::RateLimit;
+use crate::exit::{BadArguments, is_usage};
+use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
+use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, drive};
 
 /// What is published.
 pub(crate) struct Options {
@@ -39,7 +39,7 @@ pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
     let folders = nunet_engine::model_folders();
     let open_options =
         OpenOptions { stopped: Some(stop.flag()), model_folders: &folders, ..options.source.open_options() };
-    let source = options.source.name.open(open_options).map_err(source_error);
+    let source = options.source.name.open(open_options);
     if stop.requested() {
         return Ok(Outcome::Done);
     }
@@ -107,10 +107,10 @@ impl<'a> Feeder<'a> {
 
     /// Sends a frame; opens shared memory at the first one.
     fn send(&mut self, frame: &Frame) -> anyhow::Result<ControlFlow<()>> {
-        let camera = match self.resolver.resolve(frame) {
+        let camera = match self.resolver.resolve(frame).map_err(anyhow::Error::from) {
             Ok(camera) => camera,
             // The named camera does not fit: it will not fit the next frame either.
-            Err(error) if error.is::<BadArguments>() => return Err(error),
+            Err(error) if is_usage(&error) => return Err(error),
             Err(error) => {
                 self.lose(frame, &error);
                 return Ok(ControlFlow::Continue(()));

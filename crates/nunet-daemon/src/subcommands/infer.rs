@@ -7,19 +7,20 @@ use anyhow::{Context as _, bail};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions};
 use nunet_files::{Results, check_folder, write_results};
+use nunet_telemetry::{Counts, Latencies, Totals};
 use tracing::{error, info};
 
 use super::load::{load_unless, tested_pipeline};
 use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::config::{ModelConfig, OpticsConfig};
-use crate::exit::{BadArguments, source_error};
+use crate::exit::{BadArguments, warn_of_unknown_camera};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
-use crate::source::{Frame, decode, glance, list};
-use crate::stream::{CameraResolver, Stop, Stopped};
-use crate::telemetry::{Counts, Latencies, MonotonicClock, Totals};
+use crate::source::{CameraResolver, Frame, decode, glance, list};
+use crate::stream::{Stop, Stopped};
 
 /// What is inferred.
 pub(crate) struct Options {
@@ -76,7 +77,7 @@ fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
 fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     for name in named {
-        let found = list(name).map_err(source_error)?;
+        let found = list(name)?;
         if found.is_empty() {
             bail!(BadArguments(format!(
                 "no image `{}`: neither a file nor a folder with JPEG or PNG images, and no file matches it as a glob\n\
@@ -95,7 +96,7 @@ fn refuse_no_images(images: &[PathBuf]) -> anyhow::Result<()> {
     for image in images {
         match glance(image) {
             Ok(()) => return Ok(()),
-            Err(error) => failures.push(unreadable(source_error(error), image)),
+            Err(error) => failures.push(unreadable(error.into(), image)),
         }
     }
     judge(failures, images.len()).map(drop)
@@ -163,9 +164,10 @@ impl Work {
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
         let start_nanos = MonotonicClock.nanos();
-        decode(image, &mut self.frame).map_err(|error| unreadable(source_error(error), image))?;
+        decode(image, &mut self.frame).map_err(|error| unreadable(error.into(), image))?;
         let ready_nanos = MonotonicClock.nanos();
-        self.camera.update(&self.frame, &mut self.pipeline)?;
+        let assumption = self.camera.update(&self.frame, &mut self.pipeline)?;
+        assumption.into_iter().for_each(warn_of_unknown_camera);
         // Single images are no stream.
         self.pipeline.reset();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;

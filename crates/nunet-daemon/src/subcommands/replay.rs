@@ -3,8 +3,10 @@
 use anyhow::Context as _;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::{FrameReport, Pipeline};
+use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions, hexadecimal};
 use nunet_ipc::CameraName;
+use nunet_telemetry::RateLimit;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use std::io::{Read as _, Write as _};
@@ -18,14 +20,12 @@ use super::progress::progress;
 use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::config::{ModelConfig, MountOption, OpticsConfig, Publish, default_frame_id};
-use crate::exit::BadArguments;
-use crate::exit::source_error;
+use crate::exit::{is_usage, warn_of_unknown_camera};
 use crate::sink::Results;
 use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
 use crate::sink::stats::ModelName;
-use crate::source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
-use crate::stream::{CameraResolver, FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
-use crate::telemetry::{MonotonicClock, RateLimit};
+use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
+use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 
 /// How often the output is brought onto the disk: a full disk costs so many frames at the most.
 const SYNC_FRAMES: u64 = 50;
@@ -67,7 +67,7 @@ fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let resolver = CameraResolver::new(&options.optics.geometry)?;
     let how =
         OpenOptions { topic: options.topic.as_deref(), stopped: Some(stop.flag()), ..OpenOptions::default() };
-    let source = RecordingSource::open(&options.input, how).map_err(source_error);
+    let source = RecordingSource::open(&options.input, how);
     stop.check()?;
     let mut source = source?;
     let engine = Engine::start(options.engine.clone())?;
@@ -223,7 +223,7 @@ impl Replay {
     fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
         let report = self.infer(frame).map_err(|error| {
             // The named camera does not fit: no frame of the recording can be replayed.
-            if error.is::<BadArguments>() { Trouble::Output(error) } else { Trouble::Frame(error) }
+            if is_usage(&error) { Trouble::Output(error) } else { Trouble::Frame(error) }
         })?;
         let camera = self.camera.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
@@ -251,7 +251,7 @@ impl Replay {
     }
 
     fn infer(&mut self, frame: &Frame) -> anyhow::Result<FrameReport> {
-        self.camera.update(frame, &mut self.pipeline)?;
+        self.camera.update(frame, &mut self.pipeline)?.into_iter().for_each(warn_of_unknown_camera);
         if self.continuity.discontinuity_to(frame).is_some() {
             self.pipeline.reset();
         }

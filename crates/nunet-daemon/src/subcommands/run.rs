@@ -9,6 +9,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use nunet_engine::{Engine, find_model};
 use nunet_ipc::{Access, IpcError, share_with};
+use nunet_telemetry::Counts;
 use tracing::{error, info};
 
 use self::camera::span_of;
@@ -17,13 +18,12 @@ use super::load::load_unless;
 use crate::Outcome;
 use crate::config::{AccessConfig, Config};
 use crate::exit::BadArguments;
-use crate::sink::metrics::MetricsServer;
+use crate::sink::metrics;
 use crate::sink::shutdown::DrainTimeout;
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::sink::writing::Writing;
-use crate::source::SourceName;
-use crate::stream::{self, Ended, Notify, SourceEnd, Stop, Stopped, StreamSummary};
-use crate::telemetry::Counts;
+use crate::source::{Notify, SourceName};
+use crate::stream::{self, Ended, SourceEnd, Stop, Stopped, StreamSummary};
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
 pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
@@ -59,7 +59,7 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
-    let metrics = config.outputs.metrics.map(MetricsServer::open).transpose()?;
+    let metrics = config.outputs.metrics.map(metrics::serve).transpose()?;
     // Last of all: a start that fails leaves no folders and no recordings. After the first recording a stop is one of the
     // stream's.
     stop.check()?;
@@ -208,11 +208,11 @@ mod tests {
 
     use anyhow::anyhow;
     use nunet_core::depth::{Scale, ScaleSource, Units};
+    use nunet_telemetry::{Latencies, Totals};
     use serde_json::Value;
 
     use super::*;
     use crate::sink::FinishingSink;
-    use crate::telemetry::{Latencies, Totals};
 
     fn broken(published: u64, why: &'static str) -> Ended {
         let summary = StreamSummary {

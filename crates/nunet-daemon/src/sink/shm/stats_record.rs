@@ -2,7 +2,7 @@
 
 use nunet_ipc::StatsRecord;
 
-use crate::telemetry::{Counts, Latencies, Totals};
+use nunet_telemetry::{Counts, Latencies, Totals};
 
 /// The frame counts.
 pub(super) fn set_counts(record: &mut StatsRecord, counts: &Counts) {

@@ -5,17 +5,20 @@ use std::sync::Arc;
 
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::unix_nanos;
+use nunet_telemetry::MetricsServer;
 use tracing::{Span, error, error_span};
 
 use crate::config::{CameraConfig, Config};
-use crate::exit::{BadArguments, in_camera, source_error};
-use crate::sink::metrics::MetricsServer;
+use crate::exit::{BadArguments, in_camera};
 use crate::sink::recording::{recording_path, refuse_output};
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
 use crate::sink::stats::Common;
 use crate::sink::{self, SinkContext};
-use crate::source::{Exclusive, Fill, Frame, OpenOptions, Source, SourceError, SourceErrorKind, SourceName};
-use crate::stream::{CameraResolver, Notify, Pace, Stop, Stream, StreamTask};
+use crate::source::{
+    CameraResolver, Exclusive, Fill, Frame, Notify, OpenOptions, Source, SourceError, SourceErrorKind,
+    SourceName,
+};
+use crate::stream::{Pace, Stop, Stream, StreamTask};
 
 /// A camera's configuration, and the files that it means on this machine.
 pub(super) struct Plan<'a> {
@@ -141,18 +144,18 @@ pub(super) fn prepare<'a>(
         stop.check()?;
         let source = match source {
             Err(error) if error.kind() == SourceErrorKind::BadArguments => {
-                return Err(in_camera(source_error(error), plan.name(), several));
+                return Err(in_camera(error.into(), plan.name(), several));
             }
             source => source,
         };
         let camera = CameraResolver::new(&plan.config.optics.geometry);
-        let camera = camera.map_err(|error| in_camera(error, plan.name(), several))?;
+        let camera = camera.map_err(|error| in_camera(error.into(), plan.name(), several))?;
         refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name(), several))?;
         opened.push((plan, source, camera));
     }
     if opened.iter().all(|(_, source, _)| source.is_err()) {
         let mut errors = opened.into_iter().filter_map(|(plan, source, _)| Some((plan, source.err()?)));
-        let first = errors.next().map(|(plan, error)| in_camera(source_error(error), plan.name(), several));
+        let first = errors.next().map(|(plan, error)| in_camera(error.into(), plan.name(), several));
         errors.for_each(|(plan, error)| error!("camera `{}`: {error:#}", plan.name()));
         return first.map_or_else(|| Ok(Vec::new()), Err);
     }

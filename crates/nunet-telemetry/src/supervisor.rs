@@ -5,11 +5,11 @@ use std::time::{Duration, Instant};
 use sd_notify::NotifyState;
 use tracing::debug;
 
-use super::StallDetector;
+use crate::stall::StallDetector;
 
 /// The service manager of this process, if it has one.
 #[derive(Debug)]
-pub(crate) struct Supervisor {
+pub struct Supervisor {
     /// How often its watchdog is notified; `None` without a watchdog.
     period: Option<Duration>,
     fed: Option<Instant>,
@@ -21,7 +21,9 @@ pub(crate) struct Supervisor {
 const TIMES_A_PERIOD: u32 = 4;
 
 impl Supervisor {
-    pub(crate) fn from_environment() -> Self {
+    /// As systemd describes it in `NOTIFY_SOCKET` and `WATCHDOG_USEC`.
+    #[must_use]
+    pub fn from_environment() -> Self {
         Self::new(sd_notify::watchdog_enabled())
     }
 
@@ -34,12 +36,12 @@ impl Supervisor {
     }
 
     /// The model passed its self-test, and memory is reserved.
-    pub(crate) fn ready(&self, status: &str) {
+    pub fn ready(&self, status: &str) {
         notify(&[NotifyState::Ready, NotifyState::Status(status)]);
     }
 
     /// A frame was published, which feeds the watchdog. A process that publishes nothing is restarted.
-    pub(crate) fn frame_done(&mut self) {
+    pub fn frame_done(&mut self) {
         if self.is_due(Instant::now()) {
             notify(&[NotifyState::Watchdog]);
         }
@@ -48,7 +50,7 @@ impl Supervisor {
     /// No camera has a frame. If all sources report that they wait (`waiting`), the watchdog is fed as well, because a
     /// restart does not plug a camera in. `captured` counts the frames of all cameras: while it grows and no frame is
     /// published, the watchdog is not fed. Returns whether it was.
-    pub(crate) fn idle(&mut self, waiting: bool, captured: u64) -> bool {
+    pub fn idle(&mut self, waiting: bool, captured: u64) -> bool {
         let fed = self.waits_well(waiting, captured, Instant::now());
         if fed {
             notify(&[NotifyState::Watchdog]);
@@ -63,7 +65,7 @@ impl Supervisor {
     }
 
     /// The stream has ended.
-    pub(crate) fn stopping() {
+    pub fn stopping() {
         notify(&[NotifyState::Stopping]);
     }
 

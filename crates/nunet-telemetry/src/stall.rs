@@ -4,19 +4,21 @@ use std::time::{Duration, Instant};
 
 /// Follows a counter that grows while progress is made.
 #[derive(Debug, Clone)]
-pub(crate) struct StallDetector {
+pub struct StallDetector {
     progress: u64,
     since: Instant,
     has_warned: bool,
 }
 
 impl StallDetector {
-    pub(crate) fn new(now: Instant) -> Self {
+    /// Counts from `now`.
+    #[must_use]
+    pub fn new(now: Instant) -> Self {
         Self { progress: 0, since: now, has_warned: false }
     }
 
     /// For how long the counter stayed at `progress`. Time in which no progress is expected does not count.
-    pub(crate) fn stalled_for(&mut self, progress: u64, is_expected: bool, now: Instant) -> Duration {
+    pub fn stalled_for(&mut self, progress: u64, is_expected: bool, now: Instant) -> Duration {
         if progress != self.progress || !is_expected {
             *self = Self { progress, since: now, has_warned: false };
         }
@@ -24,7 +26,7 @@ impl StallDetector {
     }
 
     /// The same, once per stall, as soon as it lasts for `limit`.
-    pub(crate) fn warning(
+    pub fn warning(
         &mut self,
         progress: u64,
         is_expected: bool,

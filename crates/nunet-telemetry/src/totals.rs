@@ -1,13 +1,13 @@
 //! Sums over a stream, from which the per-frame figures are made.
 
-use crate::telemetry::{Allocations, allocations_of_this_thread};
+use crate::allocations::{Allocations, allocations_of_this_thread};
 
 /// Frames at the start that are not counted for allocations: buffers are seen for the first time.
 const FIRST_FRAMES: u64 = 16;
 
 /// Sums over the published frames of a stream.
 #[derive(Debug, Default, Clone)]
-pub(crate) struct Totals {
+pub struct Totals {
     start_nanos: u64,
     last_nanos: u64,
     frames: u64,
@@ -18,25 +18,25 @@ pub(crate) struct Totals {
 
 impl Totals {
     /// The stream begins.
-    pub(crate) fn start(&mut self, now_nanos: u64) {
+    pub fn start(&mut self, now_nanos: u64) {
         self.start_nanos = now_nanos;
         self.last_nanos = now_nanos;
     }
 
     /// A frame went out.
-    pub(crate) fn add_published(&mut self, now_nanos: u64, bytes_copied: u64) {
+    pub fn add_published(&mut self, now_nanos: u64, bytes_copied: u64) {
         self.last_nanos = now_nanos;
         self.frames += 1;
         self.bytes_copied += bytes_copied;
     }
 
     /// How many frames were published.
-    pub(crate) fn frames(&self) -> u64 {
+    pub fn frames(&self) -> u64 {
         self.frames
     }
 
     /// Another stream beside this one.
-    pub(crate) fn join(&mut self, other: &Self) {
+    pub fn join(&mut self, other: &Self) {
         self.start_nanos = self.start_nanos.min(other.start_nanos);
         self.last_nanos = self.last_nanos.max(other.last_nanos);
         self.frames += other.frames;
@@ -47,7 +47,7 @@ impl Totals {
     }
 
     /// The inference thread's allocations before and after one frame.
-    pub(crate) fn add_allocations(&mut self, before: Allocations, after: Allocations) {
+    pub fn add_allocations(&mut self, before: Allocations, after: Allocations) {
         if self.frames > FIRST_FRAMES {
             self.steady_frames += 1;
             self.steady_allocations.own += after.own - before.own;
@@ -56,24 +56,24 @@ impl Totals {
     }
 
     /// Published frames a second.
-    pub(crate) fn fps(&self) -> f64 {
+    pub fn fps(&self) -> f64 {
         let seconds = self.last_nanos.saturating_sub(self.start_nanos) as f64 / 1e9;
         if seconds > 0.0 { self.frames as f64 / seconds } else { 0.0 }
     }
 
     /// Mean over all published frames.
-    pub(crate) fn bytes_copied_per_frame(&self) -> f64 {
+    pub fn bytes_copied_per_frame(&self) -> f64 {
         self.bytes_copied as f64 / self.frames.max(1) as f64
     }
 
     /// Mean of our crates over the frames after the first; `None` where there are none, or nobody counts (another
     /// allocator).
-    pub(crate) fn allocations_per_frame(&self) -> Option<f64> {
+    pub fn allocations_per_frame(&self) -> Option<f64> {
         self.per_steady_frame(self.steady_allocations.own)
     }
 
     /// The same of iceoryx2, which takes a few bytes for each message.
-    pub(crate) fn foreign_allocations_per_frame(&self) -> Option<f64> {
+    pub fn foreign_allocations_per_frame(&self) -> Option<f64> {
         self.per_steady_frame(self.steady_allocations.foreign)
     }
 

@@ -54,7 +54,7 @@ impl Latencies {
     }
 
     /// Another stream's frames beside these; its stages by their names.
-    pub(crate) fn join(&mut self, other: &Self) {
+    pub fn join(&mut self, other: &Self) {
         self.total.join(&other.total);
         for (name, series) in &other.stages {
             match self.stages.iter_mut().find(|(own, _)| own == name) {

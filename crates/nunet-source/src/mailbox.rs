@@ -3,8 +3,8 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::notify::Notify;
-use crate::source::Frame;
+use crate::frame::Frame;
+use crate::notify::Notify;
 
 /// An item whose memory is reused.
 pub trait Reuse {

@@ -10,7 +10,7 @@ const PERIOD: Duration = Duration::from_secs(10);
 
 /// A token bucket for one kind of message. What it holds back is counted, and the count goes with the next message.
 #[derive(Debug)]
-pub(crate) struct RateLimit {
+pub struct RateLimit {
     tokens: u32,
     refilled: Option<Instant>,
     suppressed: u64,
@@ -18,7 +18,7 @@ pub(crate) struct RateLimit {
 
 /// How many messages of a kind were not logged since the last one that was; prints nothing for 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Suppressed(u64);
+pub struct Suppressed(u64);
 
 impl Default for RateLimit {
     fn default() -> Self {
@@ -28,7 +28,7 @@ impl Default for RateLimit {
 
 impl RateLimit {
     /// Whether a message is to be logged now: `None` if not.
-    pub(crate) fn allow(&mut self, now: Instant) -> Option<Suppressed> {
+    pub fn allow(&mut self, now: Instant) -> Option<Suppressed> {
         let refilled = *self.refilled.get_or_insert(now);
         let periods = now.duration_since(refilled).as_secs() / PERIOD.as_secs();
         if periods > 0 {

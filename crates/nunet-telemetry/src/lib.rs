@@ -1,0 +1,46 @@
+//! Counts, latencies and metrics of a stream of frames.
+//!
+//! | type | what it measures |
+//! |---|---|
+//! | [`Ledger`] | how every captured frame ended: published, superseded or failed |
+//! | [`Latencies`] | percentiles of the total time and of each stage |
+//! | [`Totals`] | frame rate, copied bytes and allocations per frame |
+//! | [`CountingAllocator`] | heap allocations of each thread |
+//! | [`StallDetector`] | for how long a counter has not grown |
+//! | [`RateLimit`] | how many messages of a kind were logged lately |
+//!
+//! [`MetricsServer`] shows counts and latencies to Prometheus, [`Supervisor`] feeds the watchdog of a service manager.
+//! Nothing here knows networks, shared memory or the command line, and nothing leaves the machine: Prometheus asks.
+//!
+//! # Example: the counts and latencies of two frames
+//! ```
+//! use nunet_telemetry::{Counts, End, Latencies, Ledger};
+//!
+//! let (ledger, mut latencies) = (Ledger::default(), Latencies::new(["graph"]));
+//! for total_micros in [20_000, 30_000] {
+//!     ledger.captured();
+//!     latencies.record(total_micros, [total_micros - 1_000]);
+//!     ledger.ended(End::Published);
+//! }
+//! assert_eq!(ledger.counts(), Counts { captured: 2, published: 2, ..Counts::default() });
+//! assert_eq!(latencies.total().max, 30.0);
+//! ```
+
+mod allocations;
+mod http;
+mod latency;
+mod ledger;
+mod metrics;
+mod rate_limit;
+mod stall;
+mod supervisor;
+mod totals;
+
+pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
+pub use latency::{Latencies, Summary};
+pub use ledger::{Counts, End, Ledger};
+pub use metrics::{CameraMetrics, MetricsServer};
+pub use rate_limit::{RateLimit, Suppressed};
+pub use stall::StallDetector;
+pub use supervisor::Supervisor;
+pub use totals::Totals;

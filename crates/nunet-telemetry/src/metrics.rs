@@ -1,0 +1,238 @@
+//! Frame counts and latencies for Prometheus. The library `prometheus-client` counts and writes the text format.
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use prometheus_client::encoding::EncodeLabelSet;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::{Registry, Unit};
+use tracing::info;
+
+use crate::http;
+use crate::ledger::Counts;
+use crate::totals::Totals;
+
+/// How long a caller may take to send its request, and to read the answer.
+const CALLER_TIMEOUT: Duration = Duration::from_secs(2);
+/// Upper bounds of the histograms' buckets: from a small network on a fast machine to a stalled one.
+const BUCKETS_S: [f64; 16] =
+    [0.001, 0.0025, 0.005, 0.01, 0.02, 0.033, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.5, 10.0];
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct CameraLabels {
+    camera: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct EndLabels {
+    camera: String,
+    end: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct StageLabels {
+    camera: String,
+    stage: String,
+}
+
+type Histograms<L> = Family<L, Histogram, fn() -> Histogram>;
+
+/// The metrics of all cameras.
+#[derive(Debug)]
+struct Families {
+    up: Family<CameraLabels, Gauge>,
+    captured: Family<CameraLabels, Counter>,
+    ended: Family<EndLabels, Counter>,
+    in_flight: Family<CameraLabels, Gauge>,
+    fps: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    bytes_copied: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    latency: Histograms<CameraLabels>,
+    stage: Histograms<StageLabels>,
+}
+
+fn histogram() -> Histogram {
+    Histogram::new(BUCKETS_S)
+}
+
+impl Families {
+    /// Metrics without values; `registry` writes them.
+    fn register(registry: &mut Registry) -> Self {
+        let families = Self {
+            up: Family::default(),
+            captured: Family::default(),
+            ended: Family::default(),
+            in_flight: Family::default(),
+            fps: Family::default(),
+            bytes_copied: Family::default(),
+            latency: Family::new_with_constructor(histogram),
+            stage: Family::new_with_constructor(histogram),
+        };
+        let Self { up, captured, ended, in_flight, fps, bytes_copied, latency, stage } = &families;
+        let help =
+            "1 while the source of the camera gives frames, 0 while it is waited for and after its end";
+        registry.register("camera_up", help, up.clone());
+        registry.register("frames_captured", "Frames that the source handed over", captured.clone());
+        registry.register("frames_ended", "Frames by how they ended", ended.clone());
+        registry.register("frames_in_flight", "Frames that have not ended", in_flight.clone());
+        registry.register("frames_per_second", "Published frames per second since the start", fps.clone());
+        let help = "Bytes that were moved although they existed already, per frame";
+        registry.register("bytes_copied_per_frame", help, bytes_copied.clone());
+        let help = "From the source to the wake-up of the readers";
+        registry.register_with_unit("latency", help, Unit::Seconds, latency.clone());
+        registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, stage.clone());
+        families
+    }
+}
+
+/// The endpoint for all cameras. Its threads end with the process.
+#[derive(Debug)]
+pub struct MetricsServer {
+    families: Families,
+    address: SocketAddr,
+}
+
+impl MetricsServer {
+    /// Opens the endpoint.
+    ///
+    /// # Errors
+    /// The address is in use or is not an address of this machine.
+    pub fn open(address: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        let address = listener.local_addr()?;
+        info!("metrics on http://{address}/metrics");
+        let mut registry = Registry::with_prefix("nunet");
+        let families = Families::register(&mut registry);
+        http::serve(listener, Arc::new(move || text(&registry)), CALLER_TIMEOUT)?;
+        Ok(Self { families, address })
+    }
+
+    /// Where it listens; a port of 0 has become one that was free.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The metrics of one camera, with the stages of its frames.
+    pub fn camera<'a>(&self, camera: &str, stages: impl IntoIterator<Item = &'a str>) -> CameraMetrics {
+        let labels = CameraLabels { camera: camera.to_owned() };
+        let end = |end| EndLabels { camera: camera.to_owned(), end };
+        let stage = |stage: &str| StageLabels { camera: camera.to_owned(), stage: stage.to_owned() };
+        let Families { up, captured, ended, in_flight, fps, bytes_copied, latency, stage: times } =
+            &self.families;
+        let metrics = CameraMetrics {
+            up: up.get_or_create_owned(&labels),
+            captured: captured.get_or_create_owned(&labels),
+            published: ended.get_or_create_owned(&end("published")),
+            superseded: ended.get_or_create_owned(&end("superseded")),
+            failed: ended.get_or_create_owned(&end("failed")),
+            in_flight: in_flight.get_or_create_owned(&labels),
+            fps: fps.get_or_create_owned(&labels),
+            bytes_copied: bytes_copied.get_or_create_owned(&labels),
+            latency: latency.get_or_create_owned(&labels),
+            stages: stages.into_iter().map(|name| times.get_or_create_owned(&stage(name))).collect(),
+        };
+        // A camera is up until its source says otherwise.
+        metrics.set_up(true);
+        metrics
+    }
+}
+
+/// One camera's metrics.
+#[derive(Debug)]
+pub struct CameraMetrics {
+    up: Gauge,
+    captured: Counter,
+    published: Counter,
+    superseded: Counter,
+    failed: Counter,
+    in_flight: Gauge,
+    fps: Gauge<f64, AtomicU64>,
+    bytes_copied: Gauge<f64, AtomicU64>,
+    latency: Histogram,
+    stages: Vec<Histogram>,
+}
+
+impl CameraMetrics {
+    /// Adds a frame: its total, and the time of each stage in the order given to [`MetricsServer::camera`].
+    pub fn record(&self, total_micros: u32, stages_micros: impl IntoIterator<Item = u32>) {
+        let seconds = |micros: u32| f64::from(micros) / 1e6;
+        self.latency.observe(seconds(total_micros));
+        for (histogram, micros) in self.stages.iter().zip(stages_micros) {
+            histogram.observe(seconds(micros));
+        }
+    }
+
+    /// Sets the counts and rates.
+    pub fn set(&self, counts: &Counts, totals: &Totals) {
+        let set = |counter: &Counter, count| counter.inner().store(count, Ordering::Relaxed);
+        set(&self.captured, counts.captured);
+        set(&self.published, counts.published);
+        set(&self.superseded, counts.superseded);
+        set(&self.failed, counts.failed);
+        self.in_flight.set(i64::try_from(counts.in_flight).unwrap_or(i64::MAX));
+        self.fps.set(totals.fps());
+        self.bytes_copied.set(totals.bytes_copied_per_frame());
+    }
+
+    /// Whether the source gives frames: false while it is waited for, and after its end.
+    pub fn set_up(&self, is_up: bool) {
+        self.up.set(i64::from(is_up));
+    }
+}
+
+fn text(registry: &Registry) -> String {
+    let mut text = String::new();
+    // Writing into a string does not fail.
+    let _ = encode(&mut text, registry);
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::http::tests::ask;
+
+    #[test]
+    fn counts_and_histograms_of_each_camera_are_served() {
+        let server = MetricsServer::open("127.0.0.1:0".parse().unwrap()).unwrap();
+        let camera = |name| server.camera(name, ["queue", "graph", "publish"]);
+        let (front, rear) = (camera("front"), camera("rear"));
+        rear.set_up(false);
+        let counts = Counts { captured: 7, published: 4, superseded: 2, failed: 1, in_flight: 0 };
+        front.set(&counts, &Totals::default());
+        front.record(40_000, [500, 30_000, 9]);
+        let answer = ask(server.address(), "GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+        for line in [
+            "# TYPE nunet_latency_seconds histogram\n",
+            "nunet_camera_up{camera=\"front\"} 1\n",
+            "nunet_camera_up{camera=\"rear\"} 0\n",
+            "nunet_frames_captured_total{camera=\"front\"} 7\n",
+            "nunet_frames_captured_total{camera=\"rear\"} 0\n",
+            "nunet_frames_ended_total{camera=\"front\",end=\"superseded\"} 2\n",
+            "nunet_latency_seconds_sum{camera=\"front\"} 0.04\n",
+            "nunet_latency_seconds_bucket{le=\"0.033\",camera=\"front\"} 0\n",
+            "nunet_latency_seconds_bucket{le=\"0.05\",camera=\"front\"} 1\n",
+            "nunet_stage_seconds_count{camera=\"front\",stage=\"graph\"} 1\n",
+            "nunet_stage_seconds_sum{camera=\"front\",stage=\"queue\"} 0.0005\n",
+        ] {
+            assert!(answer.contains(line), "{line} is not in\n{answer}");
+        }
+        front.set_up(false);
+        let after = ask(server.address(), "GET /metrics HTTP/1.1\r\n\r\n");
+        assert!(after.contains("nunet_camera_up{camera=\"front\"} 0\n"), "{after}");
+    }
+
+    #[test]
+    fn an_address_in_use_is_an_error() {
+        let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+        let error = MetricsServer::open(taken.local_addr().unwrap()).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::AddrInUse);
+    }
+}
