@@ -27,8 +27,23 @@ impl Numbers<'_> {
 
 /// A header of any numbers: every word is known or an error, every text is a text, and its camera is one or is refused.
 pub fn header(data: &[u8]) {
-    let numbers = &mut Numbers(data);
-    let header = FrameHeader {
+    let header = header_of(&mut Numbers(data));
+    check_words(&header);
+    assert!(header.stages().len() <= header.stage_micros.len());
+    assert!(header.frame_id().len() <= 3 * header.frame_id.len(), "each bad byte becomes three");
+    for format in [PixelFormat::Rgb8, PixelFormat::Mono8, PixelFormat::Yuyv, PixelFormat::Nv12] {
+        let pixels = [0; 256];
+        let view = ImageView::new(&pixels, header.width, header.height, header.row_stride_bytes, format);
+        assert!(view.is_err() || header.height as usize <= pixels.len(), "each row has its bytes");
+    }
+    if let Ok(Some(camera)) = camera_in(&header) {
+        assert!(camera.intrinsics.fx_px.is_finite() && camera.intrinsics.fx_px > 0.0);
+        assert_eq!((camera.intrinsics.width, camera.intrinsics.height), (header.width, header.height));
+    }
+}
+
+fn header_of(numbers: &mut Numbers<'_>) -> FrameHeader {
+    FrameHeader {
         topic: numbers.word(),
         encoding: numbers.word(),
         units: numbers.word(),
@@ -48,7 +63,11 @@ pub fn header(data: &[u8]) {
         stage_micros: std::array::from_fn(|_| numbers.word()),
         frame_id: numbers.take(),
         ..FrameHeader::default()
-    };
+    }
+}
+
+/// Every word has a meaning or gives a short error.
+fn check_words(header: &FrameHeader) {
     let known = [
         header.topic().map(drop),
         header.encoding().map(drop),
@@ -60,16 +79,5 @@ pub fn header(data: &[u8]) {
     ];
     for unknown in known.into_iter().filter_map(Result::err) {
         assert!(unknown.to_string().len() < 200, "{unknown}");
-    }
-    assert!(header.stages().len() <= header.stage_micros.len());
-    assert!(header.frame_id().len() <= 3 * header.frame_id.len(), "each bad byte becomes three");
-    for format in [PixelFormat::Rgb8, PixelFormat::Mono8, PixelFormat::Yuyv, PixelFormat::Nv12] {
-        let pixels = [0; 256];
-        let view = ImageView::new(&pixels, header.width, header.height, header.row_stride_bytes, format);
-        assert!(view.is_err() || header.height as usize <= pixels.len(), "each row has its bytes");
-    }
-    if let Ok(Some(camera)) = camera_in(&header) {
-        assert!(camera.intrinsics.fx_px.is_finite() && camera.intrinsics.fx_px > 0.0);
-        assert_eq!((camera.intrinsics.width, camera.intrinsics.height), (header.width, header.height));
     }
 }

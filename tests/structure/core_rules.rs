@@ -26,7 +26,7 @@ const PRINTING: [&str; 5] = ["println", "eprintln", "print", "eprint", "dbg"];
 
 fn impure(path: &str, text: &str) -> Vec<String> {
     let mut problems = Vec::new();
-    for named in paths(without_tests(text)) {
+    for named in paths(&without_tests(text)) {
         let segments: Vec<&str> = named.segments.iter().map(String::as_str).collect();
         let impure = IMPURE.iter().find(|(prefix, _)| segments.starts_with(prefix));
         if let Some((_, why)) = impure.filter(|_| !ALLOWED.contains(&segments.as_slice())) {

@@ -40,7 +40,7 @@ impl Graph {
         let mut graph = Self { modules: BTreeSet::new(), named: BTreeMap::new() };
         for (path, text) in sources {
             let module = module_of(path);
-            let named = paths(without_tests(text));
+            let named = paths(&without_tests(text));
             let targets = named.into_iter().filter_map(|path| absolute(&module, &path.segments));
             graph.named.entry(module.clone()).or_default().extend(targets);
             graph.modules.insert(module);

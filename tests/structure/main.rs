@@ -8,6 +8,7 @@ mod core_rules;
 mod cycles;
 mod dependencies;
 mod documents;
+mod functions;
 mod order;
 mod packaging;
 mod repository;

@@ -140,7 +140,7 @@ impl Order {
             return vec![format!("{path}: give module `{own}` its place in the order")];
         };
         let mut problems = Vec::new();
-        for named in paths(without_tests(text)) {
+        for named in paths(&without_tests(text)) {
             let target = self.seen_from_root(path, &named.segments);
             let Some(target) = target.and_then(|target| target.into_iter().next()) else {
                 continue;

@@ -1,5 +1,13 @@
-//! Just enough of Rust's grammar to say which paths a file names: comments and literals are taken out, `use` trees
-//! are unfolded. A parser crate would see more, and would be compiled anew for every check.
+//! What the tests read in Rust files: items and functions by the parser `syn`, and the paths that a file names, macros
+//! included, by a scanner that blanks comments and literals and unfolds `use` trees.
+
+use std::ops::RangeInclusive;
+
+use syn::spanned::Spanned as _;
+use syn::visit::{self, Visit};
+use syn::{Attribute, Block, ImplItemFn, Item, ItemFn, Signature, TraitItemFn};
+
+use crate::functions::Function;
 
 /// A path such as `crate::depth::Encoding`, and the line it is on.
 #[derive(Debug, PartialEq, Eq)]
@@ -15,10 +23,103 @@ struct Token {
     line: usize,
 }
 
-/// The part of a file before its test module, by the convention that tests come last.
-pub(crate) fn without_tests(text: &str) -> &str {
-    let test_module = text.find("\n#[cfg(test)]\nmod ");
-    test_module.map_or(text, |end| &text[..=end])
+/// The text with all tests blanked, wherever they are in the file; lines stay where they were.
+pub(crate) fn without_tests(text: &str) -> String {
+    let tests = test_lines(text);
+    let line = |(index, line)| if tests.iter().any(|range| range.contains(&(index + 1))) { "" } else { line };
+    text.lines().enumerate().map(line).flat_map(|line| [line, "\n"]).collect()
+}
+
+/// How many lines of a file are not tests.
+pub(crate) fn code_lines(text: &str) -> usize {
+    let tests: usize = test_lines(text).into_iter().map(Iterator::count).sum();
+    text.lines().count() - tests
+}
+
+/// The functions of a file that are not tests.
+pub(crate) fn functions(path: &str, text: &str) -> Vec<Function> {
+    let mut found = Functions(Vec::new());
+    found.visit_file(&syn::parse_file(text).unwrap_or_else(|error| panic!("{path}: {error}")));
+    found.0
+}
+
+struct Functions(Vec<Function>);
+
+impl Functions {
+    fn add(&mut self, signature: &Signature, body: &Block) {
+        let (line, end) = (signature.span().start().line, body.span().end().line);
+        self.0.push(Function { name: signature.ident.to_string(), line, lines: end + 1 - line });
+    }
+}
+
+impl<'ast> Visit<'ast> for Functions {
+    fn visit_item(&mut self, item: &'ast Item) {
+        if !is_test(attributes(item)) {
+            visit::visit_item(self, item);
+        }
+    }
+
+    fn visit_item_fn(&mut self, function: &'ast ItemFn) {
+        self.add(&function.sig, &function.block);
+        visit::visit_item_fn(self, function);
+    }
+
+    fn visit_impl_item_fn(&mut self, function: &'ast ImplItemFn) {
+        self.add(&function.sig, &function.block);
+        visit::visit_impl_item_fn(self, function);
+    }
+
+    fn visit_trait_item_fn(&mut self, function: &'ast TraitItemFn) {
+        function.default.iter().for_each(|body| self.add(&function.sig, body));
+        visit::visit_trait_item_fn(self, function);
+    }
+}
+
+/// The lines of all items that are compiled for tests alone, with their attributes.
+fn test_lines(text: &str) -> Vec<RangeInclusive<usize>> {
+    struct Tests(Vec<RangeInclusive<usize>>);
+    impl<'ast> Visit<'ast> for Tests {
+        fn visit_item(&mut self, item: &'ast Item) {
+            if is_test(attributes(item)) {
+                self.0.push(item.span().start().line..=item.span().end().line);
+            } else {
+                visit::visit_item(self, item);
+            }
+        }
+    }
+    let mut tests = Tests(Vec::new());
+    if !text.contains("test)]") && !text.contains("[test]") {
+        return tests.0; // parsing takes most of the time of these checks
+    }
+    // What is no Rust file has no tests.
+    syn::parse_file(text).iter().for_each(|file| tests.visit_file(file));
+    tests.0
+}
+
+/// Whether an item has the attribute `#[test]` or `#[cfg(test)]`.
+fn is_test(attributes: &[Attribute]) -> bool {
+    let is_cfg_test = |attribute: &Attribute| {
+        attribute.path().is_ident("cfg")
+            && attribute.parse_args::<syn::Ident>().is_ok_and(|word| word == "test")
+    };
+    attributes.iter().any(|attribute| attribute.path().is_ident("test") || is_cfg_test(attribute))
+}
+
+fn attributes(item: &Item) -> &[Attribute] {
+    match item {
+        Item::Const(item) => &item.attrs,
+        Item::Enum(item) => &item.attrs,
+        Item::Fn(item) => &item.attrs,
+        Item::Impl(item) => &item.attrs,
+        Item::Macro(item) => &item.attrs,
+        Item::Mod(item) => &item.attrs,
+        Item::Static(item) => &item.attrs,
+        Item::Struct(item) => &item.attrs,
+        Item::Trait(item) => &item.attrs,
+        Item::Type(item) => &item.attrs,
+        Item::Use(item) => &item.attrs,
+        _ => &[],
+    }
 }
 
 /// Whether the whole file is test code.
@@ -222,7 +323,11 @@ fn use_trees_are_unfolded_and_keep_their_lines() {
 }
 
 #[test]
-fn the_test_module_at_the_end_is_cut_off() {
-    assert_eq!(without_tests("fn a() {}\n\n#[cfg(test)]\nmod tests {}\n"), "fn a() {}\n\n");
-    assert_eq!(without_tests("fn a() {}\n"), "fn a() {}\n");
+fn tests_are_no_code_wherever_they_are() {
+    let text =
+        "fn a() {}\n#[cfg(test)]\nmod tests;\nmod inner {\n    #[cfg(test)]\n    impl A {}\n}\nfn b() {}\n";
+    assert_eq!(without_tests(text), "fn a() {}\n\n\nmod inner {\n\n\n}\nfn b() {}\n");
+    assert_eq!(code_lines(text), 4);
+    assert_eq!(code_lines("#[cfg(not(test))]\nfn a() {}\n"), 2);
+    assert_eq!(functions("a.rs", text).len(), 2);
 }

@@ -49,22 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         action="store_true",
         help="of `--sets`: no border, noise, roughness and rotation, a fifth of the time",
     )
-    baseline = parser.add_mutually_exclusive_group()
-    baseline.add_argument(
-        "--baseline-ids", type=Path, help="training images of this data, for the mean image"
-    )
-    baseline.add_argument(
-        "--baseline",
-        type=Path,
-        metavar="FILE.npy",
-        help="the mean image of other data (float32 [H, W], meters), of these images' size",
-    )
-    parser.add_argument(
-        "--save-baseline",
-        type=Path,
-        metavar="FILE.npy",
-        help="save the mean image of --baseline-ids",
-    )
+    _add_baseline_options(parser)
     parser.add_argument(
         "--protocol",
         choices=sorted(PROTOCOLS),
@@ -87,30 +72,37 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.set_defaults(carry_out=run)
 
 
+def _add_baseline_options(parser: argparse.ArgumentParser) -> None:
+    """Add where the mean image comes from, and where it is saved."""
+    baseline = parser.add_mutually_exclusive_group()
+    baseline.add_argument(
+        "--baseline-ids", type=Path, help="training images of this data, for the mean image"
+    )
+    baseline.add_argument(
+        "--baseline",
+        type=Path,
+        metavar="FILE.npy",
+        help="the mean image of other data (float32 [H, W], meters), of these images' size",
+    )
+    parser.add_argument(
+        "--save-baseline",
+        type=Path,
+        metavar="FILE.npy",
+        help="save the mean image of --baseline-ids",
+    )
+
+
 def run(options: argparse.Namespace) -> int:
     """Carry out `evaluate`; prints JSON."""
     check_sets_or_data(options, "ids")
     if options.sets is not None:
         return run_sets(options)
-    if options.fx is not None and not 0.0 < options.fx < math.inf:
-        raise OptionError(
-            f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
-            "number of the camera's matrix, at the images' size"
-        )
-    if options.save_baseline is not None and options.baseline_ids is None:
-        raise OptionError(
-            f"`--save-baseline {options.save_baseline}` saves the mean image of `--baseline-ids`, "
-            "which is missing; hint: `--baseline-ids FILE` names training images"
-        )
+    _check_options(options)
     predictor = Predictor(options.model, threads=options.threads)
     pairs = open_pairs(options, options.ids)
     if options.clip:
         _check_clip(options, predictor, pairs)
-    if predictor.classes and not pairs.has_labels:
-        why = "has no folder `labels` or `label40`"
-        if options.data.suffix == MAT_SUFFIX:
-            why = f"has no labels of its own: {MAT_LABELS}"
-        print(f"nunet_models: no label metrics: `{options.data}` {why}", file=sys.stderr)
+    _say_no_labels(options, predictor, pairs)
     # First: it fails at once on images of another size, and the network takes minutes.
     baseline = _baseline(options, pairs)
     comparison = compare(
@@ -136,6 +128,29 @@ def run(options: argparse.Namespace) -> int:
         _write_csv(options.csv, comparison)
     print(json.dumps(found, indent=1))
     return 0
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Refuse values and combinations that make no sense, before any work."""
+    if options.fx is not None and not 0.0 < options.fx < math.inf:
+        raise OptionError(
+            f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
+            "number of the camera's matrix, at the images' size"
+        )
+    if options.save_baseline is not None and options.baseline_ids is None:
+        raise OptionError(
+            f"`--save-baseline {options.save_baseline}` saves the mean image of `--baseline-ids`, "
+            "which is missing; hint: `--baseline-ids FILE` names training images"
+        )
+
+
+def _say_no_labels(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
+    """Say why a network with labels gets no label metrics."""
+    if predictor.classes and not pairs.has_labels:
+        why = "has no folder `labels` or `label40`"
+        if options.data.suffix == MAT_SUFFIX:
+            why = f"has no labels of its own: {MAT_LABELS}"
+        print(f"nunet_models: no label metrics: `{options.data}` {why}", file=sys.stderr)
 
 
 def _say_beyond(comparison: Comparison) -> None:

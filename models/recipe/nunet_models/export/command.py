@@ -20,28 +20,7 @@ from nunet_models.zoo.checkpoint import Checkpoint
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
     """Register `export` and its options."""
     parser = subparsers.add_parser("export", help="write model files that nunetd runs")
-    what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument(
-        "--untrained",
-        metavar="ARCHITECTURE",
-        help=f"export an architecture with seeded random weights: {architecture_names()}",
-    )
-    what.add_argument("--checkpoint", type=Path, help="export a trained run's `best.pt`")
-    what.add_argument(
-        "--tiny", type=Path, metavar="FOLDER", help="write the small test models into FOLDER"
-    )
-    what.add_argument(
-        "--paper",
-        type=Path,
-        metavar="FOLDER",
-        help="write the paper's networks (ResNet-34, 480x640, random weights) into FOLDER",
-    )
-    what.add_argument(
-        "--split",
-        type=Path,
-        metavar="FUSED",
-        help="split the fused file of a connected graph into stages with the same results",
-    )
+    _add_source_options(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -73,6 +52,32 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         help="with `--checkpoint`: range of valid depth in meters; depth outside counts as none",
     )
     parser.set_defaults(carry_out=run)
+
+
+def _add_source_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what is exported; one of them is required."""
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "--untrained",
+        metavar="ARCHITECTURE",
+        help=f"export an architecture with seeded random weights: {architecture_names()}",
+    )
+    what.add_argument("--checkpoint", type=Path, help="export a trained run's `best.pt`")
+    what.add_argument(
+        "--tiny", type=Path, metavar="FOLDER", help="write the small test models into FOLDER"
+    )
+    what.add_argument(
+        "--paper",
+        type=Path,
+        metavar="FOLDER",
+        help="write the paper's networks (ResNet-34, 480x640, random weights) into FOLDER",
+    )
+    what.add_argument(
+        "--split",
+        type=Path,
+        metavar="FUSED",
+        help="split the fused file of a connected graph into stages with the same results",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -84,19 +84,10 @@ def quantize(
     `ConfigError` for a file that is quantized already or recurrent, and without an image.
     """
     values = read_metadata(path)
-    if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
-        raise ConfigError(f"`{path}` is not an fp32 model file")
-    if "nunet.state" in values:
-        raise ConfigError(
-            f"`{path}` is recurrent; calibration images are independent, so its state would be "
-            "quantized to 0; hint: use the fp32 file"
-        )
+    _check_precision(path, values)
     model = load_model(path)
     keep = [*plan.float_nodes, *(heads(model) if plan.float_heads else ())]
-    known = {node.name for node in model.graph.node}
-    unknown = [name for name in keep if name not in known]
-    if unknown:
-        raise ConfigError(f"`{path.name}` has no node `{unknown[0]}` to keep in float")
+    _check_names(path, model, keep)
     shown = list(images)
     if not shown:
         raise ConfigError("no image to calibrate on; expected one or more")
@@ -118,9 +109,34 @@ def quantize(
     }
     values["nunet.training"] = to_json(training)
     values["nunet.accuracy"] = to_json({})  # the float file's metrics are not this one's
+    _save(quantized, values, out)
+    return values
+
+
+def _check_precision(path: Path, values: dict[str, str]) -> None:
+    """Refuse what is no float file of independent images."""
+    if json.loads(values.get("nunet.selftest", "{}")).get("precision") != "fp32":
+        raise ConfigError(f"`{path}` is not an fp32 model file")
+    if "nunet.state" in values:
+        raise ConfigError(
+            f"`{path}` is recurrent; calibration images are independent, so its state would be "
+            "quantized to 0; hint: use the fp32 file"
+        )
+
+
+def _check_names(path: Path, model: onnx.ModelProto, keep: list[str]) -> None:
+    """Refuse names of nodes that `model` does not have."""
+    known = {node.name for node in model.graph.node}
+    unknown = [name for name in keep if name not in known]
+    if unknown:
+        raise ConfigError(f"`{path.name}` has no node `{unknown[0]}` to keep in float")
+
+
+def _save(model: onnx.ModelProto, values: dict[str, str], out: Path) -> None:
+    """Write `model` with `values` and its own self-test, which is added to `values`."""
     beside = out.with_suffix(".partial.onnx")
     try:
-        onnx.save(quantized, beside)
+        onnx.save(model, beside)
         write_metadata(beside, values)
         predictor = Predictor(beside)
         image = selftest_image(*predictor.size[::-1])
@@ -130,7 +146,6 @@ def quantize(
         beside.replace(out)
     finally:
         beside.unlink(missing_ok=True)
-    return values
 
 
 def _quantized(

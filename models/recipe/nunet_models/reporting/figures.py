@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -41,13 +42,7 @@ def loss_curves(runs: list[Path], out: Path) -> None:
     for axes in (left, right):
         axes.set_prop_cycle(color=colormaps["tab10" if len(runs) <= MANY else "tab20"].colors)
     for run in runs:
-        steps, epochs = _rows(run / "steps.csv"), _rows(run / "epochs.csv")
-        alone = "." if len(steps) == 1 else ""  # one point makes no line
-        values = [r["loss"] for r in steps]
-        left.plot([r["step"] for r in steps], values, label=run.name, lw=1, marker=alone)
-        name = "miou" if "miou" in epochs[0] else "rmse"
-        values = [r[name] for r in epochs]
-        right.plot([r["epoch"] for r in epochs], values, label=f"{run.name}: {name}", marker=".")
+        _plot_run(run, left, right)
     # The first steps lose ten times what all others do: on an even scale these are one flat line.
     left.set(xlabel="step", ylabel="training loss", yscale="log")
     right.set(xlabel="epoch", ylabel="validation")
@@ -56,6 +51,17 @@ def loss_curves(runs: list[Path], out: Path) -> None:
         axes.legend(fontsize="small")
         axes.grid(alpha=0.3)
     figure.savefig(out, dpi=DPI)
+
+
+def _plot_run(run: Path, left: Axes, right: Axes) -> None:
+    """Plot one run: its loss on the left, its validation metric on the right."""
+    steps, epochs = _rows(run / "steps.csv"), _rows(run / "epochs.csv")
+    alone = "." if len(steps) == 1 else ""  # one point makes no line
+    values = [r["loss"] for r in steps]
+    left.plot([r["step"] for r in steps], values, label=run.name, lw=1, marker=alone)
+    name = "miou" if "miou" in epochs[0] else "rmse"
+    values = [r[name] for r in epochs]
+    right.plot([r["epoch"] for r in epochs], values, label=f"{run.name}: {name}", marker=".")
 
 
 def side_by_side(rows: list[list[Panel]], out: Path) -> None:

@@ -47,6 +47,11 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--dropout", type=float, default=0.0)
     group.add_argument("--drop-path", type=float, default=0.0, help="for timm's backbones alone")
+    _add_start_options(group)
+
+
+def _add_start_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options that say which weights training starts from."""
     group.add_argument(
         "--start",
         type=Path,

@@ -21,7 +21,17 @@ def imagenet_encoder(component: Component) -> None:
     # Errors
     `ConfigError` where no package has weights for the backbone.
     """
-    backbone = component.spec.backbone
+    theirs = _imagenet_weights(component.spec.backbone)
+    encoder = component.unet.encoder
+    ours = encoder.state_dict()
+    # The two libraries name layers differently but define them in one order.
+    for (name, mine), their in zip(ours.items(), theirs, strict=True):
+        ours[name] = _widened(their, mine.shape, name)
+    encoder.load_state_dict(ours)
+
+
+def _imagenet_weights(backbone: str) -> list[torch.Tensor]:
+    """The weights of a backbone's feature maps, in their order."""
     if backbone not in _WHEELS:
         raise ConfigError(
             f"no ImageNet weights for backbone `{backbone}`; hint: {', '.join(_WHEELS)} has them"
@@ -30,17 +40,11 @@ def imagenet_encoder(component: Component) -> None:
     if found is None or found.origin is None:
         raise ConfigError(f"package `{_WHEELS[backbone]}` is not installed")
     (path,) = (Path(found.origin).parent / "models").glob("*.pth")
-    theirs = [
+    return [
         value
         for name, value in torch.load(path, weights_only=True).items()
         if not name.startswith(_BEYOND_FEATURES)
     ]
-    encoder = component.unet.encoder
-    ours = encoder.state_dict()
-    # The two libraries name layers differently but define them in one order.
-    for (name, mine), their in zip(ours.items(), theirs, strict=True):
-        ours[name] = _widened(their, mine.shape, name)
-    encoder.load_state_dict(ours)
 
 
 def like_component(component: Component, earlier: Component) -> None:
