@@ -29,6 +29,7 @@ const CORE: Order = Order {
         "depth",
         "filter",
         "cloud",
+        "obstacle",
         "pipeline",
         "hints",
     ],
@@ -92,6 +93,7 @@ const PYTHON: Order = Order {
         "image",
         "camera",
         "cloud",
+        "obstacles",
         "colorize",
         "command",
         "installation",
@@ -233,6 +235,6 @@ fn an_import_of_a_later_stage_is_found_however_it_is_written() {
 
 #[test]
 fn a_module_without_a_place_and_a_path_around_the_order_are_found() {
-    assert_eq!(CORE.turning_back("crates/nunet-core/src/obstacles/mod.rs", "").len(), 1);
+    assert_eq!(CORE.turning_back("crates/nunet-core/src/planner/mod.rs", "").len(), 1);
     assert_eq!(CORE.turning_back("crates/nunet-core/src/frame.rs", "use crate::Pipeline;").len(), 1);
 }

@@ -54,6 +54,12 @@
 /** The label of a point that has no class. */
 #define NUNET_NO_LABEL 255
 
+/** Sectors that an obstacle record has room for. */
+#define NUNET_MAX_SECTORS 360
+
+/** Points that an obstacle record has room for. */
+#define NUNET_MAX_OBSTACLE_POINTS 5000
+
 /** Values of the header's field `topic`. */
 typedef enum nunet_topic_t {
   /** The camera's image, in the encoding of a pixel format. */
@@ -64,8 +70,8 @@ typedef enum nunet_topic_t {
   NUNET_TOPIC_LABELS = 2,
   /** The organized point cloud: `[height, width]` points of 16 bytes. */
   NUNET_TOPIC_CLOUD = 3,
-  /** Obstacles by direction. Reserved: no version of the daemon publishes it yet. */
-  NUNET_TOPIC_SCAN = 4,
+  /** Obstacles around the robot, by direction and as points: one obstacle record. */
+  NUNET_TOPIC_OBSTACLES = 4,
   /** The daemon's counts and latencies: one stats record. */
   NUNET_TOPIC_STATS = 5,
 } nunet_topic_t;
@@ -90,6 +96,8 @@ typedef enum nunet_encoding_t {
   NUNET_ENCODING_POINTS = 7,
   /** One stats record. */
   NUNET_ENCODING_STATS_RECORD = 8,
+  /** One obstacle record. */
+  NUNET_ENCODING_OBSTACLE_RECORD = 9,
 } nunet_encoding_t;
 
 /** Values of the header's field `units`. */
@@ -112,6 +120,10 @@ typedef enum nunet_scale_source_t {
   NUNET_SCALE_SOURCE_ASSUMED_CAMERA = 2,
   /** There is no scale. */
   NUNET_SCALE_SOURCE_RELATIVE = 3,
+  /** The network's meters times a factor that was measured for this camera. */
+  NUNET_SCALE_SOURCE_CALIBRATED = 4,
+  /** The network's meters times a factor that follows from the floor and the camera's height above it. */
+  NUNET_SCALE_SOURCE_FLOOR = 5,
 } nunet_scale_source_t;
 
 /** Values of the header's field `capture_clock`. */
@@ -140,9 +152,19 @@ typedef enum nunet_quality_t {
   NUNET_QUALITY_FULL = 0,
   /** The labels come from an earlier frame. */
   NUNET_QUALITY_REUSED_LABELS = 1,
-  /** A cheaper stand-in for the network. */
-  NUNET_QUALITY_FALLBACK = 2,
 } nunet_quality_t;
+
+/** Values of a sector's field `state`. */
+typedef enum nunet_sector_state_t {
+  /** Not known: floor not visible, no valid depth, outside the view, glass, mirror or screen. Never free. */
+  NUNET_SECTOR_STATE_UNKNOWN = 0,
+  /** Nothing: the floor is seen and empty up to `range_m`. */
+  NUNET_SECTOR_STATE_FREE = 1,
+  /** An obstacle at `range_m`. */
+  NUNET_SECTOR_STATE_OCCUPIED = 2,
+  /** The floor ends at `range_m`: stairs, an edge. */
+  NUNET_SECTOR_STATE_DROP = 3,
+} nunet_sector_state_t;
 
 /** What a reader opens: a sum of these. */
 typedef enum nunet_bit_t {
@@ -150,7 +172,7 @@ typedef enum nunet_bit_t {
   NUNET_BIT_DEPTH = 2,
   NUNET_BIT_LABELS = 4,
   NUNET_BIT_CLOUD = 8,
-  NUNET_BIT_SCAN = 16,
+  NUNET_BIT_OBSTACLES = 16,
   NUNET_BIT_STATS = 32,
 } nunet_bit_t;
 
@@ -213,8 +235,12 @@ typedef struct nunet_header_t {
   uint64_t invalid_pixels;
   /** The name of the camera's coordinate frame, UTF-8, zeros behind it. */
   char frame_id[64];
+  /** What the network's meters were multiplied by; 0 when unknown or without meaning. */
+  double scale_factor;
+  /** Nanoseconds since `scale_factor` was measured; 0 for one that does not change. */
+  int64_t scale_age_nanos;
   /** Zero; room for later fields. */
-  uint8_t reserved[616];
+  uint8_t reserved[600];
 } nunet_header_t;
 
 /**
@@ -296,6 +322,96 @@ typedef struct nunet_point_t {
   uint8_t label;
 } nunet_point_t;
 
+/**
+ * One direction of the robot, in the leveled base frame: x forward, y left, origin on the floor.
+ * `nunet.v1.ObstacleSector`, 32 bytes.
+ */
+typedef struct nunet_obstacle_sector_t {
+  /** Meters from the base's origin up to which the direction is free; what is there is `state`. Nearer than
+      `seen_from_m` nothing was seen. */
+  float range_m;
+  /** Meters to the nearest obstacle, also where `state` is another; NaN if none was seen. */
+  float obstacle_m;
+  /** Lowest point of the nearest obstacle, meters above ground; NaN without obstacle. */
+  float min_height_m;
+  /** Highest point of the nearest obstacle, meters above ground; NaN without obstacle. */
+  float max_height_m;
+  /** Meters to the nearest floor that the camera can see in this direction; NaN if it sees none. */
+  float seen_from_m;
+  /** Seconds since the obstacle was seen; 0 unless `remembered`. */
+  float age_s;
+  /** A `nunet_sector_state_t`. */
+  uint32_t state;
+  /** The class of the nearest obstacle; 255 where there is none. */
+  uint8_t label;
+  /** 1 if the obstacle was seen in an earlier frame and left the image at the bottom, else 0. */
+  uint8_t remembered;
+  /** Zero; room for later fields. */
+  uint8_t reserved[2];
+} nunet_obstacle_sector_t;
+
+/**
+ * A point of an obstacle, in the leveled base frame: x forward, y left, z up, origin on the floor.
+ * `nunet.v1.ObstaclePoint`, 20 bytes.
+ */
+typedef struct nunet_obstacle_point_t {
+  /** Meters forward. */
+  float x;
+  /** Meters to the left. */
+  float y;
+  /** Meters up. */
+  float z;
+  /** Meters above the ground at this place. */
+  float height;
+  /** The class; 255 where there is none. */
+  uint8_t label;
+  /** 255 = certain; 255 as well where the network has no confidence. */
+  uint8_t confidence;
+  /** Zero; room for later fields. */
+  uint8_t reserved[2];
+} nunet_obstacle_point_t;
+
+/**
+ * The obstacles of one frame, in the leveled base frame.
+ * `nunet.v1.ObstacleRecord`, 111680 bytes.
+ */
+typedef struct nunet_obstacles_t {
+  /** `NUNET_CONTRACT_VERSION`. */
+  uint32_t contract_version;
+  /** How many of `sectors` are in use. */
+  uint32_t sector_count;
+  /** How many of `points` are in use. */
+  uint32_t point_count;
+  /** 1 if the ground was measured in this frame, 0 if it is the plane that the mount promises. */
+  uint32_t ground_refined;
+  /** 1 if labels identified floor and glass, 0 if only geometry did. */
+  uint32_t used_labels;
+  /** The right boundary of the first sector, radians, counterclockwise from x; the sectors follow counterclockwise. */
+  float angle_min_rad;
+  /** The width of a sector, radians. */
+  float angle_step_rad;
+  /** What is lower above the ground can be driven over, meters. */
+  float clearance_m;
+  /** What is higher above the ground can be driven under, meters. */
+  float robot_height_m;
+  /** Obstacles farther away are ignored, meters. */
+  float max_range_m;
+  /** The share of the image that shows floor, 0 to 1. */
+  float floor_fraction;
+  /** The ground: rise per meter forward. */
+  float ground_slope_x;
+  /** The ground: rise per meter to the left. */
+  float ground_slope_y;
+  /** The ground: height at the origin, meters. */
+  float ground_height_m;
+  /** Zero; room for later fields. */
+  uint8_t reserved[104];
+  /** The directions. Those not in use mean nothing. */
+  nunet_obstacle_sector_t sectors[NUNET_MAX_SECTORS];
+  /** The points of obstacles. Those not in use mean nothing. */
+  nunet_obstacle_point_t points[NUNET_MAX_OBSTACLE_POINTS];
+} nunet_obstacles_t;
+
 #if defined(__cplusplus)
 #define NUNET_CHECK(name, holds) static_assert(holds, #name)
 #elif defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L
@@ -331,7 +447,9 @@ NUNET_CHECK(header_stage_micros, offsetof(nunet_header_t, stage_micros) == 264);
 NUNET_CHECK(header_bytes_copied, offsetof(nunet_header_t, bytes_copied) == 328);
 NUNET_CHECK(header_invalid_pixels, offsetof(nunet_header_t, invalid_pixels) == 336);
 NUNET_CHECK(header_frame_id, offsetof(nunet_header_t, frame_id) == 344);
-NUNET_CHECK(header_reserved, offsetof(nunet_header_t, reserved) == 408);
+NUNET_CHECK(header_scale_factor, offsetof(nunet_header_t, scale_factor) == 408);
+NUNET_CHECK(header_scale_age_nanos, offsetof(nunet_header_t, scale_age_nanos) == 416);
+NUNET_CHECK(header_reserved, offsetof(nunet_header_t, reserved) == 424);
 NUNET_CHECK(stats_size, sizeof(nunet_stats_t) == 2560);
 NUNET_CHECK(stats_contract_version, offsetof(nunet_stats_t, contract_version) == 0);
 NUNET_CHECK(stats_stage_count, offsetof(nunet_stats_t, stage_count) == 4);
@@ -366,6 +484,43 @@ NUNET_CHECK(point_b, offsetof(nunet_point_t, b) == 12);
 NUNET_CHECK(point_g, offsetof(nunet_point_t, g) == 13);
 NUNET_CHECK(point_r, offsetof(nunet_point_t, r) == 14);
 NUNET_CHECK(point_label, offsetof(nunet_point_t, label) == 15);
+NUNET_CHECK(obstacle_sector_size, sizeof(nunet_obstacle_sector_t) == 32);
+NUNET_CHECK(obstacle_sector_range_m, offsetof(nunet_obstacle_sector_t, range_m) == 0);
+NUNET_CHECK(obstacle_sector_obstacle_m, offsetof(nunet_obstacle_sector_t, obstacle_m) == 4);
+NUNET_CHECK(obstacle_sector_min_height_m, offsetof(nunet_obstacle_sector_t, min_height_m) == 8);
+NUNET_CHECK(obstacle_sector_max_height_m, offsetof(nunet_obstacle_sector_t, max_height_m) == 12);
+NUNET_CHECK(obstacle_sector_seen_from_m, offsetof(nunet_obstacle_sector_t, seen_from_m) == 16);
+NUNET_CHECK(obstacle_sector_age_s, offsetof(nunet_obstacle_sector_t, age_s) == 20);
+NUNET_CHECK(obstacle_sector_state, offsetof(nunet_obstacle_sector_t, state) == 24);
+NUNET_CHECK(obstacle_sector_label, offsetof(nunet_obstacle_sector_t, label) == 28);
+NUNET_CHECK(obstacle_sector_remembered, offsetof(nunet_obstacle_sector_t, remembered) == 29);
+NUNET_CHECK(obstacle_sector_reserved, offsetof(nunet_obstacle_sector_t, reserved) == 30);
+NUNET_CHECK(obstacle_point_size, sizeof(nunet_obstacle_point_t) == 20);
+NUNET_CHECK(obstacle_point_x, offsetof(nunet_obstacle_point_t, x) == 0);
+NUNET_CHECK(obstacle_point_y, offsetof(nunet_obstacle_point_t, y) == 4);
+NUNET_CHECK(obstacle_point_z, offsetof(nunet_obstacle_point_t, z) == 8);
+NUNET_CHECK(obstacle_point_height, offsetof(nunet_obstacle_point_t, height) == 12);
+NUNET_CHECK(obstacle_point_label, offsetof(nunet_obstacle_point_t, label) == 16);
+NUNET_CHECK(obstacle_point_confidence, offsetof(nunet_obstacle_point_t, confidence) == 17);
+NUNET_CHECK(obstacle_point_reserved, offsetof(nunet_obstacle_point_t, reserved) == 18);
+NUNET_CHECK(obstacles_size, sizeof(nunet_obstacles_t) == 111680);
+NUNET_CHECK(obstacles_contract_version, offsetof(nunet_obstacles_t, contract_version) == 0);
+NUNET_CHECK(obstacles_sector_count, offsetof(nunet_obstacles_t, sector_count) == 4);
+NUNET_CHECK(obstacles_point_count, offsetof(nunet_obstacles_t, point_count) == 8);
+NUNET_CHECK(obstacles_ground_refined, offsetof(nunet_obstacles_t, ground_refined) == 12);
+NUNET_CHECK(obstacles_used_labels, offsetof(nunet_obstacles_t, used_labels) == 16);
+NUNET_CHECK(obstacles_angle_min_rad, offsetof(nunet_obstacles_t, angle_min_rad) == 20);
+NUNET_CHECK(obstacles_angle_step_rad, offsetof(nunet_obstacles_t, angle_step_rad) == 24);
+NUNET_CHECK(obstacles_clearance_m, offsetof(nunet_obstacles_t, clearance_m) == 28);
+NUNET_CHECK(obstacles_robot_height_m, offsetof(nunet_obstacles_t, robot_height_m) == 32);
+NUNET_CHECK(obstacles_max_range_m, offsetof(nunet_obstacles_t, max_range_m) == 36);
+NUNET_CHECK(obstacles_floor_fraction, offsetof(nunet_obstacles_t, floor_fraction) == 40);
+NUNET_CHECK(obstacles_ground_slope_x, offsetof(nunet_obstacles_t, ground_slope_x) == 44);
+NUNET_CHECK(obstacles_ground_slope_y, offsetof(nunet_obstacles_t, ground_slope_y) == 48);
+NUNET_CHECK(obstacles_ground_height_m, offsetof(nunet_obstacles_t, ground_height_m) == 52);
+NUNET_CHECK(obstacles_reserved, offsetof(nunet_obstacles_t, reserved) == 56);
+NUNET_CHECK(obstacles_sectors, offsetof(nunet_obstacles_t, sectors) == 160);
+NUNET_CHECK(obstacles_points, offsetof(nunet_obstacles_t, points) == 11680);
 #undef NUNET_CHECK
 
 
@@ -668,6 +823,17 @@ nunet_status_t nunet_frame_points(const nunet_frame_t *frame,
  * Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
  */
 nunet_status_t nunet_frame_stats(const nunet_frame_t *frame, const nunet_stats_t **stats);
+
+/**
+ * The obstacles around the robot, from a frame of the topic `obstacles`.
+ *
+ * `*obstacles` is valid until the frame is released; NULL after a failure. Only the first `sector_count` sectors and
+ * `point_count` points mean something.
+ *
+ * Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
+ */
+nunet_status_t nunet_frame_obstacles(const nunet_frame_t *frame,
+                                     const nunet_obstacles_t **obstacles);
 
 /**
  * Releases a frame. Pointers into it are no longer valid. NULL is allowed.

@@ -96,7 +96,7 @@ template <typename T> struct View {
   T &operator()(std::uint32_t x, std::uint32_t y) const noexcept { return row(y)[x]; }
 };
 
-/** Bytes in shared memory. */
+/** Elements one after the other in shared memory, such as bytes. */
 template <typename T> struct Bytes {
   T *data = nullptr;
   std::size_t size = 0;
@@ -135,6 +135,22 @@ public:
     const nunet_stats_t *stats;
     check(nunet_frame_stats(handle_.get(), &stats));
     return *stats;
+  }
+  /** Obstacles around the robot. Only the sectors and points in use mean something. */
+  const nunet_obstacles_t &obstacles() const {
+    const nunet_obstacles_t *obstacles;
+    check(nunet_frame_obstacles(handle_.get(), &obstacles));
+    return *obstacles;
+  }
+  /** The directions of `obstacles()` in use, counterclockwise. */
+  Bytes<const nunet_obstacle_sector_t> sectors() const {
+    const nunet_obstacles_t &found = obstacles();
+    return {found.sectors, found.sector_count};
+  }
+  /** The points of `obstacles()` in use. */
+  Bytes<const nunet_obstacle_point_t> obstacle_points() const {
+    const nunet_obstacles_t &found = obstacles();
+    return {found.points, found.point_count};
   }
   /** The time since capture; empty where the sender knows neither the monotonic clock's time nor the time of day. */
   std::optional<std::chrono::nanoseconds> age() const {

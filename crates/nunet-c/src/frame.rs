@@ -4,7 +4,9 @@
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
 
-use nunet_ipc::{CloudPoint, Frame, FrameHeader, IpcError, StatsRecord, Topic, monotonic_nanos, unix_nanos};
+use nunet_ipc::{
+    CloudPoint, Frame, FrameHeader, IpcError, ObstacleRecord, StatsRecord, Topic, monotonic_nanos, unix_nanos,
+};
 
 use crate::argument::{fill, place, pointer_to};
 use crate::handle::{Table, locked};
@@ -143,6 +145,33 @@ pub extern "C" fn nunet_frame_stats(
         let stats = place(stats, "stats", std::ptr::null())?;
         let frame = FRAMES.get(frame)?;
         *stats = std::ptr::from_ref(locked(&frame).stats()?);
+        Ok(())
+    })
+}
+
+/// The obstacles around the robot, from a frame of the topic `obstacles`.
+///
+/// `*obstacles` is valid until the frame is released; NULL after a failure. Only the first `sector_count` sectors and
+/// `point_count` points mean something.
+///
+/// Fails with `NUNET_WRONG_ENCODING`, `NUNET_BAD_MESSAGE`.
+#[unsafe(no_mangle)]
+pub extern "C" fn nunet_frame_obstacles(
+    frame: *const FrameHandle,
+    obstacles: Option<&mut MaybeUninit<*const ObstacleRecord>>,
+) -> Status {
+    guard(|| {
+        let obstacles = place(obstacles, "obstacles", std::ptr::null())?;
+        let frame = FRAMES.get(frame)?;
+        let frame = locked(&frame);
+        let record = frame.obstacles()?;
+        let fits = record.sectors().len() == record.sector_count as usize
+            && record.points().len() == record.point_count as usize;
+        if !fits {
+            let detail = "its counts are larger than its arrays".to_owned();
+            return Err(IpcError::BadMessage { topic: frame.topic(), detail }.into());
+        }
+        *obstacles = std::ptr::from_ref(record);
         Ok(())
     })
 }

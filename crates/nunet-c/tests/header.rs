@@ -6,13 +6,18 @@
 use std::path::Path;
 
 use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Language, RenameRule, Style};
-use nunet_ipc::contract::{ENUM_DOCS, ENUMS, HEADER, Layout, POINT, STATS};
-use nunet_ipc::{CONTRACT_VERSION, Field, MAX_COEFFICIENTS, MAX_STAGES, NO_LABEL, STAGE_NAME_BYTES, Topic};
+use nunet_ipc::contract::{
+    ENUM_DOCS, ENUMS, HEADER, Layout, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT, STATS,
+};
+use nunet_ipc::{
+    CONTRACT_VERSION, Field, MAX_COEFFICIENTS, MAX_OBSTACLE_POINTS, MAX_SECTORS, MAX_STAGES, NO_LABEL,
+    STAGE_NAME_BYTES, Topic,
+};
 
 const ABOUT: &str = include_str!("header_about.h");
 
 /// Names in Rust, and the same in C.
-const NAMES: [(&str, &str); 15] = [
+const NAMES: [(&str, &str); 19] = [
     ("Status", "nunet_status_t"),
     ("ReaderHandle", "nunet_reader_t"),
     ("FrameHandle", "nunet_frame_t"),
@@ -22,6 +27,10 @@ const NAMES: [(&str, &str); 15] = [
     ("FrameHeader", "nunet_header_t"),
     ("StatsRecord", "nunet_stats_t"),
     ("CloudPoint", "nunet_point_t"),
+    ("ObstacleRecord", "nunet_obstacles_t"),
+    ("ObstacleSector", "nunet_obstacle_sector_t"),
+    ("ObstaclePoint", "nunet_obstacle_point_t"),
+    ("SectorState", "nunet_sector_state_t"),
     ("Topic", "nunet_topic_t"),
     ("Encoding", "nunet_encoding_t"),
     ("ScaleSource", "nunet_scale_source_t"),
@@ -80,6 +89,32 @@ fn written(root: &Path) -> String {
 
 /// What cbindgen cannot see because macros write it: constants, enumerations, structs, and their layout's checks.
 fn tables() -> String {
+    let layouts = [
+        (HEADER, "header", "The header of a message, as it lies in shared memory."),
+        (
+            STATS,
+            "stats",
+            "The daemon's stats: counts of frames, rates, and latencies in microseconds.\n`captured = published + superseded + failed + in_flight`, always.",
+        ),
+        (POINT, "point", "A point of a cloud, in the camera's optical frame: x right, y down, z forward."),
+        (
+            OBSTACLE_SECTOR,
+            "obstacle_sector",
+            "One direction of the robot, in the leveled base frame: x forward, y left, origin on the floor.",
+        ),
+        (
+            OBSTACLE_POINT,
+            "obstacle_point",
+            "A point of an obstacle, in the leveled base frame: x forward, y left, z up, origin on the floor.",
+        ),
+        (OBSTACLES, "obstacles", "The obstacles of one frame, in the leveled base frame."),
+    ];
+    let structures = layouts.iter().map(|(layout, name, doc)| structure(layout, name, doc));
+    let named = layouts.map(|(layout, name, _)| (layout, name));
+    constants() + &enumerations() + &structures.collect::<String>() + &checks(&named)
+}
+
+fn constants() -> String {
     let mut out = String::from("\n");
     for (doc, name, value) in [
         (
@@ -93,12 +128,27 @@ fn tables() -> String {
         ("Coefficients that a distortion model may have.", "MAX_COEFFICIENTS", MAX_COEFFICIENTS.to_string()),
         ("Bytes of a stage's name.", "STAGE_NAME_BYTES", STAGE_NAME_BYTES.to_string()),
         ("The label of a point that has no class.", "NO_LABEL", NO_LABEL.to_string()),
+        ("Sectors that an obstacle record has room for.", "MAX_SECTORS", MAX_SECTORS.to_string()),
+        (
+            "Points that an obstacle record has room for.",
+            "MAX_OBSTACLE_POINTS",
+            MAX_OBSTACLE_POINTS.to_string(),
+        ),
     ] {
         out += &format!("/** {doc} */\n#define NUNET_{name} {value}\n\n");
     }
+    out
+}
+
+fn enumerations() -> String {
+    let mut out = String::new();
     for ((field, words), docs) in ENUMS.iter().zip(ENUM_DOCS).filter(|((field, _), _)| *field != "wake") {
         let name = field.trim_start_matches("capture_");
-        out += &format!("/** Values of the header's field `{field}`. */\ntypedef enum nunet_{name}_t {{\n");
+        let place = match *field {
+            "sector_state" => "a sector's field `state`".to_owned(),
+            field => format!("the header's field `{field}`"),
+        };
+        out += &format!("/** Values of {place}. */\ntypedef enum nunet_{name}_t {{\n");
         for ((word, number), doc) in words.iter().zip(*docs) {
             let constant = format!("{name}_{word}").to_uppercase();
             out += &format!("{}  NUNET_{constant} = {number},\n", comment(doc));
@@ -111,18 +161,6 @@ fn tables() -> String {
         out += &format!("  NUNET_BIT_{name} = {bit},\n");
     }
     out.push_str("} nunet_bit_t;\n\n");
-    for (layout, name, doc) in [
-        (HEADER, "header", "The header of a message, as it lies in shared memory."),
-        (
-            STATS,
-            "stats",
-            "The daemon's stats: counts of frames, rates, and latencies in microseconds.\n`captured = published + superseded + failed + in_flight`, always.",
-        ),
-        (POINT, "point", "A point of a cloud, in the camera's optical frame: x right, y down, z forward."),
-    ] {
-        out.push_str(&structure(&layout, name, doc));
-    }
-    out.push_str(&checks(&[(HEADER, "header"), (STATS, "stats"), (POINT, "point")]));
     out
 }
 
@@ -152,12 +190,16 @@ fn declaration(field: &Field) -> String {
         "i64" => "int64_t",
         "f32" => "float",
         "f64" => "double",
+        kind if kind == OBSTACLE_SECTOR.type_name => "nunet_obstacle_sector_t",
+        kind if kind == OBSTACLE_POINT.type_name => "nunet_obstacle_point_t",
         other => panic!("no name in C for `{other}`"),
     };
     match (name, count) {
         ("stage_names", _) => format!("{kind} {name}[NUNET_MAX_STAGES][NUNET_STAGE_NAME_BYTES]"),
         (_, 1) => format!("{kind} {name}"),
         (_, MAX_STAGES) => format!("{kind} {name}[NUNET_MAX_STAGES]"),
+        (_, MAX_SECTORS) => format!("{kind} {name}[NUNET_MAX_SECTORS]"),
+        (_, MAX_OBSTACLE_POINTS) => format!("{kind} {name}[NUNET_MAX_OBSTACLE_POINTS]"),
         (_, MAX_COEFFICIENTS) => format!("{kind} {name}[NUNET_MAX_COEFFICIENTS]"),
         _ => format!("{kind} {name}[{count}]"),
     }

@@ -11,6 +11,7 @@ use crate::filter::FilterError;
 use crate::frame::FrameError;
 use crate::graph::{GraphError, ManifestError, RuntimeError, UnknownProvider, WiringError};
 use crate::model::{ModelError, SelfTestMismatch, SidecarError};
+use crate::obstacle::ObstacleError;
 use crate::pipeline::PipelineError;
 
 /// The hint of `error` if it is of this crate's and has one. Does not follow `source`.
@@ -44,6 +45,7 @@ pub fn hint_of(error: &(dyn Error + 'static)) -> Option<Cow<'static, str>> {
         of::<GraphError>,
         of::<SelfTestMismatch>,
         of::<FilterError>,
+        of::<ObstacleError>,
         of::<PipelineError>,
     ];
     known.iter().find_map(|of| of(error))?.hint()

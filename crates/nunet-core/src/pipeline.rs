@@ -48,6 +48,8 @@ pub struct FrameReport {
     pub units: Units,
     /// Where its scale comes from.
     pub scale_source: ScaleSource,
+    /// What the network's meters were multiplied by; 0 for depth without a unit.
+    pub scale_factor: f32,
     /// Bytes written to move existing data; 0 if the camera's images have the network's size and format.
     pub bytes_copied: u64,
     /// Pixels of the depth map that are NaN, after the filters.
@@ -280,6 +282,11 @@ impl Pipeline {
             quality: run.quality,
             units: self.decoder.scale.units,
             scale_source: self.decoder.scale.source,
+            scale_factor: if self.decoder.scale.units == Units::Metre {
+                self.decoder.scale.focal_factor
+            } else {
+                0.0
+            },
             bytes_copied: bytes_copied + run.bytes_copied,
             invalid_pixels,
             camera: self.lens.known,

@@ -9,6 +9,7 @@ use nunet_core::cloud::CloudPoint;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
+use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_core::preprocess::Preprocessor;
 use nunet_testkit::allocations::{CountingAllocator, allocations_during};
@@ -151,6 +152,31 @@ fn later_images_of_the_same_size_are_preprocessed_without_allocation() {
             assert_eq!(allocations, 0, "{format} {width}x{height}");
         }
     }
+}
+
+#[test]
+fn obstacles_allocate_nothing() {
+    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
+    let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
+    let options = ObstacleOptions { hold_s: 1.0, ..ObstacleOptions::default() };
+    let mut detector = ObstacleDetector::new(&camera, mount, &["floor".to_owned()], options).unwrap();
+    let pixels = (SIZE.0 * SIZE.1) as usize;
+    // Floor in the lower half, and behind it a wall; then noise, which has more points than there is room for.
+    let room = |i: usize| 0.5 * 50.0 / ((i / 64) as f32 - 23.5).max(10.0);
+    let noise = |i: usize| 0.3 + (i * 7919 % 1000) as f32 * 0.01;
+    let images: [Vec<f32>; 2] = [(0..pixels).map(room).collect(), (0..pixels).map(noise).collect()];
+    let labels = vec![0; pixels];
+    let mut points = 0;
+    let allocations = allocations_during(|| {
+        for (time, depth_m) in images.iter().chain(&images).enumerate() {
+            for labels in [None, Some(&labels[..])] {
+                let image = DepthImage { depth_m, labels, confidence: labels };
+                points += detector.detect(&image, time as i64).unwrap().points.len();
+            }
+        }
+    });
+    assert_eq!(allocations, 0);
+    assert!(points > 0);
 }
 
 #[test]

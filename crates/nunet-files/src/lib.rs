@@ -7,6 +7,7 @@
 //! | `depth.png` | colors with a scale | [`depth_image`] |
 //! | `labels.png` | 8-bit class indices | [`write_results`] |
 //! | `cloud.ply` | the points that have a position | [`write_cloud`] |
+//! | `obstacles.png` | obstacles from above | [`BirdsEye`] |
 //!
 //! `nunetd infer`, `nunetd --out`, `nunetd eval` and the Python package write their files with it. A new file format gets a
 //! module here and a line in [`write_results`].
@@ -37,6 +38,7 @@ mod color;
 mod error;
 mod folder;
 mod npy;
+mod obstacles;
 mod ply;
 mod png;
 mod results;
@@ -46,7 +48,8 @@ pub use color::{color_range, colorize, depth_image, draw_text};
 pub use error::{FilesError, FilesErrorKind};
 pub use folder::{check_folder, make_folder};
 pub use npy::{MAX_NPY_BYTES, read_npy, write_npy};
+pub use obstacles::{BirdsEye, draw_obstacle_points};
 pub use ply::write_cloud;
-pub use png::write_depth_mm;
+pub use png::{write_depth_mm, write_rgb};
 pub use results::Results;
 pub use save::write_results;

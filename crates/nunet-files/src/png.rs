@@ -36,7 +36,10 @@ where
 }
 
 /// Writes colors.
-pub(crate) fn write_rgb(path: &Path, image: &RgbImage) -> Result<(), FilesError> {
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_rgb(path: &Path, image: &RgbImage) -> Result<(), FilesError> {
     image.save(path).map_err(FilesError::write_file(path))
 }
 

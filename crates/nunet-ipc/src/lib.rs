@@ -67,8 +67,8 @@ mod service;
 pub use crate::access::{Access, share_with};
 pub use crate::clock::{monotonic_nanos, unix_nanos};
 pub use crate::contract::{
-    CONTRACT_ATTRIBUTE, CONTRACT_VERSION, FrameHeader, MAX_COEFFICIENTS, MAX_STAGES, STAGE_NAME_BYTES,
-    StatsRecord,
+    CONTRACT_ATTRIBUTE, CONTRACT_VERSION, FrameHeader, MAX_COEFFICIENTS, MAX_STAGES, ObstacleRecord,
+    STAGE_NAME_BYTES, StatsRecord,
 };
 pub use crate::error::{IpcError, IpcErrorKind};
 pub use crate::iceoryx::{ROOT_VARIABLE, root, shared_memory_prefix, use_root};
@@ -80,6 +80,7 @@ pub use crate::reader::{Frame, FrameSet, Publishers, Reader};
 pub use crate::recovery::orphans;
 pub use nunet_types::layout::Field;
 pub use nunet_types::{
-    CameraInfo, Clock, CloudPoint, DistortionModel, Encoding, ImageSize, MAX_SIDE_PX, NO_LABEL, PixelFormat,
-    Quality, ScaleSource, Topic, Units, UnknownValue, UnknownWord, Wake,
+    CameraInfo, Clock, CloudPoint, DistortionModel, Encoding, ImageSize, MAX_OBSTACLE_POINTS, MAX_SECTORS,
+    MAX_SIDE_PX, NO_LABEL, ObstaclePoint, ObstacleSector, PixelFormat, Quality, ScaleSource, SectorState,
+    Topic, Units, UnknownValue, UnknownWord, Wake,
 };

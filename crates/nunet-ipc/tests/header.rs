@@ -1,6 +1,6 @@
 //! The layout of the header, said a second time: a change here is a new version of the contract.
 
-use nunet_ipc::contract::{BLOCK, HEADER, POINT, STATS};
+use nunet_ipc::contract::{BLOCK, ENUMS, HEADER, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT, STATS};
 use nunet_ipc::{Clock, DistortionModel, Encoding, FrameHeader, Quality, ScaleSource, Topic, Units};
 
 fn filled() -> FrameHeader {
@@ -21,6 +21,8 @@ fn filled() -> FrameHeader {
         model_hash: std::array::from_fn(|index| index as u8),
         bytes_copied: 5,
         invalid_pixels: 6,
+        scale_factor: 0.75,
+        scale_age_nanos: 9,
         ..Default::default()
     };
     header.set_topic(Topic::Depth);
@@ -70,6 +72,8 @@ fn golden() -> Vec<u8> {
     put(328, &5_u64.to_le_bytes()); // bytes_copied
     put(336, &6_u64.to_le_bytes()); // invalid_pixels
     put(344, b"camera_optical"); // frame_id
+    put(408, &0.75_f64.to_le_bytes()); // scale_factor
+    put(416, &9_i64.to_le_bytes()); // scale_age_nanos
     bytes
 }
 
@@ -114,6 +118,8 @@ fn bytes_of_field(header: &FrameHeader, name: &str) -> Vec<u8> {
         "bytes_copied" => header.bytes_copied.to_le_bytes().to_vec(),
         "invalid_pixels" => header.invalid_pixels.to_le_bytes().to_vec(),
         "frame_id" => header.frame_id.to_vec(),
+        "scale_factor" => header.scale_factor.to_le_bytes().to_vec(),
+        "scale_age_nanos" => header.scale_age_nanos.to_le_bytes().to_vec(),
         "reserved" => header.reserved.to_vec(),
         other => panic!("field `{other}` is new: say here what its bytes are"),
     }
@@ -131,4 +137,56 @@ fn sizes_and_alignments_are_those_of_the_contract() {
 fn a_point_is_a_ros_point_with_rgb_at_12_and_label_at_15() {
     let offsets: Vec<_> = POINT.fields.iter().map(|field| (field.name, field.offset)).collect();
     assert_eq!(offsets, [("x", 0), ("y", 4), ("z", 8), ("b", 12), ("g", 13), ("r", 14), ("label", 15)]);
+}
+
+#[test]
+fn a_point_of_an_obstacle_is_a_ros_point_and_the_record_has_its_arrays_at_the_end() {
+    let offsets: Vec<_> = OBSTACLE_POINT.fields.iter().map(|field| (field.name, field.offset)).collect();
+    let expected =
+        [("x", 0), ("y", 4), ("z", 8), ("height", 12), ("label", 16), ("confidence", 17), ("reserved", 18)];
+    assert_eq!((offsets, OBSTACLE_POINT.bytes), (expected.to_vec(), 20));
+    let arrays: Vec<_> = OBSTACLES.fields.iter().rev().take(2).collect();
+    assert_eq!(
+        (arrays[1].name, arrays[1].offset, arrays[1].kind),
+        ("sectors", 160, OBSTACLE_SECTOR.type_name)
+    );
+    assert_eq!((arrays[0].name, arrays[0].offset, arrays[0].count), ("points", 11_680, 5000));
+    assert_eq!((OBSTACLE_SECTOR.bytes, OBSTACLES.bytes), (32, 111_680));
+}
+
+/// The header's numbers as a reader knew them before obstacles: fields of the first 408 bytes, and the words of its
+/// enumerations. Neither may move: such a reader goes on working, and meets at most a word that it does not know.
+#[test]
+fn a_reader_from_before_obstacles_and_calibrated_scale_still_reads_every_frame() {
+    let mut header = filled();
+    header.set_scale_source(ScaleSource::Floor);
+    let bytes = bytemuck::bytes_of(&header);
+    let u32_at = |offset: usize| u32::from_le_bytes(bytes[offset..offset + 4].try_into().unwrap());
+    assert_eq!((u32_at(0), u32_at(4), u32_at(48), u32_at(52)), (1, 1, 640, 480));
+    assert_eq!(&bytes[..72], &golden()[..72]);
+    assert_eq!(&bytes[76..408], &golden()[76..408]);
+    assert!(u32_at(72) > 3, "the new word has a number of its own, which the old reader cannot mistake");
+
+    let known = [
+        ("topic", "rgb depth labels cloud . stats"),
+        ("encoding", "rgb8 bgr8 mono8 yuyv nv12 depth_f32 labels_u8 points stats_record"),
+        ("units", "none metre relative"),
+        ("scale_source", "metric focal_scaled assumed_camera relative"),
+        ("quality", "full reused_labels"),
+    ];
+    for (name, words) in known {
+        let (_, numbers) = ENUMS.iter().find(|(found, _)| *found == name).unwrap();
+        for (number, word) in words.split(' ').enumerate().filter(|(_, word)| *word != ".") {
+            assert_eq!(numbers[number], (word, number as u32), "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_header_from_before_has_no_scale_factor() {
+    let mut old = golden();
+    old[408..].fill(0);
+    let header: FrameHeader = bytemuck::pod_read_unaligned(&old);
+    assert_eq!((header.scale_factor, header.scale_age_nanos), (0.0, 0));
+    assert_eq!(header.scale_source(), Ok(ScaleSource::FocalScaled));
 }

@@ -162,6 +162,21 @@ pub(crate) struct PointCloud2<'a> {
     pub(crate) is_dense: bool,
 }
 
+/// `sensor_msgs/msg/LaserScan`
+#[derive(Debug, PartialEq, Serialize)]
+pub(crate) struct LaserScan<'a> {
+    pub(crate) header: Header<'a>,
+    pub(crate) angle_min: f32,
+    pub(crate) angle_max: f32,
+    pub(crate) angle_increment: f32,
+    pub(crate) time_increment: f32,
+    pub(crate) scan_time: f32,
+    pub(crate) range_min: f32,
+    pub(crate) range_max: f32,
+    pub(crate) ranges: Cow<'a, [f32]>,
+    pub(crate) intensities: Cow<'a, [f32]>,
+}
+
 /// `geometry_msgs/msg/TransformStamped`, its transform written out.
 #[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct TransformStamped<'a> {
@@ -196,6 +211,7 @@ schema!(IMAGE, "sensor_msgs/msg/Image", "Image.msg");
 schema!(COMPRESSED_IMAGE, "sensor_msgs/msg/CompressedImage", "CompressedImage.msg");
 schema!(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "CameraInfo.msg");
 schema!(POINT_CLOUD, "sensor_msgs/msg/PointCloud2", "PointCloud2.msg");
+schema!(LASER_SCAN, "sensor_msgs/msg/LaserScan", "LaserScan.msg");
 schema!(TF_MESSAGE, "tf2_msgs/msg/TFMessage", "TFMessage.msg");
 
 #[cfg(test)]

@@ -12,10 +12,11 @@ use serde_bytes::Bytes;
 use crate::file_end::FileEnd;
 use crate::frame_record::{DepthRecord, FrameRecord, WriterOptions};
 use crate::messages::{
-    CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, Header, IMAGE, Image, POINT_CLOUD, Schema, TF_MESSAGE,
-    TfMessage, Time,
+    CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, Header, IMAGE, Image, LASER_SCAN, POINT_CLOUD, Schema,
+    TF_MESSAGE, TfMessage, Time,
 };
 use crate::mount::Mount;
+use crate::obstacles::ObstaclesRecord;
 use crate::records::io;
 use crate::{RecordingError, cdr};
 
@@ -128,6 +129,23 @@ impl RecordingWriter {
             }
         }
         self.write_results(frame, &header)
+    }
+
+    /// Writes the obstacles of a frame, before the frame itself. Errors are final, as in [`Self::write`].
+    ///
+    /// # Errors
+    /// The disk is full, or a message cannot be encoded.
+    pub fn write_obstacles(
+        &mut self,
+        obstacles: &ObstaclesRecord<'_>,
+        log_nanos: u64,
+        stamp_nanos: i64,
+    ) -> Result<(), RecordingError> {
+        let stamp = Time::from_unix_nanos(stamp_nanos);
+        let header = Header { stamp, frame_id: obstacles.frame_id.into() };
+        let cloud = obstacles.cloud(header.clone());
+        self.put(self.topic("obstacles/points"), &POINT_CLOUD, log_nanos, &cloud)?;
+        self.put(self.topic("scan"), &LASER_SCAN, log_nanos, &obstacles.scan(header))
     }
 
     /// Depth is last in a frame, as in shared memory.

@@ -47,6 +47,10 @@ arguments! {
     clock("clock"): text -> &'a str;
     frame_id("frame_id"): text -> &'a str;
     readers("readers"): whole -> u32;
+    clearance("clearance"): meters -> f32;
+    robot_height("robot_height"): meters -> f32;
+    max_range("max_range"): meters -> f32;
+    sectors("sectors"): whole -> u32;
 }
 
 /// Converts an argument.
@@ -76,6 +80,10 @@ pub(crate) fn shown(object: &Bound<'_, PyAny>) -> String {
 
 fn number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f64> {
     taken(argument, object, "a number", "write it without quotes, such as 518.9")
+}
+
+fn meters(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f32> {
+    taken(argument, object, "a number of meters", "write it without quotes, such as 0.05")
 }
 
 fn optional_number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f32>> {

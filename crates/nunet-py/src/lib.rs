@@ -15,6 +15,7 @@ mod image;
 mod installation;
 mod memory;
 mod model;
+mod obstacles;
 mod own;
 mod player;
 mod replay;
@@ -34,6 +35,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     model::register(module)?;
     result::register(module)?;
     cloud::register(module)?;
+    obstacles::register(module)?;
     colorize::register(module)?;
     replay::register(module)?;
     stream::register(module)

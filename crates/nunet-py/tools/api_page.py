@@ -27,7 +27,7 @@ Results and point clouds can be pickled.
 """
 
 CHAPTERS = {
-    "Inference": ["Model", "Result", "Cloud", "Camera", "replay", "Replay", "colorize"],
+    "Inference": ["Model", "Result", "Cloud", "Obstacles", "Camera", "replay", "Replay", "colorize"],
     "Shared memory": [
         "subscribe",
         "Subscriber",

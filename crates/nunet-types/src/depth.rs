@@ -25,6 +25,10 @@ vocabulary! {
         AssumedCamera = 2 "assumed_camera",
         /// There is no scale.
         Relative = 3 "relative",
+        /// The network's meters times a factor that was measured for this camera.
+        Calibrated = 4 "calibrated",
+        /// The network's meters times a factor that follows from the floor and the camera's height above it.
+        Floor = 5 "floor",
     }
 }
 
@@ -35,8 +39,6 @@ vocabulary! {
         Full = 0 "full",
         /// The labels come from an earlier frame.
         ReusedLabels = 1 "reused_labels",
-        /// A cheaper stand-in for the network.
-        Fallback = 2 "fallback",
     }
 }
 

@@ -11,7 +11,7 @@ pub struct Field {
     pub name: &'static str,
     /// Bytes from the start of the struct.
     pub offset: usize,
-    /// The type of one element: `u8`, `u32`, `u64`, `i64`, `f32` or `f64`.
+    /// The type of one element: `u8`, `u32`, `u64`, `i64`, `f32`, `f64`, or the name of another struct.
     pub kind: &'static str,
     /// How many elements there are; 1 for a single number.
     pub count: usize,
@@ -19,11 +19,11 @@ pub struct Field {
     pub doc: &'static str,
 }
 
-/// A type that a field may have: fixed-width numbers and arrays of them, nothing else.
+/// A type that a field may have: fixed-width numbers, other structs of this kind, and arrays of them.
 pub trait FieldType {
-    /// The name of the number's type.
+    /// The name of the element's type.
     const KIND: &'static str;
-    /// How many numbers there are.
+    /// How many elements there are.
     const COUNT: usize = 1;
 }
 

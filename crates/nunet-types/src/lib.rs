@@ -40,6 +40,7 @@ mod hint;
 mod image_size;
 pub mod layout;
 mod message;
+mod obstacle;
 mod pixel_format;
 mod vocabulary;
 
@@ -51,5 +52,6 @@ pub use depth::{Quality, ScaleSource, Units};
 pub use hint::{Hint, text_with_causes, text_with_hint};
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};
+pub use obstacle::{MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstaclePoint, ObstacleSector, SectorState};
 pub use pixel_format::PixelFormat;
 pub use vocabulary::{UnknownValue, UnknownWord};

@@ -14,8 +14,8 @@ vocabulary! {
         Labels = 2 "labels",
         /// The organized point cloud: `[height, width]` points of 16 bytes.
         Cloud = 3 "cloud",
-        /// Obstacles by direction. Reserved: no version of the daemon publishes it yet.
-        Scan = 4 "scan",
+        /// Obstacles around the robot, by direction and as points: one obstacle record.
+        Obstacles = 4 "obstacles",
         /// The daemon's counts and latencies: one stats record.
         Stats = 5 "stats",
     }
@@ -42,6 +42,8 @@ vocabulary! {
         Points = 7 "points",
         /// One stats record.
         StatsRecord = 8 "stats_record",
+        /// One obstacle record.
+        ObstacleRecord = 9 "obstacle_record",
     }
 }
 
@@ -55,18 +57,19 @@ impl Encoding {
             Self::Mono8 => Some(PixelFormat::Mono8),
             Self::Yuyv => Some(PixelFormat::Yuyv),
             Self::Nv12 => Some(PixelFormat::Nv12),
-            Self::DepthF32 | Self::LabelsU8 | Self::Points | Self::StatsRecord => None,
+            Self::DepthF32 | Self::LabelsU8 | Self::Points | Self::StatsRecord | Self::ObstacleRecord => None,
         }
     }
 
-    /// Bytes of one element of a `[height, width]` result; `None` for an image and a stats record.
+    /// Bytes of one element of a `[height, width]` result; `None` for an image and a record.
     #[must_use]
     pub const fn element_bytes(self) -> Option<u32> {
         match self {
             Self::DepthF32 => Some(4),
             Self::LabelsU8 => Some(1),
             Self::Points => Some(16),
-            Self::Rgb8 | Self::Bgr8 | Self::Mono8 | Self::Yuyv | Self::Nv12 | Self::StatsRecord => None,
+            Self::Rgb8 | Self::Bgr8 | Self::Mono8 | Self::Yuyv | Self::Nv12 => None,
+            Self::StatsRecord | Self::ObstacleRecord => None,
         }
     }
 }
@@ -132,7 +135,7 @@ mod tests {
             let kinds = [
                 encoding.pixel_format().is_some(),
                 encoding.element_bytes().is_some(),
-                encoding == Encoding::StatsRecord,
+                [Encoding::StatsRecord, Encoding::ObstacleRecord].contains(&encoding),
             ];
             assert_eq!(kinds.into_iter().filter(|kind| *kind).count(), 1, "{encoding}");
         }

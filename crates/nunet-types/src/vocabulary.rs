@@ -110,7 +110,9 @@ pub(crate) use vocabulary;
 
 #[cfg(test)]
 mod tests {
-    use crate::{Clock, DistortionModel, Encoding, PixelFormat, Quality, ScaleSource, Topic, Units, Wake};
+    use crate::{
+        Clock, DistortionModel, Encoding, PixelFormat, Quality, ScaleSource, SectorState, Topic, Units, Wake,
+    };
 
     #[test]
     fn every_number_is_its_position_so_that_the_lookup_cannot_miss() {
@@ -124,6 +126,7 @@ mod tests {
             Quality::NUMBERS,
             Wake::NUMBERS,
             PixelFormat::NUMBERS,
+            SectorState::NUMBERS,
         ] {
             for (position, (word, number)) in numbers.iter().enumerate() {
                 assert_eq!(*number as usize, position, "{word}");
@@ -144,7 +147,7 @@ mod tests {
     #[test]
     fn an_unknown_number_says_what_was_expected() {
         let message = Quality::try_from(9).unwrap_err().to_string();
-        assert_eq!(message, "field `quality` is `9`, but contract 1 defines only 0 to 2");
+        assert_eq!(message, "field `quality` is `9`, but contract 1 defines only 0 to 1");
     }
 
     #[test]

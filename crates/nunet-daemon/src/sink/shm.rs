@@ -299,6 +299,7 @@ impl ShmPublisher {
         header.set_capture_clock(frame.capture.clock);
         header.set_units(report.units);
         header.set_scale_source(report.scale_source);
+        header.scale_factor = report.scale_factor.into();
         header.set_quality(report.quality);
         header.set_stages(std::iter::once(queue_micros).chain(report.stages.micros().iter().copied()));
         header.bytes_copied = report.bytes_copied;

@@ -86,8 +86,12 @@ contract_struct! {
         pub invalid_pixels: u64,
         /// The name of the camera's coordinate frame, UTF-8, zeros behind it.
         pub frame_id: [u8; 64],
+        /// What the network's meters were multiplied by; 0 when unknown or without meaning.
+        pub scale_factor: f64,
+        /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
+        pub scale_age_nanos: i64,
         /// Zero; room for later fields. Public only so that `..Default::default()` works.
-        pub reserved: [u8; 616],
+        pub reserved: [u8; 600],
     }
 }
 
@@ -130,7 +134,9 @@ impl Default for FrameHeader {
             bytes_copied: 0,
             invalid_pixels: 0,
             frame_id: [0; 64],
-            reserved: [0; 616],
+            scale_factor: 0.0,
+            scale_age_nanos: 0,
+            reserved: [0; 600],
         }
     }
 }

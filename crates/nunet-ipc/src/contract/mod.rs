@@ -5,14 +5,19 @@
 
 mod block;
 mod header;
+mod obstacles;
 mod stats;
 mod text;
 
-use nunet_types::layout::Field;
-use nunet_types::{Clock, CloudPoint, DistortionModel, Encoding, Quality, ScaleSource, Topic, Units, Wake};
+use nunet_types::layout::{Field, FieldType};
+use nunet_types::{
+    Clock, CloudPoint, DistortionModel, Encoding, ObstaclePoint, ObstacleSector, Quality, ScaleSource,
+    SectorState, Topic, Units, Wake,
+};
 
 pub use block::{BLOCK_BYTES, BLOCK_TYPE_NAME, Block64, blocks_for};
 pub use header::{CONTRACT_VERSION, FrameHeader, HEADER_TYPE_NAME, MAX_COEFFICIENTS, MAX_STAGES};
+pub use obstacles::{OBSTACLES_TYPE_NAME, ObstacleRecord};
 pub use stats::{STAGE_NAME_BYTES, STATS_TYPE_NAME, StatsRecord};
 
 /// The attribute that every service of this contract carries.
@@ -59,10 +64,34 @@ pub const POINT: Layout = Layout {
     fields: CloudPoint::FIELDS,
 };
 
+/// What lies in the payload of `obstacles`.
+pub const OBSTACLES: Layout = Layout {
+    type_name: OBSTACLES_TYPE_NAME,
+    bytes: size_of::<ObstacleRecord>(),
+    alignment: align_of::<ObstacleRecord>(),
+    fields: ObstacleRecord::FIELDS,
+};
+
+/// One direction of an obstacle record.
+pub const OBSTACLE_SECTOR: Layout = Layout {
+    type_name: <ObstacleSector as FieldType>::KIND,
+    bytes: size_of::<ObstacleSector>(),
+    alignment: align_of::<ObstacleSector>(),
+    fields: ObstacleSector::FIELDS,
+};
+
+/// One point of an obstacle record.
+pub const OBSTACLE_POINT: Layout = Layout {
+    type_name: <ObstaclePoint as FieldType>::KIND,
+    bytes: size_of::<ObstaclePoint>(),
+    alignment: align_of::<ObstaclePoint>(),
+    fields: ObstaclePoint::FIELDS,
+};
+
 /// An enumeration's name, and its words with their numbers.
 pub type Enumeration = (&'static str, &'static [(&'static str, u32)]);
 
-/// Every enumeration of the header, and the ids of wake-up events.
+/// Every enumeration of the header, the ids of wake-up events, and the states of sectors.
 pub const ENUMS: &[Enumeration] = &[
     (Topic::FIELD, Topic::NUMBERS),
     (Encoding::FIELD, Encoding::NUMBERS),
@@ -72,6 +101,7 @@ pub const ENUMS: &[Enumeration] = &[
     (DistortionModel::FIELD, DistortionModel::NUMBERS),
     (Quality::FIELD, Quality::NUMBERS),
     (Wake::FIELD, Wake::NUMBERS),
+    (SectorState::FIELD, SectorState::NUMBERS),
 ];
 
 /// What the words of [`ENUMS`] mean, in the same order: for headers and documents in other languages.
@@ -84,6 +114,7 @@ pub const ENUM_DOCS: &[&[&str]] = &[
     DistortionModel::DOCS,
     Quality::DOCS,
     Wake::DOCS,
+    SectorState::DOCS,
 ];
 
 /// Every service, with `CAMERA` standing for the camera's name: publish-subscribe, but for `wake`, an event.
@@ -92,7 +123,7 @@ pub const SERVICES: &[&str] = &[
     "nunet/CAMERA/depth",
     "nunet/CAMERA/labels",
     "nunet/CAMERA/cloud",
-    "nunet/CAMERA/scan",
+    "nunet/CAMERA/obstacles",
     "nunet/CAMERA/stats",
     "nunet/CAMERA/wake",
 ];
@@ -121,7 +152,7 @@ mod tests {
             ENUM_DOCS[0][Topic::Labels as usize],
             " The class of each pixel: `[height, width]`, `u8`.\n"
         );
-        for layout in [HEADER, STATS, POINT] {
+        for layout in [HEADER, STATS, POINT, OBSTACLES, OBSTACLE_SECTOR, OBSTACLE_POINT] {
             assert!(layout.fields.iter().all(|field| field.doc.trim_end().ends_with('.')), "{layout:?}");
         }
     }

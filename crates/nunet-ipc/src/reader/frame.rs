@@ -7,7 +7,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::sample::Sample;
 use nunet_types::{CloudPoint, Encoding, Topic};
 
-use crate::contract::{BLOCK_BYTES, Block64, CONTRACT_VERSION, FrameHeader, StatsRecord};
+use crate::contract::{BLOCK_BYTES, Block64, CONTRACT_VERSION, FrameHeader, ObstacleRecord, StatsRecord};
 use crate::error::IpcError;
 use crate::iceoryx::Iceoryx;
 
@@ -101,11 +101,22 @@ impl Frame {
     /// # Errors
     /// Those of [`depth`](Self::depth).
     pub fn stats(&self) -> Result<&StatsRecord, IpcError> {
-        self.expect(Encoding::StatsRecord)?;
-        let records = bytemuck::try_cast_slice::<u8, StatsRecord>(self.bytes()).unwrap_or_default();
-        records
-            .first()
-            .ok_or_else(|| self.bad(format!("{} bytes are no record of figures", self.bytes().len())))
+        self.record(Encoding::StatsRecord)
+    }
+
+    /// The obstacles around the robot.
+    ///
+    /// # Errors
+    /// Those of [`depth`](Self::depth).
+    pub fn obstacles(&self) -> Result<&ObstacleRecord, IpcError> {
+        self.record(Encoding::ObstacleRecord)
+    }
+
+    fn record<T: Pod>(&self, encoding: Encoding) -> Result<&T, IpcError> {
+        self.expect(encoding)?;
+        let records = bytemuck::try_cast_slice::<u8, T>(self.bytes()).unwrap_or_default();
+        let (bytes, expected) = (self.bytes().len(), size_of::<T>());
+        records.first().ok_or_else(|| self.bad(format!("{bytes} bytes, but a record of {expected} bytes")))
     }
 
     fn grid<T: Pod>(&self, encoding: Encoding) -> Result<&[T], IpcError> {

@@ -2,18 +2,16 @@
 
 mod memory;
 mod pickle;
+mod points;
 mod shared;
 
-use std::num::NonZeroU32;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use numpy::{PyArray2, PyArray3, PyArrayMethods as _};
+use numpy::{PyArray2, PyArray3};
 use nunet_core::camera;
-use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
-use nunet_core::filter::Appearance;
+use nunet_core::obstacle::ObstacleOptions;
 use nunet_engine::Inferred;
-use nunet_files::{Results, write_results};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -21,8 +19,8 @@ use self::memory::array;
 pub(crate) use self::shared::Shared;
 use crate::argument;
 use crate::camera::{Camera, camera_argument};
-use crate::cloud::{Cloud, METRE};
-use crate::error::{NunetError, failure, of_camera};
+use crate::cloud::Cloud;
+use crate::obstacles::{self, Obstacles};
 use crate::player::Played;
 
 /// The message of a recording that held the image.
@@ -157,47 +155,6 @@ impl Result {
     fn size(&self) -> (u32, u32) {
         (self.points_camera.intrinsics.width, self.points_camera.intrinsics.height)
     }
-
-    /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
-    /// aspect ratio.
-    fn camera_for_points(&self, camera: Option<Camera>) -> PyResult<camera::Camera> {
-        let Some(Camera(camera)) = camera else { return Ok(self.points_camera) };
-        let ((width, height), own) = (self.image_size, self.size());
-        let fitted = camera.fitted_to(width, height).and_then(|camera| camera.scaled_to(own.0, own.1));
-        fitted.map_err(of_camera)
-    }
-
-    /// One point per pixel of `depth`.
-    fn points(&self, py: Python<'_>, camera: Option<Camera>) -> PyResult<Vec<CloudPoint>> {
-        let camera = self.camera_for_points(camera)?;
-        let depth = self.depth.bind(py).try_readonly()?;
-        let rgb = self.rgb.bind(py).try_readonly()?;
-        let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
-        let (depth, rgb) = (depth.as_slice()?, rgb.as_slice()?);
-        let labels = labels.as_ref().map(|labels| labels.as_slice()).transpose()?;
-        let points = py.detach(|| {
-            let mut points = vec![CloudPoint::NONE; depth.len()];
-            let rays = self.shared.rays(camera);
-            let options = CloudOptions { stride: NonZeroU32::MIN, max_range_m: f32::INFINITY };
-            let appearance = Appearance { rgb, labels };
-            organized_cloud(depth, &rays, &appearance, options, &mut points).map(|()| points)
-        });
-        points.map_err(|error| NunetError::new_err(error.to_string()))
-    }
-
-    /// Writes the files of [`Result::save`].
-    fn write(&self, py: Python<'_>, folder: &Path, cloud: &[CloudPoint]) -> PyResult<Vec<PathBuf>> {
-        let depth = self.depth.bind(py).try_readonly()?;
-        let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
-        let results = Results {
-            size: self.size().into(),
-            depth: depth.as_slice()?,
-            metric: self.units == METRE,
-            labels: labels.as_ref().map(|labels| labels.as_slice()).transpose()?,
-            cloud: Some(cloud),
-        };
-        py.detach(|| write_results(folder, &results)).map_err(|error| failure(&error.into()))
-    }
 }
 
 #[pymethods]
@@ -251,6 +208,57 @@ impl Result {
         #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
     ) -> PyResult<Cloud> {
         Cloud::of_points(py, &self.points(py, camera)?, self.size(), &self.units)
+    }
+
+    /// Find obstacles around a robot.
+    ///
+    /// Parameters
+    /// ----------
+    /// mount : sequence of float
+    ///     The camera in the robot's leveled base frame, whose origin is on the floor: x, y, z in meters (z is the height
+    ///     above the floor), then roll, pitch, yaw in radians. Positive pitch looks down.
+    /// camera : Camera, optional
+    ///     The camera, as for `cloud`.
+    /// clearance : float, optional
+    ///     What is lower above the ground can be driven over, meters.
+    /// robot_height : float, optional
+    ///     What is higher above the ground can be driven under, meters.
+    /// sectors : int, optional
+    ///     Directions over the camera's field of view, 1 to 360.
+    /// max_range : float, optional
+    ///     Obstacles farther away are ignored, meters.
+    ///
+    /// Returns
+    /// -------
+    /// Obstacles
+    ///     What each direction holds, and points of obstacles.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     `units` is not `metre`, the camera is not above the floor or looks straight up, or an argument is out of range.
+    /// CameraError
+    ///     The camera's aspect ratio is not that of the image.
+    #[pyo3(signature = (mount, *, camera = None, clearance = 0.05, robot_height = 1.8, sectors = 72, max_range = 5.0))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn obstacles(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = obstacles::mount_argument)] mount: Vec<f64>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = argument::clearance)] clearance: f32,
+        #[pyo3(from_py_with = argument::robot_height)] robot_height: f32,
+        #[pyo3(from_py_with = argument::sectors)] sectors: u32,
+        #[pyo3(from_py_with = argument::max_range)] max_range: f32,
+    ) -> PyResult<Obstacles> {
+        let options = ObstacleOptions {
+            clearance_m: clearance,
+            robot_height_m: robot_height,
+            sectors: sectors as usize,
+            max_range_m: max_range,
+            ..ObstacleOptions::default()
+        };
+        self.find_obstacles(py, &mount, camera, options)
     }
 
     /// Write the results as files, like `nunetd infer`.

@@ -1,7 +1,7 @@
 //! One frame: its topics, joined by sequence number.
 
 use nunet_daemon::embed;
-use nunet_ipc::{CloudPoint, Encoding, Topic, monotonic_nanos, unix_nanos};
+use nunet_ipc::{CloudPoint, Encoding, ObstacleRecord, Topic, monotonic_nanos, unix_nanos};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -12,6 +12,7 @@ use crate::camera::Camera;
 use crate::cloud::Cloud;
 use crate::error::{NunetError, failure, hinted};
 use crate::memory::{Shape, array};
+use crate::obstacles::Obstacles;
 
 /// One frame of a camera: the subscribed topics, all with the same sequence number and capture time.
 ///
@@ -141,6 +142,18 @@ impl Frame {
             array(sample, element::<u8>(py), colors)?.cast_into()?,
             sample.get().header().units().map_err(unknown)?.name(),
         ))
+    }
+
+    /// The obstacles around the robot, copied from shared memory.
+    #[getter]
+    fn obstacles(&self, py: Python<'_>) -> PyResult<Obstacles> {
+        let sample = self.encoded(py, Topic::Obstacles, Encoding::ObstacleRecord)?.get();
+        let record = ObstacleRecord::of_payload(sample.payload()).ok_or_else(|| {
+            let (got, expected) = (sample.payload().len(), size_of::<ObstacleRecord>());
+            let text = format!("a message of topic `obstacles` has {got} bytes, expected {expected}");
+            hinted::<NunetError>(text, VIOLATION)
+        })?;
+        Obstacles::of_record(py, record)
     }
 
     /// uint8 (H, W, 3): the camera's image as RGB. A read-only view of shared memory for the encodings `rgb8`, `bgr8` (with

@@ -16,7 +16,7 @@ pub(super) const VIOLATION: &str = "update the sender: it violates the shared-me
 pub(crate) struct FrameHeader {
     /// Version of the contract.
     contract_version: u32,
-    /// `rgb`, `depth`, `labels`, `cloud` or `stats`.
+    /// `rgb`, `depth`, `labels`, `cloud`, `obstacles` or `stats`.
     topic: &'static str,
     /// Number of the frame: equal in all topics of a frame. It increases from an arbitrary start.
     sequence: u64,
@@ -28,7 +28,8 @@ pub(crate) struct FrameHeader {
     publish_nanos: i64,
     /// `monotonic` (that of `time.monotonic_ns()`), `unix` or `media` (the position in a recording).
     capture_clock: &'static str,
-    /// `depth_f32`, `labels_u8`, `points`, `stats_record`, or of an image: `rgb8`, `bgr8`, `mono8`, `yuyv`, `nv12`.
+    /// `depth_f32`, `labels_u8`, `points`, `obstacle_record`, `stats_record`, or of an image: `rgb8`, `bgr8`, `mono8`,
+    /// `yuyv`, `nv12`.
     encoding: &'static str,
     /// Number of columns, pixels or points.
     width: u32,
@@ -40,9 +41,9 @@ pub(crate) struct FrameHeader {
     units: &'static str,
     /// Size of the payload, bytes.
     payload_bytes: u64,
-    /// `metric`, `focal_scaled`, `assumed_camera` or `relative`; meaningless if `units` is `none`.
+    /// `metric`, `focal_scaled`, `assumed_camera`, `relative`, `calibrated` or `floor`; meaningless if `units` is `none`.
     scale_source: &'static str,
-    /// `full`, `reused_labels` (from an earlier frame) or `fallback`.
+    /// `full` or `reused_labels` (from an earlier frame).
     quality: &'static str,
     /// Horizontal focal length at `width` x `height`, pixels; 0 if the camera is unknown.
     fx: f64,
@@ -66,8 +67,12 @@ pub(crate) struct FrameHeader {
     bytes_copied: u64,
     /// Number of NaN pixels of the depth map.
     invalid_pixels: u64,
-    /// The name of the camera's coordinate frame.
+    /// The name of the camera's coordinate frame; of the robot's base for `obstacles`.
     frame_id: String,
+    /// What the network's meters were multiplied by; 0 if unknown.
+    scale_factor: f64,
+    /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
+    scale_age_nanos: i64,
 }
 
 impl FrameHeader {
@@ -105,6 +110,8 @@ impl FrameHeader {
             bytes_copied: header.bytes_copied,
             invalid_pixels: header.invalid_pixels,
             frame_id: header.frame_id().into_owned(),
+            scale_factor: header.scale_factor,
+            scale_age_nanos: header.scale_age_nanos,
         })
     }
 }

@@ -59,6 +59,13 @@ impl Sample {
         self.topic
     }
 
+    /// The payload, where it lies.
+    pub(super) fn payload(&self) -> &[u8] {
+        let (address, len) = self.bytes();
+        // SAFETY: `bytes` of `Memory` are mapped and unchanged for as long as `self` lives; numbers of any value are bytes.
+        unsafe { std::slice::from_raw_parts(address, len) }
+    }
+
     /// Rows and columns of pixels.
     pub(super) fn size(&self) -> (usize, usize) {
         (self.header.height as usize, self.header.width as usize)

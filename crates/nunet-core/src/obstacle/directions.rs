@@ -1,0 +1,233 @@
+//! What each direction holds: the nearest obstacle, and how far the floor is free.
+
+use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
+
+use super::scan::Votes;
+use super::view::{Cell, View};
+
+/// Points of an obstacle are at most this much farther than its nearest one, meters.
+const DEPTH_OF_OBSTACLE_M: f32 = 0.3;
+/// Free floor may end this much before the obstacle that ends it, meters; and this many cells.
+const GAP_M: f32 = 0.1;
+const GAP_CELLS: f32 = 3.0;
+
+/// A point of an obstacle, or of a window, mirror or screen.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    pub(super) sector: u32,
+    pub(super) range_m: f32,
+    pub(super) height_m: f32,
+    pub(super) label: u8,
+    pub(super) is_deceptive: bool,
+}
+
+/// Where the free floor of a sector ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct FreeFloor {
+    /// Distance of its farthest point, meters; 0 without any.
+    free_m: f32,
+    end: End,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    /// At the largest range, or where the image ends.
+    OutOfRange,
+    /// Where the floor is missing.
+    Drop,
+    /// Where something else is seen.
+    Covered,
+}
+
+/// Fills all sectors from the points of obstacles and the cells of the floor.
+pub(super) fn fill(view: &View, votes: &[Votes], hits: &[Hit], sectors: &mut [ObstacleSector]) {
+    sectors.fill(ObstacleSector::UNKNOWN);
+    // Until it has its state, `range_m` is the distance of the nearest deceptive surface.
+    sectors.iter_mut().for_each(|sector| sector.range_m = f32::INFINITY);
+    for hit in hits {
+        let sector = &mut sectors[hit.sector as usize];
+        if hit.is_deceptive {
+            sector.range_m = sector.range_m.min(hit.range_m);
+        } else if hit.range_m < sector.obstacle_m || sector.obstacle_m.is_nan() {
+            (sector.obstacle_m, sector.label) = (hit.range_m, hit.label);
+        }
+    }
+    for hit in hits.iter().filter(|hit| !hit.is_deceptive) {
+        let sector = &mut sectors[hit.sector as usize];
+        if hit.range_m <= sector.obstacle_m + DEPTH_OF_OBSTACLE_M {
+            // The numbers win over NaN.
+            sector.min_height_m = sector.min_height_m.min(hit.height_m);
+            sector.max_height_m = sector.max_height_m.max(hit.height_m);
+        }
+    }
+    for (index, sector) in sectors.iter_mut().enumerate() {
+        let cells = view.cells_of(index);
+        let floor = free_floor(&view.cells[cells.clone()], &votes[cells.clone()]);
+        sector.seen_from_m = view.cells[cells].first().map_or(f32::NAN, |cell| cell.near_m);
+        let (state, range_m) = conclude(sector, floor, view.cell_growth);
+        (sector.state, sector.range_m) = (state.into(), range_m);
+    }
+}
+
+/// Walks from cell to cell as long as each shows mostly floor.
+fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
+    let shows = |index: usize, count: u32| 2 * count >= cells[index].samples;
+    let mut free_squared = 0.0_f32;
+    for (index, vote) in votes.iter().enumerate() {
+        if !shows(index, vote.floor) {
+            let is_missing = shows(index, vote.drop)
+                && votes.get(index + 1).is_none_or(|next| shows(index + 1, next.drop));
+            let end = if is_missing { End::Drop } else { End::Covered };
+            return FreeFloor { free_m: free_squared.sqrt(), end };
+        }
+        free_squared = free_squared.max(vote.far_squared);
+    }
+    FreeFloor { free_m: free_squared.sqrt(), end: End::OutOfRange }
+}
+
+/// The state of a sector, and up to where it is free, meters.
+///
+/// What is nearest decides. An obstacle counts only if the floor is free up to it: with anything unseen in between, the
+/// direction is unknown from there on.
+fn conclude(sector: &ObstacleSector, floor: FreeFloor, cell_growth: f32) -> (SectorState, f32) {
+    let seen_from_m = if sector.seen_from_m.is_nan() { f32::INFINITY } else { sector.seen_from_m };
+    let deceptive_m = sector.range_m;
+    let FreeFloor { free_m, end } = floor;
+    // Where nothing was seen because it is below the image, an obstacle is believed without floor.
+    let known_m = free_m.max(seen_from_m);
+    let obstacle_m = if sector.obstacle_m.is_nan() { f32::INFINITY } else { sector.obstacle_m };
+    let gap_m = GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2);
+    if deceptive_m + GAP_M < obstacle_m {
+        return (SectorState::Unknown, free_m.min(deceptive_m));
+    }
+    if obstacle_m.is_finite() && obstacle_m <= known_m + gap_m {
+        return (SectorState::Occupied, obstacle_m);
+    }
+    match end {
+        End::Drop => (SectorState::Drop, if free_m > 0.0 { free_m } else { seen_from_m }),
+        End::OutOfRange if free_m > 0.0 => (SectorState::Free, free_m),
+        End::OutOfRange | End::Covered => (SectorState::Unknown, free_m),
+    }
+}
+
+/// Obstacles that left the image at the bottom.
+#[derive(Debug, Clone)]
+pub(super) struct Memory {
+    hold_nanos: i64,
+    /// For each sector the last obstacle that was seen, and when.
+    seen: Vec<Option<(i64, ObstacleSector)>>,
+}
+
+/// An obstacle leaves the image at the bottom if it was last seen nearer than this times the nearest visible floor.
+const LEAVES_BELOW: f32 = 1.5;
+
+impl Memory {
+    pub(super) fn new(hold_s: f32, sectors: usize) -> Self {
+        Self { hold_nanos: (f64::from(hold_s) * 1e9) as i64, seen: vec![None; sectors] }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.seen.fill(None);
+    }
+
+    /// Remembers what is there, and puts back what left the image a short time ago.
+    pub(super) fn update(&mut self, sectors: &mut [ObstacleSector], now_nanos: i64) {
+        if self.hold_nanos == 0 {
+            return;
+        }
+        for (sector, seen) in sectors.iter_mut().zip(&mut self.seen) {
+            if sector.state() == SectorState::Occupied {
+                *seen = Some((now_nanos, *sector));
+            } else if let Some((then, last)) = *seen {
+                let age_nanos = now_nanos.saturating_sub(then);
+                let is_recent = (0..=self.hold_nanos).contains(&age_nanos);
+                if is_recent && last.obstacle_m <= LEAVES_BELOW * last.seen_from_m {
+                    *sector = ObstacleSector { remembered: 1, age_s: age_nanos as f32 / 1e9, ..last };
+                } else {
+                    *seen = None;
+                }
+            }
+        }
+    }
+}
+
+impl Hit {
+    /// The class of an obstacle without labels.
+    pub(super) const NO_LABEL: u8 = NO_LABEL;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walk(samples: &[(u32, u32, u32)]) -> FreeFloor {
+        let cells: Vec<Cell> = samples.iter().map(|&(samples, ..)| Cell { samples, near_m: 1.0 }).collect();
+        let votes: Vec<Votes> = samples
+            .iter()
+            .enumerate()
+            .map(|(index, &(_, floor, drop))| Votes {
+                floor,
+                drop,
+                far_squared: ((index + 1) as f32).powi(2),
+            })
+            .collect();
+        free_floor(&cells, &votes)
+    }
+
+    #[test]
+    fn free_floor_ends_at_the_first_cell_that_does_not_show_it() {
+        assert_eq!(walk(&[(4, 4, 0), (4, 3, 0)]), FreeFloor { free_m: 2.0, end: End::OutOfRange });
+        assert_eq!(walk(&[(4, 4, 0), (4, 1, 0), (4, 4, 0)]), FreeFloor { free_m: 1.0, end: End::Covered });
+        assert_eq!(walk(&[(4, 4, 0), (4, 0, 4), (4, 0, 2)]), FreeFloor { free_m: 1.0, end: End::Drop });
+        assert_eq!(walk(&[(4, 4, 0), (4, 0, 4), (4, 4, 0)]).end, End::Covered, "one cell is no drop");
+        assert_eq!(walk(&[(4, 1, 0)]), FreeFloor { free_m: 0.0, end: End::Covered });
+        assert_eq!(walk(&[]), FreeFloor { free_m: 0.0, end: End::OutOfRange });
+    }
+
+    fn state(obstacle_m: f32, deceptive_m: f32, free_m: f32, end: End) -> (SectorState, f32) {
+        let sector =
+            ObstacleSector { obstacle_m, range_m: deceptive_m, seen_from_m: 0.5, ..ObstacleSector::UNKNOWN };
+        conclude(&sector, FreeFloor { free_m, end }, 0.01)
+    }
+
+    #[test]
+    fn what_is_nearest_decides() {
+        const NONE: f32 = f32::INFINITY;
+        assert_eq!(state(2.0, NONE, 1.95, End::Covered), (SectorState::Occupied, 2.0));
+        assert_eq!(state(1.0, NONE, 2.0, End::Covered), (SectorState::Occupied, 1.0), "hangs over the floor");
+        assert_eq!(state(0.4, NONE, 0.0, End::Covered), (SectorState::Occupied, 0.4), "below the image");
+        assert_eq!(state(3.0, NONE, 1.0, End::Covered), (SectorState::Unknown, 1.0), "unseen in between");
+        assert_eq!(state(2.0, 1.0, 0.9, End::Covered), (SectorState::Unknown, 0.9), "a screen before a wall");
+        assert_eq!(state(2.0, 1.95, 1.9, End::Covered), (SectorState::Occupied, 2.0), "a window in a wall");
+        assert_eq!(state(f32::NAN, NONE, 4.9, End::OutOfRange), (SectorState::Free, 4.9));
+        assert_eq!(state(f32::NAN, NONE, 1.2, End::Drop), (SectorState::Drop, 1.2));
+        assert_eq!(state(f32::NAN, NONE, 0.0, End::Drop), (SectorState::Drop, 0.5));
+        assert_eq!(state(f32::NAN, NONE, 0.0, End::OutOfRange), (SectorState::Unknown, 0.0));
+        assert_eq!(state(f32::NAN, 1.5, 4.9, End::OutOfRange), (SectorState::Unknown, 1.5));
+    }
+
+    #[test]
+    fn an_obstacle_that_leaves_below_the_image_is_remembered_for_a_while_and_marked() {
+        let occupied = |range_m: f32| ObstacleSector {
+            state: SectorState::Occupied.into(),
+            range_m,
+            obstacle_m: range_m,
+            seen_from_m: 0.6,
+            ..ObstacleSector::UNKNOWN
+        };
+        let mut memory = Memory::new(0.5, 2);
+        let after = |memory: &mut Memory, now: i64| {
+            let mut sectors = [ObstacleSector::UNKNOWN; 2];
+            memory.update(&mut sectors, now);
+            sectors
+        };
+        memory.update(&mut [occupied(0.7), occupied(2.0)], 0);
+        let [near, far] = after(&mut memory, 400_000_000);
+        assert_eq!((near.state(), near.remembered, near.range_m), (SectorState::Occupied, 1, 0.7));
+        assert!((near.age_s - 0.4).abs() < 1e-6);
+        assert_eq!((far.state(), far.remembered), (SectorState::Unknown, 0), "it did not leave below");
+        assert_eq!(after(&mut memory, 600_000_000)[0].state(), SectorState::Unknown);
+        memory.update(&mut [occupied(0.7), occupied(2.0)], 0);
+        assert_eq!(after(&mut memory, -1)[0].state(), SectorState::Unknown, "time went back");
+    }
+}

@@ -1,0 +1,213 @@
+//! The ground: a plane near the expected one.
+//!
+//! The mount says where the floor is. What is refined here is what remains: vibration, a soft tire, a ramp. Candidates are
+//! the samples near the expected floor (labeled floor, if there are labels). A plane is fitted by iteratively reweighted
+//! least squares (Tukey's weights) while the gate shrinks. A weak prior pulls towards the expected plane where the
+//! candidates say little. A result that is too steep, too far off, or has too few inliers is rejected: the expected
+//! plane stays. So the plane cannot lock onto a table.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Mount, ObstacleOptions};
+
+/// Candidates at most.
+pub(super) const MAX_CANDIDATES: usize = 4096;
+/// Fewer candidates tell nothing.
+const MIN_CANDIDATES: usize = 40;
+const ROUNDS: i32 = 6;
+/// The first gate: meters, and meters per meter of distance.
+const GATE_M: f32 = 0.05;
+const GATE_SLOPE: f32 = 0.07;
+/// Scatter of the floor's height, meters: at least this, and this share of the camera's height (a depth that is wrong by
+/// a share moves a floor point by the same share of the camera's height).
+const SCATTER_M: f32 = 0.01;
+const SCATTER_SHARE: f32 = 0.02;
+/// The prior: standard deviations of slope and height.
+const PRIOR_SLOPE: f64 = 0.05;
+const PRIOR_HEIGHT_M: f64 = 0.05;
+/// Inliers must be this share of the candidates.
+const MIN_INLIERS: f32 = 0.3;
+/// How far the plane may be off at the base's origin: meters, and share of the camera's height.
+const MAX_OFFSET_M: f32 = 0.05;
+const MAX_OFFSET_SHARE: f32 = 0.1;
+
+/// The ground in the base frame: `z = slope_x * x + slope_y * y + height_m`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ground {
+    /// Rise per meter forward.
+    pub slope_x: f32,
+    /// Rise per meter to the left.
+    pub slope_y: f32,
+    /// Height at the base's origin, meters.
+    pub height_m: f32,
+    /// Whether it was measured in this frame; if not, it is the expected plane `z = 0`.
+    pub is_refined: bool,
+    /// The share of the image that shows floor at its place, 0 to 1.
+    pub floor_fraction: f32,
+}
+
+impl Ground {
+    /// The plane that the mount promises.
+    pub const EXPECTED: Self =
+        Self { slope_x: 0.0, slope_y: 0.0, height_m: 0.0, is_refined: false, floor_fraction: 0.0 };
+
+    /// Meters above the ground of a point of the base frame.
+    #[must_use]
+    pub fn height_above(&self, [x, y, z]: [f32; 3]) -> f32 {
+        z - self.slope_x * x - self.slope_y * y - self.height_m
+    }
+
+    /// The slope, degrees.
+    #[must_use]
+    pub fn slope_deg(&self) -> f32 {
+        self.slope_x.hypot(self.slope_y).atan().to_degrees()
+    }
+}
+
+/// Fits the ground of each frame. Allocates once.
+#[derive(Debug, Clone)]
+pub(super) struct GroundFit {
+    camera_height_m: f32,
+    max_slope: f32,
+    candidates: Vec<[f32; 3]>,
+}
+
+impl GroundFit {
+    pub(super) fn new(mount: &Mount, options: &ObstacleOptions) -> Self {
+        Self {
+            camera_height_m: mount.height_m() as f32,
+            max_slope: options.max_slope_deg.to_radians().tan(),
+            candidates: Vec::with_capacity(MAX_CANDIDATES),
+        }
+    }
+
+    /// The typical error of a floor point's height, meters.
+    pub(super) fn scatter_m(&self) -> f32 {
+        SCATTER_M.max(SCATTER_SHARE * self.camera_height_m)
+    }
+
+    /// The ground of the points that may be floor. Takes the first [`MAX_CANDIDATES`] of them.
+    pub(super) fn fit(&mut self, points: impl Iterator<Item = [f32; 3]>) -> Ground {
+        let mut candidates = std::mem::take(&mut self.candidates);
+        candidates.clear();
+        let near = points.filter(|&[x, y, z]| z.abs() < self.gate_m(x, y, 0));
+        candidates.extend(near.take(MAX_CANDIDATES));
+        self.candidates = candidates;
+        if self.candidates.len() < MIN_CANDIDATES {
+            return Ground::EXPECTED;
+        }
+        let mut ground = Ground::EXPECTED;
+        for round in 0..ROUNDS {
+            match self.solve(&ground, round) {
+                Some(better) => ground = better,
+                None => return Ground::EXPECTED,
+            }
+        }
+        if self.is_plausible(&ground) { Ground { is_refined: true, ..ground } } else { Ground::EXPECTED }
+    }
+
+    /// How far a point may be from the plane, meters.
+    fn gate_m(&self, x: f32, y: f32, round: i32) -> f32 {
+        let shrunk = 0.5_f32.powi(round);
+        3.0 * self.scatter_m() + shrunk * (GATE_M + GATE_SLOPE * x.hypot(y))
+    }
+
+    /// One step of the reweighted least squares; `None` if there is no solution.
+    fn solve(&self, ground: &Ground, round: i32) -> Option<Ground> {
+        let precision = 1.0 / f64::from(self.scatter_m()).powi(2);
+        let prior = [PRIOR_SLOPE, PRIOR_SLOPE, PRIOR_HEIGHT_M].map(|deviation| deviation.powi(-2));
+        let mut normal = Matrix3::from_diagonal(&Vector3::from(prior));
+        let mut right = Vector3::zeros();
+        for &[x, y, z] in &self.candidates {
+            let share = ground.height_above([x, y, z]) / self.gate_m(x, y, round);
+            let weight = precision * f64::from((1.0 - share * share).max(0.0).powi(2));
+            let row = Vector3::new(f64::from(x), f64::from(y), 1.0);
+            normal += weight * row * row.transpose();
+            right += weight * f64::from(z) * row;
+        }
+        let plane = normal.cholesky()?.solve(&right);
+        let [slope_x, slope_y, height_m] = [plane.x as f32, plane.y as f32, plane.z as f32];
+        Some(Ground { slope_x, slope_y, height_m, ..*ground })
+    }
+
+    fn is_plausible(&self, ground: &Ground) -> bool {
+        let gate = 3.0 * self.scatter_m();
+        let inliers =
+            self.candidates.iter().filter(|point| ground.height_above(**point).abs() < gate).count();
+        let max_offset_m = MAX_OFFSET_M + MAX_OFFSET_SHARE * self.camera_height_m;
+        ground.slope_x.hypot(ground.slope_y) <= self.max_slope
+            && ground.height_m.abs() <= max_offset_m
+            && inliers as f32 >= MIN_INLIERS * self.candidates.len() as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn fit() -> GroundFit {
+        let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
+        GroundFit::new(&mount, &ObstacleOptions::default())
+    }
+
+    fn grid(count: usize) -> impl Iterator<Item = (f32, f32)> {
+        (0..count * count).map(move |i| {
+            let (row, column) = (i / count, i % count);
+            (0.5 + 3.0 * row as f32 / count as f32, -1.0 + 2.0 * column as f32 / count as f32)
+        })
+    }
+
+    #[test]
+    fn a_tilted_floor_with_a_box_on_it_is_found() {
+        let floor = grid(40).map(|(x, y)| [x, y, 0.03 * x - 0.02 * y + 0.01]);
+        let box_on_it = grid(15).map(|(x, y)| [1.0 + 0.2 * x, 0.3 * y, 0.03 * (1.0 + 0.2 * x) + 0.15]);
+        let ground = fit().fit(floor.chain(box_on_it));
+        assert!(ground.is_refined);
+        assert!((ground.slope_x - 0.03).abs() < 0.003 && (ground.slope_y + 0.02).abs() < 0.003, "{ground:?}");
+        assert!((ground.height_m - 0.01).abs() < 0.005, "{ground:?}");
+    }
+
+    #[test]
+    fn a_table_is_not_ground_and_neither_is_a_wall() {
+        let table = grid(40).map(|(x, y)| [x, y, 0.4]);
+        assert_eq!(fit().fit(table), Ground::EXPECTED);
+        let wall = grid(40).map(|(x, y)| [2.0, y, x - 0.5]);
+        let ground = fit().fit(wall);
+        assert!(ground.slope_deg() < 1.5 && ground.height_m.abs() < 0.02, "{ground:?}");
+    }
+
+    #[test]
+    fn a_slope_beyond_the_limit_is_not_ground() {
+        let options = ObstacleOptions { max_slope_deg: 2.0, ..ObstacleOptions::default() };
+        let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
+        let ramp = || grid(40).map(|(x, y)| [x, y, 0.06 * x]);
+        assert_eq!(GroundFit::new(&mount, &options).fit(ramp()), Ground::EXPECTED);
+        assert!(fit().fit(ramp()).is_refined);
+    }
+
+    #[test]
+    fn few_points_leave_the_expected_plane() {
+        assert_eq!(fit().fit(grid(6).map(|(x, y)| [x, y, 0.02])), Ground::EXPECTED);
+        assert_eq!(fit().fit(std::iter::empty()), Ground::EXPECTED);
+        assert_eq!(fit().fit(std::iter::repeat_n([f32::NAN; 3], 5000)), Ground::EXPECTED);
+    }
+
+    proptest! {
+        #[test]
+        fn every_plane_near_the_expected_one_is_found_through_noise_and_outliers(
+            slope_x in -0.05..0.05f32, slope_y in -0.05..0.05f32, height in -0.03..0.03f32, seed in 0u32..1000,
+        ) {
+            let noise = |i: usize| ((i as u32).wrapping_mul(2_654_435_761).wrapping_add(seed) % 1000) as f32 / 1000.0;
+            let points = grid(40).enumerate().map(|(i, (x, y))| {
+                let outlier = if i % 5 == 0 { 0.3 * noise(3 * i) } else { 0.0 };
+                [x, y, slope_x * x + slope_y * y + height + 0.01 * (noise(i) - 0.5) + outlier]
+            });
+            let ground = fit().fit(points);
+            prop_assert!(ground.is_refined);
+            prop_assert!((ground.slope_x - slope_x).abs() < 0.01, "{ground:?}");
+            prop_assert!((ground.slope_y - slope_y).abs() < 0.01, "{ground:?}");
+            prop_assert!((ground.height_m - height).abs() < 0.015, "{ground:?}");
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! From depth to obstacles: which directions around the robot are free.
+//!
+//! All results are in the leveled base frame (REP 103: x forward, y left, z up), whose origin is on the floor. The
+//! [`Mount`] says where the camera is in it. Depth must be in meters.
+//!
+//! Steps of a frame, each in its own module:
+//! 1. The *ground* is a plane near the expected floor, fitted to samples that may be floor.
+//! 2. Each sample shows floor, an obstacle (higher than the clearance, lower than the robot), a deceptive surface
+//!    (window, mirror, screen), missing floor, or nothing.
+//! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to one per cube.
+//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. What ends it decides.
+//!
+//! Images wider than 320 pixels are sampled at each second, third, ... column and row.
+//!
+//! # Example: a box on the floor, 2 m ahead
+//! ```
+//! use nunet_core::camera::{Camera, Intrinsics};
+//! use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions, SectorState};
+//!
+//! // A level camera 0.5 m above the floor. Depth as it sees floor, and a box 0.4 m wide and 0.3 m high.
+//! let (width, height) = (320, 240);
+//! let camera = Camera::pinhole(Intrinsics::new(260.0, 260.0, 160.0, 120.0, width, height)?);
+//! let mount = Mount::new([0.0, 0.0, 0.5], [0.0, 0.0, 0.0])?;
+//! let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
+//! let depth_m: Vec<f32> = pixels
+//!     .map(|(column, row)| {
+//!         let (x, y) = ((column as f32 - 160.0) / 260.0, (row as f32 - 120.0) / 260.0);
+//!         let floor = if y > 0.0 { 0.5 / y } else { f32::NAN };
+//!         let hits_box = (2.0 * x).abs() < 0.2 && 2.0 * y > 0.2 && floor > 2.0;
+//!         if hits_box { 2.0 } else { floor }
+//!     })
+//!     .collect();
+//!
+//! let options = ObstacleOptions { sectors: 9, ..ObstacleOptions::default() };
+//! let mut detector = ObstacleDetector::new(&camera, mount, &[], options)?;
+//! let image = DepthImage { depth_m: &depth_m, labels: None, confidence: None };
+//! let obstacles = detector.detect(&image, 0)?;
+//!
+//! let ahead = &obstacles.sectors[4];
+//! assert_eq!(ahead.state(), SectorState::Occupied);
+//! assert!((ahead.range_m - 2.0).abs() < 0.02, "{} m", ahead.range_m);
+//! assert!(ahead.max_height_m < 0.31);
+//! assert_eq!(obstacles.sectors[0].state(), SectorState::Free);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod directions;
+mod error;
+mod ground;
+mod mount;
+mod options;
+mod role;
+mod scan;
+mod view;
+mod voxels;
+
+pub use error::ObstacleError;
+pub use ground::Ground;
+pub use mount::Mount;
+pub use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
+pub use options::ObstacleOptions;
+
+use directions::{Hit, Memory};
+use ground::{GroundFit, MAX_CANDIDATES};
+use role::{Role, Roles};
+use scan::{Kind, Scan};
+use view::{NONE, View};
+use voxels::Voxels;
+
+use crate::camera::{Camera, RayTable};
+
+/// A depth map with what belongs to it, `[H, W]` at the size of the detector's camera.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthImage<'a> {
+    /// Meters along the optical axis; NaN where nothing was measured.
+    pub depth_m: &'a [f32],
+    /// Class indices. Without labels, floor is known by its place alone, and glass is not known at all.
+    pub labels: Option<&'a [u8]>,
+    /// Confidence of depth, 255 = certain.
+    pub confidence: Option<&'a [u8]>,
+}
+
+/// The obstacles of one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Obstacles {
+    /// The ground in the base frame.
+    pub ground: Ground,
+    /// Directions, counterclockwise: the first one is the rightmost. Sector `i` covers the angles from
+    /// `angle_min_rad + i * angle_step_rad` on, 0 = forward.
+    pub sectors: Vec<ObstacleSector>,
+    /// Points of obstacles, at most [`ObstacleOptions::max_points`].
+    pub points: Vec<ObstaclePoint>,
+    /// The right boundary of the first sector, radians.
+    pub angle_min_rad: f32,
+    /// The width of a sector, radians.
+    pub angle_step_rad: f32,
+    /// Obstacles farther away are ignored, meters.
+    pub max_range_m: f32,
+    /// Whether labels identified floor and glass; if not, only geometry did.
+    pub used_labels: bool,
+}
+
+/// Finds obstacles in depth maps of one camera. Allocates everything once.
+#[derive(Debug, Clone)]
+pub struct ObstacleDetector {
+    options: ObstacleOptions,
+    size: (u32, u32),
+    rays: RayTable,
+    roles: Roles,
+    view: View,
+    scan: Scan,
+    ground: GroundFit,
+    hits: Vec<Hit>,
+    voxels: Voxels,
+    memory: Memory,
+    obstacles: Obstacles,
+}
+
+impl ObstacleDetector {
+    /// For depth maps of `camera`, at the size of its intrinsics. `classes` are the names of the labels, index = label.
+    ///
+    /// # Errors
+    /// An option out of range.
+    pub fn new(
+        camera: &Camera,
+        mount: Mount,
+        classes: &[String],
+        options: ObstacleOptions,
+    ) -> Result<Self, ObstacleError> {
+        options.check()?;
+        let rays = RayTable::new(camera);
+        let view = View::new(&rays, &mount, &options);
+        let obstacles = Obstacles {
+            ground: Ground::EXPECTED,
+            sectors: vec![ObstacleSector::UNKNOWN; options.sectors],
+            points: Vec::with_capacity(options.max_points),
+            angle_min_rad: view.sectors.angle_min_rad,
+            angle_step_rad: view.sectors.angle_step_rad,
+            max_range_m: options.max_range_m,
+            used_labels: false,
+        };
+        Ok(Self {
+            size: (rays.width(), rays.height()),
+            roles: Roles::new(classes),
+            scan: Scan::new(&view, mount.position_m()),
+            ground: GroundFit::new(&mount, &options),
+            hits: Vec::with_capacity(view.samples.len()),
+            voxels: Voxels::new(),
+            memory: Memory::new(options.hold_s, options.sectors),
+            obstacles,
+            options,
+            rays,
+            view,
+        })
+    }
+
+    /// Takes another mount from the next frame on, such as the attitude of an inertial sensor. Computes the tables again,
+    /// and forgets remembered obstacles.
+    pub fn set_mount(&mut self, mount: Mount) {
+        self.view = View::new(&self.rays, &mount, &self.options);
+        self.scan = Scan::new(&self.view, mount.position_m());
+        self.ground = GroundFit::new(&mount, &self.options);
+        self.obstacles.angle_min_rad = self.view.sectors.angle_min_rad;
+        self.obstacles.angle_step_rad = self.view.sectors.angle_step_rad;
+        self.memory.clear();
+    }
+
+    /// The share of the image that looks at floor within range, 0 to 1. At 0 the camera never sees floor, and no
+    /// direction can be free.
+    #[must_use]
+    pub fn floor_in_view(&self) -> f32 {
+        self.view.floor_in_view()
+    }
+
+    /// What counts as an obstacle.
+    #[must_use]
+    pub fn options(&self) -> &ObstacleOptions {
+        &self.options
+    }
+
+    /// The obstacles of the last frame.
+    #[must_use]
+    pub fn last(&self) -> &Obstacles {
+        &self.obstacles
+    }
+
+    /// Marks a discontinuity: obstacles of earlier frames are forgotten.
+    pub fn reset(&mut self) {
+        self.memory.clear();
+    }
+
+    /// Finds the obstacles of one frame. `time_nanos` is its capture time; only differences count. Allocates nothing.
+    ///
+    /// # Errors
+    /// Buffers of another size than the camera's image.
+    pub fn detect(&mut self, image: &DepthImage<'_>, time_nanos: i64) -> Result<&Obstacles, ObstacleError> {
+        self.check(image)?;
+        self.obstacles.used_labels = image.labels.is_some() && self.roles.has_floor;
+        self.scan.gather(image, &self.view);
+        let ground = self.fit_ground(image);
+        self.scan.classify(image, &self.view, (&self.roles, &ground, &self.options));
+        self.obstacles.ground = Ground { floor_fraction: self.scan.floor_fraction(), ..ground };
+        self.collect(image);
+        directions::fill(&self.view, &self.scan.votes, &self.hits, &mut self.obstacles.sectors);
+        self.memory.update(&mut self.obstacles.sectors, time_nanos);
+        Ok(&self.obstacles)
+    }
+
+    fn check(&self, image: &DepthImage<'_>) -> Result<(), ObstacleError> {
+        let (width, height) = self.size;
+        let expected = width as usize * height as usize;
+        let given = [("depth", Some(image.depth_m.len())), ("label", image.labels.map(<[u8]>::len))];
+        let given = given.into_iter().chain([("confidence", image.confidence.map(<[u8]>::len))]);
+        for (buffer, got) in given {
+            if let Some(got) = got.filter(|got| *got != expected) {
+                return Err(ObstacleError::Size { buffer, got, expected, width, height });
+            }
+        }
+        Ok(())
+    }
+
+    /// Fits the ground to samples that look at the floor: those labeled floor, if there are labels.
+    fn fit_ground(&mut self, image: &DepthImage<'_>) -> Ground {
+        let Self { view, scan, roles, obstacles, .. } = self;
+        let used_labels = obstacles.used_labels;
+        let looking = view.cells.iter().map(|cell| cell.samples as usize).sum::<usize>();
+        let step = looking.div_ceil(MAX_CANDIDATES).max(1);
+        let candidates = (0..view.samples.len()).filter(|&index| view.samples[index].cell != NONE);
+        let labeled = candidates.step_by(step).filter(|&index| {
+            !used_labels || image.label(view, index).is_some_and(|label| roles.of(label) == Role::Floor)
+        });
+        self.ground.fit(labeled.map(|index| scan.point(view, index)))
+    }
+
+    /// Collects the samples of obstacles: for the sectors, and reduced as points.
+    fn collect(&mut self, image: &DepthImage<'_>) {
+        let Self { view, scan, hits, voxels, .. } = self;
+        hits.clear();
+        voxels.clear();
+        for (index, &kind) in scan.kinds.iter().enumerate() {
+            if !matches!(kind, Kind::Obstacle | Kind::Deceptive) || !scan.is_supported(index) {
+                continue;
+            }
+            let [x, y, z] = scan.point(view, index);
+            let height = scan.heights_m[index];
+            let label = image.label(view, index).unwrap_or(Hit::NO_LABEL);
+            let is_deceptive = kind == Kind::Deceptive;
+            if !is_deceptive {
+                let confidence = image.confidence(view, index);
+                voxels.add(&ObstaclePoint { x, y, z, height, label, confidence, reserved: [0; 2] });
+            }
+            let sector = view.sectors.find([x, y], view.samples[index].sector);
+            if sector != NONE {
+                let range_m = (x * x + y * y).sqrt();
+                hits.push(Hit { sector, range_m, height_m: height, label, is_deceptive });
+            }
+        }
+        voxels.take(self.options.max_points, &mut self.obstacles.points);
+    }
+}
+
+impl DepthImage<'_> {
+    /// The pixel of a sample.
+    #[inline]
+    fn pixel(view: &View, index: usize) -> usize {
+        let (row, column) = (index / view.columns, index % view.columns);
+        row * view.stride * view.width + column * view.stride
+    }
+
+    #[inline]
+    fn label(&self, view: &View, index: usize) -> Option<u8> {
+        self.labels.map(|labels| labels[Self::pixel(view, index)])
+    }
+
+    #[inline]
+    fn confidence(&self, view: &View, index: usize) -> u8 {
+        self.confidence.map_or(u8::MAX, |confidence| confidence[Self::pixel(view, index)])
+    }
+}

@@ -1,0 +1,230 @@
+//! What each sampled pixel sees of the base frame: computed once per camera and mount.
+//!
+//! The floor is divided into cells as the camera sees them: by sector, and within a sector by the tangent of the angle
+//! below the horizon, so that every cell has a few pixels near and far. Whether a direction is free is decided cell by
+//! cell, from near to far: each must show floor.
+
+use std::f32::consts::{PI, TAU};
+
+use nalgebra::Vector3;
+
+use super::{Mount, ObstacleOptions};
+use crate::camera::RayTable;
+
+/// A sample without a cell, or without a sector.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Samples per row and per column at most: 640x480 is sampled at every second column and row.
+const MAX_SAMPLES_PER_ROW: u32 = 320;
+
+/// Height of a cell, in samples.
+const CELL_SAMPLES: f32 = 2.0;
+
+/// Floor nearer to the camera than its height divided by this is one cell.
+const MAX_TANGENT: f32 = 4.0;
+
+/// Of a camera that sees no floor, rays above this elevation do not widen the field of view: near the zenith the azimuth
+/// means nothing.
+const MAX_ELEVATION_TANGENT: f32 = 1.0;
+
+/// A sampled pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    /// The point at depth 1, relative to the camera, in the base frame; NaN for a pixel without a ray.
+    pub(super) direction: [f32; 3],
+    /// The cell of the floor it looks at, on level ground; [`NONE`] if it does not look at floor within range.
+    pub(super) cell: u32,
+    /// The sector of its direction; a first guess for the sector of its point.
+    pub(super) sector: u32,
+}
+
+/// A piece of floor, seen by some samples.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell {
+    /// Samples that look at it.
+    pub(super) samples: u32,
+    /// The distance of its nearest point from the base's origin, meters.
+    pub(super) near_m: f32,
+}
+
+/// The directions of the sectors.
+#[derive(Debug, Clone)]
+pub(super) struct Sectors {
+    pub(super) angle_min_rad: f32,
+    pub(super) angle_step_rad: f32,
+    /// Unit vectors of the boundaries, one more than sectors.
+    boundaries: Vec<[f32; 2]>,
+}
+
+impl Sectors {
+    fn new(angle_min_rad: f32, angle_max_rad: f32, count: usize) -> Self {
+        let angle_step_rad = (angle_max_rad - angle_min_rad) / count as f32;
+        let boundary = |index: usize| {
+            let (sin, cos) = (angle_min_rad + index as f32 * angle_step_rad).sin_cos();
+            [cos, sin]
+        };
+        Self { angle_min_rad, angle_step_rad, boundaries: (0..=count).map(boundary).collect() }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.boundaries.len() - 1
+    }
+
+    /// The sector of a direction, computed; [`NONE`] outside the field of view.
+    fn at(&self, x: f32, y: f32) -> u32 {
+        let angle = (y.atan2(x) - self.angle_min_rad).rem_euclid(TAU);
+        let index = (angle / self.angle_step_rad) as usize;
+        if index < self.count() { index as u32 } else { NONE }
+    }
+
+    /// The sector of a point, searched from `guess` on: almost always the guess itself, without an arc tangent.
+    #[inline]
+    pub(super) fn find(&self, [x, y]: [f32; 2], guess: u32) -> u32 {
+        let index = guess as usize;
+        if index < self.count() {
+            let left_of = |[cos, sin]: [f32; 2]| cos * y - sin * x >= 0.0;
+            let ahead = self.boundaries[index][0] * x + self.boundaries[index][1] * y > 0.0;
+            if ahead && left_of(self.boundaries[index]) && !left_of(self.boundaries[index + 1]) {
+                return guess;
+            }
+        }
+        self.at(x, y)
+    }
+}
+
+/// All samples of a camera's image, and the cells of the floor.
+#[derive(Debug, Clone)]
+pub(super) struct View {
+    /// Pixels of a row of the image.
+    pub(super) width: usize,
+    pub(super) stride: usize,
+    pub(super) columns: usize,
+    pub(super) samples: Vec<Sample>,
+    /// By sector, from near to far.
+    pub(super) cells: Vec<Cell>,
+    /// The cells of each sector: from this index to the next one.
+    pub(super) first_cells: Vec<u32>,
+    pub(super) sectors: Sectors,
+    /// Meters between the floor of two cells, divided by the square of their distance.
+    pub(super) cell_growth: f32,
+}
+
+impl View {
+    pub(super) fn new(rays: &RayTable, mount: &Mount, options: &ObstacleOptions) -> Self {
+        let stride = rays.width().div_ceil(MAX_SAMPLES_PER_ROW).max(1) as usize;
+        let width = rays.width() as usize;
+        let columns = width.div_ceil(stride);
+        let rows = rays.rays().chunks(width.max(1)).step_by(stride);
+        let directions = rows.flat_map(|row| row.iter().step_by(stride)).map(|&[x, y]| {
+            let direction = mount.direction([f64::from(x), f64::from(y), 1.0]);
+            Vector3::new(direction.x as f32, direction.y as f32, direction.z as f32)
+        });
+        let sample =
+            |direction: Vector3<f32>| Sample { direction: direction.into(), cell: NONE, sector: NONE };
+        let samples: Vec<Sample> = directions.map(sample).collect();
+        let sectors = field_of_view(&samples, mount, options);
+        let height_m = mount.height_m() as f32;
+        let step = CELL_SAMPLES * pitch(&samples, columns);
+        let mut view = Self {
+            width,
+            stride,
+            columns,
+            samples,
+            cells: Vec::new(),
+            first_cells: Vec::new(),
+            sectors,
+            cell_growth: step / height_m,
+        };
+        view.divide_floor(mount, options.max_range_m, step);
+        view
+    }
+
+    /// Gives each sample its sector and the cell it looks at.
+    fn divide_floor(&mut self, mount: &Mount, max_range_m: f32, step: f32) {
+        let [camera_x, camera_y, height_m] = mount.position_m().map(|value| value as f32);
+        let mut seen: Vec<(u32, u32, usize, f32)> = Vec::new();
+        for (index, sample) in self.samples.iter_mut().enumerate() {
+            let [x, y, z] = sample.direction;
+            sample.sector = self.sectors.at(x, y);
+            if z < 0.0 {
+                let reach = height_m / -z;
+                let (floor_x, floor_y) = (camera_x + reach * x, camera_y + reach * y);
+                let range_m = floor_x.hypot(floor_y);
+                let sector = self.sectors.at(floor_x, floor_y);
+                if range_m <= max_range_m && sector != NONE {
+                    let tangent = (-z / x.hypot(y)).min(MAX_TANGENT);
+                    // From near to far: the largest tangent first.
+                    let band = ((MAX_TANGENT - tangent) / step) as u32;
+                    seen.push((sector, band, index, range_m));
+                }
+            }
+        }
+        seen.sort_unstable_by_key(|&(sector, band, index, _)| (sector, band, index));
+        self.first_cells = Vec::with_capacity(self.sectors.count() + 1);
+        for same in seen.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let sector = same[0].0;
+            while self.first_cells.len() <= sector as usize {
+                self.first_cells.push(self.cells.len() as u32);
+            }
+            for &(_, _, index, _) in same {
+                self.samples[index].cell = self.cells.len() as u32;
+            }
+            let near_m = same.iter().map(|seen| seen.3).fold(f32::INFINITY, f32::min);
+            self.cells.push(Cell { samples: same.len() as u32, near_m });
+        }
+        self.first_cells.resize(self.sectors.count() + 1, self.cells.len() as u32);
+    }
+
+    /// The cells of a sector, from near to far.
+    pub(super) fn cells_of(&self, sector: usize) -> std::ops::Range<usize> {
+        self.first_cells[sector] as usize..self.first_cells[sector + 1] as usize
+    }
+
+    /// The share of all samples that look at floor within range.
+    pub(super) fn floor_in_view(&self) -> f32 {
+        let looking = self.samples.iter().filter(|sample| sample.cell != NONE).count();
+        looking as f32 / self.samples.len().max(1) as f32
+    }
+}
+
+/// The sectors over all azimuths in which the camera sees floor within range; in which it sees anything if there is none.
+fn field_of_view(samples: &[Sample], mount: &Mount, options: &ObstacleOptions) -> Sectors {
+    let axis = mount.direction([0.0, 0.0, 1.0]);
+    let yaw = (axis.y as f32).atan2(axis.x as f32);
+    // Tangent of the angle below the horizon at which the floor is at the largest range.
+    let far = mount.height_m() as f32 / options.max_range_m;
+    let within = |lowest: f32| {
+        let below =
+            samples.iter().map(|sample| sample.direction).filter(move |&[x, y, z]| -z >= lowest * x.hypot(y));
+        let angles = below.map(|[x, y, _]| (y.atan2(x) - yaw + PI).rem_euclid(TAU) - PI);
+        angles.fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), angle| (min.min(angle), max.max(angle)))
+    };
+    let (mut min, mut max) = [far, -MAX_ELEVATION_TANGENT]
+        .map(within)
+        .into_iter()
+        .find(|(min, max)| min <= max)
+        .unwrap_or_default();
+    let sees_nadir = axis.z < -0.999;
+    if sees_nadir || max - min > TAU - 0.1 {
+        (min, max) = (-PI, PI);
+    }
+    let narrowest = 1e-3;
+    Sectors::new(yaw + min, yaw + max.max(min + narrowest), options.sectors)
+}
+
+/// The angle between neighboring samples of a column, radians: the median.
+fn pitch(samples: &[Sample], columns: usize) -> f32 {
+    let below = samples.iter().skip(columns);
+    let mut angles: Vec<f32> = samples
+        .iter()
+        .zip(below)
+        .step_by(37)
+        .map(|(a, b)| {
+            let (a, b) = (Vector3::from(a.direction), Vector3::from(b.direction));
+            (a - b).norm() / a.norm()
+        })
+        .filter(|angle| angle.is_finite())
+        .collect();
+    angles.sort_unstable_by(f32::total_cmp);
+    angles.get(angles.len() / 2).copied().unwrap_or(0.01).clamp(1e-4, 0.5)
+}

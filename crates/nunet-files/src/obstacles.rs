@@ -1,0 +1,160 @@
+//! Obstacles as images: from above, and on the camera's image.
+
+use image::{Rgb, RgbImage};
+use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
+
+use crate::color::draw_text;
+
+/// Pixels of one meter from above.
+const PX_PER_M: f32 = 80.0;
+/// Pixels around an obstacle point that are colored, on each side.
+const POINT_PX: i64 = 1;
+
+const FREE: Rgb<u8> = Rgb([120, 200, 120]);
+const UNSEEN: Rgb<u8> = Rgb([150, 150, 150]);
+const BEHIND: Rgb<u8> = Rgb([205, 205, 205]);
+const OCCUPIED: Rgb<u8> = Rgb([200, 30, 30]);
+const REMEMBERED: Rgb<u8> = Rgb([140, 80, 160]);
+const DROP: Rgb<u8> = Rgb([240, 150, 30]);
+const RING: Rgb<u8> = Rgb([90, 90, 90]);
+
+/// What is drawn from above.
+#[derive(Debug, Clone, Copy)]
+pub struct BirdsEye<'a> {
+    /// Directions, counterclockwise.
+    pub sectors: &'a [ObstacleSector],
+    /// Points of obstacles.
+    pub points: &'a [ObstaclePoint],
+    /// The right boundary of the first sector, radians.
+    pub angle_min_rad: f32,
+    /// The width of a sector, radians.
+    pub angle_step_rad: f32,
+    /// How far obstacles were searched, meters.
+    pub max_range_m: f32,
+}
+
+impl BirdsEye<'_> {
+    /// The robot's surroundings from above: forward is up, left is left, the robot is in the middle of the lower edge (of
+    /// the image, if it sees behind itself). Green is free, gray unknown, red an obstacle, orange a drop, purple remembered.
+    /// A ring is one meter.
+    #[must_use]
+    pub fn draw(&self) -> RgbImage {
+        let radius = (self.max_range_m * PX_PER_M).round().clamp(1.0, 4000.0) as u32;
+        let end_rad = self.angle_min_rad + self.angle_step_rad * self.sectors.len() as f32;
+        let sees_behind =
+            self.angle_min_rad < -std::f32::consts::FRAC_PI_2 || end_rad > std::f32::consts::FRAC_PI_2;
+        let height = if sees_behind { 2 * radius } else { radius };
+        let mut image = RgbImage::from_fn(2 * radius, height, |column, row| {
+            let x = (radius as f32 - row as f32 - 0.5) / PX_PER_M;
+            let y = (radius as f32 - column as f32 - 0.5) / PX_PER_M;
+            self.color(x, y)
+        });
+        for point in self.points {
+            let column = (radius as f32 - point.y * PX_PER_M) as i64;
+            let row = (radius as f32 - point.x * PX_PER_M) as i64;
+            mark(&mut image, column, row, 0, Rgb([60, 0, 0]));
+        }
+        for meters in 1..=self.max_range_m as u32 {
+            let above = (meters as f32 * PX_PER_M) as u32;
+            draw_text(&mut image, &format!("{meters} m"), radius + 2, radius.saturating_sub(above) + 2);
+        }
+        image
+    }
+
+    /// The color of a place on the floor, meters forward and to the left.
+    fn color(&self, x: f32, y: f32) -> Rgb<u8> {
+        let range_m = x.hypot(y);
+        let half_pixel = 0.5 / PX_PER_M;
+        if range_m > self.max_range_m {
+            return Rgb([255, 255, 255]);
+        }
+        let turned = (y.atan2(x) - self.angle_min_rad).rem_euclid(std::f32::consts::TAU);
+        let sector = self.sectors.get((turned / self.angle_step_rad) as usize);
+        if range_m > 0.5 && (range_m - range_m.round()).abs() < half_pixel {
+            return RING;
+        }
+        let Some(sector) = sector else { return BEHIND };
+        let at_end = (range_m - sector.range_m).abs() < 3.0 * half_pixel;
+        match sector.state() {
+            SectorState::Occupied if at_end && sector.remembered != 0 => REMEMBERED,
+            SectorState::Occupied if at_end => OCCUPIED,
+            SectorState::Drop if at_end => DROP,
+            _ if range_m < sector.range_m => FREE,
+            _ => UNSEEN,
+        }
+    }
+}
+
+/// Draws points of obstacles into an image: red near, yellow at `max_range_m`. Each is its column, its row, and its
+/// distance in meters.
+pub fn draw_obstacle_points(
+    image: &mut RgbImage,
+    points: impl IntoIterator<Item = ([f64; 2], f32)>,
+    max_range_m: f32,
+) {
+    for ([column, row], range_m) in points {
+        let share = (range_m / max_range_m).clamp(0.0, 1.0);
+        let color = Rgb([255, (220.0 * share) as u8, 0]);
+        mark(image, column.round() as i64, row.round() as i64, POINT_PX, color);
+    }
+}
+
+/// Colors a square; what is outside the image is skipped.
+fn mark(image: &mut RgbImage, column: i64, row: i64, around: i64, color: Rgb<u8>) {
+    for y in row - around..=row + around {
+        for x in column - around..=column + around {
+            if let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y))
+                && let Some(pixel) = image.get_pixel_mut_checked(x, y)
+            {
+                *pixel = color;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn from_above_left_is_left_and_each_state_has_its_color() {
+        let sector = |state: SectorState, range_m| ObstacleSector {
+            state: state.into(),
+            range_m,
+            ..ObstacleSector::UNKNOWN
+        };
+        let sectors = [
+            sector(SectorState::Occupied, 1.5),
+            sector(SectorState::Free, 4.0),
+            sector(SectorState::Unknown, 0.0),
+        ];
+        let view = BirdsEye {
+            sectors: &sectors,
+            points: &[],
+            angle_min_rad: -0.6,
+            angle_step_rad: 0.4,
+            max_range_m: 4.0,
+        };
+        let at = |angle: f32, range_m: f32| view.color(range_m * angle.cos(), range_m * angle.sin());
+        assert_eq!((at(-0.4, 1.2), at(-0.4, 1.5), at(-0.4, 1.8)), (FREE, OCCUPIED, UNSEEN));
+        assert_eq!((at(0.0, 3.8), at(0.4, 0.7), at(1.0, 0.7)), (FREE, UNSEEN, BEHIND));
+        let image = view.draw();
+        assert_eq!(image.dimensions(), (640, 320));
+        let pixel = |angle: f32, range_m: f32| {
+            let (x, y) = (range_m * angle.cos() * PX_PER_M, range_m * angle.sin() * PX_PER_M);
+            *image.get_pixel((320.0 - y) as u32, (320.0 - x) as u32)
+        };
+        assert_eq!((pixel(-0.4, 1.2), pixel(0.4, 0.7)), (FREE, UNSEEN), "the obstacle is on the right");
+    }
+
+    #[test]
+    fn points_outside_the_image_are_skipped() {
+        let mut image = RgbImage::new(4, 4);
+        draw_obstacle_points(
+            &mut image,
+            [([-1.0, 0.0], 1.0), ([3.0, 3.0], 4.0), ([1e9, f64::NAN], 1.0)],
+            4.0,
+        );
+        assert_eq!((image.get_pixel(0, 0).0, image.get_pixel(3, 3).0), ([255, 55, 0], [255, 220, 0]));
+    }
+}

@@ -1,0 +1,122 @@
+//! Obstacles as ROS messages.
+
+use std::borrow::Cow;
+
+use nunet_types::layout::bytemuck;
+use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
+use serde_bytes::Bytes;
+
+use crate::messages::{Header, LaserScan, PointCloud2, PointField};
+
+const POINT_FIELDS: [PointField; 6] = [
+    PointField { name: "x", offset: 0, datatype: PointField::FLOAT32, count: 1 },
+    PointField { name: "y", offset: 4, datatype: PointField::FLOAT32, count: 1 },
+    PointField { name: "z", offset: 8, datatype: PointField::FLOAT32, count: 1 },
+    PointField { name: "height", offset: 12, datatype: PointField::FLOAT32, count: 1 },
+    PointField { name: "label", offset: 16, datatype: PointField::UINT8, count: 1 },
+    PointField { name: "confidence", offset: 17, datatype: PointField::UINT8, count: 1 },
+];
+
+/// The obstacles of a frame, in the robot's base frame.
+#[derive(Debug, Clone, Copy)]
+pub struct ObstaclesRecord<'a> {
+    /// The base's coordinate frame.
+    pub frame_id: &'a str,
+    /// Directions, counterclockwise.
+    pub sectors: &'a [ObstacleSector],
+    /// Points of obstacles.
+    pub points: &'a [ObstaclePoint],
+    /// The right boundary of the first sector, radians.
+    pub angle_min_rad: f32,
+    /// The width of a sector, radians.
+    pub angle_step_rad: f32,
+    /// How far obstacles were searched, meters.
+    pub max_range_m: f32,
+}
+
+impl<'a> ObstaclesRecord<'a> {
+    pub(crate) fn cloud(&self, header: Header<'a>) -> PointCloud2<'a> {
+        const POINT_BYTES: u32 = size_of::<ObstaclePoint>() as u32;
+        let count = self.points.len() as u32;
+        PointCloud2 {
+            header,
+            height: 1,
+            width: count,
+            fields: &POINT_FIELDS,
+            is_bigendian: false,
+            point_step: POINT_BYTES,
+            row_step: POINT_BYTES * count,
+            data: Bytes::new(bytemuck::cast_slice(self.points)),
+            is_dense: true,
+        }
+    }
+
+    /// One beam through the middle of each sector.
+    ///
+    /// Obstacles and drops have their distance. Infinity means free up to `range_max`, because consumers clear their map
+    /// that far; a sector whose floor was seen less far is NaN, like an unknown one. Remembered obstacles are NaN too: a
+    /// scan cannot say that they are old.
+    pub(crate) fn scan(&self, header: Header<'a>) -> LaserScan<'a> {
+        let range_max = FREE_SHARE * self.max_range_m;
+        let beam = |sector: &ObstacleSector| match sector.state() {
+            SectorState::Occupied if sector.remembered == 0 => sector.range_m,
+            SectorState::Drop => sector.range_m,
+            SectorState::Free if sector.range_m >= range_max => f32::INFINITY,
+            _ => f32::NAN,
+        };
+        let ranges: Vec<f32> = self.sectors.iter().map(beam).collect();
+        let last = self.sectors.len().saturating_sub(1) as f32;
+        let first_rad = self.angle_min_rad + 0.5 * self.angle_step_rad;
+        LaserScan {
+            header,
+            angle_min: first_rad,
+            angle_max: first_rad + last * self.angle_step_rad,
+            angle_increment: self.angle_step_rad,
+            time_increment: 0.0,
+            scan_time: 0.0,
+            range_min: 0.0,
+            range_max,
+            ranges: Cow::Owned(ranges),
+            intensities: Cow::Borrowed(&[]),
+        }
+    }
+}
+
+/// Floor that was searched is seen at least this far: the farthest cell of floor begins before the largest range.
+const FREE_SHARE: f32 = 0.9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::messages::Time;
+
+    fn sector(state: SectorState, range_m: f32, remembered: u8) -> ObstacleSector {
+        ObstacleSector { state: state.into(), range_m, remembered, ..ObstacleSector::UNKNOWN }
+    }
+
+    #[test]
+    fn a_scan_counts_counterclockwise_and_never_calls_unknown_free() {
+        let sectors = [
+            sector(SectorState::Occupied, 1.0, 0),
+            sector(SectorState::Free, 4.6, 0),
+            sector(SectorState::Free, 4.0, 0),
+            sector(SectorState::Unknown, 2.0, 0),
+            sector(SectorState::Drop, 1.5, 0),
+            sector(SectorState::Occupied, 0.5, 1),
+        ];
+        let record = ObstaclesRecord {
+            frame_id: "base_link",
+            sectors: &sectors,
+            points: &[],
+            angle_min_rad: -0.25,
+            angle_step_rad: 0.1,
+            max_range_m: 5.0,
+        };
+        let header = Header { stamp: Time::default(), frame_id: "base_link".into() };
+        let scan = record.scan(header);
+        assert!((scan.angle_min + 0.2).abs() < 1e-6 && (scan.angle_max - 0.3).abs() < 1e-6);
+        assert_eq!((scan.ranges[0], scan.ranges[4]), (1.0, 1.5), "the first beam is the rightmost");
+        assert_eq!((scan.ranges[1], scan.range_max), (f32::INFINITY, 4.5));
+        assert!([2, 3, 5].iter().all(|&index| scan.ranges[index].is_nan()), "{:?}", scan.ranges);
+    }
+}

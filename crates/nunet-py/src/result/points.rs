@@ -1,0 +1,89 @@
+//! What is computed from a result's arrays: points, files and obstacles.
+
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+
+use numpy::PyArrayMethods as _;
+use nunet_core::camera;
+use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
+use nunet_core::filter::Appearance;
+use nunet_core::obstacle::{DepthImage, ObstacleOptions};
+use nunet_files::{Results, write_results};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::Result;
+use crate::camera::Camera;
+use crate::cloud::METRE;
+use crate::error::{NunetError, failure, hinted, of_camera};
+use crate::obstacles::{self, Obstacles};
+
+impl Result {
+    /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
+    /// aspect ratio.
+    pub(super) fn camera_for_points(&self, camera: Option<Camera>) -> PyResult<camera::Camera> {
+        let Some(Camera(camera)) = camera else { return Ok(self.points_camera) };
+        let ((width, height), own) = (self.image_size, self.size());
+        let fitted = camera.fitted_to(width, height).and_then(|camera| camera.scaled_to(own.0, own.1));
+        fitted.map_err(of_camera)
+    }
+
+    /// One point per pixel of `depth`.
+    pub(super) fn points(&self, py: Python<'_>, camera: Option<Camera>) -> PyResult<Vec<CloudPoint>> {
+        let camera = self.camera_for_points(camera)?;
+        let depth = self.depth.bind(py).try_readonly()?;
+        let rgb = self.rgb.bind(py).try_readonly()?;
+        let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
+        let (depth, rgb) = (depth.as_slice()?, rgb.as_slice()?);
+        let labels = labels.as_ref().map(|labels| labels.as_slice()).transpose()?;
+        let points = py.detach(|| {
+            let mut points = vec![CloudPoint::NONE; depth.len()];
+            let rays = self.shared.rays(camera);
+            let options = CloudOptions { stride: NonZeroU32::MIN, max_range_m: f32::INFINITY };
+            let appearance = Appearance { rgb, labels };
+            organized_cloud(depth, &rays, &appearance, options, &mut points).map(|()| points)
+        });
+        points.map_err(|error| NunetError::new_err(error.to_string()))
+    }
+
+    /// Writes the files of [`Result::save`].
+    pub(super) fn write(
+        &self,
+        py: Python<'_>,
+        folder: &Path,
+        cloud: &[CloudPoint],
+    ) -> PyResult<Vec<PathBuf>> {
+        let depth = self.depth.bind(py).try_readonly()?;
+        let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
+        let results = Results {
+            size: self.size().into(),
+            depth: depth.as_slice()?,
+            metric: self.units == METRE,
+            labels: labels.as_ref().map(|labels| labels.as_slice()).transpose()?,
+            cloud: Some(cloud),
+        };
+        py.detach(|| write_results(folder, &results)).map_err(|error| failure(&error.into()))
+    }
+
+    /// The obstacles of [`Result::obstacles`].
+    pub(super) fn find_obstacles(
+        &self,
+        py: Python<'_>,
+        mount: &[f64],
+        camera: Option<Camera>,
+        options: ObstacleOptions,
+    ) -> PyResult<Obstacles> {
+        if self.units != METRE {
+            let text = format!("obstacles need depth in meters; this result is `{}`", self.units);
+            return Err(hinted::<PyValueError>(text, "take a model with metric depth"));
+        }
+        let mount = obstacles::mount(mount)?;
+        let camera = self.camera_for_points(camera)?;
+        let classes: Vec<String> = self.shared.class_names.extract(py)?;
+        let depth = self.depth.bind(py).try_readonly()?;
+        let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
+        let labels = labels.as_ref().map(|labels| labels.as_slice()).transpose()?;
+        let image = DepthImage { depth_m: depth.as_slice()?, labels, confidence: None };
+        Obstacles::of_depth(py, &image, (&camera, mount), &classes, options)
+    }
+}

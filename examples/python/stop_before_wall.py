@@ -1,0 +1,32 @@
+"""A speed that stops the robot before the nearest thing ahead, from the obstacles of a running daemon.
+
+Run `nunetd --camera front --mount 0.1,0,0.25,0,-0.07,0`, then `python stop_before_wall.py front`.
+"""
+
+import sys
+
+import numpy as np
+import nunet_py as nunet
+
+FULL_SPEED = 0.6  # meters per second
+STOP_M = 0.4  # the robot stops this far before an obstacle
+BRAKE_M = 1.0  # meters over which it brakes
+AHEAD_RAD = 0.35  # half the angle ahead that counts
+
+
+def speed(obstacles):
+    """Return the speed for what is ahead. A direction counts only as far as it is known to be free."""
+    ahead = np.abs(obstacles.angles) < AHEAD_RAD
+    free_m = obstacles.ranges[ahead].min(initial=np.inf) if ahead.any() else 0.0
+    return FULL_SPEED * float(np.clip((free_m - STOP_M) / BRAKE_M, 0.0, 1.0))
+
+
+def main():
+    camera = sys.argv[1] if len(sys.argv) > 1 else "camera"
+    with nunet.subscribe(camera, topics=["obstacles"], timeout=10.0) as frames:
+        for frame in frames:
+            print(f"{speed(frame.obstacles):.2f} m/s", flush=True)
+
+
+if __name__ == "__main__":
+    main()
