@@ -65,14 +65,19 @@ pub(super) fn complete(
     };
     let Some(path) = &run.line.config else { return unmet(&flags).map_err(refused) };
     refuse_what_is_not_unicode(&subcommand, matches).map_err(&mut refused)?;
-    let cameras = run.settings.with_file(path, &subcommand, &flags).map_err(&mut refused)?;
+    let cameras = run.settings.with_file(path, &subcommand, &flags).map_err(in_file)?;
     cameras.iter().try_for_each(unmet).map_err(|message| {
         let is_of_flag = message.starts_with("`--");
-        refused(if is_of_flag { message } else { format!("`{}`: {message}", path.display()) })
+        if is_of_flag { refused(message) } else { in_file(format!("`{}`: {message}", path.display())) }
     })?;
     run.settings.cameras = cameras;
-    cli.logging = run.settings.parse(run.settings.first()).map_err(refused)?;
+    cli.logging = run.settings.parse(run.settings.first()).map_err(in_file)?;
     Ok(())
+}
+
+/// A mistake in the file: the usage of the command line would not help.
+fn in_file(message: String) -> clap::Error {
+    clap::Error::raw(ErrorKind::ValueValidation, message + "\n")
 }
 
 impl Settings {

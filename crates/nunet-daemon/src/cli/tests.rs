@@ -228,6 +228,23 @@ fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
 }
 
 #[test]
+fn a_mistake_in_the_file_is_printed_without_the_usage_of_the_command_line() {
+    for (config, rest) in [
+        ("modle = 'a.onnx'", ""),
+        ("frames = 0", ""),
+        ("record-lossless = true", ""),
+        ("model =", ""),
+        ("[[camera]]\nname = 'a'\nsource = 'demo'", " --source demo"),
+    ] {
+        let error = parse(config, rest).unwrap_err();
+        assert!(error.starts_with("error: `") && error.ends_with('\n'), "{error:?}");
+        assert!(!error.contains("Usage:") && !error.contains("--help"), "{error}");
+    }
+    let of_flag = parse("model = 'a.onnx'", " --record-lossless").unwrap_err();
+    assert!(of_flag.contains("Usage:"), "{of_flag}");
+}
+
+#[test]
 fn a_missing_file_is_told() {
     let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
     assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");

@@ -23,7 +23,7 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
 
 /// A message of clap without its frame.
 fn message_of(text: &str) -> &str {
-    text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default()
+    text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default().trim_end()
 }
 
 /// Whether a command line asks for `--log-format json`.
