@@ -69,7 +69,12 @@ fn steady(bench: &Bench, how: &[&str]) -> Value {
 #[test]
 fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
     let bench = Bench::new();
-    for how in [&["--out", &bench.arg("out")][..], &["--publish", "depth"]] {
+    let record = bench.arg("a.mcap");
+    for how in [
+        &["--out", &bench.arg("out")][..],
+        &["--publish", "depth"],
+        &["--record", &record, "--publish", "depth"],
+    ] {
         let stats = steady(&bench, how);
         assert_eq!(stats["bytes_copied_per_frame"], 0.0, "{how:?}");
         assert_eq!(stats["allocations_per_frame"], 0.0, "{how:?}");

@@ -38,7 +38,10 @@ impl Record {
     /// Copies a frame, and its camera at the size of the image. If the image came as a file, the file is enough.
     pub(crate) fn copy_frame(&mut self, frame: &Frame, camera: Option<Camera>) {
         let own = &mut self.frame;
-        frame.file.clone_into(&mut own.file);
+        // Files differ in length. Room for the raw image holds each of them, so that a longer one allocates nothing later.
+        own.file.clear();
+        own.file.reserve(frame.file.len().max(raw_bytes(frame.size)));
+        own.file.extend_from_slice(&frame.file);
         if frame.file.is_empty()
             && let Ok(view) = frame.view()
         {
@@ -89,6 +92,12 @@ impl Record {
     }
 }
 
+/// Bytes of an image in RGB; 0 if nothing can have that size.
+fn raw_bytes((width, height): (u32, u32)) -> usize {
+    let bytes = u64::from(width).checked_mul(height.into()).and_then(|pixels| pixels.checked_mul(3));
+    bytes.and_then(|bytes| bytes.try_into().ok()).unwrap_or(0)
+}
+
 /// A camera as ROS describes it.
 pub(super) fn describe(camera: &Camera) -> CameraDescription {
     let intrinsics = camera.intrinsics;
@@ -101,5 +110,24 @@ pub(super) fn describe(camera: &Camera) -> CameraDescription {
         coefficients,
         skew: 0.0,
         fault: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_longer_file_finds_room_in_the_memory_of_a_shorter_one() {
+        let mut record = Record::default();
+        let file = |bytes| Frame { file: vec![1; bytes], size: (640, 480), ..Frame::default() };
+        record.copy_frame(&file(50_000), None);
+        let memory = record.frame.file.as_ptr();
+        for bytes in [60_000, 10, 640 * 480 * 3] {
+            record.copy_frame(&file(bytes), None);
+            assert_eq!((record.frame.file.len(), record.frame.file.as_ptr()), (bytes, memory));
+        }
+        record.copy_frame(&Frame { size: (u32::MAX, u32::MAX), ..file(7) }, None);
+        assert_eq!(record.frame.file, [1; 7]);
     }
 }
