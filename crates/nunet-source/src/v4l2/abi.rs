@@ -3,6 +3,8 @@
 
 use std::mem::{offset_of, size_of};
 
+use bytemuck::{Pod, Zeroable};
+
 /// Images, each in one buffer (`V4L2_BUF_TYPE_VIDEO_CAPTURE`).
 pub(super) const CAPTURE: u32 = 1;
 /// Buffers of the driver that we map (`V4L2_MEMORY_MMAP`).
@@ -30,22 +32,18 @@ pub(super) const CLOCK_MASK: u32 = 0xe000;
 /// `V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC`
 pub(super) const CLOCK_MONOTONIC: u32 = 0x2000;
 
-/// What a request reads and writes: numbers alone, any bits of which are valid.
-pub(super) trait Plain: Copy {}
-
+// What a request reads and writes: numbers alone without padding, any bits of which are valid. The derive checks both.
 macro_rules! plain {
     ($($name:ident is $kernel:literal, $bytes:literal bytes { $($field:ident: $kind:ty = $zero:expr,)* })+) => { $(
         #[doc = concat!("`struct ", $kernel, "`")]
         #[repr(C)]
         #[allow(dead_code, reason = "the fields are the kernel's, not all of use here")]
-        #[derive(Debug, Clone, Copy)]
+        #[derive(Debug, Clone, Copy, Pod, Zeroable)]
         pub(super) struct $name { $(pub(super) $field: $kind,)* }
 
         impl $name {
             pub(super) const ZERO: Self = Self { $($field: $zero,)* };
         }
-
-        impl Plain for $name {}
 
         const _: () = assert!(size_of::<$name>() == $bytes);
     )+ };
@@ -132,9 +130,6 @@ plain! {
         reserved: [u32; 3] = [0; 3],
     }
 }
-
-/// The argument of starting and stopping a stream: the type of its buffers.
-impl Plain for i32 {}
 
 const _: () = {
     assert!(size_of::<usize>() == 8, "a 32-bit kernel lays `v4l2_format` and `v4l2_buffer` out otherwise");

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::ptr::{self, NonNull};
 use std::time::Duration;
 
+use bytemuck::Pod;
 use nunet_ipc::{monotonic_nanos, unix_nanos};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, Mode, OFlags, major};
@@ -17,7 +18,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
 use super::abi::{
     self, BufferRequest, BufferState, Capabilities, Description, FrameInterval, FrameSize, ImageFormat,
-    Plain, StreamParameters,
+    StreamParameters,
 };
 use super::device::{
     Buffer, Capability, Device, Errno, FourCc, Host, Interval, Intervals, Layout, Now, Result, Sizes,
@@ -85,11 +86,11 @@ struct VideoDevice {
 
 impl VideoDevice {
     /// One request, whose answer overwrites the argument.
-    fn control<const OPCODE: Opcode, T: Plain>(&self, argument: &mut T) -> Result<()> {
+    fn control<const OPCODE: Opcode, T: Pod>(&self, argument: &mut T) -> Result<()> {
         const { assert!((OPCODE >> 16) as usize & 0x1fff == size_of::<T>(), "an argument of another request") };
         loop {
             // SAFETY: the opcodes of this file are V4L2's, and carry the size of the structure that the kernel reads
-            // and writes (asserted above); `Plain` structures stay valid whatever the kernel writes.
+            // and writes (asserted above); plain data stays valid whatever the kernel writes.
             let request = unsafe { Updater::<OPCODE, T>::new(argument) };
             // SAFETY: the device is one of V4L2 (its major number was asked), so it knows these opcodes. None of the
             // arguments holds a pointer: buffers are the driver's, and formats those of images in one buffer.
