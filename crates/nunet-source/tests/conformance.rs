@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use image::{ImageFormat, Rgb, RgbImage};
+use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Topic, TopicPlan, monotonic_nanos};
 use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
 use nunet_source::{Fill, Frame, OpenOptions, Source, SourceErrorKind, SourceName, open_pipe};
 use nunet_types::{ImageSize, PixelFormat};
@@ -23,7 +24,12 @@ struct Subject {
     source: Box<dyn Source>,
     has_bad_frames: bool,
     has_sizes: bool,
+    /// Called before each frame, for sources that show only the newest.
+    offer: Offer,
 }
+
+/// Publishes the frame of a number.
+type Offer = Box<dyn FnMut(u64)>;
 
 fn png(side: u32) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
@@ -94,6 +100,48 @@ fn y4m_pipe() -> Box<dyn Source> {
     open_pipe(Cursor::new(stream), OpenOptions::default()).unwrap()
 }
 
+fn demo(folder: &Path) -> Box<dyn Source> {
+    let clip = folder.join("clip");
+    std::fs::create_dir_all(clip.join("rgb")).unwrap();
+    for (name, image) in ["a_0.png", "a_1.png", "a_2.png"].iter().zip(images()) {
+        std::fs::write(clip.join("rgb").join(name), image).unwrap();
+    }
+    let camera = r#"{"width": 2, "height": 2, "fx": 5, "fy": 5, "cx": 0.5, "cy": 0.5}"#;
+    std::fs::write(clip.join("camera.json"), camera).unwrap();
+    let options = OpenOptions { model_folders: &[folder.to_owned()], ..OpenOptions::default() };
+    SourceName::parse("demo").open(options).unwrap()
+}
+
+/// A camera's name that no other test process has.
+fn camera(test: &str) -> CameraName {
+    CameraName::new(&format!("{test}_{}", std::process::id())).unwrap()
+}
+
+fn publisher(camera: &CameraName) -> Publisher {
+    let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 3 * 4 * 4 };
+    Publisher::create(camera, &[plan], &Limits::default()).unwrap()
+}
+
+/// The three frames in shared memory. The second is a depth map, which is no image.
+fn shared_memory() -> (Box<dyn Source>, Offer) {
+    let camera = camera("conformance");
+    let publisher = publisher(&camera);
+    let mut source = open(&format!("shm:{camera}"));
+    // It connects: a publisher sends to the readers that it knows.
+    assert!(matches!(source.fill(&mut Frame::default()), Fill::Nothing));
+    let offer = move |sequence| {
+        let side: u32 = if sequence == 2 { 4 } else { 2 };
+        let bytes = 3 * (side * side) as usize;
+        let mut loan = publisher.loan_bytes(Topic::Rgb, bytes).unwrap();
+        let header = loan.header_mut();
+        (header.sequence, header.width, header.height, header.row_stride_bytes) =
+            (sequence, side, side, 3 * side);
+        header.set_encoding(if sequence == 1 { Encoding::DepthF32 } else { PixelFormat::Rgb8.into() });
+        loan.publish(monotonic_nanos()).unwrap();
+    };
+    (source, Box::new(offer))
+}
+
 /// Every source that has an end.
 fn all(folder: &Path) -> Vec<Subject> {
     let within = |name: &str| {
@@ -101,8 +149,10 @@ fn all(folder: &Path) -> Vec<Subject> {
         std::fs::create_dir(&inner).unwrap();
         inner
     };
-    let subject =
-        |name, source, has_bad_frames, has_sizes| Subject { name, source, has_bad_frames, has_sizes };
+    let subject = |name, source, has_bad_frames, has_sizes| {
+        let offer = Box::new(|_| {});
+        Subject { name, source, has_bad_frames, has_sizes, offer }
+    };
     vec![
         subject("images", folder_of_images(&within("images")), true, true),
         subject("recording", recording(&within("recording")), true, true),
@@ -110,6 +160,14 @@ fn all(folder: &Path) -> Vec<Subject> {
         subject("raw pipe", raw_pipe(), false, false),
         subject("Y4M pipe", y4m_pipe(), false, false),
     ]
+}
+
+/// Every source that goes on: the demo repeats itself, and shared memory waits for the next frame.
+fn endless(folder: &Path) -> Vec<Subject> {
+    let (source, offer) = shared_memory();
+    let subject =
+        |name, source, offer| Subject { name, source, has_bad_frames: true, has_sizes: true, offer };
+    vec![subject("demo", demo(folder), Box::new(|_| {})), subject("shared memory", source, offer)]
 }
 
 /// The next fill that is more than nothing.
@@ -126,10 +184,12 @@ fn next(source: &mut dyn Source, frame: &mut Frame) -> Fill {
 #[test]
 fn a_bad_frame_fails_alone_and_sizes_may_change() {
     let folder = tempfile::tempdir().unwrap();
-    for Subject { name, mut source, has_bad_frames, has_sizes } in all(folder.path()) {
+    let subjects = all(folder.path()).into_iter().chain(endless(folder.path()));
+    for Subject { name, mut source, has_bad_frames, has_sizes, mut offer } in subjects {
         let mut frame = Frame::default();
         let mut seen = Vec::new();
         for expected in 0..3 {
+            offer(expected);
             let fill = next(source.as_mut(), &mut frame);
             assert!(fill.had_frame(), "{name}: {fill:?}");
             assert_eq!(frame.sequence, expected, "{name}: bad frames count too");
@@ -211,9 +271,13 @@ fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
         let error = source.open(OpenOptions::default()).err().unwrap();
         source.stand_in(OpenOptions::default(), error)
     };
-    let subjects: [(&str, Box<dyn Source>); 2] = [
+    let silent = camera("silent");
+    let _publisher = publisher(&silent);
+    let subjects: [(&str, Box<dyn Source>); 4] = [
         ("silent pipe", open_pipe(Silent, OpenOptions::default()).unwrap()),
         ("missing camera", waiting("/dev/video-of-nobody")),
+        ("shared memory of nobody", open(&format!("shm:{}", camera("nobody")))),
+        ("shared memory without frames", open(&format!("shm:{silent}"))),
     ];
     for (name, mut source) in subjects {
         let (send, asked) = std::sync::mpsc::channel();
