@@ -2,7 +2,7 @@
 
 use nunet_core::camera::Camera;
 use nunet_core::frame::{FrameError, ImageView, PixelFormat};
-use nunet_ipc::Clock;
+use nunet_ipc::{Clock, FrameHeader};
 
 /// Time of capture.
 #[derive(Debug, Clone, Copy)]
@@ -82,6 +82,14 @@ impl Frame {
         let (width, height) = self.size;
         let format = self.format.unwrap_or(PixelFormat::Rgb8);
         ImageView::new(self.bytes(), width, height, self.row_stride, format)
+    }
+
+    /// Says in a header which frame it is, and when it was taken.
+    pub fn identify(&self, header: &mut FrameHeader) {
+        header.sequence = self.sequence;
+        header.capture_nanos = self.capture.nanos;
+        header.capture_unix_nanos = self.capture.unix_nanos;
+        header.set_capture_clock(self.capture.clock);
     }
 
     /// Our own buffer, `bytes` long, with whatever it held before.

@@ -293,10 +293,7 @@ impl ShmPublisher {
     /// What all topics of a frame say.
     fn describe(&mut self, frame: &Frame, report: &FrameReport, queue_micros: u32) {
         let header = &mut self.header;
-        header.sequence = frame.sequence;
-        header.capture_nanos = frame.capture.nanos;
-        header.capture_unix_nanos = frame.capture.unix_nanos;
-        header.set_capture_clock(frame.capture.clock);
+        frame.identify(header);
         header.set_units(report.units);
         header.set_scale_source(report.scale_source);
         header.scale_factor = report.scale_factor.into();

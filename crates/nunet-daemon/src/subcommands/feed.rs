@@ -206,10 +206,7 @@ impl Port {
 
 fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera: Option<Camera>) {
     *header = FrameHeader::default();
-    header.sequence = frame.sequence;
-    header.capture_nanos = frame.capture.nanos;
-    header.capture_unix_nanos = frame.capture.unix_nanos;
-    header.set_capture_clock(frame.capture.clock);
+    frame.identify(header);
     header.set_encoding(format.into());
     (header.width, header.height) = frame.size;
     header.row_stride_bytes = frame.row_stride;
