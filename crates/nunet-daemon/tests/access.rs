@@ -2,16 +2,15 @@
 //!
 //! Needs root, to become others, and `setpriv` of util-linux. Users and groups are numbers that nobody has.
 
-use std::fs::{self, Permissions};
+use std::fs::{self, File, Permissions};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, chown};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
 
 use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Guarded, PATIENCE, SIZE, camera, run, signal, text};
+use crate::support::{Guarded, SIZE, camera, run, signal, text, wait_for};
 
 const OWNER: u32 = 61_001;
 const READER: u32 = 61_002;
@@ -116,8 +115,7 @@ impl World {
 
     /// The owner's payload in shared memory, once there is some.
     fn payload(&self) -> Vec<PathBuf> {
-        let start = Instant::now();
-        loop {
+        wait_for("the daemon's payload", || {
             let entries = fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().path());
             let is_payload = |path: &PathBuf| {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -127,12 +125,8 @@ impl World {
                     && owner.is_ok_and(|uid| uid == OWNER)
             };
             let payload: Vec<_> = entries.filter(is_payload).collect();
-            if payload.len() >= 4 {
-                return payload;
-            }
-            assert!(start.elapsed() < PATIENCE, "the daemon has no payload");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+            (payload.len() >= 4).then_some(payload)
+        })
     }
 
     /// Whether a user may open a file for reading, and for writing.
@@ -196,10 +190,10 @@ fn the_group_reads_and_cannot_write_and_nobody_else_does_either() {
     // A reader that is killed, and an owner that begins again while a reader stays.
     let mut watcher = world.nunetd(READER, &["watch", &name, "--json", "--timeout", "60"]);
     let mut killed = Guarded::start({
-        watcher.stdout(Stdio::null()).stderr(Stdio::null());
+        watcher.stdout(File::create(world.path("watched")).unwrap()).stderr(Stdio::null());
         watcher
     });
-    std::thread::sleep(Duration::from_millis(500));
+    wait_for("a frame that it reads", || (world.path("watched").metadata().ok()?.len() > 0).then_some(()));
     signal(killed.pid(), "KILL");
     killed.wait();
     assert_eq!(frames(&world.watch(READER, &name, "5")).len(), 5, "a killed reader is in nobody's way");

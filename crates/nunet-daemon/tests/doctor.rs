@@ -101,8 +101,7 @@ fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none
     bench.enclose(&mut command);
     let output = run(command);
     assert_eq!(output.status.code(), Some(1));
-    let expected =
-        "error: no `nunet/fornt/depth` after 0.2 s\nhint: published cameras: `front`, `rear`\n";
+    let expected = "error: no `nunet/fornt/depth` after 0.2 s\nhint: published cameras: `front`, `rear`\n";
     assert_eq!(text(&output.stderr), expected);
     for mut daemon in daemons {
         assert_eq!(daemon.stop(), Some(0));

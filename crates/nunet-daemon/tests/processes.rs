@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, Limits, Publisher, Reader, Topic, TopicPlan};
 
-use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, run, signal, text};
+use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, run, signal, text, wait_for};
 
 fn demo_daemon(bench: &Bench, name: &str) -> Guarded {
     let model = bench.arg("model.onnx");
@@ -98,11 +98,7 @@ fn a_stop_before_the_first_frame_is_seen_while_other_owners_have_their_turn() {
     command.stderr(std::fs::File::create(bench.path("log")).unwrap());
     let mut daemon = Guarded::start(command);
     let log = || std::fs::read_to_string(bench.path("log")).unwrap();
-    let start = Instant::now();
-    while !log().contains("self-test") {
-        assert!(start.elapsed() < PATIENCE, "{}", log());
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    wait_for("the self-test in the log", || log().contains("self-test").then_some(()));
     signal(daemon.pid(), "TERM");
     assert_eq!(daemon.wait(), Some(0), "{}", log());
     drop(folder);
@@ -128,7 +124,8 @@ fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
     let bench = Bench::new();
     let (model, silent, name) = (bench.arg("model.onnx"), camera("silent"), camera("interrupted"));
     let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 640 * 480 * 3 };
-    let _owner = Publisher::create(&CameraName::new(&silent).unwrap(), &[plan], &Limits::default()).unwrap();
+    let publisher =
+        Publisher::create(&CameraName::new(&silent).unwrap(), &[plan], &Limits::default()).unwrap();
     let (source, stats) = (format!("shm:{silent}"), bench.arg("stats.json"));
     let mut daemon = Guarded::start(nunetd(&[
         "-q",
@@ -142,7 +139,8 @@ fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
         &stats,
     ]));
     Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
-    std::thread::sleep(Duration::from_millis(300)); // it waits for a frame now, or will soon: both must end well
+    // It waits for a frame now, or will at once: both must end well.
+    wait_for("the daemon among the readers", || publisher.has_readers(Topic::Rgb).then_some(()));
     signal(daemon.pid(), "TERM");
     assert_eq!(daemon.wait(), Some(0));
     let stats: serde_json::Value =
@@ -186,12 +184,7 @@ fn a_stop_of_infer_leaves_whole_folders_and_says_what_is_missing() {
     let mut command = nunetd(&["-q", "infer", &images, "--out", &out, "--model", &model]);
     command.stderr(std::fs::File::create(bench.path("log")).unwrap());
     let mut infer = Guarded::start(command);
-    for _ in 0..600 {
-        if bench.path("out/1").is_dir() {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(100));
-    }
+    wait_for("the second result", || bench.path("out/1").is_dir().then_some(()));
     signal(infer.pid(), "INT");
     assert_eq!(infer.wait(), Some(3));
     let log = std::fs::read_to_string(bench.path("log")).unwrap();
@@ -227,11 +220,8 @@ fn a_second_signal_after_a_second_ends_the_process_at_once_with_exit_code_130() 
     let mut daemon = Guarded::start(command);
     drop(await_frame(&name));
     signal(daemon.pid(), "TERM");
-    let (log, start) = (|| std::fs::read_to_string(bench.path("log")).unwrap(), Instant::now());
-    while !log().contains("stopping") {
-        assert!(start.elapsed() < PATIENCE, "{}", log());
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    let log = || std::fs::read_to_string(bench.path("log")).unwrap();
+    wait_for("the stop in the log", || log().contains("stopping").then_some(()));
     std::thread::sleep(Duration::from_millis(1100)); // what counts as a second request is a matter of time
     signal(daemon.pid(), "INT");
     assert_eq!(daemon.wait(), Some(130), "{}", log());

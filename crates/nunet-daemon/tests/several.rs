@@ -10,7 +10,7 @@ use nunet_testkit::models;
 use nunet_testkit::onnx::ElementType;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd, run, run_well, signal, text};
+use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd, run, run_well, signal, text, wait_for};
 
 impl Bench {
     /// Writes a configuration with this model and these lines.
@@ -216,18 +216,6 @@ fn sample(address: SocketAddr, name: &str) -> Option<f64> {
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     answer.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())
-}
-
-/// Waits until `wanted` gives something.
-fn wait_for<T>(what: &str, mut wanted: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(found) = wanted() {
-            return found;
-        }
-        assert!(start.elapsed() < PATIENCE, "{what} never came");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 /// A daemon whose metrics are at a port that the system chose, and its log.

@@ -81,6 +81,18 @@ pub(crate) fn signal(pid: u32, name: &str) {
     assert!(sent.success(), "kill -{name} {pid}");
 }
 
+/// Waits until `wanted` gives something, at most [`PATIENCE`].
+pub(crate) fn wait_for<T>(what: &str, mut wanted: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = wanted() {
+            return found;
+        }
+        assert!(start.elapsed() < PATIENCE, "{what} did not come within {PATIENCE:?}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// A process that ends with the test, whatever the test does.
 pub(crate) struct Guarded(Child);
 
@@ -95,14 +107,8 @@ impl Guarded {
 
     /// Waits for its end and returns the exit code; `None` after a signal.
     pub(crate) fn wait(&mut self) -> Option<i32> {
-        let start = Instant::now();
-        while start.elapsed() < PATIENCE {
-            if let Some(status) = self.0.try_wait().unwrap() {
-                return status.code();
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        panic!("process {} did not end within {PATIENCE:?}", self.pid())
+        let end = format!("the end of process {}", self.pid());
+        wait_for(&end, || self.0.try_wait().unwrap()).code()
     }
 
     /// Asks it to end, waits for that and returns the exit code.
