@@ -9,12 +9,12 @@ mod cycles;
 mod dependencies;
 mod documents;
 mod functions;
+mod lints;
 mod order;
 mod packaging;
 mod repository;
 mod rust_source;
 mod sizes;
-mod unsafe_code;
 mod vocabulary;
 mod words;
 
