@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::error::hinted;
@@ -34,6 +34,7 @@ arguments! {
     height("height"): whole -> u32;
     near("near"): optional_number -> Option<f32>;
     far("far"): optional_number -> Option<f32>;
+    cloud_range("max_range"): distance -> f32;
     name_or_path("name_or_path"): file -> PathBuf;
     provider("provider"): text -> &'a str;
     threads("threads"): optional_whole -> Option<i64>;
@@ -88,6 +89,18 @@ fn meters(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f32> {
 
 fn optional_number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f32>> {
     taken(argument, object, "a number", "omit it to use the range of the depth map")
+}
+
+/// `None` is no limit.
+fn distance(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f32> {
+    let expected = "a distance of more than 0";
+    let given: Option<f32> = taken(argument, object, expected, "omit it for no limit")?;
+    let range = given.unwrap_or(f32::INFINITY);
+    if range > 0.0 {
+        return Ok(range);
+    }
+    let message = format!("`{argument}` is `{}`; expected {expected}", shown(object));
+    Err(hinted::<PyValueError>(message, "omit it for no limit"))
 }
 
 /// `None` waits without limit.

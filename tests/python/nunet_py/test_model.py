@@ -43,6 +43,26 @@ def test_a_bundled_model_gives_meters_labels_and_points_of_a_room():
     assert cloud.valid().shape == (480 * 640 - result.invalid_pixels, 3)
 
 
+def test_points_beyond_the_range_have_no_coordinates(tiny):
+    result = tiny.infer(noise(*tiny.size[::-1]))
+    points = result.cloud().points
+    distance = np.linalg.norm(points, axis=2)
+    limit = float(np.nanmedian(distance))
+    limited = result.cloud(max_range=limit).points
+    beyond = ~(distance <= limit)
+    close = np.isclose(distance, limit, rtol=1e-5)  # rounded another way here than there
+    assert np.isnan(limited[beyond & ~close]).all() and beyond.mean() > 0.3
+    assert (limited[~beyond & ~close] == points[~beyond & ~close]).all()
+    for endless in [None, float("inf")]:
+        assert result.cloud(max_range=endless).points.tobytes() == points.tobytes()
+    for wrong in [0, -1.0, float("nan")]:
+        with pytest.raises(ValueError, match=r"`max_range` is .*; expected a distance") as error:
+            result.cloud(max_range=wrong)
+        hint_of(error)
+    with pytest.raises(TypeError, match="`max_range` is `'far'`"):
+        result.cloud(max_range="far")
+
+
 def test_a_bundled_model_is_found_from_every_folder_and_a_bare_name_may_lack_its_ending(tmp_path):
     code = "import nunet_py; print(nunet_py.Model('wnet_c').path)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=tmp_path)

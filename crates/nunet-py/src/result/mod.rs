@@ -150,11 +150,6 @@ impl Result {
             shared,
         })
     }
-
-    /// Width and height of `depth`.
-    fn size(&self) -> (u32, u32) {
-        (self.points_camera.intrinsics.width, self.points_camera.intrinsics.height)
-    }
 }
 
 #[pymethods]
@@ -191,6 +186,9 @@ impl Result {
     /// camera : Camera, optional
     ///     The camera whose rays the points lie on. By default the one that was passed to `Model.infer`, else the training
     ///     camera. It does not scale the depth: `Model.infer` does that.
+    /// max_range : float, optional
+    ///     Points farther from the camera than this have no coordinates (NaN), as with `nunetd --max-range`. The distance is
+    ///     along the ray, in the unit of the depth. By default there is no limit.
     ///
     /// Returns
     /// -------
@@ -201,13 +199,16 @@ impl Result {
     /// ------
     /// CameraError
     ///     The camera's aspect ratio is not that of the image.
-    #[pyo3(signature = (camera = None))]
+    /// ValueError
+    ///     `max_range` is not more than 0.
+    #[pyo3(signature = (camera = None, *, max_range = f32::INFINITY), text_signature = "($self, camera=None, *, max_range=None)")]
     fn cloud(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = argument::cloud_range)] max_range: f32,
     ) -> PyResult<Cloud> {
-        Cloud::of_points(py, &self.points(py, camera)?, self.size(), &self.units)
+        Cloud::of_points(py, &self.points(py, camera, max_range)?, self.size(), &self.units)
     }
 
     /// Find obstacles around a robot.
@@ -292,7 +293,7 @@ impl Result {
         #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
         #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
     ) -> PyResult<Vec<PathBuf>> {
-        let cloud = self.points(py, camera)?;
+        let cloud = self.points(py, camera, f32::INFINITY)?;
         self.write(py, &folder, &cloud)
     }
 
@@ -324,7 +325,7 @@ impl Result {
     /// ImportError
     ///     The package open3d is not installed (the extra `open3d`).
     fn to_open3d(slf: &Bound<'_, Self>) -> PyResult<Py<PyAny>> {
-        let cloud = slf.get().cloud(slf.py(), None)?;
+        let cloud = slf.get().cloud(slf.py(), None, f32::INFINITY)?;
         Ok(Bound::new(slf.py(), cloud)?.call_method0("to_open3d")?.unbind())
     }
 

@@ -19,6 +19,11 @@ use crate::error::{NunetError, failure, hinted, of_camera};
 use crate::obstacles::{self, Obstacles};
 
 impl Result {
+    /// Width and height of `depth`.
+    pub(super) fn size(&self) -> (u32, u32) {
+        (self.points_camera.intrinsics.width, self.points_camera.intrinsics.height)
+    }
+
     /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
     /// aspect ratio.
     pub(super) fn camera_for_points(&self, camera: Option<Camera>) -> PyResult<camera::Camera> {
@@ -28,8 +33,13 @@ impl Result {
         fitted.map_err(of_camera)
     }
 
-    /// One point per pixel of `depth`.
-    pub(super) fn points(&self, py: Python<'_>, camera: Option<Camera>) -> PyResult<Vec<CloudPoint>> {
+    /// One point per pixel of `depth`; those beyond `max_range_m` have no coordinates.
+    pub(super) fn points(
+        &self,
+        py: Python<'_>,
+        camera: Option<Camera>,
+        max_range_m: f32,
+    ) -> PyResult<Vec<CloudPoint>> {
         let camera = self.camera_for_points(camera)?;
         let depth = self.depth.bind(py).try_readonly()?;
         let rgb = self.rgb.bind(py).try_readonly()?;
@@ -39,7 +49,7 @@ impl Result {
         let points = py.detach(|| {
             let mut points = vec![CloudPoint::NONE; depth.len()];
             let rays = self.shared.rays(camera);
-            let options = CloudOptions { stride: NonZeroU32::MIN, max_range_m: f32::INFINITY };
+            let options = CloudOptions { stride: NonZeroU32::MIN, max_range_m };
             let appearance = Appearance { rgb, labels };
             organized_cloud(depth, &rays, &appearance, options, &mut points).map(|()| points)
         });
