@@ -5,6 +5,7 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nunet_core::depth::{BorderFill, DepthEncoding, DepthRange, OutputScale};
+use nunet_types::ImageSize;
 
 fn decode(criterion: &mut Criterion) {
     let range = DepthRange::new(0.5, 10.0).expect("a range");
@@ -20,7 +21,7 @@ fn decode(criterion: &mut Criterion) {
             );
         });
     }
-    let border = BorderFill::new((640, 480)).expect("a large image");
+    let border = BorderFill::new(ImageSize::new(640, 480)).expect("a large image");
     let mut values = values;
     criterion.bench_function("depth/border/640x480", |bencher| {
         bencher.iter(|| border.apply(black_box(&mut values)));

@@ -10,6 +10,7 @@ use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Reader, Topic, TopicPlan, Wake, monotonic_nanos};
 use nunet_testkit::demo::DemoScene;
+use nunet_types::ImageSize;
 
 const MODELS: [(&str, &str); 2] = [("tiny_wnet_c", "tiny/tiny_wnet_c.onnx"), ("wnet_c", "wnet_c.onnx")];
 
@@ -27,9 +28,9 @@ fn load(file: &str) -> SerialGraph {
     SerialGraph::load(&path, &runtime, &GraphOptions::default()).expect("a model of this repository")
 }
 
-fn image((width, height): (u32, u32)) -> Vec<u8> {
-    let mut rgb = vec![0; 3 * width as usize * height as usize];
-    DemoScene::new(1, width, height).render(0, &mut rgb, None, None);
+fn image(size: ImageSize) -> Vec<u8> {
+    let mut rgb = vec![0; 3 * size.pixel_count()];
+    DemoScene::new(1, size.width, size.height).render(0, &mut rgb, None, None);
     rgb
 }
 
@@ -48,7 +49,7 @@ impl Bench {
 
     /// From the image to the depth in a reader's hands.
     fn frame(&mut self) {
-        let (width, height) = self.pipeline.size();
+        let ImageSize { width, height } = self.pipeline.size();
         let view = ImageView::packed(&self.image, width, height, PixelFormat::Rgb8).expect("a whole image");
         let mut loan = self.publisher.loan(Topic::Depth).expect("a free chunk");
         let outputs =
@@ -67,7 +68,7 @@ impl Bench {
 fn end_to_end(criterion: &mut Criterion) {
     for (name, file) in MODELS {
         let mut bench = Bench::new(file);
-        let (width, height) = bench.pipeline.size();
+        let ImageSize { width, height } = bench.pipeline.size();
         let size = format!("{width}x{height}");
         let mut group = criterion.benchmark_group("end_to_end");
         group.bench_function(BenchmarkId::new(name, &size), |bencher| bencher.iter(|| bench.frame()));

@@ -6,8 +6,9 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nunet_core::filter::{Appearance, Decimation, FilterChain, FilterOptions};
 use nunet_core::graph::StageTimes;
+use nunet_types::ImageSize;
 
-const SIZE: (u32, u32) = (640, 480);
+const SIZE: ImageSize = ImageSize::new(640, 480);
 const PIXELS: usize = 640 * 480;
 
 fn options(text: &str) -> FilterOptions {
@@ -29,8 +30,7 @@ fn decimation(criterion: &mut Criterion) {
         let options = options(&format!("decimation={factor}")).decimation().expect("a decimation");
         let mut decimation = Decimation::new(options, SIZE).expect("blocks that fit");
         decimation.network_depth().copy_from_slice(&depth_m);
-        let (width, height) = options.reduced(SIZE);
-        let mut small = vec![0.0; (width * height) as usize];
+        let mut small = vec![0.0; options.reduced(SIZE).pixel_count()];
         for (case, for_cloud) in [("", false), ("_cloud", true)] {
             criterion.bench_function(&format!("filter/decimation_{factor}{case}/640x480"), |bencher| {
                 bencher.iter(|| {

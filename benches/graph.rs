@@ -10,6 +10,7 @@ use std::time::Duration;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nunet_core::graph::{GraphInput, GraphOptions, GraphOutputs, Runtime, SerialGraph};
 use nunet_core::model::selftest;
+use nunet_types::ImageSize;
 
 /// Case and file: the smallest shows the cost of a run around the arithmetic, the two W-Nets that of a joint.
 const CASES: [(&str, &str); 4] = [
@@ -31,7 +32,7 @@ fn graph(criterion: &mut Criterion) {
         }
         let mut graph =
             SerialGraph::load(&path, &runtime, &GraphOptions::default()).expect("a shipped model");
-        let (width, height) = graph.size();
+        let ImageSize { width, height } = graph.size();
         let rgb = selftest::image(width, height);
         let mut depth = vec![0.0; rgb.len() / 3];
         let mut labels = graph.has_labels().then(|| vec![0; rgb.len() / 3]);

@@ -6,10 +6,11 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::preprocess::{ChannelOrder, Preprocessor, TensorFormat, TensorLayout};
+use nunet_types::ImageSize;
 
-const NETWORK: (u32, u32) = (640, 480);
+const NETWORK: ImageSize = ImageSize::new(640, 480);
 
-fn image(format: PixelFormat, (width, height): (u32, u32)) -> Vec<u8> {
+fn image(format: PixelFormat, ImageSize { width, height }: ImageSize) -> Vec<u8> {
     let len = format.byte_len(width, height, format.min_stride(width));
     (0..len as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect()
 }
@@ -21,19 +22,20 @@ fn prepare(criterion: &mut Criterion) {
         ("convert", PixelFormat::Mono8, NETWORK),
         ("convert", PixelFormat::Yuyv, NETWORK),
         ("convert", PixelFormat::Nv12, NETWORK),
-        ("resize", PixelFormat::Rgb8, (1280, 720)),
-        ("resize", PixelFormat::Rgb8, (1920, 1080)),
-        ("resize", PixelFormat::Rgb8, (320, 240)),
-        ("resize", PixelFormat::Bgr8, (1280, 720)),
-        ("resize", PixelFormat::Mono8, (1280, 720)),
-        ("resize", PixelFormat::Yuyv, (1280, 720)),
-        ("resize", PixelFormat::Nv12, (1280, 720)),
+        ("resize", PixelFormat::Rgb8, ImageSize::new(1280, 720)),
+        ("resize", PixelFormat::Rgb8, ImageSize::new(1920, 1080)),
+        ("resize", PixelFormat::Rgb8, ImageSize::new(320, 240)),
+        ("resize", PixelFormat::Bgr8, ImageSize::new(1280, 720)),
+        ("resize", PixelFormat::Mono8, ImageSize::new(1280, 720)),
+        ("resize", PixelFormat::Yuyv, ImageSize::new(1280, 720)),
+        ("resize", PixelFormat::Nv12, ImageSize::new(1280, 720)),
     ];
-    for (case, format, (width, height)) in cases {
-        let bytes = image(format, (width, height));
+    for (case, format, size) in cases {
+        let ImageSize { width, height } = size;
+        let bytes = image(format, size);
         let frame = ImageView::packed(&bytes, width, height, format).expect("a whole image");
-        let mut preprocessor = Preprocessor::new(NETWORK.0, NETWORK.1);
-        let id = format!("preprocess/{case}_{format}/{width}x{height}_to_{}x{}", NETWORK.0, NETWORK.1);
+        let mut preprocessor = Preprocessor::new(NETWORK.width, NETWORK.height);
+        let id = format!("preprocess/{case}_{format}/{size}_to_{NETWORK}");
         criterion.bench_function(&id, |bencher| {
             bencher.iter(|| black_box(preprocessor.prepare(black_box(&frame)).bytes_copied));
         });

@@ -10,8 +10,9 @@ use image::imageops::{FilterType, replace, resize};
 use image::{ImageBuffer, Luma, Rgb, RgbImage};
 use nunet_files::{Results, depth_image};
 use nunet_testkit::demo::DemoScene;
+use nunet_types::ImageSize;
 
-const SIZE: (u32, u32) = (640, 480);
+const SIZE: ImageSize = ImageSize::new(640, 480);
 const SEED: u64 = 1;
 const FRAME: u64 = 30;
 /// Of a dataset: two seconds at 30 frames a second, five images.
@@ -33,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         view.save(path.join(format!("rgb/demo_{frame:02}.png")))?;
         let millimeters = depth_m.iter().map(|meters| (meters * 1000.0).round() as u16).collect();
         let depth: Option<ImageBuffer<Luma<u16>, Vec<u16>>> =
-            ImageBuffer::from_raw(SIZE.0, SIZE.1, millimeters);
+            ImageBuffer::from_raw(SIZE.width, SIZE.height, millimeters);
         depth.ok_or("depth has another size")?.save(path.join(format!("depth/demo_{frame:02}.png")))?;
     }
     Ok(())
@@ -41,19 +42,19 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// A view and its depth, meters.
 fn view(frame: u64) -> Result<(RgbImage, Vec<f32>), Box<dyn Error>> {
-    let pixels = SIZE.0 as usize * SIZE.1 as usize;
+    let pixels = SIZE.pixel_count();
     let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);
-    DemoScene::new(SEED, SIZE.0, SIZE.1).render(frame, &mut rgb, Some(&mut depth_m), None);
-    Ok((RgbImage::from_raw(SIZE.0, SIZE.1, rgb).ok_or("the image has another size")?, depth_m))
+    DemoScene::new(SEED, SIZE.width, SIZE.height).render(frame, &mut rgb, Some(&mut depth_m), None);
+    Ok((RgbImage::from_raw(SIZE.width, SIZE.height, rgb).ok_or("the image has another size")?, depth_m))
 }
 
 fn side_by_side(frame: u64) -> Result<RgbImage, Box<dyn Error>> {
     let (view, depth_m) = view(frame)?;
-    let results = Results { size: SIZE.into(), depth: &depth_m, metric: true, labels: None, cloud: None };
+    let results = Results { size: SIZE, depth: &depth_m, metric: true, labels: None, cloud: None };
     let colors = depth_image(&results);
     let width = view.width() + GAP + colors.width();
-    let mut both = RgbImage::from_pixel(width, SIZE.1, Rgb([255, 255, 255]));
+    let mut both = RgbImage::from_pixel(width, SIZE.height, Rgb([255, 255, 255]));
     replace(&mut both, &view, 0, 0);
     replace(&mut both, &colors, (view.width() + GAP).into(), 0);
-    Ok(resize(&both, width * 2 / 3, SIZE.1 * 2 / 3, FilterType::CatmullRom))
+    Ok(resize(&both, width * 2 / 3, SIZE.height * 2 / 3, FilterType::CatmullRom))
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, ImageSize};
 pub use nunet_types::{MAX_SIDE_PX, PixelFormat};
 
 use crate::error_kind::ErrorKind;
@@ -82,8 +82,8 @@ impl<'a> ImageView<'a> {
 
     /// Width and height, pixels.
     #[must_use]
-    pub fn size(&self) -> (u32, u32) {
-        (self.width, self.height)
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
     }
 
     /// Bytes from the start of one row to the start of the next.

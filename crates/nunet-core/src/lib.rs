@@ -27,8 +27,7 @@
 //! pipeline.selftest(&clock)?;
 //!
 //! // Results are written into buffers of the caller, at the network's size.
-//! let (width, height) = pipeline.size();
-//! let pixels = width as usize * height as usize;
+//! let pixels = pipeline.size().pixel_count();
 //! let (mut depth_m, mut labels) = (vec![0.0; pixels], vec![0; pixels]);
 //! let mut cloud = vec![CloudPoint::NONE; pixels];
 //! let outputs =

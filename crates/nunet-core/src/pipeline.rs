@@ -2,6 +2,8 @@
 
 use std::num::NonZeroU32;
 
+use nunet_types::ImageSize;
+
 use crate::camera::Camera;
 use crate::clock::Clock;
 use crate::cloud::{CloudPoint, cloud_size};
@@ -74,8 +76,7 @@ pub struct FrameReport {
 /// let clock = || 0; // pass a real clock to measure times
 /// pipeline.selftest(&clock)?;
 ///
-/// let (width, height) = pipeline.size();
-/// let pixels = width as usize * height as usize;
+/// let pixels = pipeline.size().pixel_count();
 /// let (mut depth_m, mut labels) = (vec![0.0; pixels], vec![0; pixels]);
 /// let bytes = vec![0; 640 * 480 * 3];
 /// let frame = ImageView::packed(&bytes, 640, 480, PixelFormat::Rgb8)?;
@@ -103,7 +104,7 @@ impl Pipeline {
     /// # Errors
     /// A camera that cannot be scaled to the network's size, a network too small for the decimation.
     pub fn new(mut graph: SerialGraph, options: PipelineOptions) -> Result<Self, PipelineError> {
-        let (width, height) = graph.size();
+        let ImageSize { width, height } = graph.size();
         let decimation = options.filters.decimation().map(|options| Decimation::new(options, graph.size()));
         let lens = Lens::new(&options, &mut graph)?;
         let mut pipeline = Self {
@@ -152,7 +153,7 @@ impl Pipeline {
 
     /// Width and height of depth map and labels, pixels: the network's, or less with decimation.
     #[must_use]
-    pub fn size(&self) -> (u32, u32) {
+    pub fn size(&self) -> ImageSize {
         let size = self.graph.size();
         self.options.filters.decimation().map_or(size, |decimation| decimation.reduced(size))
     }
@@ -184,9 +185,8 @@ impl Pipeline {
 
     /// Width and height of the cloud, points.
     #[must_use]
-    pub fn cloud_size(&self) -> (u32, u32) {
-        let (width, height) = self.size();
-        cloud_size(width, height, self.options.cloud_stride)
+    pub fn cloud_size(&self) -> ImageSize {
+        cloud_size(self.size(), self.options.cloud_stride)
     }
 
     /// The cloud has each n-th column and row of the depth map.
@@ -299,8 +299,8 @@ impl Pipeline {
     /// # Errors
     /// An answer that differs by more than the tolerance, and ONNX Runtime's errors.
     pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
-        let (width, height) = self.graph.size();
-        let pixels = width as usize * height as usize;
+        let ImageSize { width, height } = self.graph.size();
+        let pixels = self.graph.size().pixel_count();
         let (mut depth, mut labels) = (vec![0.0; pixels], self.graph.has_labels().then(|| vec![0; pixels]));
         let image = selftest::image(width, height);
 

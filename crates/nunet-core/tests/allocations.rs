@@ -14,11 +14,12 @@ use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_core::preprocess::Preprocessor;
 use nunet_testkit::allocations::{CountingAllocator, allocations_during};
 use nunet_testkit::models;
+use nunet_types::ImageSize;
 
 #[global_allocator]
 static COUNTING: CountingAllocator = CountingAllocator;
 
-const SIZE: (u32, u32) = (64, 48);
+const SIZE: ImageSize = ImageSize::new(64, 48);
 /// The caller's memory for one frame.
 struct Buffers {
     image: Vec<u8>,
@@ -28,7 +29,7 @@ struct Buffers {
 }
 
 impl Buffers {
-    fn new(image_bytes: usize, (width, height): (u32, u32)) -> Self {
+    fn new(image_bytes: usize, ImageSize { width, height }: ImageSize) -> Self {
         let pixels = (width * height) as usize;
         Self {
             image: (0..image_bytes).map(|i| (i * 31 % 251) as u8).collect(),
@@ -47,7 +48,7 @@ fn filtering_pipeline(model: &std::path::Path, filters: FilterOptions) -> Pipeli
     let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
     let options = GraphOptions { threads: std::num::NonZeroUsize::new(2), ..GraphOptions::default() };
     let graph = SerialGraph::load(model, &runtime, &options).unwrap();
-    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
+    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.width, SIZE.height).unwrap());
     let options = PipelineOptions {
         camera: Some(camera),
         cloud_stride: NonZeroU32::MIN,
@@ -58,8 +59,8 @@ fn filtering_pipeline(model: &std::path::Path, filters: FilterOptions) -> Pipeli
 }
 
 /// Allocations of frames after each set of buffers has been seen once.
-fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFormat) -> u64 {
-    let bytes = format.byte_len(size.0, size.1, format.min_stride(size.0));
+fn steady_allocations(pipeline: &mut Pipeline, size: ImageSize, format: PixelFormat) -> u64 {
+    let bytes = format.byte_len(size.width, size.height, format.min_stride(size.width));
     let mut buffers: Vec<Buffers> = (0..4).map(|_| Buffers::new(bytes, pipeline.size())).collect();
     let clock = || 0;
     let labels = pipeline.graph().has_labels();
@@ -68,7 +69,7 @@ fn steady_allocations(pipeline: &mut Pipeline, size: (u32, u32), format: PixelFo
             // Images and results do not change in step: 4 of each, in 16 pairs.
             let image = std::mem::take(&mut buffers[i / 4 % 4].image);
             let memory = &mut buffers[i % 4];
-            let frame = ImageView::packed(&image, size.0, size.1, format).unwrap();
+            let frame = ImageView::packed(&image, size.width, size.height, format).unwrap();
             let outputs = Outputs {
                 depth_m: &mut memory.depth_m,
                 labels: labels.then_some(&mut memory.labels[..]),
@@ -101,11 +102,11 @@ fn a_steady_frame_allocates_nothing() {
         for (size, format) in [
             (SIZE, PixelFormat::Rgb8),
             (SIZE, PixelFormat::Bgr8),
-            ((128, 96), PixelFormat::Rgb8),
-            ((160, 120), PixelFormat::Nv12),
+            (ImageSize::new(128, 96), PixelFormat::Rgb8),
+            (ImageSize::new(160, 120), PixelFormat::Nv12),
         ] {
             let allocations = steady_allocations(&mut pipeline, size, format);
-            assert_eq!(allocations, 0, "every {every}, {format} of {size:?}");
+            assert_eq!(allocations, 0, "every {every}, {format} of {size}");
         }
     }
 }
@@ -141,10 +142,10 @@ fn filters_allocate_nothing_and_neither_does_forgetting() {
 #[test]
 fn later_images_of_the_same_size_are_preprocessed_without_allocation() {
     for &format in PixelFormat::ALL {
-        for (width, height) in [SIZE, (131, 97), (40, 20)] {
+        for ImageSize { width, height } in [SIZE, ImageSize::new(131, 97), ImageSize::new(40, 20)] {
             let bytes = vec![100; format.byte_len(width, height, format.min_stride(width))];
             let frame = ImageView::packed(&bytes, width, height, format).unwrap();
-            let mut preprocessor = Preprocessor::new(SIZE.0, SIZE.1);
+            let mut preprocessor = Preprocessor::new(SIZE.width, SIZE.height);
             preprocessor.prepare(&frame);
             let allocations = allocations_during(|| {
                 preprocessor.prepare(&frame);

@@ -14,12 +14,11 @@ pub(crate) struct Buffers {
 impl Buffers {
     /// Buffers for all results of `pipeline`.
     pub(crate) fn new(pipeline: &Pipeline) -> Self {
-        let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
-        let size = pixels(pipeline.size());
+        let pixels = pipeline.size().pixel_count();
         Self {
-            depth: vec![0.0; size],
-            labels: pipeline.graph().has_labels().then(|| vec![0; size]),
-            cloud: vec![CloudPoint::NONE; pixels(pipeline.cloud_size())],
+            depth: vec![0.0; pixels],
+            labels: pipeline.graph().has_labels().then(|| vec![0; pixels]),
+            cloud: vec![CloudPoint::NONE; pipeline.cloud_size().pixel_count()],
         }
     }
 

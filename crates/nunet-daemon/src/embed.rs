@@ -42,7 +42,7 @@ pub fn read_calibration(path: &Path) -> anyhow::Result<Calibration> {
 ///
 /// # Errors
 /// No such file, neither JPEG nor PNG, damaged, cut off, or larger than the limits.
-pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, (u32, u32))> {
+pub fn read_image(path: &Path) -> anyhow::Result<(Vec<u8>, nunet_types::ImageSize)> {
     let mut frame = Frame::default();
     source::decode(path, &mut frame)
         .with_context(|| format!("cannot read the image `{}`", path.display()))?;

@@ -202,11 +202,11 @@ impl LoadedModel {
 
 fn log_model(path: &Path, pipeline: &Pipeline, report: &SelfTestReport) {
     let (graph, path) = (pipeline.graph(), path.display());
-    let (width, height) = graph.size();
     let description = graph.description();
     info!(
-        "model `{path}`: {}, {width}x{height}, provider {}, self-test {report}",
+        "model `{path}`: {}, {}, provider {}, self-test {report}",
         description.architecture,
+        graph.size(),
         graph.provider()
     );
     for filter in pipeline.filters().specs() {

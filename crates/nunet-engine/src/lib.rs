@@ -15,8 +15,8 @@
 //! let image = ImageView::packed(&rgb, 640, 480, PixelFormat::Rgb8)?;
 //! let result = model.infer(&image, None, false)?;
 //!
-//! let (width, height) = model.size();
-//! let center = result.depth[(height / 2 * width + width / 2) as usize];
+//! let size = model.size();
+//! let center = result.depth[(size.height / 2 * size.width + size.width / 2) as usize];
 //! println!("{center} m ahead, {} pixels without depth", result.report.invalid_pixels);
 //! # Ok(())
 //! # }

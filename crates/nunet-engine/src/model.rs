@@ -11,6 +11,7 @@ use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::ImageView;
 use nunet_core::graph::Provider;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_types::ImageSize;
 
 use crate::clock::MonotonicClock;
 use crate::engine::Engine;
@@ -111,7 +112,7 @@ impl Model {
 
     /// Width and height of the results, pixels.
     #[must_use]
-    pub fn size(&self) -> (u32, u32) {
+    pub fn size(&self) -> ImageSize {
         self.pipeline.size()
     }
 
@@ -142,8 +143,7 @@ impl Model {
             self.pipeline.reset();
         }
         self.runs += 1;
-        let (width, height) = self.pipeline.size();
-        let pixels = width as usize * height as usize;
+        let pixels = self.pipeline.size().pixel_count();
         let mut depth = self.pools.depth.take(pixels);
         let mut labels = self.pipeline.graph().has_labels().then(|| self.pools.labels.take(pixels));
         // Decimation reduces the colors only for a cloud, and they must lie pixel on pixel with depth.

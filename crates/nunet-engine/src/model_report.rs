@@ -116,7 +116,7 @@ impl ModelReport<'_> {
 
     fn write_text(&self, text: &mut String) -> std::fmt::Result {
         let about = self.description();
-        let (width, height) = self.graph.size();
+        let size = self.graph.size();
         let trained = match self.trained() {
             Some(true) => ", trained",
             Some(false) => ", UNTRAINED: its depth is meaningless",
@@ -124,7 +124,7 @@ impl ModelReport<'_> {
         };
         writeln!(text, "{}\n  sha256       {}", self.file, self.hash)?;
         writeln!(text, "  architecture {}{trained}", about.architecture)?;
-        writeln!(text, "  image        {width}x{height}")?;
+        writeln!(text, "  image        {size}")?;
         writeln!(text, "  depth        {}{}", about.encoding, self.limits_text())?;
         if let (Some(parameters), Some(gflop)) = (self.parameters(), self.gflop()) {
             writeln!(text, "  size         {:.1} M weights, {gflop:.1} GFLOP", parameters as f64 / 1e6)?;

@@ -9,7 +9,6 @@ use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::make_folder;
 use nunet_source::{CameraResolver, Frame};
-use nunet_types::ImageSize;
 
 use crate::baseline::Baseline;
 use crate::comparison::{Comparison, Kind};
@@ -119,7 +118,7 @@ impl Evaluation {
         camera: CameraResolver,
         baseline: Option<Baseline>,
     ) -> Self {
-        let pixels = ImageSize::from(pipeline.size()).pixel_count();
+        let pixels = pipeline.size().pixel_count();
         let description = pipeline.graph().description();
         let kind = match description.encoding {
             DepthEncoding::MinMax => Kind::MinMax,
@@ -183,7 +182,7 @@ impl Evaluation {
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
         self.dataset.image(id, &mut self.frame)?;
-        let truth = self.dataset.truth(id, Some(self.frame.size.into()))?;
+        let truth = self.dataset.truth(id, Some(self.frame.size))?;
         if !self.is_clip {
             self.pipeline.reset();
         }

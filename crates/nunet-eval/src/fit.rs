@@ -16,7 +16,7 @@ pub(crate) struct Fit {
 
 impl Fit {
     pub(crate) fn new(pipeline: &Pipeline, to: ImageSize) -> Self {
-        let (network, from) = (ImageSize::from(pipeline.graph().size()), ImageSize::from(pipeline.size()));
+        let (network, from) = (pipeline.graph().size(), pipeline.size());
         let factor = pipeline.decimation().get();
         let covered = ImageSize {
             width: covered(to.width, from.width * factor, network.width),

@@ -1,5 +1,7 @@
 //! What a recording says of a camera.
 
+use nunet_types::ImageSize;
+
 use crate::messages::{CameraInfo, Header, RegionOfInterest};
 
 /// ROS' name for the fisheye model.
@@ -33,7 +35,7 @@ impl CameraDescription {
     /// From ROS 2's message; `None` for an uncalibrated camera, which has zeros. Rectified images belong to the
     /// projection P, which has no lens; K and D belong to the image before.
     pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Option<Self> {
-        let size = (info.width, info.height);
+        let size = ImageSize::new(info.width, info.height);
         let whole = if rectified {
             Self::of_projection(size, &info.p)
         } else {
@@ -64,7 +66,7 @@ impl CameraDescription {
     }
 
     /// From the matrix P of rectified images, row by row.
-    pub(crate) fn of_projection(size: (u32, u32), p: &[f64]) -> Option<Self> {
+    pub(crate) fn of_projection(size: ImageSize, p: &[f64]) -> Option<Self> {
         let &[fx, _, cx, _, _, fy, cy, ..] = p else { return None };
         Self::new(size, &[fx, 0.0, cx, 0.0, fy, cy], "", Vec::new())
     }
@@ -76,13 +78,13 @@ impl CameraDescription {
     }
 
     /// From the matrix K, row by row.
-    pub(crate) fn new(size: (u32, u32), k: &[f64], model: &str, coefficients: Vec<f64>) -> Option<Self> {
+    pub(crate) fn new(size: ImageSize, k: &[f64], model: &str, coefficients: Vec<f64>) -> Option<Self> {
         let &[fx, skew, cx, _, fy, cy, ..] = k else { return None };
         // Foxglove's name, and that of some drivers, for ROS' model.
         let model = if matches!(model, "kannala_brandt" | "fisheye") { FISHEYE } else { model };
         (fx != 0.0).then(|| Self {
-            width: size.0,
-            height: size.1,
+            width: size.width,
+            height: size.height,
             intrinsics: [fx, fy, cx, cy],
             skew,
             distortion_model: model.to_owned(),
@@ -154,15 +156,20 @@ mod tests {
     #[test]
     fn foxgloves_fisheye_is_ros() {
         let k = [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0];
-        let camera = CameraDescription::new((640, 480), &k, "kannala_brandt", vec![0.0; 4]).unwrap();
+        let camera =
+            CameraDescription::new(ImageSize::new(640, 480), &k, "kannala_brandt", vec![0.0; 4]).unwrap();
         assert!(camera.is_fisheye());
-        assert!(!CameraDescription::new((640, 480), &k, "plumb_bob", vec![0.0; 5]).unwrap().is_fisheye());
+        assert!(
+            !CameraDescription::new(ImageSize::new(640, 480), &k, "plumb_bob", vec![0.0; 5])
+                .unwrap()
+                .is_fisheye()
+        );
     }
 
     #[test]
     fn rectified_images_have_the_projections_camera_and_no_lens() {
         let p = [400.0, 0.0, 310.0, 0.0, 0.0, 401.0, 230.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let camera = CameraDescription::of_projection((640, 480), &p).unwrap();
+        let camera = CameraDescription::of_projection(ImageSize::new(640, 480), &p).unwrap();
         assert_eq!((camera.intrinsics, camera.coefficients.len()), ([400.0, 401.0, 310.0, 230.0], 0));
     }
 
@@ -225,6 +232,6 @@ mod tests {
 
     #[test]
     fn an_uncalibrated_camera_is_none() {
-        assert_eq!(CameraDescription::new((640, 480), &[0.0; 9], "", Vec::new()), None);
+        assert_eq!(CameraDescription::new(ImageSize::new(640, 480), &[0.0; 9], "", Vec::new()), None);
     }
 }

@@ -8,6 +8,7 @@
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use nunet_types::ImageSize;
 
 use crate::encoding::ImageEncoding;
 
@@ -19,7 +20,7 @@ const MAX_SIDE_PX: u32 = 32_768;
 /// A decoded depth image; rows have no padding.
 #[derive(Debug)]
 pub(crate) struct Decoded {
-    pub(crate) size: (u32, u32),
+    pub(crate) size: ImageSize,
     pub(crate) encoding: ImageEncoding,
     pub(crate) data: Vec<u8>,
 }
@@ -50,12 +51,12 @@ pub(crate) fn decode_png(data: &[u8]) -> Result<Decoded, String> {
     png(data).map(|(size, values)| millimeters(size, &values))
 }
 
-fn millimeters(size: (u32, u32), values: &[u16]) -> Decoded {
+fn millimeters(size: ImageSize, values: &[u16]) -> Decoded {
     let data = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     Decoded { size, encoding: ImageEncoding::DepthMillimeters, data }
 }
 
-type Values = ((u32, u32), Vec<u16>);
+type Values = (ImageSize, Vec<u16>);
 
 fn png(file: &[u8]) -> Result<Values, String> {
     let mut limits = Limits::default();
@@ -63,7 +64,7 @@ fn png(file: &[u8]) -> Result<Values, String> {
     let mut reader = ImageReader::with_format(Cursor::new(file), ImageFormat::Png);
     reader.limits(limits);
     match reader.decode().map_err(|error| format!("its PNG cannot be decoded: {error:.200}"))? {
-        DynamicImage::ImageLuma16(image) => Ok((image.dimensions(), image.into_raw())),
+        DynamicImage::ImageLuma16(image) => Ok((image.dimensions().into(), image.into_raw())),
         other => Err(format!("its PNG is {:?}, expected one channel of 16 bits", other.color())),
     }
 }
@@ -80,7 +81,7 @@ fn rvl(body: &[u8]) -> Result<Values, String> {
     }
     let mut nibbles = Nibbles { bytes: body.get(8..).unwrap_or_default(), word: 0, left: 0 };
     let values = nibbles.image(pixels as usize).ok_or("its RVL data end early or hold too many pixels")?;
-    Ok(((width, height), values))
+    Ok((ImageSize { width, height }, values))
 }
 
 /// Numbers of variable length in nibbles: three bits each, the fourth says that more follow. Words of 32 bits are
@@ -152,7 +153,7 @@ mod tests {
     #[test]
     fn millimeters_are_in_the_png_as_they_are() {
         let decoded = decode(&message(0.0, 0.0, &png_of(&[0, 1500])), "16UC1; compressedDepth png").unwrap();
-        assert_eq!((decoded.size, decoded.encoding), ((2, 1), ImageEncoding::DepthMillimeters));
+        assert_eq!((decoded.size, decoded.encoding), ((2, 1).into(), ImageEncoding::DepthMillimeters));
         assert_eq!(decoded.data, [0, 0, 0xdc, 5]);
     }
 

@@ -2,6 +2,7 @@
 
 use foxglove::Decode;
 use foxglove::messages as protobuf;
+use nunet_types::ImageSize;
 
 use crate::camera::CameraDescription;
 use crate::cdr;
@@ -99,7 +100,7 @@ pub(crate) fn camera(
     reading: Reading,
 ) -> Result<Option<CameraDescription>, String> {
     let rectified = reading.rectified;
-    let of = |size, k: &[f64], model: &str, d: Vec<f64>, p: &[f64]| {
+    let of = |size: ImageSize, k: &[f64], model: &str, d: Vec<f64>, p: &[f64]| {
         if rectified {
             CameraDescription::of_projection(size, p)
         } else {
@@ -110,15 +111,33 @@ pub(crate) fn camera(
         Form::Ros => CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified),
         Form::FoxgloveCdr => {
             let camera: messages::CameraCalibration<'_> = cdr::decode(data)?;
-            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+            of(
+                ImageSize::new(camera.width, camera.height),
+                &camera.k,
+                &camera.distortion_model,
+                camera.d,
+                &camera.p,
+            )
         }
         Form::FoxgloveProtobuf => {
             let camera = protobuf::CameraCalibration::decode(data).map_err(|error| error.to_string())?;
-            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+            of(
+                ImageSize::new(camera.width, camera.height),
+                &camera.k,
+                &camera.distortion_model,
+                camera.d,
+                &camera.p,
+            )
         }
         Form::FoxgloveJson => {
             let camera: json::CameraCalibration = json::decode(data)?;
-            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+            of(
+                ImageSize::new(camera.width, camera.height),
+                &camera.k,
+                &camera.distortion_model,
+                camera.d,
+                &camera.p,
+            )
         }
     })
 }

@@ -1,5 +1,7 @@
 //! A recorded image, whatever message it came in.
 
+use nunet_types::ImageSize;
+
 use crate::compressed_depth;
 use crate::encoding::{ImageEncoding, READABLE};
 use crate::messages::{CompressedImage, Image};
@@ -128,7 +130,7 @@ impl RecordedImage {
     }
 
     fn set_depth(&mut self, depth: compressed_depth::Decoded) -> Result<(), String> {
-        let (width, height) = depth.size;
+        let ImageSize { width, height } = depth.size;
         self.encoding = Some(depth.encoding);
         let row = depth.encoding.row_bytes(width);
         (self.width, self.height) = (width, height);
@@ -175,16 +177,21 @@ mod tests {
     fn set_as(
         purpose: Purpose,
         encoding: &str,
-        (width, height): (u32, u32),
+        size: impl Into<ImageSize>,
         step: u32,
         data: &[u8],
     ) -> Result<RecordedImage, String> {
-        let mut image = RecordedImage::default();
-        let raw = Raw { width, height, step, encoding, data, big_endian: false };
+        let (mut image, size) = (RecordedImage::default(), size.into());
+        let raw = Raw { width: size.width, height: size.height, step, encoding, data, big_endian: false };
         image.set_raw(&raw, purpose).map(|()| image)
     }
 
-    fn set(encoding: &str, size: (u32, u32), step: u32, data: &[u8]) -> Result<RecordedImage, String> {
+    fn set(
+        encoding: &str,
+        size: impl Into<ImageSize>,
+        step: u32,
+        data: &[u8],
+    ) -> Result<RecordedImage, String> {
         set_as(Purpose::Color, encoding, size, step, data)
     }
 

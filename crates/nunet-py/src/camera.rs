@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use numpy::PyArray2;
 use nunet_core::camera::{self, Distortion, Intrinsics};
 use nunet_daemon::embed;
+use nunet_types::ImageSize;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -68,7 +69,7 @@ impl Camera {
         distortion: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = argument::distortion_model)] distortion_model: Option<&str>,
     ) -> PyResult<Self> {
-        let (width, height) = whole_size(size)?;
+        let ImageSize { width, height } = whole_size(size)?;
         let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(of_camera)?;
         let coefficients = distortion.map(coefficients).transpose()?.unwrap_or_default();
         Ok(Self(camera::Camera { intrinsics, distortion: lens(&coefficients, distortion_model)? }))
@@ -222,8 +223,8 @@ pub(crate) fn intrinsics_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<
 }
 
 /// The argument `size`: width and height, pixels.
-pub(crate) fn whole_size(size: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
-    size.extract::<(u32, u32)>().map_err(|_| {
+pub(crate) fn whole_size(size: &Bound<'_, PyAny>) -> PyResult<ImageSize> {
+    size.extract::<(u32, u32)>().map(ImageSize::from).map_err(|_| {
         let hint = match size.extract::<[u32; 2]>() {
             Ok([width, height]) => format!("pass a tuple, `size=({width}, {height})`"),
             Err(_) => "for an array, pass `size=(rgb.shape[1], rgb.shape[0])`".to_owned(),

@@ -6,6 +6,7 @@ use numpy::ndarray::{Array2, Array3, ArrayView3, Axis};
 use numpy::{PyArray2, PyArray3, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use nunet_core::cloud::CloudPoint;
 use nunet_files::write_cloud;
+use nunet_types::ImageSize;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -58,7 +59,7 @@ impl Cloud {
     pub(crate) fn of_points(
         py: Python<'_>,
         cells: &[CloudPoint],
-        (width, height): (u32, u32),
+        ImageSize { width, height }: ImageSize,
         units: &str,
     ) -> PyResult<Self> {
         let (rows, columns) = (height as usize, width as usize);

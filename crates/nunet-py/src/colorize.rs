@@ -3,6 +3,7 @@
 use numpy::ndarray::Array3;
 use numpy::{Ix2, PyArray3, PyUntypedArrayMethods as _};
 use nunet_files::{color_range, colorize as colors};
+use nunet_types::ImageSize;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -40,20 +41,20 @@ fn colorize<'py>(
     #[pyo3(from_py_with = argument::far)] far: Option<f32>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     import_numpy(py)?;
-    let (columns, rows) = check_depth(depth)?;
+    let size = check_depth(depth)?;
     check_range(near, far)?;
     let depth = read::<f32, Ix2>("depth", depth)?;
     let values = depth.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
     let range = py.detach(|| color_range(values, near, far));
     check_own_range((near, far), range)?;
-    let colors = py.detach(|| colors(values, (columns, rows).into(), range).into_raw());
-    let colors = Array3::from_shape_vec((rows as usize, columns as usize, 3), colors);
+    let colors = py.detach(|| colors(values, size, range).into_raw());
+    let colors = Array3::from_shape_vec((size.height as usize, size.width as usize, 3), colors);
     let colors = colors.map_err(|error| PyValueError::new_err(error.to_string()))?;
     Ok(PyArray3::from_owned_array(py, colors))
 }
 
 /// Width and height of a depth map that can be colored.
-fn check_depth(depth: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
+fn check_depth(depth: &Bound<'_, PyAny>) -> PyResult<ImageSize> {
     let array = untyped("depth", depth, "a numpy array of float32 (H, W)")?;
     let hint = "convert it, `{name}.astype(np.float32)`, and from millimeters to meters, `{name} / 1000`";
     check_type::<f32>("depth", array, hint)?;
@@ -65,7 +66,7 @@ fn check_depth(depth: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
     };
     check_order("depth", array)?;
     match (u32::try_from(width), u32::try_from(height)) {
-        (Ok(columns @ 1..), Ok(rows @ 1..)) => Ok((columns, rows)),
+        (Ok(width @ 1..), Ok(height @ 1..)) => Ok(ImageSize { width, height }),
         _ => Err(hinted::<PyValueError>(
             format!("`depth` has shape `{}`, which is empty", shape_text(array)),
             "pass at least one row and one column",

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use numpy::{Ix3, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods as _};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_daemon::embed;
+use nunet_types::ImageSize;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -53,7 +54,7 @@ pub(crate) enum Image<'py> {
     /// An array of the caller, or a contiguous copy of it.
     Array { pixels: PyReadonlyArray3<'py, u8>, order: ChannelOrder },
     /// A decoded file, RGB.
-    File { pixels: Vec<u8>, size: (u32, u32) },
+    File { pixels: Vec<u8>, size: ImageSize },
 }
 
 impl<'py> Image<'py> {
@@ -97,7 +98,9 @@ impl<'py> Image<'py> {
     /// `ValueError` for a side that is 0 or longer than the limit.
     pub(crate) fn view(&self) -> PyResult<ImageView<'_>> {
         let view = match self {
-            Self::File { pixels, size } => ImageView::packed(pixels, size.0, size.1, PixelFormat::Rgb8),
+            Self::File { pixels, size } => {
+                ImageView::packed(pixels, size.width, size.height, PixelFormat::Rgb8)
+            }
             Self::Array { pixels, order } => {
                 let side = |axis: usize| u32::try_from(pixels.shape()[axis]).unwrap_or(u32::MAX);
                 ImageView::packed(pixels.as_slice()?, side(1), side(0), order.format())

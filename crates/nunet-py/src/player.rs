@@ -27,8 +27,8 @@ pub(crate) struct Played {
     pub(crate) capture_unix_nanos: i64,
     /// The image's coordinate frame.
     pub(crate) frame_id: String,
-    /// Width and height as recorded, pixels.
-    pub(crate) frame_size: (u32, u32),
+    /// The size as recorded.
+    pub(crate) frame_size: nunet_types::ImageSize,
 }
 
 /// The outcome of [`Player::step`].
@@ -90,8 +90,8 @@ impl Player {
 
     fn process(&mut self, model: &mut Model) -> anyhow::Result<Played> {
         let frame = &self.frame;
-        let (width, height) = frame.size;
-        let named = self.camera.map(|camera| camera.fitted_to(width, height)).transpose()?;
+        let size = frame.size;
+        let named = self.camera.map(|camera| camera.fitted_to(size.width, size.height)).transpose()?;
         let keep_state =
             self.continuity.discontinuity_to(frame).is_none() && self.left_at == Some(model.runs());
         let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state)?;

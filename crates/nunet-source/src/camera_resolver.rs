@@ -7,6 +7,7 @@ use nunet_core::camera::{Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
 use nunet_core::pipeline::Pipeline;
 use nunet_core::plain_file;
+use nunet_types::ImageSize;
 use tracing::warn;
 
 use crate::error::SourceError;
@@ -40,7 +41,7 @@ enum Named {
 }
 
 impl Named {
-    fn at_size(&self, (width, height): (u32, u32)) -> Result<Camera, CameraError> {
+    fn at_size(&self, ImageSize { width, height }: ImageSize) -> Result<Camera, CameraError> {
         match self {
             Self::Intrinsics(spec) => spec.at_size(width, height).map(Camera::pinhole),
             Self::Calibration(calibration) => calibration.at_size(width, height),
@@ -51,7 +52,7 @@ impl Named {
 /// A camera is resolved again when one of these changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Key {
-    size: (u32, u32),
+    size: ImageSize,
     camera: Option<Camera>,
 }
 
@@ -169,10 +170,10 @@ mod tests {
         let frame = |size| Frame { size, ..Frame::default() };
         let mut resolver = CameraResolver::new(&geometry).unwrap();
         let mut kind = |size| resolver.resolve(&frame(size)).map_err(|error| error.kind());
-        assert_eq!(kind((64, 64)), Err(SourceErrorKind::BadArguments));
-        assert!(kind((128, 72)).unwrap().is_some());
-        assert_eq!(kind((64, 64)), Err(SourceErrorKind::BadFrame));
-        assert_eq!(CameraResolver::default().resolve(&frame((64, 64))).unwrap(), None);
+        assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::BadArguments));
+        assert!(kind((128, 72).into()).unwrap().is_some());
+        assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::BadFrame));
+        assert_eq!(CameraResolver::default().resolve(&frame((64, 64).into())).unwrap(), None);
     }
 
     #[test]

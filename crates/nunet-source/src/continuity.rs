@@ -5,6 +5,7 @@ use std::fmt;
 
 use nunet_core::camera::Camera;
 use nunet_ipc::Clock;
+use nunet_types::ImageSize;
 
 use crate::frame::Frame;
 
@@ -23,7 +24,7 @@ pub struct Continuity {
 struct Seen {
     stretch: u64,
     sequence: u64,
-    size: (u32, u32),
+    size: ImageSize,
     camera: Option<Camera>,
     clock: Clock,
     nanos: i64,
@@ -119,7 +120,8 @@ mod tests {
 
     /// A frame in the middle of a live stream.
     fn frame() -> Frame {
-        let mut frame = Frame { size: (640, 480), sequence: 7, in_real_time: true, ..Frame::default() };
+        let mut frame =
+            Frame { size: ImageSize::new(640, 480), sequence: 7, in_real_time: true, ..Frame::default() };
         frame.capture.nanos = 100 * SECOND;
         frame.camera = Some(camera(500.0));
         frame
@@ -162,7 +164,7 @@ mod tests {
 
     #[test]
     fn another_size_camera_or_clock_is_a_discontinuity() {
-        assert_eq!(after(|next| next.size = (480, 640)), Some(Discontinuity::Size));
+        assert_eq!(after(|next| next.size = ImageSize::new(480, 640)), Some(Discontinuity::Size));
         assert_eq!(after(|next| next.camera = Some(camera(510.0))), Some(Discontinuity::Camera));
         assert_eq!(after(|next| next.camera = None), Some(Discontinuity::Camera));
         assert_eq!(after(|next| next.capture.clock = Clock::Media), Some(Discontinuity::Clock));
@@ -195,7 +197,7 @@ mod tests {
         assert_eq!(waiting(|next| next.capture.nanos += 60 * SECOND), None);
         assert_eq!(waiting(|next| next.capture.nanos -= 1), Some(Discontinuity::Backwards));
         assert_eq!(waiting(|next| next.stretch += 1), Some(Discontinuity::Repeated));
-        assert_eq!(waiting(|next| next.size = (320, 240)), Some(Discontinuity::Size));
+        assert_eq!(waiting(|next| next.size = ImageSize::new(320, 240)), Some(Discontinuity::Size));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Layouts of cameras and recordings that the pipeline does not take, as one that it does.
 
 use nunet_core::frame::PixelFormat;
+use nunet_types::ImageSize;
 
 use crate::Frame;
 
@@ -38,7 +39,7 @@ pub(crate) enum RawLayout {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RawImage<'a> {
     pub(crate) layout: RawLayout,
-    pub(crate) size: (u32, u32),
+    pub(crate) size: ImageSize,
     /// Bytes from row to row.
     pub(crate) row_stride: u32,
     pub(crate) bytes: &'a [u8],
@@ -58,7 +59,7 @@ impl RawLayout {
     }
 
     /// The fewest bytes that hold an image.
-    pub(crate) fn byte_len(self, (width, height): (u32, u32), row_stride: u32) -> usize {
+    pub(crate) fn byte_len(self, ImageSize { width, height }: ImageSize, row_stride: u32) -> usize {
         let (rows, stride) = (height as usize, row_stride as usize);
         match self {
             Self::Direct(format) => format.byte_len(width, height, row_stride),
@@ -92,7 +93,7 @@ pub(crate) fn fill(frame: &mut Frame, image: RawImage<'_>) -> bool {
         RawLayout::Nv21 => {
             let out = image.lay(frame, PixelFormat::Nv12, image.row_stride, needed);
             out.copy_from_slice(bytes);
-            let luma = image.row_stride as usize * image.size.1 as usize;
+            let luma = image.row_stride as usize * image.size.height as usize;
             out[luma..].as_chunks_mut().0.iter_mut().for_each(|[v, u]| std::mem::swap(v, u));
         }
         RawLayout::Planes { v_first } => image.interleave_planes(frame, v_first),
@@ -117,7 +118,7 @@ impl RawImage<'_> {
     }
 
     fn lay_packed<'f>(&self, frame: &'f mut Frame, format: PixelFormat) -> &'f mut [u8] {
-        let (width, height) = self.size;
+        let ImageSize { width, height } = self.size;
         let stride = format.min_stride(width);
         self.lay(frame, format, stride, format.byte_len(width, height, stride))
     }
@@ -129,9 +130,9 @@ impl RawImage<'_> {
     /// Of 16 bits the upper byte, as ROS' `cv_bridge` scales: whatever stretched an image by its own range would make the
     /// same wall brighter beside a darker thing.
     fn pick_channels(&self, frame: &mut Frame, format: PixelFormat, channels: usize, bytes: usize) {
-        let width = self.size.0 as usize;
+        let width = self.size.width as usize;
         let out = self.lay_packed(frame, format);
-        let kept = out.len() / (width * self.size.1 as usize).max(1);
+        let kept = out.len() / (width * self.size.height as usize).max(1);
         let mut out = out.chunks_exact_mut(kept.max(1));
         for row in self.rows() {
             for pixel in row.chunks_exact(channels * bytes).take(width) {
@@ -145,12 +146,12 @@ impl RawImage<'_> {
 
     /// I420 and YV12 as NV12.
     fn interleave_planes(&self, frame: &mut Frame, v_first: bool) {
-        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let (width, height) = (self.size.width as usize, self.size.height as usize);
         let (stride, half) = (self.row_stride as usize, (self.row_stride as usize).div_ceil(2));
         let (luma, chroma) = self.bytes.split_at(stride * height);
         let (first, second) = chroma.split_at(half * height.div_ceil(2));
         let (u, v) = if v_first { (second, first) } else { (first, second) };
-        let out_stride = PixelFormat::Nv12.min_stride(self.size.0) as usize;
+        let out_stride = PixelFormat::Nv12.min_stride(self.size.width) as usize;
         let out = self.lay_packed(frame, PixelFormat::Nv12);
         for (out, row) in out.chunks_mut(out_stride).zip(luma.chunks(stride)) {
             out[..width].copy_from_slice(&row[..width]);
@@ -165,7 +166,7 @@ impl RawImage<'_> {
     /// Each missing color is the mean of its neighbors that have it (bilinear). Networks see a resized image, in which finer
     /// methods make no difference.
     fn demosaic(&self, frame: &mut Frame, pattern: Bayer, bytes: usize) {
-        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let (width, height) = (self.size.width as usize, self.size.height as usize);
         let stride = self.row_stride as usize;
         let at = |row: usize, column: usize| u32::from(self.bytes[row * stride + column * bytes + bytes - 1]);
         let channel = |row: usize, column: usize| {
@@ -199,7 +200,8 @@ impl RawImage<'_> {
 mod tests {
     use super::*;
 
-    fn filled(layout: RawLayout, size: (u32, u32), row_stride: u32, bytes: &[u8]) -> Frame {
+    fn filled(layout: RawLayout, size: impl Into<ImageSize>, row_stride: u32, bytes: &[u8]) -> Frame {
+        let size = size.into();
         let mut frame = Frame::default();
         assert!(fill(&mut frame, RawImage { layout, size, row_stride, bytes }));
         frame
@@ -265,7 +267,7 @@ mod tests {
     #[test]
     fn too_few_bytes_are_refused() {
         let mut frame = Frame::default();
-        let image = RawImage { layout: RawLayout::Uyvy, size: (2, 2), row_stride: 4, bytes: &[0; 7] };
+        let image = RawImage { layout: RawLayout::Uyvy, size: (2, 2).into(), row_stride: 4, bytes: &[0; 7] };
         assert!(!fill(&mut frame, image));
     }
 }

@@ -108,7 +108,7 @@ impl Source for Clip {
         let nanos = (frame.sequence as f64 * self.frame_nanos) as i64;
         frame.capture = Capture { nanos, clock: Clock::Media, unix_nanos: unix_nanos() };
         // A camera of another size would contradict the images.
-        frame.camera = self.camera.fitted_to(frame.size.0, frame.size.1).ok();
+        frame.camera = self.camera.fitted_to(frame.size.width, frame.size.height).ok();
         frame.stretch = self.stretch;
         self.any_good = true;
         Fill::Frame

@@ -3,6 +3,7 @@
 use nunet_core::camera::Camera;
 use nunet_core::frame::{FrameError, ImageView, PixelFormat};
 use nunet_ipc::{Clock, FrameHeader};
+use nunet_types::ImageSize;
 
 /// Time of capture.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +46,7 @@ pub struct Frame {
     /// The JPEG or PNG file that the image came in, for recordings; empty if it came raw.
     pub file: Vec<u8>,
     /// Width and height, pixels.
-    pub size: (u32, u32),
+    pub size: ImageSize,
     /// Bytes from row to row.
     pub row_stride: u32,
     /// How pixels are laid out; `None` in a frame that was never filled.
@@ -79,7 +80,7 @@ impl Frame {
     /// # Errors
     /// The source's size, stride and bytes contradict each other.
     pub fn view(&self) -> Result<ImageView<'_>, FrameError> {
-        let (width, height) = self.size;
+        let ImageSize { width, height } = self.size;
         let format = self.format.unwrap_or(PixelFormat::Rgb8);
         ImageView::new(self.bytes(), width, height, self.row_stride, format)
     }
@@ -107,8 +108,9 @@ impl Frame {
     }
 
     /// Lays a packed RGB image of `size` into the frame, and returns its buffer to be filled.
-    pub fn rgb_buffer(&mut self, (width, height): (u32, u32)) -> &mut [u8] {
-        self.size = (width, height);
+    pub fn rgb_buffer(&mut self, size: ImageSize) -> &mut [u8] {
+        let ImageSize { width, height } = size;
+        self.size = size;
         self.format = Some(PixelFormat::Rgb8);
         self.row_stride = PixelFormat::Rgb8.min_stride(width);
         self.buffer(PixelFormat::Rgb8.byte_len(width, height, self.row_stride))

@@ -13,6 +13,7 @@ use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use nunet_core::frame::MAX_SIDE_PX;
 use nunet_core::plain_file;
+use nunet_types::ImageSize;
 
 use crate::error::{SourceError, SourceErrorKind};
 use crate::{Frame, jpeg};
@@ -70,7 +71,7 @@ fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame) -> Result<Orientation> {
     }
     let mut decoder = decoder_of(file)?;
     let orientation = decoder.orientation().map_err(undecodable)?;
-    let size = decoder.dimensions();
+    let size = ImageSize::from(decoder.dimensions());
     let as_it_is = decoder.color_type() == ColorType::Rgb8 && orientation == Orientation::NoTransforms;
     check_memory(&decoder, as_it_is)?;
     if as_it_is {
@@ -80,7 +81,7 @@ fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame) -> Result<Orientation> {
     let mut image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     image.apply_orientation(orientation);
     let image = image.into_rgb8();
-    frame.rgb_buffer(image.dimensions()).copy_from_slice(&image);
+    frame.rgb_buffer(image.dimensions().into()).copy_from_slice(&image);
     Ok(orientation)
 }
 
@@ -92,7 +93,7 @@ fn undecodable(error: ImageError) -> SourceError {
 #[derive(Debug)]
 pub struct Numbers {
     /// Width and height, pixels.
-    pub size: (u32, u32),
+    pub size: ImageSize,
     /// Rows from the top.
     pub values: Vec<u16>,
     /// 8 or 16 bits a number in the file.
@@ -108,7 +109,7 @@ pub fn decode_numbers(path: &Path) -> Result<Numbers> {
     read(path, &mut file)?;
     let decoder = decoder_of(&file)?;
     check_memory(&decoder, false)?;
-    let size = decoder.dimensions();
+    let size = ImageSize::from(decoder.dimensions());
     match DynamicImage::from_decoder(decoder).map_err(undecodable)? {
         DynamicImage::ImageLuma8(image) => {
             Ok(Numbers { size, values: image.iter().map(|&value| value.into()).collect(), bits: 8 })
@@ -171,7 +172,7 @@ fn decoder_of(file: &[u8]) -> Result<impl ImageDecoder + '_> {
     reader.limits(limits());
     reader.into_decoder().map_err(|error| match error {
         ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::DimensionError) => {
-            let size = claimed_size(file).map(|(width, height)| format!(" of {width}x{height} pixels"));
+            let size = claimed_size(file).map(|size| format!(" of {size} pixels"));
             let size = size.unwrap_or_default();
             SourceError::bad_frame(format!("an image{size}, expected at most {MAX_SIDE_PX} a side"))
                 .with_hint(SMALLER)
@@ -181,15 +182,15 @@ fn decoder_of(file: &[u8]) -> Result<impl ImageDecoder + '_> {
 }
 
 /// What the header states for an image that the decoder refuses.
-fn claimed_size(file: &[u8]) -> Option<(u32, u32)> {
+fn claimed_size(file: &[u8]) -> Option<ImageSize> {
     let side = |at: usize| Some(u32::from_be_bytes(file.get(at..at + 4)?.try_into().ok()?));
     match format_of(file).ok()? {
         // The first chunk is IHDR, which begins with both (PNG specification, 11.2.2).
-        ImageFormat::Png => side(16).zip(side(20)),
+        ImageFormat::Png => Some(ImageSize::new(side(16)?, side(20)?)),
         format => {
             let mut reader = ImageReader::with_format(Cursor::new(file), format);
             reader.no_limits();
-            reader.into_dimensions().ok()
+            reader.into_dimensions().ok().map(ImageSize::from)
         }
     }
 }

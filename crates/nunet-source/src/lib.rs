@@ -13,7 +13,7 @@
 //! let mut source = SourceName::parse(&folder.path().to_string_lossy()).open(OpenOptions::default())?;
 //! let mut frame = Frame::default();
 //! while let Fill::Frame = source.fill(&mut frame) {
-//!     assert_eq!(frame.size, (4, 2));
+//!     assert_eq!(frame.size.to_string(), "4x2");
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

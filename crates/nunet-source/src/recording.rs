@@ -11,6 +11,7 @@ use nunet_mcap::{
     RecordingErrorKind,
 };
 use nunet_types::Hint as _;
+use nunet_types::ImageSize;
 use tracing::warn;
 
 use crate::convert::{self, Bayer, RawImage, RawLayout};
@@ -146,7 +147,7 @@ impl RecordingSource {
                 SourceError::bad_frame(format!("topic `{topic}` carries depth"))
                     .with_hint("name a topic with images")
             })?;
-            let size = (image.width, image.height);
+            let size = ImageSize::new(image.width, image.height);
             let raw = RawImage { layout, size, row_stride: image.row_stride, bytes: &image.data };
             if !convert::fill(frame, raw) {
                 return Err(SourceError::bad_frame(format!("an image on topic `{topic}` has too few bytes")));
@@ -169,7 +170,7 @@ impl Source for RecordingSource {
 /// The camera of a recording, computed when its description changes.
 #[derive(Default)]
 struct CameraCache {
-    made_of: Option<(CameraDescription, (u32, u32), u8)>,
+    made_of: Option<(CameraDescription, ImageSize, u8)>,
     camera: Option<Camera>,
 }
 
@@ -178,11 +179,11 @@ impl CameraCache {
     fn camera(
         &mut self,
         recording: &Recording,
-        size: (u32, u32),
+        size: ImageSize,
         orientation: image::metadata::Orientation,
     ) -> Option<Camera> {
         let described = recording.camera()?;
-        let is_same = |(made_of, its_size, its_turn): &(CameraDescription, (u32, u32), u8)| {
+        let is_same = |(made_of, its_size, its_turn): &(CameraDescription, ImageSize, u8)| {
             made_of == described && *its_size == size && *its_turn == orientation.to_exif()
         };
         if !self.made_of.as_ref().is_some_and(is_same) {
@@ -263,7 +264,7 @@ fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
 /// The camera of an image of `size` that was turned as `orientation` states. The description is of the image before.
 fn camera(
     described: &CameraDescription,
-    (width, height): (u32, u32),
+    ImageSize { width, height }: ImageSize,
     orientation: image::metadata::Orientation,
 ) -> Result<Camera, String> {
     if let Some(fault) = &described.fault {
@@ -341,9 +342,9 @@ mod tests {
             intrinsics: [500.0, 500.0, 320.0, 240.0],
             ..CameraDescription::default()
         };
-        assert_eq!(camera(&described, (320, 240), UPRIGHT).unwrap().intrinsics.fx_px, 250.0);
+        assert_eq!(camera(&described, ImageSize::new(320, 240), UPRIGHT).unwrap().intrinsics.fx_px, 250.0);
         let faulty = CameraDescription { fault: Some("its region of interest is none".into()), ..described };
-        let error = camera(&faulty, (320, 240), UPRIGHT).unwrap_err();
+        let error = camera(&faulty, ImageSize::new(320, 240), UPRIGHT).unwrap_err();
         assert_eq!(error, "its region of interest is none");
     }
 }

@@ -7,6 +7,7 @@ use nunet_ipc::{
     CameraName, Clock, Encoding, FrameHeader, IpcError, Reader, Topic, monotonic_nanos, unix_nanos,
 };
 use nunet_types::Hint as _;
+use nunet_types::ImageSize;
 use tracing::{info, warn};
 
 use crate::error::{SourceError, SourceErrorKind};
@@ -154,7 +155,7 @@ impl SharedMemory {
             return Fill::Failed(SourceError::bad_frame(message));
         }
         frame.format = format;
-        frame.size = (header.width, header.height);
+        frame.size = ImageSize::new(header.width, header.height);
         frame.row_stride = header.row_stride_bytes;
         frame.capture = Capture {
             nanos: header.capture_nanos,

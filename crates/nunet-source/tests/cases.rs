@@ -68,7 +68,7 @@ fn color_is_chosen_beside_depth() {
 
 #[test]
 fn a_recorded_motion_jpeg_without_tables_is_read() {
-    assert_eq!(first("mjpeg_without_tables/comp_no_dht.mcap").size, (64, 48));
+    assert_eq!(first("mjpeg_without_tables/comp_no_dht.mcap").size, (64, 48).into());
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn a_mosaic_becomes_color_and_sixteen_bits_gray() {
     let bayer = first("recorded_encodings/enc_bayer_rggb8.mcap");
     let view = bayer.view().unwrap();
     // Rows are 14 32 50 6e 8c aa: red and the green beside it rise along them.
-    assert_eq!(view.size(), (6, 4));
+    assert_eq!(view.size(), (6, 4).into());
     assert_eq!(view.bytes()[..3], [0x14, 0x23, 0x32]);
     let gray = first("recorded_encodings/enc_mono16.mcap");
     assert_eq!(gray.view().unwrap().bytes()[..6], [0x14, 0x32, 0x50, 0x6e, 0x8c, 0xaa]);

@@ -208,9 +208,10 @@ fn a_bad_frame_fails_alone_and_sizes_may_change() {
                 }
             }
         }
-        let last = if has_sizes { (4, 4) } else { (2, 2) };
-        let bad = (!has_bad_frames).then_some((2, 2));
-        assert_eq!(seen, [Some((2, 2)), bad, Some(last)], "{name}");
+        let small = ImageSize::new(2, 2);
+        let last = if has_sizes { ImageSize::new(4, 4) } else { small };
+        let bad = (!has_bad_frames).then_some(small);
+        assert_eq!(seen, [Some(small), bad, Some(last)], "{name}");
     }
 }
 

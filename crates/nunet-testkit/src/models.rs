@@ -9,10 +9,9 @@
 //! | [`trail_stage`] | trail_out = trail_in / 2 + r / 32, state, the next frame's trail_in |
 //! | [`remembering`] | depth = [`unet`]'s + trail_in, with the state of [`trail_stage`] |
 
-use crate::onnx::{ElementType, ModelBuilder};
+use nunet_types::ImageSize;
 
-/// Width and height, in pixels.
-pub type Size = (u32, u32);
+use crate::onnx::{ElementType, ModelBuilder};
 
 /// Weights of the depth head for the channels r, g, b of the image or of the logits.
 const DEPTH_WEIGHTS: [f32; 3] = [1.0 / 64.0, 2.0 / 64.0, 3.0 / 64.0];
@@ -44,19 +43,22 @@ pub fn label([r, g, b]: [u8; 3]) -> u8 {
 
 /// One component, from `rgb` to `depth`, metric, described as the contract wants it.
 #[must_use]
-pub fn unet(size: Size) -> ModelBuilder {
+pub fn unet(size: impl Into<ImageSize>) -> ModelBuilder {
+    let size = size.into();
     describe(undescribed_unet(size), "unet", false)
 }
 
 /// [`unet`] without any metadata: a file that does not say what it is.
 #[must_use]
-pub fn undescribed_unet(size: Size) -> ModelBuilder {
+pub fn undescribed_unet(size: impl Into<ImageSize>) -> ModelBuilder {
+    let size = size.into();
     depth_head(image_planes(size), "planes", size)
 }
 
 /// Two components in one file: `rgb` to `depth` and `labels`.
 #[must_use]
-pub fn wnet(size: Size, connected: bool) -> ModelBuilder {
+pub fn wnet(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder {
+    let size = size.into();
     let model = segmentation_labels(image_planes(size), "planes", size);
     let model = if connected {
         connected_depth_head(model, "planes", "planes", size)
@@ -68,7 +70,8 @@ pub fn wnet(size: Size, connected: bool) -> ModelBuilder {
 
 /// The first stage of a W-Net: `rgb` to `logits` `[1, 3, H, W]` and `labels`.
 #[must_use]
-pub fn segmentation_stage(size: Size) -> ModelBuilder {
+pub fn segmentation_stage(size: impl Into<ImageSize>) -> ModelBuilder {
+    let size = size.into();
     let model = image_planes(size).node("Identity", &["planes"], &["logits"], &[]).output(
         "logits",
         ElementType::F32,
@@ -80,7 +83,8 @@ pub fn segmentation_stage(size: Size) -> ModelBuilder {
 /// The second stage of a W-Net: `features` `[1, 3, H, W]`, and `rgb` where connected, to `depth`. It carries the
 /// metadata of the whole graph.
 #[must_use]
-pub fn depth_stage(size: Size, connected: bool) -> ModelBuilder {
+pub fn depth_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder {
+    let size = size.into();
     let features = |model: ModelBuilder| model.input("features", ElementType::F32, &planes(3, size));
     let model = if connected {
         connected_depth_head(features(image_planes(size)), "planes", "features", size)
@@ -92,7 +96,8 @@ pub fn depth_stage(size: Size, connected: bool) -> ModelBuilder {
 
 /// A third stage: `coarse` `[1, 1, H, W]`, and `rgb` where connected, to `depth`.
 #[must_use]
-pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
+pub fn refine_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder {
+    let size = size.into();
     let model = if connected { image_planes(size) } else { ModelBuilder::new() };
     let model = model.input("coarse", ElementType::F32, &planes(1, size)).node(
         "Add",
@@ -114,7 +119,8 @@ pub fn refine_stage(size: Size, connected: bool) -> ModelBuilder {
 /// The `nunet.state` of [`trail_stage`] and [`remembering`]: `trail` `[1, 1, H, W]`, and `count` `[1]`, the frames
 /// since it began.
 #[must_use]
-pub fn trail_state((width, height): Size) -> String {
+pub fn trail_state(size: impl Into<ImageSize>) -> String {
+    let ImageSize { width, height } = size.into();
     format!(
         r#"[{{"input": "trail_in", "output": "trail_out", "shape": [1, 1, {height}, {width}]}},
             {{"input": "count_in", "output": "count_out", "shape": [1]}}]"#
@@ -129,7 +135,8 @@ pub fn next_trail(trail: f32, [r, _, _]: [u8; 3]) -> f32 {
 
 /// One recurrent component, `rgb` to `depth`.
 #[must_use]
-pub fn remembering(size: Size) -> ModelBuilder {
+pub fn remembering(size: impl Into<ImageSize>) -> ModelBuilder {
+    let size = size.into();
     let model = trail(image_planes(size), size)
         .constant_f32("weights", &[1, 3, 1, 1], &DEPTH_WEIGHTS)
         .constant_f32("bias", &[1], &[DEPTH_BIAS])
@@ -141,7 +148,8 @@ pub fn remembering(size: Size) -> ModelBuilder {
 
 /// A recurrent first stage, `rgb` to its state. It has no metadata except `nunet.state`.
 #[must_use]
-pub fn trail_stage(size: Size) -> ModelBuilder {
+pub fn trail_stage(size: impl Into<ImageSize>) -> ModelBuilder {
+    let size = size.into();
     trail(image_planes(size), size)
 }
 
@@ -176,21 +184,25 @@ pub fn describe(model: ModelBuilder, architecture: &str, segments: bool) -> Mode
 }
 
 /// `rgb` as float planes `[1, 3, H, W]`, named `planes`, in 0..255.
-fn image_planes((width, height): Size) -> ModelBuilder {
+fn image_planes(ImageSize { width, height }: ImageSize) -> ModelBuilder {
     ModelBuilder::new()
         .input("rgb", ElementType::U8, &[1, i64::from(height), i64::from(width), 3])
         .node("Cast", &["rgb"], &["float"], &[("to", (ElementType::F32 as i64).into())])
         .node("Transpose", &["float"], &["planes"], &[("perm", [0, 3, 1, 2].into())])
 }
 
-fn segmentation_labels(model: ModelBuilder, logits: &str, (width, height): Size) -> ModelBuilder {
+fn segmentation_labels(
+    model: ModelBuilder,
+    logits: &str,
+    ImageSize { width, height }: ImageSize,
+) -> ModelBuilder {
     model
         .node("ArgMax", &[logits], &["class"], &[("axis", 1.into()), ("keepdims", 0.into())])
         .node("Cast", &["class"], &["labels"], &[("to", (ElementType::U8 as i64).into())])
         .output("labels", ElementType::U8, &[1, i64::from(height), i64::from(width)])
 }
 
-fn trail(model: ModelBuilder, size: Size) -> ModelBuilder {
+fn trail(model: ModelBuilder, size: ImageSize) -> ModelBuilder {
     model
         .input("trail_in", ElementType::F32, &planes(1, size))
         .input("count_in", ElementType::F32, &[1])
@@ -206,7 +218,7 @@ fn trail(model: ModelBuilder, size: Size) -> ModelBuilder {
         .metadata("nunet.state", &trail_state(size))
 }
 
-fn depth_head(model: ModelBuilder, features: &str, size: Size) -> ModelBuilder {
+fn depth_head(model: ModelBuilder, features: &str, size: ImageSize) -> ModelBuilder {
     model
         .constant_f32("weights", &[1, 3, 1, 1], &DEPTH_WEIGHTS)
         .constant_f32("bias", &[1], &[DEPTH_BIAS])
@@ -214,7 +226,7 @@ fn depth_head(model: ModelBuilder, features: &str, size: Size) -> ModelBuilder {
         .output("depth", ElementType::F32, &planes(1, size))
 }
 
-fn connected_depth_head(model: ModelBuilder, image: &str, features: &str, size: Size) -> ModelBuilder {
+fn connected_depth_head(model: ModelBuilder, image: &str, features: &str, size: ImageSize) -> ModelBuilder {
     let [r, g, b] = DEPTH_WEIGHTS;
     model
         .constant_f32("weights", &[1, 6, 1, 1], &[CONNECTED_WEIGHT, 0.0, 0.0, r, g, b])
@@ -224,6 +236,6 @@ fn connected_depth_head(model: ModelBuilder, image: &str, features: &str, size: 
         .output("depth", ElementType::F32, &planes(1, size))
 }
 
-fn planes(channels: i64, (width, height): Size) -> [i64; 4] {
+fn planes(channels: i64, ImageSize { width, height }: ImageSize) -> [i64; 4] {
     [1, channels, i64::from(height), i64::from(width)]
 }

@@ -9,7 +9,7 @@ use std::str::FromStr;
 pub const MAX_SIDE_PX: u32 = 32_768;
 
 /// Width and height of an image, in pixels. Displayed and parsed as `640x480`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ImageSize {
     /// Columns.
     pub width: u32,

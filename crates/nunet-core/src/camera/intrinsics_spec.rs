@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use nunet_types::ImageSize;
+
 use super::intrinsics::{check_finite, check_positive};
 use super::{CameraError, Intrinsics};
 
@@ -18,7 +20,7 @@ use super::{CameraError, Intrinsics};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IntrinsicsSpec {
     numbers: [f64; 4],
-    size: Option<(u32, u32)>,
+    size: Option<ImageSize>,
 }
 
 impl IntrinsicsSpec {
@@ -29,14 +31,14 @@ impl IntrinsicsSpec {
     /// As [`Intrinsics::new`]; an image of another aspect ratio than the written size.
     pub fn at_size(&self, width: u32, height: u32) -> Result<Intrinsics, CameraError> {
         let [fx_px, fy_px, cx_px, cy_px] = self.numbers;
-        let (own_width, own_height) = self.size.unwrap_or((width, height));
-        Intrinsics::new(fx_px, fy_px, cx_px, cy_px, own_width, own_height)?.fitted_to(width, height)
+        let own = self.size.unwrap_or(ImageSize { width, height });
+        Intrinsics::new(fx_px, fy_px, cx_px, cy_px, own.width, own.height)?.fitted_to(width, height)
     }
 
     /// Checks what does not depend on the image size, so that a bad argument is refused when it is parsed.
     fn check(&self) -> Result<(), CameraError> {
         match self.size {
-            Some((width, height)) => self.at_size(width, height).map(|_| ()),
+            Some(ImageSize { width, height }) => self.at_size(width, height).map(|_| ()),
             None => {
                 let [fx_px, fy_px, cx_px, cy_px] = self.numbers;
                 check_positive("fx", fx_px)?;
@@ -73,9 +75,11 @@ fn parse_number(name: &'static str, text: &str) -> Result<f64, CameraError> {
     text.parse().map_err(|_| CameraError::NotANumber { name, text: text.to_owned() })
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), CameraError> {
+fn parse_size(text: &str) -> Result<ImageSize, CameraError> {
     text.split_once('x')
-        .and_then(|(width, height)| Some((width.trim().parse().ok()?, height.trim().parse().ok()?)))
+        .and_then(|(width, height)| {
+            Some(ImageSize::new(width.trim().parse().ok()?, height.trim().parse().ok()?))
+        })
         .ok_or_else(|| CameraError::NotASize { text: text.to_owned() })
 }
 

@@ -2,6 +2,8 @@
 
 use std::num::NonZeroU32;
 
+use nunet_types::ImageSize;
+
 pub use nunet_types::{CloudPoint, NO_LABEL};
 
 use crate::camera::RayTable;
@@ -10,8 +12,9 @@ use crate::filter::Appearance;
 
 /// Width and height of the cloud of every `stride`-th column and row of a depth map.
 #[must_use]
-pub fn cloud_size(width: u32, height: u32, stride: NonZeroU32) -> (u32, u32) {
-    (width.div_ceil(stride.get()), height.div_ceil(stride.get()))
+pub fn cloud_size(size: ImageSize, stride: NonZeroU32) -> ImageSize {
+    let ImageSize { width, height } = size;
+    ImageSize { width: width.div_ceil(stride.get()), height: height.div_ceil(stride.get()) }
 }
 
 /// Which points a cloud has.
@@ -45,11 +48,11 @@ pub fn organized_cloud(
         if got == expected { Ok(()) } else { Err(CloudError::Size { buffer, got, expected, width, height }) }
     };
     let pixels = rays.rays().len();
-    let (cloud_width, cloud_height) = cloud_size(width, height, stride);
+    let points = cloud_size(ImageSize { width, height }, stride).pixel_count();
     check("depth", depth_m.len(), pixels)?;
     check("rgb", rgb.len(), 3 * pixels)?;
     check("labels", labels.map_or(pixels, <[u8]>::len), pixels)?;
-    check("points", out.len(), cloud_width as usize * cloud_height as usize)?;
+    check("points", out.len(), points)?;
 
     let max_squared = max_range_m * max_range_m;
     let pixels = Pixels { depth_m, rays: rays.rays(), rgb: rgb.as_chunks().0, max_squared };
@@ -183,7 +186,7 @@ mod tests {
         let mut out = vec![BLANK; 6];
         let rays = rays(5.0, 3.0, 2.0, 1.0, width, height);
         cloud(&depth, &rays, (&[0; 45], None), stride, &mut out).unwrap();
-        assert_eq!(cloud_size(width, height, stride), (3, 2));
+        assert_eq!(cloud_size(ImageSize { width, height }, stride), ImageSize::new(3, 2));
         assert_eq!(out.iter().map(|point| point.z).collect::<Vec<_>>(), [1.0, 3.0, 5.0, 11.0, 13.0, 15.0]);
     }
 
@@ -220,7 +223,8 @@ mod tests {
             let full = Intrinsics::new(fx, fy, cx, cy, width, height).unwrap();
             let pixels = (width * height) as usize;
             let depth_m: Vec<f32> = (0..pixels).map(|i| depth * (1.0 + (i % 7) as f32)).collect();
-            let (cloud_width, cloud_height) = cloud_size(width, height, stride);
+            let ImageSize { width: cloud_width, height: cloud_height } =
+                cloud_size(ImageSize { width, height }, stride);
             let mut out = vec![BLANK; (cloud_width * cloud_height) as usize];
             let rays = RayTable::new(&Camera::pinhole(full));
             cloud(&depth_m, &rays, (&vec![0; 3 * pixels], None), stride, &mut out).unwrap();

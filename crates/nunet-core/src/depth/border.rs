@@ -1,5 +1,7 @@
 //! The outermost pixels of a network's output.
 
+use nunet_types::ImageSize;
+
 /// How many of a network's outermost pixels are replaced on each side.
 ///
 /// Convolutions pad the image with zeros, and trained networks answer that with depth that is too near. Measured on the
@@ -25,7 +27,7 @@ pub struct BorderFill {
 impl BorderFill {
     /// For outputs of `width` x `height` pixels; `None` for a small network.
     #[must_use]
-    pub fn new((width, height): (u32, u32)) -> Option<Self> {
+    pub fn new(ImageSize { width, height }: ImageSize) -> Option<Self> {
         let (width, height) = (width as usize, height as usize);
         (width.min(height) >= MIN_SIDE_PX).then_some(Self { width, height })
     }
@@ -58,7 +60,7 @@ mod tests {
         let (width, height) = (140_usize, 128_usize);
         let values: Vec<f32> = (0..width * height).map(|i| i as f32).collect();
         let mut filled = values.clone();
-        BorderFill::new((140, 128)).unwrap().apply(&mut filled);
+        BorderFill::new(ImageSize::new(140, 128)).unwrap().apply(&mut filled);
         for (i, &value) in filled.iter().enumerate() {
             let column = (i % width).clamp(BORDER_PX, width - 1 - BORDER_PX);
             let row = (i / width).clamp(BORDER_PX, height - 1 - BORDER_PX);
@@ -68,9 +70,9 @@ mod tests {
 
     #[test]
     fn small_networks_and_values_of_another_size_are_left_alone() {
-        assert_eq!(BorderFill::new((127, 200)), None);
+        assert_eq!(BorderFill::new(ImageSize::new(127, 200)), None);
         let mut values = [1.0, 2.0];
-        BorderFill::new((140, 128)).unwrap().apply(&mut values);
+        BorderFill::new(ImageSize::new(140, 128)).unwrap().apply(&mut values);
         assert_eq!(values, [1.0, 2.0]);
     }
 }

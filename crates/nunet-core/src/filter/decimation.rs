@@ -4,8 +4,10 @@ use std::fmt;
 use std::num::NonZeroU32;
 use std::ops::RangeInclusive;
 
+use nunet_types::ImageSize;
+
 use super::settings::Settings;
-use super::{FilterError, check_size, pixels};
+use super::{FilterError, check_size};
 
 /// Pixels on each side of a block.
 const FACTOR: RangeInclusive<u32> = 2..=8;
@@ -43,8 +45,8 @@ impl DecimationOptions {
     /// The number of whole blocks along both sides. Columns at the right and rows at the bottom that do not fill a block are
     /// cut off: the center of a smaller block would not be where the camera's intrinsics put it.
     #[must_use]
-    pub fn reduced(self, (width, height): (u32, u32)) -> (u32, u32) {
-        (width / self.factor, height / self.factor)
+    pub fn reduced(self, ImageSize { width, height }: ImageSize) -> ImageSize {
+        ImageSize { width: width / self.factor, height: height / self.factor }
     }
 }
 
@@ -72,8 +74,8 @@ pub struct Appearance<'a> {
 #[derive(Debug)]
 pub struct Decimation {
     factor: usize,
-    network_size: (u32, u32),
-    size: (u32, u32),
+    network_size: ImageSize,
+    size: ImageSize,
     network_depth_m: Vec<f32>,
     labels: Vec<u8>,
     rgb: Vec<u8>,
@@ -87,19 +89,23 @@ impl Decimation {
     ///
     /// # Errors
     /// A size that holds no whole block.
-    pub fn new(options: DecimationOptions, network_size: (u32, u32)) -> Result<Self, FilterError> {
+    pub fn new(options: DecimationOptions, network_size: ImageSize) -> Result<Self, FilterError> {
         let size = options.reduced(network_size);
         let factor = options.factor.get();
-        if size.0 == 0 || size.1 == 0 {
-            return Err(FilterError::TooSmall { width: network_size.0, height: network_size.1, factor });
+        if size.width == 0 || size.height == 0 {
+            return Err(FilterError::TooSmall {
+                width: network_size.width,
+                height: network_size.height,
+                factor,
+            });
         }
         Ok(Self {
             factor: factor as usize,
             network_size,
             size,
-            network_depth_m: vec![f32::NAN; pixels(network_size)],
-            labels: vec![0; pixels(size)],
-            rgb: vec![0; 3 * pixels(size)],
+            network_depth_m: vec![f32::NAN; network_size.pixel_count()],
+            labels: vec![0; size.pixel_count()],
+            rgb: vec![0; 3 * size.pixel_count()],
         })
     }
 
@@ -120,15 +126,15 @@ impl Decimation {
         labels: Option<&'a mut [u8]>,
         for_cloud: bool,
     ) -> Result<Appearance<'a>, FilterError> {
-        let (large, small) = (pixels(self.network_size), pixels(self.size));
+        let (large, small) = (self.network_size.pixel_count(), self.size.pixel_count());
         let check = |buffer, got, expected| check_size(Self::NAME, buffer, got, expected);
         check("depth", depth_m.len(), small)?;
         check("labels", labels.as_ref().map_or(small, |labels| labels.len()), small)?;
         check("network's labels", full.labels.map_or(large, <[u8]>::len), large)?;
         check("image", full.rgb.len(), 3 * large)?;
 
-        let (factor, width) = (self.factor, self.network_size.0 as usize);
-        let blocks = Blocks { factor, width, columns: self.size.0 as usize };
+        let (factor, width) = (self.factor, self.network_size.width as usize);
+        let blocks = Blocks { factor, width, columns: self.size.width as usize };
         if factor < MEAN_FACTOR {
             blocks.fill(depth_m, &self.network_depth_m, median);
         } else {

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use nunet_types::ImageSize;
+
 use super::settings::Settings;
 use super::{DepthFilter, FilterError, check_size};
 
@@ -73,8 +75,8 @@ pub struct HoleFilling {
 impl HoleFilling {
     /// For depth maps of `size`: width and height.
     #[must_use]
-    pub fn new(options: HolesOptions, size: (u32, u32)) -> Self {
-        Self { options, width: size.0 as usize, height: size.1 as usize }
+    pub fn new(options: HolesOptions, size: ImageSize) -> Self {
+        Self { options, width: size.width as usize, height: size.height as usize }
     }
 
     /// The depth for a hole at `index`; NaN where there is none around.

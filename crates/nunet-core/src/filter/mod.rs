@@ -25,6 +25,8 @@ pub use options::{FilterOptions, FilterSpec};
 pub use spatial::{Spatial, SpatialOptions};
 pub use temporal::{Temporal, TemporalOptions};
 
+use nunet_types::ImageSize;
+
 use crate::clock::Clock;
 use crate::graph::StageTimes;
 
@@ -50,7 +52,7 @@ pub struct FilterChain(Vec<Box<dyn DepthFilter>>);
 impl FilterChain {
     /// Allocates all buffers, for depth maps of `size`: width and height, after decimation.
     #[must_use]
-    pub fn new(options: &FilterOptions, size: (u32, u32)) -> Self {
+    pub fn new(options: &FilterOptions, size: ImageSize) -> Self {
         let filters: [Option<Box<dyn DepthFilter>>; 3] = [
             options.spatial.map(|options| -> Box<dyn DepthFilter> { Box::new(Spatial::new(options, size)) }),
             options
@@ -96,11 +98,6 @@ impl FilterChain {
 #[must_use]
 pub fn count_invalid(depth_m: &[f32]) -> u32 {
     depth_m.iter().map(|depth| u32::from(depth.is_nan())).sum()
-}
-
-/// The number of pixels of a size.
-fn pixels((width, height): (u32, u32)) -> usize {
-    width as usize * height as usize
 }
 
 /// A buffer of another size would be filtered with the wrong neighbors.

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
+use nunet_types::ImageSize;
+
 use super::settings::Settings;
 use super::{DepthFilter, FilterError, check_size};
 
@@ -71,8 +73,8 @@ pub struct Spatial {
 impl Spatial {
     /// Makes all buffers, for depth maps of `size`: width and height.
     #[must_use]
-    pub fn new(options: SpatialOptions, size: (u32, u32)) -> Self {
-        let (width, height) = (size.0 as usize, size.1 as usize);
+    pub fn new(options: SpatialOptions, size: ImageSize) -> Self {
+        let (width, height) = (size.width as usize, size.height as usize);
         Self { options, width, height, raw: vec![f32::NAN; width] }
     }
 

@@ -3,8 +3,10 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
+use nunet_types::ImageSize;
+
 use super::settings::Settings;
-use super::{DepthFilter, FilterError, check_size, pixels};
+use super::{DepthFilter, FilterError, check_size};
 
 const ALPHA: RangeInclusive<f32> = 0.0..=1.0;
 const ALPHA_DEFAULT: f32 = 0.4;
@@ -81,8 +83,8 @@ pub struct Temporal {
 impl Temporal {
     /// Makes all buffers, for depth maps of `size`: width and height.
     #[must_use]
-    pub fn new(options: TemporalOptions, size: (u32, u32)) -> Self {
-        Self { options, last_m: vec![f32::NAN; pixels(size)], history: vec![0; pixels(size)] }
+    pub fn new(options: TemporalOptions, size: ImageSize) -> Self {
+        Self { options, last_m: vec![f32::NAN; size.pixel_count()], history: vec![0; size.pixel_count()] }
     }
 }
 

@@ -11,8 +11,8 @@ fn options(texts: &[&str]) -> FilterOptions {
     FilterOptions::new(&specs).unwrap()
 }
 
-fn chain(texts: &[&str], size: (u32, u32)) -> FilterChain {
-    FilterChain::new(&options(texts), size)
+fn chain(texts: &[&str], size: impl Into<ImageSize>) -> FilterChain {
+    FilterChain::new(&options(texts), size.into())
 }
 
 /// One depth map through filters that keep the size.
@@ -22,7 +22,7 @@ fn through(chain: &mut FilterChain, depth_m: &[f32]) -> Vec<f32> {
     depth_m
 }
 
-fn filtered(text: &str, size: (u32, u32), depth_m: &[f32]) -> Vec<f32> {
+fn filtered(text: &str, size: impl Into<ImageSize>, depth_m: &[f32]) -> Vec<f32> {
     through(&mut chain(&[text], size), depth_m)
 }
 
@@ -95,7 +95,7 @@ mod writing {
         let names: Vec<_> = options.specs().map(|spec| spec.to_string()).collect();
         let firsts = names.iter().map(|text| text.split('=').next().unwrap());
         assert_eq!(firsts.collect::<Vec<_>>(), ["decimation", "spatial", "temporal", "holes"]);
-        assert!(FilterChain::new(&options, (4, 4)).names().eq(["spatial", "temporal", "holes"]));
+        assert!(FilterChain::new(&options, (4, 4).into()).names().eq(["spatial", "temporal", "holes"]));
     }
 
     #[test]
@@ -112,15 +112,16 @@ mod writing {
 mod decimation {
     use super::*;
 
-    fn decimation(factor: u32, size: (u32, u32)) -> Decimation {
+    fn decimation(factor: u32, size: impl Into<ImageSize>) -> Decimation {
         let options = options(&[&format!("decimation={factor}")]).decimation().unwrap();
-        Decimation::new(options, size).unwrap()
+        Decimation::new(options, size.into()).unwrap()
     }
 
-    fn depth(factor: u32, size: (u32, u32), depth_m: &[f32]) -> Vec<f32> {
+    fn depth(factor: u32, size: impl Into<ImageSize>, depth_m: &[f32]) -> Vec<f32> {
+        let size = size.into();
         let mut decimation = decimation(factor, size);
         decimation.network_depth().copy_from_slice(depth_m);
-        let mut small = vec![-1.0; ((size.0 / factor) * (size.1 / factor)) as usize];
+        let mut small = vec![-1.0; ((size.width / factor) * (size.height / factor)) as usize];
         let rgb = vec![0; 3 * depth_m.len()];
         decimation.reduce(Appearance { rgb: &rgb, labels: None }, &mut small, None, false).unwrap();
         small
@@ -204,7 +205,7 @@ mod decimation {
         let size = FilterError::Size { filter: "decimation", buffer: "depth", got: 8, expected: 2 };
         assert_eq!(error, size);
         let options = options(&["decimation=8"]).decimation().unwrap();
-        let error = Decimation::new(options, (64, 7)).unwrap_err();
+        let error = Decimation::new(options, (64, 7).into()).unwrap_err();
         assert_eq!(error, FilterError::TooSmall { width: 64, height: 7, factor: 8 });
     }
 }

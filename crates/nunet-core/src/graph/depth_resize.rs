@@ -1,5 +1,7 @@
 //! Depth of another size than the image, resized to it.
 
+use nunet_types::ImageSize;
+
 /// Resizes the output of a foreign network to the size of its image, bilinearly.
 ///
 /// Values are resized before they are decoded, as the authors of such networks do. Pixel centers follow the half-pixel
@@ -21,11 +23,11 @@ struct Tap {
 
 impl DepthResize {
     /// From width and height `source` to `target`, pixels, none of them 0.
-    pub(super) fn new(source: (u32, u32), target: (u32, u32)) -> Self {
+    pub(super) fn new(source: ImageSize, target: ImageSize) -> Self {
         Self {
-            columns: taps(source.0, target.0),
-            rows: taps(source.1, target.1),
-            source_width: source.0 as usize,
+            columns: taps(source.width, target.width),
+            rows: taps(source.height, target.height),
+            source_width: source.width as usize,
         }
     }
 
@@ -68,7 +70,7 @@ mod tests {
     #[test]
     fn twice_the_size_follows_the_half_pixel_rule() {
         let mut target = [0.0; 8];
-        DepthResize::new((2, 1), (4, 2)).fill(&[1.0, 3.0], &mut target);
+        DepthResize::new(ImageSize::new(2, 1), ImageSize::new(4, 2)).fill(&[1.0, 3.0], &mut target);
         assert_eq!(target, [1.0, 1.5, 2.5, 3.0, 1.0, 1.5, 2.5, 3.0]);
     }
 
@@ -76,15 +78,15 @@ mod tests {
     fn half_the_size_is_the_mean_of_the_middle() {
         let source = [1.0, 3.0, 5.0, 7.0, 1.0, 3.0, 5.0, 7.0];
         let mut target = [0.0; 2];
-        DepthResize::new((4, 2), (2, 1)).fill(&source, &mut target);
+        DepthResize::new(ImageSize::new(4, 2), ImageSize::new(2, 1)).fill(&source, &mut target);
         assert_eq!(target, [2.0, 6.0]);
     }
 
     #[test]
     fn a_plane_stays_a_plane_inside() {
-        let (source, target) = ((7, 5), (21, 20));
+        let (source, target) = (ImageSize::new(7, 5), ImageSize::new(21, 20));
         let plane = |(x, y): (f64, f64)| 2.0 + 0.5 * x + 0.25 * y;
-        let pixels = |(width, height): (u32, u32)| {
+        let pixels = |ImageSize { width, height }: ImageSize| {
             (0..height).flat_map(move |y| (0..width).map(move |x| (f64::from(x), f64::from(y))))
         };
         let input: Vec<f32> = pixels(source).map(|at| plane(at) as f32).collect();

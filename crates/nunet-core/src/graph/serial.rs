@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nunet_types::Quality;
+use nunet_types::{ImageSize, Quality};
 
 use crate::camera::Intrinsics;
 use crate::clock::Clock;
@@ -145,7 +145,7 @@ impl SerialGraph {
 
     /// Width and height of the image, the depth map and the labels, pixels.
     #[must_use]
-    pub fn size(&self) -> (u32, u32) {
+    pub fn size(&self) -> ImageSize {
         self.plan.size
     }
 

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use nunet_types::ImageSize;
+
 use crate::camera::Intrinsics;
 use crate::graph::onnx::{Model, OwnTensors};
 use crate::graph::wiring::{WiredExtra, wired_extra};
@@ -26,7 +28,7 @@ pub(super) fn with_depth_size(
         |output: &&mut TensorSpec| output.name == sidecar.depth && output.shape.iter().any(|&dim| dim < 0);
     let Some(inputs) = inputs(model.signature(), sidecar) else { return Ok(signature) };
     let Some(depth) = signature.outputs.iter_mut().find(is_open) else { return Ok(signature) };
-    let (width, height) = sidecar.size;
+    let ImageSize { width, height } = sidecar.size;
     depth.shape = run(model, &inputs, depth, sidecar.size).map_err(|reason| GraphError::ImageSize {
         path: path.to_owned(),
         width,
@@ -70,7 +72,7 @@ fn run(
     model: &Model,
     inputs: &[WiredExtra],
     depth: &TensorSpec,
-    (width, height): (u32, u32),
+    ImageSize { width, height }: ImageSize,
 ) -> Result<Vec<i64>, String> {
     // As wide as far: 53 degrees.
     let (focal, middle) = (f64::from(width), |side: u32| (f64::from(side) - 1.0) / 2.0);

@@ -47,7 +47,7 @@ impl Decoder {
 /// The scale of all frames. Both focal lengths are compared at the network's width. A network that takes the camera as an
 /// input corrects for it by itself.
 fn scale(graph: &SerialGraph, focal: Focal, lens: &Lens) -> Scale {
-    let (description, width) = (graph.description(), f64::from(graph.size().0));
+    let (description, width) = (graph.description(), f64::from(graph.size().width));
     let encoding = description.encoding;
     let training_fx_px = description.camera.map(|camera| camera.fx * width / f64::from(camera.width));
     match focal {

@@ -1,5 +1,7 @@
 //! The network's input tensor.
 
+use nunet_types::ImageSize;
+
 use crate::graph::{GraphInput, SerialGraph};
 use crate::preprocess::TensorFormat;
 
@@ -11,7 +13,7 @@ pub(super) enum Input {
 
 impl Input {
     pub(super) fn new(graph: &SerialGraph) -> Self {
-        let (width, height) = graph.size();
+        let ImageSize { width, height } = graph.size();
         match graph.float_input() {
             None => Self::Rgb,
             Some(&format) => Self::Float { format, tensor: vec![0.0; 3 * width as usize * height as usize] },

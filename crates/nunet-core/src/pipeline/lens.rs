@@ -2,6 +2,8 @@
 
 use std::num::NonZeroU32;
 
+use nunet_types::ImageSize;
+
 use super::PipelineOptions;
 use crate::camera::{Camera, CameraError, Intrinsics, RayTable};
 use crate::cloud::{CloudError, CloudOptions, CloudPoint, organized_cloud};
@@ -28,7 +30,7 @@ pub(super) struct Lens {
 impl Lens {
     /// Also feeds the camera to the graph's inputs that depend on it.
     pub(super) fn new(options: &PipelineOptions, graph: &mut SerialGraph) -> Result<Self, CameraError> {
-        let (width, height) = graph.size();
+        let ImageSize { width, height } = graph.size();
         let known = options.camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
         let at_network = match known {
             Some(camera) => camera,

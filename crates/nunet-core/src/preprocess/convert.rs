@@ -1,5 +1,6 @@
 //! Other pixel formats to RGB, at the same size.
 
+use nunet_types::ImageSize;
 use yuv::{YuvBiPlanarImage, YuvConversionMode, YuvPackedImage, YuvRange, YuvStandardMatrix};
 
 use crate::frame::{ImageView, PixelFormat};
@@ -16,7 +17,7 @@ const FITS: &str = "the view was checked and the buffer sized for it";
 /// A packed frame is converted in one call. A padded one is converted row by row, because its last row may end with its
 /// last pixel, which `yuv` refuses or drops.
 pub(super) fn to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
-    let (width, height) = frame.size();
+    let ImageSize { width, height } = frame.size();
     if frame.format() == PixelFormat::Nv12 {
         return nv12_to_rgb(frame, rgb);
     }
@@ -46,7 +47,7 @@ fn rows_to_rgb(format: PixelFormat, rows: &[u8], width: u32, height: u32, rgb: &
 
 /// As [`to_rgb`] for two planes. A band is the whole image, or the two rows that share a row of chroma.
 fn nv12_to_rgb(frame: &ImageView<'_>, rgb: &mut [u8]) {
-    let (width, height) = frame.size();
+    let ImageSize { width, height } = frame.size();
     let (stride, uv_stride) = (frame.row_stride(), frame.format().min_stride(width));
     let bytes = |stride: u32, rows: u32| stride as usize * rows as usize;
     let band = if frame.is_packed() { height } else { 2 };

@@ -6,6 +6,8 @@ mod tensor;
 
 pub use tensor::{ChannelOrder, TensorFormat, TensorLayout};
 
+use nunet_types::ImageSize;
+
 use crate::frame::{ImageView, PixelFormat};
 use resize::Resizer;
 
@@ -55,7 +57,7 @@ impl Preprocessor {
         if self.is_network_format(frame) {
             return Prepared { rgb: frame.bytes(), bytes_copied: 0 };
         }
-        let bytes_between = if frame.size() == (self.width, self.height) {
+        let bytes_between = if frame.size() == ImageSize::new(self.width, self.height) {
             convert::to_rgb(frame, &mut self.rgb);
             0
         } else {
@@ -71,7 +73,7 @@ impl Preprocessor {
     }
 
     fn is_network_format(&self, frame: &ImageView<'_>) -> bool {
-        let fits = frame.size() == (self.width, self.height);
+        let fits = frame.size() == ImageSize::new(self.width, self.height);
         fits && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
     }
 
@@ -97,7 +99,7 @@ impl Preprocessor {
                 self.between.len()
             }
             PixelFormat::Yuyv | PixelFormat::Nv12 => {
-                let (width, height) = frame.size();
+                let ImageSize { width, height } = frame.size();
                 self.between.resize(3 * width as usize * height as usize, 0);
                 convert::to_rgb(frame, &mut self.between);
                 let full = ImageView::packed(&self.between, width, height, PixelFormat::Rgb8)

@@ -8,9 +8,16 @@ fn noise(len: usize) -> Vec<u8> {
     (0..len as u32).map(|i| 16 + ((i.wrapping_mul(2_654_435_761).rotate_left(9) >> 11) % 220) as u8).collect()
 }
 
-fn prepared(bytes: &[u8], size: (u32, u32), stride: u32, format: PixelFormat, to: (u32, u32)) -> Vec<u8> {
-    let frame = ImageView::new(bytes, size.0, size.1, stride, format).unwrap();
-    Preprocessor::new(to.0, to.1).prepare(&frame).rgb.to_vec()
+fn prepared(
+    bytes: &[u8],
+    size: impl Into<ImageSize>,
+    stride: u32,
+    format: PixelFormat,
+    to: impl Into<ImageSize>,
+) -> Vec<u8> {
+    let (size, to) = (size.into(), to.into());
+    let frame = ImageView::new(bytes, size.width, size.height, stride, format).unwrap();
+    Preprocessor::new(to.width, to.height).prepare(&frame).rgb.to_vec()
 }
 
 /// BT.601 limited range, in floating point (ITU-R BT.601-7, section 2.5).
@@ -23,7 +30,7 @@ fn rgb_from_yuv(y: u8, u: u8, v: u8) -> [f64; 3] {
 /// The RGB of one pixel, read by the definition of its format.
 fn reference_pixel(
     bytes: &[u8],
-    size: (u32, u32),
+    size: ImageSize,
     stride: u32,
     format: PixelFormat,
     x: u32,
@@ -39,7 +46,7 @@ fn reference_pixel(
             rgb_from_yuv(at(y, 2 * x), at(y, pair + 1), at(y, pair + 3))
         }
         PixelFormat::Nv12 => {
-            let (row, column) = (size.1 + y / 2, x / 2 * 2);
+            let (row, column) = (size.height + y / 2, x / 2 * 2);
             rgb_from_yuv(at(y, x), at(row, column), at(row, column + 1))
         }
     }
@@ -131,7 +138,7 @@ proptest! {
         let tolerance = if matches!(format, PixelFormat::Yuyv | PixelFormat::Nv12) { 4.0 } else { 0.0 };
         for (i, pixel) in rgb.chunks_exact(3).enumerate() {
             let (x, y) = (i as u32 % width, i as u32 / width);
-            let expected = reference_pixel(&bytes, (width, height), stride, format, x, y);
+            let expected = reference_pixel(&bytes, ImageSize { width, height }, stride, format, x, y);
             for (got, expected) in pixel.iter().zip(expected) {
                 prop_assert!((f64::from(*got) - expected).abs() <= tolerance, "{x},{y}: {pixel:?} {expected}");
             }

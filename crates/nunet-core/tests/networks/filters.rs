@@ -9,13 +9,13 @@ use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::model::selftest;
 use nunet_core::pipeline::{Focal, FrameReport, Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
-use nunet_testkit::models::Size;
 use nunet_testkit::onnx::ModelBuilder;
+use nunet_types::ImageSize;
 
 use crate::{Folder, chain, image, pixels, ticking};
 
 /// No multiple of 3: a column is left over at the right and a row at the bottom.
-const LARGE: Size = (10, 7);
+const LARGE: ImageSize = ImageSize::new(10, 7);
 
 fn filters(texts: &[&str]) -> FilterOptions {
     let specs: Vec<FilterSpec> = texts.iter().map(|text| text.parse().unwrap()).collect();
@@ -23,7 +23,7 @@ fn filters(texts: &[&str]) -> FilterOptions {
 }
 
 fn camera() -> Camera {
-    Camera::pinhole(Intrinsics::new(9.0, 8.0, 4.25, 3.5, LARGE.0, LARGE.1).unwrap())
+    Camera::pinhole(Intrinsics::new(9.0, 8.0, 4.25, 3.5, LARGE.width, LARGE.height).unwrap())
 }
 
 fn pipeline(model: &ModelBuilder, texts: &[&str]) -> Pipeline {
@@ -45,11 +45,10 @@ struct Answer {
 }
 
 fn run(pipeline: &mut Pipeline, rgb: &[u8], labels_wanted: bool) -> Answer {
-    let count = |(width, height): Size| (width * height) as usize;
-    let mut depth_m = vec![-1.0; count(pipeline.size())];
-    let mut labels = vec![99; count(pipeline.size())];
-    let mut cloud = vec![CloudPoint::NONE; count(pipeline.cloud_size())];
-    let frame = ImageView::packed(rgb, LARGE.0, LARGE.1, PixelFormat::Rgb8).unwrap();
+    let mut depth_m = vec![-1.0; pipeline.size().pixel_count()];
+    let mut labels = vec![99; pipeline.size().pixel_count()];
+    let mut cloud = vec![CloudPoint::NONE; pipeline.cloud_size().pixel_count()];
+    let frame = ImageView::packed(rgb, LARGE.width, LARGE.height, PixelFormat::Rgb8).unwrap();
     let outputs = Outputs {
         depth_m: &mut depth_m,
         labels: labels_wanted.then_some(&mut labels[..]),
@@ -61,7 +60,7 @@ fn run(pipeline: &mut Pipeline, rgb: &[u8], labels_wanted: bool) -> Answer {
 
 /// The values of a block of 3x3 pixels.
 fn block<T: Copy>(values: &[T], column: usize, row: usize) -> Vec<T> {
-    let at = |i: usize| (3 * row + i / 3) * LARGE.0 as usize + 3 * column + i % 3;
+    let at = |i: usize| (3 * row + i / 3) * LARGE.width as usize + 3 * column + i % 3;
     (0..9).map(|i| values[at(i)]).collect()
 }
 
@@ -69,7 +68,10 @@ fn block<T: Copy>(values: &[T], column: usize, row: usize) -> Vec<T> {
 fn decimation_makes_depth_labels_and_cloud_smaller_and_the_camera_follows() {
     let rgb = image(LARGE);
     let mut pipeline = pipeline(&models::wnet(LARGE, true), &["decimation=3"]);
-    assert_eq!((pipeline.size(), pipeline.cloud_size(), pipeline.graph().size()), ((3, 2), (3, 2), LARGE));
+    assert_eq!(
+        (pipeline.size(), pipeline.cloud_size(), pipeline.graph().size()),
+        ((3, 2).into(), (3, 2).into(), LARGE)
+    );
     assert_eq!(pipeline.decimation(), NonZeroU32::new(3).unwrap());
     let depth: Vec<f32> = pixels(&rgb).map(models::connected_depth).collect();
     let classes: Vec<u8> = pixels(&rgb).map(models::label).collect();
@@ -110,7 +112,7 @@ fn a_cloud_stride_counts_pixels_of_the_smaller_depth_map() {
         ..PipelineOptions::default()
     };
     let mut pipeline = Pipeline::new(graph, options).unwrap();
-    assert_eq!((pipeline.size(), pipeline.cloud_size()), ((5, 3), (3, 2)));
+    assert_eq!((pipeline.size(), pipeline.cloud_size()), ((5, 3).into(), (3, 2).into()));
     let answer = run(&mut pipeline, &image(LARGE), false);
     assert_eq!(answer.cloud[4].z, answer.depth_m[2 * 5 + 2]);
     assert!(answer.report.camera.is_none());
@@ -203,7 +205,7 @@ fn what_does_not_fit_is_refused() {
 
     let mut pipeline = pipeline(&models::unet(LARGE), &["decimation=2"]);
     let rgb = image(LARGE);
-    let frame = ImageView::packed(&rgb, LARGE.0, LARGE.1, PixelFormat::Rgb8).unwrap();
+    let frame = ImageView::packed(&rgb, LARGE.width, LARGE.height, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; 70];
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let message = chain(&pipeline.process(&frame, outputs, &ticking()).unwrap_err());

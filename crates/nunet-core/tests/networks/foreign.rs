@@ -31,7 +31,7 @@ fn depth_of(folder: &Folder) -> (Vec<f32>, u64) {
     let mut pipeline = Pipeline::new(folder.load("m.onnx").unwrap(), PipelineOptions::default()).unwrap();
     let rgb = image(SIZE);
     let mut depth_m = vec![0.0; rgb.len() / 3];
-    let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
+    let frame = ImageView::packed(&rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report.bytes_copied)

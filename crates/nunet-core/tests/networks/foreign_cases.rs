@@ -7,6 +7,7 @@ use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphError, SerialGraph, WiringError};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_types::ImageSize;
 
 use crate::{Folder, chain, ticking};
 
@@ -37,7 +38,7 @@ fn camera(fx: f64, width: u32, height: u32) -> Camera {
 fn depth_of(graph: SerialGraph, camera: Option<Camera>, rgb: &[u8]) -> (Vec<f32>, ScaleSource, u64) {
     let options = PipelineOptions { camera, ..PipelineOptions::default() };
     let mut pipeline = Pipeline::new(graph, options).unwrap();
-    let (width, height) = pipeline.size();
+    let ImageSize { width, height } = pipeline.size();
     let frame = ImageView::packed(rgb, width, height, PixelFormat::Rgb8).unwrap();
     let mut depth_m = vec![0.0; rgb.len() / 3];
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
@@ -73,7 +74,7 @@ fn a_size_that_the_network_takes_is_run() {
 #[test]
 fn depth_of_half_the_size_is_resized_to_the_image() {
     let graph = case("half_out", |text| text).unwrap();
-    assert_eq!(graph.size(), (42, 28));
+    assert_eq!(graph.size(), (42, 28).into());
     // Left half black, right half white; the sidecar normalizes by the means of ImageNet.
     let rgb: Vec<u8> = (0..28 * 42).flat_map(|i| [if i % 42 < 20 { 0 } else { 255 }; 3]).collect();
     let (depth, _, bytes_copied) = depth_of(graph, None, &rgb);

@@ -18,12 +18,12 @@ use std::path::{Path, PathBuf};
 use nunet_core::graph::{
     GraphError, GraphInput, GraphOptions, GraphOutputs, GraphReport, Runtime, SerialGraph,
 };
-use nunet_testkit::models::Size;
 use nunet_testkit::onnx::ModelBuilder;
+use nunet_types::ImageSize;
 use tempfile::TempDir;
 
 /// An odd, wide size: swapped sides, or a transposed image, cannot pass.
-const SIZE: Size = (6, 3);
+const SIZE: ImageSize = ImageSize::new(6, 3);
 
 fn runtime() -> Runtime {
     Runtime::load(&nunet_testkit::runtime_library()).unwrap()
@@ -66,7 +66,7 @@ impl Folder {
 }
 
 /// An image without symmetry: every pixel and every channel differs from its neighbors.
-fn image((width, height): Size) -> Vec<u8> {
+fn image(ImageSize { width, height }: ImageSize) -> Vec<u8> {
     let pixels = u32::from(u8::MAX) - 5;
     (0..width * height)
         .flat_map(|i| [(i * 37 + 11) % pixels, (i * 59 + 83) % pixels, (i * 23 + 149) % pixels])

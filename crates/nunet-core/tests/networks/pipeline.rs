@@ -8,6 +8,7 @@ use nunet_core::model::selftest;
 use nunet_core::pipeline::{Focal, FrameReport, Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
+use nunet_types::ImageSize;
 
 use crate::{Folder, SIZE, chain, image, pixels, ticking};
 
@@ -18,7 +19,7 @@ fn pipeline(model: &ModelBuilder, options: PipelineOptions) -> Pipeline {
 
 /// A camera that has exactly the networks' size.
 fn camera(fx_px: f64) -> Camera {
-    Camera::pinhole(Intrinsics::new(fx_px, fx_px, 2.5, 1.0, SIZE.0, SIZE.1).unwrap())
+    Camera::pinhole(Intrinsics::new(fx_px, fx_px, 2.5, 1.0, SIZE.width, SIZE.height).unwrap())
 }
 
 fn with_camera(fx_px: f64) -> PipelineOptions {
@@ -27,7 +28,7 @@ fn with_camera(fx_px: f64) -> PipelineOptions {
 
 fn depth_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<f32>, FrameReport) {
     let mut depth_m = vec![-1.0; rgb.len() / 3];
-    let frame = ImageView::packed(rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
+    let frame = ImageView::packed(rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (depth_m, report)
@@ -69,7 +70,7 @@ fn every_encoding_is_undone_and_what_is_no_measurement_counted() {
 #[test]
 fn meters_follow_the_focal_length_at_the_networks_size() {
     // Trained at 640 pixels with fx 525; this network is 6 pixels wide.
-    let training_fx_px = 525.0 * f64::from(SIZE.0) / 640.0;
+    let training_fx_px = 525.0 * f64::from(SIZE.width) / 640.0;
     let rgb = image(SIZE);
     let own: Vec<f32> = pixels(&rgb).map(models::plain_depth).collect();
     let (scaled, report) =
@@ -93,7 +94,7 @@ fn the_cloud_carries_colors_and_labels_whoever_asked_for_them() {
     let mut pipeline = pipeline(&models::wnet(SIZE, true), focal_off);
     assert_eq!(pipeline.cloud_size(), SIZE);
     assert_eq!(pipeline.stage_names(), ["preprocess", "network", "decode", "cloud"]);
-    let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
+    let frame = ImageView::packed(&rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
     for labels_wanted in [true, false] {
         let (mut depth_m, mut labels) = (vec![0.0; 18], vec![0; 18]);
         let mut cloud = vec![CloudPoint::NONE; 18];
@@ -119,7 +120,7 @@ fn the_cloud_carries_colors_and_labels_whoever_asked_for_them() {
 /// The cloud of one image of a pipeline, and where its scale comes from.
 fn cloud_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<CloudPoint>, FrameReport) {
     let (mut depth_m, mut cloud) = (vec![0.0; 18], vec![CloudPoint::NONE; 18]);
-    let frame = ImageView::packed(rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
+    let frame = ImageView::packed(rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
     let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: Some(&mut cloud) };
     let report = pipeline.process(&frame, outputs, &ticking()).unwrap();
     (cloud, report)
@@ -159,11 +160,11 @@ fn a_larger_image_is_resized_and_its_bytes_are_counted() {
     assert!(report.bytes_copied >= 54);
 }
 
-const SELFTEST_SIZE: models::Size = (64, 48);
+const SELFTEST_SIZE: ImageSize = ImageSize::new(64, 48);
 
 /// The connected W-Net with the self-test answer that its formula gives, one cell's depth off by `off`.
 fn with_answer(off: f32) -> ModelBuilder {
-    let (width, height) = SELFTEST_SIZE;
+    let ImageSize { width, height } = SELFTEST_SIZE;
     let rgb = selftest::image(width, height);
     let depth: Vec<f32> = pixels(&rgb).map(models::connected_depth).collect();
     let labels: Vec<u8> = pixels(&rgb).map(models::label).collect();

@@ -160,7 +160,7 @@ fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
     assert!(!pipeline.is_stateless());
     let depth_of = |pipeline: &mut Pipeline, number: u8| {
         let (rgb, mut depth_m) = (numbered(number), vec![0.0; 18]);
-        let frame = ImageView::packed(&rgb, SIZE.0, SIZE.1, PixelFormat::Rgb8).unwrap();
+        let frame = ImageView::packed(&rgb, SIZE.width, SIZE.height, PixelFormat::Rgb8).unwrap();
         let outputs = Outputs { depth_m: &mut depth_m, labels: None, cloud: None };
         pipeline.process(&frame, outputs, &ticking()).unwrap();
         depth_m

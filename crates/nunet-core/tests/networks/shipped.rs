@@ -46,7 +46,7 @@ fn every_tiny_model_passes_its_own_self_test() {
 #[test]
 fn the_recurrent_model_sees_the_second_frame_otherwise_than_the_first_until_it_is_reset() {
     let mut graph = load(&tiny().join("tiny_wnet_c_lstm.onnx")).unwrap();
-    let rgb = selftest::image(graph.size().0, graph.size().1);
+    let rgb = selftest::image(graph.size().width, graph.size().height);
     let [first, second, third] = [(); 3].map(|()| run(&mut graph, &rgb).depth);
     assert_ne!(first, second);
     assert_ne!(second, third);
@@ -77,7 +77,7 @@ fn fused_and_staged_w_net_connected_give_equal_depth_and_labels() {
     let parts =
         |graph: &SerialGraph| (graph.size(), graph.has_labels(), graph.description().architecture.clone());
     assert_eq!(parts(&fused), parts(&staged));
-    let rgb = selftest::image(fused.size().0, fused.size().1);
+    let rgb = selftest::image(fused.size().width, fused.size().height);
     let (one, two) = (run(&mut fused, &rgb), run(&mut staged, &rgb));
     let largest = one.depth.iter().fold(0.0_f32, |most, z| most.max(z.abs()));
     for (one, two) in one.depth.iter().zip(&two.depth) {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use nunet_core::cloud::CloudPoint;
 use nunet_files::write_results;
-use nunet_types::Units;
+use nunet_types::{ImageSize, Units};
 use tracing::warn;
 
 use super::writing::Writing;
@@ -49,7 +49,7 @@ impl Sink for LastFrame {
 
 /// Copies of the results.
 struct OwnedResults {
-    size: (u32, u32),
+    size: ImageSize,
     depth: Vec<f32>,
     metric: bool,
     labels: Option<Vec<u8>>,
@@ -70,7 +70,7 @@ impl OwnedResults {
     fn results(&self) -> nunet_files::Results<'_> {
         let Self { size, depth, metric, labels, cloud } = self;
         nunet_files::Results {
-            size: (*size).into(),
+            size: *size,
             depth,
             metric: *metric,
             labels: labels.as_deref(),

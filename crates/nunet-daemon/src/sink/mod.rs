@@ -20,7 +20,7 @@ use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::pipeline::Pipeline;
 use nunet_telemetry::{Counts, MetricsServer, Totals};
-use nunet_types::{ScaleSource, Units};
+use nunet_types::{ImageSize, ScaleSource, Units};
 
 use self::shutdown::DrainTimeout;
 use self::stats::Common;
@@ -111,13 +111,13 @@ pub(crate) struct Results<'a> {
     /// Where the scale of depth comes from.
     pub(crate) scale_source: ScaleSource,
     /// Width and height of depth and labels, pixels.
-    pub(crate) size: (u32, u32),
+    pub(crate) size: ImageSize,
     /// `[H, W]`, NaN = no measurement.
     pub(crate) depth: &'a [f32],
     /// `[H, W]`, class indices; `None` if they were not computed.
     pub(crate) labels: Option<&'a [u8]>,
     /// Width and height of the cloud, points.
-    pub(crate) cloud_size: (u32, u32),
+    pub(crate) cloud_size: ImageSize,
     /// Organized points; `None` if they were not computed.
     pub(crate) cloud: Option<&'a [CloudPoint]>,
     /// The camera at the size of depth, if it is known.

@@ -18,6 +18,7 @@ use nunet_ipc::{
     StatsRecord, Topic, TopicPlan, Units, Wake, monotonic_nanos,
 };
 use nunet_telemetry::{Counts, Latencies, Totals, foreign_allocations};
+use nunet_types::ImageSize;
 use tracing::{info, warn};
 
 use super::{Results, Wants};
@@ -54,8 +55,8 @@ pub(crate) struct ShmPublisher {
     publisher: Publisher,
     topics: Vec<Topic>,
     header: FrameHeader,
-    size: (u32, u32),
-    cloud_size: (u32, u32),
+    size: ImageSize,
+    cloud_size: ImageSize,
     cloud_stride: std::num::NonZeroU32,
     stats: StatsRecord,
     summarised_nanos: u64,
@@ -304,11 +305,11 @@ impl ShmPublisher {
     }
 
     /// What one topic of a frame says.
-    fn shaped(&self, encoding: Encoding, (width, height): (u32, u32), camera: Option<Camera>) -> FrameHeader {
+    fn shaped(&self, encoding: Encoding, size: ImageSize, camera: Option<Camera>) -> FrameHeader {
         let mut header = self.header;
         header.set_encoding(encoding);
-        (header.width, header.height) = (width, height);
-        header.row_stride_bytes = width * encoding.element_bytes().unwrap_or(0);
+        (header.width, header.height) = (size.width, size.height);
+        header.row_stride_bytes = size.width * encoding.element_bytes().unwrap_or(0);
         if let Some(camera) = camera {
             header.set_camera(&(&camera).into());
         }
@@ -318,13 +319,12 @@ impl ShmPublisher {
 
 /// The topics of a pipeline's results.
 pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> {
-    let pixels = |(width, height): (u32, u32)| width as usize * height as usize;
-    let (size, points) = (pixels(pipeline.size()), pixels(pipeline.cloud_size()));
+    let (pixels, points) = (pipeline.size().pixel_count(), pipeline.cloud_size().pixel_count());
     let labels = publish.contains(&Publish::Labels) && pipeline.graph().has_labels();
     let cloud = publish.contains(&Publish::Cloud);
     let all = [
-        (true, Topic::Depth, size * size_of::<f32>()),
-        (labels, Topic::Labels, size),
+        (true, Topic::Depth, pixels * size_of::<f32>()),
+        (labels, Topic::Labels, pixels),
         (cloud, Topic::Cloud, points * size_of::<CloudPoint>()),
         (true, Topic::Stats, size_of::<StatsRecord>()),
     ];

@@ -8,13 +8,15 @@ use std::process::Command;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
+use nunet_types::ImageSize;
+
 use super::recording::{Archive, Record, record_into};
 use super::*;
 use crate::source::Frame;
 
 /// No test waits longer for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
-const SIZE: (u32, u32) = (2, 2);
+const SIZE: ImageSize = ImageSize::new(2, 2);
 
 /// How what a sink writes to behaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,6 +10,7 @@ use nunet_core::graph::{GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
 use nunet_ipc::{CameraName, Limits, Reader, Topic, monotonic_nanos};
 use nunet_testkit::models;
+use nunet_types::ImageSize;
 
 use super::*;
 use crate::Outcome;
@@ -22,7 +23,7 @@ use crate::source::{CameraGeometry, CameraResolver, Fill, Frame};
 
 /// No test waits longer for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
-const SIZE: (u32, u32) = (64, 48);
+const SIZE: ImageSize = ImageSize::new(64, 48);
 
 /// Gray images; of a live source one each millisecond.
 struct Gray {

@@ -12,6 +12,7 @@ use nunet_ipc::{
     CameraName, FrameHeader, LATE_JOINER_PERIOD, Limits, Publisher, Topic, TopicPlan, Wake, monotonic_nanos,
 };
 use nunet_telemetry::RateLimit;
+use nunet_types::ImageSize;
 use tracing::{error, info, warn};
 
 use crate::Outcome;
@@ -94,7 +95,7 @@ struct Feeder<'a> {
 /// The owner of the `rgb` topic.
 struct Port {
     publisher: Publisher,
-    size: (u32, u32),
+    size: ImageSize,
     /// As many bytes as there is room for.
     room: usize,
 }
@@ -170,8 +171,7 @@ impl Port {
         let room = frame.view()?.bytes().len();
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: room };
         let publisher = Publisher::create_unless(camera, &[plan], &Limits::default(), &|| stop.requested())?;
-        let (width, height) = frame.size;
-        info!("camera `{camera}`: {width}x{height}, {} of shared memory", publisher.reservation());
+        info!("camera `{camera}`: {}, {} of shared memory", frame.size, publisher.reservation());
         Ok(Self { publisher, size: frame.size, room })
     }
 
@@ -181,7 +181,7 @@ impl Port {
         let bytes = view.bytes().len();
         ensure!(
             frame.size == self.size,
-            "an image of {:?} from a camera that began with {:?}: a camera has one size",
+            "an image of {} from a camera that began with {}: a camera has one size",
             frame.size,
             self.size
         );
@@ -208,7 +208,7 @@ fn describe(header: &mut FrameHeader, frame: &Frame, format: PixelFormat, camera
     *header = FrameHeader::default();
     frame.identify(header);
     header.set_encoding(format.into());
-    (header.width, header.height) = frame.size;
+    (header.width, header.height) = (frame.size.width, frame.size.height);
     header.row_stride_bytes = frame.row_stride;
     if let Some(camera) = camera {
         header.set_camera(&(&camera).into());
@@ -229,7 +229,7 @@ mod tests {
     impl Source for Turning {
         fn fill(&mut self, frame: &mut Frame) -> Fill {
             let format = if self.0 == 0 { PixelFormat::Mono8 } else { PixelFormat::Rgb8 };
-            frame.rgb_buffer((4, 2));
+            frame.rgb_buffer((4, 2).into());
             frame.format = Some(format);
             frame.row_stride = format.min_stride(4);
             frame.buffer(format.byte_len(4, 2, frame.row_stride));

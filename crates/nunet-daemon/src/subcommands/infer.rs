@@ -179,7 +179,7 @@ impl Work {
 
     fn results(&self, report: &FrameReport) -> Results<'_> {
         Results {
-            size: self.pipeline.size().into(),
+            size: self.pipeline.size(),
             depth: self.buffers.depth(),
             metric: report.units == Units::Metre,
             labels: self.buffers.labels(),

@@ -75,7 +75,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join(folder)).unwrap();
         let labels = LabelFolder::find(root.path(), names).unwrap();
-        labels.classes(&Numbers { size: (1, 1), values: vec![label], bits: 8 }, Path::new("a.png"))
+        labels.classes(&Numbers { size: (1, 1).into(), values: vec![label], bits: 8 }, Path::new("a.png"))
     }
 
     #[test]

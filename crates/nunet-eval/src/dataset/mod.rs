@@ -125,12 +125,12 @@ impl Dataset {
     /// Reads what is known of an image, which must have the size `image` if that is given.
     pub(crate) fn truth(&self, id: &str, image: Option<ImageSize>) -> Result<Truth, EvalError> {
         let (path, depth) = self.numbers("depth", id)?;
-        let size = ImageSize::from(depth.size);
+        let size = depth.size;
         same_size(&path, size, image.unwrap_or(size))?;
         let mut depth_m = meters(&depth, self.units).ok_or(EvalError::UnknownUnit { path })?;
         let labels = self.labels.as_ref().map(|folder| {
             let (path, labels) = self.numbers(folder.name, id)?;
-            same_size(&path, labels.size.into(), size)?;
+            same_size(&path, labels.size, size)?;
             folder.classes(&labels, &path)
         });
         let mut labels = labels.transpose()?;
@@ -213,7 +213,7 @@ mod tests {
     use super::*;
 
     fn depth(bits: u8) -> Numbers {
-        Numbers { size: (3, 1), values: vec![0, 1500, 65535], bits }
+        Numbers { size: (3, 1).into(), values: vec![0, 1500, 65535], bits }
     }
 
     #[test]

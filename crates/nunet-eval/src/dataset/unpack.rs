@@ -10,6 +10,7 @@ use nunet_mcap::{Next, RecordedImage, Recording, model_of_results};
 use nunet_source::{
     Fill, Frame, OpenOptions, RecordingSource, Source as _, SourceError, from_recording_error,
 };
+use nunet_types::ImageSize;
 use tempfile::TempDir;
 
 use super::MAX_APART_NANOS;
@@ -141,7 +142,7 @@ fn write_pair(folder: &Path, id: &str, frame: &Frame, depth: &RecordedImage) -> 
     let ending = if frame.file.starts_with(&[0xff, 0xd8]) { "jpg" } else { "png" };
     let rgb = folder.join("rgb").join(format!("{id}.{ending}"));
     if frame.file.is_empty() {
-        let (width, height) = frame.size;
+        let ImageSize { width, height } = frame.size;
         let mut to_rgb = Preprocessor::new(width, height);
         let image = to_rgb.prepare(&frame.view()?);
         image::save_buffer(&rgb, image.rgb, width, height, ExtendedColorType::Rgb8)

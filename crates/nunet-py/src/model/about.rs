@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use nunet_engine::Model;
+use nunet_types::ImageSize;
 
 /// What never changes, so that reading it does not wait for an image to be done.
 pub(super) struct About {
     pub(super) path: PathBuf,
-    pub(super) size: (u32, u32),
+    pub(super) size: ImageSize,
     pub(super) architecture: String,
     pub(super) trained: bool,
     pub(super) provider: &'static str,

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nunet_engine::{Inferred, ModelOptions};
+use nunet_types::ImageSize;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -100,7 +101,7 @@ impl Model {
         &self,
         py: Python<'_>,
         inferred: &Inferred,
-        image_size: (u32, u32),
+        image_size: ImageSize,
     ) -> PyResult<()> {
         self.warnings.issue(py, inferred.report.scale_source, image_size)
     }
@@ -114,10 +115,11 @@ impl Model {
     ) -> PyResult<Result> {
         let frame = image.view()?;
         let size = frame.size();
-        let camera = camera.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose();
-        let camera = camera.map_err(of_camera)?;
-        let inferred = self.exclusive(py, |model| model.infer(&frame, camera, keep_state))?;
-        let inferred = inferred.map_err(|error| failure(&error.into()))?;
+        let fitted = |camera: Camera| camera.0.fitted_to(size.width, size.height).map_err(of_camera);
+        let camera = camera.map(fitted).transpose()?;
+        let inferred = self
+            .exclusive(py, |model| model.infer(&frame, camera, keep_state))?
+            .map_err(|error| failure(&error.into()))?;
         self.warn_of_guesses(py, &inferred, size)?;
         Result::of_image(py, inferred, size, self.shared())
     }
@@ -278,7 +280,7 @@ impl Model {
     /// Width and height of the results, pixels: those of the network, divided by the decimation filter.
     #[getter]
     fn size(&self) -> (u32, u32) {
-        self.about.size
+        (self.about.size.width, self.about.size.height)
     }
 
     /// The name of each label, in order; empty if the network does not segment.
@@ -325,12 +327,9 @@ impl Model {
     }
 
     fn __repr__(&self) -> String {
-        let About { path, size: (width, height), architecture, trained, provider, .. } = &self.about;
+        let About { path, size, architecture, trained, provider, .. } = &self.about;
         let trained = if *trained { "" } else { ", untrained" };
-        format!(
-            "Model('{}', {architecture}, {width}x{height}, provider='{provider}'{trained})",
-            path.display()
-        )
+        format!("Model('{}', {architecture}, {size}, provider='{provider}'{trained})", path.display())
     }
 }
 

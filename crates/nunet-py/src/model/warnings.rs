@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nunet_core::depth::ScaleSource;
+use nunet_types::ImageSize;
 use pyo3::prelude::*;
 
 use crate::error::warn;
@@ -12,18 +13,18 @@ const MAX_ASPECT_DIFFERENCE: f64 = 0.01;
 
 /// Which warnings were issued.
 pub(super) struct Warnings {
-    network_size: (u32, u32),
+    network_size: ImageSize,
     no_camera: AtomicBool,
     aspect: AtomicBool,
 }
 
 impl Warnings {
-    pub(super) fn new(network_size: (u32, u32)) -> Self {
+    pub(super) fn new(network_size: ImageSize) -> Self {
         Self { network_size, no_camera: AtomicBool::new(false), aspect: AtomicBool::new(false) }
     }
 
     /// Warns of a missing camera, and of an image that is stretched.
-    pub(super) fn issue(&self, py: Python<'_>, scale: ScaleSource, image_size: (u32, u32)) -> PyResult<()> {
+    pub(super) fn issue(&self, py: Python<'_>, scale: ScaleSource, image_size: ImageSize) -> PyResult<()> {
         if scale == ScaleSource::AssumedCamera && first(&self.no_camera) {
             warn(
                 py,
@@ -32,12 +33,12 @@ impl Warnings {
             )?;
         }
         if is_stretched(image_size, self.network_size) && first(&self.aspect) {
-            let ((width, height), (image_width, image_height)) = (self.network_size, image_size);
+            let network_size = self.network_size;
             warn(
                 py,
                 &format!(
-                    "images of {image_width}x{image_height} are stretched to {width}x{height}: another aspect ratio \
-                     makes depth less accurate\nhint: crop the images to the aspect ratio of {width}x{height}"
+                    "images of {image_size} are stretched to {network_size}: another aspect ratio \
+                     makes depth less accurate\nhint: crop the images to the aspect ratio of {network_size}"
                 ),
             )?;
         }
@@ -49,7 +50,7 @@ fn first(issued: &AtomicBool) -> bool {
     !issued.swap(true, Ordering::Relaxed)
 }
 
-fn is_stretched(image: (u32, u32), network: (u32, u32)) -> bool {
-    let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+fn is_stretched(image: ImageSize, network: ImageSize) -> bool {
+    let aspect = |size: ImageSize| f64::from(size.width) / f64::from(size.height);
     (aspect(image) / aspect(network) - 1.0).abs() > MAX_ASPECT_DIFFERENCE
 }

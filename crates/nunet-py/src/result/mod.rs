@@ -12,6 +12,7 @@ use numpy::{PyArray2, PyArray3};
 use nunet_core::camera;
 use nunet_core::obstacle::ObstacleOptions;
 use nunet_engine::Inferred;
+use nunet_types::ImageSize;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -87,7 +88,7 @@ pub(crate) struct Result {
     camera: Option<Camera>,
     origin: Origin,
     points_camera: camera::Camera,
-    image_size: (u32, u32),
+    image_size: ImageSize,
     shared: Arc<Shared>,
 }
 
@@ -96,7 +97,7 @@ impl Result {
     pub(crate) fn of_image(
         py: Python<'_>,
         inferred: Inferred,
-        image_size: (u32, u32),
+        image_size: ImageSize,
         shared: Arc<Shared>,
     ) -> PyResult<Self> {
         Self::new(py, inferred, image_size, Origin::default(), shared)
@@ -121,7 +122,7 @@ impl Result {
     fn new(
         py: Python<'_>,
         inferred: Inferred,
-        image_size: (u32, u32),
+        image_size: ImageSize,
         origin: Origin,
         shared: Arc<Shared>,
     ) -> PyResult<Self> {
@@ -334,11 +335,11 @@ impl Result {
     }
 
     fn __repr__(&self) -> String {
-        let (width, height) = self.size();
-        let pixels = f64::from(width) * f64::from(height);
+        let size = self.size();
+        let pixels = size.pixel_count() as f64;
         let valid = 100.0 * (1.0 - f64::from(self.invalid_pixels) / pixels);
         let (units, source) = (&self.units, &self.scale_source);
-        format!("Result({width}x{height}, units='{units}', scale_source='{source}', {valid:.0} % valid)")
+        format!("Result({size}, units='{units}', scale_source='{source}', {valid:.0} % valid)")
     }
 }
 

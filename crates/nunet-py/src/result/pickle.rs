@@ -44,7 +44,7 @@ pub(super) fn reduce<'py>(py: Python<'py>, result: &Result) -> PyResult<Reduced<
         invalid_pixels: result.invalid_pixels,
         camera: result.camera,
         points_camera: Camera(result.points_camera),
-        image_size: result.image_size,
+        image_size: (result.image_size.width, result.image_size.height),
         topic,
         frame_id,
         sequence,
@@ -76,7 +76,7 @@ pub(super) fn _result(
         camera: state.camera,
         origin: Origin { topic, frame_id, sequence, capture_nanos },
         points_camera: state.points_camera.0,
-        image_size: state.image_size,
+        image_size: state.image_size.into(),
         shared: Arc::new(Shared::new(state.class_names, Vec::new())),
     }
 }

@@ -17,15 +17,14 @@ use crate::memory::{Memory, Shape, array};
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub(super) encoding: Encoding,
-    /// Width and height, pixels.
-    pub(super) size: (u32, u32),
+    pub(super) size: ImageSize,
     pub(super) row_bytes: u32,
     /// The shape of the array.
     pub(super) lengths: Vec<usize>,
 }
 
 impl Layout {
-    pub(super) fn new(size: (u32, u32), encoding: &str) -> PyResult<Self> {
+    pub(super) fn new(size: ImageSize, encoding: &str) -> PyResult<Self> {
         let format: PixelFormat = encoding.parse().map_err(|_| {
             let choices: Vec<_> = PixelFormat::ALL.iter().map(|known| format!("`{known}`")).collect();
             hinted::<PyValueError>(
@@ -33,10 +32,9 @@ impl Layout {
                 format!("pass one of {}", choices.join(", ")),
             )
         })?;
-        let (columns, rows) = size;
-        let ImageSize { width, height } = ImageSize::from(size).check().map_err(|_| {
+        let ImageSize { width, height } = size.check().map_err(|_| {
             hinted::<PyValueError>(
-                format!("`size` is `{columns}x{rows}`; expected sides of 1 to {MAX_SIDE_PX} pixels"),
+                format!("`size` is `{size}`; expected sides of 1 to {MAX_SIDE_PX} pixels"),
                 "pass (width, height), `size=(640, 480)`",
             )
         })?;

@@ -173,7 +173,7 @@ impl Source {
         header.set_capture_clock(self.clock);
         header.capture_unix_nanos = header.unix_of_capture(monotonic, unix);
         header.set_encoding(self.layout.encoding);
-        (header.width, header.height) = self.layout.size;
+        (header.width, header.height) = (self.layout.size.width, self.layout.size.height);
         header.row_stride_bytes = self.layout.row_bytes;
         header.set_frame_id(&self.frame_id);
         if let Some(camera_info) = &self.camera_info {

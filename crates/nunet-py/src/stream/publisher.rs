@@ -86,7 +86,7 @@ fn publisher(
     let camera = camera_name(camera)?;
     let size = whole_size(size)?;
     let layout = Layout::new(size, encoding)?;
-    let camera_info = intrinsics.map(|camera| camera.0.fitted_to(size.0, size.1)).transpose();
+    let camera_info = intrinsics.map(|camera| camera.0.fitted_to(size.width, size.height)).transpose();
     let camera_info = camera_info.map_err(of_camera)?;
     let clock = clock_of(clock)?;
     let source = Source { camera, layout, camera_info, clock, frame_id: frame_id.to_owned() };
@@ -198,7 +198,8 @@ impl Publisher {
     /// Width and height of all images, pixels.
     #[getter]
     fn size(&self) -> (u32, u32) {
-        self.port.source.layout.size
+        let size = self.port.source.layout.size;
+        (size.width, size.height)
     }
 
     /// The encoding of all images.

@@ -18,7 +18,7 @@ fn drain(source: &mut Files) -> (Vec<[u8; 3]>, Vec<String>) {
         match source.fill(&mut frame) {
             Fill::Frame => {
                 let view = frame.view().unwrap();
-                assert_eq!(view.size(), (4, 2));
+                assert_eq!(view.size(), (4, 2).into());
                 colors.push([view.bytes()[0], view.bytes()[1], view.bytes()[2]]);
             }
             Fill::Failed(error) => errors.push(format!("{error:#}")),

@@ -86,7 +86,7 @@ fn a_turned_photograph_is_set_upright() {
     std::fs::write(&path, [&plain[..2], &EXIF_TURNED, &plain[2..]].concat()).unwrap();
     let mut frame = Frame::default();
     decode(&path, &mut frame).unwrap();
-    assert_eq!(frame.size, (16, 32), "what lay is standing");
+    assert_eq!(frame.size, (16, 32).into(), "what lay is standing");
     let bytes = frame.view().unwrap().bytes();
     assert!(bytes[0] < 20 && bytes[bytes.len() - 1] > 235, "the left edge is the upper one now");
 }
@@ -97,7 +97,7 @@ fn a_motion_jpeg_without_tables_is_read_and_kept_with_them() {
     let mut frame = Frame { file: case("mjpeg_without_tables/no_dht.jpg"), ..Frame::default() };
     let before = frame.file.len();
     decode_file(&mut frame).unwrap();
-    assert_eq!(frame.size, (64, 48));
+    assert_eq!(frame.size, (64, 48).into());
     assert_eq!(frame.file.len(), before + 420, "a recording of it can be read by others");
 }
 

@@ -126,7 +126,7 @@ impl Pipe {
     fn take(&mut self, shot: Shot, frame: &mut Frame) {
         frame.sequence = self.sequence;
         self.sequence += 1;
-        frame.size = (shot.size.width, shot.size.height);
+        frame.size = shot.size;
         frame.row_stride = shot.row_stride;
         frame.format = shot.format;
         frame.camera = None;

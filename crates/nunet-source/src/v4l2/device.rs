@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use nunet_types::ImageSize;
+
 pub(super) use rustix::io::Errno;
 
 pub(super) type Result<T> = std::result::Result<T, Errno>;
@@ -35,10 +37,10 @@ pub(super) trait Device: Send {
     fn sizes(&mut self, format: FourCc) -> Result<Vec<Sizes>>;
 
     /// The times between frames of a format and size; none where the driver does not tell.
-    fn intervals(&mut self, format: FourCc, size: (u32, u32)) -> Result<Vec<Intervals>>;
+    fn intervals(&mut self, format: FourCc, size: ImageSize) -> Result<Vec<Intervals>>;
 
     /// Asks for a format and size, and returns what the driver made of it.
-    fn set_format(&mut self, format: FourCc, size: (u32, u32)) -> Result<Layout>;
+    fn set_format(&mut self, format: FourCc, size: ImageSize) -> Result<Layout>;
 
     /// Asks for a time between frames, and returns what the driver made of it; `None` where it knows no rates.
     fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>>;
@@ -110,15 +112,15 @@ impl fmt::Debug for FourCc {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sizes {
     /// Width and height, pixels.
-    One((u32, u32)),
+    One(ImageSize),
     /// Everything between two sizes, in steps.
     Range {
         /// The smallest.
-        least: (u32, u32),
+        least: ImageSize,
         /// The largest.
-        most: (u32, u32),
+        most: ImageSize,
         /// From one to the next.
-        step: (u32, u32),
+        step: ImageSize,
     },
 }
 
@@ -164,7 +166,7 @@ pub(super) struct Layout {
     /// The format.
     pub(super) format: FourCc,
     /// Width and height, pixels.
-    pub(super) size: (u32, u32),
+    pub(super) size: ImageSize,
     /// Bytes from row to row; 0 of a compressed format, and where the driver does not tell.
     pub(super) row_stride: u32,
 }

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 use nunet_ipc::{monotonic_nanos, unix_nanos};
+use nunet_types::ImageSize;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, Mode, OFlags, major};
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
@@ -130,13 +131,21 @@ impl Device for VideoDevice {
             self.control::<DESCRIBE_SIZE, _>(&mut entry)?;
             let [a, b, c, d, e, f] = entry.sides;
             Ok(match entry.kind {
-                abi::DISCRETE => Sizes::One((a, b)),
-                _ => Sizes::Range { least: (a, d), most: (b, e), step: (c, f) },
+                abi::DISCRETE => Sizes::One(ImageSize::new(a, b)),
+                _ => Sizes::Range {
+                    least: ImageSize::new(a, d),
+                    most: ImageSize::new(b, e),
+                    step: ImageSize::new(c, f),
+                },
             })
         })
     }
 
-    fn intervals(&mut self, format: FourCc, (width, height): (u32, u32)) -> Result<Vec<Intervals>> {
+    fn intervals(
+        &mut self,
+        format: FourCc,
+        ImageSize { width, height }: ImageSize,
+    ) -> Result<Vec<Intervals>> {
         list(|index| {
             let mut entry = FrameInterval { index, format: format.0, width, height, ..FrameInterval::ZERO };
             self.control::<DESCRIBE_INTERVAL, _>(&mut entry)?;
@@ -150,11 +159,11 @@ impl Device for VideoDevice {
         })
     }
 
-    fn set_format(&mut self, format: FourCc, (width, height): (u32, u32)) -> Result<Layout> {
+    fn set_format(&mut self, format: FourCc, ImageSize { width, height }: ImageSize) -> Result<Layout> {
         let mut answer = ImageFormat { width, height, format: format.0, ..ImageFormat::ZERO };
         self.control::<SET_FORMAT, _>(&mut answer)?;
         let ImageFormat { width, height, format, row_stride, .. } = answer;
-        Ok(Layout { format: FourCc(format), size: (width, height), row_stride })
+        Ok(Layout { format: FourCc(format), size: ImageSize { width, height }, row_stride })
     }
 
     fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>> {

@@ -81,11 +81,10 @@ fn offer(format: FourCc, sizes: &[Sizes]) -> String {
         Sizes::Range { least, most, .. } => [least, most],
     });
     let mut ends: Vec<_> = ends.collect();
-    ends.sort_unstable_by_key(|&(width, height)| u64::from(width) * u64::from(height));
-    let shown = |(width, height): (u32, u32)| format!("{width}x{height}");
+    ends.sort_unstable_by_key(|size| size.pixel_count());
     let range = match (ends.first(), ends.last()) {
-        (Some(&least), Some(&most)) if least != most => format!(" {} to {}", shown(least), shown(most)),
-        (Some(&only), _) => format!(" {}", shown(only)),
+        (Some(least), Some(most)) if least != most => format!(" {least} to {most}"),
+        (Some(only), _) => format!(" {only}"),
         _ => String::new(),
     };
     let remark = if is_readable(format) { "" } else { " (not read)" };

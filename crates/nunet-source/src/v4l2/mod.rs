@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use nunet_ipc::Clock;
+use nunet_types::ImageSize;
 use tracing::{debug, info, warn};
 
 use self::device::{Buffer, Device, Host, Now};
@@ -102,7 +103,7 @@ fn requested(options: OpenOptions<'_>) -> RequestedMode {
         Rate::Max => MAX_HZ,
         Rate::Hz(hz) => hz,
     });
-    RequestedMode { size: options.size.map_or(usual.size, |size| (size.width, size.height)), hz }
+    RequestedMode { size: options.size.unwrap_or(usual.size), hz }
 }
 
 impl<H: Host> Video<H> {
@@ -293,10 +294,10 @@ impl Mode {
     fn decode(&self, frame: &mut Frame) -> Result<(), SourceError> {
         if self.coding == Coding::Jpeg {
             let orientation = decode_file(frame)?;
-            let ((width, height), (wide, high)) = (frame.size, self.size);
-            let is_swapped = orientation.to_exif() >= 5 && (height, width) == self.size;
+            let is_swapped = orientation.to_exif() >= 5
+                && ImageSize::new(frame.size.height, frame.size.width) == self.size;
             if frame.size != self.size && !is_swapped {
-                let message = format!("it has {width}x{height} pixels; the camera was set to {wide}x{high}");
+                let message = format!("it has {} pixels; the camera was set to {}", frame.size, self.size);
                 return Err(SourceError::bad_frame(message));
             }
         }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use nunet_types::{MAX_SIDE_PX, PixelFormat};
+use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
 
 use super::device::{Device, FourCc, Interval, Intervals, Layout, Sizes};
 use super::trouble::Trouble;
@@ -13,7 +13,7 @@ use crate::rate::MAX_HZ;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RequestedMode {
     /// Width and height, pixels.
-    pub(super) size: (u32, u32),
+    pub(super) size: ImageSize,
     /// Frames per second.
     pub(super) hz: f64,
 }
@@ -21,13 +21,13 @@ pub(super) struct RequestedMode {
 impl Default for RequestedMode {
     /// As small as the networks are, as fast as most cameras.
     fn default() -> Self {
-        Self { size: (640, 480), hz: 30.0 }
+        Self { size: ImageSize::new(640, 480), hz: 30.0 }
     }
 }
 
 impl fmt::Display for RequestedMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (width, height) = self.size;
+        let ImageSize { width, height } = self.size;
         if self.hz >= MAX_HZ {
             return write!(f, "{width}x{height} as fast as it goes");
         }
@@ -98,7 +98,7 @@ pub(super) fn is_readable(format: FourCc) -> bool {
 pub(super) struct Choice {
     pub(super) format: FourCc,
     pub(super) coding: Coding,
-    pub(super) size: (u32, u32),
+    pub(super) size: ImageSize,
     /// `None` where the driver does not tell its rates.
     pub(super) interval: Option<Interval>,
 }
@@ -136,9 +136,9 @@ pub(super) fn choose(device: &mut dyn Device, requested: RequestedMode) -> Resul
 }
 
 /// Halves and doubles are equally far off, in width and height alike.
-fn size_distance((width, height): (u32, u32), (requested_width, requested_height): (u32, u32)) -> f64 {
+fn size_distance(size: ImageSize, requested: ImageSize) -> f64 {
     let octaves = |side: u32, requested: u32| (f64::from(side) / f64::from(requested)).log2().abs();
-    octaves(width, requested_width) + octaves(height, requested_height)
+    octaves(size.width, requested.width) + octaves(size.height, requested.height)
 }
 
 /// In tenths: 333333/10000000 s and 1/30 s are one rate. A rate that nobody knows is taken for the requested one.
@@ -148,14 +148,15 @@ fn hz_distance(interval: Option<Interval>, requested_hz: f64) -> f64 {
 }
 
 /// Of a driver that tells no sizes, the requested one: it will say what it makes of it.
-fn nearest_size(sizes: &[Sizes], requested: (u32, u32)) -> (u32, u32) {
+fn nearest_size(sizes: &[Sizes], requested: ImageSize) -> ImageSize {
     let sizes = sizes.iter().map(|&sizes| match sizes {
         Sizes::One(size) => size,
-        Sizes::Range { least, most, step } => {
-            (on_grid(requested.0, least.0, most.0, step.0), on_grid(requested.1, least.1, most.1, step.1))
-        }
+        Sizes::Range { least, most, step } => ImageSize {
+            width: on_grid(requested.width, least.width, most.width, step.width),
+            height: on_grid(requested.height, least.height, most.height, step.height),
+        },
     });
-    let usable = sizes.filter(|&(width, height)| width > 0 && height > 0);
+    let usable = sizes.filter(|size| size.pixel_count() > 0);
     let nearest = usable.min_by(|&a, &b| size_distance(a, requested).total_cmp(&size_distance(b, requested)));
     nearest.unwrap_or(requested)
 }
@@ -193,7 +194,7 @@ fn nearest_interval(intervals: &[Intervals], requested_hz: f64) -> Option<Interv
 pub(super) struct Mode {
     pub(super) format: FourCc,
     pub(super) coding: Coding,
-    pub(super) size: (u32, u32),
+    pub(super) size: ImageSize,
     /// Bytes from row to row; of no use where images are JPEGs.
     pub(super) row_stride: u32,
     /// Frames a second, where the driver tells.
@@ -222,7 +223,7 @@ pub(super) fn set(
 }
 
 fn row_stride(layout: Layout, coding: Coding) -> Result<u32, Trouble> {
-    let Layout { size: (width, height), row_stride, .. } = layout;
+    let Layout { size: ImageSize { width, height }, row_stride, .. } = layout;
     let sides = 1..=MAX_SIDE_PX;
     let least = match coding {
         Coding::Raw(format) => format.min_stride(width),
@@ -255,13 +256,8 @@ impl fmt::Display for Choice {
     }
 }
 
-fn show(
-    f: &mut fmt::Formatter<'_>,
-    format: FourCc,
-    (width, height): (u32, u32),
-    hz: Option<f64>,
-) -> fmt::Result {
-    write!(f, "{format} {width}x{height}")?;
+fn show(f: &mut fmt::Formatter<'_>, format: FourCc, size: ImageSize, hz: Option<f64>) -> fmt::Result {
+    write!(f, "{format} {size}")?;
     // Two decimals tell 29.97 from 30; more would show how the driver counts.
     hz.map_or(Ok(()), |hz| write!(f, " at {} Hz", (hz * 100.0).round() / 100.0))
 }
@@ -272,24 +268,53 @@ mod tests {
 
     #[test]
     fn the_nearest_size_is_nearest_in_proportion() {
-        let sizes = [(320, 240), (640, 360), (1280, 720), (1920, 1080)].map(Sizes::One);
-        assert_eq!(nearest_size(&sizes, (640, 480)), (640, 360));
-        assert_eq!(nearest_size(&sizes, (1, 1)), (320, 240));
-        assert_eq!(nearest_size(&sizes, (9000, 9000)), (1920, 1080));
-        assert_eq!(nearest_size(&[], (640, 480)), (640, 480), "the driver will say");
-        assert_eq!(nearest_size(&[Sizes::One((0, 0))], (640, 480)), (640, 480));
+        let sizes = [
+            ImageSize::new(320, 240),
+            ImageSize::new(640, 360),
+            ImageSize::new(1280, 720),
+            ImageSize::new(1920, 1080),
+        ]
+        .map(Sizes::One);
+        assert_eq!(nearest_size(&sizes, ImageSize::new(640, 480)), ImageSize::new(640, 360));
+        assert_eq!(nearest_size(&sizes, ImageSize::new(1, 1)), ImageSize::new(320, 240));
+        assert_eq!(nearest_size(&sizes, ImageSize::new(9000, 9000)), ImageSize::new(1920, 1080));
+        assert_eq!(
+            nearest_size(&[], ImageSize::new(640, 480)),
+            ImageSize::new(640, 480),
+            "the driver will say"
+        );
+        assert_eq!(
+            nearest_size(&[Sizes::One(ImageSize::new(0, 0))], ImageSize::new(640, 480)),
+            ImageSize::new(640, 480)
+        );
     }
 
     #[test]
     fn a_range_of_sizes_is_kept_to_in_its_steps() {
-        let range = [Sizes::Range { least: (48, 32), most: (1920, 1080), step: (16, 8) }];
-        assert_eq!(nearest_size(&range, (640, 480)), (640, 480));
-        assert_eq!(nearest_size(&range, (645, 477)), (640, 480));
-        assert_eq!(nearest_size(&range, (10, 9000)), (48, 1080));
-        let odd = [Sizes::Range { least: (10, 10), most: (25, 25), step: (10, 0) }];
-        assert_eq!(nearest_size(&odd, (30, 30)), (20, 25), "25 is not on the grid of 10");
-        let upside_down = [Sizes::Range { least: (64, 64), most: (0, 0), step: (1, 1) }];
-        assert_eq!(nearest_size(&upside_down, (640, 480)), (64, 64));
+        let range = [Sizes::Range {
+            least: ImageSize::new(48, 32),
+            most: ImageSize::new(1920, 1080),
+            step: ImageSize::new(16, 8),
+        }];
+        assert_eq!(nearest_size(&range, ImageSize::new(640, 480)), ImageSize::new(640, 480));
+        assert_eq!(nearest_size(&range, ImageSize::new(645, 477)), ImageSize::new(640, 480));
+        assert_eq!(nearest_size(&range, ImageSize::new(10, 9000)), ImageSize::new(48, 1080));
+        let odd = [Sizes::Range {
+            least: ImageSize::new(10, 10),
+            most: ImageSize::new(25, 25),
+            step: ImageSize::new(10, 0),
+        }];
+        assert_eq!(
+            nearest_size(&odd, ImageSize::new(30, 30)),
+            ImageSize::new(20, 25),
+            "25 is not on the grid of 10"
+        );
+        let upside_down = [Sizes::Range {
+            least: ImageSize::new(64, 64),
+            most: ImageSize::new(0, 0),
+            step: ImageSize::new(1, 1),
+        }];
+        assert_eq!(nearest_size(&upside_down, ImageSize::new(640, 480)), ImageSize::new(64, 64));
     }
 
     #[test]

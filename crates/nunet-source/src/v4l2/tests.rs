@@ -12,7 +12,7 @@ use super::*;
 const MS: i64 = 1_000_000;
 const SECOND: i64 = 1000 * MS;
 const PATH: &str = "/dev/video0";
-const SIZE: (u32, u32) = (4, 2);
+const SIZE: ImageSize = ImageSize::new(4, 2);
 const REQUESTED: RequestedMode = RequestedMode { size: SIZE, hz: 30.0 };
 const NV12: FourCc = FourCc::new(b"NV12");
 const YUYV: FourCc = FourCc::new(b"YUYV");
@@ -45,7 +45,7 @@ struct World {
     /// What the driver makes of the format asked for, where it does not obey.
     chooses: Option<Layout>,
     filled: VecDeque<Shot>,
-    asked: Option<(FourCc, (u32, u32), Interval)>,
+    asked: Option<(FourCc, ImageSize, Interval)>,
     /// When somebody tried to open the camera.
     tries: Vec<i64>,
     /// Devices that are open.
@@ -63,7 +63,7 @@ struct FakeDevice {
     /// How often a camera had been unplugged when it was opened.
     born: u32,
     buffers: Vec<Vec<u8>>,
-    set: Option<(FourCc, (u32, u32))>,
+    set: Option<(FourCc, ImageSize)>,
 }
 
 impl FakeHost {
@@ -111,7 +111,7 @@ impl FakeHost {
     }
 }
 
-fn one(format: FourCc, size: (u32, u32), hz: f64) -> Offer {
+fn one(format: FourCc, size: ImageSize, hz: f64) -> Offer {
     (format, vec![(Sizes::One(size), vec![Intervals::One(Interval::of_hz(hz))])])
 }
 
@@ -179,14 +179,14 @@ impl Device for FakeDevice {
         Ok(offers.flat_map(|(_, sizes)| sizes).map(|(sizes, _)| *sizes).collect())
     }
 
-    fn intervals(&mut self, format: FourCc, size: (u32, u32)) -> device::Result<Vec<Intervals>> {
+    fn intervals(&mut self, format: FourCc, size: ImageSize) -> device::Result<Vec<Intervals>> {
         let world = self.alive()?;
         let offers = world.camera.iter().flatten().filter(|(offered, _)| *offered == format);
         let fitting = offers.flat_map(|(_, sizes)| sizes).filter(|(sizes, _)| *sizes == Sizes::One(size));
         Ok(fitting.flat_map(|(_, intervals)| intervals.clone()).collect())
     }
 
-    fn set_format(&mut self, format: FourCc, size: (u32, u32)) -> device::Result<Layout> {
+    fn set_format(&mut self, format: FourCc, size: ImageSize) -> device::Result<Layout> {
         let chosen = self.alive()?.chooses.unwrap_or(Layout { format, size, row_stride: 0 });
         self.set = Some((chosen.format, chosen.size));
         Ok(chosen)
@@ -418,14 +418,18 @@ fn a_camera_that_is_unplugged_is_tried_again_ever_more_seldom_and_taken_when_it_
     }
     let tries: Vec<_> = host.world().tries[1..].iter().map(|nanos| (nanos - lost) / MS).collect();
     assert_eq!(tries, [200, 600, 1400, 3000, 6200, 11_200, 16_200]);
-    host.plug_in(vec![one(YUYV, (8, 2), 15.0)]);
+    host.plug_in(vec![one(YUYV, ImageSize::new(8, 2), 15.0)]);
     let mut frame = Frame::default();
     while host.world().tries.len() < 9 {
         assert!(matches!(video.fill(&mut frame), Fill::Nothing));
     }
     host.shoot([7; 32]);
     assert!(matches!(video.fill(&mut frame), Fill::Frame));
-    assert_eq!((frame.size, frame.format), ((8, 2), Some(PixelFormat::Yuyv)), "another camera, set anew");
+    assert_eq!(
+        (frame.size, frame.format),
+        (ImageSize::new(8, 2), Some(PixelFormat::Yuyv)),
+        "another camera, set anew"
+    );
     assert_eq!((frame.sequence, frame.stretch), (1, 1), "it does not follow the last one");
 }
 
@@ -536,12 +540,12 @@ fn a_driver_that_chooses_what_cannot_be_read_is_refused() {
     };
     assert!(refused(YUYV, SIZE, 8).contains("asked for GREY, its driver chose YUYV"));
     assert!(refused(GREY, SIZE, 3).contains("images of 4x2 with rows 3 bytes apart"));
-    assert!(refused(GREY, (0, 2), 0).contains("images of 0x2"));
-    assert!(refused(GREY, (1 << 20, 2), 0).contains("images of 1048576x2"));
+    assert!(refused(GREY, ImageSize::new(0, 2), 0).contains("images of 0x2"));
+    assert!(refused(GREY, ImageSize::new(1 << 20, 2), 0).contains("images of 1048576x2"));
 }
 
 /// What is asked of a camera that offers all this.
-fn asked(offers: Vec<Offer>, requested: RequestedMode) -> (FourCc, (u32, u32), f64) {
+fn asked(offers: Vec<Offer>, requested: RequestedMode) -> (FourCc, ImageSize, f64) {
     let host = FakeHost::with(offers);
     drop(host.try_open(requested).unwrap());
     let (format, size, interval) = host.world().asked.unwrap();
@@ -553,38 +557,38 @@ fn the_nearest_size_comes_first_then_the_nearest_rate_then_the_format() {
     let requested = RequestedMode::default();
     let webcam = || {
         vec![
-            one(MJPG, (1280, 720), 30.0),
-            one(YUYV, (1280, 720), 10.0),
-            one(MJPG, (640, 480), 30.0),
-            one(YUYV, (640, 480), 30.000_03),
+            one(MJPG, ImageSize::new(1280, 720), 30.0),
+            one(YUYV, ImageSize::new(1280, 720), 10.0),
+            one(MJPG, ImageSize::new(640, 480), 30.0),
+            one(YUYV, ImageSize::new(640, 480), 30.000_03),
         ]
     };
     assert_eq!(asked(webcam(), requested).0, YUYV, "nothing to decode");
-    let large = RequestedMode { size: (1280, 720), hz: 30.0 };
-    assert_eq!(asked(webcam(), large), (MJPG, (1280, 720), 30.0), "raw would be too slow");
-    let slow = RequestedMode { size: (1280, 720), hz: 5.0 };
-    assert_eq!(asked(webcam(), slow), (YUYV, (1280, 720), 10.0));
-    let both = vec![one(NV12, (640, 360), 30.0), one(MJPG, (640, 480), 5.0)];
-    assert_eq!(asked(both, requested), (MJPG, (640, 480), 5.0));
+    let large = RequestedMode { size: ImageSize::new(1280, 720), hz: 30.0 };
+    assert_eq!(asked(webcam(), large), (MJPG, ImageSize::new(1280, 720), 30.0), "raw would be too slow");
+    let slow = RequestedMode { size: ImageSize::new(1280, 720), hz: 5.0 };
+    assert_eq!(asked(webcam(), slow), (YUYV, ImageSize::new(1280, 720), 10.0));
+    let both = vec![one(NV12, ImageSize::new(640, 360), 30.0), one(MJPG, ImageSize::new(640, 480), 5.0)];
+    assert_eq!(asked(both, requested), (MJPG, ImageSize::new(640, 480), 5.0));
 }
 
 #[test]
 fn gray_is_taken_only_where_there_is_no_color() {
     let requested = RequestedMode::default();
-    let infrared = one(GREY, (640, 480), 30.0);
-    assert_eq!(asked(vec![infrared.clone(), one(MJPG, (1920, 1080), 5.0)], requested).0, MJPG);
+    let infrared = one(GREY, ImageSize::new(640, 480), 30.0);
+    assert_eq!(asked(vec![infrared.clone(), one(MJPG, ImageSize::new(1920, 1080), 5.0)], requested).0, MJPG);
     assert_eq!(asked(vec![infrared], requested).0, GREY);
 }
 
 #[test]
 fn a_driver_without_lists_is_asked_for_the_requested_mode() {
-    assert_eq!(asked(vec![(YUYV, vec![])], RequestedMode::default()), (YUYV, (640, 480), 30.0));
+    assert_eq!(asked(vec![(YUYV, vec![])], RequestedMode::default()), (YUYV, ImageSize::new(640, 480), 30.0));
 }
 
 #[test]
 fn cameras_are_listed_with_what_they_offer_and_what_would_be_taken() {
-    let sizes = [(320, 240), (640, 480)].map(|size| (Sizes::One(size), vec![]));
-    let mut host = FakeHost::with(vec![(YUYV, sizes.to_vec()), one(H264, (1920, 1080), 30.0)]);
+    let sizes = [ImageSize::new(320, 240), ImageSize::new(640, 480)].map(|size| (Sizes::One(size), vec![]));
+    let mut host = FakeHost::with(vec![(YUYV, sizes.to_vec()), one(H264, ImageSize::new(1920, 1080), 30.0)]);
     let listed = |host: &mut FakeHost| -> Vec<Result<String, String>> {
         let text = |(problem, hint): (String, Option<std::borrow::Cow<'_, str>>)| match hint {
             Some(hint) => format!("{problem} | {hint}"),
@@ -595,7 +599,7 @@ fn cameras_are_listed_with_what_they_offer_and_what_would_be_taken() {
     let all = "Fake Cam offers YUYV 320x240 to 640x480, H264 1920x1080 (not read); nunetd takes YUYV 640x480";
     assert_eq!(listed(&mut host), [Ok(all.to_owned())]);
     assert!(host.world().asked.is_none(), "looking changes nothing");
-    host.plug_in(vec![one(H264, (8, 8), 30.0)]);
+    host.plug_in(vec![one(H264, ImageSize::new(8, 8), 30.0)]);
     assert_eq!(
         listed(&mut host),
         [Ok("Fake Cam offers H264 8x8 (not read); nunetd reads none of them".into())]
@@ -628,8 +632,8 @@ fn formats_that_need_a_conversion_are_read_as_recordings_are() {
 
 #[test]
 fn a_jpeg_that_lost_its_middle_fails_and_one_without_tables_is_read() {
-    let host = FakeHost::with(vec![one(MJPG, (64, 48), 30.0)]);
-    let mut video = host.try_open(RequestedMode { size: (64, 48), hz: 30.0 }).unwrap();
+    let host = FakeHost::with(vec![one(MJPG, ImageSize::new(64, 48), 30.0)]);
+    let mut video = host.try_open(RequestedMode { size: ImageSize::new(64, 48), hz: 30.0 }).unwrap();
     while !matches!(next(&mut video), Err(Fill::Nothing)) {}
     host.shoot(nunet_testkit::cases::read("mjpeg_without_tables/no_dht.jpg"));
     assert!(next(&mut video).is_ok());

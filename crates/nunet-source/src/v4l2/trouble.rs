@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, ImageSize};
 
 use super::device::{Errno, FourCc, Host};
 
@@ -30,8 +30,8 @@ pub(super) enum Trouble {
     NoFormat { offered: Vec<FourCc>, readable: Vec<FourCc> },
     #[error("asked for {asked}, its driver chose {got}")]
     OtherFormat { asked: FourCc, got: FourCc },
-    #[error("its driver chose images of {}x{} with rows {row_stride} bytes apart, which is impossible", size.0, size.1)]
-    NoLayout { size: (u32, u32), row_stride: u32 },
+    #[error("its driver chose images of {size} with rows {row_stride} bytes apart, which is impossible")]
+    NoLayout { size: ImageSize, row_stride: u32 },
     #[error("cannot {step}: {errno}")]
     Failed { step: &'static str, errno: Errno },
 }

@@ -1,5 +1,7 @@
 //! The image: all stages that take it agree on its type and shape, and these follow the contract.
 
+use nunet_types::ImageSize;
+
 use super::{Contract, IMAGE, Unwired, agree};
 use crate::frame::MAX_SIDE_PX;
 use crate::graph::WiringError;
@@ -54,13 +56,13 @@ impl Unwired<'_> {
     }
 
     /// Its width and height, pixels.
-    pub(super) fn size(&self, image: &TensorSpec) -> Result<(u32, u32), WiringError> {
+    pub(super) fn size(&self, image: &TensorSpec) -> Result<ImageSize, WiringError> {
         match (self.contract, &image.shape[..]) {
             (Contract::Foreign { size, .. }, _) => Ok(size),
             (Contract::Nunet, &[_, height, width, _]) => {
                 let side = |pixels: i64| u32::try_from(pixels).ok().filter(|&side| side <= MAX_SIDE_PX);
                 match (side(width), side(height)) {
-                    (Some(width), Some(height)) => Ok((width, height)),
+                    (Some(width), Some(height)) => Ok(ImageSize { width, height }),
                     _ => Err(WiringError::TooLarge { kind: image.kind().into() }),
                 }
             }

@@ -17,6 +17,8 @@ mod tests;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use nunet_types::ImageSize;
+
 use crate::graph::manifest::{Manifest, ManifestStage};
 use crate::graph::signature::{ElementType, Signature, TensorSpec};
 use crate::model::{ExtraInput, StateTensor};
@@ -55,7 +57,7 @@ pub(crate) enum Contract {
         /// Batch, channels, height and width in the sidecar's layout.
         image: [i64; 4],
         /// Width and height, pixels.
-        size: (u32, u32),
+        size: ImageSize,
     },
 }
 
@@ -69,11 +71,11 @@ pub(crate) struct Wired {
     /// The image.
     pub(crate) image: TensorSpec,
     /// Width and height of image, depth and labels, pixels.
-    pub(crate) size: (u32, u32),
+    pub(crate) size: ImageSize,
     /// The index of the depth map in `tensors`.
     pub(crate) depth: usize,
     /// Width and height of that tensor, pixels; another size than `size` is resized to it.
-    pub(crate) depth_size: (u32, u32),
+    pub(crate) depth_size: ImageSize,
     /// The index of the labels in `tensors`.
     pub(crate) labels: Option<usize>,
     /// The state of all stages, in their order.
@@ -146,7 +148,7 @@ impl Unwired<'_> {
             size: self.size(&image)?,
             image,
             depth: 0,
-            depth_size: (0, 0),
+            depth_size: ImageSize::new(0, 0),
             labels: None,
             states: Vec::new(),
             extras: self.extras()?,

@@ -1,5 +1,7 @@
 //! The results of the whole graph: depth and labels as the contract specifies.
 
+use nunet_types::ImageSize;
+
 use super::{Contract, Unwired, Wired};
 use crate::graph::WiringError;
 use crate::graph::signature::{ElementType, TensorSpec, kind};
@@ -12,7 +14,7 @@ impl Unwired<'_> {
         plan.depth_size = self.depth_size(&plan.tensors[plan.depth], plan.size)?;
         if let Some(labels) = &outputs.labels {
             let index = self.find("output `labels`", labels, plan)?;
-            let (width, height) = (i64::from(plan.size.0), i64::from(plan.size.1));
+            let (width, height) = (i64::from(plan.size.width), i64::from(plan.size.height));
             let expected = [1, height, width];
             let given = &plan.tensors[index];
             if given.element != ElementType::Uint8 || given.shape != expected {
@@ -25,8 +27,8 @@ impl Unwired<'_> {
 
     /// Width and height of the depth map. Networks of the contract give depth of the image's size; foreign ones may give
     /// another size, with dimensions of 1 anywhere around it.
-    fn depth_size(&self, given: &TensorSpec, size: (u32, u32)) -> Result<(u32, u32), WiringError> {
-        let (width, height) = (i64::from(size.0), i64::from(size.1));
+    fn depth_size(&self, given: &TensorSpec, size: ImageSize) -> Result<ImageSize, WiringError> {
+        let (width, height) = (i64::from(size.width), i64::from(size.height));
         let expected = [1, 1, height, width];
         let without_ones =
             |shape: &[i64]| -> Vec<i64> { shape.iter().copied().filter(|&dim| dim != 1).collect() };
@@ -34,7 +36,9 @@ impl Unwired<'_> {
             Contract::Nunet => (given.shape == expected).then_some(size),
             Contract::Foreign { .. } => match without_ones(&given.shape)[..] {
                 _ if without_ones(&given.shape) == without_ones(&expected) => Some(size),
-                [height, width] => u32::try_from(width).ok().zip(u32::try_from(height).ok()),
+                [height, width] => {
+                    u32::try_from(width).ok().zip(u32::try_from(height).ok()).map(ImageSize::from)
+                }
                 _ => None,
             },
         };
@@ -55,19 +59,19 @@ impl Wired {
     /// The shape of the caller's depth map: that of the image if depth is resized, else the file's own.
     pub(in crate::graph) fn depth_shape(&self, is_resized: bool) -> Vec<i64> {
         match is_resized {
-            true => vec![1, 1, i64::from(self.size.1), i64::from(self.size.0)],
+            true => vec![1, 1, i64::from(self.size.height), i64::from(self.size.width)],
             false => self.tensors[self.depth].shape.clone(),
         }
     }
 }
 
-fn mismatch(role: &'static str, given: &TensorSpec, expected: &str, size: (u32, u32)) -> WiringError {
+fn mismatch(role: &'static str, given: &TensorSpec, expected: &str, size: ImageSize) -> WiringError {
     WiringError::Result {
         role,
         reference: given.name.clone().into(),
         given: given.kind().into(),
         expected: expected.into(),
-        width: size.0,
-        height: size.1,
+        width: size.width,
+        height: size.height,
     }
 }

@@ -81,7 +81,7 @@ fn wnet(inputs: Inputs<'_>, signatures: &[Signature]) -> Result<Wired, WiringErr
 #[test]
 fn stages_that_fit_become_a_plan() {
     let plan = wnet(CONNECTED, &[segmentation(), depth_stage()]).unwrap();
-    assert_eq!(plan.size, (640, 480));
+    assert_eq!(plan.size, ImageSize::new(640, 480));
     let names: Vec<&str> = plan.tensors.iter().map(|tensor| tensor.name.as_str()).collect();
     assert_eq!(names, ["segmentation.logits", "segmentation.labels", "depth.depth"]);
     assert_eq!((plan.depth, plan.labels), (2, Some(1)));
@@ -284,8 +284,11 @@ fn a_tensor_that_is_too_large_is_refused_if_it_is_used() {
 
 #[test]
 fn a_foreign_network_may_leave_dimensions_open_that_its_sidecar_fixes() {
-    let contract =
-        Contract::Foreign { element: ElementType::Float32, image: [1, 3, 480, 640], size: (640, 480) };
+    let contract = Contract::Foreign {
+        element: ElementType::Float32,
+        image: [1, 3, 480, 640],
+        size: ImageSize::new(640, 480),
+    };
     let input = tensor("x", ElementType::Float32, &[-1, 3, -1, -1]);
     for shape in [&[1, 1, 480, 640][..], &[1, 480, 640], &[480, 640], &[1, 480, 640, 1]] {
         let one = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, shape)]);
@@ -293,12 +296,12 @@ fn a_foreign_network_may_leave_dimensions_open_that_its_sidecar_fixes() {
         let plan = wire_parts(&manifest, vec![one], vec![Vec::new()], contract).unwrap();
         assert_eq!(plan.image.shape, [1, 3, 480, 640]);
         assert_eq!(plan.tensors[0].bytes(), Some(480 * 640 * 4), "{shape:?}");
-        assert_eq!(plan.depth_size, (640, 480));
+        assert_eq!(plan.depth_size, ImageSize::new(640, 480));
     }
     let half = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, &[1, 240, 320])]);
     let manifest_of_y = manifest(&[("network", 1, &[("x", "image")])], "network.y", None);
     let plan = wire_parts(&manifest_of_y, vec![half], vec![Vec::new()], contract).unwrap();
-    assert_eq!((plan.size, plan.depth_size), ((640, 480), (320, 240)));
+    assert_eq!((plan.size, plan.depth_size), (ImageSize::new(640, 480), ImageSize::new(320, 240)));
     for shape in [&[2, 480, 640][..], &[480], &[-1, 480, 640]] {
         let bad = signature(std::slice::from_ref(&input), &[tensor("y", ElementType::Float32, shape)]);
         assert!(wire_parts(&manifest_of_y, vec![bad], vec![Vec::new()], contract).is_err(), "{shape:?}");

@@ -5,6 +5,8 @@ mod toml;
 
 use std::collections::BTreeMap;
 
+use nunet_types::ImageSize;
+
 pub use error::SidecarError;
 
 use super::{ExtraInput, FOREIGN, ModelDescription, TrainingCamera};
@@ -21,7 +23,7 @@ pub struct Sidecar {
     /// The format of the image tensor; `None` for camera bytes, `uint8 [1, H, W, 3]`, RGB.
     pub format: Option<TensorFormat>,
     /// Width and height of the image, pixels.
-    pub size: (u32, u32),
+    pub size: ImageSize,
     /// The other inputs, by name.
     pub extra_inputs: BTreeMap<String, ExtraInput>,
     /// The name of the depth tensor.
@@ -48,7 +50,7 @@ impl Sidecar {
         if ![height, width].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {
             return Err(SidecarError::Size { height, width });
         }
-        let size = (width, height);
+        let size = ImageSize { width, height };
         if file.inputs.contains_key(&file.input.tensor) {
             return Err(SidecarError::ImageTwice { input: file.input.tensor });
         }
@@ -71,7 +73,7 @@ impl Sidecar {
     /// The shape of the image tensor.
     #[must_use]
     pub fn image_shape(&self) -> [i64; 4] {
-        let (width, height) = (i64::from(self.size.0), i64::from(self.size.1));
+        let (width, height) = (i64::from(self.size.width), i64::from(self.size.height));
         match self.format.map(|format| format.layout) {
             Some(TensorLayout::Nchw) => [1, 3, height, width],
             Some(TensorLayout::Nhwc) | None => [1, height, width, 3],
@@ -125,7 +127,7 @@ mod tests {
     #[test]
     fn the_documented_keys_are_read() {
         let sidecar = Sidecar::parse(MIDAS_LIKE).unwrap();
-        assert_eq!(sidecar.size, (256, 192));
+        assert_eq!(sidecar.size, ImageSize::new(256, 192));
         assert_eq!(sidecar.image_shape(), [1, 3, 192, 256]);
         let format = sidecar.format.unwrap();
         assert_eq!((format.layout, format.channels), (TensorLayout::Nchw, ChannelOrder::Bgr));

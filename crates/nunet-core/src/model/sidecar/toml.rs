@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use nunet_types::ImageSize;
 use serde::Deserialize;
 
 use super::SidecarError;
@@ -128,7 +129,7 @@ impl CameraTable {
     /// The training camera. Without a size its focal lengths are at the network's.
     pub(super) fn training_camera(
         &self,
-        (width, height): (u32, u32),
+        ImageSize { width, height }: ImageSize,
     ) -> Result<TrainingCamera, SidecarError> {
         let camera = TrainingCamera {
             width: self.width.unwrap_or(width),

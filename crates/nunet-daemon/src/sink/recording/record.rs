@@ -3,6 +3,7 @@
 use nunet_core::camera::Camera;
 use nunet_ipc::Units;
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
+use nunet_types::ImageSize;
 
 use crate::sink::Results;
 use crate::source::{Frame, Pixels};
@@ -18,10 +19,10 @@ pub(crate) struct Record {
     pub(crate) depth_camera: Option<Camera>,
     /// Units of depth, and where its scale comes from.
     scale: [&'static str; 2],
-    size: (u32, u32),
+    size: ImageSize,
     depth: Vec<u8>,
     labels: Vec<u8>,
-    cloud_size: (u32, u32),
+    cloud_size: ImageSize,
     cloud: Vec<u8>,
 }
 
@@ -73,8 +74,8 @@ impl Record {
     }
 
     pub(crate) fn depth(&self) -> DepthRecord<'_> {
-        let Self { scale, size: (width, height), depth, .. } = self;
-        DepthRecord { scale: *scale, width: *width, height: *height, bytes: depth }
+        let ImageSize { width, height } = self.size;
+        DepthRecord { scale: self.scale, width, height, bytes: &self.depth }
     }
 
     pub(crate) fn labels(&self) -> Option<&[u8]> {
@@ -83,7 +84,7 @@ impl Record {
 
     /// Readers of ROS messages expect points in meters, so depth without a unit has no points.
     pub(crate) fn cloud(&self) -> Option<CloudRecord<'_>> {
-        let (width, height) = self.cloud_size;
+        let ImageSize { width, height } = self.cloud_size;
         (!self.cloud.is_empty() && self.scale[0] == Units::Metre.name()).then_some(CloudRecord {
             width,
             height,

@@ -11,6 +11,7 @@ use nunet_core::pipeline::Pipeline;
 use nunet_core::preprocess::Preprocessor;
 use nunet_ipc::Clock;
 use nunet_mcap::{EncodedImage, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
+use nunet_types::ImageSize;
 
 use super::archive::Archive;
 use super::record::{Record, describe};
@@ -172,7 +173,7 @@ impl FrameWriter {
 #[derive(Default)]
 struct ImageEncoder {
     lossless: bool,
-    to_rgb: Option<((u32, u32), Preprocessor)>,
+    to_rgb: Option<(ImageSize, Preprocessor)>,
     encoded: Vec<u8>,
     has_noted_jpeg: bool,
 }
@@ -189,7 +190,7 @@ impl ImageEncoder {
                  --record-lossless for PNG"
             );
         }
-        let (width, height) = frame.size;
+        let ImageSize { width, height } = frame.size;
         let (size, to_rgb) =
             self.to_rgb.get_or_insert_with(|| (frame.size, Preprocessor::new(width, height)));
         if *size != frame.size {
@@ -230,7 +231,7 @@ mod tests {
     fn raw_images_are_jpeg_by_default_and_exact_as_png() {
         let mut frame = Frame::default();
         let pixels: Vec<u8> = (0..12).map(|value| value * 20).collect();
-        frame.rgb_buffer((2, 2)).copy_from_slice(&pixels);
+        frame.rgb_buffer((2, 2).into()).copy_from_slice(&pixels);
         for (lossless, expected) in [(false, "jpeg"), (true, "png")] {
             let mut encoder = ImageEncoder { lossless, ..ImageEncoder::default() };
             let encoded = encoder.encoded(&frame).unwrap();

@@ -1,6 +1,7 @@
 //! The paper's Table 2: milliseconds of 100 predictions on an RTX 2060, 480x640, ResNet-34 encoders.
 
 use nunet_core::pipeline::Pipeline;
+use nunet_types::ImageSize;
 use serde_json::{Value, json};
 
 /// One network of the table.
@@ -21,7 +22,7 @@ const TABLE: [Row; 3] = [
 /// The times in the paper for the same network, if it is one of the paper's.
 pub(super) fn row(pipeline: &Pipeline) -> Option<Row> {
     let description = pipeline.graph().description();
-    let same = pipeline.size() == (640, 480)
+    let same = pipeline.size() == ImageSize::new(640, 480)
         && description.inner_size.is_none_or(|inner| inner == [480, 640])
         && description.components.iter().all(|component| component.backbone == "resnet34");
     TABLE.into_iter().find(|row| same && row.architecture == description.architecture)
