@@ -1,6 +1,6 @@
 //! Writes views of the demo scene with their exact depth: the image of the README, or a dataset.
 //!
-//! `cargo run --release -p nunet-daemon --example render_demo_scene -- docs/images/demo.png`, or `-- DIR` for `rgb/` and
+//! `cargo run --release -p nunet-daemon --example render_demo_scene -- demo.png`, or `-- DIR` for `rgb/` and
 //! `depth/` (16-bit millimeters) as `nunetd eval` and the recipe read them.
 
 use std::error::Error;

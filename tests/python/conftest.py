@@ -1,4 +1,4 @@
-"""A running daemon for the tests. The binary's path comes in `NUNETD`."""
+"""Fixtures that several files share. The path of the daemon's binary comes in `NUNETD`."""
 
 import contextlib
 import itertools
@@ -47,3 +47,33 @@ def camera(nunetd):
     name = f"pytest-{os.getpid()}-{next(COUNTER)}"
     with running([nunetd, "--model", str(MODEL), "--source", "demo", "--camera", name, "--rate", "30"]):
         yield name
+
+
+# The tests of the Python package. It is imported late: other tests run without it.
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    """The tiny model with untrained weights, in this process."""
+    from support import model
+
+    return model()
+
+
+@pytest.fixture
+def pair():
+    """A publisher, and a subscriber to its images."""
+    from streaming import attached
+
+    with attached(frame_id="front_optical") as both:
+        yield both
+
+
+@pytest.fixture
+def still():
+    """A publisher that sends only when the test does."""
+    import nunet_py
+    from streaming import unique_name
+
+    with nunet_py.publisher(unique_name(), size=(64, 48)) as publisher:
+        yield publisher

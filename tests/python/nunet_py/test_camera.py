@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import nunet_py as nunet
 import pytest
-from support import hint_of, model, noise
+from support import hint_of, noise
 
 YAML = """image_width: 1280
 image_height: 960
@@ -15,11 +15,6 @@ camera_matrix: {rows: 3, cols: 3, data: [1037, 0, 651, 0, 1038, 507, 0, 0, 1]}
 distortion_model: plumb_bob
 distortion_coefficients: {rows: 1, cols: 5, data: [-0.31, 0.11, 0.0007, -0.0004, 0]}
 """
-
-
-@pytest.fixture(scope="module")
-def tiny():
-    return model()
 
 
 def test_a_camera_is_what_was_given():

@@ -11,11 +11,6 @@ from support import ONE_THREAD, RECURRENT, ROOM, TINY, hint_of, model, noise
 
 
 @pytest.fixture(scope="module")
-def tiny():
-    return model()
-
-
-@pytest.fixture(scope="module")
 def rgb():
     return noise(96, 128)
 

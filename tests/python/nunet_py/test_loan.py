@@ -15,13 +15,6 @@ SIZE = (64, 48)
 SHAPE = (48, 64, 3)
 
 
-@pytest.fixture
-def pair():
-    """A publisher, and a subscriber to its images."""
-    with attached(frame_id="front_optical") as both:
-        yield both
-
-
 def noise(shape=SHAPE, seed=0):
     return np.random.default_rng(seed).integers(0, 256, shape, np.uint8)
 

@@ -17,11 +17,6 @@ from support import ONE_THREAD, RECURRENT, ROOM, ROOT, TINY, hint_of, model, noi
 HINT = re.compile(r"\nhint: \S")
 
 
-@pytest.fixture(scope="module")
-def tiny():
-    return model()
-
-
 def test_a_bundled_model_gives_meters_labels_and_points_of_a_room():
     net = nunet.Model("wnet_c.onnx", provider="cpu")
     assert (net.size, net.architecture, net.trained, net.provider) == ((640, 480), "wnet_c", True, "cpu")

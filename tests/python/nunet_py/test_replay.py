@@ -13,11 +13,6 @@ from support import ON_THE_COMMAND_LINE, RECURRENT, TINY, hint_of, model
 from test_recordings import FIRST_NANOS, FRAMES, PERIOD_NANOS, K, make_bag
 
 
-@pytest.fixture(scope="module")
-def tiny():
-    return model()
-
-
 def hash_of(results):
     """What `nunetd replay --json` prints as the hash of depth and labels."""
     total = hashlib.sha256()

@@ -15,11 +15,6 @@ CAMERA = nunet.Camera(110, 112, 60, 50, (128, 96))
 
 
 @pytest.fixture(scope="module")
-def tiny():
-    return model()
-
-
-@pytest.fixture(scope="module")
 def result(tiny):
     return tiny.infer(noise(96, 128), camera=CAMERA)
 

@@ -20,13 +20,6 @@ CLIENTS = pathlib.Path(__file__).parents[1]
 ALL = ["depth", "labels", "cloud", "stats"]
 
 
-@pytest.fixture
-def still():
-    """A publisher that sends only when the test does."""
-    with nunet.publisher(unique_name(), size=(64, 48)) as publisher:
-        yield publisher
-
-
 def image(value, shape=(48, 64, 3)):
     return np.full(shape, value, np.uint8)
 
