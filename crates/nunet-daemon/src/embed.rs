@@ -1,5 +1,5 @@
-//! What the Python package shares with nunetd besides the engine: reading images, calibrations and recordings, and the
-//! texts and kinds of errors.
+//! Parts that the Python package shares with nunetd besides the engine: reading images, calibrations and recordings, and
+//! the texts and kinds of errors.
 
 use std::path::Path;
 

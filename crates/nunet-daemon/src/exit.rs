@@ -12,10 +12,10 @@ use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, text_with_hint};
 use tracing::warn;
 
-/// How a subcommand ended that did not fail.
+/// The outcome of a subcommand that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// Everything asked for was done.
+    /// Everything was done.
     Done,
     /// Finished, but frames or data were lost; the counts have been printed.
     Lost,
@@ -94,12 +94,12 @@ pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
     CameraName::new(name).map_err(|error| BadArguments(text_with_hint(&error)))
 }
 
-/// Says which of several cameras is meant; what kind of error it is stays.
+/// Adds the name of the camera; the kind of the error stays the same.
 pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> anyhow::Error {
     if several { error.context(format!("camera `{camera}` cannot begin")) } else { error }
 }
 
-/// Says what is assumed about a camera without intrinsics.
+/// Warns what is assumed about a camera without intrinsics.
 pub(crate) fn warn_of_unknown_camera(assumption: &str) {
     warn!("no intrinsics: {assumption}\nhint: --intrinsics fx,fy,cx,cy or --calibration FILE.yaml");
 }
@@ -134,7 +134,7 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 
     }
 }
 
-/// Whether the user's arguments are wrong, rather than the machine.
+/// Whether the user's arguments are at fault.
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<BadArguments>()
         || error.is::<NotFound>()

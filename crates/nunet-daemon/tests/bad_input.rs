@@ -373,7 +373,7 @@ fn frame_id_of_a_long_camera_name_that_would_be_cut() {
 }
 
 #[test]
-fn word_that_is_no_verb() {
+fn word_that_is_no_subcommand() {
     let bench = Bench::new();
     snapshot!(outcome(&bench, nunetd(&["inferr", "photo.jpg"])));
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, PATIENCE, nunetd, run, text};
+use crate::support::{Bench, Guarded, TIMEOUT, nunetd, run, text};
 
 /// Exit code and report.
 fn doctor(bench: &Bench, model: &str) -> (Option<i32>, Value) {
@@ -94,7 +94,7 @@ fn cameras_that_are_published_are_named_by_doctor_and_by_a_watch_that_finds_none
         if published.contains("rear") && published.contains("front") {
             break published;
         }
-        assert!(start.elapsed() < PATIENCE, "{published}");
+        assert!(start.elapsed() < TIMEOUT, "{published}");
     };
     assert_eq!(published, "depth of `front`, `rear`; no images");
     let mut command = nunetd(&["watch", "fornt", "--timeout", "0.2"]);

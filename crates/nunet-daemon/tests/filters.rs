@@ -5,7 +5,7 @@ use std::time::Instant;
 use nunet_ipc::{CameraName, FrameSet, Reader, Topic};
 use nunet_testkit::models;
 
-use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd, run_well, text};
+use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd, run_well, text};
 
 /// Pixels on each side of a block, and blocks in the image.
 const FACTOR: usize = 4;
@@ -13,15 +13,15 @@ const SMALL: (u32, u32) = (SIZE.0 / FACTOR as u32, SIZE.1 / FACTOR as u32);
 
 fn first_set(camera: &str) -> FrameSet {
     let topics = [Topic::Depth, Topic::Labels, Topic::Cloud];
-    let mut reader = Reader::open(&CameraName::new(camera).unwrap(), &topics, PATIENCE).unwrap();
+    let mut reader = Reader::open(&CameraName::new(camera).unwrap(), &topics, TIMEOUT).unwrap();
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < TIMEOUT {
         if let Some(set) = reader.next_set().unwrap() {
             return set;
         }
         reader.wait(std::time::Duration::from_millis(100)).unwrap();
     }
-    panic!("no complete frame within {PATIENCE:?}")
+    panic!("no complete frame within {TIMEOUT:?}")
 }
 
 /// The means and the majorities of the blocks of an image. Sums of these depths are exact.

@@ -63,7 +63,7 @@ fn folders_and_globs_are_taken_like_everywhere_else() {
 }
 
 #[test]
-fn what_is_no_image_is_told_before_the_network_is_looked_for_and_leaves_no_folder() {
+fn a_file_that_is_no_image_is_reported_before_the_network_is_loaded_and_leaves_no_folder() {
     let bench = Bench::new();
     std::fs::write(bench.path("photo.bmp"), b"BM\x46\0\0\0").unwrap();
     let (bmp, missing, out) = (bench.arg("photo.bmp"), bench.arg("missing.png"), bench.arg("out"));
@@ -102,7 +102,7 @@ fn an_image_that_cannot_be_decoded_leaves_no_folder() {
     assert_eq!(output.status.code(), Some(1));
     assert!(
         text(&output.stderr).contains("cut.png`"),
-        "it is told before the model: {}",
+        "it is reported before the model: {}",
         text(&output.stderr)
     );
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nunet_core::pipeline::MAX_RAY_ANGLE_RAD;
 use nunet_ipc::{CameraName, DistortionModel, FrameHeader, FrameSet, Reader, ScaleSource, Topic};
 
-use crate::support::{Bench, Guarded, PATIENCE, SIZE, calibration, camera, nunetd};
+use crate::support::{Bench, Guarded, SIZE, TIMEOUT, calibration, camera, nunetd};
 
 const FISHEYE: [f64; 4] = [-0.0123, 0.0034, -0.0025, 0.0004];
 
@@ -17,15 +17,15 @@ fn fisheye() -> String {
 
 fn first_set(camera: &str) -> FrameSet {
     let mut reader =
-        Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth, Topic::Cloud], PATIENCE).unwrap();
+        Reader::open(&CameraName::new(camera).unwrap(), &[Topic::Depth, Topic::Cloud], TIMEOUT).unwrap();
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < TIMEOUT {
         if let Some(set) = reader.next_set().unwrap() {
             return set;
         }
         reader.wait(std::time::Duration::from_millis(100)).unwrap();
     }
-    panic!("no complete frame within {PATIENCE:?}")
+    panic!("no complete frame within {TIMEOUT:?}")
 }
 
 fn check_fisheye(header: &FrameHeader) {

@@ -1,4 +1,4 @@
-//! What is lost is counted and told by exit code 3; the rest is done.
+//! Losses are counted and give exit code 3; everything else is done.
 
 use serde_json::Value;
 
@@ -71,14 +71,14 @@ fn frames_that_a_newer_one_replaced_are_no_loss() {
 }
 
 #[test]
-fn what_sets_the_exit_code_is_told_with_q_as_well() {
+fn what_sets_the_exit_code_is_reported_with_q_as_well() {
     let bench = Bench::new();
     bench.add_image("images/0.png", 0);
     std::fs::write(bench.path("images/1.png"), "no image").unwrap();
     let (model, images, name) = (bench.arg("model.onnx"), bench.arg("images"), camera("quiet"));
-    let quiet = |verb: &[&str]| {
-        let output = run(nunetd(&[&["-q"][..], verb].concat()));
-        assert_eq!(output.status.code(), Some(3), "{verb:?}");
+    let quiet = |arguments: &[&str]| {
+        let output = run(nunetd(&[&["-q"][..], arguments].concat()));
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}");
         text(&output.stderr)
     };
     let stderr = quiet(&["run", "--model", &model, "--source", &images, "--camera", &name]);

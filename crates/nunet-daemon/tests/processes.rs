@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, Limits, Publisher, Reader, Topic, TopicPlan};
 
-use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, run, signal, text, wait_for};
+use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, run, signal, text, wait_for};
 
 fn demo_daemon(bench: &Bench, name: &str) -> Guarded {
     let model = bench.arg("model.onnx");
@@ -17,15 +17,15 @@ fn demo_daemon(bench: &Bench, name: &str) -> Guarded {
 
 /// Waits for a frame in shared memory.
 fn await_frame(name: &str) -> Reader {
-    let reader = Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < TIMEOUT {
         reader.wait(Duration::from_millis(50)).unwrap();
         if reader.latest(Topic::Depth).unwrap().is_some() {
             return reader;
         }
     }
-    panic!("no frame of `{name}` within {PATIENCE:?}")
+    panic!("no frame of `{name}` within {TIMEOUT:?}")
 }
 
 /// The same command with a signal treated as `env` says, whatever the tests were started with.
@@ -76,7 +76,7 @@ fn a_daemon_that_was_started_to_outlive_its_terminal_does() {
     let newest = || reader.latest(Topic::Depth).unwrap().map(|frame| frame.header().sequence);
     let (mut first, start) = (None, Instant::now());
     while newest().is_none_or(|now| now < *first.get_or_insert(now) + 20) {
-        assert!(start.elapsed() < PATIENCE, "it does not go on");
+        assert!(start.elapsed() < TIMEOUT, "it does not go on");
         reader.wait(Duration::from_millis(50)).unwrap();
     }
     signal(daemon.pid(), "TERM");
@@ -113,7 +113,7 @@ fn a_daemon_that_waits_for_its_camera_stops_too() {
         (bench.arg("model.onnx"), format!("shm:{}", camera("nobody")), camera("waiting"));
     let mut daemon =
         Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &name]));
-    let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], PATIENCE);
+    let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], TIMEOUT);
     assert!(reader.is_ok(), "its own services are there while it waits");
     signal(daemon.pid(), "TERM");
     assert_eq!(daemon.wait(), Some(0));
@@ -138,7 +138,7 @@ fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
         "--stats-json",
         &stats,
     ]));
-    Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     // It waits for a frame now, or will at once: both must end well.
     wait_for("the daemon among the readers", || publisher.has_readers(Topic::Rgb).then_some(()));
     signal(daemon.pid(), "TERM");
@@ -258,7 +258,7 @@ fn readers_stay_when_the_daemon_dies_and_get_the_frames_of_the_next_one() {
     let _second = demo_daemon(&bench, &name);
     let start = Instant::now();
     while reader.latest(Topic::Depth).unwrap().is_none() {
-        assert!(start.elapsed() < PATIENCE, "the reader of a killed daemon never saw the next one");
+        assert!(start.elapsed() < TIMEOUT, "the reader of a killed daemon never saw the next one");
         reader.wait(Duration::from_millis(50)).unwrap();
     }
 }
@@ -283,9 +283,9 @@ const CLOUD_OF: &str = "NUNET_TEST_READS_THE_CLOUD_OF";
 #[test]
 fn peer_that_reads_the_cloud() {
     let Ok(name) = std::env::var(CLOUD_OF) else { return };
-    let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Cloud], PATIENCE).unwrap();
+    let reader = Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Cloud], TIMEOUT).unwrap();
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < TIMEOUT {
         reader.wait(Duration::from_millis(50)).unwrap();
         drop(reader.latest(Topic::Cloud).unwrap());
     }
@@ -309,7 +309,7 @@ fn the_cloud_is_computed_while_it_is_read_and_no_longer_when_its_reader_was_kill
 /// Waits for a frame that was made with or without a cloud: its time is the last of the header's stages.
 fn await_cloud(reader: &Reader, computed: bool) {
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < TIMEOUT {
         reader.wait(Duration::from_millis(50)).unwrap();
         let frame = reader.latest(Topic::Depth).unwrap();
         let cloud_micros = frame.as_ref().and_then(|frame| frame.header().stages().last().copied());
@@ -317,7 +317,7 @@ fn await_cloud(reader: &Reader, computed: bool) {
             return;
         }
     }
-    panic!("no frame with computed = {computed} within {PATIENCE:?}")
+    panic!("no frame with computed = {computed} within {TIMEOUT:?}")
 }
 
 #[test]
@@ -327,10 +327,10 @@ fn a_reader_that_hoards_and_one_that_sleeps_do_not_slow_the_daemon() {
     let _daemon = demo_daemon(&bench, &name);
     let hoarder = await_frame(&name);
     let _sleeper =
-        Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth, Topic::Cloud], PATIENCE).unwrap();
+        Reader::open(&CameraName::new(&name).unwrap(), &[Topic::Depth, Topic::Cloud], TIMEOUT).unwrap();
     let mut hoard = Vec::new();
     let start = Instant::now();
-    while hoard.len() < 2 && start.elapsed() < PATIENCE {
+    while hoard.len() < 2 && start.elapsed() < TIMEOUT {
         hoarder.wait(Duration::from_millis(50)).unwrap();
         hoard.extend(hoarder.latest(Topic::Depth).unwrap());
     }

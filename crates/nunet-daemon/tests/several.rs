@@ -10,7 +10,7 @@ use nunet_testkit::models;
 use nunet_testkit::onnx::ElementType;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd, run, run_well, signal, text, wait_for};
+use crate::support::{Bench, Guarded, TIMEOUT, SIZE, camera, nunetd, run, run_well, signal, text, wait_for};
 
 impl Bench {
     /// Writes a configuration with this model and these lines.
@@ -37,10 +37,10 @@ fn refused(bench: &Bench, lines: &str) -> String {
 }
 
 fn first_frame(name: &str) -> Reader {
-    let reader = Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&CameraName::new(name).unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     let start = Instant::now();
     while reader.latest(Topic::Depth).unwrap().is_none() {
-        assert!(start.elapsed() < PATIENCE, "no frame of `{name}` came");
+        assert!(start.elapsed() < TIMEOUT, "no frame of `{name}` came");
         reader.wait(Duration::from_millis(50)).unwrap();
     }
     reader
@@ -133,7 +133,7 @@ fn a_slow_camera_is_not_starved_by_one_that_never_waits() {
         let reader = first_frame(name);
         let start = Instant::now();
         while reader.latest(Topic::Depth).unwrap().is_none_or(|frame| frame.header().sequence < 10) {
-            assert!(start.elapsed() < PATIENCE, "`{name}` does not go on");
+            assert!(start.elapsed() < TIMEOUT, "`{name}` does not go on");
             reader.wait(Duration::from_millis(50)).unwrap();
         }
     }
@@ -251,7 +251,7 @@ fn a_camera_that_is_not_plugged_in_is_waited_for_and_its_health_says_so() {
 }
 
 #[test]
-fn frames_that_fail_before_their_turn_are_told_while_they_fail_and_a_camera_that_has_ended_is_down() {
+fn early_failures_are_reported_at_once_and_a_camera_that_has_ended_is_down() {
     let bench = Bench::new();
     bench.add_image("good/0.png", 0);
     // The last one is good: a round without one would end the source.
@@ -265,15 +265,15 @@ fn frames_that_fail_before_their_turn_are_told_while_they_fail_and_a_camera_that
         section(&over, &bench.arg("good"), "loop = true\nframes = 30"),
     ];
     let (mut daemon, address) = with_metrics(&bench, &sections.concat());
-    let reader = Reader::open(&CameraName::new(&bad).unwrap(), &[Topic::Stats], PATIENCE).unwrap();
-    let told = |least: u64| {
+    let reader = Reader::open(&CameraName::new(&bad).unwrap(), &[Topic::Stats], TIMEOUT).unwrap();
+    let reported = |least: u64| {
         wait_for("the count of failed frames", || {
             let frame = reader.latest(Topic::Stats).unwrap()?;
             Some(frame.stats().unwrap().failed).filter(|failed| *failed >= least)
         })
     };
-    let first = told(1);
-    told(first + 1);
+    let first = reported(1);
+    reported(first + 1);
     let metric = |name: &str, labels: &str| sample(address, &format!("nunet_{name}{{camera={labels}}}"));
     let failed = || metric("frames_ended_total", &format!("\"{bad}\",end=\"failed\""));
     let first = wait_for("failed frames in the metrics", || failed().filter(|count| *count > 0.0));
@@ -431,7 +431,7 @@ fn own_memory(pid: u32) -> u64 {
 fn three_cameras_have_the_weights_in_memory_once() {
     const WEIGHTS: usize = 16 << 20;
     let bench = Bench::new();
-    // Depth depends on all weights by an index that only the image knows, so that none can be left out.
+    // Depth depends on all weights by an index that only the image knows, so that all of them are used.
     let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
     let heavy = models::undescribed_unet(SIZE)
         .constant_f32("heavy", &[WEIGHTS as i64], &vec![1.0; WEIGHTS])

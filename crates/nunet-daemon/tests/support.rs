@@ -11,7 +11,7 @@ use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
 
 /// No test waits longer for anything.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Width and height of the demo scene, which is that of the test networks too.
 pub(crate) const SIZE: (u32, u32) = (640, 480);
@@ -26,15 +26,15 @@ pub(crate) fn nunetd(arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs to the end, within [`PATIENCE`].
+/// Runs to the end, within [`TIMEOUT`].
 pub(crate) fn run(mut command: Command) -> Output {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let pid = child.id();
     let (sender, receiver) = std::sync::mpsc::channel();
     std::thread::spawn(move || sender.send(child.wait_with_output().unwrap()));
-    receiver.recv_timeout(PATIENCE).unwrap_or_else(|_| {
+    receiver.recv_timeout(TIMEOUT).unwrap_or_else(|_| {
         signal(pid, "KILL");
-        panic!("{command:?} did not end within {PATIENCE:?}")
+        panic!("{command:?} did not end within {TIMEOUT:?}")
     })
 }
 
@@ -81,14 +81,14 @@ pub(crate) fn signal(pid: u32, name: &str) {
     assert!(sent.success(), "kill -{name} {pid}");
 }
 
-/// Waits until `wanted` gives something, at most [`PATIENCE`].
+/// Waits until `wanted` gives something, at most [`TIMEOUT`].
 pub(crate) fn wait_for<T>(what: &str, mut wanted: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
     loop {
         if let Some(found) = wanted() {
             return found;
         }
-        assert!(start.elapsed() < PATIENCE, "{what} did not come within {PATIENCE:?}");
+        assert!(start.elapsed() < TIMEOUT, "{what} did not come within {TIMEOUT:?}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }

@@ -9,7 +9,7 @@ use nunet_testkit::demo::DemoScene;
 use nunet_testkit::models;
 use nunet_testkit::onnx::{ElementType, ModelBuilder};
 
-use crate::support::{Bench, Guarded, PATIENCE, SIZE, camera, nunetd};
+use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd};
 
 const SEED: u64 = 1;
 const PIXELS: usize = (SIZE.0 * SIZE.1) as usize;
@@ -75,13 +75,13 @@ fn intrinsics_flag(truth: &Truth) -> String {
 
 fn next_set(reader: &mut Reader) -> FrameSet {
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < TIMEOUT {
         if let Some(set) = reader.next_set().unwrap() {
             return set;
         }
         reader.wait(std::time::Duration::from_millis(100)).unwrap();
     }
-    panic!("no complete frame within {PATIENCE:?}")
+    panic!("no complete frame within {TIMEOUT:?}")
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn published_depth_labels_and_cloud_equal_the_truth_of_the_demo_scene() {
         &intrinsics,
     ]));
     let topics = [Topic::Depth, Topic::Labels, Topic::Cloud];
-    let mut reader = Reader::open(&CameraName::new(&name).unwrap(), &topics, PATIENCE).unwrap();
+    let mut reader = Reader::open(&CameraName::new(&name).unwrap(), &topics, TIMEOUT).unwrap();
     let set = next_set(&mut reader);
 
     let depth = set.get(Topic::Depth).unwrap();

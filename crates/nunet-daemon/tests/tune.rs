@@ -23,7 +23,7 @@ fn every_way_is_measured_and_the_best_one_written_as_a_configuration() {
 }
 
 #[test]
-fn people_are_told_the_flags() {
+fn the_text_output_names_the_flags() {
     let bench = Bench::new();
     let model = bench.arg("model.onnx");
     let arguments = ["-q", "tune", &model, "--provider", "cpu", "--threads", "1", "--runs", "2"];

@@ -100,7 +100,8 @@ pub(crate) fn camera(
     reading: Reading,
 ) -> Result<Option<CameraDescription>, String> {
     let rectified = reading.rectified;
-    let of = |size: ImageSize, k: &[f64], model: &str, d: Vec<f64>, p: &[f64]| {
+    let of = |(width, height), k: &[f64], model: &str, d: Vec<f64>, p: &[f64]| {
+        let size = ImageSize { width, height };
         if rectified {
             CameraDescription::of_projection(size, p)
         } else {
@@ -111,33 +112,15 @@ pub(crate) fn camera(
         Form::Ros => CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified),
         Form::FoxgloveCdr => {
             let camera: messages::CameraCalibration<'_> = cdr::decode(data)?;
-            of(
-                ImageSize::new(camera.width, camera.height),
-                &camera.k,
-                &camera.distortion_model,
-                camera.d,
-                &camera.p,
-            )
+            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
         }
         Form::FoxgloveProtobuf => {
             let camera = protobuf::CameraCalibration::decode(data).map_err(|error| error.to_string())?;
-            of(
-                ImageSize::new(camera.width, camera.height),
-                &camera.k,
-                &camera.distortion_model,
-                camera.d,
-                &camera.p,
-            )
+            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
         }
         Form::FoxgloveJson => {
             let camera: json::CameraCalibration = json::decode(data)?;
-            of(
-                ImageSize::new(camera.width, camera.height),
-                &camera.k,
-                &camera.distortion_model,
-                camera.d,
-                &camera.p,
-            )
+            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
         }
     })
 }

@@ -12,7 +12,7 @@ pub(crate) struct Player {
     camera: Option<Camera>,
     continuity: Continuity,
     frame: Frame,
-    /// The model's count of runs after the last frame. Another count means that it ran on something else in between.
+    /// The model's count of runs after the last frame. If it differs, the model ran on something else in between.
     left_at: Option<u64>,
 }
 

@@ -60,7 +60,7 @@ impl Continuity {
         let gap_nanos = next.nanos.saturating_sub(last.nanos);
         let candidates = [
             (next.stretch != last.stretch, Discontinuity::Repeated),
-            // Equal numbers say nothing: not every publisher counts.
+            // Equal numbers are not a discontinuity: not every publisher counts.
             (next.sequence < last.sequence, Discontinuity::Restarted),
             (next.size != last.size, Discontinuity::Size),
             (next.camera != last.camera, Discontinuity::Camera),

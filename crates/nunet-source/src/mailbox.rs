@@ -37,7 +37,7 @@ struct MailboxState<T> {
     closed: bool,
 }
 
-/// What became of an item that was put into the mailbox.
+/// The outcome of putting an item into the mailbox.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Put {
     /// It waits for the receiver.

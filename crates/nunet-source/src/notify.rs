@@ -3,7 +3,7 @@
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// A notification that arrives while nobody waits ends the next wait at once.
+/// A notification that arrives before a wait ends that wait at once.
 #[derive(Debug, Default)]
 pub struct Notify {
     is_notified: Mutex<bool>,

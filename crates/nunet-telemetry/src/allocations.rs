@@ -18,18 +18,18 @@ pub struct CountingAllocator;
 /// Heap allocations and growths of one thread so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// Made by our crates.
+    /// Made by nunet's crates.
     pub own: u64,
     /// Made by a library within [`foreign_allocations`].
     pub foreign: u64,
 }
 
-/// The calling thread's allocations; zeros for ever where [`CountingAllocator`] is not installed.
+/// The calling thread's allocations; always 0 if [`CountingAllocator`] is not installed.
 pub fn allocations_of_this_thread() -> Allocations {
     Allocations { own: COUNT.with(Cell::get), foreign: FOREIGN.with(Cell::get) }
 }
 
-/// Does `work` of a library's whose allocations are not ours to avoid, and counts them apart.
+/// Runs `work` of a library and counts its allocations separately, because nunet cannot avoid them.
 pub fn foreign_allocations<T>(work: impl FnOnce() -> T) -> T {
     let before = COUNT.with(Cell::get);
     let result = work();

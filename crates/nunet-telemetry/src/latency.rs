@@ -3,7 +3,7 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// The longest time that percentiles tell apart: one minute; in them a longer one counts as one minute.
+/// Percentiles are capped at one minute.
 const MAX_MICROS: u64 = 60_000_000;
 /// Three significant digits: 0.1 %.
 const DIGITS: u8 = 3;
@@ -23,7 +23,7 @@ pub struct Summary {
     pub mean: f64,
 }
 
-/// A histogram, and what it would only tell by the edges and middles of its buckets: a mean above the maximum.
+/// A histogram with exact sum and maximum. Computed from buckets, the mean could exceed the maximum.
 #[derive(Debug, Clone)]
 struct Series {
     histogram: Histogram<u64>,
@@ -53,7 +53,7 @@ impl Latencies {
         }
     }
 
-    /// Another stream's frames beside these; its stages by their names.
+    /// Adds the frames of another stream; stages are matched by name.
     pub fn join(&mut self, other: &Self) {
         self.total.join(&other.total);
         for (name, series) in &other.stages {
@@ -96,7 +96,7 @@ impl Series {
         self.sum_micros = self.sum_micros.saturating_add(other.sum_micros);
     }
 
-    /// Percentiles are upper edges of buckets; the last of them may lie beyond the maximum.
+    /// Percentiles are upper edges of buckets; the last one may exceed the maximum.
     fn summary(&self) -> Summary {
         if self.histogram.is_empty() {
             return Summary::default();

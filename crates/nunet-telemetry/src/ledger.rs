@@ -9,9 +9,9 @@ use serde::Serialize;
 pub struct Counts {
     /// Frames the source handed over, readable or not.
     pub captured: u64,
-    /// Frames whose depth went out.
+    /// Published frames.
     pub published: u64,
-    /// Frames that a newer one replaced before their turn, or that a stop overtook.
+    /// Frames that a newer one replaced, or that were waiting at a stop.
     pub superseded: u64,
     /// Frames without a result: unreadable, or refused by the pipeline.
     pub failed: u64,
@@ -40,7 +40,7 @@ impl Counts {
 /// How a frame ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
-    /// Its depth went out.
+    /// It was published.
     Published,
     /// A newer frame or a stop came first.
     Superseded,
@@ -56,7 +56,7 @@ pub enum End {
 pub struct Ledger(Mutex<Counts>);
 
 impl Ledger {
-    /// Opens the entry of a frame.
+    /// Counts a captured frame.
     pub fn captured(&self) {
         self.update(|counts| {
             counts.captured += 1;

@@ -1,14 +1,14 @@
-//! Limits log messages that every frame may cause.
+//! Rate limits for log messages that can occur on every frame.
 
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// So many messages in a row are logged: a few bad frames are worth seeing each.
+/// The number of messages in a row that are logged.
 const BURST: u32 = 5;
 /// Afterwards one message per period.
 const PERIOD: Duration = Duration::from_secs(10);
 
-/// A token bucket for one kind of message. What it holds back is counted, and the count goes with the next message.
+/// A token bucket for one kind of message. The next logged message states how many were suppressed.
 #[derive(Debug)]
 pub struct RateLimit {
     tokens: u32,
@@ -16,7 +16,7 @@ pub struct RateLimit {
     suppressed: u64,
 }
 
-/// How many messages of a kind were not logged since the last one that was; prints nothing for 0.
+/// The number of suppressed messages since the last logged one; prints nothing for 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Suppressed(u64);
 
@@ -27,7 +27,7 @@ impl Default for RateLimit {
 }
 
 impl RateLimit {
-    /// Whether a message is to be logged now: `None` if not.
+    /// Whether a message is logged now: `None` if not.
     pub fn allow(&mut self, now: Instant) -> Option<Suppressed> {
         let refilled = *self.refilled.get_or_insert(now);
         let periods = now.duration_since(refilled).as_secs() / PERIOD.as_secs();

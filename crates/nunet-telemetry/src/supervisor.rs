@@ -13,7 +13,7 @@ pub struct Supervisor {
     /// How often its watchdog is notified; `None` without a watchdog.
     period: Option<Duration>,
     fed: Option<Instant>,
-    /// Frames that are captured while nothing is to do.
+    /// Frames captured while idle.
     captured: StallDetector,
 }
 
@@ -79,7 +79,7 @@ impl Supervisor {
     }
 }
 
-/// A service manager that does not listen does not affect the stream.
+/// A failed notification does not affect the stream.
 fn notify(states: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(states) {
         debug!("cannot notify the service manager of {states:?}: {error}");

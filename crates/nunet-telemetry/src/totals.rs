@@ -1,4 +1,4 @@
-//! Sums over a stream, from which the per-frame figures are made.
+//! Sums over a stream, for the values per frame.
 
 use crate::allocations::{Allocations, allocations_of_this_thread};
 
@@ -17,13 +17,13 @@ pub struct Totals {
 }
 
 impl Totals {
-    /// The stream begins.
+    /// Marks the beginning of the stream.
     pub fn start(&mut self, now_nanos: u64) {
         self.start_nanos = now_nanos;
         self.last_nanos = now_nanos;
     }
 
-    /// A frame went out.
+    /// Adds a published frame.
     pub fn add_published(&mut self, now_nanos: u64, bytes_copied: u64) {
         self.last_nanos = now_nanos;
         self.frames += 1;
@@ -35,7 +35,7 @@ impl Totals {
         self.frames
     }
 
-    /// Another stream beside this one.
+    /// Adds another stream.
     pub fn join(&mut self, other: &Self) {
         self.start_nanos = self.start_nanos.min(other.start_nanos);
         self.last_nanos = self.last_nanos.max(other.last_nanos);
@@ -55,7 +55,7 @@ impl Totals {
         }
     }
 
-    /// Published frames a second.
+    /// Published frames per second.
     pub fn fps(&self) -> f64 {
         let seconds = self.last_nanos.saturating_sub(self.start_nanos) as f64 / 1e9;
         if seconds > 0.0 { self.frames as f64 / seconds } else { 0.0 }
@@ -66,8 +66,7 @@ impl Totals {
         self.bytes_copied as f64 / self.frames.max(1) as f64
     }
 
-    /// Mean of our crates over the frames after the first; `None` where there are none, or nobody counts (another
-    /// allocator).
+    /// Mean of nunet's crates over the frames after the first; `None` without such frames, or with another allocator.
     pub fn allocations_per_frame(&self) -> Option<f64> {
         self.per_steady_frame(self.steady_allocations.own)
     }

@@ -21,7 +21,7 @@ pub struct InferArgs {
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
     #[command(flatten)]
-    pub optics: CameraArgs,
+    pub processing: CameraArgs,
     #[command(flatten)]
     pub engine: EngineArgs,
 }

@@ -42,8 +42,8 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
 
 impl InferArgs {
     fn options(self) -> anyhow::Result<infer::Options> {
-        let (optics, engine) = (self.optics.config()?, self.engine.options());
-        Ok(infer::Options { images: self.images, out: self.out, model: self.model, optics, engine })
+        let (processing, engine) = (self.processing.config()?, self.engine.options());
+        Ok(infer::Options { images: self.images, out: self.out, model: self.model, processing, engine })
     }
 }
 

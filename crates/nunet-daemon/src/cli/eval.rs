@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
 
 use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
-use crate::config::OpticsConfig;
+use crate::config::ProcessingConfig;
 use crate::exit::BadArguments;
 use crate::source::CameraGeometry;
 use crate::subcommands::eval;
@@ -90,7 +90,7 @@ pub enum ProtocolArg {
 impl EvalArgs {
     /// As checked values.
     pub(crate) fn options(&self) -> Result<eval::Options, BadArguments> {
-        let OpticsConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
         Ok(eval::Options {
             evaluation: self.evaluation(geometry),
             model: self.model.clone(),

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::FilterArgs;
 use super::text::{Distance, Text, value};
-use crate::config::OpticsConfig;
+use crate::config::ProcessingConfig;
 use crate::exit::BadArguments;
 use crate::source::CameraGeometry;
 
@@ -46,13 +46,13 @@ pub struct LensArgs {
 
 impl LensArgs {
     /// As checked values, with the filters of the depth map.
-    pub(crate) fn config(&self, filters: &FilterArgs) -> Result<OpticsConfig, BadArguments> {
+    pub(crate) fn config(&self, filters: &FilterArgs) -> Result<ProcessingConfig, BadArguments> {
         let focal = match self.focal {
             FocalArg::Auto => Focal::Auto,
             FocalArg::Off => Focal::Off,
         };
         let pipeline = PipelineOptions { focal, filters: filters.options()?, ..PipelineOptions::default() };
-        Ok(OpticsConfig { geometry: self.geometry.options(), pipeline })
+        Ok(ProcessingConfig { geometry: self.geometry.options(), pipeline })
     }
 }
 
@@ -76,10 +76,10 @@ pub struct CameraArgs {
 
 impl CameraArgs {
     /// As checked values.
-    pub(crate) fn config(&self) -> Result<OpticsConfig, BadArguments> {
-        let OpticsConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+    pub(crate) fn config(&self) -> Result<ProcessingConfig, BadArguments> {
+        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
         let max_range_m = value(&self.max_range).map(|Distance(meters)| meters);
-        Ok(OpticsConfig {
+        Ok(ProcessingConfig {
             geometry,
             pipeline: PipelineOptions { cloud_stride: self.cloud_stride.0, max_range_m, ..pipeline },
         })

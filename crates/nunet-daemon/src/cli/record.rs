@@ -75,7 +75,7 @@ pub struct ReplayArgs {
     #[arg(long)]
     pub force: bool,
     #[command(flatten)]
-    pub optics: CameraArgs,
+    pub processing: CameraArgs,
     #[command(flatten)]
     pub engine: EngineArgs,
     /// Print JSON
@@ -90,7 +90,7 @@ impl ReplayArgs {
             camera: camera_name(&self.camera)?,
             frame_id: value(&self.frame_id).map(|FrameId(name)| name),
             mount: value(&self.mount.mount),
-            optics: self.optics.config()?,
+            processing: self.processing.config()?,
             engine: self.engine.options(),
             input: self.input,
             output: self.output,

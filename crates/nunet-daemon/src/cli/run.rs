@@ -105,7 +105,7 @@ pub struct StreamArgs {
     pub pace: SourceArgs,
     #[command(flatten)]
     #[serde(flatten)]
-    pub optics: CameraArgs,
+    pub processing: CameraArgs,
     /// The coordinate frame of depth and cloud [default: the name of the camera + `_optical_frame`]
     #[arg(long, value_name = "NAME")]
     pub frame_id: Option<Text<FrameId>>,
@@ -141,7 +141,7 @@ impl StreamArgs {
             frame_id: frame_id(&name, value(&self.frame_id).map(|FrameId(name)| name))?,
             name,
             source,
-            optics: self.optics.config()?,
+            processing: self.processing.config()?,
             mount: value(&self.recording.mount.mount),
             publish: self.publish.clone(),
             readers: readers.unwrap_or(Limits::DEFAULT.max_readers),

@@ -48,7 +48,7 @@ fn an_unknown_subcommand_is_answered_with_the_known_ones() {
 }
 
 #[test]
-fn numbers_and_addresses_that_are_none_are_told_with_what_is_expected() {
+fn an_error_of_a_number_or_address_names_what_is_expected() {
     let count = "expected a whole number of 1 or more, got `0`";
     for (line, part) in [
         ("nunetd --frames 0", count),
@@ -114,7 +114,7 @@ fn a_file_says_what_flags_say() {
     assert!(camera.source.repeat);
     assert_eq!(camera.frame_id, "eye");
     assert_eq!(camera.publish, [Publish::Depth, Publish::Cloud]);
-    assert_eq!(camera.optics.pipeline.filters.specs().count(), 2);
+    assert_eq!(camera.processing.pipeline.filters.specs().count(), 2);
     assert_eq!(camera.readers, 2);
 }
 
@@ -126,7 +126,7 @@ fn flags_win() {
     assert_eq!(config.cameras[0].publish, [Publish::Labels]);
     assert!(config.cameras[0].source.repeat);
     let config = run("source = 'demo'\nintrinsics = '500,500,320,240'", "run --calibration a.yaml");
-    let geometry = &config.cameras[0].optics.geometry;
+    let geometry = &config.cameras[0].processing.geometry;
     assert_eq!((geometry.intrinsics, &geometry.calibration), (None, &Some("a.yaml".into())));
 }
 
@@ -193,7 +193,7 @@ fn assert_refused(config: &str, part: &str) {
 }
 
 #[test]
-fn what_no_flag_takes_is_told_with_the_nearest_name() {
+fn an_unknown_key_is_an_error_with_the_nearest_name() {
     assert_refused("modle = 'a.onnx'", "`[FILE]`, line 1: unknown key `modle`\nhint: did you mean `model`?");
     assert_refused("zzz = 1", "unknown key `zzz`\nhint: keys are the long names of the flags");
     assert_refused("config = 'other.toml'", "unknown key `config`");
@@ -245,7 +245,7 @@ fn a_mistake_in_the_file_is_printed_without_the_usage_of_the_command_line() {
 }
 
 #[test]
-fn a_missing_file_is_told() {
+fn a_missing_file_is_an_error() {
     let error = Cli::parse_line(["nunetd", "--config", "missing.toml"].map(OsString::from)).unwrap_err();
     assert!(error.to_string().contains("`missing.toml`: cannot read it:"), "{error}");
 }
@@ -306,7 +306,7 @@ fn each_section_is_a_camera_and_what_stands_above_is_said_to_all() {
     let of_both = |config: &Config| config.cameras.iter().map(frames).collect::<Vec<_>>();
     assert_eq!(of_both(&config), [Some(3), Some(7)]);
     let geometry = |camera: &CameraConfig| {
-        let geometry = &camera.optics.geometry;
+        let geometry = &camera.processing.geometry;
         (geometry.intrinsics.is_some(), geometry.calibration.is_some())
     };
     let geometry: Vec<_> = config.cameras.iter().map(geometry).collect();
@@ -323,7 +323,7 @@ fn one_section_is_one_camera() {
 }
 
 #[test]
-fn what_a_section_cannot_say_is_told_with_the_camera_and_the_way_out() {
+fn a_wrong_key_of_a_section_is_an_error_with_the_camera_and_a_hint() {
     let section = |lines: &str| format!("[[camera]]\nname = 'front'\n[[camera]]\nname = 'rear'\n{lines}");
     assert_refused(
         &section("framse = 3"),

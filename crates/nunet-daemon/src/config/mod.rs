@@ -27,7 +27,7 @@ pub struct Config {
     pub engine: EngineOptions,
     /// The cameras; at least one.
     pub cameras: Vec<CameraConfig>,
-    /// What is written and served for all cameras together.
+    /// The outputs for all cameras together.
     pub outputs: OutputConfig,
 }
 
@@ -48,7 +48,7 @@ pub struct CameraConfig {
     /// Where its frames come from.
     pub source: SourceConfig,
     /// Its lens, and the depth made from its images.
-    pub optics: OpticsConfig,
+    pub processing: ProcessingConfig,
     /// The coordinate frame of depth and cloud; at most [`MAX_FRAME_ID`] bytes.
     pub frame_id: String,
     /// Where it is on the robot.
@@ -120,7 +120,7 @@ impl SourceConfig {
 
 /// The lens, and the depth made from its images.
 #[derive(Debug, Clone, Default)]
-pub struct OpticsConfig {
+pub struct ProcessingConfig {
     /// Intrinsics or calibration, if known.
     pub geometry: CameraGeometry,
     /// Focal correction, filters and cloud.
@@ -138,7 +138,7 @@ pub struct RecordConfig {
     pub lossless: bool,
 }
 
-/// What is written and served for all cameras together.
+/// The outputs for all cameras together.
 #[derive(Debug, Clone, Default)]
 pub struct OutputConfig {
     /// The group that can read shared memory.
@@ -161,13 +161,13 @@ pub struct AccessConfig {
 /// The bytes of a coordinate frame's name that fit into the header of a message.
 pub const MAX_FRAME_ID: usize = 64;
 
-/// The coordinate frame of a camera whose user names none.
+/// The default coordinate frame of a camera.
 #[must_use]
 pub fn default_frame_id(camera: &str) -> String {
     format!("{camera}_optical_frame")
 }
 
-/// The coordinate frame of depth and cloud: the one that the user named, or the camera's own.
+/// The coordinate frame of depth and cloud: the configured one, or the camera's default.
 pub(crate) fn frame_id(camera: &CameraName, named: Option<String>) -> Result<String, BadArguments> {
     let frame_id = named.unwrap_or_else(|| default_frame_id(camera.as_str()));
     if frame_id.len() <= MAX_FRAME_ID {

@@ -31,18 +31,18 @@ use crate::source::Frame;
 /// All sinks but shared memory, which is always on.
 pub(crate) const REGISTRY: &[OpenSink] = &[recording::open, last_frame::open, metrics::open];
 
-/// Opens a sink; `None` if it is not wanted.
+/// Opens a sink; `None` if it is not configured.
 pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>>;
 
-/// What a sink may be made from.
+/// The inputs of a sink's `open` function.
 pub(crate) struct SinkContext<'a> {
-    /// What the user wants of the camera.
+    /// The configuration of the camera.
     pub(crate) config: &'a CameraConfig,
     /// The file that `config.record` means: it does not exist yet, or may be overwritten.
     pub(crate) record: Option<&'a Path>,
     pub(crate) common: Common<'a>,
     pub(crate) pipeline: &'a Pipeline,
-    /// The endpoint for all cameras, if one is wanted.
+    /// The endpoint for all cameras, if configured.
     pub(crate) metrics: Option<&'a MetricsServer>,
     /// To be called when a sink that had no room has room again.
     pub(crate) on_room: OnRoom,
@@ -54,7 +54,7 @@ pub(crate) type OnRoom = Arc<dyn Fn() + Send + Sync>;
 /// Takes the results of one camera. All its functions run on the inference thread and must not block: a sink that writes
 /// copies what it needs into a queue of its own ([`queue::SinkQueue`]).
 pub(crate) trait Sink: Send {
-    /// What it takes of each frame; what no sink and no reader takes is not computed. Depth is always computed.
+    /// The results that it takes. A result that no sink and no reader takes is not computed; depth always is.
     fn wants(&self) -> Wants;
 
     /// Takes a frame that was just published. If it has no room, it drops the frame and counts it.
@@ -69,12 +69,12 @@ pub(crate) trait Sink: Send {
         true
     }
 
-    /// Ends the stream; `last` are the results of the last frame. It blocks as little as the other functions: what is still
-    /// to be written is left to the returned value.
+    /// Ends the stream; `last` are the results of the last frame. Like the other functions it must not block: pending
+    /// writes are left to the returned value.
     fn finish(self: Box<Self>, last: Option<&Results<'_>>) -> FinishingSink;
 }
 
-/// Opens all sinks that the user wants.
+/// Opens all configured sinks.
 pub(crate) fn open_all(context: &SinkContext<'_>) -> anyhow::Result<Vec<Box<dyn Sink>>> {
     REGISTRY.iter().filter_map(|open| open(context).transpose()).collect()
 }
@@ -92,7 +92,7 @@ impl Wants {
     }
 }
 
-/// A frame that readers have by now.
+/// A published frame.
 #[derive(Clone, Copy)]
 pub(crate) struct PublishedFrame<'a> {
     /// The image and its times.
@@ -103,7 +103,7 @@ pub(crate) struct PublishedFrame<'a> {
     pub(crate) timings: Timings<'a>,
 }
 
-/// The results of a frame where they lie: in shared memory, or in a buffer of the subcommand.
+/// The results of a frame: slices of shared memory, or of a buffer of the subcommand.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Results<'a> {
     /// The unit of depth.
@@ -152,7 +152,7 @@ pub(crate) struct Status<'a> {
     pub(crate) totals: &'a Totals,
 }
 
-/// A sink that takes no more frames; what it took may still be on its way to a disk.
+/// A sink that takes no more frames; earlier ones may still be on their way to the disk.
 pub(crate) struct FinishingSink(Box<WaitForSink>);
 
 type WaitForSink = dyn FnOnce(&mut DrainTimeout<'_>) -> anyhow::Result<Outcome> + Send;

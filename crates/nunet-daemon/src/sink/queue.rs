@@ -44,7 +44,7 @@ pub(crate) struct SinkQueue<W: Writer> {
     dropped: u64,
 }
 
-/// How far the thread is, visible also while it hangs.
+/// The progress of the thread, visible even while it hangs.
 #[derive(Debug, Default)]
 struct Progress {
     queued: AtomicU64,
@@ -81,7 +81,7 @@ impl<W: Writer> SinkQueue<W> {
         Ok(Self { items, used, capacity, progress, stall, thread, dropped: 0 })
     }
 
-    /// Whether the next item would be accepted. Nobody waits for a thread that is gone: its items are dropped.
+    /// Whether the next item would be accepted. If the thread is gone, items are dropped.
     pub(crate) fn has_room(&self) -> bool {
         self.progress.waiting() < self.capacity || self.thread.is_finished()
     }
@@ -151,7 +151,7 @@ fn run<W: Writer>(
             Ok(item) => {
                 writer.write(&item);
                 progress.written.fetch_add(1, Ordering::Relaxed);
-                // At the end nobody takes it back.
+                // At the end it is not reused.
                 let _ = give_back.try_send(item);
                 on_room();
             }

@@ -1,8 +1,8 @@
-//! Depth, labels, cloud and stats in shared memory, where the pipeline writes them itself.
+//! Depth, labels, cloud and stats in shared memory. The pipeline writes its results there directly.
 //!
-//! Not a [`Sink`](super::Sink): the results lie in the memory that is loaned here, and the sinks read them there after they
-//! were published.
-#![expect(unsafe_code, reason = "published messages are read where they lie")]
+//! Not a [`Sink`](super::Sink): results are computed in the memory loaned here, and the sinks read them there after
+//! publishing.
+#![expect(unsafe_code, reason = "published messages are read in place")]
 
 mod stats_record;
 
@@ -25,7 +25,7 @@ use super::{Results, Wants};
 use crate::config::Publish;
 use crate::source::Frame;
 
-/// How often percentiles are computed anew; the ledger is of every frame.
+/// How often percentiles are recomputed; the ledger is updated for every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
 
 /// The times of a frame that the pipeline does not see: waiting before it, publishing after it.
@@ -39,14 +39,14 @@ pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
     std::iter::once(QUEUE).chain(inner).chain(std::iter::once(PUBLISH))
 }
 
-/// What is published, and for whom.
+/// What is published, and who can read it.
 pub(crate) struct ShmPublisherOptions<'a> {
     pub(crate) camera: &'a CameraName,
     pub(crate) frame_id: &'a str,
     pub(crate) publish: &'a [Publish],
     pub(crate) limits: Limits,
     pub(crate) model: &'a str,
-    /// Asked while other owners are waited for.
+    /// Checked while waiting for other publishers.
     pub(crate) given_up: &'a dyn Fn() -> bool,
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct ShmPublisher {
     cloud_stride: std::num::NonZeroU32,
     stats: StatsRecord,
     summarised_nanos: u64,
-    /// The last frame, as far as it was published.
+    /// The last published frame.
     last: Last,
 }
 
@@ -74,13 +74,13 @@ struct Last {
 }
 
 impl Last {
-    /// What was published of the frame beside depth.
+    /// The results that were published besides depth.
     fn has(&self) -> Wants {
         Wants { labels: self.labels.is_some(), cloud: self.cloud.is_some() }
     }
 }
 
-/// Where the payload of a published message lies. An address instead of a pointer, so that it can move between threads.
+/// The location of the payload of a published message: an address, not a pointer, so that it can move between threads.
 #[derive(Debug)]
 struct Message<T> {
     address: usize,
@@ -123,7 +123,7 @@ impl Loans {
 }
 
 impl ShmPublisher {
-    /// Becomes the owner of the camera's results; all memory is reserved and touched here.
+    /// Becomes the publisher of the camera's results. All memory is reserved and prefaulted here.
     pub(crate) fn open(pipeline: &Pipeline, options: &ShmPublisherOptions<'_>) -> anyhow::Result<Self> {
         let plans = plans(pipeline, options.publish);
         let publisher = Publisher::create_unless(options.camera, &plans, &options.limits, options.given_up)?;
@@ -162,7 +162,8 @@ impl ShmPublisher {
             .any(|(sent, topic)| !sent && self.topics.contains(topic))
     }
 
-    /// Memory for what the last frame was published without and a reader takes by now; `None` if there is no such reader.
+    /// Memory for results that the last frame was published without and that a new reader takes; `None` if there is no
+    /// such reader.
     pub(crate) fn loan_for_late_readers(&self) -> anyhow::Result<Option<Loans>> {
         let sent = self.last.has();
         let late = |sent: bool, topic| !sent && self.publisher.has_readers(topic);
@@ -182,7 +183,7 @@ impl ShmPublisher {
         })
     }
 
-    /// The results of the last published frame, where they lie.
+    /// The results of the last published frame, in shared memory.
     pub(crate) fn last_results(&self) -> Option<Results<'_>> {
         let Last { report, depth, labels, cloud } = &self.last;
         let (units, scale_source, camera) = (*report)?;
@@ -217,7 +218,7 @@ impl ShmPublisher {
         self.wake()
     }
 
-    /// Sends what the last frame went out without. Its depth is with its readers: it is not sent twice.
+    /// Sends the results that the last frame was published without. Its depth is not sent again.
     pub(crate) fn publish_to_late_readers(
         &mut self,
         loans: Loans,
@@ -255,7 +256,7 @@ impl ShmPublisher {
         Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
-    /// Sends the running figures; they are not worth a frame when that fails.
+    /// Sends the current stats. A failure is only logged: it must not cost a frame.
     pub(crate) fn publish_stats(&mut self, counts: &Counts, totals: &Totals, latencies: &Latencies) {
         let now_nanos = MonotonicClock.nanos();
         stats_record::set_counts(&mut self.stats, counts);
@@ -264,11 +265,11 @@ impl ShmPublisher {
             stats_record::set_summaries(&mut self.stats, totals, latencies);
         }
         if let Err(error) = self.try_publish_stats() {
-            warn!("the figures are not published: {error:#}");
+            warn!("the stats were not published: {error:#}");
         }
     }
 
-    /// Hands the last frame to readers that came while the source stood still.
+    /// Sends the last frame to readers that joined while the source was paused.
     pub(crate) fn refresh(&self) {
         if let Err(error) = self.publisher.refresh() {
             warn!("late readers are not served: {error}");
@@ -284,14 +285,14 @@ impl ShmPublisher {
     fn try_publish_stats(&self) -> anyhow::Result<()> {
         let mut loan = self.chunk(Topic::Stats)?;
         let record =
-            loan.slice_mut::<StatsRecord>()?.first_mut().context("the chunk is too small for the figures")?;
+            loan.slice_mut::<StatsRecord>()?.first_mut().context("the chunk is too small for the stats")?;
         *record = self.stats;
         let mut header = self.header;
         header.set_encoding(Encoding::StatsRecord);
         send(loan, header)
     }
 
-    /// What all topics of a frame say.
+    /// The header fields that all topics of a frame share.
     fn describe(&mut self, frame: &Frame, report: &FrameReport, queue_micros: u32) {
         let header = &mut self.header;
         frame.identify(header);
@@ -304,7 +305,7 @@ impl ShmPublisher {
         header.invalid_pixels = report.invalid_pixels.into();
     }
 
-    /// What one topic of a frame says.
+    /// The header of one topic of a frame.
     fn shaped(&self, encoding: Encoding, size: ImageSize, camera: Option<Camera>) -> FrameHeader {
         let mut header = self.header;
         header.set_encoding(encoding);

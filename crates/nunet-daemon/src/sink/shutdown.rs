@@ -9,11 +9,11 @@ use nunet_telemetry::StallDetector;
 /// For all pending writes together, after a stop. A service manager kills after 10 s (`TimeoutStopSec` in the unit), and
 /// the frame in work and the stats take some of them.
 const AFTER_STOP: Duration = Duration::from_secs(5);
-/// Without a stop, a slow disk has all the time that it needs, unless it makes no progress for so long.
+/// Without a stop, a slow disk may take any time, unless it makes no progress for this long.
 const STALLED: Duration = Duration::from_secs(60);
 /// A write that begins after the time is over still gets this much: a working disk needs no more.
 const MINIMUM: Duration = Duration::from_millis(250);
-/// Without progress for so long, a warning says what is waited for.
+/// After this long without progress, a warning names what is pending.
 const WARN_AFTER: Duration = Duration::from_secs(5);
 /// How often progress is checked.
 const POLL_PERIOD: Duration = Duration::from_millis(10);

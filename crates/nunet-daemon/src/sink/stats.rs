@@ -1,4 +1,4 @@
-//! `stats.json`: what a stream did, in figures.
+//! `stats.json`: counts and latencies of a stream.
 
 use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt as _;
@@ -12,14 +12,14 @@ use serde::{Serialize, Serializer};
 
 use nunet_telemetry::{Counts, Latencies, Summary, Totals};
 
-/// The figures of a camera, or of several together.
+/// The stats of a camera, or of several together.
 #[derive(Debug, Serialize)]
 pub(crate) struct Stats {
     pub(crate) contract: u32,
     pub(crate) camera: String,
     pub(crate) model: ModelName,
     pub(crate) provider: String,
-    /// The names that the numbers of `labels.png` stand for, from 0; empty where there are no labels.
+    /// The class names of the values in `labels.png`, from 0; empty without labels.
     pub(crate) classes: Vec<String>,
     /// Unit of the depth maps.
     pub(crate) units: &'static str,
@@ -27,7 +27,7 @@ pub(crate) struct Stats {
     pub(crate) scale_source: &'static str,
     pub(crate) frames: Counts,
     pub(crate) latency_ms: LatencyMs,
-    /// Published frames a second, from the first capture to the last publication.
+    /// Published frames per second, from the first capture to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
     /// Rust heap allocations of our crates on the inference thread, after the first frames; `null` where they are not
@@ -35,15 +35,15 @@ pub(crate) struct Stats {
     pub(crate) allocations_per_frame: Option<f64>,
     /// The same of iceoryx2: a small one for each message.
     pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
-    /// Why its source failed, where it did.
+    /// Why its source failed, if it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) error: Option<String>,
-    /// Of each camera, where there are several: what would stand in the file of that camera alone.
+    /// Of each camera, if there are several: the stats that this camera alone would have.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) cameras: Vec<Stats>,
 }
 
-/// What the cameras of a process have in common.
+/// The fields that all cameras of a process share.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Common<'a> {
     pub(crate) model: &'a ModelName,
@@ -79,7 +79,7 @@ impl Stats {
         }
     }
 
-    /// The figures of several cameras, one at least: names joined, frames added up, rates and latencies over all frames.
+    /// The stats of several cameras, at least one: names joined, frames added up, rates and latencies over all frames.
     pub(crate) fn of_all(
         cameras: Vec<Self>,
         common: Common<'_>,
@@ -104,7 +104,7 @@ impl Stats {
 #[derive(Debug, Serialize)]
 pub(crate) struct LatencyMs {
     pub(crate) total: Summary,
-    /// In the order of the journey.
+    /// In the order in which a frame passes them.
     #[serde(serialize_with = "as_map")]
     pub(crate) stages: Vec<(String, Summary)>,
 }
@@ -120,10 +120,10 @@ impl From<&Latencies> for LatencyMs {
     }
 }
 
-/// Makes sure before a long run that its figures can be written at the end.
+/// Checks before a long run that its stats can be written at the end.
 pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
     if is_named_pipe(path) {
-        bail!("cannot write `{}`: it is a named pipe\nhint: name a plain file", path.display());
+        bail!("cannot write `{}`: it is a named pipe\nhint: name a regular file", path.display());
     }
     if let Some(folder) = missing_folder(path) {
         let (path, folder) = (path.display(), folder.display());
@@ -131,7 +131,7 @@ pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
     }
     let existed = path.exists();
     let mut how = std::fs::OpenOptions::new();
-    // Not to wait for the reader of a pipe that has none any more.
+    // Opening a pipe without a reader must not block.
     let opened = how.create(true).append(true).custom_flags(libc::O_NONBLOCK).open(path);
     opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))?;
     if !existed {
@@ -140,7 +140,7 @@ pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The folder that a file is to lie in, or that a path with a slash at its end names, where it is not there.
+/// The missing folder of a file, or a missing folder that a path with a trailing slash names.
 fn missing_folder(path: &Path) -> Option<&Path> {
     let is_folder = path.as_os_str().as_bytes().ends_with(b"/");
     let folder = if is_folder { Some(path) } else { path.parent() };
@@ -148,14 +148,14 @@ fn missing_folder(path: &Path) -> Option<&Path> {
     folder.filter(|folder| !folder.as_os_str().is_empty() && missing(folder))
 }
 
-/// Whoever reads a named pipe is sent away when it is closed after the trial. A pipe without a name, as `/dev/stdout` may
-/// be, is kept open by whoever gave it to this process.
+/// The reader of a named pipe would see its end when the check closes it. An unnamed pipe, which `/dev/stdout` may be,
+/// stays open in the parent process.
 fn is_named_pipe(path: &Path) -> bool {
     path.metadata().is_ok_and(|found| found.file_type().is_fifo()) && path.canonicalize().is_ok()
 }
 
 /// Writes `value` as JSON.
 pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(value).context("cannot put the figures into JSON")?;
+    let text = serde_json::to_string_pretty(value).context("cannot write the stats as JSON")?;
     std::fs::write(path, text + "\n").with_context(|| format!("cannot write `{}`", path.display()))
 }

@@ -15,7 +15,7 @@ use super::*;
 use crate::source::Frame;
 
 /// No test waits longer for anything.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 const SIZE: ImageSize = ImageSize::new(2, 2);
 
 /// How what a sink writes to behaves.
@@ -65,7 +65,7 @@ impl Archive for Lines {
     fn write(&mut self, record: &Record) -> anyhow::Result<()> {
         match self.backend {
             // After its release it goes on.
-            Backend::Hanging => drop(self.released.recv_timeout(PATIENCE)),
+            Backend::Hanging => drop(self.released.recv_timeout(TIMEOUT)),
             Backend::Failing => anyhow::bail!("the disk is full"),
             Backend::Good => {}
         }
@@ -122,7 +122,7 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
 /// The metrics as a scraper reads them.
 fn page(address: SocketAddr) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
     stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
@@ -172,7 +172,7 @@ fn feed(mut sink: Box<dyn Sink>, frames: u64, is_live: bool) -> FinishingSink {
         let start = std::time::Instant::now();
         while !sink.has_room() {
             assert!(!is_live, "a live source does not wait");
-            assert!(start.elapsed() < PATIENCE, "it never has room");
+            assert!(start.elapsed() < TIMEOUT, "it never has room");
             std::thread::yield_now();
         }
     }
@@ -208,9 +208,9 @@ fn a_sink_that_hangs_blocks_neither_live_frames_nor_the_end_and_its_loss_is_coun
         let Rig { sink, release, .. } = (case.open)(folder.path(), Backend::Hanging);
         let (done, fed) = channel();
         let feeder = std::thread::spawn(move || done.send(feed(sink, 100, true)));
-        let finishing = fed.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("{} blocks", case.name));
+        let finishing = fed.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("{} blocks", case.name));
         feeder.join().unwrap().unwrap();
-        let mut after_stop = DrainTimeout::with(&|| true, Duration::ZERO, PATIENCE);
+        let mut after_stop = DrainTimeout::with(&|| true, Duration::ZERO, TIMEOUT);
         let outcome = finishing.wait(&mut after_stop);
         assert!(!matches!(outcome, Ok(Outcome::Done)), "{}: {outcome:?}", case.name);
         release();

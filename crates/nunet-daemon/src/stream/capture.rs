@@ -31,7 +31,7 @@ pub(crate) fn capture(source: &mut dyn Source, pace: Pace, state: &StreamState) 
 
 struct Capture<'a> {
     state: &'a StreamState,
-    /// A newer frame replaces the one that waits; otherwise the source waits.
+    /// Whether a newer frame replaces the waiting one; otherwise the source waits.
     latest_wins: bool,
 }
 
@@ -62,8 +62,8 @@ impl FrameHandler for Capture<'_> {
         self.state.mailbox.give_back(frame);
     }
 
-    /// If the source lends no more frames, the waiting frame makes room for a newer one. If none waits, the one in work
-    /// will be returned soon.
+    /// If the source lends no more frames, the waiting frame is dropped for a newer one. If none waits, the one being
+    /// processed will be returned soon.
     fn on_idle(&mut self, frame: Frame, is_crowded: bool) {
         let StreamState { mailbox, ledger, stop, .. } = self.state;
         mailbox.give_back(frame);

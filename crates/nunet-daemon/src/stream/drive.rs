@@ -24,7 +24,7 @@ impl Pace {
     /// Every frame, as fast as possible.
     pub(crate) const ALL: Self = Self { rate: Rate::Max, limit: None };
 
-    /// As the user wants it: by default every frame.
+    /// As configured: by default every frame.
     pub(crate) fn of(source: &SourceConfig) -> Self {
         Self { rate: source.rate.unwrap_or(Rate::Max), limit: source.frames }
     }
@@ -35,7 +35,7 @@ impl Pace {
 pub(crate) enum SourceEnd {
     /// It has no more frames, or no more were wanted.
     Complete,
-    /// A stop came before its end. A source that has no end is never `Complete` in another way.
+    /// A stop was requested before its end.
     Stopped,
     /// The rest of it is lost; the reason has been logged.
     Truncated,
@@ -68,7 +68,7 @@ pub(crate) trait FrameHandler {
         false
     }
 
-    /// Called around each log line, for a progress bar that would be torn.
+    /// Called around each log line, so that a progress bar can be hidden.
     fn around_log(&self, log: &mut dyn FnMut()) {
         log();
     }

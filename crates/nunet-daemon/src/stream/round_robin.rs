@@ -8,7 +8,7 @@ use crate::source::Notify;
 
 /// One camera's work on the inference thread.
 pub(super) trait RoundRobinTask: Sized {
-    /// What remains after its end.
+    /// The result after its end.
     type Summary;
 
     /// Called once before the first frame.
@@ -21,7 +21,7 @@ pub(super) trait RoundRobinTask: Sized {
     fn end(self, state: &StreamState) -> Self::Summary;
 }
 
-/// What a task did in its turn.
+/// The outcome of one turn of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Poll {
     /// It processed a frame.

@@ -9,7 +9,7 @@ use tracing::Span;
 use super::stop::Stop;
 use crate::source::{Frame, Mailbox, Notify};
 
-/// Both ends of a camera's mailbox see it.
+/// Shared by both ends of a camera's mailbox.
 #[derive(Debug)]
 pub(crate) struct StreamState {
     pub(crate) mailbox: Mailbox<Frame>,

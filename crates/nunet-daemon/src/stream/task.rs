@@ -21,7 +21,7 @@ use crate::source::{CameraResolver, Continuity, Frame, Taken};
 /// If so many frames fail in a row before the first one is published, the next ones will fail too.
 const MAX_FAILURES_BEFORE_FIRST_FRAME: u32 = 30;
 
-/// Everything between a camera's mailbox and its readers and sinks.
+/// The work between a camera's mailbox and its readers and sinks.
 pub(crate) struct StreamTask {
     pipeline: Pipeline,
     camera: CameraResolver,
@@ -33,7 +33,7 @@ pub(crate) struct StreamTask {
     /// The counts that readers and sinks were given last.
     last_reported: Counts,
     served: Instant,
-    /// The last frame, if results that it was published without can still be made of it.
+    /// The last frame, if missing results can still be computed from it.
     kept: Option<Frame>,
     lost: RateLimit,
     failures: u32,
@@ -41,7 +41,7 @@ pub(crate) struct StreamTask {
     failure: Option<anyhow::Error>,
 }
 
-/// What remains of a camera after its end.
+/// The result of a camera after its end.
 pub(crate) struct StreamSummary {
     /// The scale of the last frame.
     pub(crate) scale: Scale,
@@ -94,13 +94,13 @@ impl RoundRobinTask for StreamTask {
         self
     }
 
-    /// Takes the waiting frame, if there is one. It goes on waiting while a sink has no room for it, so that other cameras
-    /// do not.
+    /// Takes the waiting frame, if there is one. If a sink has no room, the frame stays in the mailbox, so that other cameras
+    /// do not wait.
     fn poll(&mut self, state: &StreamState) -> Poll {
         if state.stop.requested() || self.failure.is_some() {
             return self.wind_up(state);
         }
-        // Every sink is asked: it may have to warn that it stalls.
+        // Every sink is checked: it may have to warn that it stalls.
         let full = self.sinks.iter_mut().filter_map(|sink| (!sink.has_room()).then_some(())).count();
         if full > 0 {
             self.idle(state);
@@ -108,7 +108,7 @@ impl RoundRobinTask for StreamTask {
         }
         match state.mailbox.take(Duration::ZERO) {
             Taken::Item(frame) => {
-                // First of all: a source in shared memory lends few frames.
+                // First: a source in shared memory lends few frames.
                 self.kept.take().into_iter().for_each(|kept| state.mailbox.give_back(kept));
                 Poll::Frame(self.handle_frame(frame, state))
             }
@@ -136,10 +136,10 @@ impl RoundRobinTask for StreamTask {
 }
 
 impl StreamTask {
-    /// A stop finishes the frame in work, not the waiting one. The capture thread supersedes that one as well: whoever
-    /// comes first counts it.
+    /// A stop finishes the frame being processed, not the waiting one. This thread or the capture thread supersedes the
+    /// waiting one; the first of them counts it.
     fn wind_up(&mut self, state: &StreamState) -> Poll {
-        // Asked first: a closed mailbox takes no more frames.
+        // Checked first: a closed mailbox takes no more frames.
         let closed = state.mailbox.wait_closed(Duration::ZERO);
         if state.mailbox.recall() {
             state.ledger.ended(End::Superseded);
@@ -193,18 +193,18 @@ impl StreamTask {
         end
     }
 
-    /// Whether a reader that joins later could want a result of the last frame that was not made, and it can be made then:
-    /// the state of a network or a filter must not see a frame twice.
+    /// Whether results of the last frame can still be computed for a reader that joins later. A network or filter with a state
+    /// must not process a frame twice.
     fn can_serve_late_readers(&self) -> bool {
         self.publisher.has_omitted_results() && self.pipeline.is_stateless()
     }
 
-    /// Makes labels and cloud of the last frame for readers that joined since. The frame has been counted already.
+    /// Computes labels and cloud of the last frame for readers that joined since. The frame has been counted already.
     fn serve_late_readers(&mut self) {
         let Some(frame) = self.kept.take() else { return };
         match self.try_serve_late_readers(&frame) {
             Ok(()) => self.kept = Some(frame),
-            // It is not kept: it would fail again, five times a second.
+            // The frame is not kept: it would fail again, five times per second.
             Err(error) => warn!("late readers do not receive frame {}: {error:#}", frame.sequence),
         }
     }
@@ -230,7 +230,7 @@ impl StreamTask {
         }
     }
 
-    /// A frame that fails is lost alone, unless all the next ones would fail as well.
+    /// A failed frame is lost; the stream goes on, unless all following frames would fail as well.
     fn fail(&mut self, frame: &Frame, error: anyhow::Error) {
         self.failures = self.failures.saturating_add(1);
         let is_first = self.totals.frames() == 0;

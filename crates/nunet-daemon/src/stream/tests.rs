@@ -22,7 +22,7 @@ use crate::sink::{Sink, last_frame};
 use crate::source::{CameraGeometry, CameraResolver, Fill, Frame};
 
 /// No test waits longer for anything.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 const SIZE: ImageSize = ImageSize::new(64, 48);
 
 /// Gray images; of a live source one each millisecond.
@@ -53,7 +53,7 @@ impl Source for Gray {
     }
 }
 
-/// A disk that stands still until it is let go.
+/// A disk that stalls until it is released.
 #[derive(Default)]
 struct Disk {
     state: Mutex<DiskState>,
@@ -71,7 +71,7 @@ impl Disk {
     /// Waits for `wanted`; says whether it came.
     fn wait(&self, wanted: impl Fn(&DiskState) -> bool) -> bool {
         let state = self.state.lock().unwrap();
-        let (state, _) = self.changed.wait_timeout_while(state, PATIENCE, |state| !wanted(state)).unwrap();
+        let (state, _) = self.changed.wait_timeout_while(state, TIMEOUT, |state| !wanted(state)).unwrap();
         wanted(&state)
     }
 
@@ -153,7 +153,7 @@ fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream 
 fn wait_for_frame(reader: &Reader, number: u64) -> u64 {
     let start = Instant::now();
     loop {
-        assert!(start.elapsed() < PATIENCE, "frame {number} never came");
+        assert!(start.elapsed() < TIMEOUT, "frame {number} never came");
         match reader.latest(Topic::Depth).unwrap().map(|frame| frame.header().sequence) {
             Some(sequence) if sequence >= number => return sequence,
             _ => drop(reader.wait(Duration::from_millis(100)).unwrap()),
@@ -172,8 +172,8 @@ fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_o
         stream(&recorded, Gray { left: FRAMES, sequence: 0, live: false }, recorder(&disk, &notify)),
         stream(&live, Gray { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];
-    let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
-    let held = Reader::open(&recorded, &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&live, &[Topic::Depth], TIMEOUT).unwrap();
+    let held = Reader::open(&recorded, &[Topic::Depth], TIMEOUT).unwrap();
     let mut ended = std::thread::scope(|scope| {
         let ended = scope.spawn(|| run(streams, &notify, &stop).unwrap());
         let _let_go = LetGo(&disk, &stop);
@@ -204,7 +204,7 @@ fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_o
     let name = camera("held");
     let source = Gray { left: u64::MAX, sequence: 0, live: false };
     let streams = vec![stream(&name, source, recorder(&disk, &notify))];
-    let reader = Reader::open(&name, &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&name, &[Topic::Depth], TIMEOUT).unwrap();
     std::thread::scope(|scope| {
         let (done, ended) = channel();
         let (notify, stop) = (&notify, &stop);
@@ -212,13 +212,13 @@ fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_o
         scope.spawn(move || done.send(run(streams, notify, stop).unwrap()));
         wait_for_frame(&reader, UNDER_WAY - 1);
         stop.request();
-        let mut ended = ended.recv_timeout(PATIENCE).expect("the stop was not seen");
+        let mut ended = ended.recv_timeout(TIMEOUT).expect("the stop was not seen");
         let Ended { counts, mut summary, source } = ended.remove(0);
         assert_eq!((counts.published, counts.failed, counts.in_flight), (UNDER_WAY, 0, 0));
         assert_eq!(counts.captured, UNDER_WAY + counts.superseded, "nothing is lost from the ledger");
         assert_ne!(source.unwrap(), SourceEnd::Truncated);
         let stopped = || stop.requested();
-        let mut timeout = DrainTimeout::with(&stopped, Duration::from_millis(50), PATIENCE);
+        let mut timeout = DrainTimeout::with(&stopped, Duration::from_millis(50), TIMEOUT);
         let recorded = summary.sinks.remove(0).wait(&mut timeout);
         assert_eq!(recorded.unwrap(), Outcome::Lost);
     });
@@ -241,7 +241,7 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
         ),
         stream(&live, Gray { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];
-    let reader = Reader::open(&live, &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&live, &[Topic::Depth], TIMEOUT).unwrap();
     std::thread::scope(|scope| {
         let (done, ended) = channel();
         let (notify, stop) = (&notify, &stop);
@@ -249,16 +249,16 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
         scope.spawn(move || done.send(run(streams, notify, stop).unwrap()));
         let start = Instant::now();
         while Reader::open(&over, &[Topic::Depth], Duration::ZERO).is_ok() {
-            assert!(start.elapsed() < PATIENCE, "the camera that has ended keeps its memory");
+            assert!(start.elapsed() < TIMEOUT, "the camera that has ended keeps its memory");
             std::thread::sleep(Duration::from_millis(10));
         }
         let now = wait_for_frame(&reader, 0);
         wait_for_frame(&reader, now + TURNS);
         stop.request();
-        let mut ended = ended.recv_timeout(PATIENCE).expect("the stop was not seen");
+        let mut ended = ended.recv_timeout(TIMEOUT).expect("the stop was not seen");
         let Ended { counts, mut summary, .. } = ended.remove(0);
         assert_eq!((counts.captured, counts.published), (3, 3));
-        let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, PATIENCE);
+        let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, TIMEOUT);
         let error = summary.sinks.remove(0).wait(&mut timeout).unwrap_err();
         assert!(error.to_string().starts_with("cannot write the files in `"), "{error}");
     });

@@ -1,4 +1,4 @@
-//! `nunetd bench`: predictions of one image, as the paper's Table 2 measures them.
+//! `nunetd bench`: measures predictions of one image, as in Table 2 of the paper.
 
 use std::io::Write as _;
 use std::num::NonZeroU32;
@@ -21,10 +21,10 @@ mod series;
 
 use series::Series;
 
-/// Predictions before the measured ones, beside the self-test.
+/// Warm-up predictions, in addition to the self-test.
 pub(super) const WARM_UP_RUNS: u32 = 3;
 
-/// What is measured.
+/// The options.
 pub(crate) struct Options {
     pub(crate) models: Vec<PathBuf>,
     /// The image to predict from; `None` for the first of the demo scene.
@@ -34,7 +34,7 @@ pub(crate) struct Options {
     pub(crate) json: bool,
 }
 
-/// Measures every model in turn, interleaved, so that a disturbed moment meets them all.
+/// Measures the models interleaved, so that a disturbance affects all of them.
 pub(crate) fn bench(options: &Options) -> anyhow::Result<Outcome> {
     let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
@@ -57,7 +57,7 @@ pub(crate) fn bench(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The image of all predictions.
+/// The image that all predictions use.
 pub(super) fn image_or_demo(image: Option<&Path>) -> anyhow::Result<Frame> {
     let mut frame = Frame::default();
     match image {
@@ -77,7 +77,7 @@ pub(super) fn image_or_demo(image: Option<&Path>) -> anyhow::Result<Frame> {
     Ok(frame)
 }
 
-/// What `--threads` says, else what the graph takes by itself: one a core.
+/// The value of `--threads`, else the default of the graph: one per core.
 fn threads(options: &Options) -> usize {
     let cores = std::thread::available_parallelism().ok();
     options.engine.threads.or(cores).map_or(1, std::num::NonZero::get)
@@ -112,7 +112,7 @@ impl Subject {
     }
 
     pub(super) fn predict(&mut self, frame: &Frame, measured: bool) -> anyhow::Result<()> {
-        // Predictions of one image are no stream: each is of a network that remembers nothing.
+        // The predictions are independent: each starts from an empty state.
         self.pipeline.reset();
         let start = std::time::Instant::now();
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
@@ -126,7 +126,7 @@ impl Subject {
         Ok(())
     }
 
-    /// Half of the frames took no longer, end to end.
+    /// The median end-to-end latency.
     pub(super) fn median_ms(&self) -> f64 {
         self.end_to_end.quantile(0.5)
     }
@@ -139,7 +139,7 @@ impl Subject {
         self.end_to_end.json()
     }
 
-    /// The networks alone: what the paper calls a prediction.
+    /// The time of the networks alone, which the paper calls a prediction.
     fn network_micros(&self, micros: &[u32]) -> f64 {
         let graph = self.pipeline.graph().stages();
         let named = self.pipeline.stage_names().iter().zip(micros);

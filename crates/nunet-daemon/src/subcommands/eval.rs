@@ -16,7 +16,7 @@ use crate::Outcome;
 use crate::exit::WithHint;
 use crate::exit::warn_of_unknown_camera;
 
-/// What is measured.
+/// The options.
 pub(crate) struct Options {
     pub(crate) evaluation: EvalOptions,
     pub(crate) model: PathBuf,
@@ -44,7 +44,8 @@ pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
     let text = if options.json { serde_json::to_string(&report)? } else { report.text() };
     writeln!(std::io::stdout(), "{text}")?;
     if !options.json && report.baseline_has_seen_the_images() {
-        let text = "the mean image is that of the measured images themselves: `--baseline-ids` names others";
+        let text =
+            "the baseline is the mean of the measured images themselves; pass --baseline-ids for others";
         writeln!(std::io::stdout(), "{text}")?;
     }
     if let Some(out) = &options.out {
@@ -57,7 +58,7 @@ pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
     Ok(Outcome::Lost)
 }
 
-/// Prints progress and problems.
+/// Shows progress and problems.
 #[derive(Default)]
 struct Printer(Option<ProgressBar>);
 
@@ -70,7 +71,7 @@ impl Printer {
             }
             Event::Advanced => self.0.iter().for_each(|bar| bar.inc(1)),
             Event::Finished => self.finish(),
-            // The bar would be torn apart by the line.
+            // The line would break the bar.
             problem => match &self.0 {
                 Some(bar) => bar.suspend(|| log(problem)),
                 None => log(problem),
@@ -101,7 +102,7 @@ fn log(problem: Event<'_>) {
     }
 }
 
-/// The same error, with a hint that names flags where the library's names none.
+/// The same error, with a hint that names flags.
 fn with_flags(error: EvalError) -> anyhow::Error {
     let hint = match error {
         EvalError::NothingMeasured { source } => {

@@ -28,7 +28,7 @@ pub(crate) struct Options {
     pub(crate) geometry: CameraGeometry,
 }
 
-/// Publishes until the source ends, `--frames` are sent, or a signal comes.
+/// Publishes until the source ends, `--frames` are sent, or a stop is requested.
 pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     if options.source.name.properties().is_shared_memory {
@@ -56,8 +56,8 @@ pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
     Ok(if feeder.failed == 0 && end != SourceEnd::Truncated { Outcome::Done } else { Outcome::Lost })
 }
 
-/// Hands the last image to readers that come while `feed` waits for the next one. On a thread of its own: a pipe is
-/// silent for as long as it likes, and a slow pace sleeps.
+/// Sends the last image to readers that join while `feed` waits for the next one. It runs on its own thread, because a
+/// pipe can block and a slow pace sleeps.
 fn serving_late_joiners(
     port: &OnceLock<Port>,
     feed: impl FnOnce() -> anyhow::Result<SourceEnd>,
@@ -92,11 +92,11 @@ struct Feeder<'a> {
     failed: u64,
 }
 
-/// The owner of the `rgb` topic.
+/// The publisher of the `rgb` topic.
 struct Port {
     publisher: Publisher,
     size: ImageSize,
-    /// As many bytes as there is room for.
+    /// The bytes that fit into a message.
     room: usize,
 }
 
@@ -110,7 +110,7 @@ impl<'a> Feeder<'a> {
     fn send(&mut self, frame: &Frame) -> anyhow::Result<ControlFlow<()>> {
         let camera = match self.resolver.resolve(frame).map_err(anyhow::Error::from) {
             Ok(camera) => camera,
-            // The named camera does not fit: it will not fit the next frame either.
+            // The camera does not fit the images: the next frame would fail too.
             Err(error) if is_usage(&error) => return Err(error),
             Err(error) => {
                 self.lose(frame, &error);
@@ -175,7 +175,7 @@ impl Port {
         Ok(Self { publisher, size: frame.size, room })
     }
 
-    /// Shared memory is reserved once, for images like the first.
+    /// Shared memory is reserved once, for the size and format of the first image.
     fn has_room(&self, frame: &Frame) -> anyhow::Result<()> {
         let view = frame.view()?;
         let bytes = view.bytes().len();

@@ -16,23 +16,23 @@ use tracing::{error, info};
 use super::load::{load_unless, tested_pipeline};
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::config::{ModelConfig, OpticsConfig};
+use crate::config::{ModelConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_unknown_camera};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{CameraResolver, Frame, decode, glance, list};
 use crate::stream::{Stop, Stopped};
 
-/// What is inferred.
+/// The options of `infer`.
 pub(crate) struct Options {
     /// Files, folders and globs.
     pub(crate) images: Vec<PathBuf>,
     pub(crate) out: PathBuf,
     pub(crate) model: PathBuf,
-    pub(crate) optics: OpticsConfig,
+    pub(crate) processing: ProcessingConfig,
     pub(crate) engine: EngineOptions,
 }
 
-/// Infers one image after the other; a bad one does not end it. A stop waits for the image that is at work.
+/// Processes the images in order; a bad one does not end it. A stop finishes the current image.
 pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match infer_unless(options, &stop) {
@@ -47,13 +47,13 @@ pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
 fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let images: Vec<PathBuf> = named_images(&options.images)?;
     let folders = result_folders(&images, &options.out)?;
-    let camera = CameraResolver::new(&options.optics.geometry)?;
+    let camera = CameraResolver::new(&options.processing.geometry)?;
     check_folder(&options.out)?;
     refuse_no_images(&images)?;
     let engine = Engine::start(options.engine.clone())?;
     let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipeline = tested_pipeline(loaded, options.optics.pipeline)?;
+    let pipeline = tested_pipeline(loaded, options.processing.pipeline)?;
     let mut work = Work::new(pipeline, camera, model);
 
     let mut failures = Vec::new();
@@ -73,7 +73,7 @@ fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// All images that are named, in that order: those of a folder or a glob by their names.
+/// The images in the given order; those of a folder or a glob sorted by name.
 fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     for name in named {
@@ -90,7 +90,7 @@ fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// Where nothing looks like an image, the network need not be loaded.
+/// Fails before the network is loaded if no file looks like an image.
 fn refuse_no_images(images: &[PathBuf]) -> anyhow::Result<()> {
     let mut failures = Vec::new();
     for image in images {
@@ -106,7 +106,7 @@ fn unreadable(error: anyhow::Error, image: &Path) -> anyhow::Error {
     error.context(format!("cannot read the image `{}`", image.display()))
 }
 
-/// Nothing done is a failure; some of many undone are a loss.
+/// It is a failure if every image failed, and a loss if some did.
 fn judge(mut failures: Vec<anyhow::Error>, images: usize) -> anyhow::Result<Outcome> {
     if failures.is_empty() {
         return Ok(Outcome::Done);
@@ -125,7 +125,7 @@ fn judge(mut failures: Vec<anyhow::Error>, images: usize) -> anyhow::Result<Outc
     }
 }
 
-/// `--out` itself for one image, else a folder below it for each.
+/// `--out` itself for one image, else one folder below it per image.
 fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if images.len() == 1 {
         return Ok(vec![out.to_owned()]);
@@ -148,7 +148,7 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
     Ok(folders)
 }
 
-/// The pipeline and everything around one image after the other.
+/// The pipeline and its buffers, reused for each image.
 struct Work {
     pipeline: Pipeline,
     camera: CameraResolver,
@@ -168,7 +168,7 @@ impl Work {
         let ready_nanos = MonotonicClock.nanos();
         let assumption = self.camera.update(&self.frame, &mut self.pipeline)?;
         assumption.into_iter().for_each(warn_of_unknown_camera);
-        // Single images are no stream.
+        // The images are independent.
         self.pipeline.reset();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();

@@ -19,7 +19,7 @@ use super::load::{load_unless, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::config::{ModelConfig, MountOption, OpticsConfig, Publish, default_frame_id};
+use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
 use crate::exit::{is_usage, warn_of_unknown_camera};
 use crate::sink::Results;
 use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
@@ -27,10 +27,10 @@ use crate::sink::stats::ModelName;
 use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 
-/// How often the output is brought onto the disk: a full disk costs so many frames at the most.
+/// The output is synced every so many frames: a full disk loses no more than that.
 const SYNC_FRAMES: u64 = 50;
 
-/// What is replayed.
+/// The options of `replay`.
 pub(crate) struct Options {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
@@ -45,12 +45,12 @@ pub(crate) struct Options {
     pub(crate) publish: Vec<Publish>,
     /// Overwrite the output.
     pub(crate) force: bool,
-    pub(crate) optics: OpticsConfig,
+    pub(crate) processing: ProcessingConfig,
     pub(crate) engine: EngineOptions,
     pub(crate) json: bool,
 }
 
-/// Replays until the recording ends, is cut off, or a signal comes.
+/// Replays until the recording ends, is truncated, or a stop is requested.
 pub(crate) fn replay(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match replay_unless(options, &stop) {
@@ -64,7 +64,7 @@ pub(crate) fn replay(options: &Options) -> anyhow::Result<Outcome> {
 
 fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     refuse_output(&options.output, Some(&options.input), options.force)?;
-    let resolver = CameraResolver::new(&options.optics.geometry)?;
+    let resolver = CameraResolver::new(&options.processing.geometry)?;
     let how =
         OpenOptions { topic: options.topic.as_deref(), stopped: Some(stop.flag()), ..OpenOptions::default() };
     let source = RecordingSource::open(&options.input, how);
@@ -74,7 +74,7 @@ fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipeline = tested_pipeline(loaded, options.optics.pipeline)?;
+    let pipeline = tested_pipeline(loaded, options.processing.pipeline)?;
 
     stop.check()?;
     let mut frame = Frame::default();
@@ -97,8 +97,8 @@ fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     replay.finish(options)
 }
 
-/// The first request that is not idle. Other topics may have many messages before the first image, and only the first image
-/// tells the coordinate frame.
+/// The first result that is not idle. Other topics may have many messages before the first image, and only an image has the
+/// coordinate frame.
 fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
     loop {
         match source.fill(frame) {
@@ -118,7 +118,7 @@ struct Replay {
     writer: FrameWriter,
     labels: bool,
     cloud: bool,
-    /// Of depth and labels alone: equal for equal results, whatever is recorded beside them.
+    /// Covers depth and labels only: equal results have equal hashes, whatever else is recorded.
     results: Sha256,
     frames: u64,
     failed: u64,
@@ -222,7 +222,7 @@ impl Replay {
     /// The frame's memory travels into the record and back.
     fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
         let report = self.infer(frame).map_err(|error| {
-            // The named camera does not fit: no frame of the recording can be replayed.
+            // The camera does not fit the images: no frame of the recording can be replayed.
             if is_usage(&error) { Trouble::Output(error) } else { Trouble::Frame(error) }
         })?;
         let camera = self.camera.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
@@ -242,7 +242,7 @@ impl Replay {
         self.results.update(self.record.labels().unwrap_or_default());
         *frame = std::mem::take(&mut self.record.frame);
         written.map_err(Trouble::Output)?;
-        // By frames, not by time: the file is the same each time.
+        // Counted in frames, not time, so that every replay writes the same bytes.
         if (self.frames + 1).is_multiple_of(SYNC_FRAMES) {
             self.writer.sync().map_err(Trouble::Output)
         } else {
@@ -299,7 +299,7 @@ fn file_sha256(path: &Path) -> anyhow::Result<String> {
     }
 }
 
-/// A frame that cannot be processed is a loss; a file that cannot be written is the end.
+/// A frame that cannot be processed is lost; a file that cannot be written ends the replay.
 enum Trouble {
     Frame(anyhow::Error),
     Output(anyhow::Error),

@@ -1,4 +1,4 @@
-//! `nunetd run`: sources of frames become depth in shared memory.
+//! `nunetd run`: publishes depth of sources of frames in shared memory.
 
 mod camera;
 mod outputs;
@@ -25,7 +25,7 @@ use crate::sink::writing::Writing;
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, Ended, SourceEnd, Stop, Stopped, StreamSummary};
 
-/// Runs until all sources have ended, `--frames` of each are captured, or a signal comes.
+/// Runs until all sources have ended, `--frames` of each are captured, or a stop is requested.
 pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match start(config, &stop) {
@@ -37,7 +37,7 @@ pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Everything before the first frame may take long, so that a stop is asked for before each step.
+/// Each step before the first frame may take long, so a stop is checked before each.
 fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     share(config.outputs.access.as_ref())?;
     let cameras = camera::prepare(camera::plans(config)?, stop, SourceName::open)?;
@@ -49,7 +49,7 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     let loaded = load_unless(&engine, &config.model, stop)?;
     stop.check()?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipelines = loaded.into_pipelines(config.cameras.iter().map(|camera| camera.optics.pipeline))?;
+    let pipelines = loaded.into_pipelines(config.cameras.iter().map(|camera| camera.processing.pipeline))?;
     let graph = pipelines.first().context("one camera at least")?.graph();
     let (provider, classes) = (graph.provider().to_string(), graph.description().classes.clone());
     let common = Common { model: &model, provider: &provider, classes: &classes };
@@ -60,8 +60,8 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
     let metrics = config.outputs.metrics.map(metrics::serve).transpose()?;
-    // Last of all: a start that fails leaves no folders and no recordings. After the first recording a stop is one of the
-    // stream's.
+    // Last, so that a failed start leaves no folders and no recordings. From the first recording on, the stream handles a
+    // stop.
     stop.check()?;
     outputs.make()?;
     let notify = Arc::new(Notify::default());
@@ -83,7 +83,7 @@ pub(super) fn check(config: &Config) -> anyhow::Result<()> {
     Outputs::of(&cameras, config.outputs.stats_json.as_deref()).check()
 }
 
-/// Lets a group read, where one is named. Which files it gets is for the crate that makes them.
+/// Lets a group read, if one is configured.
 fn share(config: Option<&AccessConfig>) -> anyhow::Result<()> {
     Ok(access(config)?.map_or(Ok(()), share_with)?)
 }
@@ -117,7 +117,7 @@ fn finish(
     let several = names.len() > 1;
     for End { camera, summary, .. } in ends {
         let _camera = span_of(camera, several).entered();
-        // Each of them, before anything is returned: what is not waited for is not written.
+        // Wait for all of them before returning an error: writes that are not awaited are lost.
         results.extend(summary.sinks.into_iter().map(|sink| sink.wait(timeout)));
     }
     combine(outcome, results)
@@ -141,7 +141,7 @@ fn combine(
     failure.map_or(Ok(outcome), Err)
 }
 
-/// The disk of the stats may be the one that hangs.
+/// Writes the stats on a thread, because their disk may hang as well.
 fn write_stats(path: &Path, stats: Stats, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<()> {
     let (what, path) = (format!("the stats in `{}`", path.display()), path.to_owned());
     Writing::start(what, move || write_json(&path, &stats))?.end(timeout)

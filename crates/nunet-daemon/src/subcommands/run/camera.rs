@@ -20,14 +20,14 @@ use crate::source::{
 };
 use crate::stream::{Pace, Stop, Stream, StreamTask};
 
-/// A camera's configuration, and the files that it means on this machine.
+/// A camera's configuration, with its paths resolved on this machine.
 pub(super) struct Plan<'a> {
     pub(super) config: &'a CameraConfig,
     /// The file that is recorded into.
     pub(super) record: Option<PathBuf>,
 }
 
-/// The cameras beside each other. Nothing is made yet.
+/// Plans all cameras. Nothing is created yet.
 pub(super) fn plans(config: &Config) -> Result<Vec<Plan<'_>>, BadArguments> {
     let folders = config.cameras.iter().filter_map(|camera| camera.out.as_deref()).map(place);
     let folders: Vec<_> = folders.collect();
@@ -37,7 +37,7 @@ pub(super) fn plans(config: &Config) -> Result<Vec<Plan<'_>>, BadArguments> {
 }
 
 impl<'a> Plan<'a> {
-    /// `folders` are those that will be made.
+    /// `folders` are those that will be created.
     fn new(config: &'a CameraConfig, folders: &[PathBuf]) -> Self {
         let record = config.record.as_ref().map(|record| {
             let path = &record.path;
@@ -58,7 +58,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// One name for what may be written in several ways: absolute, with links resolved as far as it is there.
+/// One form for paths that can be written in several ways: absolute, with links resolved as far as the path exists.
 pub(super) fn place(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let there = path.ancestors().find_map(|there| Some((there, there.canonicalize().ok()?)));
@@ -71,7 +71,7 @@ pub(super) fn place(path: &Path) -> PathBuf {
     }
 }
 
-/// What two cameras cannot both have.
+/// Refuses cameras that share something exclusive.
 fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
     for (index, plan) in plans.iter().enumerate() {
         for (earlier, other) in plans.iter().enumerate().take(index) {
@@ -115,7 +115,7 @@ fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
     same_file(&one.record, &other.record).then(|| "write one `record` file".into())
 }
 
-/// A camera that may begin.
+/// A camera that is ready to start.
 pub(super) struct Prepared<'a> {
     pub(super) plan: Plan<'a>,
     source: Box<dyn Source>,
@@ -148,7 +148,7 @@ pub(super) fn prepare<'a>(
             }
             source => source,
         };
-        let camera = CameraResolver::new(&plan.config.optics.geometry);
+        let camera = CameraResolver::new(&plan.config.processing.geometry);
         let camera = camera.map_err(|error| in_camera(error.into(), plan.name(), several))?;
         refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name(), several))?;
         opened.push((plan, source, camera));
@@ -168,7 +168,7 @@ pub(super) fn prepare<'a>(
     Ok(cameras)
 }
 
-/// Stands in for a source that is not to be read.
+/// A placeholder for a source that must not be read.
 struct Unread;
 
 impl Source for Unread {
@@ -177,7 +177,7 @@ impl Source for Unread {
     }
 }
 
-/// Checks a source without taking anything from it: a camera may be in use, and what is read from a pipe is gone.
+/// Checks a source without reading from it: a camera may be in use, and data read from a pipe is lost.
 pub(super) fn probe_source(
     name: &SourceName,
     options: OpenOptions<'_>,
@@ -190,7 +190,7 @@ pub(super) fn probe_source(
     }
 }
 
-/// Around what is logged of a camera, where there are several.
+/// The span for log lines of one camera, if there are several.
 pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
 }
@@ -263,7 +263,7 @@ impl Opened<'_> {
     }
 }
 
-/// Refused before any work is done where it may not be written, or is what some camera reads.
+/// Refuses a recording that cannot be written, or that a camera reads, before any work is done.
 fn refuse_recording(plan: &Plan<'_>, inputs: &[PathBuf]) -> anyhow::Result<()> {
     let Some(path) = &plan.record else { return Ok(()) };
     let force = plan.config.record.as_ref().is_some_and(|record| record.force);

@@ -10,7 +10,7 @@ use nunet_ipc::{
 use nunet_testkit::models;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, PATIENCE, camera, nunetd, repository, run, run_well, text};
+use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, repository, run, run_well, text};
 
 fn json_lines(bytes: &[u8]) -> Vec<Value> {
     text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
@@ -222,7 +222,7 @@ fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
     let (front, depth) = (camera("still"), camera("still_depth"));
     let source = format!("shm:{front}");
     let _daemon = Guarded::start(nunetd(&["-q", "--model", &model, "--source", &source, "--camera", &depth]));
-    // The feeder goes on until a depth map was seen, however long the daemon takes to start. Then the source stands still.
+    // The feeder runs until a depth map was seen, however long the daemon takes to start. Then the source is paused.
     let mut feeder =
         Guarded::start(nunetd(&["-q", "feed", &images, "--camera", &front, "--loop", "--rate", "20"]));
     let early = run_well(nunetd(&["watch", &depth, "--json", "--frames", "1", "--timeout", "50"]));
@@ -247,10 +247,10 @@ fn a_late_joiner_gets_the_last_image_of_a_feeder_that_waits_for_its_next() {
     pipe.write_all(&[100; 64 * 48]).unwrap();
     for front in [&slow, &piped] {
         // Who has seen the image knows that it has been sent: whoever comes now is late.
-        let early = Reader::open(&front.parse().unwrap(), &[Topic::Rgb], PATIENCE).unwrap();
+        let early = Reader::open(&front.parse().unwrap(), &[Topic::Rgb], TIMEOUT).unwrap();
         let start = Instant::now();
         while early.latest(Topic::Rgb).unwrap().is_none() {
-            assert!(start.elapsed() < PATIENCE, "no image of `{front}`");
+            assert!(start.elapsed() < TIMEOUT, "no image of `{front}`");
             early.wait(Duration::from_millis(50)).unwrap();
         }
         let (source, depth) = (format!("shm:{front}"), camera("late_depth"));
@@ -261,14 +261,14 @@ fn a_late_joiner_gets_the_last_image_of_a_feeder_that_waits_for_its_next() {
 
 /// A depth frame of a camera, and the reader that it came to.
 fn first_depth(name: &str) -> (Reader, u64) {
-    let reader = Reader::open(&name.parse().unwrap(), &[Topic::Depth], PATIENCE).unwrap();
+    let reader = Reader::open(&name.parse().unwrap(), &[Topic::Depth], TIMEOUT).unwrap();
     let start = Instant::now();
     loop {
         if let Some(frame) = reader.latest(Topic::Depth).unwrap() {
             let sequence = frame.header().sequence;
             return (reader, sequence);
         }
-        assert!(start.elapsed() < PATIENCE, "no depth of `{name}`");
+        assert!(start.elapsed() < TIMEOUT, "no depth of `{name}`");
         reader.wait(Duration::from_millis(50)).unwrap();
     }
 }
@@ -285,13 +285,13 @@ fn labels_and_cloud_of_the_last_frame_are_made_for_readers_who_come_while_the_so
     for topics in
         [&[Topic::Depth, Topic::Labels][..], &[Topic::Cloud], &[Topic::Depth, Topic::Labels, Topic::Cloud]]
     {
-        let mut late = Reader::open(&name.parse().unwrap(), topics, PATIENCE).unwrap();
+        let mut late = Reader::open(&name.parse().unwrap(), topics, TIMEOUT).unwrap();
         let start = Instant::now();
         let set = loop {
             if let Some(set) = late.next_set().unwrap() {
                 break set;
             }
-            assert!(start.elapsed() < PATIENCE, "nothing for a reader of {topics:?}");
+            assert!(start.elapsed() < TIMEOUT, "nothing for a reader of {topics:?}");
             late.wait(Duration::from_millis(50)).unwrap();
         };
         for &topic in topics {
@@ -319,7 +319,7 @@ fn what_remembers_frames_does_not_see_one_twice_for_a_late_reader() {
     let how = ["-q", "--model", &model, "--source", &still, "--rate", "0.01", "--loop", "--camera", &name];
     let _daemon = Guarded::start(nunetd(&[&how[..], &["--filter", "temporal"]].concat()));
     first_depth(&name);
-    let late = Reader::open(&name.parse().unwrap(), &[Topic::Cloud], PATIENCE).unwrap();
+    let late = Reader::open(&name.parse().unwrap(), &[Topic::Cloud], TIMEOUT).unwrap();
     // Twice as long as a reader waits who is served.
     let start = Instant::now();
     while start.elapsed() < Duration::from_millis(800) {
