@@ -320,7 +320,7 @@ fn calibration_that_never_ends() {
 }
 
 #[test]
-fn figures_into_a_named_pipe() {
+fn stats_into_a_named_pipe() {
     let bench = Bench::new();
     let pipe = bench.arg("pipe");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
