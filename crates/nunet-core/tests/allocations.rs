@@ -157,11 +157,11 @@ fn later_images_of_the_same_size_are_preprocessed_without_allocation() {
 
 #[test]
 fn obstacles_allocate_nothing() {
-    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.0, SIZE.1).unwrap());
+    let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 31.5, 23.5, SIZE.width, SIZE.height).unwrap());
     let mount = Mount::new([0.0, 0.0, 0.5], [0.0; 3]).unwrap();
     let options = ObstacleOptions { hold_s: 1.0, ..ObstacleOptions::default() };
     let mut detector = ObstacleDetector::new(&camera, mount, &["floor".to_owned()], options).unwrap();
-    let pixels = (SIZE.0 * SIZE.1) as usize;
+    let pixels = (SIZE.width * SIZE.height) as usize;
     // Floor in the lower half, and behind it a wall; then noise, which has more points than there is room for.
     let room = |i: usize| 0.5 * 50.0 / ((i / 64) as f32 - 23.5).max(10.0);
     let noise = |i: usize| 0.3 + (i * 7919 % 1000) as f32 * 0.01;

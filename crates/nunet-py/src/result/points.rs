@@ -28,8 +28,10 @@ impl Result {
     /// aspect ratio.
     pub(super) fn camera_for_points(&self, camera: Option<Camera>) -> PyResult<camera::Camera> {
         let Some(Camera(camera)) = camera else { return Ok(self.points_camera) };
-        let ((width, height), own) = (self.image_size, self.size());
-        let fitted = camera.fitted_to(width, height).and_then(|camera| camera.scaled_to(own.0, own.1));
+        let (image, own) = (self.image_size, self.size());
+        let fitted = camera
+            .fitted_to(image.width, image.height)
+            .and_then(|camera| camera.scaled_to(own.width, own.height));
         fitted.map_err(of_camera)
     }
 
@@ -66,7 +68,7 @@ impl Result {
         let depth = self.depth.bind(py).try_readonly()?;
         let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
         let results = Results {
-            size: self.size().into(),
+            size: self.size(),
             depth: depth.as_slice()?,
             metric: self.units == METRE,
             labels: labels.as_ref().map(|labels| labels.as_slice()).transpose()?,
