@@ -10,7 +10,7 @@ use nunet_testkit::models;
 use nunet_testkit::onnx::ElementType;
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, TIMEOUT, SIZE, camera, nunetd, run, run_well, signal, text, wait_for};
+use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd, run, run_well, signal, text, wait_for};
 
 impl Bench {
     /// Writes a configuration with this model and these lines.

@@ -94,7 +94,7 @@ impl Record {
 }
 
 /// Bytes of an image in RGB; 0 if nothing can have that size.
-fn raw_bytes((width, height): (u32, u32)) -> usize {
+fn raw_bytes(ImageSize { width, height }: ImageSize) -> usize {
     let bytes = u64::from(width).checked_mul(height.into()).and_then(|pixels| pixels.checked_mul(3));
     bytes.and_then(|bytes| bytes.try_into().ok()).unwrap_or(0)
 }
@@ -121,14 +121,14 @@ mod tests {
     #[test]
     fn a_longer_file_finds_room_in_the_memory_of_a_shorter_one() {
         let mut record = Record::default();
-        let file = |bytes| Frame { file: vec![1; bytes], size: (640, 480), ..Frame::default() };
+        let file = |bytes| Frame { file: vec![1; bytes], size: ImageSize::new(640, 480), ..Frame::default() };
         record.copy_frame(&file(50_000), None);
         let memory = record.frame.file.as_ptr();
         for bytes in [60_000, 10, 640 * 480 * 3] {
             record.copy_frame(&file(bytes), None);
             assert_eq!((record.frame.file.len(), record.frame.file.as_ptr()), (bytes, memory));
         }
-        record.copy_frame(&Frame { size: (u32::MAX, u32::MAX), ..file(7) }, None);
+        record.copy_frame(&Frame { size: ImageSize::new(u32::MAX, u32::MAX), ..file(7) }, None);
         assert_eq!(record.frame.file, [1; 7]);
     }
 }
