@@ -9,6 +9,7 @@ use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
 use nunet_core::filter::Appearance;
 use nunet_core::obstacle::{DepthImage, ObstacleOptions};
 use nunet_files::{Results, write_results};
+use nunet_types::ImageSize;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -20,8 +21,8 @@ use crate::obstacles::{self, Obstacles};
 
 impl Result {
     /// Width and height of `depth`.
-    pub(super) fn size(&self) -> (u32, u32) {
-        (self.points_camera.intrinsics.width, self.points_camera.intrinsics.height)
+    pub(super) fn size(&self) -> ImageSize {
+        ImageSize::new(self.points_camera.intrinsics.width, self.points_camera.intrinsics.height)
     }
 
     /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
