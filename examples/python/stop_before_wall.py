@@ -14,14 +14,15 @@ BRAKE_M = 1.0  # meters over which it brakes
 AHEAD_RAD = 0.35  # half the angle ahead that counts
 
 
-def speed(obstacles):
+def speed(obstacles: nunet.Obstacles) -> float:
     """Return the speed for what is ahead. A direction counts only as far as it is known to be free."""
     ahead = np.abs(obstacles.angles) < AHEAD_RAD
     free_m = obstacles.ranges[ahead].min(initial=np.inf) if ahead.any() else 0.0
     return FULL_SPEED * float(np.clip((free_m - STOP_M) / BRAKE_M, 0.0, 1.0))
 
 
-def main():
+def main() -> None:
+    """Print the speed for each frame."""
     camera = sys.argv[1] if len(sys.argv) > 1 else "camera"
     with nunet.subscribe(camera, topics=["obstacles"], timeout=10.0) as frames:
         for frame in frames:
