@@ -7,3 +7,4 @@ pub mod daemon;
 pub mod description;
 pub mod header;
 pub mod recording;
+pub mod view;

@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 13] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 14] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -58,6 +58,20 @@ const NO_DEPENDENCY: [(&str, &[&str]); 13] = [
         &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-source", "nunet-daemon", "clap", "anyhow"],
     ),
     ("crates/nunet-testkit/Cargo.toml", &["ort", "iceoryx2", "nunet-daemon"]),
+    (
+        "crates/nunet-view/Cargo.toml",
+        &[
+            "ort",
+            "iceoryx2",
+            "nunet-core",
+            "nunet-ipc",
+            "nunet-source",
+            "nunet-engine",
+            "nunet-daemon",
+            "clap",
+            "anyhow",
+        ],
+    ),
     ("xtask/Cargo.toml", &["ort", "iceoryx2", "nunet-core", "nunet-ipc", "nunet-daemon"]),
 ];
 

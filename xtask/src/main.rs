@@ -1,5 +1,6 @@
 //! `cargo xtask`: setup, checks, packages and the demo. Needs only cargo, a C compiler and python3.
 
+mod browser;
 mod bundle;
 mod check;
 mod deb;
@@ -26,6 +27,7 @@ usage: cargo xtask COMMAND
   demo           run nunetd on its demo; images, cloud and a recording in target/demo/
   check          format, lints, documentation, structure of the source; needs no root
   test           all tests, Rust and Python; those that need root say so and are skipped without it
+  test --browser the live view in Chromium, with screenshots in target/browser/
   package        build the Python package for the tests; prints the interpreter that has it
   bundle         copy the models of the Python package from models/
   wheel          build the Python package and collect its dependencies as wheels in dist/; install and try them
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         ["demo"] => demo::demo(),
         ["check"] => check::check(),
         ["test"] => test::test(),
+        ["test", "--browser"] => browser::test(),
         ["package"] => package::package(),
         ["bundle"] => bundle::bundle(),
         ["wheel"] => wheel::wheel(),

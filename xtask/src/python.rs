@@ -32,11 +32,21 @@ print(*project['dependencies'], *project['optional-dependencies']['dev'], sep='\
 
 /// The environment of the tests in `tests/python`: small clients of what nunetd writes and publishes.
 pub(crate) fn test_environment() -> Result<PathBuf> {
-    let path = paths::root().join("tests/python/requirements.txt");
+    required_by("test", "tests/python/requirements.txt")
+}
+
+/// The environment of the tests in `tests/browser`.
+pub(crate) fn browser_environment() -> Result<PathBuf> {
+    required_by("browser", "tests/browser/requirements.txt")
+}
+
+/// An environment with what a file of the repository lists.
+fn required_by(name: &str, requirements: &str) -> Result<PathBuf> {
+    let path = paths::root().join(requirements);
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read `{}`", path.display()))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
     let lines: Vec<_> = lines.filter(|line| !line.is_empty()).map(str::to_owned).collect();
-    environment("test", &lines, |python| install(python, &lines))
+    environment(name, &lines, |python| install(python, &lines))
 }
 
 /// An environment in `folder` that sees everything of the one of `shared` and may hold more: what a clone builds is

@@ -212,7 +212,7 @@ fn where_all_cameras_fail_on_the_way_the_figures_are_written_all_the_same() {
 /// The value of a sample of the metrics.
 fn sample(address: SocketAddr, name: &str) -> Option<f64> {
     let mut stream = TcpStream::connect(address).ok()?;
-    stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").unwrap();
+    stream.write_all(b"GET /metrics HTTP/1.1\r\nConnection: close\r\n\r\n").unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     answer.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())

@@ -50,6 +50,6 @@ pub use folder::{check_folder, make_folder};
 pub use npy::{MAX_NPY_BYTES, read_npy, write_npy};
 pub use obstacles::{BirdsEye, draw_obstacle_points};
 pub use ply::write_cloud;
-pub use png::{write_depth_mm, write_rgb};
+pub use png::{millimeters, write_depth_mm, write_rgb};
 pub use results::Results;
 pub use save::write_results;

@@ -15,7 +15,9 @@ pub fn write_depth_mm(path: &Path, depth_m: &[f32], size: ImageSize) -> Result<(
     write_gray(path, depth_m.iter().map(|&z| millimeters(z)).collect::<Vec<u16>>(), size)
 }
 
-fn millimeters(depth_m: f32) -> u16 {
+/// Depth in millimeters, rounded; 0 where there is no measurement, and beyond 65.535 m.
+#[must_use]
+pub fn millimeters(depth_m: f32) -> u16 {
     let rounded = (depth_m * 1000.0).round();
     if (1.0..=f32::from(u16::MAX)).contains(&rounded) { rounded as u16 } else { 0 }
 }

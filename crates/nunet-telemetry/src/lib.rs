@@ -7,9 +7,11 @@
 //! | [`Totals`] | frame rate, copied bytes and allocations per frame |
 //! | [`CountingAllocator`] | heap allocations of each thread |
 //! | [`StallDetector`] | for how long a counter has not grown |
+//! | [`Series`] | quantiles of a benchmark |
+//! | [`DrainTimeout`] | how long a shutdown waits for pending writes |
 //! | [`RateLimit`] | how many messages of a kind were logged lately |
 //!
-//! [`MetricsServer`] shows counts and latencies to Prometheus, [`Supervisor`] feeds the watchdog of a service manager.
+//! [`Metrics`] writes counts and latencies for Prometheus, [`Supervisor`] feeds the watchdog of a service manager.
 //! Nothing here knows networks, shared memory or the command line, and nothing leaves the machine: Prometheus asks.
 //!
 //! # Example: the counts and latencies of two frames
@@ -27,20 +29,25 @@
 //! ```
 
 mod allocations;
-mod http;
+mod drain;
 mod latency;
 mod ledger;
+mod machine;
 mod metrics;
 mod rate_limit;
+mod series;
 mod stall;
 mod supervisor;
 mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
+pub use drain::{DrainTimeout, GivenUp};
 pub use latency::{Latencies, Summary};
 pub use ledger::{Counts, End, Ledger};
-pub use metrics::{CameraMetrics, MetricsServer};
+pub use machine::{peak_rss_mb, processor};
+pub use metrics::{CameraMetrics, Metrics};
 pub use rate_limit::{RateLimit, Suppressed};
+pub use series::{SERIES_HEAD, Series};
 pub use stall::StallDetector;
 pub use supervisor::Supervisor;
 pub use totals::Totals;

@@ -1,10 +1,7 @@
 //! Frame counts and latencies for Prometheus. The library `prometheus-client` counts and writes the text format.
 
-use std::io;
-use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use prometheus_client::encoding::EncodeLabelSet;
 use prometheus_client::encoding::text::encode;
@@ -13,14 +10,10 @@ use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
-use tracing::info;
 
-use crate::http;
 use crate::ledger::Counts;
 use crate::totals::Totals;
 
-/// How long a caller may take to send its request, and to read the answer.
-const CALLER_TIMEOUT: Duration = Duration::from_secs(2);
 /// Upper bounds of the histograms' buckets: from a small network on a fast machine to a stalled one.
 const BUCKETS_S: [f64; 16] =
     [0.001, 0.0025, 0.005, 0.01, 0.02, 0.033, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.5, 10.0];
@@ -91,32 +84,29 @@ impl Families {
     }
 }
 
-/// The endpoint for all cameras. Its threads end with the process.
-#[derive(Debug)]
-pub struct MetricsServer {
-    families: Families,
-    address: SocketAddr,
+/// The metrics of all cameras. Copies count together.
+#[derive(Debug, Clone)]
+pub struct Metrics {
+    families: Arc<Families>,
+    registry: Arc<Registry>,
 }
 
-impl MetricsServer {
-    /// Opens the endpoint.
-    ///
-    /// # Errors
-    /// The address is in use or is not an address of this machine.
-    pub fn open(address: SocketAddr) -> io::Result<Self> {
-        let listener = TcpListener::bind(address)?;
-        let address = listener.local_addr()?;
-        info!("metrics on http://{address}/metrics");
+impl Default for Metrics {
+    fn default() -> Self {
         let mut registry = Registry::with_prefix("nunet");
-        let families = Families::register(&mut registry);
-        http::serve(listener, Arc::new(move || text(&registry)), CALLER_TIMEOUT)?;
-        Ok(Self { families, address })
+        let families = Arc::new(Families::register(&mut registry));
+        Self { families, registry: Arc::new(registry) }
     }
+}
 
-    /// Where it listens; a port of 0 has become one that was free.
+impl Metrics {
+    /// All of them as Prometheus reads them: the text format `OpenMetrics`.
     #[must_use]
-    pub fn address(&self) -> SocketAddr {
-        self.address
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        // Writing into a string does not fail.
+        let _ = encode(&mut text, &self.registry);
+        text
     }
 
     /// The metrics of one camera, with the stages of its frames.
@@ -125,7 +115,7 @@ impl MetricsServer {
         let end = |end| EndLabels { camera: camera.to_owned(), end };
         let stage = |stage: &str| StageLabels { camera: camera.to_owned(), stage: stage.to_owned() };
         let Families { up, captured, ended, in_flight, fps, bytes_copied, latency, stage: times } =
-            &self.families;
+            &*self.families;
         let metrics = CameraMetrics {
             up: up.get_or_create_owned(&labels),
             captured: captured.get_or_create_owned(&labels),
@@ -160,7 +150,7 @@ pub struct CameraMetrics {
 }
 
 impl CameraMetrics {
-    /// Adds a frame: its total, and the time of each stage in the order given to [`MetricsServer::camera`].
+    /// Adds a frame: its total, and the time of each stage in the order given to [`Metrics::camera`].
     pub fn record(&self, total_micros: u32, stages_micros: impl IntoIterator<Item = u32>) {
         let seconds = |micros: u32| f64::from(micros) / 1e6;
         self.latency.observe(seconds(total_micros));
@@ -187,28 +177,20 @@ impl CameraMetrics {
     }
 }
 
-fn text(registry: &Registry) -> String {
-    let mut text = String::new();
-    // Writing into a string does not fail.
-    let _ = encode(&mut text, registry);
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::tests::ask;
 
     #[test]
-    fn counts_and_histograms_of_each_camera_are_served() {
-        let server = MetricsServer::open("127.0.0.1:0".parse().unwrap()).unwrap();
-        let camera = |name| server.camera(name, ["queue", "graph", "publish"]);
+    fn counts_and_histograms_of_each_camera_are_written() {
+        let metrics = Metrics::default();
+        let camera = |name| metrics.camera(name, ["queue", "graph", "publish"]);
         let (front, rear) = (camera("front"), camera("rear"));
         rear.set_up(false);
         let counts = Counts { captured: 7, published: 4, superseded: 2, failed: 1, in_flight: 0 };
         front.set(&counts, &Totals::default());
         front.record(40_000, [500, 30_000, 9]);
-        let answer = ask(server.address(), "GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+        let answer = metrics.text();
         for line in [
             "# TYPE nunet_latency_seconds histogram\n",
             "nunet_camera_up{camera=\"front\"} 1\n",
@@ -225,14 +207,7 @@ mod tests {
             assert!(answer.contains(line), "{line} is not in\n{answer}");
         }
         front.set_up(false);
-        let after = ask(server.address(), "GET /metrics HTTP/1.1\r\n\r\n");
+        let after = metrics.text();
         assert!(after.contains("nunet_camera_up{camera=\"front\"} 0\n"), "{after}");
-    }
-
-    #[test]
-    fn an_address_in_use_is_an_error() {
-        let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-        let error = MetricsServer::open(taken.local_addr().unwrap()).unwrap_err();
-        assert_eq!(error.kind(), io::ErrorKind::AddrInUse);
     }
 }

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Limits;
 use nunet_types::ImageSize;
+use nunet_view::{Token, ViewConfig};
 use serde::Deserialize;
 use tracing::warn;
 
@@ -17,7 +18,7 @@ use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, RecordArgs};
 use crate::config::{
     AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, frame_id,
 };
-use crate::exit::{camera_name, in_camera};
+use crate::exit::{WithHint, camera_name, in_camera};
 use crate::source::{Rate, SourceName};
 
 /// `nunetd run`
@@ -47,6 +48,9 @@ pub struct RunArgs {
     /// Serve Prometheus metrics at http://ADDRESS:PORT/metrics
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub metrics: Option<Text<SocketAddr>>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub view: ViewArgs,
     /// Write frame counts and latencies into this file at the end
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
@@ -64,9 +68,34 @@ impl RunArgs {
             outputs: OutputConfig {
                 access: self.access.config(),
                 metrics: value(&self.metrics),
+                view: self.view.config()?,
                 stats_json: self.stats_json.clone(),
             },
         })
+    }
+}
+
+/// The live view in the browser.
+#[derive(Debug, Args, Clone, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct ViewArgs {
+    /// Show image, depth, labels and cloud live in the browser at http://ADDRESS:PORT/, and serve the metrics there too
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub view: Option<Text<SocketAddr>>,
+    /// The secret that viewers must present; required if other machines can reach the address of --view. The environment
+    /// variable keeps it out of the list of processes
+    #[arg(long, value_name = "TOKEN", env = "NUNET_VIEW_TOKEN", hide_env_values = true)]
+    pub view_token: Option<Text<Token>>,
+}
+
+impl ViewArgs {
+    fn config(&self) -> anyhow::Result<Option<ViewConfig>> {
+        let Some(Text(address)) = self.view else { return Ok(None) };
+        let token = value(&self.view_token);
+        nunet_view::check_address(address, token.is_some()).map_err(|error| {
+            WithHint::usage(error.to_string(), "pass --view-token TOKEN, or --view 127.0.0.1:PORT")
+        })?;
+        Ok(Some(ViewConfig { address, token }))
     }
 }
 

@@ -10,6 +10,7 @@ use nunet_core::filter::FilterSpec;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 use nunet_types::{Hint, ImageSize, text_with_hint};
+use nunet_view::Token;
 use serde::de::{Deserialize, Deserializer, Error as _};
 
 use crate::config::{MAX_FRAME_ID, MountOption};
@@ -56,7 +57,7 @@ macro_rules! from_str {
     };
 }
 
-from_str!(with_hint: Provider, IntrinsicsSpec, FilterSpec);
+from_str!(with_hint: Provider, IntrinsicsSpec, FilterSpec, Token);
 from_str!(plain: Rate, ImageSize, PixelFormat, MountOption);
 
 fn with_hint<E: std::error::Error + Hint>(error: &E) -> String {

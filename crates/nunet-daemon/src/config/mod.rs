@@ -13,6 +13,7 @@ use nunet_engine::EngineOptions;
 use nunet_ipc::{CameraName, Limits};
 use nunet_source::{CameraGeometry, OpenOptions, Rate, SourceName};
 use nunet_types::ImageSize;
+use nunet_view::ViewConfig;
 
 pub use values::{LogOptions, MountOption, Publish};
 
@@ -145,6 +146,8 @@ pub struct OutputConfig {
     pub access: Option<AccessConfig>,
     /// The address of the Prometheus endpoint.
     pub metrics: Option<SocketAddr>,
+    /// The live view in the browser.
+    pub view: Option<ViewConfig>,
     /// The file for frame counts and latencies.
     pub stats_json: Option<PathBuf>,
 }

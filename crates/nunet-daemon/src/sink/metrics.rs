@@ -1,38 +1,44 @@
 //! `--metrics ADDRESS:PORT`: the frame counts and latencies for Prometheus.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 
-use nunet_telemetry::{CameraMetrics, MetricsServer};
+use nunet_telemetry::{CameraMetrics, Metrics};
+use nunet_view::MetricsServer;
+use tracing::info;
 
 use super::shm::stage_names;
 use super::{FinishingSink, PublishedFrame, Results, Sink, SinkContext, Status, Wants};
 use crate::exit::WithHint;
 
-/// Opens the endpoint for all cameras.
+/// Serves the metrics of all cameras until the returned value is dropped.
 ///
 /// # Errors
 /// The address is in use or is not an address of this machine.
-pub(crate) fn serve(address: SocketAddr) -> anyhow::Result<MetricsServer> {
-    MetricsServer::open(address).map_err(|error| {
+pub(crate) fn serve(metrics: &Metrics, address: SocketAddr) -> anyhow::Result<MetricsServer> {
+    let metrics = metrics.clone();
+    let server = MetricsServer::open(address, Arc::new(move || metrics.text())).map_err(|error| {
         let message = format!("cannot serve metrics on `{address}`");
-        WithHint::new(message, "pass --metrics 127.0.0.1:PORT with a free port").because(error).into()
-    })
+        WithHint::new(message, "pass --metrics 127.0.0.1:PORT with a free port").because(error)
+    })?;
+    info!("metrics on http://{}/metrics", server.address());
+    Ok(server)
 }
 
-/// Opens the sink if `--metrics` is given.
+/// Opens the sink if metrics are served.
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
     let camera = context.config.name.as_str();
-    let sink = context.metrics.map(|server| sink(server, camera, stage_names(context.pipeline)));
+    let sink = context.metrics.map(|metrics| sink(metrics, camera, stage_names(context.pipeline)));
     Ok(sink)
 }
 
 /// The metrics of a camera whose frames have these stages.
 pub(super) fn sink<'a>(
-    server: &MetricsServer,
+    metrics: &Metrics,
     camera: &str,
     stages: impl IntoIterator<Item = &'a str>,
 ) -> Box<dyn Sink> {
-    Box::new(MetricsSink(server.camera(camera, stages)))
+    Box::new(MetricsSink(metrics.camera(camera, stages)))
 }
 
 struct MetricsSink(CameraMetrics);
@@ -66,7 +72,7 @@ mod tests {
     #[test]
     fn an_address_in_use_is_an_error_with_a_hint() {
         let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-        let error = serve(taken.local_addr().unwrap()).unwrap_err();
+        let error = serve(&Metrics::default(), taken.local_addr().unwrap()).err().unwrap();
         let text = crate::exit::chain_text(&error);
         assert!(text.starts_with("error: cannot serve metrics on `127.0.0.1:"), "{text}");
         assert!(text.contains("\nhint: pass --metrics 127.0.0.1:PORT"), "{text}");

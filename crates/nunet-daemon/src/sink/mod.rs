@@ -7,10 +7,10 @@ pub(crate) mod metrics;
 pub(crate) mod queue;
 pub(crate) mod recording;
 pub(crate) mod shm;
-pub(crate) mod shutdown;
 pub(crate) mod stats;
 #[cfg(test)]
 mod tests;
+pub(crate) mod view;
 pub(crate) mod writing;
 
 use std::path::Path;
@@ -19,17 +19,17 @@ use std::sync::Arc;
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::pipeline::Pipeline;
-use nunet_telemetry::{Counts, MetricsServer, Totals};
+use nunet_telemetry::{Counts, DrainTimeout, Metrics, Totals};
 use nunet_types::{ImageSize, ScaleSource, Units};
+use nunet_view::ViewServer;
 
-use self::shutdown::DrainTimeout;
 use self::stats::Common;
 use crate::Outcome;
 use crate::config::CameraConfig;
 use crate::source::Frame;
 
 /// All sinks but shared memory, which is always on.
-pub(crate) const REGISTRY: &[OpenSink] = &[recording::open, last_frame::open, metrics::open];
+pub(crate) const REGISTRY: &[OpenSink] = &[recording::open, last_frame::open, metrics::open, view::open];
 
 /// Opens a sink; `None` if it is not configured.
 pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>>;
@@ -42,8 +42,10 @@ pub(crate) struct SinkContext<'a> {
     pub(crate) record: Option<&'a Path>,
     pub(crate) common: Common<'a>,
     pub(crate) pipeline: &'a Pipeline,
-    /// The endpoint for all cameras, if configured.
-    pub(crate) metrics: Option<&'a MetricsServer>,
+    /// The metrics of all cameras, if they are served.
+    pub(crate) metrics: Option<&'a Metrics>,
+    /// The live view of all cameras, if configured.
+    pub(crate) view: Option<&'a ViewServer>,
     /// To be called when a sink that had no room has room again.
     pub(crate) on_room: OnRoom,
 }

@@ -11,7 +11,7 @@ use anyhow::Context as _;
 use nunet_telemetry::StallDetector;
 
 use super::OnRoom;
-use super::shutdown::{DrainTimeout, GivenUp};
+use nunet_telemetry::{DrainTimeout, GivenUp};
 
 /// If nothing is written for so long while items wait, the user is warned. A disk that is only slow writes some.
 const STALLED: Duration = Duration::from_secs(5);

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use nunet_types::ImageSize;
+use nunet_view::ViewOptions;
 
 use super::recording::{Archive, Record, record_into};
 use super::*;
@@ -48,6 +49,7 @@ const CASES: &[Case] = &[
     Case { name: "recording", open: recording, can_fail: true },
     Case { name: "last frame", open: last_frame, can_fail: true },
     Case { name: "metrics", open: metrics, can_fail: false },
+    Case { name: "view", open: view, can_fail: false },
 ];
 
 /// An archive that writes a line per frame.
@@ -119,25 +121,39 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
     }
 }
 
-/// The metrics as a scraper reads them.
-fn page(address: SocketAddr) -> String {
+/// The answer to a request.
+fn get(address: SocketAddr, target: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(TIMEOUT)).unwrap();
-    stream.write_all(b"GET /metrics HTTP/1.1\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    answer
+    write!(stream, "GET {target} HTTP/1.1\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    String::from_utf8_lossy(&answer).into_owned()
 }
 
 fn metrics(_folder: &Path, _backend: Backend) -> Rig {
-    let server = MetricsServer::open("127.0.0.1:0".parse().unwrap()).unwrap();
+    let metrics = Metrics::default();
+    let server = metrics::serve(&metrics, "127.0.0.1:0".parse().unwrap()).unwrap();
     Rig {
-        sink: metrics::sink(&server, "front", ["queue", "graph", "publish"]),
+        sink: metrics::sink(&metrics, "front", ["queue", "graph", "publish"]),
         release: Box::new(|| {}),
         arrived: Box::new(move |frames| {
-            let answer = page(server.address());
+            let answer = get(server.address(), "/metrics");
             answer.contains(&format!("nunet_latency_seconds_count{{camera=\"front\"}} {frames}\n"))
                 && answer.contains("nunet_camera_up{camera=\"front\"} 0\n")
+        }),
+    }
+}
+
+/// A viewer that takes nothing is the hang of this sink; that it blocks nobody is tested in `nunet-view`.
+fn view(_folder: &Path, _backend: Backend) -> Rig {
+    let server = ViewServer::open("127.0.0.1:0".parse().unwrap(), ViewOptions::default()).unwrap();
+    Rig {
+        sink: view::in_server(&server, "front", &[]),
+        release: Box::new(|| {}),
+        // The first frame is kept for viewers that come later.
+        arrived: Box::new(move |_| {
+            get(server.address(), "/front/depth.png").contains("x-nunet-sequence: 0\r\n")
         }),
     }
 }

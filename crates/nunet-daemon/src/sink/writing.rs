@@ -4,8 +4,8 @@ use std::thread::JoinHandle;
 
 use anyhow::{Context as _, anyhow, bail};
 
-use super::shutdown::DrainTimeout;
 use crate::exit::WithHint;
+use nunet_telemetry::DrainTimeout;
 
 /// Pending writes.
 pub(crate) struct Writing {

@@ -17,9 +17,9 @@ use crate::Outcome;
 use crate::config::Publish;
 use crate::sink::recording::{Archive, Record, record_into};
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
-use crate::sink::shutdown::DrainTimeout;
 use crate::sink::{Sink, last_frame};
 use crate::source::{CameraGeometry, CameraResolver, Fill, Frame};
+use nunet_telemetry::DrainTimeout;
 
 /// No test waits longer for anything.
 const TIMEOUT: Duration = Duration::from_secs(60);

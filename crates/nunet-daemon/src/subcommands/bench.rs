@@ -17,9 +17,8 @@ use crate::source::{Fill, Frame, OpenOptions, SourceName, decode};
 
 pub(super) mod host;
 mod paper;
-mod series;
 
-use series::Series;
+use nunet_telemetry::{SERIES_HEAD, Series, peak_rss_mb};
 
 /// Warm-up predictions, in addition to the self-test.
 pub(super) const WARM_UP_RUNS: u32 = 3;
@@ -96,7 +95,7 @@ pub(super) struct Subject {
 
 impl Subject {
     /// The columns of [`Subject::end_to_end_row`].
-    pub(super) const HEAD: &str = series::HEAD;
+    pub(super) const HEAD: &str = SERIES_HEAD;
 
     pub(super) fn new(name: String, hash: String, pipeline: Pipeline) -> Self {
         let stages = pipeline.stage_names().iter().map(|_| Series::default()).collect();
@@ -167,7 +166,7 @@ impl Subject {
             "stages": stages,
             "end_to_end_ms": self.end_to_end.json(),
             "fps": 1e3 / self.end_to_end.mean_ms(),
-            "peak_rss_mb": host::peak_rss_mb(),
+            "peak_rss_mb": peak_rss_mb(),
             "paper_ms": paper::row(&self.pipeline).map(|row| row.json()),
         })
     }
@@ -179,7 +178,7 @@ impl Subject {
             self.pipeline.graph().description().architecture,
             options.runs,
             self.pipeline.graph().provider(),
-            series::HEAD
+            SERIES_HEAD
         );
         let stages = self.pipeline.stage_names().iter().map(String::as_str).zip(&self.stages);
         let sums = [("networks", &self.networks), ("end to end", &self.end_to_end)];

@@ -2,6 +2,7 @@
 
 mod camera;
 mod outputs;
+mod servers;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,16 +15,16 @@ use tracing::{error, info};
 
 use self::camera::span_of;
 use self::outputs::Outputs;
+use self::servers::Servers;
 use super::load::load_unless;
 use crate::Outcome;
 use crate::config::{AccessConfig, Config};
 use crate::exit::BadArguments;
-use crate::sink::metrics;
-use crate::sink::shutdown::DrainTimeout;
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::sink::writing::Writing;
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, Ended, SourceEnd, Stop, Stopped, StreamSummary};
+use nunet_telemetry::DrainTimeout;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a stop is requested.
 pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
@@ -59,13 +60,13 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     let cameras = cameras.into_iter().zip(pipelines);
     let cameras = cameras.map(|(camera, pipeline)| camera.open(pipeline, common, several, stop));
     let cameras = cameras.collect::<anyhow::Result<Vec<_>>>()?;
-    let metrics = config.outputs.metrics.map(metrics::serve).transpose()?;
+    let servers = Servers::open(&config.outputs)?;
     // Last, so that a failed start leaves no folders and no recordings. From the first recording on, the stream handles a
     // stop.
     stop.check()?;
     outputs.make()?;
     let notify = Arc::new(Notify::default());
-    let streams = cameras.into_iter().map(|camera| camera.start(common, metrics.as_ref(), &notify));
+    let streams = cameras.into_iter().map(|camera| camera.start(common, &servers, &notify));
     let streams = streams.collect::<anyhow::Result<Vec<_>>>()?;
 
     let ended = stream::run(streams, &notify, stop)?;

@@ -17,8 +17,8 @@ use super::archive::{Archive, ArchiveWriter};
 use super::{About, FrameWriter, settings};
 use crate::Outcome;
 use crate::sink::queue::{ClosedQueue, SinkQueue};
-use crate::sink::shutdown::DrainTimeout;
 use crate::sink::{FinishingSink, OnRoom, PublishedFrame, Results, Sink, SinkContext, Wants};
+use nunet_telemetry::DrainTimeout;
 
 /// Frames that wait for the disk: 6 MB each with a cloud.
 const QUEUE_FRAMES: usize = 8;

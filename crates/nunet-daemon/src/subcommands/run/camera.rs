@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::unix_nanos;
-use nunet_telemetry::MetricsServer;
 use tracing::{Span, error, error_span};
 
+use super::servers::Servers;
 use crate::config::{CameraConfig, Config};
 use crate::exit::{BadArguments, in_camera};
 use crate::sink::recording::{recording_path, refuse_output};
@@ -241,7 +241,7 @@ impl Opened<'_> {
     pub(super) fn start(
         self,
         common: Common<'_>,
-        metrics: Option<&MetricsServer>,
+        servers: &Servers,
         notify: &Arc<Notify>,
     ) -> anyhow::Result<Stream> {
         let Self { prepared, pipeline, publisher, span } = self;
@@ -253,7 +253,8 @@ impl Opened<'_> {
             record: record.as_deref(),
             common,
             pipeline: &pipeline,
-            metrics,
+            metrics: servers.metrics.as_ref(),
+            view: servers.view.as_ref(),
             on_room: Arc::new(move || notify.notify()),
         };
         let sinks = sink::open_all(&context)?;

@@ -1,26 +1,30 @@
-//! A series of measured times.
+//! A series of measured times, for benchmarks.
 
 use serde_json::{Value, json};
 
 /// The columns of [`Series::row`].
-pub(super) const HEAD: &str =
+pub const SERIES_HEAD: &str =
     "ms                  mean       min       p50       p90       p99      p999       max";
 
 /// All times in milliseconds: a benchmark has few.
 #[derive(Debug, Default)]
-pub(super) struct Series(Vec<f64>);
+pub struct Series(Vec<f64>);
 
 impl Series {
-    pub(super) fn add_micros(&mut self, micros: f64) {
+    /// Adds a time, microseconds.
+    pub fn add_micros(&mut self, micros: f64) {
         self.0.push(micros / 1e3);
     }
 
-    pub(super) fn mean_ms(&self) -> f64 {
+    /// The mean; 0 for an empty series.
+    #[must_use]
+    pub fn mean_ms(&self) -> f64 {
         self.0.iter().sum::<f64>() / self.0.len().max(1) as f64
     }
 
-    /// The smallest time that a share of `quantile` does not exceed.
-    pub(super) fn quantile(&self, quantile: f64) -> f64 {
+    /// The smallest time, in milliseconds, that a share of `quantile` does not exceed.
+    #[must_use]
+    pub fn quantile(&self, quantile: f64) -> f64 {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
         let rank = (quantile * sorted.len() as f64).ceil() as usize;
@@ -39,11 +43,15 @@ impl Series {
         ]
     }
 
-    pub(super) fn json(&self) -> Value {
+    /// Mean and quantiles by their names, milliseconds.
+    #[must_use]
+    pub fn json(&self) -> Value {
         self.columns().into_iter().map(|(name, ms)| (name.to_owned(), json!(ms))).collect()
     }
 
-    pub(super) fn row(&self, name: &str) -> String {
+    /// A line of a table, below [`SERIES_HEAD`].
+    #[must_use]
+    pub fn row(&self, name: &str) -> String {
         let cells: String = self.columns().iter().map(|(_, ms)| format!("{ms:>10.2}")).collect();
         format!("{name:<14}{cells}")
     }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use tracing::warn;
 
-use nunet_telemetry::StallDetector;
+use crate::stall::StallDetector;
 
 /// For all pending writes together, after a stop. A service manager kills after 10 s (`TimeoutStopSec` in the unit), and
 /// the frame in work and the stats take some of them.
@@ -19,7 +19,7 @@ const WARN_AFTER: Duration = Duration::from_secs(5);
 const POLL_PERIOD: Duration = Duration::from_millis(10);
 
 /// The time that is left for pending writes.
-pub(crate) struct DrainTimeout<'a> {
+pub struct DrainTimeout<'a> {
     stopped: &'a dyn Fn() -> bool,
     after_stop: Duration,
     stalled: Duration,
@@ -28,26 +28,33 @@ pub(crate) struct DrainTimeout<'a> {
 
 /// Why the wait ended early.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum GivenUp {
+pub enum GivenUp {
+    /// A stop was requested, and the time after it is over.
     #[error("timed out {} s after shutdown was requested", .0.as_secs_f64())]
     Stopped(Duration),
+    /// There was no progress for so long.
     #[error("made no progress for {} s", .0.as_secs_f64())]
     Stalled(Duration),
 }
 
 impl<'a> DrainTimeout<'a> {
     /// `stopped` returns whether a stop was requested; it may come during a wait.
-    pub(crate) fn new(stopped: &'a dyn Fn() -> bool) -> Self {
+    #[must_use]
+    pub fn new(stopped: &'a dyn Fn() -> bool) -> Self {
         Self::with(stopped, AFTER_STOP, STALLED)
     }
 
     /// Other times than the default ones, for tests.
-    pub(crate) fn with(stopped: &'a dyn Fn() -> bool, after_stop: Duration, stalled: Duration) -> Self {
+    #[must_use]
+    pub fn with(stopped: &'a dyn Fn() -> bool, after_stop: Duration, stalled: Duration) -> Self {
         Self { stopped, after_stop, stalled, stop_seen: None }
     }
 
     /// Waits until `what` is `finished`; `progress` changes while it makes progress.
-    pub(crate) fn wait(
+    ///
+    /// # Errors
+    /// The time is over.
+    pub fn wait(
         &mut self,
         what: &str,
         finished: impl Fn() -> bool,

@@ -1,0 +1,27 @@
+//! The servers of a run: metrics and live view.
+
+use nunet_telemetry::Metrics;
+use nunet_view::{MetricsServer, ViewServer};
+
+use crate::config::OutputConfig;
+use crate::sink::{metrics, view};
+
+/// What other programs connect to, for all cameras.
+pub(super) struct Servers {
+    /// Counted only if something serves them.
+    pub(super) metrics: Option<Metrics>,
+    pub(super) view: Option<ViewServer>,
+    /// Open as long as it lives.
+    _metrics_server: Option<MetricsServer>,
+}
+
+impl Servers {
+    /// Opens those that the user wants.
+    pub(super) fn open(config: &OutputConfig) -> anyhow::Result<Self> {
+        let all = Metrics::default();
+        let own = config.metrics.map(|address| metrics::serve(&all, address)).transpose()?;
+        let view = config.view.as_ref().map(|config| view::open_server(config, &all)).transpose()?;
+        let is_served = own.is_some() || view.is_some();
+        Ok(Self { metrics: is_served.then_some(all), view, _metrics_server: own })
+    }
+}

@@ -1,0 +1,267 @@
+//! A camera: the newest frame, who waits for the next one, and what is known of its stream.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+use tokio::sync::watch;
+
+use crate::frame::ViewFrame;
+
+/// While no client waits, one frame is kept per such period, so that a client that comes while the source is paused sees
+/// the scene.
+const KEEP_PERIOD: Duration = Duration::from_secs(1);
+
+/// How the frames of a stream ended.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct FrameCounts {
+    /// Frames that the source handed over.
+    pub captured: u64,
+    /// Frames whose results went out.
+    pub published: u64,
+    /// Frames that a newer one replaced.
+    pub superseded: u64,
+    /// Frames without a result.
+    pub failed: u64,
+    /// Frames on their way.
+    pub in_flight: u64,
+}
+
+/// The state of a camera's stream.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct CameraStatus {
+    /// Whether the source gives frames.
+    pub up: bool,
+    /// How its frames ended.
+    pub frames: FrameCounts,
+    /// Published frames per second.
+    pub fps: f64,
+}
+
+/// A camera as clients and producer share it.
+#[derive(Debug)]
+pub(crate) struct Camera {
+    pub(crate) name: String,
+    /// Names of the classes, by label.
+    pub(crate) classes: Vec<String>,
+    /// Never read itself, so that each clone of it sees the frame that is kept as a new one.
+    newest: Slot,
+    waiting: AtomicUsize,
+    labels: AtomicUsize,
+    status: Mutex<CameraStatus>,
+}
+
+/// A client's slot: it holds the newest frame, and only that one.
+pub(crate) type Slot = watch::Receiver<Option<Arc<ViewFrame>>>;
+
+impl Camera {
+    fn new(name: &str, classes: &[String], newest: Slot) -> Self {
+        Self {
+            name: name.to_owned(),
+            classes: classes.to_vec(),
+            newest,
+            waiting: AtomicUsize::new(0),
+            labels: AtomicUsize::new(0),
+            status: Mutex::default(),
+        }
+    }
+
+    /// A slot in which the frame that is kept lies already.
+    pub(crate) fn slot(&self) -> Slot {
+        self.newest.clone()
+    }
+
+    /// The newest frame that was kept.
+    pub(crate) fn newest(&self) -> Option<Arc<ViewFrame>> {
+        self.newest.borrow().clone()
+    }
+
+    /// Waits for a frame that the slot did not return yet; `None` once the producer is gone.
+    pub(crate) async fn next(&self, slot: &mut Slot) -> Option<Arc<ViewFrame>> {
+        let _waiting = Interest::in_counter(&self.waiting);
+        loop {
+            slot.changed().await.ok()?;
+            let frame = slot.borrow_and_update().clone();
+            if frame.is_some() {
+                return frame;
+            }
+        }
+    }
+
+    /// Asks for labels as long as the returned value lives.
+    pub(crate) fn want_labels(self: &Arc<Self>) -> WantsLabels {
+        self.labels.fetch_add(1, Ordering::AcqRel);
+        WantsLabels(Arc::clone(self))
+    }
+
+    /// The state of the stream.
+    pub(crate) fn status(&self) -> CameraStatus {
+        *self.status.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Counts a client in as long as it lives.
+struct Interest<'a>(&'a AtomicUsize);
+
+impl<'a> Interest<'a> {
+    fn in_counter(counter: &'a AtomicUsize) -> Self {
+        counter.fetch_add(1, Ordering::AcqRel);
+        Self(counter)
+    }
+}
+
+impl Drop for Interest<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// A client that wants labels.
+#[derive(Debug)]
+pub(crate) struct WantsLabels(Arc<Camera>);
+
+impl Drop for WantsLabels {
+    fn drop(&mut self) {
+        self.0.labels.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// All cameras of a server.
+#[derive(Debug, Default)]
+pub(crate) struct Cameras(RwLock<Vec<Arc<Camera>>>);
+
+impl Cameras {
+    /// Adds a camera. One of the same name is replaced: its producer has begun again.
+    pub(crate) fn add(&self, name: &str, classes: &[String]) -> CameraFeed {
+        let (newest, slot) = watch::channel(None);
+        let camera = Arc::new(Camera::new(name, classes, slot));
+        let mut cameras = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.retain(|other| other.name != name);
+        cameras.push(Arc::clone(&camera));
+        CameraFeed { camera, newest, pool: Vec::new(), kept: None }
+    }
+
+    /// The camera of a name.
+    pub(crate) fn find(&self, name: &str) -> Option<Arc<Camera>> {
+        self.all().into_iter().find(|camera| camera.name == name)
+    }
+
+    /// All of them, in the order in which they were added.
+    pub(crate) fn all(&self) -> Vec<Arc<Camera>> {
+        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// The producer's end of a camera. No function of it blocks.
+#[derive(Debug)]
+pub struct CameraFeed {
+    camera: Arc<Camera>,
+    newest: watch::Sender<Option<Arc<ViewFrame>>>,
+    /// Frames that were offered; those that no client holds any more are filled again.
+    pool: Vec<Arc<ViewFrame>>,
+    kept: Option<Instant>,
+}
+
+impl CameraFeed {
+    /// Whether the next frame is to be offered: a client waits for it, or the one that is kept is a second old.
+    #[must_use]
+    pub fn is_wanted(&self) -> bool {
+        self.camera.waiting.load(Ordering::Acquire) > 0
+            || self.kept.is_none_or(|kept| kept.elapsed() >= KEEP_PERIOD)
+    }
+
+    /// Whether a client wants labels.
+    #[must_use]
+    pub fn wants_labels(&self) -> bool {
+        self.camera.labels.load(Ordering::Acquire) > 0
+    }
+
+    /// Lets `fill` copy a frame, and hands it to the clients that wait. Nothing is encoded here.
+    pub fn offer(&mut self, fill: impl FnOnce(&mut ViewFrame)) {
+        let mut frame = self.free_frame();
+        // The frame is free: this is the only reference to it.
+        if let Some(frame) = Arc::get_mut(&mut frame) {
+            frame.clear();
+            fill(frame);
+        }
+        self.pool.push(Arc::clone(&frame));
+        self.kept = Some(Instant::now());
+        self.newest.send_replace(Some(frame));
+    }
+
+    /// Reports the state of the stream.
+    pub fn set_status(&self, status: CameraStatus) {
+        *self.camera.status.lock().unwrap_or_else(PoisonError::into_inner) = status;
+    }
+
+    /// A frame that no client holds, or a new one. There are as many as clients hold, and two more.
+    fn free_frame(&mut self) -> Arc<ViewFrame> {
+        let free = self.pool.iter_mut().position(|frame| Arc::get_mut(frame).is_some());
+        free.map(|index| self.pool.swap_remove(index)).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn feed() -> (Arc<Camera>, CameraFeed) {
+        let feed = Cameras::default().add("front", &[]);
+        (Arc::clone(&feed.camera), feed)
+    }
+
+    fn offer(feed: &mut CameraFeed, sequence: u64) {
+        feed.offer(|frame| frame.sequence = sequence);
+    }
+
+    #[test]
+    fn a_frame_is_wanted_while_a_client_waits_and_once_per_second_for_those_that_come_later() {
+        let (camera, mut feed) = feed();
+        assert!(feed.is_wanted(), "none is kept yet");
+        offer(&mut feed, 0);
+        assert!(!feed.is_wanted());
+        let waiting = Interest::in_counter(&camera.waiting);
+        assert!(feed.is_wanted());
+        drop(waiting);
+        assert!(!feed.is_wanted());
+        feed.kept = Instant::now().checked_sub(KEEP_PERIOD);
+        assert!(feed.is_wanted());
+    }
+
+    #[test]
+    fn labels_are_wanted_as_long_as_a_client_that_shows_them_is_there() {
+        let (camera, feed) = feed();
+        assert!(!feed.wants_labels());
+        let (first, second) = (camera.want_labels(), camera.want_labels());
+        drop(first);
+        assert!(feed.wants_labels());
+        drop(second);
+        assert!(!feed.wants_labels());
+    }
+
+    #[test]
+    fn a_client_that_stalls_holds_one_frame_and_finds_the_newest_one_afterwards() {
+        let (camera, mut feed) = feed();
+        let mut stalled = camera.slot();
+        offer(&mut feed, 0);
+        let held = stalled.borrow_and_update().clone().unwrap();
+        for sequence in 1..100 {
+            offer(&mut feed, sequence);
+        }
+        assert_eq!(feed.pool.len(), 3, "the held one, the newest one and the one before it");
+        assert_eq!(held.sequence, 0, "it was not filled again");
+        assert_eq!(stalled.borrow_and_update().as_ref().unwrap().sequence, 99);
+    }
+
+    #[test]
+    fn a_camera_that_is_added_again_replaces_the_one_before() {
+        let cameras = Cameras::default();
+        let (_front, _rear) = (cameras.add("front", &[]), cameras.add("rear", &[]));
+        let again = cameras.add("front", &["floor".to_owned()]);
+        let names: Vec<_> = cameras.all().iter().map(|camera| camera.name.clone()).collect();
+        assert_eq!(names, ["rear", "front"]);
+        assert!(Arc::ptr_eq(&cameras.find("front").unwrap(), &again.camera));
+        assert!(cameras.find("left").is_none());
+    }
+}

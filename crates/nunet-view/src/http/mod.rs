@@ -1,0 +1,71 @@
+//! What the server answers.
+
+mod access;
+mod api;
+mod metrics;
+mod mjpeg;
+mod page;
+mod parameters;
+mod snapshots;
+mod socket;
+
+use std::sync::Arc;
+
+use axum::Router;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use tokio::sync::Semaphore;
+
+use crate::camera::Cameras;
+use crate::token::Token;
+pub(crate) use metrics::metrics_only;
+
+/// Writes the metrics; called for each request.
+pub type MetricsText = Arc<dyn Fn() -> String + Send + Sync>;
+
+/// More clients with a WebSocket are refused.
+pub(crate) const MAX_SOCKETS: usize = 32;
+
+/// What all answers are made from.
+#[derive(Clone)]
+pub(crate) struct Shared {
+    pub(crate) cameras: Arc<Cameras>,
+    pub(crate) token: Option<Token>,
+    pub(crate) metrics: Option<MetricsText>,
+    pub(crate) port: u16,
+    /// Room for more viewers.
+    pub(crate) sockets: Arc<Semaphore>,
+}
+
+/// The page and everything beside it.
+pub(crate) fn router(shared: Shared) -> Router {
+    Router::new()
+        .route("/", get(page::index))
+        .route("/page/{file}", get(page::asset))
+        .route("/api/cameras", get(api::cameras))
+        .route("/ws", get(socket::open))
+        .route("/metrics", get(metrics::metrics))
+        .route("/{camera}/image.mjpeg", get(mjpeg::image))
+        .route("/{camera}/depth.mjpeg", get(mjpeg::depth))
+        .route("/{camera}/frame.jpg", get(snapshots::image))
+        .route("/{camera}/depth.png", get(snapshots::depth))
+        .fallback(|| async {
+            text(StatusCode::NOT_FOUND, "there is nothing at this address; the page is at /\n")
+        })
+        .layer(axum::middleware::from_fn_with_state(shared.clone(), access::check))
+        .with_state(shared)
+}
+
+/// An answer of one line.
+fn text(status: StatusCode, message: impl Into<String>) -> Response {
+    let kind = (header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
+    (status, [kind], message.into()).into_response()
+}
+
+/// No camera has the name.
+fn unknown_camera(name: &str, cameras: &Cameras) -> Response {
+    let names: Vec<_> = cameras.all().iter().map(|camera| format!("`{}`", camera.name)).collect();
+    let message = format!("there is no camera `{name}`, expected one of: {}\n", names.join(", "));
+    text(StatusCode::NOT_FOUND, message)
+}

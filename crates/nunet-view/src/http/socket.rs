@@ -1,0 +1,308 @@
+//! `/ws`: the frames of one camera at a time, as the client asks for them.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use nunet_types::text_with_causes;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+use tracing::debug;
+
+use super::{Shared, text};
+use crate::camera::{Camera, CameraStatus, Slot, WantsLabels};
+use crate::encode::{
+    auto_range, encode_depth, encode_labels, image_jpeg, levels_of, palette, stride_for, subsample,
+    subsampled,
+};
+use crate::frame::{Encoded, RayGrid, ViewFrame};
+use crate::pacing::Pacer;
+use crate::protocol::{
+    FrameParts, MAX_REQUEST_BYTES, PROTOCOL_VERSION, Probe, Rays, Report, Request, Section, Watch, encode,
+};
+
+/// How often the state of the stream is looked at.
+const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// How often a client must show that it is there: browsers answer pings by themselves.
+const PING_PERIOD: Duration = Duration::from_secs(15);
+/// A client that says nothing for so long is gone.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(45);
+
+/// Opens a WebSocket.
+pub(super) async fn open(
+    State(shared): State<Shared>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Response {
+    let upgrade = match upgrade {
+        Ok(upgrade) => upgrade,
+        Err(rejection) => return rejection.into_response(),
+    };
+    let Ok(room) = Arc::clone(&shared.sockets).try_acquire_owned() else {
+        return text(StatusCode::SERVICE_UNAVAILABLE, "too many viewers are connected\n");
+    };
+    let upgrade = upgrade.max_message_size(MAX_REQUEST_BYTES).max_frame_size(MAX_REQUEST_BYTES);
+    upgrade.on_upgrade(move |socket| async move {
+        if let Err(error) = Client::new(socket, shared).run().await {
+            debug!("a viewer is gone: {error}");
+        }
+        drop(room);
+    })
+}
+
+/// One viewer.
+struct Client {
+    socket: WebSocket,
+    shared: Shared,
+    watching: Option<Watching>,
+    /// The last frame that was sent: what its user looks at.
+    shown: Option<Arc<ViewFrame>>,
+    heard: Instant,
+    pinged: Instant,
+}
+
+/// The camera that a viewer looks at.
+struct Watching {
+    camera: Arc<Camera>,
+    slot: Slot,
+    watch: Watch,
+    pacer: Pacer,
+    is_paused: bool,
+    _labels: Option<WantsLabels>,
+    /// The rays that were sent; `None` before the first frame.
+    rays: Option<Option<Arc<RayGrid>>>,
+    status: Option<CameraStatus>,
+}
+
+/// What a viewer waits for.
+enum Event {
+    Message(Option<Result<Message, axum::Error>>),
+    Frame(Option<Arc<ViewFrame>>),
+    Tick,
+}
+
+/// Whether the connection goes on.
+#[derive(PartialEq)]
+enum Next {
+    Continue,
+    Close,
+}
+
+impl Watching {
+    fn new(camera: Arc<Camera>, watch: Watch) -> Self {
+        Self {
+            slot: camera.slot(),
+            pacer: Pacer::new(watch.max_fps, watch.max_mbit_per_s),
+            is_paused: false,
+            _labels: watch.labels.then(|| camera.want_labels()),
+            rays: None,
+            status: None,
+            camera,
+            watch,
+        }
+    }
+
+    /// The next frame, when it may be sent; `None` once the producer is gone.
+    async fn next(&mut self) -> Option<Arc<ViewFrame>> {
+        if self.is_paused {
+            return std::future::pending().await;
+        }
+        self.pacer.ready().await;
+        self.camera.next(&mut self.slot).await
+    }
+
+    fn pause(&mut self) {
+        self.is_paused = true;
+        self._labels = None;
+    }
+
+    /// What is to be said of the stream, if it changed.
+    fn status(&mut self) -> Option<String> {
+        let status = self.camera.status();
+        let is_news = self.status.replace(status) != Some(status);
+        is_news.then(|| Report::Status { camera: &self.camera.name, status }.to_json())
+    }
+
+    /// What is to be said of the camera, if it changed.
+    fn description(&mut self, frame: &ViewFrame) -> Option<String> {
+        if self.rays.replace(frame.rays.clone()).is_some_and(|sent| sent == frame.rays) {
+            return None;
+        }
+        let rays = frame.rays.as_deref();
+        let rays = rays.map(|grid| Rays { columns: grid.columns, rows: grid.rows, rays: &grid.rays });
+        let Camera { name, classes, .. } = &*self.camera;
+        Some(Report::Camera { camera: name, classes, rays }.to_json())
+    }
+}
+
+/// The next frame of what is watched; never, if nothing is.
+async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
+    match watching {
+        Some(watching) => watching.next().await,
+        None => std::future::pending().await,
+    }
+}
+
+impl Client {
+    fn new(socket: WebSocket, shared: Shared) -> Self {
+        let now = Instant::now();
+        Self { socket, shared, watching: None, shown: None, heard: now, pinged: now }
+    }
+
+    /// Serves the viewer until one side closes. Nothing is read while a frame is being sent: a viewer that takes nothing is
+    /// disconnected by the write timeout of its connection.
+    async fn run(mut self) -> Result<(), axum::Error> {
+        let cameras = self.shared.cameras.all();
+        let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();
+        let palette = palette().as_flattened().to_vec();
+        self.say(&Report::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await?;
+        let mut ticks = interval(STATUS_PERIOD);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let event = tokio::select! {
+                message = self.socket.recv() => Event::Message(message),
+                frame = next_frame(&mut self.watching) => Event::Frame(frame),
+                _ = ticks.tick() => Event::Tick,
+            };
+            if self.handle(event).await? == Next::Close {
+                return Ok(());
+            }
+        }
+    }
+
+    async fn handle(&mut self, event: Event) -> Result<Next, axum::Error> {
+        match event {
+            Event::Message(None) => Ok(Next::Close),
+            Event::Message(Some(message)) => self.take_message(message?).await,
+            Event::Frame(Some(frame)) => self.show(frame).await,
+            // The camera has ended; its last frame stays.
+            Event::Frame(None) => {
+                self.watching.iter_mut().for_each(Watching::pause);
+                Ok(Next::Continue)
+            }
+            Event::Tick => self.tick().await,
+        }
+    }
+
+    async fn take_message(&mut self, message: Message) -> Result<Next, axum::Error> {
+        self.heard = Instant::now();
+        match message {
+            Message::Text(text) => match Request::parse(&text) {
+                Ok(request) => self.answer(request).await,
+                Err(error) => self.refuse(close_code::POLICY, text_with_causes(&error)).await,
+            },
+            Message::Binary(_) => {
+                let message = "requests are JSON text, not binary messages".to_owned();
+                self.refuse(close_code::UNSUPPORTED, message).await
+            }
+            Message::Close(_) => Ok(Next::Close),
+            Message::Ping(_) | Message::Pong(_) => Ok(Next::Continue),
+        }
+    }
+
+    async fn answer(&mut self, request: Request) -> Result<Next, axum::Error> {
+        match request {
+            Request::Watch(watch) => match self.shared.cameras.find(&watch.camera) {
+                Some(camera) => self.watching = Some(Watching::new(camera, watch)),
+                None => {
+                    let message = format!("there is no camera `{}`", watch.camera);
+                    return self.refuse(close_code::POLICY, message).await;
+                }
+            },
+            Request::Pause => self.watching.iter_mut().for_each(Watching::pause),
+            Request::Probe { u, v } => {
+                if let Some(probe) = self.shown.as_deref().and_then(|frame| probe(frame, u, v)) {
+                    self.say(&Report::Probe(probe)).await?;
+                }
+            }
+        }
+        Ok(Next::Continue)
+    }
+
+    /// Says what is wrong, and closes.
+    async fn refuse(&mut self, code: u16, message: String) -> Result<Next, axum::Error> {
+        self.say(&Report::Error { message }).await?;
+        let close = CloseFrame { code, reason: "the request was refused".into() };
+        self.socket.send(Message::Close(Some(close))).await?;
+        Ok(Next::Close)
+    }
+
+    async fn show(&mut self, frame: Arc<ViewFrame>) -> Result<Next, axum::Error> {
+        let Some(watching) = &mut self.watching else { return Ok(Next::Continue) };
+        let description = watching.description(&frame);
+        let message = encode(&parts(&frame, &watching.watch));
+        watching.pacer.sent(message.len(), Instant::now());
+        if let Some(description) = description {
+            self.socket.send(Message::Text(description.into())).await?;
+        }
+        self.shown = Some(frame);
+        self.socket.send(Message::Binary(message.into())).await?;
+        Ok(Next::Continue)
+    }
+
+    async fn tick(&mut self) -> Result<Next, axum::Error> {
+        if let Some(status) = self.watching.as_mut().and_then(Watching::status) {
+            self.socket.send(Message::Text(status.into())).await?;
+        }
+        if self.heard.elapsed() > SILENCE_TIMEOUT {
+            return Ok(Next::Close);
+        }
+        if self.pinged.elapsed() > PING_PERIOD {
+            self.pinged = Instant::now();
+            self.socket.send(Message::Ping(bytes::Bytes::new())).await?;
+        }
+        Ok(Next::Continue)
+    }
+
+    async fn say(&mut self, report: &Report<'_>) -> Result<(), axum::Error> {
+        self.socket.send(Message::Text(report.to_json().into())).await
+    }
+}
+
+/// The depth and the label at a point of a frame.
+fn probe(frame: &ViewFrame, u: f32, v: f32) -> Option<Probe> {
+    let (info, depth) = frame.depth()?;
+    let at = |share: f32, side: u32| ((share * side as f32) as u32).min(side - 1);
+    let (x, y) = (at(u, info.size.width), at(v, info.size.height));
+    let index = y as usize * info.size.width as usize + x as usize;
+    let depth = depth.get(index).copied().filter(|depth| depth.is_finite());
+    let label = frame.labels().and_then(|labels| labels.get(index).copied());
+    Some(Probe { sequence: frame.sequence, x, y, depth, label })
+}
+
+/// What a viewer receives of a frame.
+fn parts(frame: &ViewFrame, watch: &Watch) -> FrameParts {
+    let mut sections = Vec::new();
+    if let Some((image, _)) = frame.image().filter(|_| watch.image) {
+        let stride = stride_for(image.size.width, watch.max_width);
+        sections.push((Section::Image, frame.encoded(Encoded::Jpeg(stride), || image_jpeg(frame, stride))));
+    }
+    let depth = frame.depth();
+    let info = depth.map(|(info, _)| info);
+    let size = info.map_or(nunet_types::ImageSize::new(0, 0), |info| info.size);
+    let stride = stride_for(size.width, watch.max_width);
+    let map_size = subsampled(size, stride);
+    let values = depth.map_or(&[][..], |(_, values)| values);
+    let curve = levels_of(values, info.map_or(nunet_types::Units::None, |info| info.units));
+    if depth.is_some() && watch.depth {
+        let encode = || encode_depth(&subsample(values, size, stride), map_size, curve);
+        sections.push((Section::Depth, frame.encoded(Encoded::Depth(stride), encode)));
+    }
+    if let Some(labels) = frame.labels().filter(|_| watch.labels) {
+        let encode = || encode_labels(&subsample(labels, size, stride));
+        sections.push((Section::Labels, frame.encoded(Encoded::Labels(stride), encode)));
+    }
+    FrameParts {
+        sequence: frame.sequence,
+        capture_unix_nanos: frame.capture_unix_nanos,
+        total_micros: frame.total_micros,
+        depth: info,
+        map_size,
+        stride,
+        range: auto_range(frame),
+        curve,
+        sections,
+    }
+}

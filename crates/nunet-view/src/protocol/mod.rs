@@ -1,0 +1,11 @@
+//! The WebSocket's messages: requests and reports as JSON text, frames as bytes.
+
+mod message;
+mod report;
+mod request;
+
+pub use message::{FrameMessage, MessageError, PROTOCOL_VERSION, Section};
+pub(crate) use message::{FrameParts, encode};
+pub(crate) use report::{Probe, Rays, Report};
+pub(crate) use request::MAX_REQUEST_BYTES;
+pub use request::{Request, RequestError, Watch};

@@ -1,0 +1,86 @@
+//! The secret that viewers present.
+
+use std::fmt;
+
+use subtle::ConstantTimeEq as _;
+
+use crate::error::ViewError;
+
+/// No token is longer.
+const MAX_TOKEN_BYTES: usize = 256;
+
+/// A secret that viewers present in a cookie, in the header `Authorization: Bearer`, or as `?token=` in the address.
+#[derive(Clone)]
+pub struct Token(String);
+
+impl Token {
+    /// A token of 1 to 256 letters, digits or `-._~+/=`: what HTTP's bearer tokens may consist of.
+    ///
+    /// # Errors
+    /// It is empty, too long, or has another character.
+    pub fn new(text: impl Into<String>) -> Result<Self, ViewError> {
+        let text = text.into();
+        let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~+/=".contains(&byte);
+        let reason = match text.len() {
+            0 => "is empty",
+            length if length > MAX_TOKEN_BYTES => "is longer than 256 characters",
+            _ if !text.bytes().all(is_allowed) => "has a character that is not allowed",
+            _ => return Ok(Self(text)),
+        };
+        Err(ViewError::Token { reason })
+    }
+
+    /// Whether `presented` is the token. How long it takes does not depend on where the two differ.
+    #[must_use]
+    pub fn matches(&self, presented: &str) -> bool {
+        self.0.as_bytes().ct_eq(presented.as_bytes()).into()
+    }
+
+    /// The token as the value of a cookie.
+    pub(crate) fn reveal(&self) -> &str {
+        &self.0
+    }
+}
+
+impl std::str::FromStr for Token {
+    type Err = ViewError;
+
+    fn from_str(text: &str) -> Result<Self, ViewError> {
+        Self::new(text)
+    }
+}
+
+impl fmt::Debug for Token {
+    /// Never shows the token, so that it does not reach logs.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Token(..)")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ViewErrorKind;
+
+    #[test]
+    fn only_the_same_token_matches() {
+        let token = Token::new("a-b._~+/=9").unwrap();
+        assert!(token.matches("a-b._~+/=9"));
+        for other in ["", "a", "a-b._~+/=8", "a-b._~+/=99", "A-b._~+/=9"] {
+            assert!(!token.matches(other), "{other}");
+        }
+    }
+
+    #[test]
+    fn what_a_url_or_a_cookie_does_not_take_is_refused() {
+        for text in ["", "a b", "a;b", "a\"b", "a\nb", "ü", "a%20", &"x".repeat(257)] {
+            assert_eq!(Token::new(text).unwrap_err().kind(), ViewErrorKind::Token, "{text}");
+        }
+        assert!(Token::new("x".repeat(256)).is_ok());
+    }
+
+    #[test]
+    fn a_token_is_never_printed() {
+        assert_eq!(format!("{:?}", Token::new("secret").unwrap()), "Token(..)");
+    }
+}

@@ -1,0 +1,427 @@
+//! The server as clients see it, on loopback.
+#![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
+
+use std::io::{Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use axum::http::StatusCode;
+use futures_util::{SinkExt as _, StreamExt as _};
+use nunet_types::{ImageSize, PixelFormat, ScaleSource, Units};
+use nunet_view::{
+    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, RayGrid, Section, Token, ViewErrorKind,
+    ViewOptions, ViewServer,
+};
+use serde_json::{Value, json};
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::Message;
+
+/// No test waits longer for anything.
+const TIMEOUT: Duration = Duration::from_secs(60);
+const SIZE: ImageSize = ImageSize::new(64, 48);
+
+fn loopback() -> SocketAddr {
+    "127.0.0.1:0".parse().unwrap()
+}
+
+fn server() -> (ViewServer, CameraFeed) {
+    let server = ViewServer::open(loopback(), ViewOptions::default()).unwrap();
+    let feed = server.add_camera("front", &["floor".to_owned(), "wall".to_owned()]);
+    (server, feed)
+}
+
+/// Pixel `(x, y)` of frame `sequence` is `1 + sequence + x / 100` meters away.
+fn depth(sequence: u64) -> Vec<f32> {
+    let value = |index: u32| 1.0 + sequence as f32 + (index % SIZE.width) as f32 / 100.0;
+    (0..SIZE.pixel_count() as u32).map(|index| if index == 0 { f32::NAN } else { value(index) }).collect()
+}
+
+fn offer(feed: &mut CameraFeed, sequence: u64) {
+    let info = DepthInfo { size: SIZE, units: Units::Metre, scale_source: ScaleSource::Metric };
+    feed.offer(|frame| {
+        frame.sequence = sequence;
+        frame.total_micros = 5000;
+        frame.rays = Some(Arc::new(RayGrid { columns: 2, rows: 2, rays: vec![[-0.5, -0.4]; 4] }));
+        frame.set_image(&[128; 64 * 48 * 3], SIZE, 64 * 3, PixelFormat::Rgb8);
+        frame.set_depth(&depth(sequence), info);
+        frame.set_labels(&[1; 64 * 48]);
+    });
+}
+
+/// The answer to a request, up to its end or to `limit` bytes.
+fn ask_up_to(address: SocketAddr, request: &str, limit: u64) -> Vec<u8> {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    stream.take(limit).read_to_end(&mut answer).unwrap();
+    answer
+}
+
+fn get(address: SocketAddr, target: &str, headers: &str) -> Vec<u8> {
+    let request = format!("GET {target} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n");
+    ask_up_to(address, &request, u64::MAX)
+}
+
+fn head_and_body(answer: &[u8]) -> (String, &[u8]) {
+    let end = answer.windows(4).position(|end| end == b"\r\n\r\n").expect("an answer has a head") + 4;
+    (String::from_utf8(answer[..end].to_vec()).unwrap(), &answer[end..])
+}
+
+fn status_of(answer: &[u8]) -> StatusCode {
+    StatusCode::from_bytes(&answer[9..12]).unwrap()
+}
+
+fn block_on<T>(future: impl Future<Output = T>) -> T {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async { tokio::time::timeout(TIMEOUT, future).await.expect("it takes too long") })
+}
+
+type Socket = WebSocketStream<tokio::net::TcpStream>;
+
+async fn connect(address: SocketAddr) -> Socket {
+    let stream = tokio::net::TcpStream::connect(address).await.unwrap();
+    tokio_tungstenite::client_async(format!("ws://{address}/ws"), stream).await.unwrap().0
+}
+
+async fn say(socket: &mut Socket, request: Value) {
+    socket.send(Message::text(request.to_string())).await.unwrap();
+}
+
+/// The next report of a type; other messages are skipped.
+async fn report(socket: &mut Socket, kind: &str) -> Value {
+    loop {
+        if let Message::Text(text) = socket.next().await.expect("the connection is closed").unwrap() {
+            let report: Value = serde_json::from_str(&text).unwrap();
+            if report["type"] == kind {
+                return report;
+            }
+        }
+    }
+}
+
+/// The next frame.
+async fn frame(socket: &mut Socket) -> Vec<u8> {
+    loop {
+        if let Message::Binary(bytes) = socket.next().await.expect("the connection is closed").unwrap() {
+            return bytes.to_vec();
+        }
+    }
+}
+
+/// Offers frames as a camera of about 200 fps would, until it is dropped.
+struct Producer {
+    stop: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<(u64, CameraFeed)>>,
+}
+
+impl Producer {
+    fn start(mut feed: CameraFeed) -> Self {
+        let stop = Arc::<AtomicBool>::default();
+        let stopped = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || {
+            let mut sequence = 0;
+            while !stopped.load(Ordering::Relaxed) {
+                if feed.is_wanted() {
+                    offer(&mut feed, sequence);
+                }
+                sequence += 1;
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            (sequence, feed)
+        });
+        Self { stop, thread: Some(thread) }
+    }
+
+    /// How many frames the producer made.
+    fn finish(mut self) -> u64 {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.take().unwrap().join().unwrap().0
+    }
+}
+
+#[test]
+fn a_viewer_receives_what_was_offered() {
+    let (server, mut feed) = server();
+    offer(&mut feed, 3);
+    block_on(async {
+        let mut socket = connect(server.address()).await;
+        let hello = report(&mut socket, "hello").await;
+        assert_eq!((&hello["protocol"], &hello["cameras"]), (&json!(1), &json!(["front"])));
+        assert_eq!(hello["palette"].as_array().unwrap().len(), 768);
+        say(&mut socket, json!({"type": "watch", "camera": "front", "max_width": 32})).await;
+        let camera = report(&mut socket, "camera").await;
+        assert_eq!((&camera["classes"], &camera["rays"]["columns"]), (&json!(["floor", "wall"]), &json!(2)));
+        let bytes = frame(&mut socket).await;
+        let frame = FrameMessage::parse(&bytes).unwrap();
+        assert_eq!((frame.sequence, frame.total_micros, frame.stride), (3, 5000, 2));
+        assert_eq!((frame.depth_size, frame.map_size), (SIZE, ImageSize::new(32, 24)));
+        let map = frame.depth().unwrap().unwrap();
+        assert!(
+            map.values[0].is_nan() && (map.values[32 + 5] / 4.1 - 1.0).abs() < 0.0021,
+            "{}",
+            map.values[32 + 5]
+        );
+        assert_eq!(frame.labels().unwrap().unwrap(), [1; 32 * 24]);
+        let jpeg = image::load_from_memory(frame.section(Section::Image).unwrap()).unwrap();
+        assert_eq!((jpeg.width(), jpeg.height()), (32, 24));
+        feed.set_status(CameraStatus { up: true, fps: 12.5, ..CameraStatus::default() });
+        let mut status = report(&mut socket, "status").await;
+        // The first one may have been sent before.
+        if status["status"]["up"] == json!(false) {
+            status = report(&mut socket, "status").await;
+        }
+        assert_eq!((&status["status"]["up"], &status["status"]["fps"]), (&json!(true), &json!(12.5)));
+    });
+}
+
+#[test]
+fn a_probe_reads_the_exact_depth_of_the_frame_that_is_shown_also_while_paused() {
+    let (server, mut feed) = server();
+    offer(&mut feed, 3);
+    block_on(async {
+        let mut socket = connect(server.address()).await;
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        frame(&mut socket).await;
+        say(&mut socket, json!({"type": "pause"})).await;
+        say(&mut socket, json!({"type": "probe", "u": 0.999, "v": 0.5})).await;
+        let probe = report(&mut socket, "probe").await;
+        let expected = depth(3)[24 * 64 + 63];
+        assert_eq!((&probe["x"], &probe["y"], &probe["label"]), (&json!(63), &json!(24), &json!(1)));
+        assert_eq!(probe["depth"].as_f64().unwrap() as f32, expected);
+        // Newer frames are neither sent nor read.
+        offer(&mut feed, 4);
+        say(&mut socket, json!({"type": "probe", "u": 0, "v": 0})).await;
+        let probe = report(&mut socket, "probe").await;
+        assert_eq!((&probe["sequence"], &probe["depth"]), (&json!(3), &Value::Null));
+        assert!(!feed.is_wanted(), "nobody waits for a frame");
+        assert!(!feed.wants_labels());
+    });
+}
+
+#[test]
+fn a_stalled_viewer_slows_neither_the_producer_nor_another_viewer() {
+    let (server, feed) = server();
+    let address = server.address();
+    let producer = Producer::start(feed);
+    let watch = json!({"type": "watch", "camera": "front", "max_fps": 120, "max_mbit_per_s": 10000});
+    let received = block_on(async {
+        let mut stalled = connect(address).await;
+        say(&mut stalled, watch.clone()).await; // and it never reads
+        let mut viewer = connect(address).await;
+        say(&mut viewer, watch).await;
+        let (mut received, start) = (0, Instant::now());
+        while received < 100 && start.elapsed() < TIMEOUT / 2 {
+            frame(&mut viewer).await;
+            received += 1;
+        }
+        drop(stalled);
+        received
+    });
+    let produced = producer.finish();
+    assert_eq!(received, 100);
+    assert!(produced >= received, "{produced} frames");
+}
+
+#[test]
+fn malformed_requests_are_answered_and_the_connection_is_closed() {
+    let (server, _feed) = server();
+    block_on(async {
+        for (message, expected) in [
+            (Message::text("{"), "the request cannot be read"),
+            (Message::text(r#"{"type": "watch", "camera": "rear"}"#), "there is no camera `rear`"),
+            (Message::text(r#"{"type": "probe", "u": 2, "v": 0}"#), "`u` is 2, expected 0 to 1"),
+            (Message::binary(vec![0, 1, 2]), "requests are JSON text"),
+        ] {
+            let mut socket = connect(server.address()).await;
+            socket.send(message).await.unwrap();
+            let error = report(&mut socket, "error").await;
+            assert!(error["message"].as_str().unwrap().starts_with(expected), "{error}");
+            assert!(matches!(socket.next().await, Some(Ok(Message::Close(Some(_))))), "{expected}");
+        }
+        // Longer than any request.
+        let mut socket = connect(server.address()).await;
+        socket.send(Message::text("x".repeat(100_000))).await.unwrap();
+        while socket.next().await.is_some_and(|message| message.is_ok()) {}
+    });
+    malformed_frames(server.address());
+    assert_eq!(status_of(&get(server.address(), "/", "")), StatusCode::OK, "it still answers");
+}
+
+/// Bytes that no WebSocket sends, after a proper handshake.
+fn malformed_frames(address: SocketAddr) {
+    let upgrade = format!(
+        "GET /ws HTTP/1.1\r\nHost: {address}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    );
+    for bytes in [
+        &[0xff; 64][..],
+        &[0x81, 0x05, b'h', b'e', b'l', b'l', b'o'], // not masked
+        &[0x8f, 0x80, 0, 0, 0, 0],                   // an unknown opcode
+        &[0x81, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0], // 2^64 bytes are announced
+        &[0x81, 0x81, 0, 0, 0, 0, 0xff],             // not UTF-8
+    ] {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+        stream.write_all(upgrade.as_bytes()).unwrap();
+        stream.write_all(bytes).unwrap();
+        // It ends: the server has closed the connection.
+        let mut answer = Vec::new();
+        let read = stream.read_to_end(&mut answer);
+        assert!(answer.starts_with(b"HTTP/1.1 101"), "{read:?}, {bytes:?}");
+    }
+}
+
+#[test]
+fn an_upgrade_that_is_none_and_unknown_paths_are_refused() {
+    let (server, _feed) = server();
+    let address = server.address();
+    assert_eq!(status_of(&get(address, "/ws", "")), StatusCode::BAD_REQUEST);
+    assert_eq!(status_of(&get(address, "/nothing", "")), StatusCode::NOT_FOUND);
+    assert_eq!(status_of(&get(address, "/page/../lib.rs", "")), StatusCode::NOT_FOUND);
+    assert_eq!(status_of(&get(address, "/page/%2e%2e%2flib.rs", "")), StatusCode::NOT_FOUND);
+    let answer = get(address, "/rear/frame.jpg", "");
+    assert!(answer.ends_with(b"there is no camera `rear`, expected one of: `front`\n"));
+    let post =
+        format!("POST / HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nContent-Length: 0\r\n\r\n");
+    assert_eq!(status_of(&ask_up_to(address, &post, 1000)), StatusCode::METHOD_NOT_ALLOWED);
+}
+
+#[test]
+fn the_newest_frame_is_there_as_files_also_while_the_source_is_paused() {
+    let (server, mut feed) = server();
+    let address = server.address();
+    let answer = get(address, "/front/frame.jpg", "");
+    assert_eq!(status_of(&answer), StatusCode::SERVICE_UNAVAILABLE, "there is no frame yet");
+    offer(&mut feed, 3);
+    let answer = get(address, "/front/depth.png", "");
+    let (head, body) = head_and_body(&answer);
+    assert!(
+        head.contains("content-type: image/png\r\n") && head.contains("x-nunet-sequence: 3\r\n"),
+        "{head}"
+    );
+    let png = image::load_from_memory(body).unwrap();
+    let millimeters = png.as_luma16().unwrap();
+    assert_eq!((millimeters.get_pixel(0, 0).0, millimeters.get_pixel(10, 20).0), ([0], [4100]));
+    let answer = get(address, "/front/frame.jpg", "");
+    assert_eq!(image::load_from_memory(head_and_body(&answer).1).unwrap().width(), 64);
+    let answer = get(address, "/api/cameras", "");
+    let list: Value = serde_json::from_slice(head_and_body(&answer).1).unwrap();
+    let camera = &list["cameras"][0];
+    assert_eq!(
+        (&list["contract"], &camera["name"], &camera["sequence"]),
+        (&json!(1), &json!("front"), &json!(3))
+    );
+    assert_eq!((&camera["depth"], &camera["units"]), (&json!({"width": 64, "height": 48}), &json!("metre")));
+}
+
+#[test]
+fn a_video_is_one_jpeg_after_the_other() {
+    let (server, feed) = server();
+    let address = server.address();
+    let producer = Producer::start(feed);
+    for target in ["/front/image.mjpeg?fps=100&mbit=100", "/front/depth.mjpeg?fps=100&near=1&far=2&width=32"]
+    {
+        let request = format!("GET {target} HTTP/1.1\r\nHost: {address}\r\n\r\n");
+        let answer = ask_up_to(address, &request, 20_000);
+        let (head, _) = head_and_body(&answer);
+        assert!(head.contains("multipart/x-mixed-replace; boundary=nunet-frame"), "{head}");
+        let boundary = b"--nunet-frame\r\nContent-Type: image/jpeg\r\n";
+        let parts = answer.windows(boundary.len()).filter(|window| window == boundary).count();
+        assert!(parts > 2, "{parts} parts in 20 kB");
+    }
+    for (target, expected) in [
+        ("/front/depth.mjpeg?fps=0", "`max_fps` is 0, expected more than 0.001, up to 120\n"),
+        ("/front/depth.mjpeg?near=inf", "`near` is inf, expected a finite number\n"),
+    ] {
+        let answer = get(address, target, "");
+        assert_eq!(status_of(&answer), StatusCode::BAD_REQUEST, "{target}");
+        assert_eq!(std::str::from_utf8(head_and_body(&answer).1).unwrap(), expected);
+    }
+    for target in ["/front/depth.mjpeg?fps=x", "/front/depth.mjpeg?color=red"] {
+        assert_eq!(status_of(&get(address, target, "")), StatusCode::BAD_REQUEST, "{target}");
+    }
+    producer.finish();
+}
+
+#[test]
+fn relative_depth_has_no_millimeters() {
+    let (server, mut feed) = server();
+    let info = DepthInfo { size: SIZE, units: Units::Relative, scale_source: ScaleSource::Relative };
+    feed.offer(|frame| frame.set_depth(&depth(0), info));
+    assert_eq!(status_of(&get(server.address(), "/front/depth.png", "")), StatusCode::CONFLICT);
+}
+
+#[test]
+fn without_the_token_nothing_is_answered() {
+    let options = ViewOptions {
+        token: Some(Token::new("open-sesame").unwrap()),
+        metrics: Some(Arc::new(|| "# EOF\n".to_owned())),
+    };
+    let server = ViewServer::open(loopback(), options).unwrap();
+    let _feed = server.add_camera("front", &[]);
+    let address = server.address();
+    let targets =
+        ["/", "/api/cameras", "/metrics", "/ws", "/front/frame.jpg", "/front/image.mjpeg", "/page/main.js"];
+    for target in targets {
+        for (suffix, headers) in [
+            ("", ""),
+            ("?token=open-sesam", ""),
+            ("?token=", ""),
+            ("", "Authorization: Bearer wrong\r\n"),
+            ("", "Cookie: nunet_view_1=open-sesame\r\n"),
+        ] {
+            let answer = get(address, &format!("{target}{suffix}"), headers);
+            assert_eq!(status_of(&answer), StatusCode::UNAUTHORIZED, "{target}{suffix} {headers}");
+        }
+    }
+    let bearer = "Authorization: Bearer open-sesame\r\n";
+    assert_eq!(status_of(&get(address, "/api/cameras", bearer)), StatusCode::OK);
+    assert_eq!(status_of(&get(address, "/metrics?token=open-sesame", "")), StatusCode::OK);
+    let signed_in = head_and_body(&get(address, "/?token=open-sesame", "")).0;
+    assert!(signed_in.starts_with("HTTP/1.1 303") && signed_in.contains("location: /\r\n"), "{signed_in}");
+    let cookie = signed_in.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap();
+    assert!(cookie.ends_with("; Path=/; HttpOnly; SameSite=Strict"), "{cookie}");
+    let cookie = format!("Cookie: {}\r\n", cookie.split(';').next().unwrap());
+    assert_eq!(status_of(&get(address, "/", &cookie)), StatusCode::OK);
+    let page = get(address, "/", "Accept: text/html\r\n");
+    assert!(status_of(&page) == StatusCode::UNAUTHORIZED && page.windows(5).any(|word| word == b"Token"));
+}
+
+#[test]
+fn pages_of_other_sites_are_refused_and_answers_forbid_foreign_content() {
+    let (server, _feed) = server();
+    let address = server.address();
+    let head = head_and_body(&get(address, "/", "")).0;
+    for header in [
+        "content-security-policy: default-src 'none';",
+        "x-content-type-options: nosniff",
+        "cache-control: no-store",
+    ] {
+        assert!(head.contains(header), "{header} is not in\n{head}");
+    }
+    let foreign = get(address, "/api/cameras", "Origin: http://evil.example\r\n");
+    assert_eq!(status_of(&foreign), StatusCode::FORBIDDEN);
+    let rebound = "GET / HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n";
+    assert_eq!(status_of(&ask_up_to(address, rebound, 1000)), StatusCode::MISDIRECTED_REQUEST);
+}
+
+#[test]
+fn an_address_for_other_machines_needs_a_token() {
+    let address = "0.0.0.0:0".parse().unwrap();
+    let error = ViewServer::open(address, ViewOptions::default()).err().unwrap();
+    assert_eq!(error.kind(), ViewErrorKind::Token);
+}
+
+#[test]
+fn the_metrics_alone_are_at_one_address_only() {
+    let server = MetricsServer::open(loopback(), Arc::new(|| "a 1\n# EOF\n".to_owned())).unwrap();
+    let address = server.address();
+    let answer = get(address, "/metrics?name[]=a", "");
+    let (head, body) = head_and_body(&answer);
+    assert!(head.contains("content-type: application/openmetrics-text; version=1.0.0"), "{head}");
+    assert_eq!(body, b"a 1\n# EOF\n");
+    assert!(get(address, "/", "").ends_with(b"metrics are at /metrics\n"));
+}

@@ -1,0 +1,177 @@
+"""The page: what it shows, in a real browser. Screenshots lie in target/browser/."""
+
+import io
+import json
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, TIMEOUT_S, View, Watched, wait_until
+from PIL import Image
+from playwright.sync_api import Browser, Page
+
+SHOTS = ROOT / "target/browser"
+
+
+def shot(page: Page, name: str) -> None:
+    """Keeps a screenshot of the whole page."""
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=str(SHOTS / f"{name}.png"), full_page=True)
+
+
+def canvas(page: Page, name: str) -> np.ndarray:
+    """A canvas as the screen shows it, RGB."""
+    png = page.locator(f"#{name}").screenshot()
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+def colors(pixels: np.ndarray) -> int:
+    """How many different colors there are."""
+    return len(np.unique(pixels.reshape(-1, 3), axis=0))
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height", "scheme"),
+    [("light", 1280, 900, "light"), ("dark", 1280, 900, "dark"), ("phone", 390, 844, "light")],
+)
+def test_everything_is_shown_without_errors(
+    browser: Browser, view: View, name: str, width: int, height: int, scheme: str
+) -> None:
+    """Every pane has content, nothing is wider than the screen, no other host is asked."""
+    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+    watched = Watched(page)
+    watched.open(view.url)
+    page.wait_for_timeout(1500)
+    shot(page, name)
+    for pane in ["image", "depth", "labels"]:
+        assert colors(canvas(page, pane)) > 5, pane
+    cloud = canvas(page, "cloud")
+    background = np.array([10, 13, 18])
+    covered = (np.abs(cloud.astype(int) - background).sum(axis=2) > 30).mean()
+    assert covered > 0.15, f"the cloud covers {covered:.0%} of its canvas"
+    assert colors(cloud) > 100
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    light = page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(246, 247, 249)"
+    assert light == (scheme == "light")
+    assert "live" in page.inner_text("#state")
+    assert watched.problems == []
+    assert watched.hosts == {view.url.split("/")[2]}
+    page.close()
+
+
+def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> None:
+    """At some pixels, the number under the pointer is the value in the file; also by keyboard, and while paused."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    watched = Watched(page)
+    watched.open(view.url)
+    found = []
+    box = page.locator("#depth").bounding_box()
+    for u, v in [(0.1, 0.1), (0.5, 0.5), (0.83, 0.4), (0.3, 0.9)]:
+        page.mouse.move(box["x"] + u * box["width"], box["y"] + v * box["height"])
+        expected_x = int(u * 640)
+        wait_until(page, "x => Math.abs(Number(document.getElementById('readout').dataset.x) - x) < 3", expected_x)
+        found.append(page.evaluate("({...document.getElementById('readout').dataset})"))
+    page.click("#pause")
+    page.focus("#image")
+    before = found[-1]
+    page.keyboard.press("ArrowRight")
+    wait_until(page, "x => document.getElementById('readout').dataset.x === x", str(int(before["x"]) + 1))
+    found.append(page.evaluate("({...document.getElementById('readout').dataset})"))
+    assert page.inner_text("#announcement") == page.inner_text("#readout")
+    assert page.inner_text("#state") == "paused"
+    page.close()
+    view.stop()
+    depth = np.load(view.out / "depth.npy")
+    for point in found:
+        truth = depth[int(point["y"]), int(point["x"])]
+        shown = float(point["depth"]) if point["depth"] else float("nan")
+        assert shown == truth or (np.isnan(shown) and np.isnan(truth)), (point, truth)
+    assert watched.problems == []
+
+
+def test_settings_change_what_is_shown_and_are_kept(browser: Browser, view: View) -> None:
+    """Blended view, fixed colors, cloud colors and theme; all usable by keyboard alone."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="light")
+    watched = Watched(context.new_page())
+    page = watched.open(view.url)
+    page.select_option("#layout", "blend")
+    page.wait_for_selector("#blend", state="visible")
+    assert not page.is_visible("#image")
+    page.fill("#label-share", "0.5")
+    page.select_option("#theme", "dark")
+    page.uncheck("#auto")
+    page.fill("#near", "0.5")
+    page.fill("#far", "20")
+    wait_until(page, "document.getElementById('range-text').textContent === '0.50 to 20.00 m'")
+    before = canvas(page, "cloud")
+    page.select_option("#cloud-colors", "depth")
+    page.focus("#cloud")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("+")
+    page.wait_for_timeout(500)
+    assert np.abs(canvas(page, "cloud").astype(int) - before).mean() > 2
+    shot(page, "blended")
+    page.reload()
+    watched.open(view.url)
+    assert page.input_value("#far") == "20"
+    assert page.is_visible("#blend")
+    page.focus("#camera")
+    reached = []
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        reached.append(page.evaluate("document.activeElement.id"))
+    assert {"pause", "layout", "theme", "blend", "cloud", "near", "far", "max-rate"} <= set(reached)
+    assert watched.problems == []
+    context.close()
+
+
+def test_the_page_comes_back_after_the_daemon_is_gone(browser: Browser, view: View) -> None:
+    """It says that it is not connected; that it tries again is in its script."""
+    page = browser.new_page()
+    watched = Watched(page)
+    watched.open(view.url)
+    view.stop()
+    wait_until(page, "document.getElementById('state').textContent === 'not connected'")
+    assert colors(canvas(page, "image")) > 5, "the last image stays"
+    page.close()
+
+
+def test_the_default_rate_suits_a_phone(browser: Browser, view: View) -> None:
+    """At most 3 Mbit/s, measured by what the page counts."""
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    watched = Watched(page)
+    watched.open(view.url)
+    page.wait_for_timeout(4000)
+    state = page.inner_text("#state")
+    assert float(state.split("fps, ")[1].split(" ")[0]) <= 3.1, state
+    page.close()
+
+
+def test_the_video_is_shown_by_an_image_element(browser: Browser, view: View) -> None:
+    """`/CAMERA/depth.mjpeg` in `<img>`, as a dashboard has it."""
+    with urllib.request.urlopen(view.url + "api/cameras", timeout=TIMEOUT_S) as answer:
+        camera = json.load(answer)["cameras"][0]["name"]
+    page = browser.new_page()
+    page.goto(view.url)
+    page.evaluate(
+        "url => { const image = new Image(); image.src = url; image.id = 'video'; document.body.append(image); }",
+        f"/{camera}/depth.mjpeg?width=320",
+    )
+    wait_until(page, "document.getElementById('video').naturalWidth === 320")
+    page.close()
+
+
+def test_first_paint(browser: Browser, view: View) -> None:
+    """Loaded and painted: the time is printed, and is not held to a limit on a machine that does other work."""
+    page = browser.new_page()
+    start = time.monotonic()
+    page.goto(view.url)
+    wait_until(page, "performance.getEntriesByName('first-contentful-paint').length > 0")
+    paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    loaded = time.monotonic() - start
+    print(f"first contentful paint after {paint:.0f} ms; seen {1000 * loaded:.0f} ms after the request")
+    assert 0 < paint < 1000 * TIMEOUT_S
+    page.close()
+    assert Path(SHOTS).exists()
