@@ -14,7 +14,7 @@ const HOMES: [(&str, &str); 4] = [
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 14] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 15] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -52,6 +52,10 @@ const NO_DEPENDENCY: [(&str, &[&str]); 14] = [
     (
         "crates/nunet-source/Cargo.toml",
         &["ort", "iceoryx2", "mcap", "foxglove", "clap", "anyhow", "nunet-daemon", "nunet-engine"],
+    ),
+    (
+        "crates/nunet-sink/Cargo.toml",
+        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-mcap", "nunet-source", "nunet-daemon"],
     ),
     (
         "crates/nunet-telemetry/Cargo.toml",

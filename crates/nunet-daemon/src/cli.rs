@@ -26,6 +26,7 @@ mod file;
 mod filter;
 mod keys;
 mod lens;
+mod obstacles;
 mod record;
 #[cfg(test)]
 mod reference;
@@ -44,6 +45,7 @@ pub(crate) use dispatch::dispatch;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
+pub use obstacles::ObstacleArgs;
 pub use record::{RecordArgs, ReplayArgs};
 pub use run::{AccessArgs, RunArgs, SourceArgs, StreamArgs};
 pub use settings::RunCommand;

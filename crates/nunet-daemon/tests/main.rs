@@ -12,6 +12,7 @@ mod hostile;
 mod infer;
 mod lens;
 mod loss;
+mod obstacles;
 mod processes;
 mod recurrent;
 mod several;

@@ -43,7 +43,17 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
 impl InferArgs {
     fn options(self) -> anyhow::Result<infer::Options> {
         let (processing, engine) = (self.processing.config()?, self.engine.options());
-        Ok(infer::Options { images: self.images, out: self.out, model: self.model, processing, engine })
+        let (mount, max_range_m) = (value(&self.mount), processing.pipeline.max_range_m);
+        let obstacles = self.obstacle_options.config(mount, max_range_m, self.obstacles)?;
+        let obstacles = obstacles.filter(|obstacles| obstacles.is_required);
+        Ok(infer::Options {
+            images: self.images,
+            out: self.out,
+            model: self.model,
+            processing,
+            obstacles,
+            engine,
+        })
     }
 }
 

@@ -14,7 +14,7 @@ use serde::Deserialize;
 use tracing::warn;
 
 use super::text::{FileMode, FrameId, Readers, StageEvery, Text, value};
-use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, RecordArgs};
+use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, ObstacleArgs, RecordArgs};
 use crate::config::{
     AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, frame_id,
 };
@@ -138,13 +138,17 @@ pub struct StreamArgs {
     /// The coordinate frame of depth and cloud [default: the name of the camera + `_optical_frame`]
     #[arg(long, value_name = "NAME")]
     pub frame_id: Option<Text<FrameId>>,
-    /// The topics that can be read; labels and cloud are computed only while something reads them
+    /// The topics that can be read; all but depth are computed only while something reads them. With --mount, obstacles can
+    /// always be read
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Publish::Depth, Publish::Labels, Publish::Cloud])]
     pub publish: Vec<Publish>,
     /// The number of processes that may read at a time; half as many may read the cloud. Memory is reserved for all
     /// [default: 4]
     #[arg(long, value_name = "N")]
     pub readers: Option<Text<Readers>>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub obstacles: ObstacleArgs,
     #[command(flatten)]
     #[serde(flatten)]
     pub recording: RecordArgs,
@@ -165,13 +169,16 @@ impl StreamArgs {
         let source = self.pace.config(source);
         source.check()?;
         let name = camera_name(name)?;
+        let (processing, mount) = (self.processing.config()?, value(&self.recording.mount.mount));
+        let is_required = self.publish.contains(&Publish::Obstacles);
         let readers = value(&self.readers).map(|Readers(readers)| readers.get() as usize);
         Ok(CameraConfig {
             frame_id: frame_id(&name, value(&self.frame_id).map(|FrameId(name)| name))?,
             name,
             source,
-            processing: self.processing.config()?,
-            mount: value(&self.recording.mount.mount),
+            obstacles: self.obstacles.config(mount, processing.pipeline.max_range_m, is_required)?,
+            processing,
+            mount,
             publish: self.publish.clone(),
             readers: readers.unwrap_or(Limits::DEFAULT.max_readers),
             record: self.recording.config(),

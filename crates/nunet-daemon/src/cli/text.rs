@@ -148,6 +148,27 @@ impl FromText for Distance {
     }
 }
 
+/// A number of things, of which 0 is checked elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Count(pub usize);
+
+impl FromText for Count {
+    fn from_text(text: &str) -> Result<Self, String> {
+        text.parse().map(Self).map_err(|_| format!("expected a whole number, got `{text}`"))
+    }
+}
+
+/// A time in seconds, 0 or more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seconds(pub f32);
+
+impl FromText for Seconds {
+    fn from_text(text: &str) -> Result<Self, String> {
+        let seconds = text.parse().ok().filter(|seconds: &f32| seconds.is_finite() && *seconds >= 0.0);
+        seconds.map(Self).ok_or_else(|| format!("expected a number of seconds, 0 or more, got `{text}`"))
+    }
+}
+
 /// A SHA-256.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hash(pub [u8; 32]);

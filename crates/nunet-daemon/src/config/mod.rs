@@ -15,6 +15,7 @@ use nunet_source::{CameraGeometry, OpenOptions, Rate, SourceName};
 use nunet_types::ImageSize;
 use nunet_view::ViewConfig;
 
+pub use nunet_sink::obstacles::ObstacleConfig;
 pub use values::{LogOptions, MountOption, Publish};
 
 use crate::exit::BadArguments;
@@ -54,6 +55,8 @@ pub struct CameraConfig {
     pub frame_id: String,
     /// Where it is on the robot.
     pub mount: Option<MountOption>,
+    /// How obstacles are found; `None` without a place of the camera.
+    pub obstacles: Option<ObstacleConfig>,
     /// The topics that can be read.
     pub publish: Vec<Publish>,
     /// The number of processes that can read at a time.

@@ -14,11 +14,13 @@ pub enum Publish {
     Labels,
     /// The organized point cloud.
     Cloud,
+    /// Obstacles around the robot; needs the place of the camera.
+    Obstacles,
 }
 
 impl Publish {
-    /// All of them: the default.
-    pub const ALL: [Self; 3] = [Self::Depth, Self::Labels, Self::Cloud];
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Depth, Self::Labels, Self::Cloud, Self::Obstacles];
 
     /// As the user writes it.
     #[must_use]
@@ -27,6 +29,7 @@ impl Publish {
             Self::Depth => "depth",
             Self::Labels => "labels",
             Self::Cloud => "cloud",
+            Self::Obstacles => "obstacles",
         }
     }
 }

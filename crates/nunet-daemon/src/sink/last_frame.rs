@@ -29,7 +29,7 @@ pub(crate) fn in_folder(folder: PathBuf) -> Box<dyn Sink> {
 impl Sink for LastFrame {
     /// Any frame may be the last one, so labels and cloud are computed for each.
     fn wants(&self) -> Wants {
-        Wants { labels: true, cloud: true }
+        Wants { labels: true, cloud: true, obstacles: false }
     }
 
     fn on_frame(&mut self, _frame: &PublishedFrame<'_>) {}

@@ -28,7 +28,8 @@ pub(crate) fn serve(metrics: &Metrics, address: SocketAddr) -> anyhow::Result<Me
 /// Opens the sink if metrics are served.
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
     let camera = context.config.name.as_str();
-    let sink = context.metrics.map(|metrics| sink(metrics, camera, stage_names(context.pipeline)));
+    let stages = stage_names(context.pipeline, context.has_obstacles);
+    let sink = context.metrics.map(|metrics| sink(metrics, camera, stages));
     Ok(sink)
 }
 

@@ -3,8 +3,8 @@
 //! To add a sink, write a file that implements [`Sink`] and has an `open` function, and add one line to [`REGISTRY`].
 
 pub(crate) mod last_frame;
+pub(crate) mod loans;
 pub(crate) mod metrics;
-pub(crate) mod queue;
 pub(crate) mod recording;
 pub(crate) mod shm;
 pub(crate) mod stats;
@@ -14,11 +14,13 @@ pub(crate) mod view;
 pub(crate) mod writing;
 
 use std::path::Path;
-use std::sync::Arc;
 
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
+use nunet_core::obstacle::Obstacles;
 use nunet_core::pipeline::Pipeline;
+pub(crate) use nunet_sink::queue;
+pub(crate) use nunet_sink::queue::OnRoom;
 use nunet_telemetry::{Counts, DrainTimeout, Metrics, Totals};
 use nunet_types::{ImageSize, ScaleSource, Units};
 use nunet_view::ViewServer;
@@ -42,6 +44,8 @@ pub(crate) struct SinkContext<'a> {
     pub(crate) record: Option<&'a Path>,
     pub(crate) common: Common<'a>,
     pub(crate) pipeline: &'a Pipeline,
+    /// Whether there is a stage that finds obstacles.
+    pub(crate) has_obstacles: bool,
     /// The metrics of all cameras, if they are served.
     pub(crate) metrics: Option<&'a Metrics>,
     /// The live view of all cameras, if configured.
@@ -49,9 +53,6 @@ pub(crate) struct SinkContext<'a> {
     /// To be called when a sink that had no room has room again.
     pub(crate) on_room: OnRoom,
 }
-
-/// Called from a sink's own thread.
-pub(crate) type OnRoom = Arc<dyn Fn() + Send + Sync>;
 
 /// Takes the results of one camera. All its functions run on the inference thread and must not block: a sink that writes
 /// copies what it needs into a queue of its own ([`queue::SinkQueue`]).
@@ -86,11 +87,16 @@ pub(crate) fn open_all(context: &SinkContext<'_>) -> anyhow::Result<Vec<Box<dyn 
 pub(crate) struct Wants {
     pub(crate) labels: bool,
     pub(crate) cloud: bool,
+    pub(crate) obstacles: bool,
 }
 
 impl Wants {
     pub(crate) fn union(self, other: Self) -> Self {
-        Self { labels: self.labels || other.labels, cloud: self.cloud || other.cloud }
+        Self {
+            labels: self.labels || other.labels,
+            cloud: self.cloud || other.cloud,
+            obstacles: self.obstacles || other.obstacles,
+        }
     }
 }
 
@@ -124,6 +130,8 @@ pub(crate) struct Results<'a> {
     pub(crate) cloud: Option<&'a [CloudPoint]>,
     /// The camera at the size of depth, if it is known.
     pub(crate) camera: Option<Camera>,
+    /// Obstacles; `None` if they were not computed.
+    pub(crate) obstacles: Option<&'a Obstacles>,
 }
 
 /// How long a frame took.

@@ -11,16 +11,19 @@ use std::marker::PhantomData;
 use anyhow::Context as _;
 use nunet_core::camera::Camera;
 use nunet_core::clock::Clock as _;
-use nunet_core::pipeline::{FrameReport, Outputs, Pipeline};
+use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::{
     CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, ScaleSource,
-    StatsRecord, Topic, TopicPlan, Units, Wake, monotonic_nanos,
+    StatsRecord, Topic, Units, Wake, monotonic_nanos,
 };
 use nunet_telemetry::{Counts, Latencies, Totals, foreign_allocations};
 use nunet_types::ImageSize;
 use tracing::{info, warn};
 
+use nunet_sink::obstacle_record::BASE_FRAME;
+
+use super::loans::{Loans, plans};
 use super::{Results, Wants};
 use crate::config::Publish;
 use crate::source::Frame;
@@ -31,12 +34,15 @@ const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
 /// The times of a frame that the pipeline does not see: waiting before it, publishing after it.
 const QUEUE: &str = "queue";
 const PUBLISH: &str = "publish";
+/// The stage after the pipeline.
+const OBSTACLES: &str = "obstacles";
 
 /// The stages of a frame in the order of the header's and the statistics' times. `publish` is not in the header of
 /// the frame itself, which is written before it.
-pub(crate) fn stage_names(pipeline: &Pipeline) -> impl Iterator<Item = &str> {
+pub(crate) fn stage_names(pipeline: &Pipeline, has_obstacles: bool) -> impl Iterator<Item = &str> {
     let inner = pipeline.stage_names().iter().map(String::as_str);
-    std::iter::once(QUEUE).chain(inner).chain(std::iter::once(PUBLISH))
+    let obstacles = has_obstacles.then_some(OBSTACLES);
+    std::iter::once(QUEUE).chain(inner).chain(obstacles).chain(std::iter::once(PUBLISH))
 }
 
 /// What is published, and who can read it.
@@ -44,6 +50,8 @@ pub(crate) struct ShmPublisherOptions<'a> {
     pub(crate) camera: &'a CameraName,
     pub(crate) frame_id: &'a str,
     pub(crate) publish: &'a [Publish],
+    /// Whether obstacles can be read.
+    pub(crate) obstacles: bool,
     pub(crate) limits: Limits,
     pub(crate) model: &'a str,
     /// Checked while waiting for other publishers.
@@ -71,12 +79,13 @@ struct Last {
     depth: Option<Message<f32>>,
     labels: Option<Message<u8>>,
     cloud: Option<Message<CloudPoint>>,
+    has_obstacles: bool,
 }
 
 impl Last {
     /// The results that were published besides depth.
     fn has(&self) -> Wants {
-        Wants { labels: self.labels.is_some(), cloud: self.cloud.is_some() }
+        Wants { labels: self.labels.is_some(), cloud: self.cloud.is_some(), obstacles: self.has_obstacles }
     }
 }
 
@@ -103,29 +112,10 @@ impl<T> Message<T> {
     }
 }
 
-/// Chunks of shared memory for one frame's results.
-pub(crate) struct Loans {
-    depth: Loan,
-    labels: Option<Loan>,
-    cloud: Option<Loan>,
-}
-
-impl Loans {
-    /// The chunks as the pipeline fills them.
-    pub(crate) fn outputs(&mut self) -> anyhow::Result<Outputs<'_>> {
-        let points = self.cloud.as_mut().map(Loan::slice_mut).transpose()?;
-        Ok(Outputs {
-            depth_m: self.depth.slice_mut()?,
-            labels: self.labels.as_mut().map(Loan::bytes_mut),
-            cloud: points,
-        })
-    }
-}
-
 impl ShmPublisher {
     /// Becomes the publisher of the camera's results. All memory is reserved and prefaulted here.
     pub(crate) fn open(pipeline: &Pipeline, options: &ShmPublisherOptions<'_>) -> anyhow::Result<Self> {
-        let plans = plans(pipeline, options.publish);
+        let plans = plans(pipeline, options.publish, options.obstacles);
         let publisher = Publisher::create_unless(options.camera, &plans, &options.limits, options.given_up)?;
         info!("camera `{}` reserves {} of shared memory", options.camera, publisher.reservation());
         let description = pipeline.graph().description();
@@ -134,7 +124,7 @@ impl ShmPublisher {
         let mut stats = StatsRecord { model_hash: description.hash, ..StatsRecord::default() };
         stats.set_model_name(options.model);
         stats.set_provider(pipeline.graph().provider().name());
-        stats.set_stage_names(stage_names(pipeline));
+        stats.set_stage_names(stage_names(pipeline, options.obstacles));
         Ok(Self {
             publisher,
             topics: plans.iter().map(|plan| plan.topic).collect(),
@@ -151,13 +141,22 @@ impl ShmPublisher {
     /// Memory for the results that a reader or a sink (`wants`) takes; depth always.
     pub(crate) fn loan(&self, wants: Wants) -> anyhow::Result<Loans> {
         let is_read = |topic| self.publisher.has_readers(topic);
-        self.loan_for(wants.union(Wants { labels: is_read(Topic::Labels), cloud: is_read(Topic::Cloud) }))
+        self.loan_for(wants.union(Wants {
+            labels: is_read(Topic::Labels),
+            cloud: is_read(Topic::Cloud),
+            obstacles: is_read(Topic::Obstacles),
+        }))
+    }
+
+    /// Whether something reads obstacles.
+    pub(crate) fn has_obstacle_readers(&self) -> bool {
+        self.publisher.has_readers(Topic::Obstacles)
     }
 
     /// Whether the last frame was published without something that a reader could take.
     pub(crate) fn has_omitted_results(&self) -> bool {
-        let Wants { labels, cloud } = self.last.has();
-        [(labels, Topic::Labels), (cloud, Topic::Cloud)]
+        let Wants { labels, cloud, obstacles } = self.last.has();
+        [(labels, Topic::Labels), (cloud, Topic::Cloud), (obstacles, Topic::Obstacles)]
             .iter()
             .any(|(sent, topic)| !sent && self.topics.contains(topic))
     }
@@ -167,7 +166,11 @@ impl ShmPublisher {
     pub(crate) fn loan_for_late_readers(&self) -> anyhow::Result<Option<Loans>> {
         let sent = self.last.has();
         let late = |sent: bool, topic| !sent && self.publisher.has_readers(topic);
-        let wants = Wants { labels: late(sent.labels, Topic::Labels), cloud: late(sent.cloud, Topic::Cloud) };
+        let wants = Wants {
+            labels: late(sent.labels, Topic::Labels),
+            cloud: late(sent.cloud, Topic::Cloud),
+            obstacles: late(sent.obstacles, Topic::Obstacles),
+        };
         (wants != Wants::default()).then(|| self.loan_for(wants)).transpose()
     }
 
@@ -180,12 +183,13 @@ impl ShmPublisher {
             depth: self.chunk(Topic::Depth)?,
             labels: loan(wants.labels, Topic::Labels)?,
             cloud: loan(wants.cloud, Topic::Cloud)?,
+            obstacles: loan(wants.obstacles, Topic::Obstacles)?,
         })
     }
 
     /// The results of the last published frame, in shared memory.
     pub(crate) fn last_results(&self) -> Option<Results<'_>> {
-        let Last { report, depth, labels, cloud } = &self.last;
+        let Last { report, depth, labels, cloud, has_obstacles: _ } = &self.last;
         let (units, scale_source, camera) = (*report)?;
         let depth = depth.as_ref()?;
         // SAFETY: `last` has messages that were sent. Newer ones are sent by `publish` and `publish_to_late_readers`, which
@@ -196,7 +200,7 @@ impl ShmPublisher {
         // SAFETY: as above.
         let cloud = cloud.as_ref().map(|message| unsafe { message.payload() });
         let (size, cloud_size) = (self.size, self.cloud_size);
-        Some(Results { units, scale_source, size, depth, labels, cloud_size, cloud, camera })
+        Some(Results { units, scale_source, size, depth, labels, cloud_size, cloud, camera, obstacles: None })
     }
 
     /// Sends a frame's results, depth last, and wakes the readers once.
@@ -208,9 +212,10 @@ impl ShmPublisher {
         queue_micros: u32,
     ) -> anyhow::Result<()> {
         self.describe(frame, report, queue_micros);
-        let Loans { mut depth, labels, cloud } = loans;
+        let Loans { mut depth, labels, cloud, obstacles } = loans;
         self.last = Last::default();
         self.send_beside_depth(labels, cloud, report)?;
+        self.send_obstacles(obstacles)?;
         let message = Message::of(depth.slice_mut()?);
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
         self.last.depth = Some(message);
@@ -226,8 +231,9 @@ impl ShmPublisher {
         report: &FrameReport,
     ) -> anyhow::Result<()> {
         self.describe(frame, report, 0);
-        let Loans { depth: _, labels, cloud } = loans;
+        let Loans { depth: _, labels, cloud, obstacles } = loans;
         self.send_beside_depth(labels, cloud, report)?;
+        self.send_obstacles(obstacles)?;
         self.wake()
     }
 
@@ -249,6 +255,17 @@ impl ShmPublisher {
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
             self.last.cloud = Some(message);
         }
+        Ok(())
+    }
+
+    fn send_obstacles(&mut self, loan: Option<Loan>) -> anyhow::Result<()> {
+        let Some(loan) = loan else { return Ok(()) };
+        let mut header = self.header;
+        header.set_encoding(Encoding::ObstacleRecord);
+        header.set_frame_id(BASE_FRAME);
+        (header.width, header.height, header.row_stride_bytes) = (0, 0, 0);
+        send(loan, header)?;
+        self.last.has_obstacles = true;
         Ok(())
     }
 
@@ -316,21 +333,6 @@ impl ShmPublisher {
         }
         header
     }
-}
-
-/// The topics of a pipeline's results.
-pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish]) -> Vec<TopicPlan> {
-    let (pixels, points) = (pipeline.size().pixel_count(), pipeline.cloud_size().pixel_count());
-    let labels = publish.contains(&Publish::Labels) && pipeline.graph().has_labels();
-    let cloud = publish.contains(&Publish::Cloud);
-    let all = [
-        (true, Topic::Depth, pixels * size_of::<f32>()),
-        (labels, Topic::Labels, pixels),
-        (cloud, Topic::Cloud, points * size_of::<CloudPoint>()),
-        (true, Topic::Stats, size_of::<StatsRecord>()),
-    ];
-    let wanted = all.into_iter().filter(|(wanted, ..)| *wanted);
-    wanted.map(|(_, topic, payload_bytes)| TopicPlan { topic, payload_bytes }).collect()
 }
 
 fn send(mut loan: Loan, header: FrameHeader) -> anyhow::Result<()> {

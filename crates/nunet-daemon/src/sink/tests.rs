@@ -5,6 +5,7 @@ use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
@@ -171,6 +172,7 @@ fn results() -> Results<'static> {
         cloud_size: SIZE,
         cloud: Some(&[POINT; 4]),
         camera: None,
+        obstacles: None,
     }
 }
 

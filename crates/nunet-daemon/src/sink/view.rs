@@ -56,7 +56,7 @@ struct ViewSink {
 impl Sink for ViewSink {
     /// The cloud is made in the browser.
     fn wants(&self) -> Wants {
-        Wants { labels: self.feed.wants_labels(), cloud: false }
+        Wants { labels: self.feed.wants_labels(), cloud: false, obstacles: false }
     }
 
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {

@@ -8,14 +8,16 @@ use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::LATE_JOINER_PERIOD;
+use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, End, Latencies, RateLimit, Totals, allocations_of_this_thread};
 use tracing::{debug, error, trace_span, warn};
 
 use super::round_robin::{Poll, RoundRobinTask};
 use super::state::StreamState;
 use crate::exit::{is_usage, warn_of_unknown_camera};
+use crate::sink::loans::Loans;
 use crate::sink::shm::{ShmPublisher, stage_names};
-use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Timings, Wants};
+use crate::sink::{FinishingSink, PublishedFrame, Results, Sink, Status, Timings, Wants};
 use crate::source::{CameraResolver, Continuity, Frame, Taken};
 
 /// If so many frames fail in a row before the first one is published, the next ones will fail too.
@@ -27,6 +29,7 @@ pub(crate) struct StreamTask {
     camera: CameraResolver,
     continuity: Continuity,
     publisher: ShmPublisher,
+    obstacles: Option<ObstacleStage>,
     sinks: Vec<Box<dyn Sink>>,
     totals: Totals,
     latencies: Latencies,
@@ -61,11 +64,12 @@ impl StreamTask {
         sinks: Vec<Box<dyn Sink>>,
     ) -> Self {
         Self {
-            latencies: Latencies::new(stage_names(&pipeline)),
+            latencies: Latencies::new(stage_names(&pipeline, false)),
             pipeline,
             camera,
             continuity: Continuity::default(),
             publisher,
+            obstacles: None,
             sinks,
             totals: Totals::default(),
             last_reported: Counts::default(),
@@ -75,6 +79,12 @@ impl StreamTask {
             failures: 0,
             failure: None,
         }
+    }
+
+    /// The same with a stage that finds obstacles.
+    pub(crate) fn with_obstacles(self, obstacles: Option<ObstacleStage>) -> Self {
+        let latencies = Latencies::new(stage_names(&self.pipeline, obstacles.is_some()));
+        Self { latencies, obstacles, ..self }
     }
 }
 
@@ -211,7 +221,7 @@ impl StreamTask {
 
     fn try_serve_late_readers(&mut self, frame: &Frame) -> anyhow::Result<()> {
         let Some(mut loans) = self.publisher.loan_for_late_readers()? else { return Ok(()) };
-        let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        let report = self.process(frame, &mut loans, self.publisher.has_obstacle_readers())?;
         self.publisher.publish_to_late_readers(loans, frame, &report)
     }
 
@@ -249,20 +259,51 @@ impl StreamTask {
         if let Some(reason) = self.continuity.discontinuity_to(frame) {
             debug!("frame {} does not follow the last one: {reason}", frame.sequence);
             self.pipeline.reset();
+            self.obstacles.iter_mut().for_each(ObstacleStage::reset);
         }
         let wants = self.sinks.iter().map(|sink| sink.wants()).fold(Wants::default(), Wants::union);
         let mut loans = self.publisher.loan(wants)?;
-        let report = self.pipeline.process(&frame.view()?, loans.outputs()?, &MonotonicClock)?;
+        let with_obstacles = wants.obstacles || self.publisher.has_obstacle_readers();
+        let report = self.process(frame, &mut loans, with_obstacles)?;
         self.continuity.took(frame);
         let queue_micros = micros(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.publisher.publish(loans, frame, &report, queue_micros)?;
-        self.account(frame, &report, queue_micros, processed_nanos);
+        self.account(frame, &report, (queue_micros, processed_nanos), with_obstacles);
         Ok(())
     }
 
+    /// Computes a frame's results into `loans`: the pipeline, then obstacles if something takes them.
+    fn process(
+        &mut self,
+        frame: &Frame,
+        loans: &mut Loans,
+        with_obstacles: bool,
+    ) -> anyhow::Result<FrameReport> {
+        let Some(stage) = &mut self.obstacles else {
+            return Ok(self.pipeline.process(&frame.view()?, loans.outputs(None)?, &MonotonicClock)?);
+        };
+        let spare = if with_obstacles { stage.spare_labels() } else { None };
+        let mut report = self.pipeline.process(&frame.view()?, loans.outputs(spare)?, &MonotonicClock)?;
+        let start_nanos = MonotonicClock.nanos();
+        if with_obstacles {
+            let options = stage.config().options;
+            let camera = self.pipeline.points_camera();
+            let found = stage.detect(camera, loans.depth_and_labels()?, frame.capture.nanos)?;
+            loans.set_obstacles(found, &options)?;
+        }
+        report.stages.push(start_nanos, MonotonicClock.nanos());
+        Ok(report)
+    }
+
     /// Counts a published frame and gives it to the sinks.
-    fn account(&mut self, frame: &Frame, report: &FrameReport, queue_micros: u32, processed_nanos: u64) {
+    fn account(
+        &mut self,
+        frame: &Frame,
+        report: &FrameReport,
+        (queue_micros, processed_nanos): (u32, u64),
+        with_obstacles: bool,
+    ) {
         let now_nanos = MonotonicClock.nanos();
         let timings = Timings {
             total_micros: micros(frame.ready_nanos, now_nanos),
@@ -273,6 +314,8 @@ impl StreamTask {
         self.latencies.record(timings.total_micros.into(), timings.stages().map(u64::from));
         self.totals.add_published(now_nanos, report.bytes_copied);
         let Some(results) = self.publisher.last_results().filter(|_| !self.sinks.is_empty()) else { return };
+        let obstacles = self.obstacles.as_ref().filter(|_| with_obstacles).and_then(ObstacleStage::last);
+        let results = Results { obstacles, ..results };
         let camera = self.camera.camera_of(frame).ok().flatten();
         let published = PublishedFrame { frame, camera, results, timings };
         self.sinks.iter_mut().for_each(|sink| sink.on_frame(&published));

@@ -140,6 +140,7 @@ fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream 
         camera: name,
         frame_id: "camera",
         publish: &[Publish::Depth],
+        obstacles: false,
         limits: Limits::default(),
         model: "model.onnx",
         given_up: &|| false,

@@ -13,7 +13,7 @@ use super::load::load;
 use crate::Outcome;
 use crate::config::Publish;
 use crate::exit::WithHint;
-use crate::sink::shm::plans;
+use crate::sink::loans::plans;
 use crate::source;
 
 mod machine;
@@ -111,7 +111,7 @@ fn shared_memory(pipeline: Option<&Pipeline>) -> Finding {
         return Ok(format!("{megabytes} MB free; how much is needed depends on the model"));
     };
     let everything = [Publish::Depth, Publish::Labels, Publish::Cloud];
-    let need = Reservation::new(&plans(pipeline, &everything), &Limits::default());
+    let need = Reservation::new(&plans(pipeline, &everything, false), &Limits::default());
     need.check(free).map_err(Problem::of)?;
     Ok(format!("{megabytes} MB free, a camera needs {need}"))
 }

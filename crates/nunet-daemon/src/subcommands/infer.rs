@@ -10,13 +10,15 @@ use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions};
 use nunet_files::{Results, check_folder, write_results};
+use nunet_sink::obstacle_images::View;
+use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, Latencies, Totals};
 use tracing::{error, info};
 
-use super::load::{load_unless, tested_pipeline};
+use super::load::{load_unless, obstacle_stage, tested_pipeline};
 use crate::Outcome;
 use crate::buffers::Buffers;
-use crate::config::{ModelConfig, ProcessingConfig};
+use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_unknown_camera};
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
 use crate::source::{CameraResolver, Frame, decode, glance, list};
@@ -29,6 +31,8 @@ pub(crate) struct Options {
     pub(crate) out: PathBuf,
     pub(crate) model: PathBuf,
     pub(crate) processing: ProcessingConfig,
+    /// How obstacles are found, if they are wanted.
+    pub(crate) obstacles: Option<ObstacleConfig>,
     pub(crate) engine: EngineOptions,
 }
 
@@ -54,7 +58,8 @@ fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let loaded = load_unless(&engine, &ModelConfig { path: options.model.clone(), every: Vec::new() }, stop)?;
     let model = ModelName { name: loaded.name(), hash: loaded.hash() };
     let pipeline = tested_pipeline(loaded, options.processing.pipeline)?;
-    let mut work = Work::new(pipeline, camera, model);
+    let obstacles = obstacle_stage(options.obstacles, &pipeline)?;
+    let mut work = Work { obstacles, ..Work::new(pipeline, camera, model) };
 
     let mut failures = Vec::new();
     let mut looked_at = 0;
@@ -155,11 +160,13 @@ struct Work {
     model: ModelName,
     frame: Frame,
     buffers: Buffers,
+    obstacles: Option<ObstacleStage>,
 }
 
 impl Work {
     fn new(pipeline: Pipeline, camera: CameraResolver, model: ModelName) -> Self {
-        Self { buffers: Buffers::new(&pipeline), pipeline, camera, model, frame: Frame::default() }
+        let buffers = Buffers::new(&pipeline);
+        Self { buffers, pipeline, camera, model, frame: Frame::default(), obstacles: None }
     }
 
     fn infer(&mut self, image: &Path, folder: &Path) -> anyhow::Result<()> {
@@ -173,8 +180,20 @@ impl Work {
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();
         write_results(folder, &self.results(&report))?;
+        self.write_obstacles(folder)?;
         let stats = self.stats(image, &report, [start_nanos, ready_nanos, done_nanos]);
         write_json(&folder.join("stats.json"), &stats)
+    }
+
+    /// Writes the obstacles of the image, if they are wanted.
+    fn write_obstacles(&mut self, folder: &Path) -> anyhow::Result<()> {
+        let Some(stage) = &mut self.obstacles else { return Ok(()) };
+        let config = *stage.config();
+        let results = (self.buffers.depth(), self.buffers.labels());
+        let found = stage.detect(self.pipeline.points_camera(), results, 0)?;
+        let image = self.frame.view()?;
+        let rgb = self.pipeline.network_image(&image);
+        View { found, config: &config, pipeline: &self.pipeline, rgb }.write(folder)
     }
 
     fn results(&self, report: &FrameReport) -> Results<'_> {

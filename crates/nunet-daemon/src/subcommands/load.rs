@@ -6,6 +6,8 @@ use anyhow::Context as _;
 use nunet_core::graph::GraphError;
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
 use nunet_engine::{Engine, EngineError, LoadedModel};
+use nunet_sink::obstacles::{ObstacleConfig, ObstacleStage};
+use tracing::warn;
 
 use crate::config::ModelConfig;
 use crate::exit::BadArguments;
@@ -25,6 +27,24 @@ pub(super) fn load_unless(engine: &Engine, model: &ModelConfig, stop: &Stop) -> 
         }
         error => error.into(),
     })
+}
+
+/// The stage that finds obstacles; `None` if they are not wanted, or depth has no unit and they were not asked for.
+pub(super) fn obstacle_stage(
+    config: Option<ObstacleConfig>,
+    pipeline: &Pipeline,
+) -> Result<Option<ObstacleStage>, BadArguments> {
+    let Some(config) = config else { return Ok(None) };
+    let stage = ObstacleStage::new(config, pipeline);
+    let text = "obstacles need depth in meters, and the model's depth has no unit";
+    match &stage {
+        None if config.is_required => {
+            return Err(BadArguments(format!("{text}\nhint: choose a model with metric depth")));
+        }
+        None => warn!("obstacles are off: {text}"),
+        Some(_) => {}
+    }
+    Ok(stage)
 }
 
 /// One pipeline, self-tested; logs what was loaded.

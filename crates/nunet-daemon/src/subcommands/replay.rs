@@ -236,6 +236,7 @@ impl Replay {
             cloud_size: self.pipeline.cloud_size(),
             cloud: self.cloud.then(|| self.buffers.cloud()),
             camera: report.camera,
+            obstacles: None,
         });
         let written = self.writer.write(&self.record);
         self.results.update(self.record.depth().bytes);

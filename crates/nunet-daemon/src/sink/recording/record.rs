@@ -1,8 +1,10 @@
 //! A copy of one frame with its results; the memory is reused. Everything is little-endian, like shared memory.
 
 use nunet_core::camera::Camera;
+use nunet_core::obstacle::Obstacles;
 use nunet_ipc::Units;
-use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord};
+use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord};
+use nunet_sink::obstacle_record::BASE_FRAME;
 use nunet_types::ImageSize;
 
 use crate::sink::Results;
@@ -24,6 +26,9 @@ pub(crate) struct Record {
     labels: Vec<u8>,
     cloud_size: ImageSize,
     cloud: Vec<u8>,
+    /// Those of the last frame that had some; their memory is reused.
+    obstacles: Option<Obstacles>,
+    has_obstacles: bool,
 }
 
 impl Record {
@@ -64,6 +69,21 @@ impl Record {
         self.cloud_size = results.cloud_size;
         self.cloud.extend_from_slice(bytemuck::cast_slice(results.cloud.unwrap_or_default()));
         self.depth_camera = results.camera;
+        self.copy_obstacles(results.obstacles);
+    }
+
+    fn copy_obstacles(&mut self, found: Option<&Obstacles>) {
+        self.has_obstacles = found.is_some();
+        match (&mut self.obstacles, found) {
+            (_, None) => {}
+            (Some(own), Some(found)) => {
+                own.sectors.clone_from(&found.sectors);
+                own.points.clone_from(&found.points);
+                (own.angle_min_rad, own.angle_step_rad) = (found.angle_min_rad, found.angle_step_rad);
+                (own.ground, own.used_labels) = (found.ground, found.used_labels);
+            }
+            (own @ None, Some(found)) => *own = Some(found.clone()),
+        }
     }
 
     fn clear(&mut self) {
@@ -80,6 +100,18 @@ impl Record {
 
     pub(crate) fn labels(&self) -> Option<&[u8]> {
         (!self.labels.is_empty()).then_some(&self.labels)
+    }
+
+    pub(crate) fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
+        let found = self.obstacles.as_ref().filter(|_| self.has_obstacles)?;
+        Some(ObstaclesRecord {
+            frame_id: BASE_FRAME,
+            sectors: &found.sectors,
+            points: &found.points,
+            angle_min_rad: found.angle_min_rad,
+            angle_step_rad: found.angle_step_rad,
+            max_range_m: found.max_range_m,
+        })
     }
 
     /// Readers of ROS messages expect points in meters, so depth without a unit has no points.

@@ -63,7 +63,7 @@ pub(crate) fn record_into(archive: Box<dyn Archive>, on_room: OnRoom) -> anyhow:
 
 impl Sink for Recorder {
     fn wants(&self) -> Wants {
-        Wants { labels: true, cloud: true }
+        Wants { labels: true, cloud: true, obstacles: true }
     }
 
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {

@@ -147,8 +147,12 @@ impl FrameWriter {
         let log_nanos = if capture.clock == Clock::Unix { capture.nanos } else { capture.unix_nanos };
         let camera = record.camera.as_ref().map(describe);
         let depth_camera = record.depth_camera.as_ref().map(describe);
+        let log_nanos = log_nanos.try_into().unwrap_or_default();
+        if let Some(obstacles) = record.obstacles() {
+            self.writer.write_obstacles(&obstacles, log_nanos, capture.unix_nanos)?;
+        }
         self.writer.write(&FrameRecord {
-            log_nanos: log_nanos.try_into().unwrap_or_default(),
+            log_nanos,
             stamp_nanos: capture.unix_nanos,
             image: Some(self.images.encoded(frame)?),
             camera: camera.as_ref(),

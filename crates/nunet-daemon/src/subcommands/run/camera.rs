@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::unix_nanos;
+use nunet_sink::obstacles::ObstacleStage;
 use tracing::{Span, error, error_span};
 
 use super::servers::Servers;
@@ -19,6 +20,7 @@ use crate::source::{
     SourceName,
 };
 use crate::stream::{Pace, Stop, Stream, StreamTask};
+use crate::subcommands::load::obstacle_stage;
 
 /// A camera's configuration, with its paths resolved on this machine.
 pub(super) struct Plan<'a> {
@@ -207,6 +209,8 @@ impl<'a> Prepared<'a> {
         stop.check()?;
         let config = self.plan.config;
         let span = span_of(config.name.as_str(), several);
+        let obstacles = obstacle_stage(config.obstacles, &pipeline);
+        let obstacles = obstacles.map_err(|error| in_camera(error.into(), config.name.as_str(), several))?;
         let open = || {
             let _camera = span.enter();
             ShmPublisher::open(
@@ -215,6 +219,7 @@ impl<'a> Prepared<'a> {
                     camera: &config.name,
                     frame_id: &config.frame_id,
                     publish: &config.publish,
+                    obstacles: obstacles.is_some(),
                     limits: config.limits(),
                     model: &common.model.name,
                     given_up: &|| stop.requested(),
@@ -224,7 +229,7 @@ impl<'a> Prepared<'a> {
         let opened = open();
         stop.check()?;
         let publisher = opened.map_err(|error| in_camera(error, config.name.as_str(), several))?;
-        Ok(Opened { prepared: self, pipeline, publisher, span })
+        Ok(Opened { prepared: self, pipeline, publisher, obstacles, span })
     }
 }
 
@@ -233,6 +238,7 @@ pub(super) struct Opened<'a> {
     prepared: Prepared<'a>,
     pipeline: Pipeline,
     publisher: ShmPublisher,
+    obstacles: Option<ObstacleStage>,
     span: Span,
 }
 
@@ -244,7 +250,7 @@ impl Opened<'_> {
         servers: &Servers,
         notify: &Arc<Notify>,
     ) -> anyhow::Result<Stream> {
-        let Self { prepared, pipeline, publisher, span } = self;
+        let Self { prepared, pipeline, publisher, obstacles, span } = self;
         let Prepared { plan: Plan { config, record }, source, camera } = prepared;
         let entered = span.clone().entered();
         let notify = Arc::clone(notify);
@@ -253,6 +259,7 @@ impl Opened<'_> {
             record: record.as_deref(),
             common,
             pipeline: &pipeline,
+            has_obstacles: obstacles.is_some(),
             metrics: servers.metrics.as_ref(),
             view: servers.view.as_ref(),
             on_room: Arc::new(move || notify.notify()),
@@ -260,7 +267,8 @@ impl Opened<'_> {
         let sinks = sink::open_all(&context)?;
         let pace = Pace::of(&config.source);
         drop(entered);
-        Ok(Stream { source, pace, task: StreamTask::new(pipeline, camera, publisher, sinks), span })
+        let task = StreamTask::new(pipeline, camera, publisher, sinks).with_obstacles(obstacles);
+        Ok(Stream { source, pace, task, span })
     }
 }
 

@@ -8,18 +8,19 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use nunet_telemetry::StallDetector;
 
-use super::OnRoom;
-use nunet_telemetry::{DrainTimeout, GivenUp};
+use nunet_telemetry::{DrainTimeout, GivenUp, StallDetector};
+
+/// Called from the queue's thread when there is room again.
+pub type OnRoom = Arc<dyn Fn() + Send + Sync>;
 
 /// If nothing is written for so long while items wait, the user is warned. A disk that is only slow writes some.
 const STALLED: Duration = Duration::from_secs(5);
 /// How often [`Writer::flush_if_due`] is called while the queue is empty.
-const FLUSH_CHECK_PERIOD: Duration = Duration::from_millis(250);
+pub const FLUSH_CHECK_PERIOD: Duration = Duration::from_millis(250);
 
 /// Writes items on the queue's thread.
-pub(crate) trait Writer: Send + 'static {
+pub trait Writer: Send + 'static {
     /// What is written; used items are filled again, so that a steady stream allocates nothing.
     type Item: Default + Send;
 
@@ -34,7 +35,7 @@ pub(crate) trait Writer: Send + 'static {
 }
 
 /// The inference thread's end of the queue.
-pub(crate) struct SinkQueue<W: Writer> {
+pub struct SinkQueue<W: Writer> {
     items: SyncSender<W::Item>,
     used: Receiver<W::Item>,
     capacity: u64,
@@ -68,7 +69,7 @@ impl<W: Writer> SinkQueue<W> {
     ///
     /// # Errors
     /// The thread cannot be started.
-    pub(crate) fn start(name: &str, capacity: usize, writer: W, on_room: OnRoom) -> anyhow::Result<Self> {
+    pub fn start(name: &str, capacity: usize, writer: W, on_room: OnRoom) -> anyhow::Result<Self> {
         let (items, waiting) = sync_channel(capacity);
         let (give_back, used) = sync_channel(capacity + 1);
         // Each item is filled once among the first frames; later ones find its memory and allocate nothing.
@@ -82,12 +83,13 @@ impl<W: Writer> SinkQueue<W> {
     }
 
     /// Whether the next item would be accepted. If the thread is gone, items are dropped.
-    pub(crate) fn has_room(&self) -> bool {
+    #[must_use]
+    pub fn has_room(&self) -> bool {
         self.progress.waiting() < self.capacity || self.thread.is_finished()
     }
 
     /// Lets `fill` fill an item and queues it, or drops and counts it if there is no room.
-    pub(crate) fn offer(&mut self, fill: impl FnOnce(&mut W::Item)) {
+    pub fn offer(&mut self, fill: impl FnOnce(&mut W::Item)) {
         if self.progress.waiting() >= self.capacity || self.thread.is_finished() {
             self.dropped += 1;
             return;
@@ -102,29 +104,30 @@ impl<W: Writer> SinkQueue<W> {
     }
 
     /// For how long nothing was written although items wait; once per stall.
-    pub(crate) fn stall_warning(&mut self) -> Option<Duration> {
+    pub fn stall_warning(&mut self) -> Option<Duration> {
         let (written, is_expected) = (self.progress.written(), self.progress.waiting() > 0);
         self.stall.warning(written, is_expected, STALLED, Instant::now())
     }
 
     /// Items in the queue and the one in work.
-    pub(crate) fn waiting(&self) -> u64 {
+    #[must_use]
+    pub fn waiting(&self) -> u64 {
         self.progress.waiting()
     }
 
     /// No more items; those in the queue are still written.
-    pub(crate) fn close(self) -> ClosedQueue<W> {
+    pub fn close(self) -> ClosedQueue<W> {
         let Self { progress, thread, dropped, .. } = self;
         ClosedQueue { progress, thread, dropped }
     }
 }
 
 /// A queue that takes no more items.
-pub(crate) struct ClosedQueue<W: Writer> {
+pub struct ClosedQueue<W: Writer> {
     progress: Arc<Progress>,
     thread: JoinHandle<W>,
     /// Items that found no room.
-    pub(crate) dropped: u64,
+    pub dropped: u64,
 }
 
 impl<W: Writer> ClosedQueue<W> {
@@ -132,7 +135,7 @@ impl<W: Writer> ClosedQueue<W> {
     ///
     /// # Errors
     /// It took longer than `timeout` allows.
-    pub(crate) fn wait(self, what: &str, timeout: &mut DrainTimeout<'_>) -> Result<Option<W>, GivenUp> {
+    pub fn wait(self, what: &str, timeout: &mut DrainTimeout<'_>) -> Result<Option<W>, GivenUp> {
         let Self { progress, thread, dropped: _ } = self;
         timeout.wait(what, || thread.is_finished(), || progress.written())?;
         Ok(thread.join().ok())

@@ -1,0 +1,119 @@
+//! The flags of obstacles.
+
+use clap::Args;
+use nunet_core::obstacle::{Mount, ObstacleOptions};
+use nunet_types::text_with_hint;
+use serde::Deserialize;
+use tracing::warn;
+
+use super::text::{Count, Distance, Seconds, Text, value};
+use crate::config::{MountOption, ObstacleConfig};
+use crate::exit::BadArguments;
+
+/// What counts as an obstacle.
+#[derive(Debug, Args, Clone, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct ObstacleArgs {
+    /// The height above ground that the robot can drive over, meters; needs --mount [default: 0.05]
+    #[arg(long, value_name = "M")]
+    pub clearance: Option<Text<Distance>>,
+    /// The height above ground that the robot can drive under, meters; needs --mount [default: 1.8]
+    #[arg(long, value_name = "M")]
+    pub robot_height: Option<Text<Distance>>,
+    /// The number of directions over the field of view, 1 to 360; needs --mount [default: 72]
+    #[arg(long, value_name = "N")]
+    pub sectors: Option<Text<Count>>,
+    /// The largest number of obstacle points, 1 to 5000; needs --mount [default: 5000]
+    #[arg(long, value_name = "N")]
+    pub obstacle_points: Option<Text<Count>>,
+    /// Remember an obstacle that leaves the image at the bottom for S seconds; needs --mount [default: 0]
+    #[arg(long, value_name = "S")]
+    pub hold: Option<Text<Seconds>>,
+}
+
+impl ObstacleArgs {
+    /// As checked values; `None` without a mount. `is_required` says that obstacles were asked for in another way.
+    ///
+    /// # Errors
+    /// Obstacles were asked for without a mount, or with one that cannot be.
+    pub(crate) fn config(
+        &self,
+        mount: Option<MountOption>,
+        max_range_m: Option<f32>,
+        is_required: bool,
+    ) -> Result<Option<ObstacleConfig>, BadArguments> {
+        let is_required = is_required || self.is_given();
+        let Some(MountOption { translation_m, roll_pitch_yaw_rad }) = mount else {
+            return if is_required { Err(without_mount()) } else { Ok(None) };
+        };
+        let made = Mount::new(translation_m, roll_pitch_yaw_rad).and_then(|mount| {
+            let options = self.options(max_range_m);
+            options.check()?;
+            Ok(ObstacleConfig { mount, options, is_required })
+        });
+        match made {
+            Ok(config) => Ok(Some(config)),
+            Err(error) if is_required => Err(BadArguments(text_with_hint(&error))),
+            // The pose may be for `/tf_static` alone.
+            Err(error) => {
+                warn!("obstacles are off: {}", text_with_hint(&error));
+                Ok(None)
+            }
+        }
+    }
+
+    fn is_given(&self) -> bool {
+        *self != Self::default()
+    }
+
+    fn options(&self, max_range_m: Option<f32>) -> ObstacleOptions {
+        let default = ObstacleOptions::default();
+        let meters = |flag: &Option<Text<Distance>>| value(flag).map(|Distance(meters)| meters);
+        let count = |flag: &Option<Text<Count>>| value(flag).map(|Count(count)| count);
+        ObstacleOptions {
+            clearance_m: meters(&self.clearance).unwrap_or(default.clearance_m),
+            robot_height_m: meters(&self.robot_height).unwrap_or(default.robot_height_m),
+            max_range_m: max_range_m.unwrap_or(default.max_range_m),
+            sectors: count(&self.sectors).unwrap_or(default.sectors),
+            max_points: count(&self.obstacle_points).unwrap_or(default.max_points),
+            hold_s: value(&self.hold).map_or(default.hold_s, |Seconds(seconds)| seconds),
+            ..default
+        }
+    }
+}
+
+fn without_mount() -> BadArguments {
+    BadArguments(
+        "obstacles need the place of the camera on the robot\nhint: pass --mount x,y,z,roll,pitch,yaw, meters and radians; \
+         z is the height above the floor"
+            .into(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOUNT: MountOption = MountOption { translation_m: [0.1, 0.0, 0.25], roll_pitch_yaw_rad: [0.0; 3] };
+
+    #[test]
+    fn obstacles_are_on_with_a_mount_and_asked_for_without_one_an_error() {
+        let none = ObstacleArgs::default();
+        assert_eq!(none.config(None, None, false).unwrap(), None);
+        let config = none.config(Some(MOUNT), None, false).unwrap().unwrap();
+        assert_eq!((config.options, config.is_required), (ObstacleOptions::default(), false));
+        assert!(none.config(None, None, true).unwrap_err().0.contains("pass --mount"));
+        let hold = ObstacleArgs { hold: Some("0.5".parse().unwrap()), ..ObstacleArgs::default() };
+        assert!(hold.config(None, None, false).is_err());
+        assert_eq!(hold.config(Some(MOUNT), Some(3.0), false).unwrap().unwrap().options.max_range_m, 3.0);
+    }
+
+    #[test]
+    fn a_mount_below_the_floor_is_an_error_only_for_obstacles() {
+        let below = MountOption { translation_m: [0.0, 0.0, -0.1], ..MOUNT };
+        let none = ObstacleArgs::default();
+        assert_eq!(none.config(Some(below), None, false).unwrap(), None, "it may be for /tf_static");
+        let error = none.config(Some(below), None, true).unwrap_err().0;
+        assert!(error.contains("above the floor") && error.contains("hint:"), "{error}");
+    }
+}

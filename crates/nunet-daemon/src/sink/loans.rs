@@ -1,0 +1,65 @@
+//! Shared memory for results: how much is planned, and the chunks that one frame's results are written into.
+
+use anyhow::Context as _;
+use nunet_core::obstacle::{ObstacleOptions, Obstacles};
+use nunet_core::pipeline::{Outputs, Pipeline};
+use nunet_ipc::{CloudPoint, Loan, ObstacleRecord, StatsRecord, Topic, TopicPlan};
+use nunet_sink::obstacle_record::fill_record;
+
+use crate::config::Publish;
+
+/// Chunks of shared memory for one frame's results.
+pub(crate) struct Loans {
+    pub(super) depth: Loan,
+    pub(super) labels: Option<Loan>,
+    pub(super) cloud: Option<Loan>,
+    pub(super) obstacles: Option<Loan>,
+}
+
+impl Loans {
+    /// The chunks as the pipeline fills them. Labels go into `spare_labels` if nothing reads them.
+    pub(crate) fn outputs<'a>(
+        &'a mut self,
+        spare_labels: Option<&'a mut [u8]>,
+    ) -> anyhow::Result<Outputs<'a>> {
+        let points = self.cloud.as_mut().map(Loan::slice_mut).transpose()?;
+        Ok(Outputs {
+            depth_m: self.depth.slice_mut()?,
+            labels: self.labels.as_mut().map(Loan::bytes_mut).or(spare_labels),
+            cloud: points,
+        })
+    }
+
+    /// Depth and labels after the pipeline filled them; no labels if they went into the spare memory.
+    pub(crate) fn depth_and_labels(&mut self) -> anyhow::Result<(&[f32], Option<&[u8]>)> {
+        Ok((self.depth.slice_mut()?, self.labels.as_mut().map(|labels| &*labels.bytes_mut())))
+    }
+
+    /// Writes the obstacles of the frame, if something reads them.
+    pub(crate) fn set_obstacles(
+        &mut self,
+        found: &Obstacles,
+        options: &ObstacleOptions,
+    ) -> anyhow::Result<()> {
+        let Some(loan) = &mut self.obstacles else { return Ok(()) };
+        let record = loan.slice_mut::<ObstacleRecord>()?.first_mut();
+        fill_record(record.context("the chunk is too small for the obstacles")?, found, options);
+        Ok(())
+    }
+}
+
+/// The topics of a pipeline's results.
+pub(crate) fn plans(pipeline: &Pipeline, publish: &[Publish], obstacles: bool) -> Vec<TopicPlan> {
+    let (pixels, points) = (pipeline.size().pixel_count(), pipeline.cloud_size().pixel_count());
+    let labels = publish.contains(&Publish::Labels) && pipeline.graph().has_labels();
+    let cloud = publish.contains(&Publish::Cloud);
+    let all = [
+        (true, Topic::Depth, pixels * size_of::<f32>()),
+        (labels, Topic::Labels, pixels),
+        (cloud, Topic::Cloud, points * size_of::<CloudPoint>()),
+        (obstacles, Topic::Obstacles, size_of::<ObstacleRecord>()),
+        (true, Topic::Stats, size_of::<StatsRecord>()),
+    ];
+    let wanted = all.into_iter().filter(|(wanted, ..)| *wanted);
+    wanted.map(|(_, topic, payload_bytes)| TopicPlan { topic, payload_bytes }).collect()
+}

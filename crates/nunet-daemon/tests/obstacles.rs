@@ -1,0 +1,116 @@
+//! Obstacles through the whole daemon: shared memory, recordings, files, and what is asked for wrongly.
+
+use std::time::{Duration, Instant};
+
+use nunet_ipc::{CONTRACT_VERSION, CameraName, FrameSet, Reader, Topic, Units};
+use serde_json::Value;
+
+use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, run, run_well, text};
+
+const MOUNT: &str = "0.1,0,0.5,0,0.1,0";
+
+/// The next frame with all topics.
+fn next_set(reader: &mut Reader) -> FrameSet {
+    let start = Instant::now();
+    while start.elapsed() < TIMEOUT {
+        if let Some(set) = reader.next_set().unwrap() {
+            return set;
+        }
+        reader.wait(Duration::from_millis(100)).unwrap();
+    }
+    panic!("no frame with obstacles came")
+}
+
+#[test]
+fn a_reader_receives_obstacles_and_without_one_none_are_computed() {
+    let bench = Bench::new();
+    let (model, stats_file, name) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("obstacles"));
+    let arguments = ["-q", "--model", &model, "--source", "demo", "--camera", &name, "--mount", MOUNT];
+    let stages = |stats: &str| -> Value {
+        let stats: Value = serde_json::from_str(stats).unwrap();
+        stats["latency_ms"]["stages"]["obstacles"].clone()
+    };
+    let mut unread = nunetd(&arguments);
+    run_well({
+        unread.args(["--frames", "20", "--stats-json", &stats_file]);
+        unread
+    });
+    let found = stages(&std::fs::read_to_string(bench.path("stats.json")).unwrap());
+    assert_eq!(found["max"], 0.0, "nobody read them: {found}");
+
+    let mut command = nunetd(&arguments);
+    command.args(["--loop", "--rate", "20", "--sectors", "36", "--max-range", "4"]);
+    let _daemon = Guarded::start(command);
+    let camera_name = CameraName::new(&name).unwrap();
+    let mut reader = Reader::open(&camera_name, &[Topic::Depth, Topic::Obstacles], TIMEOUT).unwrap();
+    let set = next_set(&mut reader);
+    let frame = set.get(Topic::Obstacles).unwrap();
+    let record = frame.obstacles().unwrap();
+    assert_eq!((record.contract_version, record.sectors().len()), (CONTRACT_VERSION, 36));
+    assert_eq!((record.max_range_m, record.used_labels), (4.0, 0), "the network has no class for floor");
+    assert!(record.angle_step_rad > 0.0 && record.points().len() <= 5000);
+    assert!(record.sectors().iter().all(|sector| (0.0..=4.1).contains(&sector.range_m)));
+    let header = frame.header();
+    assert_eq!((header.frame_id().as_ref(), header.units()), ("base_link", Ok(Units::Metre)));
+    let depth = set.get(Topic::Depth).unwrap().header();
+    assert_eq!((header.sequence, header.capture_nanos), (depth.sequence, depth.capture_nanos));
+    assert!(depth.scale_factor > 0.0);
+}
+
+#[test]
+fn a_recording_has_obstacles_as_points_and_as_a_scan() {
+    let bench = Bench::new();
+    let (model, file, name) = (bench.arg("model.onnx"), bench.arg("drive.mcap"), camera("scan"));
+    let mut command = nunetd(&["-q", "--model", &model, "--source", "demo", "--camera", &name]);
+    command.args(["--mount", MOUNT, "--frames", "5", "--record", &file]);
+    run_well(command);
+    let bytes = std::fs::read(bench.path("drive.mcap")).unwrap();
+    let has = |word: &str| bytes.windows(word.len()).any(|window| window == word.as_bytes());
+    for word in [&format!("/{name}/scan"), &format!("/{name}/obstacles/points"), "sensor_msgs/msg/LaserScan"]
+    {
+        assert!(has(word), "{word}");
+    }
+}
+
+#[test]
+fn infer_writes_obstacles_as_numbers_and_pictures() {
+    let bench = Bench::new();
+    let (model, out, image) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("room.png"));
+    bench.add_image("room.png", 7);
+    let mut command = nunetd(&["-q", "infer", &image, "--out", &out, "--model", &model]);
+    command.args(["--obstacles", "--mount", MOUNT, "--sectors", "12"]);
+    run_well(command);
+    let text = std::fs::read_to_string(bench.path("out/obstacles.json")).unwrap();
+    let found: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((found["contract"].as_u64(), found["sectors"].as_array().map(Vec::len)), (Some(1), Some(12)));
+    assert!(
+        ["occupied", "free", "unknown", "drop"].contains(&found["sectors"][0]["state"].as_str().unwrap())
+    );
+    for picture in ["obstacles.png", "obstacles_overlay.png"] {
+        assert!(image::open(bench.path("out").join(picture)).is_ok(), "{picture}");
+    }
+}
+
+#[test]
+fn obstacles_without_a_place_or_with_an_impossible_one_are_refused_with_a_hint() {
+    let bench = Bench::new();
+    let (model, out, image) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("room.png"));
+    bench.add_image("room.png", 7);
+    let below = ["--mount", "0,0,-0.2,0,0,0"];
+    for (arguments, expected) in [
+        (&["run", "--source", "demo", "--clearance", "0.1"][..], "pass --mount"),
+        (&["run", "--source", "demo", "--publish", "depth,obstacles"], "pass --mount"),
+        (&["run", "--source", "demo", "--publish", "obstacles", below[0], below[1]], "above the floor"),
+        (&["run", "--source", "demo", "--sectors", "361", "--mount", MOUNT], "1 to 360"),
+        (&["run", "--source", "demo", "--hold=-1", "--mount", MOUNT], "0 or more"),
+        (&["run", "--source", "demo", "--hold", "1", "--mount", "0,0,1,0,-1.57,0"], "degrees up"),
+        (&["infer", &image, "--out", &out, "--obstacles"], "pass --mount"),
+    ] {
+        let mut command = nunetd(arguments);
+        command.args(["--model", &model]);
+        let output = run(command);
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?} {error}");
+        assert!(error.contains(expected), "{arguments:?} {error}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Obstacles of single images, as files.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use image::RgbImage;
+use nunet_core::camera::Camera;
+use nunet_core::obstacle::Obstacles;
+use nunet_core::pipeline::Pipeline;
+use nunet_files::{BirdsEye, draw_obstacle_points, write_rgb};
+use nunet_ipc::CONTRACT_VERSION;
+use serde_json::{Value, json};
+
+use crate::obstacles::ObstacleConfig;
+
+/// What the images are drawn from.
+pub struct View<'a> {
+    /// The obstacles.
+    pub found: &'a Obstacles,
+    /// How they were found.
+    pub config: &'a ObstacleConfig,
+    /// What computed depth.
+    pub pipeline: &'a Pipeline,
+    /// The network's image, RGB.
+    pub rgb: &'a [u8],
+}
+
+impl View<'_> {
+    /// Writes `obstacles.json`, `obstacles.png` (from above) and `obstacles_overlay.png` (on the image).
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
+        let json = folder.join("obstacles.json");
+        std::fs::write(&json, format!("{:#}\n", obstacles_json(self.found)))
+            .with_context(|| format!("cannot write `{}`", json.display()))?;
+        let found = self.found;
+        let birds_eye = BirdsEye {
+            sectors: &found.sectors,
+            points: &found.points,
+            angle_min_rad: found.angle_min_rad,
+            angle_step_rad: found.angle_step_rad,
+            max_range_m: found.max_range_m,
+        };
+        write_rgb(&folder.join("obstacles.png"), &birds_eye.draw())?;
+        Ok(write_rgb(&folder.join("obstacles_overlay.png"), &self.overlay()?)?)
+    }
+
+    /// The network's image with the points of obstacles.
+    fn overlay(&self) -> anyhow::Result<RgbImage> {
+        let size = self.pipeline.graph().size();
+        let image = RgbImage::from_raw(size.width, size.height, self.rgb.to_vec());
+        let mut image = image.context("the network's image has another size than the network")?;
+        let camera: &Camera = self.pipeline.points_camera();
+        let factor = f64::from(self.pipeline.decimation().get());
+        let points = self.found.points.iter().filter_map(|point| {
+            let optical = self.config.mount.to_optical([point.x, point.y, point.z].map(f64::from));
+            let pixel = camera.project(optical)?.map(|pixel| factor * pixel);
+            Some((pixel, point.x.hypot(point.y)))
+        });
+        draw_obstacle_points(&mut image, points, self.found.max_range_m);
+        Ok(image)
+    }
+}
+
+/// Numbers of JSON are finite: NaN is null.
+fn obstacles_json(found: &Obstacles) -> Value {
+    let angle = |index: usize| found.angle_min_rad + (index as f32 + 0.5) * found.angle_step_rad;
+    let sectors = found.sectors.iter().enumerate().map(|(index, sector)| {
+        json!({
+            "angle_rad": angle(index),
+            "state": sector.state().name(),
+            "range_m": sector.range_m,
+            "obstacle_m": sector.obstacle_m,
+            "min_height_m": sector.min_height_m,
+            "max_height_m": sector.max_height_m,
+            "seen_from_m": sector.seen_from_m,
+            "label": sector.label,
+        })
+    });
+    let ground = found.ground;
+    json!({
+        "contract": CONTRACT_VERSION,
+        "ground": {
+            "slope_x": ground.slope_x,
+            "slope_y": ground.slope_y,
+            "height_m": ground.height_m,
+            "refined": ground.is_refined,
+            "floor_fraction": ground.floor_fraction,
+        },
+        "used_labels": found.used_labels,
+        "sectors": sectors.collect::<Vec<_>>(),
+        "points": found.points.len(),
+    })
+}

@@ -1,0 +1,25 @@
+//! Obstacles as they lie in shared memory.
+
+use nunet_core::obstacle::{ObstacleOptions, Obstacles};
+use nunet_ipc::{CONTRACT_VERSION, ObstacleRecord};
+
+/// The coordinate frame of obstacles, and the parent of the camera's in `/tf_static`.
+pub const BASE_FRAME: &str = "base_link";
+
+/// Fills a record, whose bytes are those of some earlier frame.
+pub fn fill_record(record: &mut ObstacleRecord, found: &Obstacles, options: &ObstacleOptions) {
+    record.contract_version = CONTRACT_VERSION;
+    record.ground_refined = found.ground.is_refined.into();
+    record.used_labels = found.used_labels.into();
+    (record.angle_min_rad, record.angle_step_rad) = (found.angle_min_rad, found.angle_step_rad);
+    record.clearance_m = options.clearance_m;
+    record.robot_height_m = options.robot_height_m;
+    record.max_range_m = options.max_range_m;
+    record.floor_fraction = found.ground.floor_fraction;
+    record.ground_slope_x = found.ground.slope_x;
+    record.ground_slope_y = found.ground.slope_y;
+    record.ground_height_m = found.ground.height_m;
+    record.reserved.fill(0);
+    record.set_sectors(&found.sectors);
+    record.set_points(&found.points);
+}

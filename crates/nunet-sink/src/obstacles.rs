@@ -1,0 +1,108 @@
+//! The stage that finds obstacles: after the pipeline, and only for frames whose obstacles something takes.
+
+use nunet_core::camera::Camera;
+use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleError, ObstacleOptions, Obstacles};
+use nunet_core::pipeline::Pipeline;
+use nunet_types::Units;
+use tracing::{info, warn};
+
+/// Below this share of floor in the image, a direction is hardly ever free.
+const LITTLE_FLOOR: f32 = 0.02;
+
+/// How obstacles are found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObstacleConfig {
+    /// Where the camera is on the robot.
+    pub mount: Mount,
+    /// What counts as an obstacle.
+    pub options: ObstacleOptions,
+    /// Whether the user asked for obstacles; if not, a model without meters only turns them off.
+    pub is_required: bool,
+}
+
+/// Finds the obstacles of one camera.
+pub struct ObstacleStage {
+    config: ObstacleConfig,
+    classes: Vec<String>,
+    /// For the camera of the last frame.
+    detector: Option<(Camera, ObstacleDetector)>,
+    /// The labels of frames whose labels nothing else takes.
+    labels: Vec<u8>,
+}
+
+impl ObstacleStage {
+    /// The stage of a camera with this configuration; `None` if the model's depth has no unit.
+    #[must_use]
+    pub fn new(config: ObstacleConfig, pipeline: &Pipeline) -> Option<Self> {
+        if pipeline.scale().units != Units::Metre {
+            return None;
+        }
+        let graph = pipeline.graph();
+        let labels = if graph.has_labels() { pipeline.size().pixel_count() } else { 0 };
+        if labels == 0 {
+            info!("the model has no labels: floor is known by geometry alone, and glass is not known");
+        }
+        let classes = graph.description().classes.clone();
+        Some(Self { config, classes, detector: None, labels: vec![0; labels] })
+    }
+
+    /// How obstacles are found.
+    #[must_use]
+    pub fn config(&self) -> &ObstacleConfig {
+        &self.config
+    }
+
+    /// Memory for labels, if the network makes any.
+    pub fn spare_labels(&mut self) -> Option<&mut [u8]> {
+        (!self.labels.is_empty()).then_some(&mut self.labels)
+    }
+
+    /// Finds the obstacles of a frame of `camera`. Its labels are in the memory of [`Self::spare_labels`] if they are not
+    /// given.
+    ///
+    /// # Errors
+    /// Buffers of another size than the camera's image.
+    ///
+    /// # Panics
+    /// Never: the detector is made first.
+    pub fn detect(
+        &mut self,
+        camera: &Camera,
+        (depth_m, labels): (&[f32], Option<&[u8]>),
+        capture_nanos: i64,
+    ) -> Result<&Obstacles, ObstacleError> {
+        let is_known = self.detector.as_ref().is_some_and(|(known, _)| known == camera);
+        if !is_known {
+            self.detector = Some((*camera, self.new_detector(camera)?));
+        }
+        let (_, detector) = self.detector.as_mut().expect("made above");
+        let labels = labels.or((!self.labels.is_empty()).then_some(&self.labels));
+        detector.detect(&DepthImage { depth_m, labels, confidence: None }, capture_nanos)
+    }
+
+    fn new_detector(&self, camera: &Camera) -> Result<ObstacleDetector, ObstacleError> {
+        let ObstacleConfig { mount, options, .. } = self.config;
+        let detector = ObstacleDetector::new(camera, mount, &self.classes, options)?;
+        let percent = 100.0 * detector.floor_in_view();
+        if detector.floor_in_view() < LITTLE_FLOOR {
+            warn!(
+                "with this mount, only {percent:.1} % of the image looks at floor within {} m: most directions will be unknown",
+                options.max_range_m
+            );
+        }
+        Ok(detector)
+    }
+
+    /// The obstacles of the last frame that was given.
+    #[must_use]
+    pub fn last(&self) -> Option<&Obstacles> {
+        self.detector.as_ref().map(|(_, detector)| detector.last())
+    }
+
+    /// Marks a discontinuity.
+    pub fn reset(&mut self) {
+        if let Some((_, detector)) = &mut self.detector {
+            detector.reset();
+        }
+    }
+}
