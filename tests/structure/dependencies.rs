@@ -55,7 +55,7 @@ const NO_DEPENDENCY: [(&str, &[&str]); 15] = [
     ),
     (
         "crates/nunet-sink/Cargo.toml",
-        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-mcap", "nunet-source", "nunet-daemon"],
+        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-engine", "nunet-daemon"],
     ),
     (
         "crates/nunet-telemetry/Cargo.toml",

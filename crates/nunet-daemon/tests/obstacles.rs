@@ -86,8 +86,8 @@ fn infer_writes_obstacles_as_numbers_and_pictures() {
     assert!(
         ["occupied", "free", "unknown", "drop"].contains(&found["sectors"][0]["state"].as_str().unwrap())
     );
-    for picture in ["obstacles.png", "obstacles_overlay.png"] {
-        assert!(image::open(bench.path("out").join(picture)).is_ok(), "{picture}");
+    for image in ["obstacles.png", "obstacles_overlay.png"] {
+        assert!(image::open(bench.path("out").join(image)).is_ok(), "{image}");
     }
 }
 

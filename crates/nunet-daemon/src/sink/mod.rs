@@ -16,13 +16,11 @@ pub(crate) mod writing;
 use std::path::Path;
 
 use nunet_core::camera::Camera;
-use nunet_core::cloud::CloudPoint;
-use nunet_core::obstacle::Obstacles;
 use nunet_core::pipeline::Pipeline;
 pub(crate) use nunet_sink::queue;
 pub(crate) use nunet_sink::queue::OnRoom;
+pub(crate) use nunet_sink::results::Results;
 use nunet_telemetry::{Counts, DrainTimeout, Metrics, Totals};
-use nunet_types::{ImageSize, ScaleSource, Units};
 use nunet_view::ViewServer;
 
 use self::stats::Common;
@@ -109,29 +107,6 @@ pub(crate) struct PublishedFrame<'a> {
     pub(crate) camera: Option<Camera>,
     pub(crate) results: Results<'a>,
     pub(crate) timings: Timings<'a>,
-}
-
-/// The results of a frame: slices of shared memory, or of a buffer of the subcommand.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Results<'a> {
-    /// The unit of depth.
-    pub(crate) units: Units,
-    /// Where the scale of depth comes from.
-    pub(crate) scale_source: ScaleSource,
-    /// Width and height of depth and labels, pixels.
-    pub(crate) size: ImageSize,
-    /// `[H, W]`, NaN = no measurement.
-    pub(crate) depth: &'a [f32],
-    /// `[H, W]`, class indices; `None` if they were not computed.
-    pub(crate) labels: Option<&'a [u8]>,
-    /// Width and height of the cloud, points.
-    pub(crate) cloud_size: ImageSize,
-    /// Organized points; `None` if they were not computed.
-    pub(crate) cloud: Option<&'a [CloudPoint]>,
-    /// The camera at the size of depth, if it is known.
-    pub(crate) camera: Option<Camera>,
-    /// Obstacles; `None` if they were not computed.
-    pub(crate) obstacles: Option<&'a Obstacles>,
 }
 
 /// How long a frame took.

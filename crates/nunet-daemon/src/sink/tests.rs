@@ -9,7 +9,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use nunet_types::ImageSize;
+use nunet_core::cloud::CloudPoint;
+use nunet_types::{ImageSize, ScaleSource, Units};
 use nunet_view::ViewOptions;
 
 use super::recording::{Archive, Record, record_into};

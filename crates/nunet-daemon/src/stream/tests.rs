@@ -81,15 +81,18 @@ impl Disk {
     }
 }
 
-impl Archive for Arc<Disk> {
+/// Writes to a disk that the test shares.
+struct OnDisk(Arc<Disk>);
+
+impl Archive for OnDisk {
     fn path(&self) -> &Path {
         Path::new("disk of a test")
     }
 
     fn write(&mut self, record: &Record) -> anyhow::Result<()> {
-        self.set(|state| state.asked = true);
-        anyhow::ensure!(self.wait(|state| state.free), "nobody let the disk go");
-        self.set(|state| state.written.push(record.frame.sequence));
+        self.0.set(|state| state.asked = true);
+        anyhow::ensure!(self.0.wait(|state| state.free), "nobody let the disk go");
+        self.0.set(|state| state.written.push(record.frame.sequence));
         Ok(())
     }
 
@@ -131,7 +134,7 @@ fn pipeline() -> Pipeline {
 /// A sink that records to `disk`.
 fn recorder(disk: &Arc<Disk>, notify: &Arc<Notify>) -> Vec<Box<dyn Sink>> {
     let notify = Arc::clone(notify);
-    vec![record_into(Box::new(Arc::clone(disk)), Arc::new(move || notify.notify())).unwrap()]
+    vec![record_into(Box::new(OnDisk(Arc::clone(disk))), Arc::new(move || notify.notify())).unwrap()]
 }
 
 fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream {

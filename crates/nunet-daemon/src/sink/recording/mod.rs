@@ -1,13 +1,11 @@
 //! `--record FILE.mcap` and `nunetd replay`: frames and their results as a recording.
 
-mod archive;
-mod record;
 mod recorder;
 mod writer;
 
 #[cfg(test)]
-pub(crate) use archive::Archive;
-pub(crate) use record::Record;
+pub(crate) use nunet_sink::archive::Archive;
+pub(crate) use nunet_sink::record::Record;
 pub(crate) use recorder::open;
 #[cfg(test)]
 pub(crate) use recorder::record_into;

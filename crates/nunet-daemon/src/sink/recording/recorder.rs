@@ -11,9 +11,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use nunet_sink::archive::{Archive, ArchiveWriter};
 use tracing::{error, info, warn};
 
-use super::archive::{Archive, ArchiveWriter};
 use super::{About, FrameWriter, settings};
 use crate::Outcome;
 use crate::sink::queue::{ClosedQueue, SinkQueue};
@@ -121,8 +121,8 @@ impl Ending {
         let dropped = queue.dropped;
         match queue.wait(&what, timeout) {
             Ok(Some(writer)) => Tally {
-                recorded: writer.recorded,
-                dropped: dropped + writer.lost,
+                recorded: writer.recorded(),
+                dropped: dropped + writer.lost(),
                 complete: writer.is_complete(),
             },
             unfinished => {

@@ -11,10 +11,10 @@ use nunet_core::pipeline::Pipeline;
 use nunet_core::preprocess::Preprocessor;
 use nunet_ipc::Clock;
 use nunet_mcap::{EncodedImage, FrameRecord, Mount, RecordingError, RecordingWriter, WriterOptions};
+use nunet_sink::archive::Archive;
+use nunet_sink::record::{Record, describe};
 use nunet_types::ImageSize;
 
-use super::archive::Archive;
-use super::record::{Record, describe};
 use crate::config::MountOption;
 use crate::exit::{BadArguments, WithHint};
 use crate::sink::stats::ModelName;

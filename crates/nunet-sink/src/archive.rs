@@ -7,33 +7,42 @@ use std::time::{Duration, Instant};
 
 use tracing::error;
 
-use super::record::Record;
-use crate::sink::queue::Writer;
+use crate::queue::Writer;
+use crate::record::Record;
 
 /// The longest part that is lost if the process or the machine dies.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
 
 /// What a recorder writes to.
-pub(crate) trait Archive: Send + 'static {
+pub trait Archive: Send + 'static {
     /// Where it is.
     fn path(&self) -> &Path;
 
     /// Adds a frame.
+    ///
+    /// # Errors
+    /// It could not be written.
     fn write(&mut self, record: &Record) -> anyhow::Result<()>;
 
     /// Makes everything written so far durable.
+    ///
+    /// # Errors
+    /// The disk did not confirm it.
     fn sync(&mut self) -> anyhow::Result<()>;
 
     /// Adds nothing more.
+    ///
+    /// # Errors
+    /// The end could not be written.
     fn finish(self: Box<Self>) -> anyhow::Result<()>;
 }
 
 /// Writes frames into an archive and makes them durable once per second.
-pub(super) struct ArchiveWriter {
+pub struct ArchiveWriter {
     /// `None` after the first failure, and after the end of the file.
     archive: Option<Box<dyn Archive>>,
-    pub(super) recorded: u64,
-    pub(super) lost: u64,
+    recorded: u64,
+    lost: u64,
     failed: bool,
     synced: Instant,
     since_sync: u64,
@@ -42,7 +51,9 @@ pub(super) struct ArchiveWriter {
 }
 
 impl ArchiveWriter {
-    pub(super) fn new(archive: Box<dyn Archive>, durable: Arc<AtomicU64>) -> Self {
+    /// Writes into `archive`, and keeps the number of durable frames in `durable`.
+    #[must_use]
+    pub fn new(archive: Box<dyn Archive>, durable: Arc<AtomicU64>) -> Self {
         Self {
             archive: Some(archive),
             recorded: 0,
@@ -54,8 +65,21 @@ impl ArchiveWriter {
         }
     }
 
+    /// Frames in the archive.
+    #[must_use]
+    pub fn recorded(&self) -> u64 {
+        self.recorded
+    }
+
+    /// Frames that were offered and are not in the archive.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
     /// Whether the file is complete: it has its end, and nothing that was written is missing.
-    pub(super) fn is_complete(&self) -> bool {
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
         self.archive.is_none() && !self.failed
     }
 

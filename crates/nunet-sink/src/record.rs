@@ -4,21 +4,21 @@ use nunet_core::camera::Camera;
 use nunet_core::obstacle::Obstacles;
 use nunet_ipc::Units;
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord};
-use nunet_sink::obstacle_record::BASE_FRAME;
+use nunet_source::{Frame, Pixels};
 use nunet_types::ImageSize;
 
-use crate::sink::Results;
-use crate::source::{Frame, Pixels};
+use crate::obstacle_record::BASE_FRAME;
+use crate::results::Results;
 
 /// A frame as it is recorded.
 #[derive(Debug, Default)]
-pub(crate) struct Record {
+pub struct Record {
     /// The image and its times.
-    pub(crate) frame: Frame,
+    pub frame: Frame,
     /// The camera at the image's size.
-    pub(crate) camera: Option<Camera>,
+    pub camera: Option<Camera>,
     /// The camera at the size of depth.
-    pub(crate) depth_camera: Option<Camera>,
+    pub depth_camera: Option<Camera>,
     /// Units of depth, and where its scale comes from.
     scale: [&'static str; 2],
     size: ImageSize,
@@ -33,7 +33,7 @@ pub(crate) struct Record {
 
 impl Record {
     /// Takes a frame, and its camera at the image's size. Memory of another process is returned at once.
-    pub(crate) fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
+    pub fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
         if let Pixels::Shared(sample) = &frame.pixels {
             frame.pixels = Pixels::Owned(sample.bytes().to_vec());
         }
@@ -42,7 +42,7 @@ impl Record {
     }
 
     /// Copies a frame, and its camera at the size of the image. If the image came as a file, the file is enough.
-    pub(crate) fn copy_frame(&mut self, frame: &Frame, camera: Option<Camera>) {
+    pub fn copy_frame(&mut self, frame: &Frame, camera: Option<Camera>) {
         let own = &mut self.frame;
         // Files differ in length. Room for the raw image holds each of them, so that a longer one allocates nothing later.
         own.file.clear();
@@ -60,7 +60,7 @@ impl Record {
     }
 
     /// Copies the results of a frame.
-    pub(crate) fn copy_results(&mut self, results: &Results<'_>) {
+    pub fn copy_results(&mut self, results: &Results<'_>) {
         self.clear();
         self.scale = [results.units.name(), results.scale_source.name()];
         self.size = results.size;
@@ -93,16 +93,22 @@ impl Record {
         self.depth_camera = None;
     }
 
-    pub(crate) fn depth(&self) -> DepthRecord<'_> {
+    /// Depth as it is recorded.
+    #[must_use]
+    pub fn depth(&self) -> DepthRecord<'_> {
         let ImageSize { width, height } = self.size;
         DepthRecord { scale: self.scale, width, height, bytes: &self.depth }
     }
 
-    pub(crate) fn labels(&self) -> Option<&[u8]> {
+    /// Labels; `None` if the frame has none.
+    #[must_use]
+    pub fn labels(&self) -> Option<&[u8]> {
         (!self.labels.is_empty()).then_some(&self.labels)
     }
 
-    pub(crate) fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
+    /// Obstacles; `None` if the frame has none.
+    #[must_use]
+    pub fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
         let found = self.obstacles.as_ref().filter(|_| self.has_obstacles)?;
         Some(ObstaclesRecord {
             frame_id: BASE_FRAME,
@@ -114,8 +120,9 @@ impl Record {
         })
     }
 
-    /// Readers of ROS messages expect points in meters, so depth without a unit has no points.
-    pub(crate) fn cloud(&self) -> Option<CloudRecord<'_>> {
+    /// Points. Readers of ROS messages expect meters, so depth without a unit has no points.
+    #[must_use]
+    pub fn cloud(&self) -> Option<CloudRecord<'_>> {
         let ImageSize { width, height } = self.cloud_size;
         (!self.cloud.is_empty() && self.scale[0] == Units::Metre.name()).then_some(CloudRecord {
             width,
@@ -132,7 +139,8 @@ fn raw_bytes(ImageSize { width, height }: ImageSize) -> usize {
 }
 
 /// A camera as ROS describes it.
-pub(super) fn describe(camera: &Camera) -> CameraDescription {
+#[must_use]
+pub fn describe(camera: &Camera) -> CameraDescription {
     let intrinsics = camera.intrinsics;
     let (model, coefficients) = camera.distortion.to_ros();
     CameraDescription {

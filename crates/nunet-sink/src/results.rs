@@ -1,0 +1,29 @@
+//! The results of a frame as outputs take them.
+
+use nunet_core::camera::Camera;
+use nunet_core::cloud::CloudPoint;
+use nunet_core::obstacle::Obstacles;
+use nunet_types::{ImageSize, ScaleSource, Units};
+
+/// The results of a frame: slices of shared memory, or of a buffer of the subcommand.
+#[derive(Debug, Clone, Copy)]
+pub struct Results<'a> {
+    /// The unit of depth.
+    pub units: Units,
+    /// Where the scale of depth comes from.
+    pub scale_source: ScaleSource,
+    /// Width and height of depth and labels, pixels.
+    pub size: ImageSize,
+    /// `[H, W]`, NaN = no measurement.
+    pub depth: &'a [f32],
+    /// `[H, W]`, class indices; `None` if they were not computed.
+    pub labels: Option<&'a [u8]>,
+    /// Width and height of the cloud, points.
+    pub cloud_size: ImageSize,
+    /// Organized points; `None` if they were not computed.
+    pub cloud: Option<&'a [CloudPoint]>,
+    /// The camera at the size of depth, if it is known.
+    pub camera: Option<Camera>,
+    /// Obstacles; `None` if they were not computed.
+    pub obstacles: Option<&'a Obstacles>,
+}
