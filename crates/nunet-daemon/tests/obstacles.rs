@@ -73,7 +73,7 @@ fn a_recording_has_obstacles_as_points_and_as_a_scan() {
 }
 
 #[test]
-fn infer_writes_obstacles_as_numbers_and_pictures() {
+fn infer_writes_obstacles_as_numbers_and_images() {
     let bench = Bench::new();
     let (model, out, image) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("room.png"));
     bench.add_image("room.png", 7);
