@@ -77,10 +77,20 @@ impl Record {
         match (&mut self.obstacles, found) {
             (_, None) => {}
             (Some(own), Some(found)) => {
-                own.sectors.clone_from(&found.sectors);
-                own.points.clone_from(&found.points);
-                (own.angle_min_rad, own.angle_step_rad) = (found.angle_min_rad, found.angle_step_rad);
-                (own.ground, own.used_labels) = (found.ground, found.used_labels);
+                // Field by field, so that the memory is reused; all of them are named, so that none is forgotten.
+                let Obstacles {
+                    ground,
+                    sectors,
+                    points,
+                    angle_min_rad,
+                    angle_step_rad,
+                    max_range_m,
+                    used_labels,
+                } = found;
+                own.sectors.clone_from(sectors);
+                own.points.clone_from(points);
+                (own.ground, own.used_labels, own.max_range_m) = (*ground, *used_labels, *max_range_m);
+                (own.angle_min_rad, own.angle_step_rad) = (*angle_min_rad, *angle_step_rad);
             }
             (own @ None, Some(found)) => *own = Some(found.clone()),
         }

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
+use nunet_telemetry::Counts;
 use serde::Serialize;
 use tokio::sync::watch;
 
@@ -13,28 +14,13 @@ use crate::frame::ViewFrame;
 /// the scene.
 const KEEP_PERIOD: Duration = Duration::from_secs(1);
 
-/// How the frames of a stream ended.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct FrameCounts {
-    /// Frames that the source handed over.
-    pub captured: u64,
-    /// Frames whose results went out.
-    pub published: u64,
-    /// Frames that a newer one replaced.
-    pub superseded: u64,
-    /// Frames without a result.
-    pub failed: u64,
-    /// Frames on their way.
-    pub in_flight: u64,
-}
-
 /// The state of a camera's stream.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct CameraStatus {
     /// Whether the source gives frames.
     pub up: bool,
     /// How its frames ended.
-    pub frames: FrameCounts,
+    pub frames: Counts,
     /// Published frames per second.
     pub fps: f64,
 }

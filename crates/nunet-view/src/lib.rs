@@ -54,7 +54,7 @@ mod protocol;
 mod server;
 mod token;
 
-pub use camera::{CameraFeed, CameraStatus, FrameCounts};
+pub use camera::{CameraFeed, CameraStatus};
 pub use encode::{DepthMap, DepthMapError};
 pub use error::{ViewError, ViewErrorKind};
 pub use frame::{DepthInfo, RayGrid, ViewFrame};

@@ -4,11 +4,10 @@
 use std::sync::Arc;
 
 use nunet_core::camera::{Camera, RayTable};
-use nunet_telemetry::{Counts, Metrics};
+use nunet_telemetry::Metrics;
 use nunet_types::ImageSize;
 use nunet_view::{
-    CameraFeed, CameraStatus, DepthInfo, FrameCounts, MetricsText, RayGrid, ViewConfig, ViewFrame,
-    ViewOptions, ViewServer,
+    CameraFeed, CameraStatus, DepthInfo, MetricsText, RayGrid, ViewConfig, ViewFrame, ViewOptions, ViewServer,
 };
 use tracing::info;
 
@@ -71,9 +70,8 @@ impl Sink for ViewSink {
     }
 
     fn on_status(&mut self, status: &Status<'_>) {
-        let Counts { captured, published, superseded, failed, in_flight } = *status.counts;
-        let frames = FrameCounts { captured, published, superseded, failed, in_flight };
-        self.feed.set_status(CameraStatus { up: status.is_up, frames, fps: status.totals.fps() });
+        let &Status { is_up: up, counts: &frames, totals } = status;
+        self.feed.set_status(CameraStatus { up, frames, fps: totals.fps() });
     }
 
     /// Frames that are not on their way to a viewer yet are not waited for.

@@ -46,7 +46,7 @@ pub(crate) struct Probe {
 
 impl Report<'_> {
     pub(crate) fn to_json(&self) -> String {
-        // Strings, numbers and lists are always JSON; what is not finite becomes `null`.
+        // Strings, numbers and lists are always JSON; numbers that are not finite become `null`.
         serde_json::to_string(self).unwrap_or_default()
     }
 }
