@@ -1,3 +1,6 @@
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from rooms import CAMERA, HEADER, write_list, write_set
@@ -8,6 +11,7 @@ from nunet_models.data.sets.entry import read_dataset_list
 from nunet_models.data.sets.folder import CameraSet
 from nunet_models.data.sets.mixture import Mixture, open_dataset_list
 from nunet_models.errors import ConfigError, DataError
+from nunet_models.export.onnx_file import read_metadata
 
 ROOM = 'name = "a"\nroot = "a"\n'
 
@@ -189,3 +193,12 @@ def test_a_set_of_one_camera_needs_no_csv(room):
 
 def test_the_csv_of_the_documentation_is_the_one_that_is_read():
     assert ",".join(COLUMNS) == HEADER
+
+
+def test_the_list_of_the_shipped_model_names_the_sets_in_its_metadata():
+    recipe = Path(__file__).parents[1]
+    entries = read_dataset_list(recipe / "wnet_c_sets.toml")
+    training = json.loads(read_metadata(recipe.parent / "wnet_c.onnx")["nunet.training"])
+    trained = {entry["set"] for entry in training["depth"]["data"]["train_sets"]}
+    assert {entry.name for entry in entries if entry.use == "train"} == trained
+    assert len(trained) == 8
