@@ -69,13 +69,13 @@ const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folde
 /// Threads sleep as soon as a run ends. Spinning between two frames would burn the cores that the rest of the robot needs.
 const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 
-/// Within a run a thread that waits for another one spins for 20 us, then sleeps.
+/// Within a run a thread that waits for another one spins for 50 us, then sleeps.
 ///
 /// Most of the 160 operators of a network end within that, so threads are rarely woken. Without a limit, the thread whose
 /// partner has lost its core to another process spins until it is back. `wnet_c.onnx` on two cores, median in ms, quiet and
-/// with another process on one core: unlimited 27.1 and 80.8, 20 us 27.7 and 46.6, 50 us 27.3 and 47.4, no spinning 30.4 and
+/// with another process on one core: unlimited 27.1 and 80.8, 50 us 27.3 and 47.4, 20 us 27.7 and 46.6, no spinning 30.4 and
 /// 46.2, one thread 45.7 and 45.4. Before ONNX Runtime 1.31 the option does not exist and is ignored.
-const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "20");
+const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "50");
 
 /// Keeps the provider of each node for [`Session::node_assignment`]: a few names per node.
 const RECORD_ASSIGNMENT: (&str, &str) = ("session.record_ep_graph_assignment_info", "1");
