@@ -42,14 +42,26 @@ def nunetd() -> str:
 @pytest.fixture
 def view(tmp_path: Path) -> Iterator[View]:
     """nunetd on one image of the bundled clip, again and again: every frame has the same depth."""
+    intrinsics = os.environ.get("NUNET_VIEW_INTRINSICS", "518.86,519.47,325.58,253.74@640x480")
+    yield from repeated_image(tmp_path, ROOT / "models/clip/rgb", ["--intrinsics", intrinsics])
+
+
+@pytest.fixture
+def robot_view(tmp_path: Path) -> Iterator[View]:
+    """nunetd on one image from robot height, with the camera's place on the robot."""
+    camera = ["--intrinsics", "262,262,160.3,119.2@320x240", "--mount", "0,0,0.25,0,-0.07,0"]
+    yield from repeated_image(tmp_path, ROOT / "models/drive/rgb", camera)
+
+
+def repeated_image(tmp_path: Path, folder: Path, arguments: list[str]) -> Iterator[View]:
+    """nunetd on the first image of a folder, again and again."""
     images = tmp_path / "images"
     images.mkdir()
-    shutil.copy(sorted((ROOT / "models/clip/rgb").iterdir())[0], images)
+    shutil.copy(min(folder.iterdir()), images)
     out, log = tmp_path / "out", tmp_path / "log"
-    intrinsics = os.environ.get("NUNET_VIEW_INTRINSICS", "518.86,519.47,325.58,253.74@640x480")
     command = [
         nunetd(), "run", "--source", str(images), "--loop", "--rate", "10", "--camera", f"view{os.getpid()}",
-        "--intrinsics", intrinsics, "--out", str(out), "--view", "127.0.0.1:0",
+        *arguments, "--out", str(out), "--view", "127.0.0.1:0",
     ]  # fmt: skip
     with log.open("w") as stderr:
         process = subprocess.Popen(command, stderr=stderr, stdin=subprocess.DEVNULL)

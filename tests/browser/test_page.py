@@ -91,6 +91,33 @@ def test_the_readout_is_the_depth_of_depth_npy(browser: Browser, view: View) -> 
     assert watched.problems == []
 
 
+def test_obstacles_are_shown_from_above(browser: Browser, robot_view: View) -> None:
+    """With a mount there is a pane with free and occupied directions, also described in words."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    watched = Watched(page)
+    watched.open(robot_view.url)
+    page.wait_for_selector("#obstacles", state="visible")
+    page.wait_for_timeout(500)
+    shot(page, "obstacles")
+    pixels = canvas(page, "obstacles").reshape(-1, 3).astype(int)
+    sectors = np.array([[0x78, 0xC8, 0x78], [0x96, 0x96, 0x96], [0xC8, 0x1E, 0x1E], [0xF0, 0x96, 0x1E]])
+    shown = (np.abs(pixels[:, None] - sectors).sum(axis=2) < 12).mean(axis=0)
+    assert shown.sum() > 0.25, f"sectors cover {shown.sum():.0%} of the pane"
+    text = page.inner_text("#obstacle-text")
+    assert text == "none seen" or " m, " in text
+    assert page.get_attribute("#obstacles", "aria-label").endswith(text)
+    assert watched.problems == []
+    page.close()
+
+
+def test_without_a_mount_there_is_no_pane_for_obstacles(browser: Browser, view: View) -> None:
+    """Obstacles need the camera's place on the robot."""
+    page = browser.new_page()
+    Watched(page).open(view.url)
+    assert not page.is_visible("#obstacles")
+    page.close()
+
+
 def test_settings_change_what_is_shown_and_are_kept(browser: Browser, view: View) -> None:
     """Blended view, fixed colors, cloud colors and theme; all usable by keyboard alone."""
     context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="light")

@@ -34,7 +34,8 @@ pub(crate) struct Camera {
     /// Never read itself, so that each clone of it sees the frame that is kept as a new one.
     newest: Slot,
     waiting: AtomicUsize,
-    labels: AtomicUsize,
+    /// Clients that show each result of [`OnDemand`].
+    demands: [AtomicUsize; 2],
     status: Mutex<CameraStatus>,
 }
 
@@ -48,7 +49,7 @@ impl Camera {
             classes: classes.to_vec(),
             newest,
             waiting: AtomicUsize::new(0),
-            labels: AtomicUsize::new(0),
+            demands: Default::default(),
             status: Mutex::default(),
         }
     }
@@ -75,10 +76,10 @@ impl Camera {
         }
     }
 
-    /// Asks for labels as long as the returned value lives.
-    pub(crate) fn want_labels(self: &Arc<Self>) -> WantsLabels {
-        self.labels.fetch_add(1, Ordering::AcqRel);
-        WantsLabels(Arc::clone(self))
+    /// Asks for a result as long as the returned value lives.
+    pub(crate) fn demand(self: &Arc<Self>, result: OnDemand) -> Demand {
+        self.demands[result as usize].fetch_add(1, Ordering::AcqRel);
+        Demand { camera: Arc::clone(self), result }
     }
 
     /// The state of the stream.
@@ -103,13 +104,25 @@ impl Drop for Interest<'_> {
     }
 }
 
-/// A client that wants labels.
-#[derive(Debug)]
-pub(crate) struct WantsLabels(Arc<Camera>);
+/// A result that is computed only while a client shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnDemand {
+    /// The labels.
+    Labels,
+    /// The obstacles.
+    Obstacles,
+}
 
-impl Drop for WantsLabels {
+/// A client that shows a result.
+#[derive(Debug)]
+pub(crate) struct Demand {
+    camera: Arc<Camera>,
+    result: OnDemand,
+}
+
+impl Drop for Demand {
     fn drop(&mut self) {
-        self.0.labels.fetch_sub(1, Ordering::AcqRel);
+        self.camera.demands[self.result as usize].fetch_sub(1, Ordering::AcqRel);
     }
 }
 
@@ -157,10 +170,10 @@ impl CameraFeed {
             || self.kept.is_none_or(|kept| kept.elapsed() >= KEEP_PERIOD)
     }
 
-    /// Whether a client wants labels.
+    /// Whether a client shows a result.
     #[must_use]
-    pub fn wants_labels(&self) -> bool {
-        self.camera.labels.load(Ordering::Acquire) > 0
+    pub fn wants(&self, result: OnDemand) -> bool {
+        self.camera.demands[result as usize].load(Ordering::Acquire) > 0
     }
 
     /// Lets `fill` copy a frame, and hands it to the clients that wait. Nothing is encoded here.
@@ -216,14 +229,15 @@ mod tests {
     }
 
     #[test]
-    fn labels_are_wanted_as_long_as_a_client_that_shows_them_is_there() {
+    fn a_result_is_wanted_while_a_client_shows_it() {
         let (camera, feed) = feed();
-        assert!(!feed.wants_labels());
-        let (first, second) = (camera.want_labels(), camera.want_labels());
+        assert!(!feed.wants(OnDemand::Labels));
+        let (first, second) = (camera.demand(OnDemand::Labels), camera.demand(OnDemand::Labels));
         drop(first);
-        assert!(feed.wants_labels());
+        assert!(feed.wants(OnDemand::Labels));
+        assert!(!feed.wants(OnDemand::Obstacles));
         drop(second);
-        assert!(!feed.wants_labels());
+        assert!(!feed.wants(OnDemand::Labels));
     }
 
     #[test]

@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytes::Bytes;
 use nunet_types::{ImageSize, PixelFormat, ScaleSource, Units};
 
+use crate::encode::{ObstacleMap, pack_obstacles};
+
 /// A frame to look at. Its buffers are reused, so that a steady stream allocates nothing.
 #[derive(Debug, Default)]
 pub struct ViewFrame {
@@ -21,6 +23,8 @@ pub struct ViewFrame {
     depth: Option<DepthInfo>,
     depth_values: Vec<f32>,
     labels: Vec<u8>,
+    /// The section `obstacles`; empty without obstacles.
+    obstacles: Vec<u8>,
     encoded: Mutex<Vec<(Encoded, Bytes)>>,
 }
 
@@ -104,6 +108,12 @@ impl ViewFrame {
         }
     }
 
+    /// Copies the obstacles; of many points, every n-th.
+    pub fn set_obstacles(&mut self, map: &ObstacleMap<'_>) {
+        self.obstacles.clear();
+        pack_obstacles(map, &mut self.obstacles);
+    }
+
     /// The image and its layout.
     pub(crate) fn image(&self) -> Option<(ImageInfo, &[u8])> {
         self.image.map(|image| (image, self.image_bytes.as_slice()))
@@ -119,10 +129,16 @@ impl ViewFrame {
         (!self.labels.is_empty()).then_some(self.labels.as_slice())
     }
 
+    /// The section `obstacles`, if there are obstacles.
+    pub(crate) fn obstacles(&self) -> Option<&[u8]> {
+        (!self.obstacles.is_empty()).then_some(self.obstacles.as_slice())
+    }
+
     /// Forgets everything but the memory.
     pub(crate) fn clear(&mut self) {
         (self.image, self.depth, self.rays) = (None, None, None);
         self.labels.clear();
+        self.obstacles.clear();
         self.encoded.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
     }
 

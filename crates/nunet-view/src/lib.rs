@@ -54,8 +54,8 @@ mod protocol;
 mod server;
 mod token;
 
-pub use camera::{CameraFeed, CameraStatus};
-pub use encode::{DepthMap, DepthMapError};
+pub use camera::{CameraFeed, CameraStatus, OnDemand};
+pub use encode::{DepthMap, DepthMapError, ObstacleMap};
 pub use error::{ViewError, ViewErrorKind};
 pub use frame::{DepthInfo, RayGrid, ViewFrame};
 pub use http::MetricsText;

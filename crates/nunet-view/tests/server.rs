@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 use futures_util::{SinkExt as _, StreamExt as _};
-use nunet_types::{ImageSize, PixelFormat, ScaleSource, Units};
+use nunet_types::{ImageSize, ObstacleSector, PixelFormat, ScaleSource, Units};
 use nunet_view::{
-    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, RayGrid, Section, Token, ViewErrorKind,
-    ViewOptions, ViewServer,
+    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, ObstacleMap, OnDemand, RayGrid,
+    Section, Token, ViewErrorKind, ViewOptions, ViewServer,
 };
 use serde_json::{Value, json};
 use tokio_tungstenite::WebSocketStream;
@@ -38,14 +38,16 @@ fn depth(sequence: u64) -> Vec<f32> {
     (0..SIZE.pixel_count() as u32).map(|index| if index == 0 { f32::NAN } else { value(index) }).collect()
 }
 
+const DEPTH_INFO: DepthInfo =
+    DepthInfo { size: SIZE, units: Units::Metre, scale_source: ScaleSource::Metric };
+
 fn offer(feed: &mut CameraFeed, sequence: u64) {
-    let info = DepthInfo { size: SIZE, units: Units::Metre, scale_source: ScaleSource::Metric };
     feed.offer(|frame| {
         frame.sequence = sequence;
         frame.total_micros = 5000;
         frame.rays = Some(Arc::new(RayGrid { columns: 2, rows: 2, rays: vec![[-0.5, -0.4]; 4] }));
         frame.set_image(&[128; 64 * 48 * 3], SIZE, 64 * 3, PixelFormat::Rgb8);
-        frame.set_depth(&depth(sequence), info);
+        frame.set_depth(&depth(sequence), DEPTH_INFO);
         frame.set_labels(&[1; 64 * 48]);
     });
 }
@@ -178,6 +180,34 @@ fn a_viewer_receives_what_was_offered() {
 }
 
 #[test]
+fn obstacles_are_wanted_and_sent_only_while_a_viewer_shows_them() {
+    let (server, mut feed) = server();
+    let sectors = [ObstacleSector { range_m: 2.5, ..ObstacleSector::UNKNOWN }; 3];
+    feed.offer(|frame| {
+        frame.set_depth(&depth(3), DEPTH_INFO);
+        frame.set_obstacles(&ObstacleMap {
+            sectors: &sectors,
+            points: &[],
+            angle_min_rad: -0.3,
+            angle_step_rad: 0.2,
+            max_range_m: 8.0,
+        });
+    });
+    block_on(async {
+        let mut socket = connect(server.address()).await;
+        say(&mut socket, json!({"type": "watch", "camera": "front"})).await;
+        let bytes = frame(&mut socket).await;
+        let section = FrameMessage::parse(&bytes).unwrap().section(Section::Obstacles).unwrap().to_vec();
+        assert_eq!((section.len(), &section[..4]), (16 + 3 * 8, &[3, 0, 0, 0][..]));
+        assert!(feed.wants(OnDemand::Obstacles));
+        say(&mut socket, json!({"type": "watch", "camera": "front", "obstacles": false})).await;
+        let bytes = frame(&mut socket).await;
+        assert_eq!(FrameMessage::parse(&bytes).unwrap().section(Section::Obstacles), None);
+        assert!(!feed.wants(OnDemand::Obstacles));
+    });
+}
+
+#[test]
 fn a_probe_reads_the_exact_depth_of_the_frame_that_is_shown_also_while_paused() {
     let (server, mut feed) = server();
     offer(&mut feed, 3);
@@ -197,7 +227,7 @@ fn a_probe_reads_the_exact_depth_of_the_frame_that_is_shown_also_while_paused() 
         let probe = report(&mut socket, "probe").await;
         assert_eq!((&probe["sequence"], &probe["depth"]), (&json!(3), &Value::Null));
         assert!(!feed.is_wanted(), "nobody waits for a frame");
-        assert!(!feed.wants_labels());
+        assert!(!feed.wants(OnDemand::Labels));
     });
 }
 

@@ -7,7 +7,8 @@ use nunet_core::camera::{Camera, RayTable};
 use nunet_telemetry::Metrics;
 use nunet_types::ImageSize;
 use nunet_view::{
-    CameraFeed, CameraStatus, DepthInfo, MetricsText, RayGrid, ViewConfig, ViewFrame, ViewOptions, ViewServer,
+    CameraFeed, CameraStatus, DepthInfo, MetricsText, ObstacleMap, OnDemand, RayGrid, ViewConfig, ViewFrame,
+    ViewOptions, ViewServer,
 };
 use tracing::info;
 
@@ -55,7 +56,11 @@ struct ViewSink {
 impl Sink for ViewSink {
     /// The cloud is made in the browser.
     fn wants(&self) -> Wants {
-        Wants { labels: self.feed.wants_labels(), cloud: false, obstacles: false }
+        Wants {
+            labels: self.feed.wants(OnDemand::Labels),
+            cloud: false,
+            obstacles: self.feed.wants(OnDemand::Obstacles),
+        }
     }
 
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {
@@ -101,9 +106,18 @@ fn copy(published: &PublishedFrame<'_>, frame: &mut ViewFrame) {
     if let Ok(image) = source.view() {
         frame.set_image(image.bytes(), image.size(), image.row_stride(), image.format());
     }
-    let Results { units, scale_source, size, depth, labels, .. } = *results;
+    let Results { units, scale_source, size, depth, labels, obstacles, .. } = *results;
     frame.set_depth(depth, DepthInfo { size, units, scale_source });
     frame.set_labels(labels.unwrap_or_default());
+    if let Some(found) = obstacles {
+        frame.set_obstacles(&ObstacleMap {
+            sectors: &found.sectors,
+            points: &found.points,
+            angle_min_rad: found.angle_min_rad,
+            angle_step_rad: found.angle_step_rad,
+            max_range_m: found.max_range_m,
+        });
+    }
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("protocol.js", SCRIPT, include_str!("../page/protocol.js")),
     ("panes.js", SCRIPT, include_str!("../page/panes.js")),
     ("cloud.js", SCRIPT, include_str!("../page/cloud.js")),
+    ("obstacles.js", SCRIPT, include_str!("../page/obstacles.js")),
     ("plots.js", SCRIPT, include_str!("../page/plots.js")),
     ("settings.js", SCRIPT, include_str!("../page/settings.js")),
 ];

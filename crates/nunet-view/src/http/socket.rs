@@ -13,7 +13,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use tracing::debug;
 
 use super::{Shared, text};
-use crate::camera::{Camera, CameraStatus, Slot, WantsLabels};
+use crate::camera::{Camera, CameraStatus, Demand, OnDemand, Slot};
 use crate::encode::{
     auto_range, encode_depth, encode_labels, image_jpeg, levels_of, palette, stride_for, subsample,
     subsampled,
@@ -70,7 +70,8 @@ struct Watching {
     watch: Watch,
     pacer: Pacer,
     is_paused: bool,
-    _labels: Option<WantsLabels>,
+    /// What is computed for this viewer.
+    demands: Vec<Demand>,
     /// The rays that were sent; `None` before the first frame.
     rays: Option<Option<Arc<RayGrid>>>,
     status: Option<CameraStatus>,
@@ -96,7 +97,7 @@ impl Watching {
             slot: camera.slot(),
             pacer: Pacer::new(watch.max_fps, watch.max_mbit_per_s),
             is_paused: false,
-            _labels: watch.labels.then(|| camera.want_labels()),
+            demands: demands(&camera, &watch),
             rays: None,
             status: None,
             camera,
@@ -115,7 +116,7 @@ impl Watching {
 
     fn pause(&mut self) {
         self.is_paused = true;
-        self._labels = None;
+        self.demands.clear();
     }
 
     /// What is to be said of the stream, if it changed.
@@ -135,6 +136,12 @@ impl Watching {
         let Camera { name, classes, .. } = &*self.camera;
         Some(Report::Camera { camera: name, classes, rays }.to_json())
     }
+}
+
+/// The results that are computed only because this viewer shows them.
+fn demands(camera: &Arc<Camera>, watch: &Watch) -> Vec<Demand> {
+    let wanted = [(watch.labels, OnDemand::Labels), (watch.obstacles, OnDemand::Obstacles)];
+    wanted.into_iter().filter(|(is_wanted, _)| *is_wanted).map(|(_, result)| camera.demand(result)).collect()
 }
 
 /// The next frame of what is watched; never, if nothing is.
@@ -293,6 +300,9 @@ fn parts(frame: &ViewFrame, watch: &Watch) -> FrameParts {
     if let Some(labels) = frame.labels().filter(|_| watch.labels) {
         let encode = || encode_labels(&subsample(labels, size, stride));
         sections.push((Section::Labels, frame.encoded(Encoded::Labels(stride), encode)));
+    }
+    if let Some(obstacles) = frame.obstacles().filter(|_| watch.obstacles) {
+        sections.push((Section::Obstacles, obstacles.to_vec().into()));
     }
     FrameParts {
         sequence: frame.sequence,

@@ -2,9 +2,10 @@
 
 import { Cloud } from "./cloud.js";
 import { Connection } from "./connection.js";
+import { describeObstacles, paintObstacles } from "./obstacles.js";
 import { fillLegend, paintBlend, paintDepth, paintImage, paintLabels, paintScale } from "./panes.js";
 import { Plot } from "./plots.js";
-import { SECTION, UNITS, parseFrame, unpackDepth, unpackLabels } from "./protocol.js";
+import { SECTION, UNITS, parseFrame, unpackDepth, unpackLabels, unpackObstacles } from "./protocol.js";
 import { element, listen, settings } from "./settings.js";
 
 const state = {
@@ -14,6 +15,7 @@ const state = {
   frame: null,
   depth: null,
   labels: null,
+  obstacles: null,
   range: null,
   point: null, // where the readout is: u, v, pane
   isPaused: false,
@@ -89,7 +91,7 @@ async function show(frame) {
     unpackDepth(frame),
     unpackLabels(frame),
   ]);
-  Object.assign(state, { frame, depth, labels });
+  Object.assign(state, { frame, depth, labels, obstacles: unpackObstacles(frame) });
   state.shown++;
   if (bitmap) {
     paintImage(canvases.image, bitmap);
@@ -117,6 +119,16 @@ function redraw() {
     paintBlend(canvases.blend, { image, depth, labels: labels && canvases.labels }, settings.shares);
   }
   drawCloud();
+  drawObstacles();
+}
+
+function drawObstacles() {
+  const { obstacles, description } = state;
+  if (!obstacles) return;
+  paintObstacles(element("obstacles"), obstacles);
+  const text = describeObstacles(obstacles, description?.classes ?? []);
+  element("obstacle-text").textContent = text;
+  element("obstacles").setAttribute("aria-label", `Obstacles from above. Nearest: ${text}`);
 }
 
 function drawCloud() {
@@ -152,6 +164,7 @@ function arrange() {
     depth: !settings.isBlended,
     labels: !settings.isBlended && Boolean(state.labels),
     blend: settings.isBlended,
+    obstacles: Boolean(state.obstacles),
   };
   for (const figure of document.querySelectorAll("[data-pane]")) {
     const isShown = shown[figure.dataset.pane];

@@ -75,6 +75,37 @@ export async function unpackDepth(frame) {
   return values;
 }
 
+const STATES = ["unknown", "free", "occupied", "drop"];
+
+/** Sectors and points of obstacles, meters in the robot's base frame (x forward, y left); null without obstacles. */
+export function unpackObstacles(frame) {
+  const bytes = frame.sections.get(SECTION.obstacles);
+  if (!bytes) return null;
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
+  const sectorCount = view.getUint16(0, true);
+  const pointCount = view.getUint16(2, true);
+  const firstPoint = 16 + 8 * sectorCount;
+  if (bytes.length !== firstPoint + 8 * pointCount) throw new Error("obstacles of another length");
+  const angleMin = view.getFloat32(4, true);
+  const angleStep = view.getFloat32(8, true);
+  const sectors = Array.from({ length: sectorCount }, (_, i) => {
+    const at = 16 + 8 * i;
+    return {
+      start: angleMin + i * angleStep,
+      end: angleMin + (i + 1) * angleStep,
+      range: view.getFloat32(at, true),
+      state: STATES[view.getUint8(at + 4)] ?? "unknown",
+      label: view.getUint8(at + 5),
+      isRemembered: view.getUint8(at + 6) !== 0,
+    };
+  });
+  const points = Array.from({ length: pointCount }, (_, i) => {
+    const [x, y, height] = [0, 2, 4].map((offset) => view.getInt16(firstPoint + 8 * i + offset, true) / 100);
+    return { x, y, height };
+  });
+  return { sectors, points, maxRange: view.getFloat32(12, true) };
+}
+
 /** Code to depth. Logarithmic curves need an exponential per value, so these are kept. */
 function levels({ isLogarithmic, first, step }) {
   if (!isLogarithmic) return (code) => first + (code - 1) * step;

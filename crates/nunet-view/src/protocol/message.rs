@@ -45,7 +45,7 @@ pub enum Section {
     Depth = 2,
     /// Class indices, `u8`, zlib.
     Labels = 3,
-    /// Obstacles seen from above. Reserved: no version sends it yet.
+    /// Obstacles from above: sectors and points.
     Obstacles = 4,
 }
 

@@ -37,6 +37,9 @@ pub struct Watch {
     /// Whether labels are sent, if the model has them.
     #[serde(default = "yes")]
     pub labels: bool,
+    /// Whether obstacles are sent, if the camera has a mount.
+    #[serde(default = "yes")]
+    pub obstacles: bool,
     /// Images and maps that are wider are reduced by a whole factor, pixels, 16 to 32768.
     #[serde(default = "default_width")]
     pub max_width: u32,
@@ -121,6 +124,7 @@ impl Watch {
             image: true,
             depth: true,
             labels: true,
+            obstacles: true,
             max_width: default_width(),
             max_fps: default_fps(),
             max_mbit_per_s: default_rate(),
