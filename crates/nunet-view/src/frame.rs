@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytes::Bytes;
 use nunet_types::{ImageSize, PixelFormat, ScaleSource, Units};
 
-use crate::encode::{ObstacleMap, pack_obstacles};
+use crate::obstacles::{ObstacleMap, pack_obstacles};
 
 /// A frame to look at. Its buffers are reused, so that a steady stream allocates nothing.
 #[derive(Debug, Default)]

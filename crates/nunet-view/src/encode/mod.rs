@@ -3,7 +3,6 @@
 mod codes;
 mod colors;
 mod jpeg;
-mod obstacles;
 mod pixels;
 mod png;
 
@@ -12,8 +11,6 @@ pub(crate) use codes::{LevelCurve, encode_depth, encode_labels};
 pub(crate) use codes::{inflate, levels_of};
 pub(crate) use colors::{auto_range, colorize, palette};
 pub(crate) use jpeg::{image_jpeg, rgb_jpeg};
-pub use obstacles::ObstacleMap;
-pub(crate) use obstacles::pack_obstacles;
 pub(crate) use png::depth_png;
 
 use nunet_types::ImageSize;
