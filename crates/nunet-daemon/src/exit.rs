@@ -8,18 +8,12 @@ use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_eval::{EvalError, EvalErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
+use nunet_sink::file_writer::FilesLate;
+use nunet_sink::output_file::OutputError;
+pub use nunet_sink::sink::Outcome;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, text_with_hint};
 use tracing::warn;
-
-/// The outcome of a subcommand that did not fail.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Everything was done.
-    Done,
-    /// Finished, but frames or data were lost; the counts have been printed.
-    Lost,
-}
 
 /// An error of the arguments: exit code 2 instead of 1.
 #[derive(Debug, thiserror::Error)]
@@ -79,6 +73,8 @@ const HINTS: &[HintOf] = &[
     hint_of::<EngineError>,
     hint_of::<EvalError>,
     hint_of::<FilesError>,
+    hint_of::<FilesLate>,
+    hint_of::<OutputError>,
     hint_of::<IpcError>,
     hint_of::<CameraNameError>,
     hint_of::<SourceError>,

@@ -1,18 +1,31 @@
-//! What the outputs of `nunetd` share.
+//! The outputs of `nunetd` besides shared memory, and what they share.
 //!
 //! | module | what it contains |
 //! |---|---|
+//! | [`sink`] | the trait of all outputs, and what the stream passes to it |
 //! | [`queue`] | a thread behind a bounded queue, for outputs that write to disks or networks |
 //! | [`results`] | what outputs take of a frame |
 //! | [`record`], [`archive`] | a copy of a frame with its results, and the thread that writes copies to a disk |
+//! | [`recorder`], [`frame_writer`], [`output_file`] | recordings in MCAP files |
+//! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
+//! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles something takes |
 //! | [`obstacle_record`] | obstacles as they lie in shared memory |
 //! | [`obstacle_images`] | obstacles of single images, as files |
 
 pub mod archive;
+pub mod file_writer;
+pub mod frame_writer;
+mod image_encoder;
+pub mod last_frame;
+pub mod metrics;
 pub mod obstacle_images;
 pub mod obstacle_record;
 pub mod obstacles;
+pub mod output_file;
 pub mod queue;
 pub mod record;
+pub mod recorder;
 pub mod results;
+pub mod sink;
+pub mod view;

@@ -3,12 +3,13 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use nunet_telemetry::{CameraMetrics, Metrics};
+use nunet_sink::metrics::metrics_sink;
+use nunet_telemetry::Metrics;
 use nunet_view::MetricsServer;
 use tracing::info;
 
 use super::shm::stage_names;
-use super::{FinishingSink, PublishedFrame, Results, Sink, SinkContext, Status, Wants};
+use super::{Sink, SinkContext};
 use crate::exit::WithHint;
 
 /// Serves the metrics of all cameras until the returned value is dropped.
@@ -29,39 +30,8 @@ pub(crate) fn serve(metrics: &Metrics, address: SocketAddr) -> anyhow::Result<Me
 pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
     let camera = context.config.name.as_str();
     let stages = stage_names(context.pipeline, context.has_obstacles);
-    let sink = context.metrics.map(|metrics| sink(metrics, camera, stages));
+    let sink = context.metrics.map(|metrics| metrics_sink(metrics, camera, stages));
     Ok(sink)
-}
-
-/// The metrics of a camera whose frames have these stages.
-pub(super) fn sink<'a>(
-    metrics: &Metrics,
-    camera: &str,
-    stages: impl IntoIterator<Item = &'a str>,
-) -> Box<dyn Sink> {
-    Box::new(MetricsSink(metrics.camera(camera, stages)))
-}
-
-struct MetricsSink(CameraMetrics);
-
-impl Sink for MetricsSink {
-    fn wants(&self) -> Wants {
-        Wants::default()
-    }
-
-    fn on_frame(&mut self, published: &PublishedFrame<'_>) {
-        self.0.record(published.timings.total_micros, published.timings.stages());
-    }
-
-    fn on_status(&mut self, status: &Status<'_>) {
-        self.0.set_up(status.is_up);
-        self.0.set(status.counts, status.totals);
-    }
-
-    fn finish(self: Box<Self>, _last: Option<&Results<'_>>) -> FinishingSink {
-        self.0.set_up(false);
-        FinishingSink::done()
-    }
 }
 
 #[cfg(test)]

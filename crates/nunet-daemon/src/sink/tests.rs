@@ -10,11 +10,18 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use nunet_core::cloud::CloudPoint;
+use nunet_sink::archive::Archive;
+use nunet_sink::last_frame::last_frame_into;
+use nunet_sink::metrics::metrics_sink;
+use nunet_sink::record::Record;
+use nunet_sink::recorder::record_into;
+use nunet_sink::view::view_sink;
+use nunet_telemetry::{Counts, DrainTimeout, Totals};
 use nunet_types::{ImageSize, ScaleSource, Units};
 use nunet_view::ViewOptions;
 
-use super::recording::{Archive, Record, record_into};
 use super::*;
+use crate::Outcome;
 use crate::source::Frame;
 
 /// No test waits longer for anything.
@@ -115,7 +122,7 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
     }
     let written = out.clone();
     Rig {
-        sink: last_frame::in_folder(out),
+        sink: last_frame_into(out),
         release: Box::new(move || drop(std::fs::read(pipe))),
         arrived: Box::new(move |_| {
             ["depth.npy", "labels.png", "cloud.ply"].iter().all(|file| written.join(file).is_file())
@@ -137,7 +144,7 @@ fn metrics(_folder: &Path, _backend: Backend) -> Rig {
     let metrics = Metrics::default();
     let server = metrics::serve(&metrics, "127.0.0.1:0".parse().unwrap()).unwrap();
     Rig {
-        sink: metrics::sink(&metrics, "front", ["queue", "graph", "publish"]),
+        sink: metrics_sink(&metrics, "front", ["queue", "graph", "publish"]),
         release: Box::new(|| {}),
         arrived: Box::new(move |frames| {
             let answer = get(server.address(), "/metrics");
@@ -151,7 +158,7 @@ fn metrics(_folder: &Path, _backend: Backend) -> Rig {
 fn view(_folder: &Path, _backend: Backend) -> Rig {
     let server = ViewServer::open("127.0.0.1:0".parse().unwrap(), ViewOptions::default()).unwrap();
     Rig {
-        sink: view::in_server(&server, "front", &[]),
+        sink: view_sink(&server, "front", &[]),
         release: Box::new(|| {}),
         // The first frame is kept for viewers that come later.
         arrived: Box::new(move |_| {

@@ -9,15 +9,18 @@ use std::time::Instant;
 use nunet_core::graph::{GraphOptions, Provider, Runtime, SerialGraph};
 use nunet_core::pipeline::{Pipeline, PipelineOptions};
 use nunet_ipc::{CameraName, Limits, Reader, Topic, monotonic_nanos};
+use nunet_sink::archive::Archive;
+use nunet_sink::last_frame::last_frame_into;
+use nunet_sink::record::Record;
+use nunet_sink::recorder::record_into;
 use nunet_testkit::models;
 use nunet_types::ImageSize;
 
 use super::*;
 use crate::Outcome;
 use crate::config::Publish;
-use crate::sink::recording::{Archive, Record, record_into};
+use crate::sink::Sink;
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
-use crate::sink::{Sink, last_frame};
 use crate::source::{CameraGeometry, CameraResolver, Fill, Frame};
 use nunet_telemetry::DrainTimeout;
 
@@ -241,7 +244,7 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
         stream(
             &over,
             Gray { left: 3, sequence: 0, live: false },
-            vec![last_frame::in_folder(folder.path().to_owned())],
+            vec![last_frame_into(folder.path().to_owned())],
         ),
         stream(&live, Gray { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];

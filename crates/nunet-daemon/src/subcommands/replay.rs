@@ -6,6 +6,8 @@ use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions, hexadecimal};
 use nunet_ipc::CameraName;
+use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
+use nunet_sink::record::Record;
 use nunet_telemetry::RateLimit;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
@@ -22,7 +24,7 @@ use crate::buffers::Buffers;
 use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
 use crate::exit::{is_usage, warn_of_unknown_camera};
 use crate::sink::Results;
-use crate::sink::recording::{About, FrameWriter, Record, refuse_output, settings};
+use crate::sink::recording::{mount, refuse_output};
 use crate::sink::stats::ModelName;
 use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
@@ -81,11 +83,12 @@ fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let first = first_fill(&mut source, &mut frame, stop);
     let frame_id = options.frame_id.as_deref().unwrap_or(source.frame_id());
     let unnamed = default_frame_id(options.camera.as_str());
-    let about = About {
+    let about = RecordingOptions {
         camera: options.camera.as_str(),
         frame_id: if frame_id.is_empty() { &unnamed } else { frame_id },
-        mount: options.mount,
-        model: &model,
+        mount: options.mount.map(mount),
+        model: &model.name,
+        model_sha256: &model.hash,
         provider: pipeline.graph().provider().name(),
         settings: settings(&pipeline),
         force: options.force,

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use nunet_engine::{Engine, find_model};
 use nunet_ipc::{Access, IpcError, share_with};
+use nunet_sink::file_writer::FileWriter;
 use nunet_telemetry::Counts;
 use tracing::{error, info};
 
@@ -21,7 +22,6 @@ use crate::Outcome;
 use crate::config::{AccessConfig, Config};
 use crate::exit::BadArguments;
 use crate::sink::stats::{Common, ModelName, Stats, write_json};
-use crate::sink::writing::Writing;
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, Ended, SourceEnd, Stop, Stopped, StreamSummary};
 use nunet_telemetry::DrainTimeout;
@@ -145,7 +145,7 @@ fn combine(
 /// Writes the stats on a thread, because their disk may hang as well.
 fn write_stats(path: &Path, stats: Stats, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<()> {
     let (what, path) = (format!("the stats in `{}`", path.display()), path.to_owned());
-    Writing::start(what, move || write_json(&path, &stats))?.end(timeout)
+    FileWriter::start(what, move || write_json(&path, &stats))?.end(timeout)
 }
 
 /// Logs how each camera ended. If one fails, the others went on; if all failed, that is the failure of the run.
@@ -274,9 +274,9 @@ mod tests {
         let model = ModelName { name: "model.onnx".into(), hash: "00".into() };
         let common = Common { model: &model, provider: "cpu", classes: &[] };
         let (let_go, hangs) = std::sync::mpsc::channel::<()>();
-        let hanging = Writing::start("the files in `o`".into(), move || Ok(hangs.recv()?));
+        let hanging = FileWriter::start("the files in `o`".into(), move || Ok(hangs.recv()?));
         let file = slow.clone();
-        let slowly = Writing::start("the files in `p`".into(), move || {
+        let slowly = FileWriter::start("the files in `p`".into(), move || {
             std::thread::sleep(Duration::from_millis(100));
             Ok(std::fs::write(file, "")?)
         });

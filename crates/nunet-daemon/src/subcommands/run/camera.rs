@@ -6,12 +6,13 @@ use std::sync::Arc;
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::unix_nanos;
 use nunet_sink::obstacles::ObstacleStage;
+use nunet_sink::output_file::recording_path;
 use tracing::{Span, error, error_span};
 
 use super::servers::Servers;
 use crate::config::{CameraConfig, Config};
 use crate::exit::{BadArguments, in_camera};
-use crate::sink::recording::{recording_path, refuse_output};
+use crate::sink::recording::refuse_output;
 use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
 use crate::sink::stats::Common;
 use crate::sink::{self, SinkContext};

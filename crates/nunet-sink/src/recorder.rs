@@ -1,4 +1,4 @@
-//! `--record`: a recording beside a running stream. However slow the disk is, inference does not wait for it.
+//! A recording beside a running stream. However slow the disk is, inference does not wait for it.
 //!
 //! ```text
 //! inference thread --copy of frame and results--> bounded queue --> recording thread: encodes, writes, syncs
@@ -11,14 +11,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use nunet_sink::archive::{Archive, ArchiveWriter};
+use nunet_telemetry::DrainTimeout;
 use tracing::{error, info, warn};
 
-use super::{About, FrameWriter, settings};
-use crate::Outcome;
-use crate::sink::queue::{ClosedQueue, SinkQueue};
-use crate::sink::{FinishingSink, OnRoom, PublishedFrame, Results, Sink, SinkContext, Wants};
-use nunet_telemetry::DrainTimeout;
+use crate::archive::{Archive, ArchiveWriter};
+use crate::queue::{ClosedQueue, OnRoom, SinkQueue};
+use crate::results::Results;
+use crate::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Wants};
 
 /// Frames that wait for the disk: 6 MB each with a cloud.
 const QUEUE_FRAMES: usize = 8;
@@ -33,28 +32,11 @@ struct Recorder {
     source_waits: bool,
 }
 
-/// Opens the sink if `--record` is given.
-pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
-    let (Some(path), Some(options)) = (context.record, &context.config.record) else { return Ok(None) };
-    let about = About {
-        camera: context.config.name.as_str(),
-        frame_id: &context.config.frame_id,
-        mount: context.config.mount,
-        model: context.common.model,
-        provider: context.common.provider,
-        settings: settings(context.pipeline),
-        force: options.force,
-        lossless: options.lossless,
-    };
-    let writer = FrameWriter::create(path, &about)?;
-    record_into(Box::new(writer), Arc::clone(&context.on_room)).map(Some)
-}
-
 /// Starts a recording into `archive`.
 ///
 /// # Errors
 /// Its thread cannot be started.
-pub(crate) fn record_into(archive: Box<dyn Archive>, on_room: OnRoom) -> anyhow::Result<Box<dyn Sink>> {
+pub fn record_into(archive: Box<dyn Archive>, on_room: OnRoom) -> anyhow::Result<Box<dyn Sink>> {
     let (path, durable) = (archive.path().to_owned(), Arc::default());
     let writer = ArchiveWriter::new(archive, Arc::clone(&durable));
     let queue = SinkQueue::start("recording", QUEUE_FRAMES, writer, on_room)?;

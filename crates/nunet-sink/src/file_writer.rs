@@ -1,22 +1,39 @@
 //! Writes files on a separate thread, so that a hanging disk blocks only those who wait for the files.
 
+use std::borrow::Cow;
 use std::thread::JoinHandle;
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, anyhow};
+use nunet_telemetry::{DrainTimeout, GivenUp};
+use nunet_types::Hint;
 
-use crate::exit::WithHint;
-use nunet_telemetry::DrainTimeout;
+/// Files were not written in time.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {what}: {reason}")]
+pub struct FilesLate {
+    what: String,
+    reason: GivenUp,
+}
+
+impl Hint for FilesLate {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some("check whether the disk or mount responds".into())
+    }
+}
 
 /// Pending writes.
-pub(crate) struct Writing {
+pub struct FileWriter {
     /// What is written, for messages.
     what: String,
     thread: JoinHandle<anyhow::Result<()>>,
 }
 
-impl Writing {
-    /// Starts `write`, which owns everything it needs.
-    pub(crate) fn start(
+impl FileWriter {
+    /// Starts `write`, which owns everything it needs. `what` names the files in messages.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(
         what: String,
         write: impl FnOnce() -> anyhow::Result<()> + Send + 'static,
     ) -> anyhow::Result<Self> {
@@ -29,13 +46,10 @@ impl Writing {
     ///
     /// # Errors
     /// The files could not be written, or not in time.
-    pub(crate) fn end(self, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<()> {
+    pub fn end(self, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<()> {
         let Self { what, thread } = self;
-        if let Err(why) = timeout.wait(&what, || thread.is_finished(), || 0) {
-            bail!(WithHint::new(
-                format!("cannot write {what}: {why}"),
-                "check whether the disk or mount responds"
-            ));
+        if let Err(reason) = timeout.wait(&what, || thread.is_finished(), || 0) {
+            return Err(FilesLate { what, reason }.into());
         }
         thread
             .join()
@@ -54,18 +68,18 @@ mod tests {
     #[test]
     fn success_and_failure_are_reported_at_the_end() {
         let mut timeout = DrainTimeout::new(&|| false);
-        let well = Writing::start("a file".into(), || Ok(())).unwrap();
+        let well = FileWriter::start("a file".into(), || Ok(())).unwrap();
         assert!(well.end(&mut timeout).is_ok());
-        let badly = Writing::start("a file".into(), || bail!("the disk is full")).unwrap();
+        let badly = FileWriter::start("a file".into(), || anyhow::bail!("the disk is full")).unwrap();
         assert_eq!(badly.end(&mut timeout).unwrap_err().to_string(), "the disk is full");
     }
 
     #[test]
     fn a_disk_that_hangs_is_abandoned_after_a_stop() {
         let (let_go, hangs) = channel::<()>();
-        let writing = Writing::start("the files in `o`".into(), move || Ok(hangs.recv()?)).unwrap();
+        let writer = FileWriter::start("the files in `o`".into(), move || Ok(hangs.recv()?)).unwrap();
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, Duration::from_secs(60));
-        let error = writing.end(&mut timeout).unwrap_err().to_string();
+        let error = writer.end(&mut timeout).unwrap_err().to_string();
         assert_eq!(error, "cannot write the files in `o`: timed out 0 s after shutdown was requested");
         drop(let_go);
     }

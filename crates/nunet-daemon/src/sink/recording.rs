@@ -1,0 +1,44 @@
+//! `--record FILE.mcap`: frames and their results as a recording.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nunet_mcap::Mount;
+use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
+use nunet_sink::output_file::{OutputError, check_output};
+use nunet_sink::recorder::record_into;
+
+use super::{Sink, SinkContext};
+use crate::config::MountOption;
+use crate::exit::{BadArguments, WithHint};
+
+/// Opens the sink if `--record` is given.
+pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
+    let (Some(path), Some(options)) = (context.record, &context.config.record) else { return Ok(None) };
+    let about = RecordingOptions {
+        camera: context.config.name.as_str(),
+        frame_id: &context.config.frame_id,
+        mount: context.config.mount.map(mount),
+        model: &context.common.model.name,
+        model_sha256: &context.common.model.hash,
+        provider: context.common.provider,
+        settings: settings(context.pipeline),
+        force: options.force,
+        lossless: options.lossless,
+    };
+    let writer = FrameWriter::create(path, &about)?;
+    record_into(Box::new(writer), Arc::clone(&context.on_room)).map(Some)
+}
+
+/// The mount as a recording's `/tf_static` has it.
+pub(crate) fn mount(mount: MountOption) -> Mount {
+    Mount { translation_m: mount.translation_m, roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad }
+}
+
+/// Refuses an output that exists, or that is the input under another name, before any work is done.
+pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) -> anyhow::Result<()> {
+    check_output(output, input, force).map_err(|error| match error {
+        OutputError::Exists(_) => WithHint::usage(error.to_string(), "pass --force to overwrite it").into(),
+        _ => BadArguments(error.to_string()).into(),
+    })
+}
