@@ -1,4 +1,4 @@
-//! The documents: links lead somewhere, README and book stay short, releases are dated, versions agree.
+//! The documents: links lead somewhere, README and book stay short and narrow, releases are dated, versions agree.
 
 use std::collections::BTreeSet;
 
@@ -144,6 +144,20 @@ fn long_paragraphs(document: &str, text: &str) -> Vec<String> {
     problems
 }
 
+/// The width of a document's lines, in characters.
+const MAX_COLUMNS: usize = 110;
+
+/// Lines that are too wide. Rows of tables and a line that is one link cannot be wrapped.
+fn wide_lines(document: &str, text: &str) -> Vec<String> {
+    let is_link = |line: &str| line.split_once("](").is_some_and(|(_, target)| !target.contains(' '));
+    let is_wide = |line: &str| line.chars().count() > MAX_COLUMNS;
+    let lines = text.lines().enumerate().filter(|(_, line)| {
+        let start = line.trim_start();
+        is_wide(line) && !start.starts_with('|') && !(start.starts_with(['[', '!']) && is_link(start))
+    });
+    lines.map(|(index, _)| format!("{document}:{}: more than {MAX_COLUMNS} columns", index + 1)).collect()
+}
+
 /// Versions written after `mark`, such as 1.2.3 in `onnxruntime==1.2.3`.
 fn versions_after<'a>(mark: &str, text: &'a str) -> Vec<&'a str> {
     let rests = text.split(mark).skip(1);
@@ -218,6 +232,22 @@ fn a_long_paragraph_is_found_and_a_table_is_none() {
     assert_eq!(long_paragraphs("a.md", &format!("- {}", line.repeat(MAX_PARAGRAPH_LINES + 1))).len(), 1);
     assert_none(&long_paragraphs("a.md", &"| a | b |\n".repeat(20)));
     assert_none(&long_paragraphs("a.md", &format!("```\n{}```\n", line.repeat(20))));
+}
+
+#[test]
+fn lines_of_documents_have_110_columns_at_most() {
+    // The models' own folder has commands that were run as they are.
+    let documents = repository::texts(|path| path.ends_with(".md") && !path.starts_with("models/"));
+    let wide: Vec<String> = documents.iter().flat_map(|(path, text)| wide_lines(path, text)).collect();
+    assert_none(&wide);
+}
+
+#[test]
+fn a_wide_line_is_found_and_a_table_or_a_link_is_none() {
+    let wide = "word ".repeat(23);
+    assert_eq!(wide_lines("a.md", &format!("short\n{wide}\n")).len(), 1);
+    assert_eq!(wide_lines("a.md", &format!("[{wide}](a.md) and more")).len(), 1);
+    assert_none(&wide_lines("a.md", &format!("| {wide} |\n![{wide}](a.png)\n")));
 }
 
 #[test]

@@ -15,8 +15,8 @@ fn page() -> String {
     let mut command = Cli::command();
     command.build();
     let mut page = String::from(
-        "# Flags\n\nThis page is generated from the code. `nunetd` without a subcommand is `nunetd run`. Every flag of `run` \
-         is a key of the [configuration file](configuration.md) as well; its schema is \
+        "# Flags\n\nThis page is generated from the code. `nunetd` without a subcommand is `nunetd run`. Every flag of \
+         `run`\nis a key of the [configuration file](configuration.md) as well; its schema is\n\
          [nunetd.schema.json](nunetd.schema.json).\n\n## All subcommands\n\n",
     );
     let globals: Vec<&Arg> = command.get_arguments().filter(|argument| !argument.is_hide_set()).collect();
