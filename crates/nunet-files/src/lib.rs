@@ -48,7 +48,7 @@ pub use color::{color_range, colorize, depth_image, draw_text};
 pub use error::{FilesError, FilesErrorKind};
 pub use folder::{check_folder, make_folder};
 pub use npy::{MAX_NPY_BYTES, read_npy, write_npy};
-pub use obstacles::{BirdsEye, draw_obstacle_points};
+pub use obstacles::{BIRDS_EYE_LEGEND, BIRDS_EYE_ROWS, BirdsEye, draw_obstacle_points};
 pub use ply::write_cloud;
 pub use png::{millimeters, write_depth_mm, write_rgb};
 pub use results::Results;

@@ -10,6 +10,11 @@ const PX_PER_M: f32 = 80.0;
 /// Pixels around an obstacle point that are colored, on each side.
 const POINT_PX: i64 = 1;
 
+/// Lines of [`BirdsEye::text`].
+pub const BIRDS_EYE_ROWS: usize = 14;
+/// The characters of [`BirdsEye::text`].
+pub const BIRDS_EYE_LEGEND: &str = "· free  █ obstacle  ▒ remembered  ▼ drop  ░ unknown";
+
 const FREE: Rgb<u8> = Rgb([120, 200, 120]);
 const UNSEEN: Rgb<u8> = Rgb([150, 150, 150]);
 const BEHIND: Rgb<u8> = Rgb([205, 205, 205]);
@@ -61,26 +66,91 @@ impl BirdsEye<'_> {
         image
     }
 
+    /// The same as text for a terminal, [`BIRDS_EYE_ROWS`] lines. A cell is twice as high as wide; only the field of view is
+    /// shown. [`BIRDS_EYE_LEGEND`] explains the characters.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let cell_m = self.max_range_m / BIRDS_EYE_ROWS as f32;
+        let half_columns = (2.0 * BIRDS_EYE_ROWS as f32 * self.half_width()).ceil() as i32;
+        let mut text = String::new();
+        for row in (0..BIRDS_EYE_ROWS).rev() {
+            let x = (row as f32 + 0.5) * cell_m;
+            let line = (-half_columns..half_columns).rev().map(|column| {
+                let y = (column as f32 + 0.5) * cell_m / 2.0;
+                self.place(x, y, cell_m / 2.0).character()
+            });
+            text += line.collect::<String>().trim_end();
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Half of the width of what is in view, as a share of the range.
+    fn half_width(&self) -> f32 {
+        let end_rad = self.angle_min_rad + self.angle_step_rad * self.sectors.len() as f32;
+        let reaches_side = self.angle_min_rad.abs().max(end_rad.abs()) > std::f32::consts::FRAC_PI_2;
+        if reaches_side { 1.0 } else { self.angle_min_rad.sin().abs().max(end_rad.sin().abs()) }
+    }
+
     /// The color of a place on the floor, meters forward and to the left.
     fn color(&self, x: f32, y: f32) -> Rgb<u8> {
         let range_m = x.hypot(y);
         let half_pixel = 0.5 / PX_PER_M;
+        let is_ring = range_m > 0.5 && (range_m - range_m.round()).abs() < half_pixel;
+        match self.place(x, y, 3.0 * half_pixel) {
+            Place::TooFar => Rgb([255, 255, 255]),
+            _ if is_ring => RING,
+            Place::OutsideView => BEHIND,
+            Place::Free => FREE,
+            Place::Unknown => UNSEEN,
+            Place::Occupied => OCCUPIED,
+            Place::Remembered => REMEMBERED,
+            Place::Drop => DROP,
+        }
+    }
+
+    /// What is at a place on the floor, meters forward and to the left; the end of a sector is `end_m` thick on each side.
+    fn place(&self, x: f32, y: f32, end_m: f32) -> Place {
+        let range_m = x.hypot(y);
         if range_m > self.max_range_m {
-            return Rgb([255, 255, 255]);
+            return Place::TooFar;
         }
         let turned = (y.atan2(x) - self.angle_min_rad).rem_euclid(std::f32::consts::TAU);
-        let sector = self.sectors.get((turned / self.angle_step_rad) as usize);
-        if range_m > 0.5 && (range_m - range_m.round()).abs() < half_pixel {
-            return RING;
-        }
-        let Some(sector) = sector else { return BEHIND };
-        let at_end = (range_m - sector.range_m).abs() < 3.0 * half_pixel;
+        let Some(sector) = self.sectors.get((turned / self.angle_step_rad) as usize) else {
+            return Place::OutsideView;
+        };
+        let at_end = (range_m - sector.range_m).abs() < end_m;
         match sector.state() {
-            SectorState::Occupied if at_end && sector.remembered != 0 => REMEMBERED,
-            SectorState::Occupied if at_end => OCCUPIED,
-            SectorState::Drop if at_end => DROP,
-            _ if range_m < sector.range_m => FREE,
-            _ => UNSEEN,
+            SectorState::Occupied if at_end && sector.remembered != 0 => Place::Remembered,
+            SectorState::Occupied if at_end => Place::Occupied,
+            SectorState::Drop if at_end => Place::Drop,
+            _ if range_m < sector.range_m => Place::Free,
+            _ => Place::Unknown,
+        }
+    }
+}
+
+/// What is drawn at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    TooFar,
+    OutsideView,
+    Free,
+    Unknown,
+    Occupied,
+    Remembered,
+    Drop,
+}
+
+impl Place {
+    fn character(self) -> char {
+        match self {
+            Self::TooFar | Self::OutsideView => ' ',
+            Self::Free => '·',
+            Self::Unknown => '░',
+            Self::Occupied => '█',
+            Self::Remembered => '▒',
+            Self::Drop => '▼',
         }
     }
 }
@@ -145,6 +215,28 @@ mod tests {
             *image.get_pixel((320.0 - y) as u32, (320.0 - x) as u32)
         };
         assert_eq!((pixel(-0.4, 1.2), pixel(0.4, 0.7)), (FREE, UNSEEN), "the obstacle is on the right");
+    }
+
+    #[test]
+    fn as_text_the_robot_is_below_the_middle_and_only_the_field_of_view_is_shown() {
+        let occupied =
+            ObstacleSector { state: SectorState::Occupied.into(), range_m: 2.0, ..ObstacleSector::UNKNOWN };
+        let free =
+            ObstacleSector { state: SectorState::Free.into(), range_m: 4.0, ..ObstacleSector::UNKNOWN };
+        let view = BirdsEye {
+            sectors: &[occupied, free, ObstacleSector::UNKNOWN],
+            points: &[],
+            angle_min_rad: -0.6,
+            angle_step_rad: 0.4,
+            max_range_m: 4.0,
+        };
+        let text = view.text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), BIRDS_EYE_ROWS);
+        // At half of the range, from left to right: unknown, free, the obstacle.
+        let middle = lines[BIRDS_EYE_ROWS / 2].trim();
+        assert!(middle.starts_with('░') && middle.contains('·') && middle.ends_with('█'), "{text}");
+        assert!(!lines[0].contains('█') && lines[0].contains('·'), "{text}");
     }
 
     #[test]

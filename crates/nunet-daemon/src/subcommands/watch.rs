@@ -1,20 +1,19 @@
 //! `nunetd watch`: shows what a running daemon publishes, for people and for scripts.
 
+mod text;
+
 use std::io::{IsTerminal as _, Write as _};
 use std::num::NonZeroU64;
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
 use console::Term;
-use nunet_ipc::{
-    CameraName, Frame, FrameHeader, IpcError, Reader, StatsRecord, Topic, Units, cameras, monotonic_nanos,
-    unix_nanos,
-};
-use serde_json::{Map, Value, json};
+use nunet_ipc::{CameraName, Frame, IpcError, ObstacleRecord, Reader, StatsRecord, Topic, cameras};
 
 use crate::Outcome;
 use crate::exit::BadArguments;
 use crate::stream::Stop;
+use text::{json_of, line_of, screen_of};
 
 /// The longest single wait, so that a stop is noticed.
 const GLANCE: Duration = Duration::from_millis(100);
@@ -37,25 +36,25 @@ pub(crate) fn watch(
     let stop = Stop::on_signals()?;
     let timeout = Duration::try_from_secs_f64(timeout_s)
         .map_err(|_| BadArguments(format!("--timeout `{timeout_s}` is not a number of seconds")))?;
-    let Some(reader) = open(camera, timeout, &stop)? else { return Ok(Outcome::Done) };
-    let mut watcher = Watcher { reader, stats: None, timeout, last: Instant::now() };
     let mut view = View::choose(json);
+    let Some(reader) = open(camera, &view, timeout, &stop)? else { return Ok(Outcome::Done) };
+    let mut watcher = Watcher { reader, stats: None, obstacles: None, timeout, last: Instant::now() };
     let mut left = frames.map_or(u64::MAX, NonZeroU64::get);
     while left > 0 && !stop.requested() {
         if let Some(frame) = watcher.next()? {
             left -= 1;
-            view.show(camera, &frame, &watcher.stats.unwrap_or_default())?;
+            view.show(camera, &frame, &watcher)?;
         }
     }
     Ok(Outcome::Done)
 }
 
 /// Waits for the camera in short steps; `None` if a stop was requested.
-fn open(camera: &CameraName, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
+fn open(camera: &CameraName, view: &View, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
     let start = Instant::now();
     while !stop.requested() {
         let turn = GLANCE.min(timeout.saturating_sub(start.elapsed()));
-        match Reader::open(camera, &[Topic::Depth, Topic::Stats], turn) {
+        match Reader::open(camera, &view.topics(camera), turn) {
             Ok(reader) => return Ok(Some(reader)),
             Err(IpcError::NobodyPublishes { .. }) if start.elapsed() < timeout => {}
             Err(IpcError::NobodyPublishes { service, .. }) => {
@@ -84,6 +83,8 @@ fn nobody(camera: &CameraName, error: &IpcError) -> anyhow::Error {
 struct Watcher {
     reader: Reader,
     stats: Option<StatsRecord>,
+    /// The newest obstacles, if they are read.
+    obstacles: Option<Frame>,
     timeout: Duration,
     last: Instant,
 }
@@ -99,6 +100,7 @@ impl Watcher {
         if frame.is_some() {
             self.last = Instant::now();
             self.follow_stats()?;
+            self.follow_obstacles()?;
         } else if self.last.elapsed() >= self.timeout {
             bail!(
                 "no frame for {} s: {}",
@@ -123,6 +125,19 @@ impl Watcher {
             std::thread::sleep(FIRST_STATS_PERIOD);
         }
     }
+
+    fn follow_obstacles(&mut self) -> anyhow::Result<()> {
+        if self.reader.topics().any(|topic| topic == Topic::Obstacles)
+            && let Some(found) = self.reader.latest(Topic::Obstacles)?
+        {
+            self.obstacles = Some(found);
+        }
+        Ok(())
+    }
+
+    fn obstacles(&self) -> anyhow::Result<Option<&ObstacleRecord>> {
+        Ok(self.obstacles.as_ref().map(Frame::obstacles).transpose()?)
+    }
 }
 
 /// The output format.
@@ -143,14 +158,25 @@ impl View {
         }
     }
 
-    fn show(&mut self, camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow::Result<()> {
+    /// What is read. A terminal shows obstacles, if the camera has a mount; reading makes nunetd compute them.
+    fn topics(&self, camera: &CameraName) -> Vec<Topic> {
+        let mut topics = vec![Topic::Depth, Topic::Stats];
+        let has_obstacles = || cameras::list(Topic::Obstacles).is_ok_and(|all| all.contains(camera));
+        if matches!(self, Self::Screen { .. }) && has_obstacles() {
+            topics.push(Topic::Obstacles);
+        }
+        topics
+    }
+
+    fn show(&mut self, camera: &CameraName, frame: &Frame, watcher: &Watcher) -> anyhow::Result<()> {
+        let stats = &watcher.stats.unwrap_or_default();
         match self {
             Self::Json => writeln!(std::io::stdout(), "{}", json_of(frame, stats)?)?,
             Self::Lines => writeln!(std::io::stdout(), "{}", line_of(frame)?)?,
             Self::Screen { term, drawn, lines } => {
                 if drawn.is_none_or(|last| last.elapsed() >= REDRAW) {
                     *drawn = Some(Instant::now());
-                    let text = screen_of(camera, frame, stats)?;
+                    let text = screen_of(camera, frame, stats, watcher.obstacles()?)?;
                     term.clear_last_lines(*lines)?;
                     *lines = text.lines().count();
                     term.write_str(&text)?;
@@ -159,108 +185,4 @@ impl View {
         }
         Ok(())
     }
-}
-
-/// Milliseconds since the image was taken; `None` if its capture time is unknown.
-fn age_ms(header: &FrameHeader) -> Option<f64> {
-    header.age_nanos(monotonic_nanos(), unix_nanos()).map(|nanos| nanos as f64 / 1e6)
-}
-
-fn age_of(header: &FrameHeader) -> String {
-    age_ms(header).map_or_else(|| "unknown".to_owned(), |age| format!("{age:.1} ms"))
-}
-
-/// Depth at the center of the image; `None` if there is no measurement.
-fn depth_center(frame: &Frame) -> anyhow::Result<Option<f32>> {
-    let (width, height) = (frame.header().width as usize, frame.header().height as usize);
-    let depth = frame.depth()?.get(height / 2 * width + width / 2).copied();
-    Ok(depth.filter(|value| value.is_finite()))
-}
-
-fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Value> {
-    let header = frame.header();
-    let metric = header.units()? == Units::Metre;
-    let stages: Map<_, _> =
-        stats.stage_names().zip(header.stages()).map(|(name, us)| (name.into_owned(), json!(us))).collect();
-    Ok(json!({
-        "contract": header.contract_version,
-        "sequence": header.sequence,
-        "capture_nanos": header.capture_nanos,
-        "age_ms": age_ms(header),
-        "quality": header.quality()?.name(),
-        "units": header.units()?.name(),
-        "scale_source": header.scale_source()?.name(),
-        "depth_center_m": depth_center(frame)?.filter(|_| metric),
-        "invalid_pixels": header.invalid_pixels,
-        "bytes_copied": header.bytes_copied,
-        "stages": stages,
-        "frames": {
-            "captured": stats.captured,
-            "published": stats.published,
-            "superseded": stats.superseded,
-            "failed": stats.failed,
-            "in_flight": stats.in_flight,
-        },
-    }))
-}
-
-fn center_of(frame: &Frame) -> anyhow::Result<String> {
-    let unit = if frame.header().units()? == Units::Metre { " m" } else { " (no unit)" };
-    Ok(depth_center(frame)?.map_or_else(|| "none".to_owned(), |depth| format!("{depth:.3}{unit}")))
-}
-
-fn line_of(frame: &Frame) -> anyhow::Result<String> {
-    let header = frame.header();
-    Ok(format!(
-        "frame {} age {} center {} quality {}",
-        header.sequence,
-        age_of(header),
-        center_of(frame)?,
-        header.quality()?.name()
-    ))
-}
-
-fn screen_of(camera: &CameraName, frame: &Frame, stats: &StatsRecord) -> anyhow::Result<String> {
-    let header = frame.header();
-    let mut text = format!(
-        "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
-         frame {} · age {} · center {} · scale {} · quality {}\n\
-         captured {} = published {} + superseded {} + failed {} + in flight {}\n\
-         copied {} bytes · without depth {} pixels\n\
-         {:<14} {:>9} {:>9} {:>9} {:>9}\n",
-        stats.model_name(),
-        stats.provider(),
-        header.width,
-        header.height,
-        stats.fps,
-        header.sequence,
-        age_of(header),
-        center_of(frame)?,
-        header.scale_source()?.name(),
-        header.quality()?.name(),
-        stats.captured,
-        stats.published,
-        stats.superseded,
-        stats.failed,
-        stats.in_flight,
-        header.bytes_copied,
-        header.invalid_pixels,
-        "stage, ms",
-        "p50",
-        "p90",
-        "p99",
-        "max"
-    );
-    for (index, name) in stats.stage_names().enumerate() {
-        let quantiles = [stats.stage_p50_us, stats.stage_p90_us, stats.stage_p99_us, stats.stage_max_us];
-        text += &row_of(&name, quantiles.map(|all| all[index]));
-    }
-    text +=
-        &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
-    Ok(text)
-}
-
-fn row_of(name: &str, micros: [f64; 4]) -> String {
-    let cells: String = micros.iter().map(|us| format!(" {:>9.2}", us / 1e3)).collect();
-    format!("{name:<14}{cells}\n")
 }

@@ -1,0 +1,165 @@
+//! What `nunetd watch` prints.
+
+use nunet_files::{BIRDS_EYE_LEGEND, BirdsEye};
+use nunet_ipc::{
+    CameraName, Frame, FrameHeader, ObstacleRecord, SectorState, StatsRecord, Units, monotonic_nanos,
+    unix_nanos,
+};
+use serde_json::{Map, Value, json};
+
+/// Milliseconds since the image was taken; `None` if its capture time is unknown.
+fn age_ms(header: &FrameHeader) -> Option<f64> {
+    header.age_nanos(monotonic_nanos(), unix_nanos()).map(|nanos| nanos as f64 / 1e6)
+}
+
+fn age_of(header: &FrameHeader) -> String {
+    age_ms(header).map_or_else(|| "unknown".to_owned(), |age| format!("{age:.1} ms"))
+}
+
+/// Depth at the center of the image; `None` if there is no measurement.
+fn depth_center(frame: &Frame) -> anyhow::Result<Option<f32>> {
+    let (width, height) = (frame.header().width as usize, frame.header().height as usize);
+    let depth = frame.depth()?.get(height / 2 * width + width / 2).copied();
+    Ok(depth.filter(|value| value.is_finite()))
+}
+
+/// One object per frame, for scripts.
+pub(super) fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Value> {
+    let header = frame.header();
+    let metric = header.units()? == Units::Metre;
+    let stages: Map<_, _> =
+        stats.stage_names().zip(header.stages()).map(|(name, us)| (name.into_owned(), json!(us))).collect();
+    Ok(json!({
+        "contract": header.contract_version,
+        "sequence": header.sequence,
+        "capture_nanos": header.capture_nanos,
+        "age_ms": age_ms(header),
+        "quality": header.quality()?.name(),
+        "units": header.units()?.name(),
+        "scale_source": header.scale_source()?.name(),
+        "depth_center_m": depth_center(frame)?.filter(|_| metric),
+        "invalid_pixels": header.invalid_pixels,
+        "bytes_copied": header.bytes_copied,
+        "stages": stages,
+        "frames": {
+            "captured": stats.captured,
+            "published": stats.published,
+            "superseded": stats.superseded,
+            "failed": stats.failed,
+            "in_flight": stats.in_flight,
+        },
+    }))
+}
+
+fn center_of(frame: &Frame) -> anyhow::Result<String> {
+    let unit = if frame.header().units()? == Units::Metre { " m" } else { " (no unit)" };
+    Ok(depth_center(frame)?.map_or_else(|| "none".to_owned(), |depth| format!("{depth:.3}{unit}")))
+}
+
+/// One line per frame.
+pub(super) fn line_of(frame: &Frame) -> anyhow::Result<String> {
+    let header = frame.header();
+    Ok(format!(
+        "frame {} age {} center {} quality {}",
+        header.sequence,
+        age_of(header),
+        center_of(frame)?,
+        header.quality()?.name()
+    ))
+}
+
+/// The view of a terminal.
+pub(super) fn screen_of(
+    camera: &CameraName,
+    frame: &Frame,
+    stats: &StatsRecord,
+    obstacles: Option<&ObstacleRecord>,
+) -> anyhow::Result<String> {
+    let header = frame.header();
+    let mut text = format!(
+        "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
+         frame {} · age {} · center {} · scale {} · quality {}\n\
+         captured {} = published {} + superseded {} + failed {} + in flight {}\n\
+         copied {} bytes · without depth {} pixels\n\
+         {:<14} {:>9} {:>9} {:>9} {:>9}\n",
+        stats.model_name(),
+        stats.provider(),
+        header.width,
+        header.height,
+        stats.fps,
+        header.sequence,
+        age_of(header),
+        center_of(frame)?,
+        header.scale_source()?.name(),
+        header.quality()?.name(),
+        stats.captured,
+        stats.published,
+        stats.superseded,
+        stats.failed,
+        stats.in_flight,
+        header.bytes_copied,
+        header.invalid_pixels,
+        "stage, ms",
+        "p50",
+        "p90",
+        "p99",
+        "max"
+    );
+    for (index, name) in stats.stage_names().enumerate() {
+        let quantiles = [stats.stage_p50_us, stats.stage_p90_us, stats.stage_p99_us, stats.stage_max_us];
+        text += &row_of(&name, quantiles.map(|all| all[index]));
+    }
+    text +=
+        &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
+    text += &obstacles.map(birds_eye_of).unwrap_or_default();
+    Ok(text)
+}
+
+/// The robot's surroundings from above, and the nearest thing in its way.
+fn birds_eye_of(record: &ObstacleRecord) -> String {
+    let view = BirdsEye {
+        sectors: record.sectors(),
+        points: record.points(),
+        angle_min_rad: record.angle_min_rad,
+        angle_step_rad: record.angle_step_rad,
+        max_range_m: record.max_range_m,
+    };
+    let ends = record.sectors().iter().filter(|sector| is_end(sector.state()));
+    let nearest = ends.map(|sector| sector.range_m).min_by(f32::total_cmp);
+    let nearest = nearest.map_or_else(|| "none".to_owned(), |range_m| format!("{range_m:.2} m"));
+    let range_m = record.max_range_m;
+    format!("{}obstacles up to {range_m:.1} m · nearest {nearest}\n{BIRDS_EYE_LEGEND}\n", view.text())
+}
+
+fn is_end(state: SectorState) -> bool {
+    matches!(state, SectorState::Occupied | SectorState::Drop)
+}
+
+fn row_of(name: &str, micros: [f64; 4]) -> String {
+    let cells: String = micros.iter().map(|us| format!(" {:>9.2}", us / 1e3)).collect();
+    format!("{name:<14}{cells}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_ipc::ObstacleSector;
+
+    use super::*;
+
+    #[test]
+    fn the_view_from_above_names_the_nearest_thing_in_the_way() {
+        let sector = |state: SectorState, range_m| ObstacleSector {
+            state: state.into(),
+            range_m,
+            ..ObstacleSector::UNKNOWN
+        };
+        let mut record = Box::new(ObstacleRecord::default());
+        (record.angle_min_rad, record.angle_step_rad, record.max_range_m) = (-0.5, 0.5, 5.0);
+        record.set_sectors(&[sector(SectorState::Unknown, 0.2), sector(SectorState::Free, 5.0)]);
+        assert!(birds_eye_of(&record).contains("nearest none"), "unknown is not near");
+        record.set_sectors(&[sector(SectorState::Drop, 1.25), sector(SectorState::Occupied, 2.0)]);
+        let text = birds_eye_of(&record);
+        assert!(text.contains("up to 5.0 m · nearest 1.25 m"), "{text}");
+        assert!(text.contains('▼') && text.contains('█'), "{text}");
+    }
+}
