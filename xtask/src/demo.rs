@@ -12,17 +12,21 @@ use crate::{latency_table, paths, setup};
 const FOLDER: &str = "target/demo";
 /// Paced like a camera: a source that renders ahead would put its own waiting time into the latencies.
 const HZ: &str = "10";
-const FRAMES: &str = "48";
+const FRAMES: &str = "81"; // the last one looks through the door into the corridor
 const STATS: &str = "stats.json";
+/// Where the camera of the drive is: 0.25 m above the floor, looking 4 degrees up.
+const MOUNT: &str = "0,0,0.25,0,-0.07,0";
 const RECORDING: &str = "demo.mcap";
 
 /// What is left in the folder, and how to look at it.
-const RESULTS: [(&str, &str); 6] = [
+const RESULTS: [(&str, &str); 8] = [
     ("depth.png", "depth of the last frame in colors, with a scale in meters; open this first"),
-    (RECORDING, "all frames with image, depth, labels and cloud; open it in Foxglove"),
+    ("obstacles.png", "obstacles of the last frame from above: green is free, red dots are obstacles"),
+    (RECORDING, "all frames with image, depth, labels, cloud, obstacles and scan; open it in Foxglove"),
     ("cloud.ply", "points of the last frame with colors; open it in MeshLab or CloudCompare"),
     ("labels.png", "class of each pixel of the last frame"),
     ("depth.npy", "depth of the last frame as float32 meters, for numpy.load"),
+    ("obstacles.json", "free distance of each direction of the last frame"),
     (STATS, "counts and latencies of the run"),
 ];
 
@@ -36,8 +40,9 @@ pub(crate) fn demo() -> Result<()> {
     let (stats, recording) = (format!("{FOLDER}/{STATS}"), format!("{FOLDER}/{RECORDING}"));
     let mut nunetd = Command::new(paths::nunetd("release")?);
     nunetd.args(["--model", "models/wnet_c.onnx", "--source", "demo", "--rate", HZ, "--frames", FRAMES]);
-    // Every second row and column of the cloud: a recording of whole clouds takes 5.5 MB per frame.
-    nunetd.args(["--cloud-stride", "2"]);
+    nunetd.args(["--mount", MOUNT]);
+    // Every fourth row and column of the cloud: a recording of whole clouds takes 5.5 MB per frame.
+    nunetd.args(["--cloud-stride", "4"]);
     nunetd.args(["--stats-json", &stats, "--out", FOLDER, "--record", &recording]);
     // Several cameras named `demo` cannot run on one machine at the same time; this one has a name of its own.
     run(nunetd.args(["--camera", &format!("xtask-demo-{}", std::process::id())]))?;

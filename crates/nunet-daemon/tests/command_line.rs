@@ -68,12 +68,12 @@ fn fatal_errors_are_json_if_the_log_is() {
 fn a_camera_that_does_not_fit_ends_run_and_feed_at_the_first_frame() {
     let bench = Bench::new();
     let (model, name) = (bench.arg("model.onnx"), camera("misfit"));
-    // The demo scene is 640x480 and has no end.
+    // The demo is 320x240 and has no end.
     let camera = ["--intrinsics", "500,500,320,180@640x360", "--camera", &name];
     for subcommand in [&["run", "--model", &model, "--source", "demo"][..], &["feed", "demo"]] {
         let (code, error) = error_of(&[&["-q"][..], subcommand, &camera].concat());
         assert_eq!(code, Some(2), "{error}");
         assert!(error.starts_with("error: the given calibration or intrinsics do not fit"), "{error}");
-        assert!(error.contains("640x480") && error.lines().count() < 6, "{error}");
+        assert!(error.contains("320x240") && error.lines().count() < 6, "{error}");
     }
 }

@@ -57,18 +57,19 @@ fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
     assert!(cloud_ms > 0.0, "`--out` reads the cloud, so it is computed");
 }
 
-/// The figures of 60 frames of the demo scene.
+/// The stats of 60 frames of the network's size.
 fn steady(bench: &Bench, how: &[&str]) -> Value {
-    let (model, stats_file) = (bench.arg("model.onnx"), bench.arg("stats.json"));
+    let (model, images, stats_file) = (bench.arg("model.onnx"), bench.arg("images"), bench.arg("stats.json"));
     let name = camera("steady");
-    let all = ["-q", "--model", &model, "--source", "demo", "--frames", "60", "--camera", &name];
-    run_well(nunetd(&[&all[..], &["--stats-json", &stats_file], how].concat()));
+    let source = ["-q", "--model", &model, "--source", &images, "--loop", "--frames", "60"];
+    run_well(nunetd(&[&source[..], &["--camera", &name, "--stats-json", &stats_file], how].concat()));
     stats(bench, "stats.json")
 }
 
 #[test]
 fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
     let bench = Bench::new();
+    (0..3).for_each(|frame| bench.add_image(&format!("images/{frame}.png"), frame));
     let record = bench.arg("a.mcap");
     for how in [
         &["--out", &bench.arg("out")][..],

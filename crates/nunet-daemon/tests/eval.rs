@@ -72,6 +72,36 @@ fn a_network_that_is_right_has_no_error_but_the_millimeters() {
 }
 
 #[test]
+fn obstacles_of_a_network_that_is_right_are_those_of_the_truth() {
+    let how = ["--obstacles", "--mount", "0,0,0.5,0,0.1,0"];
+    let found = figures(&dataset(0), &how);
+    let all = found["obstacles"]["by_distance"].as_array().unwrap();
+    let sectors: u64 = all.iter().map(|group| group["sectors"].as_u64().unwrap()).sum();
+    assert!(sectors > 20, "{found}");
+    for group in all.iter().filter(|group| group["sectors"] != 0) {
+        assert_near(&group["found"], 1.0, 0.02);
+        assert_near(&group["range_error"], 0.0, 0.01);
+    }
+    let plain = figures(&dataset(0), &[]);
+    assert!(plain.get("obstacles").is_none(), "they were not asked for");
+}
+
+#[test]
+fn obstacles_are_compared_with_a_mount_for_all_images_or_for_each() {
+    let bench = dataset(0);
+    let (code, stderr) = outcome(&bench, &["--obstacles"]);
+    assert_eq!(code, Some(2), "{stderr}");
+    assert!(stderr.contains("`[DIR]/data` has no `mounts.csv`\nhint: pass --mount"), "{stderr}");
+    let (code, stderr) = outcome(&bench, &["--obstacles", "--mount", "0,0,-1,0,0,0"]);
+    assert!(code == Some(2) && stderr.contains("above the floor"), "{stderr}");
+    let rows = "id,x,y,z,roll,pitch,yaw\na,0,0,0.5,0,0.1,0\n";
+    std::fs::write(bench.path("data/mounts.csv"), rows).unwrap();
+    let (code, stderr) = outcome(&bench, &["--obstacles"]);
+    assert_eq!(code, Some(3), "{stderr}");
+    assert!(stderr.contains("skipped `b`: `mounts.csv` has no row for the image `b`"), "{stderr}");
+}
+
+#[test]
 fn a_constant_error_is_the_root_mean_square_and_none_of_stretched_depth() {
     let found = figures(&dataset(100), &[]);
     assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);

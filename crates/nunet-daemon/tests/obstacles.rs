@@ -73,6 +73,22 @@ fn a_recording_has_obstacles_as_points_and_as_a_scan() {
 }
 
 #[test]
+fn a_run_leaves_the_obstacles_of_its_last_frame_beside_depth_and_without_a_mount_none() {
+    let bench = Bench::new();
+    let (model, out, name) = (bench.arg("model.onnx"), bench.arg("out"), camera("last"));
+    let arguments = ["-q", "--model", &model, "--source", "demo", "--frames", "3", "--camera", &name];
+    for (mount, expected) in [(&[][..], false), (&["--mount", MOUNT], true)] {
+        run_well(nunetd(&[&arguments[..], &["--out", &out], mount].concat()));
+        for file in ["obstacles.json", "obstacles.png"] {
+            assert_eq!(bench.path("out").join(file).is_file(), expected, "{file} {mount:?}");
+        }
+    }
+    let text = std::fs::read_to_string(bench.path("out/obstacles.json")).unwrap();
+    let found: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(found["sectors"].as_array().map(Vec::len), Some(72));
+}
+
+#[test]
 fn infer_writes_obstacles_as_numbers_and_images() {
     let bench = Bench::new();
     let (model, out, image) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("room.png"));

@@ -5,7 +5,9 @@ use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use nunet_core::camera::CameraError;
 use nunet_core::frame::FrameError;
+use nunet_core::obstacle::ObstacleError;
 use nunet_core::pipeline::PipelineError;
 use nunet_files::FilesError;
 use nunet_source::{SourceError, SourceErrorKind};
@@ -119,6 +121,35 @@ pub enum EvalError {
         /// The size of the image.
         size: ImageSize,
     },
+    /// Obstacles need the camera's place on the robot.
+    #[error("obstacles need the place of the camera on the robot, and `{}` has no `mounts.csv`", path.display())]
+    NoMount {
+        /// The dataset.
+        path: PathBuf,
+    },
+    /// An image without a row in `mounts.csv`.
+    #[error("`mounts.csv` has no row for the image `{id}`")]
+    NoMountOfImage {
+        /// The image.
+        id: String,
+    },
+    /// A file of mounts that cannot be used.
+    #[error("cannot use `{}`: {reason}", path.display())]
+    Mounts {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// Obstacles of a network whose depth has no unit.
+    #[error("obstacles need depth in meters, and the model's depth has no unit")]
+    NoMeters,
+    /// What counts as an obstacle cannot be.
+    #[error(transparent)]
+    Obstacles(#[from] ObstacleError),
+    /// The camera does not fit the image.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
     /// No image has depth where it would be compared.
     #[error("no image has true depth where depth is compared")]
     NoTruth,
@@ -189,6 +220,10 @@ impl EvalError {
             | Self::NoImages { .. }
             | Self::OwnDepth { .. }
             | Self::Ids(_)
+            | Self::NoMount { .. }
+            | Self::NoMeters
+            | Self::Mounts { .. }
+            | Self::Obstacles(_)
             | Self::NotAMeanImage { .. } => EvalErrorKind::Argument,
             Self::Source(error) if error.kind() == SourceErrorKind::BadArguments => EvalErrorKind::Argument,
             Self::NoPairs { .. } | Self::NoTruth | Self::TruthOutOfRange { .. } => EvalErrorKind::Truth,
@@ -203,6 +238,8 @@ impl EvalError {
             | Self::NoMean { .. }
             | Self::MeanSize { .. }
             | Self::ProtocolSize { .. }
+            | Self::NoMountOfImage { .. }
+            | Self::Camera(_)
             | Self::Frame(_) => EvalErrorKind::Image,
         }
     }
@@ -248,6 +285,9 @@ impl Hint for EvalError {
                 "count NYU's classes from 0; 39 is \"otherprop\" or unlabeled".into()
             }
             Self::ProtocolSize { .. } => "compare whole images, with the protocol `full`".into(),
+            Self::NoMount { .. } | Self::NoMountOfImage { .. } => {
+                "state one mount for all images, or a row `id,x,y,z,roll,pitch,yaw` for each".into()
+            }
             Self::NoTruth => "check window and protocol, which exclude parts; 0 and NaN mean no depth".into(),
             Self::TruthOutOfRange { far_m, .. } => match cap_for(*far_m) {
                 Some(cap_m) => format!("compare up to a larger distance: {cap_m} m").into(),
@@ -257,6 +297,8 @@ impl Hint for EvalError {
             Self::Source(error) => return error.hint(),
             Self::Pipeline(error) => return error.hint(),
             Self::Frame(error) => return error.hint(),
+            Self::Obstacles(error) => return error.hint(),
+            Self::Camera(error) => return error.hint(),
             Self::Files(error) => return error.hint(),
             Self::NoImages { .. }
             | Self::Ids(_)
@@ -264,6 +306,8 @@ impl Hint for EvalError {
             | Self::Size { .. }
             | Self::NoMean { .. }
             | Self::MeanSize { .. }
+            | Self::NoMeters
+            | Self::Mounts { .. }
             | Self::NothingMeasured { .. }
             | Self::System { .. } => return None,
         })

@@ -9,14 +9,16 @@ use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::make_folder;
 use nunet_source::{CameraResolver, Frame};
+use nunet_types::{ImageSize, Units};
 
 use crate::baseline::Baseline;
 use crate::comparison::{Comparison, Kind};
-use crate::dataset::{Dataset, Truth, is_recording, refuse_own_depth};
+use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, refuse_own_depth};
 use crate::error::{EvalError, text};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::metrics::LabelMetrics;
+use crate::obstacles::{ObstacleComparison, ObstacleEval, View};
 use crate::options::EvalOptions;
 use crate::report::{self, ImageRow, Measured, Report};
 use crate::sheet::{self, Row, chosen};
@@ -57,7 +59,9 @@ impl Evaluator {
             on_event(Event::Warning("no true labels of this network's classes: only depth is measured"));
         }
         let baseline = Baseline::new(&options, &dataset, on_event)?;
+        let obstacles = obstacles(&options, &pipeline)?;
         let mut evaluation = Evaluation::new(options, dataset, pipeline, camera, baseline);
+        evaluation.obstacles = obstacles;
         evaluation.measure_all(on_event)?;
         evaluation.comparison.check_truth()?;
         evaluation.report_truth_beyond(on_event);
@@ -79,6 +83,7 @@ pub struct Evaluation {
     comparison: Comparison,
     confusion: LabelMetrics,
     baseline: Option<Baseline>,
+    obstacles: Option<(ImageMounts, ObstacleComparison)>,
     rows: Vec<ImageRow>,
     skipped: u64,
 }
@@ -139,6 +144,7 @@ impl Evaluation {
             pipeline,
             camera,
             baseline,
+            obstacles: None,
         }
     }
 
@@ -169,6 +175,7 @@ impl Evaluation {
         if let Some(baseline) = &self.baseline {
             baseline.check_size(truth.size)?; // before anything is counted
         }
+        self.compare_obstacles(id, &truth, &prediction)?;
         let alone = self.comparison.add(&prediction.depth, &truth.depth_m, truth.size)?;
         if let Some(labels) = &truth.labels {
             self.confusion.add(&prediction.labels, labels);
@@ -178,6 +185,21 @@ impl Evaluation {
         }
         self.rows.push(ImageRow::new(id, &alone));
         Ok(())
+    }
+
+    /// Compares the obstacles of an image, if that is wanted.
+    fn compare_obstacles(
+        &mut self,
+        id: &str,
+        truth: &Truth,
+        predicted: &Prediction,
+    ) -> Result<(), EvalError> {
+        let Some((mounts, comparison)) = &mut self.obstacles else { return Ok(()) };
+        let ImageSize { width, height } = truth.size;
+        let camera = self.pipeline.points_camera().scaled_to(width, height)?;
+        let labels = (!predicted.labels.is_empty()).then_some(&predicted.labels[..]);
+        let truth = View { depth_m: &truth.depth_m, labels: truth.labels.as_deref() };
+        comparison.add(&camera, mounts.of(id)?, [truth, View { depth_m: &predicted.depth, labels }])
     }
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
@@ -227,6 +249,7 @@ impl Evaluation {
             &self.confusion,
             self.baseline.as_ref(),
         )
+        .with_obstacles(self.obstacles.as_ref().map(|(_, comparison)| comparison.scores()))
     }
 
     /// Writes `eval.json`, `pictures.csv`, `contact_sheet.png` and `mean_image.npy` into `folder`, which is created if it is
@@ -277,6 +300,19 @@ impl Evaluation {
         };
         Ok(row.strip())
     }
+}
+
+/// What compares obstacles, if that is wanted.
+fn obstacles(
+    options: &EvalOptions,
+    pipeline: &Pipeline,
+) -> Result<Option<(ImageMounts, ObstacleComparison)>, EvalError> {
+    let Some(ObstacleEval { mount, options: how }) = options.obstacles else { return Ok(None) };
+    if pipeline.scale().units != Units::Metre {
+        return Err(EvalError::NoMeters);
+    }
+    let mounts = ImageMounts::new(&options.dataset, mount)?;
+    Ok(Some((mounts, ObstacleComparison::new(how, &pipeline.graph().description().classes))))
 }
 
 /// The last part of the dataset's path.

@@ -10,6 +10,7 @@
 //! | `comparison`, `metrics` | which pixels are compared, and the sums over them ([`DepthMetrics`], [`LabelMetrics`]) |
 //! | `baseline`, `mean_image` | the trivial prediction |
 //! | `fit` | results of the network at the size of the truth |
+//! | `obstacles` | obstacles of the network against those of the true depth |
 //! | `report`, `sheet` | JSON, table, CSV, contact sheet |
 //!
 //! # Example: the error of a model on a folder of images with depth
@@ -64,6 +65,7 @@ mod event;
 mod fit;
 mod mean_image;
 mod metrics;
+mod obstacles;
 mod options;
 mod report;
 mod sheet;
@@ -72,5 +74,6 @@ pub use error::{EvalError, EvalErrorKind, cap_for};
 pub use evaluation::{Evaluation, Evaluator};
 pub use event::Event;
 pub use metrics::{DepthMetrics, DepthScores, IGNORE, LabelMetrics, LabelScores};
+pub use obstacles::{ObstacleEval, ObstacleGroup, ObstacleScores};
 pub use options::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
 pub use report::Report;

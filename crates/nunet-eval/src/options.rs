@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use nunet_source::CameraGeometry;
 
+use crate::obstacles::ObstacleEval;
+
 /// What is measured, and how.
 #[derive(Debug, Clone)]
 pub struct EvalOptions {
@@ -29,6 +31,8 @@ pub struct EvalOptions {
     pub window: Option<Window>,
     /// Whether the images are consecutive frames of one video; those of a recording always are.
     pub clip: bool,
+    /// Whether obstacles are compared too, and how they are found.
+    pub obstacles: Option<ObstacleEval>,
     /// The camera, if the dataset does not state it.
     pub camera: CameraGeometry,
 }
@@ -47,6 +51,7 @@ impl EvalOptions {
             units: DepthUnits::default(),
             window: None,
             clip: false,
+            obstacles: None,
             camera: CameraGeometry::default(),
         }
     }

@@ -11,6 +11,7 @@ use crate::baseline::{Baseline, BaselineSource};
 use crate::comparison::{Comparison, Kind};
 use crate::error::{Cause, EvalError};
 use crate::metrics::{DepthMetrics, DepthScores, LabelMetrics, LabelScores};
+use crate::obstacles::ObstacleScores;
 use crate::options::Protocol;
 
 /// Everything that was found. Its fields are those of `eval.json`: serialize it.
@@ -35,6 +36,8 @@ pub struct Report {
     minmax: Scores<Stretched>,
     labels: Scores<LabelScores>,
     baseline: Option<BaselineReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    obstacles: Option<ObstacleScores>,
 }
 
 /// Scores, `{}` where nothing could be measured.
@@ -126,7 +129,19 @@ impl Report {
                 picture_mean: baseline.metric.each.scores().into(),
                 minmax: Stretched::of(baseline.minmax()).into(),
             }),
+            obstacles: None,
         }
+    }
+
+    /// The same with what was found of obstacles.
+    pub(crate) fn with_obstacles(self, obstacles: Option<ObstacleScores>) -> Self {
+        Self { obstacles, ..self }
+    }
+
+    /// What was found of obstacles, if they were compared.
+    #[must_use]
+    pub fn obstacles(&self) -> Option<&ObstacleScores> {
+        self.obstacles.as_ref()
     }
 
     /// Errors of depth in meters; `None` for a network without meters.
@@ -149,6 +164,7 @@ impl Report {
             text += &line("labels miou", labels.miou, None);
             text += &line("labels acc.", labels.accuracy, None);
         }
+        text += &self.obstacles.as_ref().map(ObstacleScores::text).unwrap_or_default();
         text += &format!(
             "{} pixels compared, {} without a prediction, {} of truth beyond what is compared",
             self.pixels, self.pixels_without_prediction, self.pixels_beyond

@@ -3,29 +3,33 @@
 use std::path::PathBuf;
 
 use nunet_core::cloud::CloudPoint;
+use nunet_core::obstacle::Obstacles;
 use nunet_files::write_results;
 use nunet_types::{ImageSize, Units};
 use tracing::warn;
 
 use crate::file_writer::FileWriter;
+use crate::obstacle_images::write_obstacles;
 use crate::results::Results;
 use crate::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Wants};
 
 /// Writes the results of the last frame into a folder.
 struct LastFrame {
     folder: PathBuf,
+    has_obstacles: bool,
 }
 
-/// Writes the results of the last frame into `folder`, which exists.
+/// Writes the results of the last frame into `folder`, which exists; obstacles too if there is a stage that finds
+/// them.
 #[must_use]
-pub fn last_frame_into(folder: PathBuf) -> Box<dyn Sink> {
-    Box::new(LastFrame { folder })
+pub fn last_frame_into(folder: PathBuf, has_obstacles: bool) -> Box<dyn Sink> {
+    Box::new(LastFrame { folder, has_obstacles })
 }
 
 impl Sink for LastFrame {
-    /// Any frame may be the last one, so labels and cloud are computed for each.
+    /// Any frame may be the last one, so everything is computed for each.
     fn wants(&self) -> Wants {
-        Wants { labels: true, cloud: true, obstacles: false }
+        Wants { labels: true, cloud: true, obstacles: self.has_obstacles }
     }
 
     fn on_frame(&mut self, _frame: &PublishedFrame<'_>) {}
@@ -38,7 +42,10 @@ impl Sink for LastFrame {
         };
         let folder = self.folder;
         let what = format!("the files in `{}`", folder.display());
-        let writer = FileWriter::start(what, move || Ok(write_results(&folder, &last.results()).map(drop)?));
+        let writer = FileWriter::start(what, move || {
+            write_results(&folder, &last.results())?;
+            last.obstacles.map_or(Ok(()), |found| write_obstacles(&found, &folder))
+        });
         FinishingSink::new(move |timeout| writer?.end(timeout).map(|()| Outcome::Done))
     }
 }
@@ -50,6 +57,7 @@ struct OwnedResults {
     metric: bool,
     labels: Option<Vec<u8>>,
     cloud: Option<Vec<CloudPoint>>,
+    obstacles: Option<Obstacles>,
 }
 
 impl OwnedResults {
@@ -60,11 +68,12 @@ impl OwnedResults {
             metric: results.units == Units::Metre,
             labels: results.labels.map(<[_]>::to_vec),
             cloud: results.cloud.map(<[_]>::to_vec),
+            obstacles: results.obstacles.cloned(),
         }
     }
 
     fn results(&self) -> nunet_files::Results<'_> {
-        let Self { size, depth, metric, labels, cloud } = self;
+        let Self { size, depth, metric, labels, cloud, obstacles: _ } = self;
         nunet_files::Results {
             size: *size,
             depth,

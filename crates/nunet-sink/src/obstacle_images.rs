@@ -1,4 +1,4 @@
-//! Obstacles of single images, as files.
+//! Obstacles of one frame, as files.
 
 use std::path::Path;
 
@@ -26,23 +26,12 @@ pub struct View<'a> {
 }
 
 impl View<'_> {
-    /// Writes `obstacles.json`, `obstacles.png` (from above) and `obstacles_overlay.png` (on the image).
+    /// Writes the files of [`write_obstacles`] and `obstacles_overlay.png` (on the image).
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
-        let json = folder.join("obstacles.json");
-        std::fs::write(&json, format!("{:#}\n", obstacles_json(self.found)))
-            .with_context(|| format!("cannot write `{}`", json.display()))?;
-        let found = self.found;
-        let birds_eye = BirdsEye {
-            sectors: &found.sectors,
-            points: &found.points,
-            angle_min_rad: found.angle_min_rad,
-            angle_step_rad: found.angle_step_rad,
-            max_range_m: found.max_range_m,
-        };
-        write_rgb(&folder.join("obstacles.png"), &birds_eye.draw())?;
+        write_obstacles(self.found, folder)?;
         Ok(write_rgb(&folder.join("obstacles_overlay.png"), &self.overlay()?)?)
     }
 
@@ -61,6 +50,24 @@ impl View<'_> {
         draw_obstacle_points(&mut image, points, self.found.max_range_m);
         Ok(image)
     }
+}
+
+/// Writes `obstacles.json` and `obstacles.png` (from above) into `folder`, which exists.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn write_obstacles(found: &Obstacles, folder: &Path) -> anyhow::Result<()> {
+    let json = folder.join("obstacles.json");
+    std::fs::write(&json, format!("{:#}\n", obstacles_json(found)))
+        .with_context(|| format!("cannot write `{}`", json.display()))?;
+    let birds_eye = BirdsEye {
+        sectors: &found.sectors,
+        points: &found.points,
+        angle_min_rad: found.angle_min_rad,
+        angle_step_rad: found.angle_step_rad,
+        max_range_m: found.max_range_m,
+    };
+    Ok(write_rgb(&folder.join("obstacles.png"), &birds_eye.draw())?)
 }
 
 /// Numbers of JSON are finite: NaN is null.

@@ -17,9 +17,9 @@ use crate::source::Ended;
 use crate::source_type::{Properties, SourceType};
 use crate::{Capture, Fill, Frame, OpenOptions, Source};
 
-/// Folders of rendered rooms beside the models, the one on which the bundled models do better first: the camera of `drive` is
-/// 0.25 m above the floor, which they have not learned yet.
-const NAMES: [&str; 2] = ["clip", "drive"];
+/// Folders of rendered images beside the models, the one that shows most first: `drive` is a robot's way, 0.25 m above the
+/// floor, with obstacles; the Python package brings only `clip`.
+const NAMES: [&str; 2] = ["drive", "clip"];
 const DEFAULT_HZ: f64 = 30.0;
 
 pub(crate) struct Demo;
@@ -149,12 +149,14 @@ mod tests {
     }
 
     #[test]
-    fn the_drive_is_played_where_there_is_no_clip_and_a_missing_demo_is_an_error() {
+    fn the_clip_is_played_where_there_is_no_drive_and_a_missing_demo_is_an_error() {
         let models = clip(&["a_00.png"]);
         let folders = [models.path().to_owned()];
         assert_eq!(find(&folders), Some(models.path().join("clip")));
-        std::fs::rename(models.path().join("clip"), models.path().join("drive")).unwrap();
-        assert_eq!(find(&folders), Some(models.path().join("drive")));
+        let drive = models.path().join("drive");
+        std::fs::create_dir(&drive).unwrap();
+        std::fs::copy(models.path().join("clip/camera.json"), drive.join("camera.json")).unwrap();
+        assert_eq!(find(&folders), Some(drive));
         let error = Demo.open("demo", OpenOptions::default()).err().unwrap();
         assert_eq!(error.kind(), SourceErrorKind::Unavailable);
     }

@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, Protocol, Window};
+use nunet_core::obstacle::Mount;
+use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, ObstacleEval, Protocol, Window};
+use nunet_types::text_with_hint;
 
-use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs};
-use crate::config::ProcessingConfig;
+use super::text::{Text, value};
+use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs, ObstacleArgs};
+use crate::config::{MountOption, ProcessingConfig};
 use crate::exit::BadArguments;
 use crate::source::CameraGeometry;
 use crate::subcommands::eval;
@@ -52,6 +55,15 @@ pub struct EvalArgs {
     /// next, as in a recording
     #[arg(long)]
     pub clip: bool,
+    /// Also compare obstacles with those of the true depth; needs --mount, or `mounts.csv` in the dataset with the columns
+    /// id,x,y,z,roll,pitch,yaw
+    #[arg(long)]
+    pub obstacles: bool,
+    /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
+    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
+    pub mount: Option<Text<MountOption>>,
+    #[command(flatten)]
+    pub obstacle_options: ObstacleArgs,
     #[command(flatten)]
     pub lens: LensArgs,
     #[command(flatten)]
@@ -91,14 +103,29 @@ impl EvalArgs {
     /// As checked values.
     pub(crate) fn options(&self) -> Result<eval::Options, BadArguments> {
         let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+        let obstacles = self.obstacle_eval(pipeline.max_range_m)?;
         Ok(eval::Options {
-            evaluation: self.evaluation(geometry),
+            evaluation: EvalOptions { obstacles, ..self.evaluation(geometry) },
             model: self.model.clone(),
             pipeline,
             engine: self.engine.options(),
             out: self.out.clone(),
             json: self.json,
         })
+    }
+
+    /// How obstacles are found; `None` if they are not compared.
+    fn obstacle_eval(&self, max_range_m: Option<f32>) -> Result<Option<ObstacleEval>, BadArguments> {
+        if !self.obstacles {
+            return Ok(None);
+        }
+        let options = self.obstacle_options.options(max_range_m);
+        let mount = value(&self.mount).map(|MountOption { translation_m, roll_pitch_yaw_rad }| {
+            Mount::new(translation_m, roll_pitch_yaw_rad)
+        });
+        let checked = mount.transpose().and_then(|mount| options.check().map(|()| mount));
+        let mount = checked.map_err(|error| BadArguments(text_with_hint(&error)))?;
+        Ok(Some(ObstacleEval { mount, options }))
     }
 
     fn evaluation(&self, camera: CameraGeometry) -> EvalOptions {
@@ -121,6 +148,7 @@ impl EvalArgs {
             units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
             window: self.window,
             clip: self.clip,
+            obstacles: None,
             camera,
         }
     }

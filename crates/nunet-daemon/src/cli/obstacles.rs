@@ -66,7 +66,8 @@ impl ObstacleArgs {
         *self != Self::default()
     }
 
-    fn options(&self, max_range_m: Option<f32>) -> ObstacleOptions {
+    /// What counts as an obstacle, unchecked.
+    pub(super) fn options(&self, max_range_m: Option<f32>) -> ObstacleOptions {
         let default = ObstacleOptions::default();
         let meters = |flag: &Option<Text<Distance>>| value(flag).map(|Distance(meters)| meters);
         let count = |flag: &Option<Text<Count>>| value(flag).map(|Count(count)| count);

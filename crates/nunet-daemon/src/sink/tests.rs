@@ -122,7 +122,7 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
     }
     let written = out.clone();
     Rig {
-        sink: last_frame_into(out),
+        sink: last_frame_into(out, false),
         release: Box::new(move || drop(std::fs::read(pipe))),
         arrived: Box::new(move |_| {
             ["depth.npy", "labels.png", "cloud.ply"].iter().all(|file| written.join(file).is_file())

@@ -133,7 +133,10 @@ impl RoundRobinTask for StreamTask {
     /// Sinks begin to finish, and shared memory is released. It waits for no disk, because other cameras go on.
     fn end(mut self, state: &StreamState) -> StreamSummary {
         self.report_stats(state, false);
-        let last = self.publisher.last_results();
+        let mut last = self.publisher.last_results();
+        if let Some(last) = &mut last {
+            last.obstacles = self.obstacles.as_ref().and_then(ObstacleStage::last);
+        }
         let sinks = self.sinks.into_iter().map(|sink| sink.finish(last.as_ref())).collect();
         StreamSummary {
             scale: self.pipeline.scale(),

@@ -244,7 +244,7 @@ fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
         stream(
             &over,
             Gray { left: 3, sequence: 0, live: false },
-            vec![last_frame_into(folder.path().to_owned())],
+            vec![last_frame_into(folder.path().to_owned(), false)],
         ),
         stream(&live, Gray { left: u64::MAX, sequence: 0, live: true }, Vec::new()),
     ];

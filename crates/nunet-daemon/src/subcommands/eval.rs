@@ -112,6 +112,7 @@ fn with_flags(error: EvalError) -> anyhow::Error {
         EvalError::NoPairs { .. } => "choose the topics: --topic and --depth-topic".into(),
         EvalError::UnknownUnit { .. } => "state the unit of the depth images: --depth-scale METERS".into(),
         EvalError::ProtocolSize { .. } => "compare whole images: --protocol full".into(),
+        EvalError::NoMount { .. } => "pass --mount x,y,z,roll,pitch,yaw, meters and radians".into(),
         EvalError::NoTruth => "0 and NaN mean none; --window and --protocol exclude parts".into(),
         EvalError::TruthOutOfRange { far_m, .. } => depth_cap_hint(far_m),
         error => return error.into(),

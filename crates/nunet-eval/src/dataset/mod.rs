@@ -2,6 +2,7 @@
 
 mod ids;
 mod labels;
+mod mounts;
 mod pairs;
 mod unpack;
 
@@ -16,6 +17,7 @@ use tempfile::TempDir;
 pub(crate) use self::ids::read_ids;
 use self::ids::{Listing, list};
 use self::labels::LabelFolder;
+pub(crate) use self::mounts::ImageMounts;
 use self::unpack::{Unpacked, unpack};
 pub(crate) use self::unpack::{is_recording, refuse_own_depth};
 use crate::error::EvalError;

@@ -1,0 +1,100 @@
+//! `mounts.csv`: where the camera was on the robot, for each image.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nunet_core::obstacle::Mount;
+use serde::Deserialize;
+
+use crate::error::EvalError;
+
+/// The file in the dataset's folder.
+const FILE: &str = "mounts.csv";
+
+/// A row: meters and radians, as in `--mount`.
+#[derive(Deserialize)]
+struct Row {
+    id: String,
+    x: f64,
+    y: f64,
+    z: f64,
+    roll: f64,
+    pitch: f64,
+    yaw: f64,
+}
+
+/// Where the camera was.
+#[derive(Debug)]
+pub(crate) struct ImageMounts {
+    /// For all images that have no row.
+    all: Option<Mount>,
+    by_id: BTreeMap<String, Mount>,
+}
+
+impl ImageMounts {
+    /// Those of the dataset in `root`; `all` is for images without a row.
+    pub(crate) fn new(root: &Path, all: Option<Mount>) -> Result<Self, EvalError> {
+        match read(root)? {
+            Some(by_id) => Ok(Self { all, by_id }),
+            None if all.is_none() => Err(EvalError::NoMount { path: root.to_owned() }),
+            None => Ok(Self { all, by_id: BTreeMap::new() }),
+        }
+    }
+
+    /// The mount for an image.
+    pub(crate) fn of(&self, id: &str) -> Result<Mount, EvalError> {
+        let mount = self.by_id.get(id).copied().or(self.all);
+        mount.ok_or_else(|| EvalError::NoMountOfImage { id: id.to_owned() })
+    }
+}
+
+/// The mounts by the images' ids; `None` if the dataset has no such file.
+fn read(root: &Path) -> Result<Option<BTreeMap<String, Mount>>, EvalError> {
+    let path = root.join(FILE);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let wrong = |reason: String| EvalError::Mounts { path: path.clone(), reason };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(&path);
+    let reader = reader.as_mut().map_err(|error| wrong(error.to_string()))?;
+    let mut mounts = BTreeMap::new();
+    for row in reader.deserialize() {
+        let Row { id, x, y, z, roll, pitch, yaw } = row.map_err(|error| wrong(error.to_string()))?;
+        let mount = Mount::new([x, y, z], [roll, pitch, yaw]);
+        let mount = mount.map_err(|error| wrong(format!("image `{id}`: {error}")))?;
+        mounts.insert(id, mount);
+    }
+    Ok(Some(mounts))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Option<BTreeMap<String, Mount>>, EvalError> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(FILE), text).unwrap();
+        read(folder.path())
+    }
+
+    #[test]
+    fn each_image_has_its_own_mount() {
+        let mounts = read_text("id,x,y,z,roll,pitch,yaw\na,0,0,0.25,0,-0.07,0\n b , 0, 0, 1.2, 0.1, 0, 0\n")
+            .unwrap()
+            .unwrap();
+        assert_eq!((mounts.len(), mounts["b"].height_m()), (2, 1.2));
+        assert!(read(tempfile::tempdir().unwrap().path()).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_row_that_cannot_be_a_mount_is_named() {
+        for (text, part) in [
+            ("id,x,y,z,roll,pitch\na,0,0,1,0,0\n", "yaw"),
+            ("id,x,y,z,roll,pitch,yaw\na,0,0,high,0,0,0\n", "line: 2"),
+            ("id,x,y,z,roll,pitch,yaw\na,0,0,-1,0,0,0\n", "image `a`: mount: the camera is -1"),
+        ] {
+            let error = read_text(text).unwrap_err().to_string();
+            assert!(error.contains("mounts.csv") && error.contains(part), "{error}");
+        }
+    }
+}
