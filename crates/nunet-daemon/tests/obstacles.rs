@@ -5,7 +5,11 @@ use std::time::{Duration, Instant};
 use nunet_ipc::{CONTRACT_VERSION, CameraName, FrameSet, Reader, Topic, Units};
 use serde_json::Value;
 
-use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, run, run_well, text};
+use crate::support::{Bench, Guarded, TIMEOUT, camera, nunetd, repository, run, run_well, text};
+
+#[path = "../../../examples/stop_before_wall.rs"]
+#[expect(dead_code, reason = "its `main` is that of the example")]
+mod stop_before_wall;
 
 const MOUNT: &str = "0.1,0,0.5,0,0.1,0";
 
@@ -70,6 +74,28 @@ fn a_recording_has_obstacles_as_points_and_as_a_scan() {
     {
         assert!(has(word), "{word}");
     }
+}
+
+/// The speed of the example for one image of the rendered drive, with the default network.
+fn speed_at(image: &str) -> f32 {
+    let models = repository().join("models");
+    let (model, image) = (models.join("wnet_c.onnx"), models.join("drive/rgb").join(image));
+    let name = camera("robot");
+    let mut command = nunetd(&["-q", "--camera", &name, "--loop", "--rate", "5"]);
+    command.args(["--mount", "0,0,0.25,0,-0.07,0", "--intrinsics", "262,262,160.3,119.2@320x240"]);
+    command.arg("--model").arg(model).arg("--source").arg(image);
+    let _daemon = Guarded::start(command);
+    let camera_name = CameraName::new(&name).unwrap();
+    let mut reader = Reader::open(&camera_name, &[Topic::Obstacles], TIMEOUT).unwrap();
+    let set = next_set(&mut reader);
+    stop_before_wall::speed(set.get(Topic::Obstacles).unwrap().obstacles().unwrap())
+}
+
+#[test]
+fn the_example_drives_where_2_m_are_free_and_all_but_stops_half_a_meter_before_a_chair() {
+    let [free, near, nearest] = ["0220.jpg", "0230.jpg", "0235.jpg"].map(speed_at);
+    assert_eq!(free, 0.6, "m/s");
+    assert!(nearest < 0.15 && nearest < near && near < free, "{free} {near} {nearest} m/s");
 }
 
 #[test]

@@ -21,9 +21,9 @@ def unique_name():
 
 
 @contextlib.contextmanager
-def daemon(nunetd, name, *more, source="demo"):
-    """A daemon with the tiny model. It is killed at the end of the block."""
-    command = [nunetd, "-q", "--model", str(MODEL), "--source", source, "--camera", name, *more]
+def daemon(nunetd, name, *more, source="demo", model=MODEL):
+    """A daemon, with the tiny model by default. It is killed at the end of the block."""
+    command = [nunetd, "-q", "--model", str(model), "--source", source, "--camera", name, *more]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         yield process

@@ -60,6 +60,28 @@ def test_subscribe_prints_a_hint_when_its_daemon_dies(nunetd):
     assert error.startswith("subscribe: no frame of camera") and "\nhint: " in error
 
 
+def speed_at(nunetd, image):
+    """The first speed that the example prints for one image of the rendered drive, with the default network."""
+    name = unique_name()
+    camera = ["--mount", "0,0,0.25,0,-0.07,0", "--intrinsics", "262,262,160.3,119.2@320x240", "--loop", "--rate", "5"]
+    source, model = ROOT / "models/drive/rgb" / image, ROOT / "models/wnet_c.onnx"
+    with daemon(nunetd, name, *camera, source=str(source), model=model):
+        command = [sys.executable, EXAMPLES / "stop_before_wall.py", name]
+        example = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            return float(example.stdout.readline().removesuffix(" m/s\n"))
+        finally:
+            example.kill()
+            example.communicate(timeout=60)
+
+
+def test_stop_before_wall_drives_where_2_m_are_free_and_all_but_stops_half_a_meter_before_a_chair(nunetd):
+    free, near, nearest = (speed_at(nunetd, image) for image in ("0220.jpg", "0230.jpg", "0235.jpg"))
+    assert free == 0.6
+    assert nearest < 0.15
+    assert nearest < near < free
+
+
 def test_publish_webcam_sends_every_image_of_the_camera(tmp_path):
     (tmp_path / "cv2.py").write_text(FAKE_CV2)
     name = unique_name()
