@@ -68,16 +68,15 @@ impl Families {
             stage: Family::new_with_constructor(histogram),
         };
         let Self { up, captured, ended, in_flight, fps, bytes_copied, latency, stage } = &families;
-        let help =
-            "1 while the source of the camera gives frames, 0 while it is waited for and after its end";
+        let help = "1 while the source delivers frames, 0 while it is retried and after its end";
         registry.register("camera_up", help, up.clone());
-        registry.register("frames_captured", "Frames that the source handed over", captured.clone());
-        registry.register("frames_ended", "Frames by how they ended", ended.clone());
-        registry.register("frames_in_flight", "Frames that have not ended", in_flight.clone());
+        registry.register("frames_captured", "Frames that the source delivered", captured.clone());
+        registry.register("frames_ended", "Published, superseded and failed frames", ended.clone());
+        registry.register("frames_in_flight", "Frames that are not finished", in_flight.clone());
         registry.register("frames_per_second", "Published frames per second since the start", fps.clone());
-        let help = "Bytes that were moved although they existed already, per frame";
+        let help = "Mean bytes per frame copied between camera memory and network input";
         registry.register("bytes_copied_per_frame", help, bytes_copied.clone());
-        let help = "From the source to the wake-up of the readers";
+        let help = "Time from the arrival of the image to the wake-up of the readers";
         registry.register_with_unit("latency", help, Unit::Seconds, latency.clone());
         registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, stage.clone());
         families

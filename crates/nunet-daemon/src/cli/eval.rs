@@ -18,41 +18,40 @@ use crate::subcommands::eval;
 #[derive(Debug, Args, Clone)]
 pub struct EvalArgs {
     /// A recording (FILE.mcap or the folder of a bag) with images and depth, or a folder with `rgb/ID.jpg` or `.png`,
-    /// `depth/ID.png` and, for labels, `labels/ID.png` or `label40/ID.png`. Where the names are different times, as in TUM's
+    /// `depth/ID.png` and, for labels, `labels/ID.png` or `label40/ID.png`. If the names are time stamps, as in TUM's
     /// sequences, images and depth within 20 ms are joined
     pub dataset: PathBuf,
-    /// Topic with images, if the recording has several
+    /// The image topic, if the recording has several
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
-    /// Topic with true depth, if the recording has several
+    /// The topic with true depth, if the recording has several
     #[arg(long, value_name = "TOPIC")]
     pub depth_topic: Option<String>,
-    /// An .onnx file, a staged graph's .toml, or the name of a bundled model
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
     #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
     pub model: PathBuf,
-    /// Images to measure, a file with one id per line [default: all]
+    /// The images to measure: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE")]
     pub ids: Option<PathBuf>,
-    /// Images of the dataset whose mean is the baseline [default: those of the other scenes, if ids name scenes; else the
-    /// measured ones]
+    /// The images whose mean depth is the baseline: a file with one id per line [default: those of the other scenes if
+    /// the ids name scenes, otherwise the measured images]
     #[arg(long, value_name = "FILE")]
     pub baseline_ids: Option<PathBuf>,
-    /// Mean image as the baseline: the `mean_image.npy` that another `eval --out` has written
+    /// The mean image to use as the baseline: the `mean_image.npy` that another `eval --out` wrote
     #[arg(long, value_name = "FILE.npy", conflicts_with = "baseline_ids")]
     pub baseline: Option<PathBuf>,
-    /// What is compared: whole images, or the crop of Eigen et al. for NYU Depth V2
+    /// The pixels to compare: whole images, or the crop of Eigen et al. for NYU Depth V2
     #[arg(long, value_enum, default_value_t = ProtocolArg::Full)]
     pub protocol: ProtocolArg,
-    /// True depth from here on is not compared, and predictions end here: 10 for NYU Depth V2, 80 for KITTI
+    /// Ignore true depth of this value or more, and limit predictions to it: 10 for NYU Depth V2, 80 for KITTI
     #[arg(long, value_name = "METERS", default_value = "10", value_parser = parse_meters)]
     pub depth_cap: f64,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// Only pixels inside it have truth, for data with a border around each image
+    /// The part of the images that has true depth, for data with a border around each image
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT")]
     pub window: Option<Window>,
-    /// The images are one video, in their order: recurrent models and the temporal filter keep their state from one to the
-    /// next, as in a recording
+    /// Treat the images as consecutive frames of one video: recurrent models and the temporal filter keep their state
     #[arg(long)]
     pub clip: bool,
     /// Also compare obstacles with those of the true depth; needs --mount, or `mounts.csv` in the dataset with the columns
@@ -81,11 +80,11 @@ pub struct EvalArgs {
 /// What the numbers of a depth image mean: meters = (value + offset) * scale.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct DepthUnitArgs {
-    /// Meters per unit of the depth images [default: 0.001, for 16-bit images]; KITTI has 0.00390625, TUM 0.0002. 65535 is no
-    /// measurement, and neither is 0 without an offset
+    /// Meters per unit of the depth images, such as 0.00390625 for KITTI and 0.0002 for TUM. 65535 is no measurement; 0
+    /// is none either unless --depth-offset is given [default: 0.001, for 16-bit images]
     #[arg(long, value_name = "METERS", value_parser = parse_meters)]
     pub depth_scale: Option<f64>,
-    /// Added to each value before scaling; with another than 0 the value 0 is a measurement
+    /// Added to each value before scaling; if it is not 0, the value 0 is a measurement
     #[arg(long, value_name = "UNITS", default_value = "0", allow_hyphen_values = true)]
     pub depth_offset: f64,
 }

@@ -69,7 +69,8 @@ pub struct CameraArgs {
     /// Take every N-th row and column of depth for the cloud
     #[arg(long, value_name = "N", default_value = "1")]
     pub cloud_stride: Text<NonZeroU32>,
-    /// Drop points farther from the camera than M meters from the cloud [default: the model's maximum depth]
+    /// Drop cloud points farther than M meters from the camera, and ignore obstacles farther than M meters from the base
+    /// [default: the model's maximum depth for the cloud, 5 for obstacles]
     #[arg(long, value_name = "M")]
     pub max_range: Option<Text<Distance>>,
 }
