@@ -14,14 +14,14 @@ use crate::error::hinted;
 
 /// Obstacles in the leveled base frame of the robot: x forward, y left, z up, origin on the floor. Meters and radians.
 ///
-/// A direction is free only up to its range, and only if its floor was seen. Sectors are sorted counterclockwise: the first
-/// one is the rightmost. Nothing nearer than `seen_from` was seen: it is below the image.
+/// A direction is free only up to its range, and only if its floor was seen. Sectors are sorted counterclockwise: the
+/// first one is the rightmost. The floor nearer than `seen_from` is below the image and was not seen.
 ///
 /// Attributes
 /// ----------
 /// states : tuple of str
-///     (N): what ends the free space of each sector: `occupied` by an obstacle, `drop` (the floor ends), `unknown` from there
-///     on, or `free` (nothing does).
+///     (N): what is at the range of each sector: `occupied` (an obstacle), `drop` (the floor ends), `unknown` (nothing
+///     is known from there on) or `free` (the search range or the image ends).
 /// ranges : numpy.ndarray
 ///     float32 (N): how far each sector is free.
 /// angles : numpy.ndarray
@@ -45,7 +45,7 @@ use crate::error::hinted;
 /// ground : tuple of float
 ///     Rise per meter forward, rise per meter to the left, height at the origin.
 /// ground_refined : bool
-///     Whether the ground was measured; if not, it is the plane that the mount promises.
+///     Whether the ground was measured. If not, it is the plane that follows from the mount.
 /// floor_fraction : float
 ///     The share of the image that shows floor.
 /// used_labels : bool

@@ -162,9 +162,9 @@ impl Model {
     /// ----------
     /// rgb : numpy.ndarray, str, os.PathLike or PIL.Image.Image
     ///     An array is uint8 (H, W, 3), rows from the top, with any strides. A path names a JPEG or PNG file, which is
-    ///     turned upright as its EXIF orientation says. A PIL image of 8 bits per channel is converted to RGB, and not
-    ///     turned. Images of any size are resized to `Model.size` without cropping. An array is read without the GIL: do
-    ///     not write to it meanwhile.
+    ///     rotated as its EXIF orientation says. A PIL image of 8 bits per channel is converted to RGB and not rotated.
+    ///     Images of any size are resized to `Model.size` without cropping. An array is read without the GIL: do not
+    ///     write to it meanwhile.
     /// camera : Camera, optional
     ///     The camera of the image. Meters are scaled by its focal length, and points lie on its rays. By default the
     ///     training camera is assumed (`scale_source` is `assumed_camera`).

@@ -222,13 +222,13 @@ impl Result {
     /// camera : Camera, optional
     ///     The camera, as for `cloud`.
     /// clearance : float, optional
-    ///     What is lower above the ground can be driven over, meters.
+    ///     Height above the ground that the robot can drive over, meters.
     /// robot_height : float, optional
-    ///     What is higher above the ground can be driven under, meters.
+    ///     Height above the ground that the robot can drive under, meters.
     /// sectors : int, optional
-    ///     Directions over the camera's field of view, 1 to 360.
+    ///     Number of directions over the camera's field of view, 1 to 360.
     /// max_range : float, optional
-    ///     Obstacles farther away are ignored, meters.
+    ///     Obstacles farther from the base are ignored, meters.
     ///
     /// Returns
     /// -------

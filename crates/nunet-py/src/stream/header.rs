@@ -69,7 +69,7 @@ pub(crate) struct FrameHeader {
     invalid_pixels: u64,
     /// The name of the camera's coordinate frame; of the robot's base for `obstacles`.
     frame_id: String,
-    /// What the network's meters were multiplied by; 0 if unknown.
+    /// Factor by which the network's meters were multiplied; 0 if unknown.
     scale_factor: f64,
     /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
     scale_age_nanos: i64,

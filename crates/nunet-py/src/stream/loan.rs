@@ -20,11 +20,14 @@ const EXPECTED_REFERENCES: isize = 2;
 /// An image that is written directly into shared memory: a context manager that gives a writeable numpy array and sends it
 /// at the end of the block. Nothing is copied.
 ///
-/// After the block the array is read-only: its memory belongs to the subscribers and will be reused. If anything besides
-/// one variable still refers to the array at the end of the block (a view such as `image[..., 0]`, a memoryview, a
-/// tensor, a list, a second variable), the image is copied once and the copy is sent; `Publisher.copied` counts it. Drop
-/// such references inside the block to avoid the copy. Do not replace the variable by a tensor or a memoryview of the
-/// same memory: that is not noticed, and writing to it after the block changes what subscribers see.
+/// After the block the array is read-only: its memory belongs to the subscribers and will be reused.
+///
+/// If anything besides one variable still refers to the array at the end of the block (a view such as `image[..., 0]`, a
+/// memoryview, a tensor, a list, a second variable), the image is copied once and the copy is sent. `Publisher.copied`
+/// counts such copies. Drop such references inside the block to avoid the copy.
+///
+/// Do not replace the variable by a tensor or a memoryview of the same memory: this is not detected, and writing to it
+/// after the block changes what subscribers see.
 ///
 /// If the block ends with an exception, nothing is sent.
 #[pyclass(frozen, module = "nunet_py")]

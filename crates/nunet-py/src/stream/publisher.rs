@@ -42,7 +42,7 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// frame_id : str, optional
 ///     The name of the camera's coordinate frame.
 /// readers : int, optional
-///     The largest number of subscribers at a time; a daemon is one. Memory is reserved for them.
+///     The largest number of subscribers at a time; a daemon counts as one. Memory is reserved for them.
 ///
 /// Returns
 /// -------

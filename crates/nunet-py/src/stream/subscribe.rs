@@ -34,9 +34,9 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// camera : str
 ///     The camera's name, as in `nunetd --camera`.
 /// topics : sequence of str, optional
-///     The content of each frame: any of `rgb`, `depth`, `labels`, `cloud` and `stats`. By default `depth`. Cloud and labels
-///     are computed only while there is a subscriber. `rgb` comes from the camera's own publisher (`nunetd feed`,
-///     `nunet_py.publisher`); each image is joined with the depth that was computed from it.
+///     The content of each frame: any of `rgb`, `depth`, `labels`, `cloud`, `obstacles` and `stats`. By default `depth`.
+///     Cloud, labels and obstacles are computed only while there is a subscriber. `rgb` comes from the camera's own
+///     publisher (`nunetd feed`, `nunet_py.publisher`); each image is joined with the depth that was computed from it.
 /// timeout : float, optional
 ///     Seconds to wait for the daemon, and later for each frame. `None` and `math.inf` wait without limit.
 ///
@@ -92,8 +92,8 @@ fn subscribe(
 /// subscriber continues. The loop ends when the subscriber is closed.
 ///
 /// Several threads may share a subscriber: each frame goes to one of them, and the limit on held messages applies to all
-/// together. One subscriber per thread is better. A forked process must make its own. Do not use the package `iceoryx2` in
-/// the same process: each would take the other for dead.
+/// together. One subscriber per thread is better. A forked process must make its own. Do not use the package `iceoryx2`
+/// in the same process: each would consider the other dead and remove its files.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Subscriber {
