@@ -106,7 +106,7 @@ typedef enum nunet_units_t {
   NUNET_UNITS_NONE = 0,
   /** Meters. */
   NUNET_UNITS_METRE = 1,
-  /** Farther is larger; nothing more is promised. */
+  /** No unit: larger values are farther. */
   NUNET_UNITS_RELATIVE = 2,
 } nunet_units_t;
 
@@ -185,7 +185,7 @@ typedef struct nunet_header_t {
   uint32_t contract_version;
   /** A `nunet_topic_t`. */
   uint32_t topic;
-  /** The frame's number: the same in every topic of one frame, rising, starting anywhere. */
+  /** The frame's number: the same in every topic of one frame. It increases from an arbitrary start. */
   uint64_t sequence;
   /** The capture time, in nanoseconds of `capture_clock`: the same in every topic of one frame. */
   int64_t capture_nanos;
@@ -205,7 +205,7 @@ typedef struct nunet_header_t {
   uint32_t row_stride_bytes;
   /** A `nunet_units_t`. */
   uint32_t units;
-  /** Bytes of the payload that mean something; the rest of the last block does not. */
+  /** Bytes of the payload, without the unused end of the last block. */
   uint64_t payload_bytes;
   /** A `nunet_scale_source_t`; without meaning when `units` is none. */
   uint32_t scale_source;
@@ -219,7 +219,7 @@ typedef struct nunet_header_t {
   double cx;
   /** Principal point in pixels, vertically. */
   double cy;
-  /** The coefficients of `distortion_model`, zeros behind them. */
+  /** The coefficients of `distortion_model`, padded with zeros. */
   double distortion[NUNET_MAX_COEFFICIENTS];
   /** A `nunet_distortion_model_t`. */
   uint32_t distortion_model;
@@ -233,9 +233,9 @@ typedef struct nunet_header_t {
   uint64_t bytes_copied;
   /** Pixels of the depth map without a depth, after the filters: those that are NaN. */
   uint64_t invalid_pixels;
-  /** The name of the camera's coordinate frame, UTF-8, zeros behind it. */
+  /** The name of the camera's coordinate frame, UTF-8, padded with zeros. */
   char frame_id[64];
-  /** What the network's meters were multiplied by; 0 when unknown or without meaning. */
+  /** Factor by which the network's meters were multiplied; 0 if unknown or without meaning. */
   double scale_factor;
   /** Nanoseconds since `scale_factor` was measured; 0 for one that does not change. */
   int64_t scale_age_nanos;
@@ -257,7 +257,7 @@ typedef struct nunet_stats_t {
   uint64_t captured;
   /** Frames whose depth was published. */
   uint64_t published;
-  /** Frames that a newer one overtook before their turn. */
+  /** Frames that a newer one replaced before they were processed. */
   uint64_t superseded;
   /** Frames that ended with an error. */
   uint64_t failed;
@@ -271,9 +271,9 @@ typedef struct nunet_stats_t {
   double allocations_per_frame;
   /** The median time from the image's arrival at the daemon to publication. */
   double total_p50_us;
-  /** Nine of ten frames were faster. */
+  /** The 90th percentile. */
   double total_p90_us;
-  /** Ninety-nine of a hundred frames were faster. */
+  /** The 99th percentile. */
   double total_p99_us;
   /** The slowest frame. */
   double total_max_us;
@@ -281,9 +281,9 @@ typedef struct nunet_stats_t {
   double total_mean_us;
   /** SHA-256 of the model. */
   uint8_t model_hash[32];
-  /** The model file's name, UTF-8, zeros behind it. */
+  /** The model file's name, UTF-8, padded with zeros. */
   char model_name[64];
-  /** What the network runs on, UTF-8, zeros behind it. */
+  /** The execution provider, UTF-8, padded with zeros. */
   char provider[32];
   /** The stages' names in the order of `stage_micros`. */
   char stage_names[NUNET_MAX_STAGES][NUNET_STAGE_NAME_BYTES];
@@ -382,7 +382,7 @@ typedef struct nunet_obstacles_t {
   uint32_t sector_count;
   /** How many of `points` are in use. */
   uint32_t point_count;
-  /** 1 if the ground was measured in this frame, 0 if it is the plane that the mount promises. */
+  /** 1 if the ground was measured in this frame, 0 if it is the plane that follows from the mount. */
   uint32_t ground_refined;
   /** 1 if labels identified floor and glass, 0 if only geometry did. */
   uint32_t used_labels;
@@ -390,11 +390,11 @@ typedef struct nunet_obstacles_t {
   float angle_min_rad;
   /** The width of a sector, radians. */
   float angle_step_rad;
-  /** What is lower above the ground can be driven over, meters. */
+  /** Height above the ground that the robot can drive over, meters. */
   float clearance_m;
-  /** What is higher above the ground can be driven under, meters. */
+  /** Height above the ground that the robot can drive under, meters. */
   float robot_height_m;
-  /** Obstacles farther away are ignored, meters. */
+  /** Obstacles farther from the base are ignored, meters. */
   float max_range_m;
   /** The share of the image that shows floor, 0 to 1. */
   float floor_fraction;
@@ -406,9 +406,9 @@ typedef struct nunet_obstacles_t {
   float ground_height_m;
   /** Zero; room for later fields. */
   uint8_t reserved[104];
-  /** The directions. Those not in use mean nothing. */
+  /** The directions. Unused entries are undefined. */
   nunet_obstacle_sector_t sectors[NUNET_MAX_SECTORS];
-  /** The points of obstacles. Those not in use mean nothing. */
+  /** The points of obstacles. Unused entries are undefined. */
   nunet_obstacle_point_t points[NUNET_MAX_OBSTACLE_POINTS];
 } nunet_obstacles_t;
 
@@ -618,12 +618,12 @@ typedef struct nunet_frame_t nunet_frame_t;
 typedef struct nunet_loan_t nunet_loan_t;
 
 /**
- * The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from whatever threads.
+ * The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any threads.
  */
 typedef struct nunet_publisher_t nunet_publisher_t;
 
 /**
- * A reader of some of a camera's topics. Calls with one reader come one after the other, from whatever threads.
+ * A reader of some of a camera's topics. Calls with one reader run one after the other, from any threads.
  */
 typedef struct nunet_reader_t nunet_reader_t;
 

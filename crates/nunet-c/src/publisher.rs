@@ -14,7 +14,7 @@ use crate::handle::locked;
 use crate::loan::{LOANS, LoanHandle, OpenLoan};
 use crate::status::{Failure, Status, guard};
 
-/// The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from whatever threads.
+/// The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any threads.
 #[derive(Debug)]
 pub struct PublisherHandle;
 

@@ -13,7 +13,7 @@ use crate::frame::{FRAMES, FrameHandle, Set};
 use crate::handle::{Table, locked};
 use crate::status::{Failure, Status, guard};
 
-/// A reader of some of a camera's topics. Calls with one reader come one after the other, from whatever threads.
+/// A reader of some of a camera's topics. Calls with one reader run one after the other, from any threads.
 #[derive(Debug)]
 pub struct ReaderHandle;
 

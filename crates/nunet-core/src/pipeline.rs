@@ -50,7 +50,7 @@ pub struct FrameReport {
     pub units: Units,
     /// Where its scale comes from.
     pub scale_source: ScaleSource,
-    /// What the network's meters were multiplied by; 0 for depth without a unit.
+    /// Factor by which the network's meters were multiplied; 0 for depth without a unit.
     pub scale_factor: f32,
     /// Bytes written to move existing data; 0 if the camera's images have the network's size and format.
     pub bytes_copied: u64,

@@ -9,7 +9,7 @@ vocabulary! {
         None = 0 "none",
         /// Meters.
         Metre = 1 "metre",
-        /// Farther is larger; nothing more is promised.
+        /// No unit: larger values are farther.
         Relative = 2 "relative",
     }
 }

@@ -47,7 +47,7 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// The plane that the mount promises.
+    /// The plane that follows from the mount.
     pub const EXPECTED: Self =
         Self { slope_x: 0.0, slope_y: 0.0, height_m: 0.0, is_refined: false, floor_fraction: 0.0 };
 

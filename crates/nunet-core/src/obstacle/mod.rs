@@ -94,7 +94,7 @@ pub struct Obstacles {
     pub angle_min_rad: f32,
     /// The width of a sector, radians.
     pub angle_step_rad: f32,
-    /// Obstacles farther away are ignored, meters.
+    /// Obstacles farther from the base are ignored, meters.
     pub max_range_m: f32,
     /// Whether labels identified floor and glass; if not, only geometry did.
     pub used_labels: bool,

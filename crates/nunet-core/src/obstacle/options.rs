@@ -9,9 +9,9 @@ use super::ObstacleError;
 /// What counts as an obstacle, and how it is reported.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObstacleOptions {
-    /// What is lower above the ground can be driven over, meters.
+    /// Height above the ground that the robot can drive over, meters.
     pub clearance_m: f32,
-    /// What is higher above the ground can be driven under, meters.
+    /// Height above the ground that the robot can drive under, meters.
     pub robot_height_m: f32,
     /// Obstacles farther from the base's origin are ignored, meters.
     pub max_range_m: f32,

@@ -36,7 +36,7 @@ contract_struct! {
         pub contract_version: u32,
         /// A [`Topic`].
         pub topic: u32,
-        /// The frame's number: the same in every topic of one frame, rising, starting anywhere.
+        /// The frame's number: the same in every topic of one frame. It increases from an arbitrary start.
         pub sequence: u64,
         /// The capture time, in nanoseconds of `capture_clock`: the same in every topic of one frame.
         pub capture_nanos: i64,
@@ -56,7 +56,7 @@ contract_struct! {
         pub row_stride_bytes: u32,
         /// [`Units`].
         pub units: u32,
-        /// Bytes of the payload that mean something; the rest of the last block does not.
+        /// Bytes of the payload, without the unused end of the last block.
         pub payload_bytes: u64,
         /// A [`ScaleSource`]; without meaning when `units` is none.
         pub scale_source: u32,
@@ -70,7 +70,7 @@ contract_struct! {
         pub cx: f64,
         /// Principal point in pixels, vertically.
         pub cy: f64,
-        /// The coefficients of `distortion_model`, zeros behind them.
+        /// The coefficients of `distortion_model`, padded with zeros.
         pub distortion: [f64; MAX_COEFFICIENTS],
         /// A [`DistortionModel`].
         pub distortion_model: u32,
@@ -84,9 +84,9 @@ contract_struct! {
         pub bytes_copied: u64,
         /// Pixels of the depth map without a depth, after the filters: those that are NaN.
         pub invalid_pixels: u64,
-        /// The name of the camera's coordinate frame, UTF-8, zeros behind it.
+        /// The name of the camera's coordinate frame, UTF-8, padded with zeros.
         pub frame_id: [u8; 64],
-        /// What the network's meters were multiplied by; 0 when unknown or without meaning.
+        /// Factor by which the network's meters were multiplied; 0 if unknown or without meaning.
         pub scale_factor: f64,
         /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
         pub scale_age_nanos: i64,

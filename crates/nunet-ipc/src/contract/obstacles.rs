@@ -18,7 +18,7 @@ contract_struct! {
         pub sector_count: u32,
         /// How many of `points` are in use.
         pub point_count: u32,
-        /// 1 if the ground was measured in this frame, 0 if it is the plane that the mount promises.
+        /// 1 if the ground was measured in this frame, 0 if it is the plane that follows from the mount.
         pub ground_refined: u32,
         /// 1 if labels identified floor and glass, 0 if only geometry did.
         pub used_labels: u32,
@@ -26,11 +26,11 @@ contract_struct! {
         pub angle_min_rad: f32,
         /// The width of a sector, radians.
         pub angle_step_rad: f32,
-        /// What is lower above the ground can be driven over, meters.
+        /// Height above the ground that the robot can drive over, meters.
         pub clearance_m: f32,
-        /// What is higher above the ground can be driven under, meters.
+        /// Height above the ground that the robot can drive under, meters.
         pub robot_height_m: f32,
-        /// Obstacles farther away are ignored, meters.
+        /// Obstacles farther from the base are ignored, meters.
         pub max_range_m: f32,
         /// The share of the image that shows floor, 0 to 1.
         pub floor_fraction: f32,
@@ -42,9 +42,9 @@ contract_struct! {
         pub ground_height_m: f32,
         /// Zero; room for later fields.
         pub reserved: [u8; 104],
-        /// The directions. Those not in use mean nothing.
+        /// The directions. Unused entries are undefined.
         pub sectors: [ObstacleSector; MAX_SECTORS],
-        /// The points of obstacles. Those not in use mean nothing.
+        /// The points of obstacles. Unused entries are undefined.
         pub points: [ObstaclePoint; MAX_OBSTACLE_POINTS],
     }
 }

@@ -26,7 +26,7 @@ contract_struct! {
         pub captured: u64,
         /// Frames whose depth was published.
         pub published: u64,
-        /// Frames that a newer one overtook before their turn.
+        /// Frames that a newer one replaced before they were processed.
         pub superseded: u64,
         /// Frames that ended with an error.
         pub failed: u64,
@@ -40,9 +40,9 @@ contract_struct! {
         pub allocations_per_frame: f64,
         /// The median time from the image's arrival at the daemon to publication.
         pub total_p50_us: f64,
-        /// Nine of ten frames were faster.
+        /// The 90th percentile.
         pub total_p90_us: f64,
-        /// Ninety-nine of a hundred frames were faster.
+        /// The 99th percentile.
         pub total_p99_us: f64,
         /// The slowest frame.
         pub total_max_us: f64,
@@ -50,9 +50,9 @@ contract_struct! {
         pub total_mean_us: f64,
         /// SHA-256 of the model.
         pub model_hash: [u8; 32],
-        /// The model file's name, UTF-8, zeros behind it.
+        /// The model file's name, UTF-8, padded with zeros.
         pub model_name: [u8; 64],
-        /// What the network runs on, UTF-8, zeros behind it.
+        /// The execution provider, UTF-8, padded with zeros.
         pub provider: [u8; 32],
         /// The stages' names in the order of [`FrameHeader::stage_micros`](crate::FrameHeader).
         pub stage_names: [[u8; STAGE_NAME_BYTES]; MAX_STAGES],
@@ -132,7 +132,7 @@ impl StatsRecord {
         set_text(&mut self.model_name, name);
     }
 
-    /// What the network runs on.
+    /// The execution provider.
     #[must_use]
     pub fn provider(&self) -> Cow<'_, str> {
         text(&self.provider)
