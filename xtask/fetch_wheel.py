@@ -42,7 +42,8 @@ class FetchError(Exception):
     """A message for people, and what they can do about it."""
 
     def __init__(self, message, hint):
-        super().__init__(f"{message}\nhint: {hint}")
+        super().__init__(message)
+        self.hint = hint
 
 
 @dataclass(frozen=True)
@@ -322,9 +323,11 @@ def main(argv=None, env=os.environ):
         place(part, wanted.member, to)
     except FetchError as error:
         print(f"error: {error}", file=sys.stderr)
+        print(f"hint: {error.hint}", file=sys.stderr)
         return 1
     except OSError as error:
-        print(f"error: cannot write `{to}`: {error}\nhint: set XDG_CACHE_HOME to a folder with room", file=sys.stderr)
+        print(f"error: cannot write `{to}`: {error}", file=sys.stderr)
+        print("hint: set XDG_CACHE_HOME to a folder with room", file=sys.stderr)
         return 1
     return 0
 

@@ -21,7 +21,7 @@ def main(camera: str, device: str, count: int | None) -> None:
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         found, first = capture.read()
         if not found:
-            sys.exit(f"publish_webcam: `{device}` returns no images\nhint: `nunetd doctor` lists cameras")
+            sys.exit(f"publish_webcam: `{device}` returns no images; `nunetd doctor` lists cameras")
         height, width = first.shape[:2]
         with nunet.publisher(camera, size=(width, height), encoding="bgr8") as publisher:
             print(f"{width}x{height} on `{camera}`", flush=True)

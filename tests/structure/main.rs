@@ -9,6 +9,7 @@ mod cycles;
 mod dependencies;
 mod documents;
 mod functions;
+mod hints;
 mod lints;
 mod order;
 mod packaging;

@@ -5,6 +5,7 @@ use std::process::Command;
 
 use anyhow::{Result, bail};
 
+use crate::hinted::Hinted;
 use crate::run::{cargo, run, run_all};
 use crate::{paths, python, setup};
 
@@ -32,8 +33,9 @@ fn chromium() -> Result<PathBuf> {
     let mut candidates = folders.iter().flat_map(|folder| programs.map(|program| folder.join(program)));
     match candidates.find(|candidate| candidate.is_file()) {
         Some(found) => Ok(found),
-        None => bail!(
-            "cannot find Chromium\nhint: install it (Debian and Ubuntu: `apt-get install chromium`), or name it by {CHROMIUM}"
-        ),
+        None => bail!(Hinted::new(
+            "cannot find Chromium",
+            "install it (Debian and Ubuntu: `apt-get install chromium`), or set CHROMIUM"
+        )),
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 
+use crate::hinted::Hinted;
 use crate::paths;
 use crate::run::say;
 
@@ -28,11 +29,10 @@ fn copy_again(below: &Path) -> Result<()> {
             copy_again(&place)?;
             continue;
         }
-        fs::copy(from.join(&name), to.join(&name)).with_context(|| {
+        fs::copy(from.join(&name), to.join(&name)).map_err(|error| {
             let place = place.display();
-            format!(
-                "cannot copy `{FROM}/{place}` to `{TO}/{place}`\nhint: remove the copy if the model is gone"
-            )
+            let message = format!("cannot copy `{FROM}/{place}` to `{TO}/{place}`");
+            Hinted::new(message, "remove the copy if the model is gone").because(error)
         })?;
         say(&format!("bundle: {}", place.display()));
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 
+use crate::hinted::Hinted;
 use crate::run::{cargo, output, run, say};
 use crate::{dev_package, paths, setup};
 
@@ -20,7 +21,7 @@ pub(crate) fn deb() -> Result<()> {
 /// Fetches ONNX Runtime, writes the manual, builds, packs.
 fn nunetd() -> Result<()> {
     if output(&mut cargo(&["deb", "--version"])).is_err() {
-        bail!("cargo-deb is not installed\nhint: cargo install cargo-deb --locked");
+        bail!(Hinted::new("cargo-deb is not installed", "run `cargo install cargo-deb --locked`"));
     }
     let folder = paths::root().join(FOLDER);
     // What an earlier release left there would be packed too.

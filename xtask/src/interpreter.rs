@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 
+use crate::hinted::Hinted;
 use crate::run::output;
 
 /// What is asked of an environment's interpreter before it is used again.
@@ -22,8 +23,9 @@ pub(crate) struct System {
 pub(crate) fn system() -> Result<System> {
     let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
     let program = named.map_or_else(|| "python3".into(), PathBuf::from);
-    let identity = output(Command::new(&program).args(["-c", IDENTITY])).with_context(|| {
-        format!("`{}` is not usable\nhint: install python3, or name another by PYTHON", program.display())
+    let identity = output(Command::new(&program).args(["-c", IDENTITY])).map_err(|error| {
+        let message = format!("`{}` is not usable", program.display());
+        Hinted::new(message, "install python3, or set PYTHON to another interpreter").because(error)
     })?;
     Ok(System { program, identity })
 }

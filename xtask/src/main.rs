@@ -6,6 +6,7 @@ mod check;
 mod deb;
 mod demo;
 mod dev_package;
+mod hinted;
 mod interpreter;
 mod latency_table;
 mod package;

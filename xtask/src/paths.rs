@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 
+use crate::hinted::Hinted;
+
 /// The checkout.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the checkout")
@@ -19,7 +21,9 @@ pub(crate) fn cache() -> Result<PathBuf> {
         Some(path) => path,
         None => env::home_dir()
             .filter(|home| !home.as_os_str().is_empty())
-            .context("there is no home folder to keep downloads in\nhint: set HOME or XDG_CACHE_HOME")?
+            .ok_or_else(|| {
+                Hinted::new("there is no home folder to keep downloads in", "set HOME or XDG_CACHE_HOME")
+            })?
             .join(".cache"),
     };
     Ok(cache.join("nunet"))
@@ -39,8 +43,9 @@ pub(crate) fn nunetd(profile: &str) -> Result<PathBuf> {
 /// The right to change the cache, until it is dropped: two clones may be set up at the same time.
 pub(crate) fn lock() -> Result<File> {
     let cache = cache()?;
-    fs::create_dir_all(&cache)
-        .with_context(|| format!("cannot create `{}`\nhint: set XDG_CACHE_HOME", cache.display()))?;
+    fs::create_dir_all(&cache).map_err(|error| {
+        Hinted::new(format!("cannot create `{}`", cache.display()), "set XDG_CACHE_HOME").because(error)
+    })?;
     let path = cache.join("lock");
     let file = File::create(&path).with_context(|| format!("cannot create `{}`", path.display()))?;
     file.lock().with_context(|| format!("cannot lock `{}`", path.display()))?;

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 
+use crate::hinted::Hinted;
 use crate::interpreter::{self, IDENTITY};
 use crate::run::{output, run, say};
 use crate::{paths, wheels};
@@ -108,9 +109,10 @@ pub(crate) fn pip_of(python: &Path, words: &[&str]) -> Result<Command> {
 pub(crate) fn recipe_environment() -> Result<PathBuf> {
     let mut reader = Command::new(interpreter::system()?.program);
     reader.args(["-c", RECIPE_REQUIREMENTS]).current_dir(paths::root());
-    let lines = output(&mut reader).context(
-        "cannot read what models/recipe needs\nhint: the recipe needs Python 3.11; name one by PYTHON",
-    )?;
+    let lines = output(&mut reader).map_err(|error| {
+        Hinted::new("cannot read what models/recipe needs", "set PYTHON to Python 3.11 or newer")
+            .because(error)
+    })?;
     let lines: Vec<_> = lines.lines().map(str::to_owned).collect();
     environment("recipe", &lines, |python| install_recipe(python, &lines))
 }

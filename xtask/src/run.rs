@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, Error, Result, bail};
 
+use crate::hinted::Hinted;
 use crate::paths;
 
 /// A line for people.
@@ -14,16 +15,13 @@ pub(crate) fn say(line: &str) {
     eprintln!("{line}");
 }
 
-/// An error, its causes, and last what can be done about it: a cause's message may end in a line `hint: ...`.
+/// Prints an error, its causes, and then what can be done about it.
 pub(crate) fn say_error(error: &Error) {
-    let mut hints = Vec::new();
     for (depth, cause) in error.chain().enumerate() {
-        let text = cause.to_string();
-        let (body, hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));
-        say(&format!("{}{body}", if depth == 0 { "error: " } else { "  because: " }));
-        hints.extend((!hint.is_empty()).then(|| format!("hint: {hint}")));
+        say(&format!("{}{cause}", if depth == 0 { "error: " } else { "  because: " }));
     }
-    hints.iter().for_each(|hint| say(hint));
+    let hinted = error.chain().filter_map(|cause| cause.downcast_ref::<Hinted>());
+    hinted.for_each(|error| say(&format!("hint: {}", error.hint)));
 }
 
 /// A result, which somebody may want to pipe.

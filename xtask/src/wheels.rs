@@ -5,6 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
+use crate::hinted::Hinted;
 use crate::interpreter;
 use crate::run::run;
 
@@ -35,7 +36,10 @@ fn find(lock: &'static str, name: &str, arch: &str) -> Result<Wheel> {
             return Ok(Wheel { project, version, file, sha256 });
         }
     }
-    bail!("xtask/wheels.lock pins no `{name}` for `{arch}`\nhint: x86_64 and aarch64 are supported")
+    bail!(Hinted::new(
+        format!("xtask/wheels.lock pins no `{name}` for `{arch}`"),
+        "use a machine of x86_64 or aarch64"
+    ))
 }
 
 /// Put the wheel, or one member of it, at `to`, unless something is there: only checked files ever get there.
@@ -70,8 +74,8 @@ mod tests {
 
     #[test]
     fn an_architecture_without_a_wheel_is_an_error_with_a_hint() {
-        let error = find(LOCK, "onnxruntime", "sparc64").unwrap_err().to_string();
-        assert!(error.contains("`sparc64`") && error.contains("hint: "), "{error}");
+        let error = find(LOCK, "onnxruntime", "sparc64").unwrap_err();
+        assert!(error.to_string().contains("`sparc64`") && error.is::<Hinted>(), "{error}");
     }
 
     #[test]

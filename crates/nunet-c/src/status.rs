@@ -103,7 +103,7 @@ impl Failure {
     /// The text of `nunet_last_error()`: the hint is its last line.
     fn text(&self) -> String {
         match &self.hint {
-            Some(hint) => format!("{}\nhint: {hint}", self.message),
+            Some(hint) => nunet_types::join_hint(&self.message, hint),
             None => self.message.clone(),
         }
     }

@@ -67,9 +67,9 @@ mod tests {
     #[test]
     fn the_cause_decides_about_the_kind_whatever_context_it_has() {
         let camera = CameraError::Size { width: 0, height: 0 };
-        let wrapped = Err::<(), _>(camera).context(BadArguments("cannot use the calibration".into()));
+        let wrapped = Err::<(), _>(camera).context(BadArguments::new("cannot use the calibration"));
         assert_eq!(error_kind(&wrapped.unwrap_err()), EngineErrorKind::Camera);
-        assert_eq!(error_kind(&BadArguments("no such camera".into()).into()), EngineErrorKind::Argument);
+        assert_eq!(error_kind(&BadArguments::new("no such camera").into()), EngineErrorKind::Argument);
         assert_eq!(error_kind(&NotFound("no file `a`".into()).into()), EngineErrorKind::NotFound);
         assert_eq!(error_kind(&anyhow::anyhow!("the disk is full")), EngineErrorKind::Other);
         let missing = std::io::Error::from(std::io::ErrorKind::NotFound);

@@ -12,13 +12,50 @@ use nunet_sink::file_writer::FilesLate;
 use nunet_sink::output_file::OutputError;
 pub use nunet_sink::sink::Outcome;
 use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{Hint, text_with_hint};
+use nunet_types::{Hint, split_hint};
 use tracing::warn;
 
 /// An error of the arguments: exit code 2 instead of 1.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(crate) struct BadArguments(pub(crate) String);
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct BadArguments {
+    message: String,
+    hint: Option<Cow<'static, str>>,
+}
+
+impl BadArguments {
+    /// An error without a hint.
+    pub(crate) fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), hint: None }
+    }
+
+    /// The same with a hint: one imperative sentence.
+    pub(crate) fn with_hint(self, hint: impl Into<Cow<'static, str>>) -> Self {
+        Self { hint: Some(hint.into()), ..self }
+    }
+
+    /// The text and the hint of a library's error.
+    pub(crate) fn of(error: &(impl StdError + Hint)) -> Self {
+        Self { message: error.to_string(), hint: error.hint() }
+    }
+
+    /// From a text that clap or serde carried; it may have a hint.
+    pub(crate) fn from_text(text: &str) -> Self {
+        let (message, hint) = split_hint(text);
+        Self { message: message.to_owned(), hint: hint.map(Cow::Owned) }
+    }
+
+    /// The same hint with another message, made from the old one.
+    pub(crate) fn map_message(self, message: impl FnOnce(&str) -> String) -> Self {
+        Self { message: message(&self.message), ..self }
+    }
+}
+
+impl Hint for BadArguments {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        self.hint.clone()
+    }
+}
 
 /// A named file, model or camera does not exist: exit code 2, and `FileNotFoundError` in Python.
 #[derive(Debug, thiserror::Error)]
@@ -68,6 +105,7 @@ type HintOf = fn(&Cause) -> Option<Cow<'static, str>>;
 
 /// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
 const HINTS: &[HintOf] = &[
+    hint_of::<BadArguments>,
     hint_of::<WithHint>,
     nunet_core::hint_of,
     hint_of::<EngineError>,
@@ -87,7 +125,7 @@ fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, s
 
 /// A camera's name as the user wrote it.
 pub(crate) fn camera_name(name: &str) -> Result<CameraName, BadArguments> {
-    CameraName::new(name).map_err(|error| BadArguments(text_with_hint(&error)))
+    CameraName::new(name).map_err(|error| BadArguments::of(&error))
 }
 
 /// Adds the name of the camera; the kind of the error stays the same.
@@ -97,7 +135,8 @@ pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> an
 
 /// Warns what is assumed about a camera without intrinsics.
 pub(crate) fn warn_of_unknown_camera(assumption: &str) {
-    warn!("no intrinsics: {assumption}\nhint: --intrinsics fx,fy,cx,cy or --calibration FILE.yaml");
+    let hint = "pass --intrinsics fx,fy,cx,cy or --calibration FILE.yaml";
+    warn!(hint, "no intrinsics: {assumption}");
 }
 
 pub(crate) const DONE: u8 = 0;
@@ -187,15 +226,12 @@ impl Report {
         let mut previous = String::new();
         for cause in error.chain() {
             let text = cause.to_string();
-            // Libraries whose errors do not implement `Hint` yet append the hint to their text.
-            let (text, old_hint) = text.split_once("\nhint: ").unwrap_or((&text, ""));
             // Some libraries repeat their cause within their own message.
             if causes.is_empty() || !previous.contains(text.trim()) {
-                causes.push(without_empty_lines(text));
+                causes.push(without_empty_lines(&text));
             }
-            hints.extend((!old_hint.is_empty()).then(|| old_hint.to_owned()));
             hints.extend(HINTS.iter().find_map(|hint| hint(cause)).map(Cow::into_owned));
-            previous = text.to_owned();
+            previous = text;
         }
         Self { causes, hints }
     }
@@ -230,11 +266,13 @@ mod tests {
     #[test]
     fn hints_follow_the_last_cause_and_repeated_causes_are_printed_once() {
         let error = anyhow!("bits are missing")
-            .context("cannot decode:\n\nbits are missing\nhint: get it again")
+            .context("cannot decode:\n\nbits are missing")
             .context("cannot read `a.jpg`");
+        let error = WithHint::new("cannot show it", "get it again").because(error).into();
         assert_eq!(
             chain_text(&error),
-            "error: cannot read `a.jpg`\n  because: cannot decode:\nbits are missing\nhint: get it again\n"
+            "error: cannot show it\n  because: cannot read `a.jpg`\n  because: cannot decode:\nbits are missing\n\
+             hint: get it again\n"
         );
     }
 
@@ -253,7 +291,7 @@ mod tests {
 
     #[test]
     fn wrong_arguments_are_exit_code_2_whatever_is_wrapped_around_them() {
-        let bad = || anyhow::Error::from(BadArguments("no such camera".into()));
+        let bad = || anyhow::Error::from(BadArguments::new("no such camera"));
         let wrapped = anyhow::Error::from(WithHint::new("cannot start", "try again").because(bad()));
         let usage = anyhow::Error::from(WithHint::usage("no", "yes")).context("outer");
         let source = anyhow::Error::from(SourceError::bad_arguments("no such size")).context("outer");

@@ -198,7 +198,7 @@ fn labels_that_are_no_class_are_named() {
     assert_eq!(code, Some(3), "{stderr}");
     let expected = "skipped `b`: `[DIR]/data/labels/b.png`: the label 20; expected 0 to ";
     assert!(
-        stderr.contains(expected) && stderr.contains("hint: `labels/` holds the network's own"),
+        stderr.contains(expected) && stderr.contains("hint=\"`labels/` holds the network's own"),
         "{stderr}"
     );
 }

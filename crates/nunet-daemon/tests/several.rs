@@ -334,7 +334,7 @@ fn what_two_cameras_cannot_both_have_is_refused() {
 #[test]
 fn a_file_without_a_source_does_not_publish_the_demo_scene_under_the_cameras_name() {
     let bench = Bench::new();
-    let hint = "\nhint: `source = \"/dev/video0\"`, or `source = \"demo\"` if";
+    let hint = "\nhint: write `source = \"/dev/video0\"`, or `source = \"demo\"` if";
     for (lines, camera) in [
         ("[[camera]]\nname = \"a\"".to_owned(), " for camera `a`"),
         (format!("{}[[camera]]\nname = \"b\"", section("a", "demo", "")), " for camera `b`"),

@@ -11,7 +11,7 @@ use nunet_core::obstacle::ObstacleError;
 use nunet_core::pipeline::PipelineError;
 use nunet_files::FilesError;
 use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{Hint, ImageSize, text_with_causes};
+use nunet_types::{Hint, ImageSize};
 
 use crate::metrics::IGNORE;
 
@@ -322,14 +322,10 @@ pub fn cap_for(far_m: f32) -> Option<f32> {
     (far_m <= FARTHEST_M).then(|| far_m.ceil())
 }
 
-/// The error, its causes and its first hint, for messages about single images.
-pub(crate) fn text(error: &EvalError) -> String {
-    let text = text_with_causes(error);
+/// The hint of the error or of its cause.
+pub(crate) fn hint_of_chain(error: &EvalError) -> Option<String> {
     let of_source = || error.source()?.downcast_ref::<SourceError>()?.hint();
-    match error.hint().or_else(of_source) {
-        Some(hint) => format!("{text}\nhint: {hint}"),
-        None => text,
-    }
+    error.hint().or_else(of_source).map(Cow::into_owned)
 }
 
 #[cfg(test)]
@@ -354,10 +350,10 @@ mod tests {
     }
 
     #[test]
-    fn a_text_has_the_causes_and_the_hint_of_the_one_that_has_it() {
+    fn the_hint_of_a_cause_is_found() {
         let source = SourceError::bad_frame("it is too large").with_hint("make it smaller");
         let error = EvalError::ReadImage { path: "a.png".into(), source };
-        assert_eq!(text(&error), "cannot read the image `a.png`: it is too large\nhint: make it smaller");
+        assert_eq!(hint_of_chain(&error).as_deref(), Some("make it smaller"));
     }
 
     #[test]

@@ -9,12 +9,12 @@ use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::make_folder;
 use nunet_source::{CameraResolver, Frame};
-use nunet_types::{ImageSize, Units};
+use nunet_types::{ImageSize, Units, text_with_causes};
 
 use crate::baseline::Baseline;
 use crate::comparison::{Comparison, Kind};
 use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, refuse_own_depth};
-use crate::error::{EvalError, text};
+use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::metrics::LabelMetrics;
@@ -96,21 +96,29 @@ struct Prediction {
 
 /// Which failures were reported: the same one of hundreds of images is reported once, and counted.
 #[derive(Default)]
-struct Reported(BTreeMap<String, u64>);
+struct Reported(BTreeMap<String, Failures>);
+
+/// Failures with the same reason.
+#[derive(Default)]
+struct Failures {
+    hint: Option<String>,
+    count: u64,
+}
 
 impl Reported {
     fn report(&mut self, id: &str, error: &EvalError, on_event: OnEvent<'_>) {
-        let reason = text(error);
-        let count = self.0.entry(reason.replace(id, "ID")).or_default();
-        *count += 1;
-        if *count == 1 {
-            on_event(Event::Skipped { id, reason: &reason });
+        let reason = text_with_causes(error);
+        let failures = self.0.entry(reason.replace(id, "ID")).or_default();
+        failures.count += 1;
+        if failures.count == 1 {
+            failures.hint = hint_of_chain(error);
+            on_event(Event::Skipped { id, reason: &reason, hint: failures.hint.as_deref() });
         }
     }
 
     fn summarize(&self, on_event: OnEvent<'_>) {
-        for (reason, &count) in self.0.iter().filter(|(_, count)| **count > 1) {
-            on_event(Event::SkippedAlike { count, reason });
+        for (reason, Failures { hint, count }) in self.0.iter().filter(|(_, failures)| failures.count > 1) {
+            on_event(Event::SkippedAlike { count: *count, reason, hint: hint.as_deref() });
         }
     }
 }

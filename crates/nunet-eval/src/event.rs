@@ -19,8 +19,10 @@ pub enum Event<'a> {
     Skipped {
         /// Its id.
         id: &'a str,
-        /// The error, its causes and its hint.
+        /// The error and its causes.
         reason: &'a str,
+        /// What can be done about it.
+        hint: Option<&'a str>,
     },
     /// That many images were skipped for the same reason. Only the first one was reported as [`Event::Skipped`].
     SkippedAlike {
@@ -28,6 +30,8 @@ pub enum Event<'a> {
         count: u64,
         /// The reason, `ID` in place of the id.
         reason: &'a str,
+        /// What can be done about it.
+        hint: Option<&'a str>,
     },
     /// Something is not as one would expect.
     Warning(&'a str),

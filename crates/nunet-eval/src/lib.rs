@@ -28,7 +28,7 @@
 //! let (pipeline, _selftest) = model.into_pipeline(PipelineOptions::default())?;
 //!
 //! let evaluation = evaluator.run(pipeline, &mut |event| {
-//!     if let Event::Skipped { id, reason } = event {
+//!     if let Event::Skipped { id, reason, .. } = event {
 //!         eprintln!("skipped {id}: {reason}");
 //!     }
 //! })?;

@@ -38,6 +38,20 @@ pub enum FilesError {
         /// Why.
         source: io::Error,
     },
+    /// The folder of a file is missing.
+    #[error("cannot write `{}`: there is no folder `{}`", path.display(), folder.display())]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
+        /// The missing folder.
+        folder: PathBuf,
+    },
+    /// A file is a named pipe, whose reader would see its end before anything is written.
+    #[error("cannot write `{}`: it is a named pipe", path.display())]
+    NamedPipe {
+        /// The pipe.
+        path: PathBuf,
+    },
     /// A file cannot be written.
     #[error("cannot write `{}`", path.display())]
     WriteFile {
@@ -66,7 +80,7 @@ impl FilesError {
             Self::CreateFolder { .. } | Self::NotAFolder { .. } | Self::WriteIntoFolder { .. } => {
                 FilesErrorKind::Folder
             }
-            Self::WriteFile { .. } => FilesErrorKind::File,
+            Self::NoFolder { .. } | Self::NamedPipe { .. } | Self::WriteFile { .. } => FilesErrorKind::File,
         }
     }
 
@@ -78,6 +92,13 @@ impl FilesError {
 
 impl Hint for FilesError {
     fn hint(&self) -> Option<Cow<'static, str>> {
-        matches!(self, Self::NotAFolder { .. }).then_some("pass another folder".into())
+        match self {
+            Self::NotAFolder { .. } => Some("pass another folder".into()),
+            Self::NoFolder { folder, .. } => {
+                Some(format!("make it first: mkdir -p {}", folder.display()).into())
+            }
+            Self::NamedPipe { .. } => Some("name a regular file".into()),
+            _ => None,
+        }
     }
 }

@@ -37,6 +37,7 @@
 mod color;
 mod error;
 mod folder;
+mod json;
 mod npy;
 mod obstacles;
 mod ply;
@@ -47,6 +48,7 @@ mod save;
 pub use color::{color_range, colorize, depth_image, draw_text};
 pub use error::{FilesError, FilesErrorKind};
 pub use folder::{check_folder, make_folder};
+pub use json::{check_writable, write_json};
 pub use npy::{MAX_NPY_BYTES, read_npy, write_npy};
 pub use obstacles::{BIRDS_EYE_LEGEND, BIRDS_EYE_ROWS, BirdsEye, draw_obstacle_points};
 pub use ply::write_cloud;

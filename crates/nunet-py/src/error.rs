@@ -6,6 +6,7 @@ use std::fmt::Display;
 use nunet_core::camera::CameraError;
 use nunet_daemon::embed;
 use nunet_engine::EngineErrorKind;
+use nunet_types::{join_hint, split_hint};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyFileNotFoundError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -13,8 +14,6 @@ use pyo3::prelude::*;
 pub(crate) use self::exceptions::CameraError as PyCameraError;
 pub(crate) use self::exceptions::{ContractVersionError, ModelError, NunetError, WiringError};
 
-/// Separates the text of an exception from its hint.
-const HINT: &str = "\nhint: ";
 /// The attribute that holds the hint of an exception.
 const ATTRIBUTE: &str = "hint";
 
@@ -64,12 +63,12 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// An exception whose text ends with the hint, which is its attribute `hint` too.
 pub(crate) fn hinted<E: PyTypeInfo>(text: impl Display, hint: impl Display) -> PyErr {
-    exception::<E>(format!("{text}{HINT}{hint}"))
+    exception::<E>(join_hint(text, hint))
 }
 
 /// An exception with this text, which may end with lines `hint: ...`.
 pub(crate) fn exception<E: PyTypeInfo>(message: String) -> PyErr {
-    let hint = message.split_once(HINT).map(|(_, hint)| hint.replace(HINT, "\n"));
+    let (_, hint) = split_hint(&message);
     let error = PyErr::new::<E, _>(message);
     if let Some(hint) = hint {
         // An exception class that takes no attributes still has the hint in its text.
@@ -90,12 +89,8 @@ pub(crate) fn of_camera(error: CameraError) -> PyErr {
 }
 
 /// The message with this hint if it has none.
-pub(crate) fn with_hint(mut message: String, hint: &str) -> String {
-    if !message.contains(HINT) {
-        message.push_str(HINT);
-        message.push_str(hint);
-    }
-    message
+pub(crate) fn with_hint(message: String, hint: &str) -> String {
+    if split_hint(&message).1.is_none() { join_hint(message, hint) } else { message }
 }
 
 fn raise(kind: EngineErrorKind, message: String) -> PyErr {
@@ -107,6 +102,11 @@ fn raise(kind: EngineErrorKind, message: String) -> PyErr {
         EngineErrorKind::Camera => exception::<PyCameraError>(message),
         _ => exception::<NunetError>(message),
     }
+}
+
+/// Issues a `UserWarning` that ends with a hint.
+pub(crate) fn warn_with_hint(py: Python<'_>, message: &str, hint: &str) -> PyResult<()> {
+    warn(py, &join_hint(message, hint))
 }
 
 /// Issues a `UserWarning` at the caller's line.

@@ -21,7 +21,7 @@ pub fn runtime_library() -> PathBuf {
     let library = std::env::var_os("ORT_DYLIB_PATH").map_or_else(cached_library, PathBuf::from);
     assert!(
         library.is_file(),
-        "no ONNX Runtime at `{}`\nhint: run `cargo xtask setup`, or set ORT_DYLIB_PATH",
+        "no ONNX Runtime at `{}`: run `cargo xtask setup`, or set ORT_DYLIB_PATH",
         library.display()
     );
     library

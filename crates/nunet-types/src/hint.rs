@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::error::Error;
+use std::fmt::Display;
 
 /// An error that can say what to do about it.
 ///
@@ -26,12 +27,42 @@ pub fn text_with_causes(error: &dyn Error) -> String {
     text
 }
 
-/// An error and its hint in one text, for front ends that have no separate place for it: the hint is a last line that
-/// begins with `hint: `.
+/// Between a text and its hint, where both must be one text.
+const HINT_MARK: &str = "\nhint: ";
+
+/// A text and its hint in one text, for front ends that have no separate place for the hint: it is a last line that begins
+/// with `hint: `.
+#[must_use]
+pub fn join_hint(text: impl Display, hint: impl Display) -> String {
+    format!("{text}{HINT_MARK}{hint}")
+}
+
+/// A text and its hints, if it came through an interface that carries one text only. Several hints are one per line.
+#[must_use]
+pub fn split_hint(text: &str) -> (&str, Option<String>) {
+    match text.split_once(HINT_MARK) {
+        Some((text, hints)) => (text, Some(hints.replace(HINT_MARK, "\n"))),
+        None => (text, None),
+    }
+}
+
+/// An error and its hint in one text, as [`join_hint`] writes it.
 #[must_use]
 pub fn text_with_hint<E: Error + Hint>(error: &E) -> String {
     match error.hint() {
-        Some(hint) => format!("{error}\nhint: {hint}"),
+        Some(hint) => join_hint(error, hint),
         None => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hint_comes_back_out_of_a_text() {
+        let text = join_hint(join_hint("it is cut off", "copy it again"), "pass another file");
+        assert_eq!(split_hint(&text), ("it is cut off", Some("copy it again\npass another file".to_owned())));
+        assert_eq!(split_hint("the hint: look"), ("the hint: look", None));
     }
 }

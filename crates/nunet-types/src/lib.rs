@@ -49,7 +49,7 @@ pub use classes::NYU13_CLASSES;
 pub use cloud_point::{CloudPoint, NO_LABEL};
 pub use contract::CONTRACT_VERSION;
 pub use depth::{Quality, ScaleSource, Units};
-pub use hint::{Hint, text_with_causes, text_with_hint};
+pub use hint::{Hint, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};
 pub use obstacle::{MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstaclePoint, ObstacleSector, SectorState};

@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from nunet_models.data import command as nyu_lists_command
-from nunet_models.errors import OptionError, RecipeError
+from nunet_models.errors import OptionError, RecipeError, with_hint
 from nunet_models.evaluation import command as evaluate_command
 from nunet_models.export import annotate as annotate_command
 from nunet_models.export import command as export_command
@@ -54,4 +54,4 @@ def _said(error: RecipeError | OSError) -> str:
     """The system's errors in the form of this package's: the file, then what is wrong."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"`{error.filename}`: {error.strerror.lower()}"
-    return str(error)
+    return with_hint(str(error), getattr(error, "hint", None))

@@ -2,7 +2,14 @@
 
 
 class RecipeError(Exception):
-    """Base of every error that a user can fix; the command line prints it without a traceback."""
+    """Base of every error that a user can fix; the command line prints it without a traceback.
+
+    `hint` says what to do about it, or is None. It is no part of the message.
+    """
+
+    def __init__(self, message: str, *, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.hint = hint
 
 
 class DataError(RecipeError):
@@ -19,3 +26,8 @@ class OptionError(ConfigError):
 
 class ExportError(RecipeError):
     """An exported file does not compute what the trained network computes."""
+
+
+def with_hint(message: str, hint: str | None) -> str:
+    """A message and its hint in one line, as the command line prints them."""
+    return message if hint is None else f"{message}; hint: {hint}"

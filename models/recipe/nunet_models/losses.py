@@ -68,8 +68,8 @@ def scale_invariant(
 def _check_lambda(lam: float) -> None:
     if not 0.0 <= lam < 1.0:
         raise OptionError(
-            f"lambda of the loss `scale_invariant` is {lam}; expected 0 <= lambda < 1; "
-            f"hint: the paper's is {LAMBDA}"
+            f"lambda of the loss `scale_invariant` is {lam}; expected 0 <= lambda < 1",
+            hint=f"the paper's is {LAMBDA}",
         )
 
 
@@ -212,7 +212,7 @@ def parse_loss(text: str) -> dict[str, float]:
         name, _, weight = part.strip().partition("=")
         _loss_of(name)
         if name in weights:
-            raise OptionError(f"`--loss {text}` names `{name}` twice; hint: one weight for it")
+            raise OptionError(f"`--loss {text}` names `{name}` twice", hint="one weight for it")
         weights[name] = _weight(weight, name) if weight else 1.0
     return weights
 
@@ -224,8 +224,8 @@ def _weight(text: str, name: str) -> float:
         raise OptionError(f"weight `{text}` of loss `{name}` is not a number") from error
     if not 0.0 < weight < math.inf:
         raise OptionError(
-            f"weight `{text}` of loss `{name}`; expected more than 0; hint: remove a loss that "
-            "should not count"
+            f"weight `{text}` of loss `{name}`; expected more than 0",
+            hint="remove a loss that should not count",
         )
     return weight
 
@@ -235,18 +235,18 @@ def _loss_of(text: str) -> tuple[Loss, bool]:
     name, colon, number = text.partition(":")
     if name not in IN_LINEAR and name not in IN_LOG:
         known = ", ".join([*IN_LINEAR, *IN_LOG])
-        raise OptionError(f"no loss `{name}`; hint: one of {known}")
+        raise OptionError(f"no loss `{name}`", hint=f"one of {known}")
     if not colon:
         return (IN_LINEAR.get(name) or IN_LOG[name]), name in IN_LOG
     if name != "scale_invariant":
         raise OptionError(
-            f"loss `{name}` has no lambda, got `{text}`; hint: `scale_invariant` alone has one"
+            f"loss `{name}` has no lambda, got `{text}`", hint="`scale_invariant` alone has one"
         )
     try:
         lam = float(number)
     except ValueError as error:
         raise OptionError(
-            f"lambda `{number}` of loss `{name}` is not a number; hint: `{name}:{LAMBDA}=1`"
+            f"lambda `{number}` of loss `{name}` is not a number", hint=f"`{name}:{LAMBDA}=1`"
         ) from error
     _check_lambda(lam)
     return partial(scale_invariant, lam=lam), False

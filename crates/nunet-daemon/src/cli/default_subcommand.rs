@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 
 use clap::CommandFactory as _;
+use nunet_types::join_hint;
 
 use super::Cli;
 
@@ -24,8 +25,8 @@ fn refuse_unknown_subcommand(argument: Option<&OsString>) -> Result<(), clap::Er
                 command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set()).collect();
             let names: Vec<_> =
                 subcommands.iter().map(|subcommand| subcommand.get_name().to_owned()).collect();
-            let message =
-                format!("`{word}` is not a subcommand of nunetd\nhint: one of {}", names.join(", "));
+            let message = format!("`{word}` is not a subcommand of nunetd");
+            let message = join_hint(message, format!("one of {}", names.join(", ")));
             Err(command.error(clap::error::ErrorKind::InvalidSubcommand, message))
         }
         _ => Ok(()),

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nunet_core::obstacle::Mount;
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, ObstacleEval, Protocol, Window};
-use nunet_types::text_with_hint;
 
 use super::text::{Text, value};
 use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs, ObstacleArgs};
@@ -123,7 +122,7 @@ impl EvalArgs {
             Mount::new(translation_m, roll_pitch_yaw_rad)
         });
         let checked = mount.transpose().and_then(|mount| options.check().map(|()| mount));
-        let mount = checked.map_err(|error| BadArguments(text_with_hint(&error)))?;
+        let mount = checked.map_err(|error| BadArguments::of(&error))?;
         Ok(Some(ObstacleEval { mount, options }))
     }
 

@@ -10,6 +10,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
+use crate::exit::BadArguments;
 
 /// No key is suggested below this similarity.
 const LEAST_LIKENESS: f64 = 0.6;
@@ -18,7 +19,7 @@ const MAX_BYTES: u64 = 64 * 1024;
 /// Keys that must be in the sections if there are any.
 const OF_ONE_CAMERA: [&str; 2] = ["source", "camera"];
 const SECTIONS_HINT: &str =
-    "hint: a `[[camera]]` section for each of several cameras, or `camera = \"NAME\"` for one";
+    "write a `[[camera]]` section for each of several cameras, or `camera = \"NAME\"` for one";
 
 /// The settings of a file, by the long names of flags.
 pub(super) struct File {
@@ -29,20 +30,21 @@ pub(super) struct File {
 }
 
 /// Checks a value of a key.
-type Check<'a> = dyn Fn(&str, &Value) -> Result<(), String> + 'a;
+type Check<'a> = dyn Fn(&str, &Value) -> Result<(), BadArguments> + 'a;
 
 impl File {
     /// Reads a file whose keys are the flags of `run`.
     ///
     /// # Errors
     /// The message, with the file's name and the line where there is one.
-    pub(super) fn read(path: &Path, run: &Command, check: &Check<'_>) -> Result<Self, String> {
+    pub(super) fn read(path: &Path, run: &Command, check: &Check<'_>) -> Result<Self, BadArguments> {
         let in_file = |message: &str| format!("`{}`{}", path.display(), shortened(message));
-        let text = text_of_file(path).map_err(|message| in_file(&format!(": {message}")))?;
+        let text =
+            text_of_file(path).map_err(|message| BadArguments::new(in_file(&format!(": {message}"))))?;
         let reader = Reader { text: &text, run, check, own: stream_flags() };
-        reader.file().map_err(|Mistake { line, message }| match line {
-            Some(line) => in_file(&format!(", line {line}: {message}")),
-            None => in_file(&format!(": {message}")),
+        reader.file().map_err(|Mistake { line, error }| {
+            let place = line.map(|line| format!(", line {line}")).unwrap_or_default();
+            error.map_message(|message| in_file(&format!("{place}: {message}")))
         })
     }
 }
@@ -61,12 +63,12 @@ fn text_of_file(path: &Path) -> Result<String, String> {
 /// A mistake and its place.
 struct Mistake {
     line: Option<usize>,
-    message: String,
+    error: BadArguments,
 }
 
-impl From<String> for Mistake {
-    fn from(message: String) -> Self {
-        Self { line: None, message }
+impl From<BadArguments> for Mistake {
+    fn from(error: BadArguments) -> Self {
+        Self { line: None, error }
     }
 }
 
@@ -87,9 +89,8 @@ impl Reader<'_> {
         let shared = self.table(top, |key| self.shared_flag(key))?;
         let Some(sections) = sections else { return Ok(File { shared, sections: Vec::new() }) };
         if let Some(own) = OF_ONE_CAMERA.into_iter().find(|own| shared.contains_key(*own)) {
-            let message =
-                format!("`{own}` stands above the `[[camera]]` sections\nhint: set it in each section");
-            return Err(message.into());
+            let error = BadArguments::new(format!("`{own}` stands above the `[[camera]]` sections"));
+            return Err(error.with_hint("set it in each section").into());
         }
         let sections = sections.into_iter().enumerate();
         let sections =
@@ -100,9 +101,10 @@ impl Reader<'_> {
     fn section(&self, index: usize, section: &DeTable<'_>) -> Result<Table, Mistake> {
         let name = section.get(CAMERA_NAME_KEY).and_then(|name| name.get_ref().as_str());
         let table = self.table(section.iter(), |key| self.camera_flag(key));
-        table.map_err(|Mistake { line, message }| Mistake {
+        let (number, name) = (index + 1, name.unwrap_or("without a name"));
+        table.map_err(|Mistake { line, error }| Mistake {
             line,
-            message: format!("camera {} (`{}`): {message}", index + 1, name.unwrap_or("without a name")),
+            error: error.map_message(|message| format!("camera {number} (`{name}`): {message}")),
         })
     }
 
@@ -110,17 +112,17 @@ impl Reader<'_> {
     fn table<'s, 't>(
         &'s self,
         entries: impl Iterator<Item = (&'t Spanned<std::borrow::Cow<'t, str>>, &'t Spanned<DeValue<'t>>)>,
-        flag: impl Fn(&str) -> Result<&'s Arg, String>,
+        flag: impl Fn(&str) -> Result<&'s Arg, BadArguments>,
     ) -> Result<Table, Mistake> {
         let mut table = Table::new();
         for (key, value) in entries {
-            let at = |message: String| Mistake { line: Some(self.line_of(key.span().start)), message };
+            let at = |error: BadArguments| Mistake { line: Some(self.line_of(key.span().start)), error };
             let argument = flag(key.get_ref()).map_err(at)?;
             let value = self.value(argument, key.get_ref(), value.get_ref()).map_err(at)?;
             let flag = argument.get_long().unwrap_or_default();
             let mut others = table.iter().filter(|(_, other)| is_on(other) && is_on(&value));
             if let Some((other, _)) = others.find(|(other, _)| excludes(self.run, other, flag)) {
-                return Err(at(format!("`{flag}` cannot be used with `{other}`")));
+                return Err(at(BadArguments::new(format!("`{flag}` cannot be used with `{other}`"))));
             }
             table.insert(flag.to_owned(), value);
         }
@@ -132,22 +134,22 @@ impl Reader<'_> {
     }
 
     /// The flag of a key above the sections.
-    fn shared_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, String> {
+    fn shared_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, BadArguments> {
         let flag = self.named(&key.replace('_', "-"));
         flag.ok_or_else(|| unknown(key, self.flags().filter_map(Arg::get_long)))
     }
 
     /// The flag of a key in a section, where `--camera` is `name`. What belongs to all cameras stands above.
-    fn camera_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, String> {
+    fn camera_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, BadArguments> {
         if key == "camera" {
-            return Err(format!("unknown key `camera`\nhint: in a section it is `{CAMERA_NAME_KEY}`"));
+            let hint = format!("in a section it is `{CAMERA_NAME_KEY}`");
+            return Err(BadArguments::new("unknown key `camera`").with_hint(hint));
         }
         let flag = if key == CAMERA_NAME_KEY { "camera".to_owned() } else { key.replace('_', "-") };
         match self.named(&flag) {
             Some(argument) if self.own.contains(&flag) => Ok(argument),
-            Some(_) => {
-                Err(format!("`{key}` is not for one camera\nhint: put it above the first `[[camera]]`"))
-            }
+            Some(_) => Err(BadArguments::new(format!("`{key}` is not for one camera"))
+                .with_hint("put it above the first `[[camera]]`")),
             None => {
                 let names = self.own.iter().map(String::as_str).filter(|&name| name != "camera");
                 Err(unknown(key, names.chain([CAMERA_NAME_KEY])))
@@ -163,10 +165,12 @@ impl Reader<'_> {
         self.flags().find(|argument| argument.get_long() == Some(flag))
     }
 
-    fn value(&self, argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, String> {
+    fn value(&self, argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, BadArguments> {
         let setting = setting_of(argument, key, value)?;
         let checked = (self.check)(argument.get_long().unwrap_or_default(), &setting);
-        checked.map_err(|error| format!("invalid value {} for `{key}`: {error}", shown(value)))?;
+        checked.map_err(|error| {
+            error.map_message(|message| format!("invalid value {} for `{key}`: {message}", shown(value)))
+        })?;
         Ok(setting)
     }
 }
@@ -175,45 +179,45 @@ fn syntax_error(error: &toml::de::Error) -> Mistake {
     let text = error.to_string();
     // The line that it shows is the first section's.
     if text.contains("duplicate key") && text.contains("[[camera]]") {
-        let message = "`camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section says its own \
-                       `name`";
-        return message.to_owned().into();
+        return BadArguments::new("`camera` stands above the `[[camera]]` sections")
+            .with_hint("remove `camera =`: each section has its own `name`")
+            .into();
     }
-    format!("it is not valid TOML: {}", text.trim_end()).into()
+    BadArguments::new(format!("it is not valid TOML: {}", text.trim_end())).into()
 }
 
 /// The `[[camera]]` sections; `None` if the file speaks of one camera.
-fn sections_of<'a>(document: &'a DeTable<'a>) -> Result<Option<Vec<&'a DeTable<'a>>>, String> {
+fn sections_of<'a>(document: &'a DeTable<'a>) -> Result<Option<Vec<&'a DeTable<'a>>>, BadArguments> {
+    let refused = |message: String| BadArguments::new(message).with_hint(SECTIONS_HINT);
     let sections = match document.get("camera").map(Spanned::get_ref) {
         Some(DeValue::Array(sections)) if sections.is_empty() => {
-            return Err(format!("`camera` is an empty list\n{SECTIONS_HINT}"));
+            return Err(refused("`camera` is an empty list".to_owned()));
         }
-        Some(DeValue::Table(_)) => return Err(format!("`camera` is a table\n{SECTIONS_HINT}")),
+        Some(DeValue::Table(_)) => return Err(refused("`camera` is a table".to_owned())),
         Some(DeValue::Array(sections)) => sections,
         _ => return Ok(None),
     };
     let section = |section: &'a Spanned<DeValue<'a>>| match section.get_ref() {
         DeValue::Table(section) => Ok(section),
-        other => Err(format!("`camera` has {} in it; expected sections\n{SECTIONS_HINT}", shown(other))),
+        other => Err(refused(format!("`camera` has {} in it; expected sections", shown(other)))),
     };
     sections.iter().map(section).collect::<Result<_, _>>().map(Some)
 }
 
 /// The error for an unknown key, with the most similar known one.
-fn unknown<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
+fn unknown<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> BadArguments {
     let flag = key.replace('_', "-");
     let likeness = |name: &str| strsim::jaro_winkler(name, &flag);
     let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    let error = BadArguments::new(format!("unknown key `{key}`"));
     match nearest.filter(|name| likeness(name) >= LEAST_LIKENESS) {
-        Some(nearest) => format!("unknown key `{key}`\nhint: did you mean `{nearest}`?"),
-        None => {
-            format!("unknown key `{key}`\nhint: keys are the long names of the flags of `nunetd run --help`")
-        }
+        Some(nearest) => error.with_hint(format!("did you mean `{nearest}`?")),
+        None => error.with_hint("keys are the long names of the flags of `nunetd run --help`"),
     }
 }
 
 /// A value in the form that it has for a flag: true or false, a count, a text, or a list of texts.
-fn setting_of(argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, String> {
+fn setting_of(argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, BadArguments> {
     match (argument.get_action(), value) {
         (ArgAction::Count, DeValue::Boolean(given)) => Ok(Value::Integer((*given).into())),
         (ArgAction::Count, DeValue::Integer(count)) => {
@@ -221,10 +225,11 @@ fn setting_of(argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, S
         }
         (action, DeValue::Boolean(given)) if !action.takes_values() => Ok(Value::Boolean(*given)),
         (action, other) if !action.takes_values() => {
-            Err(format!("`{key}` is {}; expected true or false", shown(other)))
+            Err(BadArguments::new(format!("`{key}` is {}; expected true or false", shown(other))))
         }
         (_, DeValue::Array(values)) if values.is_empty() => {
-            Err(format!("`{key}` is an empty list; expected one value at least\nhint: leave the key out"))
+            Err(BadArguments::new(format!("`{key}` is an empty list; expected one value at least"))
+                .with_hint("leave the key out"))
         }
         (ArgAction::Append, DeValue::Array(values)) => {
             let texts = values.iter().map(|value| text_of(key, value.get_ref()).map(Value::String));
@@ -239,16 +244,14 @@ fn setting_of(argument: &Arg, key: &str, value: &DeValue<'_>) -> Result<Value, S
     }
 }
 
-fn text_of(key: &str, value: &DeValue<'_>) -> Result<String, String> {
+fn text_of(key: &str, value: &DeValue<'_>) -> Result<String, BadArguments> {
     match value {
         DeValue::String(text) => Ok(text.clone().into_owned()),
         DeValue::Integer(number) => Ok(i64::from_str_radix(number.as_str(), number.radix())
             .map_or_else(|_| number.to_string(), |n| n.to_string())),
         DeValue::Float(number) => Ok(number.to_string()),
-        other => Err(format!(
-            "`{key}` is {}; expected a text or a number\nhint: write it in quotes, as its flag takes it",
-            shown(other)
-        )),
+        other => Err(BadArguments::new(format!("`{key}` is {}; expected a text or a number", shown(other)))
+            .with_hint("write it in quotes, as its flag takes it")),
     }
 }
 

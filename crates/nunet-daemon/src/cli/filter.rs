@@ -2,7 +2,6 @@
 
 use clap::Args;
 use nunet_core::filter::{FilterOptions, FilterSpec};
-use nunet_types::text_with_hint;
 use serde::Deserialize;
 
 use super::text::Text;
@@ -38,6 +37,6 @@ impl FilterArgs {
     /// The filters that are on. A filter that is given twice is an error, which clap cannot find.
     pub(crate) fn options(&self) -> Result<FilterOptions, BadArguments> {
         let filters: Vec<_> = self.filters.iter().map(|Text(filter)| *filter).collect();
-        FilterOptions::new(&filters).map_err(|error| BadArguments(text_with_hint(&error)))
+        FilterOptions::new(&filters).map_err(|error| BadArguments::of(&error))
     }
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use nunet_core::obstacle::{Mount, ObstacleOptions};
-use nunet_types::text_with_hint;
+use nunet_types::Hint as _;
 use serde::Deserialize;
 use tracing::warn;
 
@@ -53,10 +53,11 @@ impl ObstacleArgs {
         });
         match made {
             Ok(config) => Ok(Some(config)),
-            Err(error) if is_required => Err(BadArguments(text_with_hint(&error))),
+            Err(error) if is_required => Err(BadArguments::of(&error)),
             // The pose may be for `/tf_static` alone.
             Err(error) => {
-                warn!("obstacles are off: {}", text_with_hint(&error));
+                let hint = error.hint().map(std::borrow::Cow::into_owned);
+                warn!(hint, "obstacles are off: {error}");
                 Ok(None)
             }
         }
@@ -84,11 +85,8 @@ impl ObstacleArgs {
 }
 
 fn without_mount() -> BadArguments {
-    BadArguments(
-        "obstacles need the place of the camera on the robot\nhint: pass --mount x,y,z,roll,pitch,yaw, meters and radians; \
-         z is the height above the floor"
-            .into(),
-    )
+    BadArguments::new("obstacles need the place of the camera on the robot")
+        .with_hint("pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor")
 }
 
 #[cfg(test)]
@@ -103,7 +101,12 @@ mod tests {
         assert_eq!(none.config(None, None, false).unwrap(), None);
         let config = none.config(Some(MOUNT), None, false).unwrap().unwrap();
         assert_eq!((config.options, config.is_required), (ObstacleOptions::default(), false));
-        assert!(none.config(None, None, true).unwrap_err().0.contains("pass --mount"));
+        assert!(
+            none.config(None, None, true)
+                .unwrap_err()
+                .hint()
+                .is_some_and(|hint| hint.contains("pass --mount"))
+        );
         let hold = ObstacleArgs { hold: Some("0.5".parse().unwrap()), ..ObstacleArgs::default() };
         assert!(hold.config(None, None, false).is_err());
         assert_eq!(hold.config(Some(MOUNT), Some(3.0), false).unwrap().unwrap().options.max_range_m, 3.0);
@@ -114,7 +117,7 @@ mod tests {
         let below = MountOption { translation_m: [0.0, 0.0, -0.1], ..MOUNT };
         let none = ObstacleArgs::default();
         assert_eq!(none.config(Some(below), None, false).unwrap(), None, "it may be for /tf_static");
-        let error = none.config(Some(below), None, true).unwrap_err().0;
-        assert!(error.contains("above the floor") && error.contains("hint:"), "{error}");
+        let error = none.config(Some(below), None, true).unwrap_err();
+        assert!(error.to_string().contains("above the floor") && error.hint().is_some(), "{error}");
     }
 }

@@ -10,6 +10,7 @@ use anyhow::Context as _;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, CommandFactory as _};
+use nunet_types::text_with_hint;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
@@ -68,7 +69,11 @@ pub(super) fn complete(
     let cameras = run.settings.with_file(path, &subcommand, &flags).map_err(in_file)?;
     cameras.iter().try_for_each(unmet).map_err(|message| {
         let is_of_flag = message.starts_with("`--");
-        if is_of_flag { refused(message) } else { in_file(format!("`{}`: {message}", path.display())) }
+        if is_of_flag {
+            refused(message)
+        } else {
+            in_file(BadArguments::new(format!("`{}`: {message}", path.display())))
+        }
     })?;
     run.settings.cameras = cameras;
     cli.logging = run.settings.parse(run.settings.first()).map_err(in_file)?;
@@ -76,13 +81,13 @@ pub(super) fn complete(
 }
 
 /// A mistake in the file: the usage of the command line would not help.
-fn in_file(message: String) -> clap::Error {
-    clap::Error::raw(ErrorKind::ValueValidation, message + "\n")
+fn in_file(mistake: BadArguments) -> clap::Error {
+    clap::Error::raw(ErrorKind::ValueValidation, text_with_hint(&mistake) + "\n")
 }
 
 impl Settings {
     /// Flags and file together, for each camera.
-    fn with_file(&self, path: &Path, run: &Command, flags: &Table) -> Result<Vec<Table>, String> {
+    fn with_file(&self, path: &Path, run: &Command, flags: &Table) -> Result<Vec<Table>, BadArguments> {
         let check = |key: &str, value: &Value| {
             let mut one = flags.clone();
             one.insert(key.to_owned(), value.clone());
@@ -94,9 +99,8 @@ impl Settings {
         }
         if let Some(own) = ["source", "camera"].into_iter().find(|own| flags.contains_key(*own)) {
             let path = path.display();
-            return Err(format!(
-                "`{path}`: `--{own}` cannot stand beside the `[[camera]]` sections\nhint: change the section"
-            ));
+            let message = format!("`{path}`: `--{own}` cannot stand beside the `[[camera]]` sections");
+            return Err(BadArguments::new(message).with_hint("change the section"));
         }
         let own = stream_flags();
         let camera = |section: &Table| {
@@ -118,10 +122,10 @@ impl Settings {
     }
 
     /// All layers of a camera together.
-    fn parse<T: DeserializeOwned>(&self, camera: &Table) -> Result<T, String> {
+    fn parse<T: DeserializeOwned>(&self, camera: &Table) -> Result<T, BadArguments> {
         let layers = [&self.defaults, &self.environment, camera].into_iter().flatten();
         let table: Table = layers.map(|(key, value)| (key.clone(), value.clone())).collect();
-        T::deserialize(Value::Table(table)).map_err(|error| error.message().to_owned())
+        T::deserialize(Value::Table(table)).map_err(|error| BadArguments::from_text(error.message()))
     }
 
     fn mark(&self, camera: &Table, key: &str) -> &'static str {
@@ -140,7 +144,7 @@ impl RunCommand {
             None => vec![self.line.clone()],
             Some(_) => {
                 let runs = self.settings.cameras.iter().map(|camera| self.settings.parse(camera));
-                runs.collect::<Result<Vec<RunArgs>, _>>().map_err(anyhow::Error::msg)?
+                runs.collect::<Result<Vec<RunArgs>, _>>()?
             }
         };
         let cameras: Vec<StreamArgs> = runs.iter().map(|run| run.stream.clone()).collect();
@@ -206,11 +210,9 @@ fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Optio
 fn refuse_no_source(path: &Path, cameras: &[StreamArgs]) -> Result<(), BadArguments> {
     let Some(camera) = cameras.iter().find(|camera| camera.source.is_none()) else { return Ok(()) };
     let camera = camera.camera.as_ref().map(|name| format!(" for camera `{name}`")).unwrap_or_default();
-    Err(BadArguments(format!(
-        "neither `{}` nor the command line names a source{camera}\nhint: `source = \"/dev/video0\"`, or \
-         `source = \"demo\"` if the demo scene is meant",
-        path.display()
-    )))
+    let message = format!("neither `{}` nor the command line names a source{camera}", path.display());
+    let hint = "write `source = \"/dev/video0\"`, or `source = \"demo\"` if the demo scene is meant";
+    Err(BadArguments::new(message).with_hint(hint))
 }
 
 /// A flag without the one that it needs, if `command` has both: `replay --force` needs nothing.

@@ -339,9 +339,9 @@ fn a_wrong_key_of_a_section_is_an_error_with_the_camera_and_a_hint() {
         "camera = 'front'\n[[camera]]\nname = 'front'\nsource = 'demo'",
         "`[FILE]`: `camera` stands above the `[[camera]]` sections\nhint: remove `camera =`: each section",
     );
-    assert_refused("camera = []", "`camera` is an empty list\nhint: a `[[camera]]` section for each");
+    assert_refused("camera = []", "`camera` is an empty list\nhint: write a `[[camera]]` section for each");
     assert_refused("camera = ['a', 'b']", "`camera` has `\"a\"` in it; expected sections\nhint: ");
-    assert_refused("[camera]\nname = 'a'", "`camera` is a table\nhint: a `[[camera]]` section");
+    assert_refused("[camera]\nname = 'a'", "`camera` is a table\nhint: write a `[[camera]]` section");
     for (flag, value) in [("source", "demo"), ("camera", "other")] {
         let error = parse(TWO, &format!("run --{flag} {value}")).unwrap_err();
         let expected = format!("`--{flag}` cannot stand beside the `[[camera]]` sections\nhint: ");

@@ -9,29 +9,31 @@ use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::filter::FilterSpec;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
-use nunet_types::{Hint, ImageSize, text_with_hint};
+use nunet_types::{ImageSize, text_with_hint};
 use nunet_view::Token;
 use serde::de::{Deserialize, Deserializer, Error as _};
 
 use crate::config::{MAX_FRAME_ID, MountOption};
+use crate::exit::BadArguments;
 use crate::source::Rate;
 
 /// A value that is written as text, on the command line and in the configuration file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Text<T>(pub T);
 
-/// Parses a value; the text of an error has its hint.
+/// Parses a value.
 pub trait FromText: Sized {
     /// # Errors
     /// What is expected instead.
-    fn from_text(text: &str) -> Result<Self, String>;
+    fn from_text(text: &str) -> Result<Self, BadArguments>;
 }
 
 impl<T: FromText> FromStr for Text<T> {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        T::from_text(text).map(Self)
+        // clap and serde carry a text only.
+        T::from_text(text).map(Self).map_err(|error| text_with_hint(&error))
     }
 }
 
@@ -50,30 +52,26 @@ pub(super) fn value<T: Clone>(text: &Option<Text<T>>) -> Option<T> {
 macro_rules! from_str {
     ($error:path: $($type:ty),+) => {
         $(impl FromText for $type {
-            fn from_text(text: &str) -> Result<Self, String> {
+            fn from_text(text: &str) -> Result<Self, BadArguments> {
                 text.parse().map_err(|error| $error(&error))
             }
         })+
     };
 }
 
-from_str!(with_hint: Provider, IntrinsicsSpec, FilterSpec, Token);
+from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, Token);
 from_str!(plain: Rate, ImageSize, PixelFormat, MountOption);
 
-fn with_hint<E: std::error::Error + Hint>(error: &E) -> String {
-    text_with_hint(error)
-}
-
-fn plain(error: &impl Display) -> String {
-    error.to_string()
+fn plain(error: &impl Display) -> BadArguments {
+    BadArguments::new(error.to_string())
 }
 
 /// Counts. The standard library's messages about a bad one name Rust types, so they are replaced.
 macro_rules! count {
     ($($type:ty),+) => {
         $(impl FromText for $type {
-            fn from_text(text: &str) -> Result<Self, String> {
-                text.parse().map_err(|_| format!("expected a whole number of 1 or more, got `{text}`"))
+            fn from_text(text: &str) -> Result<Self, BadArguments> {
+                text.parse().map_err(|_| BadArguments::new(format!("expected a whole number of 1 or more, got `{text}`")))
             }
         })+
     };
@@ -82,8 +80,10 @@ macro_rules! count {
 count!(NonZeroU32, NonZeroU64, NonZeroUsize);
 
 impl FromText for SocketAddr {
-    fn from_text(text: &str) -> Result<Self, String> {
-        text.parse().map_err(|_| format!("expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `{text}`"))
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
+        text.parse().map_err(|_| {
+            BadArguments::new(format!("expected ADDRESS:PORT, such as `127.0.0.1:9477`, got `{text}`"))
+        })
     }
 }
 
@@ -95,9 +95,11 @@ pub struct Readers(pub NonZeroU32);
 const MAX_READERS: u32 = 62;
 
 impl FromText for Readers {
-    fn from_text(text: &str) -> Result<Self, String> {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
         let readers = text.parse().ok().filter(|readers: &NonZeroU32| readers.get() <= MAX_READERS);
-        readers.map(Self).ok_or_else(|| format!("expected 1 to {MAX_READERS}, got `{text}`"))
+        readers
+            .map(Self)
+            .ok_or_else(|| BadArguments::new(format!("expected 1 to {MAX_READERS}, got `{text}`")))
     }
 }
 
@@ -106,9 +108,9 @@ impl FromText for Readers {
 pub struct FrameId(pub String);
 
 impl FromText for FrameId {
-    fn from_text(text: &str) -> Result<Self, String> {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
         if text.is_empty() || text.len() > MAX_FRAME_ID {
-            return Err(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len()));
+            return Err(BadArguments::new(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len())));
         }
         Ok(Self(text.to_owned()))
     }
@@ -119,9 +121,11 @@ impl FromText for FrameId {
 pub struct FileMode(pub u32);
 
 impl FromText for FileMode {
-    fn from_text(text: &str) -> Result<Self, String> {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
         let mode = u32::from_str_radix(text, 8);
-        mode.map(Self).map_err(|_| format!("expected an octal number such as \"0640\", got `{text}`"))
+        mode.map(Self).map_err(|_| {
+            BadArguments::new(format!("expected an octal number such as \"0640\", got `{text}`"))
+        })
     }
 }
 
@@ -130,9 +134,13 @@ impl FromText for FileMode {
 pub struct StageEvery(pub String, pub NonZeroU32);
 
 impl FromText for StageEvery {
-    fn from_text(text: &str) -> Result<Self, String> {
-        let (stage, count) = text.split_once('=').ok_or("expected `STAGE=N`, such as `segmentation=3`")?;
-        let count = count.parse().map_err(|_| format!("expected a count of 1 or more, got `{count}`"))?;
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
+        let (stage, count) = text
+            .split_once('=')
+            .ok_or_else(|| BadArguments::new("expected `STAGE=N`, such as `segmentation=3`"))?;
+        let count = count
+            .parse()
+            .map_err(|_| BadArguments::new(format!("expected a count of 1 or more, got `{count}`")))?;
         Ok(Self(stage.to_owned(), count))
     }
 }
@@ -142,9 +150,9 @@ impl FromText for StageEvery {
 pub struct Distance(pub f32);
 
 impl FromText for Distance {
-    fn from_text(text: &str) -> Result<Self, String> {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
         let range = text.parse().ok().filter(|range: &f32| range.is_finite() && *range > 0.0);
-        range.map(Self).ok_or_else(|| "expected a number of meters greater than 0".to_owned())
+        range.map(Self).ok_or_else(|| BadArguments::new("expected a number of meters greater than 0"))
     }
 }
 
@@ -153,8 +161,10 @@ impl FromText for Distance {
 pub struct Count(pub usize);
 
 impl FromText for Count {
-    fn from_text(text: &str) -> Result<Self, String> {
-        text.parse().map(Self).map_err(|_| format!("expected a whole number, got `{text}`"))
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
+        text.parse()
+            .map(Self)
+            .map_err(|_| BadArguments::new(format!("expected a whole number, got `{text}`")))
     }
 }
 
@@ -163,9 +173,11 @@ impl FromText for Count {
 pub struct Seconds(pub f32);
 
 impl FromText for Seconds {
-    fn from_text(text: &str) -> Result<Self, String> {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
         let seconds = text.parse().ok().filter(|seconds: &f32| seconds.is_finite() && *seconds >= 0.0);
-        seconds.map(Self).ok_or_else(|| format!("expected a number of seconds, 0 or more, got `{text}`"))
+        seconds.map(Self).ok_or_else(|| {
+            BadArguments::new(format!("expected a number of seconds, 0 or more, got `{text}`"))
+        })
     }
 }
 
@@ -174,12 +186,13 @@ impl FromText for Seconds {
 pub struct Hash(pub [u8; 32]);
 
 impl FromText for Hash {
-    fn from_text(text: &str) -> Result<Self, String> {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
         let digits = |index: usize| text.get(2 * index..2 * index + 2);
         let byte = |index: usize| u8::from_str_radix(digits(index)?, 16).ok();
         let bytes: Option<Vec<u8>> = (0..text.len().div_ceil(2)).map(byte).collect();
         let hash = bytes.and_then(|bytes| bytes.try_into().ok());
-        hash.map(Self).ok_or_else(|| format!("expected 64 hexadecimal digits, got `{text}`"))
+        hash.map(Self)
+            .ok_or_else(|| BadArguments::new(format!("expected 64 hexadecimal digits, got `{text}`")))
     }
 }
 
@@ -191,7 +204,7 @@ mod tests {
     fn hashes_are_64_hexadecimal_digits() {
         assert_eq!(Hash::from_text(&"0f".repeat(32)), Ok(Hash([15; 32])));
         for wrong in ["", "0f", &"0".repeat(63), &"0".repeat(66), &"0g".repeat(32), &"ß".repeat(32)] {
-            assert!(Hash::from_text(wrong).unwrap_err().ends_with(&format!("got `{wrong}`")));
+            assert!(Hash::from_text(wrong).unwrap_err().to_string().ends_with(&format!("got `{wrong}`")));
         }
     }
 }

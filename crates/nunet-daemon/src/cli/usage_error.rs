@@ -2,6 +2,8 @@
 
 use std::ffi::OsString;
 
+use nunet_types::split_hint;
+
 use crate::config::LogOptions;
 use crate::{exit, logging};
 
@@ -15,9 +17,7 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
     }
     logging::start(LogOptions { verbose: 0, quiet: false, json: true });
     let text = error.render().to_string();
-    let (text, hint) = message_of(&text)
-        .split_once("\nhint: ")
-        .map_or_else(|| (message_of(&text), None), |(text, hint)| (text, Some(hint.to_owned())));
+    let (text, hint) = split_hint(message_of(&text));
     exit::log_bad_arguments(text, hint)
 }
 

@@ -112,11 +112,9 @@ impl SourceConfig {
     /// Checks that the kind of source takes these options. Opens nothing.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         if self.name.properties().is_shared_memory && (self.rate.is_some() || self.repeat) {
-            anyhow::bail!(BadArguments(
-                "--rate and --loop are for files: a camera in shared memory has its own pace\nhint: give them to whoever \
-                 publishes the camera, such as `nunetd feed`"
-                    .into()
-            ));
+            let message = "--rate and --loop are for files: a camera in shared memory has its own pace";
+            let hint = "give them to whoever publishes the camera, such as `nunetd feed`";
+            anyhow::bail!(BadArguments::new(message).with_hint(hint));
         }
         Ok(self.name.check(&self.open_options())?)
     }
@@ -179,9 +177,10 @@ pub(crate) fn frame_id(camera: &CameraName, named: Option<String>) -> Result<Str
     if frame_id.len() <= MAX_FRAME_ID {
         return Ok(frame_id);
     }
-    Err(BadArguments(format!(
-        "the coordinate frame `{frame_id}` of camera `{camera}` is {} bytes long; expected at most {MAX_FRAME_ID}\n\
-         hint: `--frame-id` names another, or give the camera a shorter name",
+    let message = format!(
+        "the coordinate frame `{frame_id}` of camera `{camera}` is {} bytes long; expected at most {MAX_FRAME_ID}",
         frame_id.len()
-    )))
+    );
+    Err(BadArguments::new(message)
+        .with_hint("name another by `--frame-id`, or give the camera a shorter name"))
 }

@@ -39,6 +39,6 @@ pub(crate) fn mount(mount: MountOption) -> Mount {
 pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) -> anyhow::Result<()> {
     check_output(output, input, force).map_err(|error| match error {
         OutputError::Exists(_) => WithHint::usage(error.to_string(), "pass --force to overwrite it").into(),
-        _ => BadArguments(error.to_string()).into(),
+        _ => BadArguments::of(&error).into(),
     })
 }

@@ -1,11 +1,5 @@
 //! `stats.json`: counts and latencies of a stream.
 
-use std::io::ErrorKind;
-use std::os::unix::ffi::OsStrExt as _;
-use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
-use std::path::Path;
-
-use anyhow::{Context as _, bail};
 use nunet_core::depth::Scale;
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
@@ -118,44 +112,4 @@ impl From<&Latencies> for LatencyMs {
         let stages = latencies.stages().map(|(name, summary)| (name.to_owned(), summary)).collect();
         Self { total: latencies.total(), stages }
     }
-}
-
-/// Checks before a long run that its stats can be written at the end.
-pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
-    if is_named_pipe(path) {
-        bail!("cannot write `{}`: it is a named pipe\nhint: name a regular file", path.display());
-    }
-    if let Some(folder) = missing_folder(path) {
-        let (path, folder) = (path.display(), folder.display());
-        bail!("cannot write `{path}`: there is no folder `{folder}`\nhint: make it first: mkdir -p {folder}");
-    }
-    let existed = path.exists();
-    let mut how = std::fs::OpenOptions::new();
-    // Opening a pipe without a reader must not block.
-    let opened = how.create(true).append(true).custom_flags(libc::O_NONBLOCK).open(path);
-    opened.map(drop).with_context(|| format!("cannot write `{}`", path.display()))?;
-    if !existed {
-        std::fs::remove_file(path).with_context(|| format!("cannot write `{}`", path.display()))?;
-    }
-    Ok(())
-}
-
-/// The missing folder of a file, or a missing folder that a path with a trailing slash names.
-fn missing_folder(path: &Path) -> Option<&Path> {
-    let is_folder = path.as_os_str().as_bytes().ends_with(b"/");
-    let folder = if is_folder { Some(path) } else { path.parent() };
-    let missing = |folder: &Path| folder.metadata().is_err_and(|error| error.kind() == ErrorKind::NotFound);
-    folder.filter(|folder| !folder.as_os_str().is_empty() && missing(folder))
-}
-
-/// The reader of a named pipe would see its end when the check closes it. An unnamed pipe, which `/dev/stdout` may be,
-/// stays open in the parent process.
-fn is_named_pipe(path: &Path) -> bool {
-    path.metadata().is_ok_and(|found| found.file_type().is_fifo()) && path.canonicalize().is_ok()
-}
-
-/// Writes `value` as JSON.
-pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(value).context("cannot write the stats as JSON")?;
-    std::fs::write(path, text + "\n").with_context(|| format!("cannot write `{}`", path.display()))
 }

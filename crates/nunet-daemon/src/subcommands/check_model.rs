@@ -23,5 +23,5 @@ pub(crate) fn check_model(
 
 fn refusal(kind: EngineErrorKind, error: &anyhow::Error) -> Refusal {
     let (message, hints) = message_and_hints(error);
-    Refusal::new(kind, message, (!hints.is_empty()).then(|| hints.join("\nhint: ")))
+    Refusal::new(kind, message, (!hints.is_empty()).then(|| hints.join("; ")))
 }

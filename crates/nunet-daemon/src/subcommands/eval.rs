@@ -86,17 +86,15 @@ impl Printer {
 
 fn log(problem: Event<'_>) {
     match problem {
-        Event::Skipped { id, reason } => error!("skipped `{id}`: {reason}"),
-        Event::SkippedAlike { count, reason } => {
-            error!("skipped {count} images for the same reason: {reason}");
+        Event::Skipped { id, reason, hint } => error!(hint, "skipped `{id}`: {reason}"),
+        Event::SkippedAlike { count, reason, hint } => {
+            error!(hint, "skipped {count} images for the same reason: {reason}");
         }
         Event::Warning(text) => warn!("{text}"),
         Event::UnknownCamera { assumption } => warn_of_unknown_camera(assumption),
         Event::TruthBeyondCap { share, cap_m, farthest_m } => {
             let (percent, hint) = (100.0 * share, depth_cap_hint(farthest_m));
-            warn!(
-                "{percent:.0} % of the true depth is at {cap_m} m or beyond and is not compared\nhint: {hint}"
-            );
+            warn!(hint, "{percent:.0} % of the true depth is at {cap_m} m or beyond and is not compared");
         }
         _ => {}
     }

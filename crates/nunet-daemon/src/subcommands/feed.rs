@@ -32,9 +32,10 @@ pub(crate) struct Options {
 pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     if options.source.name.properties().is_shared_memory {
-        bail!(BadArguments(
-            "a camera in shared memory needs no feed: name it with --source shm:CAMERA".into()
-        ));
+        bail!(
+            BadArguments::new("a camera in shared memory needs no feed")
+                .with_hint("name it with --source shm:CAMERA")
+        );
     }
     let resolver = CameraResolver::new(&options.geometry)?;
     let folders = nunet_engine::model_folders();

@@ -9,7 +9,7 @@ use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions};
-use nunet_files::{Results, check_folder, write_results};
+use nunet_files::{Results, check_folder, write_json, write_results};
 use nunet_sink::obstacle_images::View;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, Latencies, Totals};
@@ -20,7 +20,7 @@ use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_unknown_camera};
-use crate::sink::stats::{Common, ModelName, Stats, write_json};
+use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{CameraResolver, Frame, decode, glance, list};
 use crate::stream::{Stop, Stopped};
 
@@ -84,11 +84,12 @@ fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     for name in named {
         let found = list(name)?;
         if found.is_empty() {
-            bail!(BadArguments(format!(
-                "no image `{}`: neither a file nor a folder with JPEG or PNG images, and no file matches it as a glob\n\
-                 hint: name an image, a folder of images, or a glob such as 'frames/*.jpg' (quoted)",
+            let message = format!(
+                "no image `{}`: neither a file nor a folder with JPEG or PNG images, and no file matches it as a glob",
                 name.display()
-            )));
+            );
+            let hint = "name an image, a folder of images, or a glob such as 'frames/*.jpg' (quoted)";
+            bail!(BadArguments::new(message).with_hint(hint));
         }
         images.extend(found);
     }
@@ -141,12 +142,12 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
         let stem = image.file_stem().with_context(|| format!("`{}` names no file", image.display()))?;
         if !seen.insert(stem) {
             let folder = out.join(stem);
-            bail!(BadArguments(format!(
-                "two images are called `{}`: both results would go to `{}`\nhint: call nunetd for each with its \
-                 own --out",
+            let message = format!(
+                "two images are called `{}`: both results would go to `{}`",
                 stem.display(),
                 folder.display()
-            )));
+            );
+            bail!(BadArguments::new(message).with_hint("run nunetd for each with its own --out"));
         }
         folders.push(out.join(stem));
     }
@@ -182,7 +183,7 @@ impl Work {
         write_results(folder, &self.results(&report))?;
         self.write_obstacles(folder)?;
         let stats = self.stats(image, &report, [start_nanos, ready_nanos, done_nanos]);
-        write_json(&folder.join("stats.json"), &stats)
+        Ok(write_json(&folder.join("stats.json"), &stats)?)
     }
 
     /// Writes the obstacles of the image, if they are wanted.

@@ -23,7 +23,7 @@ pub(super) fn load_unless(engine: &Engine, model: &ModelConfig, stop: &Stop) -> 
     engine.load(&model.path, &model.every, stop.flag()).map_err(|error| match error {
         EngineError::Stopped => Stopped.into(),
         EngineError::Graph(GraphError::UnknownStage { .. } | GraphError::EveryTwice { .. }) => {
-            anyhow::Error::from(error).context(BadArguments("`--every` does not fit the model".into()))
+            anyhow::Error::from(error).context(BadArguments::new("`--every` does not fit the model"))
         }
         error => error.into(),
     })
@@ -39,7 +39,7 @@ pub(super) fn obstacle_stage(
     let text = "obstacles need depth in meters, and the model's depth has no unit";
     match &stage {
         None if config.is_required => {
-            return Err(BadArguments(format!("{text}\nhint: choose a model with metric depth")));
+            return Err(BadArguments::new(text).with_hint("choose a model with metric depth"));
         }
         None => warn!("obstacles are off: {text}"),
         Some(_) => {}

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use nunet_engine::{Engine, find_model};
+use nunet_files::write_json;
 use nunet_ipc::{Access, IpcError, share_with};
 use nunet_sink::file_writer::FileWriter;
 use nunet_telemetry::Counts;
@@ -21,7 +22,7 @@ use super::load::load_unless;
 use crate::Outcome;
 use crate::config::{AccessConfig, Config};
 use crate::exit::BadArguments;
-use crate::sink::stats::{Common, ModelName, Stats, write_json};
+use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{Notify, SourceName};
 use crate::stream::{self, Ended, SourceEnd, Stop, Stopped, StreamSummary};
 use nunet_telemetry::DrainTimeout;
@@ -91,7 +92,7 @@ fn share(config: Option<&AccessConfig>) -> anyhow::Result<()> {
 
 fn access(config: Option<&AccessConfig>) -> Result<Option<Access>, BadArguments> {
     let Some(AccessConfig { group, mode }) = config else { return Ok(None) };
-    let bad = |error: IpcError| BadArguments(nunet_types::text_with_hint(&error));
+    let bad = |error: IpcError| BadArguments::of(&error);
     let access = Access::of_group(group).map_err(bad)?;
     mode.map_or(Ok(access), |mode| access.with_mode(mode).map_err(bad)).map(Some)
 }
@@ -145,7 +146,7 @@ fn combine(
 /// Writes the stats on a thread, because their disk may hang as well.
 fn write_stats(path: &Path, stats: Stats, timeout: &mut DrainTimeout<'_>) -> anyhow::Result<()> {
     let (what, path) = (format!("the stats in `{}`", path.display()), path.to_owned());
-    FileWriter::start(what, move || write_json(&path, &stats))?.end(timeout)
+    FileWriter::start(what, move || Ok(write_json(&path, &stats)?))?.end(timeout)
 }
 
 /// Logs how each camera ended. If one fails, the others went on; if all failed, that is the failure of the run.

@@ -14,7 +14,7 @@ use tracing::warn;
 use super::bench::{Subject, WARM_UP_RUNS, host, image_or_demo};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
-use crate::exit::BadArguments;
+use crate::exit::{BadArguments, WithHint};
 
 /// A combination with fewer threads is preferred if it is at most this much slower than the fastest, because a robot has
 /// other work for its cores.
@@ -53,7 +53,8 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
         }
     }
     let medians: Vec<_> = ways.iter().map(|way| (way.threads, way.subject.median_ms())).collect();
-    let best = best(&medians).context("no combination runs this model\nhint: run `nunetd doctor`")?;
+    let best = best(&medians)
+        .ok_or_else(|| WithHint::new("no combination runs this model", "run `nunetd doctor`"))?;
     let text =
         if options.json { json(&ways, &ways[best], &engine).to_string() } else { table(&ways, &ways[best]) };
     writeln!(std::io::stdout(), "{text}")?;
@@ -67,10 +68,10 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
 /// Refuses to overwrite a file, which may have been edited by hand.
 fn refuse_existing(out: Option<&Path>) -> anyhow::Result<()> {
     if let Some(out) = out.filter(|out| out.exists()) {
-        bail!(BadArguments(format!(
-            "`{}` exists\nhint: name a new file and copy the lines that you need",
-            out.display()
-        )));
+        bail!(
+            BadArguments::new(format!("`{}` exists", out.display()))
+                .with_hint("name a new file and copy the lines that you need")
+        );
     }
     Ok(())
 }

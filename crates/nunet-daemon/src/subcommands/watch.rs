@@ -6,12 +6,12 @@ use std::io::{IsTerminal as _, Write as _};
 use std::num::NonZeroU64;
 use std::time::{Duration, Instant};
 
-use anyhow::{anyhow, bail};
+use anyhow::bail;
 use console::Term;
 use nunet_ipc::{CameraName, Frame, IpcError, ObstacleRecord, Reader, StatsRecord, Topic, cameras};
 
 use crate::Outcome;
-use crate::exit::BadArguments;
+use crate::exit::{BadArguments, WithHint};
 use crate::stream::Stop;
 use text::{json_of, line_of, screen_of};
 
@@ -35,7 +35,7 @@ pub(crate) fn watch(
 ) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     let timeout = Duration::try_from_secs_f64(timeout_s)
-        .map_err(|_| BadArguments(format!("--timeout `{timeout_s}` is not a number of seconds")))?;
+        .map_err(|_| BadArguments::new(format!("--timeout `{timeout_s}` is not a number of seconds")))?;
     let mut view = View::choose(json);
     let Some(reader) = open(camera, &view, timeout, &stop)? else { return Ok(Outcome::Done) };
     let mut watcher = Watcher { reader, stats: None, obstacles: None, timeout, last: Instant::now() };
@@ -58,7 +58,7 @@ fn open(camera: &CameraName, view: &View, timeout: Duration, stop: &Stop) -> any
             Ok(reader) => return Ok(Some(reader)),
             Err(IpcError::NobodyPublishes { .. }) if start.elapsed() < timeout => {}
             Err(IpcError::NobodyPublishes { service, .. }) => {
-                return Err(nobody(camera, &IpcError::NobodyPublishes { service, timeout }));
+                return Err(nobody(camera, IpcError::NobodyPublishes { service, timeout }));
             }
             Err(error) => return Err(error.into()),
         }
@@ -67,17 +67,17 @@ fn open(camera: &CameraName, view: &View, timeout: Duration, stop: &Stop) -> any
 }
 
 /// The error for a camera that is not published; lists the published ones, the most similar name first.
-fn nobody(camera: &CameraName, error: &IpcError) -> anyhow::Error {
+fn nobody(camera: &CameraName, error: IpcError) -> anyhow::Error {
     let mut there = cameras::list(Topic::Depth).unwrap_or_default();
     there.retain(|other| other != camera);
     if there.is_empty() {
-        return anyhow!(nunet_types::text_with_hint(error));
+        return error.into();
     }
     let likeness = |other: &CameraName| strsim::jaro_winkler(other.as_str(), camera.as_str());
     there.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
     let names: Vec<_> = there.iter().take(MOST_NAMES).map(|name| format!("`{name}`")).collect();
     let more = if there.len() > names.len() { " and others" } else { "" };
-    anyhow!("{error}\nhint: published cameras: {}{more}", names.join(", "))
+    WithHint::new(error.to_string(), format!("published cameras: {}{more}", names.join(", "))).into()
 }
 
 struct Watcher {

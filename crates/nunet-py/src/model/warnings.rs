@@ -6,7 +6,7 @@ use nunet_core::depth::ScaleSource;
 use nunet_types::ImageSize;
 use pyo3::prelude::*;
 
-use crate::error::warn;
+use crate::error::warn_with_hint;
 
 /// Aspect ratios that differ by less than this share count as equal: sizes are whole numbers.
 const MAX_ASPECT_DIFFERENCE: f64 = 0.01;
@@ -26,20 +26,20 @@ impl Warnings {
     /// Warns of a missing camera, and of an image that is stretched.
     pub(super) fn issue(&self, py: Python<'_>, scale: ScaleSource, image_size: ImageSize) -> PyResult<()> {
         if scale == ScaleSource::AssumedCamera && first(&self.no_camera) {
-            warn(
+            warn_with_hint(
                 py,
-                "no camera was given: depth in meters assumes the focal length of the training camera\n\
-                 hint: pass `camera=nunet_py.Camera(...)` or a calibration, `nunet_py.Camera.from_yaml(path)`",
+                "no camera was given: depth in meters assumes the focal length of the training camera",
+                "pass `camera=nunet_py.Camera(...)` or a calibration, `nunet_py.Camera.from_yaml(path)`",
             )?;
         }
         if is_stretched(image_size, self.network_size) && first(&self.aspect) {
             let network_size = self.network_size;
-            warn(
+            warn_with_hint(
                 py,
                 &format!(
-                    "images of {image_size} are stretched to {network_size}: another aspect ratio \
-                     makes depth less accurate\nhint: crop the images to the aspect ratio of {network_size}"
+                    "images of {image_size} are stretched to {network_size}: another aspect ratio makes depth less accurate"
                 ),
+                &format!("crop the images to the aspect ratio of {network_size}"),
             )?;
         }
         Ok(())

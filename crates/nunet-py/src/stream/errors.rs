@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use nunet_ipc::{CameraName, IpcError, Topic};
-use nunet_types::{Hint, text_with_hint};
+use nunet_types::{Hint, join_hint, text_with_hint};
 use pyo3::exceptions::{PyTimeoutError, PyValueError};
 use pyo3::prelude::*;
 
@@ -37,7 +37,7 @@ fn message<E: Error + Hint>(error: &E) -> String {
     match (error.source(), error.hint()) {
         (None, _) => text_with_hint(error),
         (Some(cause), None) => format!("{error}: {cause}"),
-        (Some(cause), Some(hint)) => format!("{error}: {cause}\nhint: {hint}"),
+        (Some(cause), Some(hint)) => join_hint(format_args!("{error}: {cause}"), hint),
     }
 }
 

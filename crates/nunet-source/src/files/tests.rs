@@ -77,7 +77,7 @@ fn each_round_of_a_loop_is_a_stretch_of_its_own() {
 }
 
 #[test]
-fn a_loop_ends_with_a_round_without_a_image() {
+fn a_loop_ends_with_a_round_without_an_image() {
     let folder = tempfile::tempdir().unwrap();
     let images = ["a.png", "b.png"].map(|name| folder.path().join(name));
     for path in &images {

@@ -130,8 +130,8 @@ def _decode(pairs: Pairs, place: Path, *, quiet: bool) -> None:
         pair = pairs[index]
         if pair.depth_m.shape != (height, width):
             raise DataError(
-                f"image `{pair.id}` is {pair.depth_m.shape}, the first one {(height, width)}; "
-                "hint: resize the data to one size first"
+                f"image `{pair.id}` is {pair.depth_m.shape}, the first one {(height, width)}",
+                hint="resize the data to one size first",
             )
         rgb[index] = pair.rgb
         units = np.rint(np.nan_to_num(pair.depth_m, nan=0.0) / UNIT_M)

@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     }
     for path, text in lists.items():
         if path.exists() and path.read_bytes() != text.encode():
-            raise ConfigError(f"`{path}` exists and is another list; hint: another `--out`")
+            raise ConfigError(f"`{path}` exists and is another list", hint="another `--out`")
     options.out.mkdir(parents=True, exist_ok=True)
     for path, text in lists.items():
         path.write_text(text, encoding="utf-8")

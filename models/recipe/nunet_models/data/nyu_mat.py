@@ -13,7 +13,8 @@ from nunet_models.errors import DataError
 
 MAT_SUFFIX = ".mat"
 MAT_FILE = "NYU Depth V2's `nyu_depth_v2_labeled.mat`"
-MAT_LABELS = "its 894 raw classes need the map to NYU's 40; hint: `--class-map classMapping40.mat`"
+MAT_LABELS = "its 894 raw classes need the map to NYU's 40"
+MAT_LABELS_HINT = "`--class-map classMapping40.mat`"
 """Why such a file alone gives no labels."""
 
 RAW_CLASSES = 894  # of the file's own labels, counted from 1: 0 is a pixel without one

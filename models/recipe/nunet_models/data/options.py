@@ -52,7 +52,8 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
     if options.class_map is not None:
         raise OptionError(
             f"`--class-map {options.class_map}` is for the labels of NYU's .mat; `{options.data}` "
-            "is a folder, with `labels/` or `label40/`; hint: omit `--class-map`"
+            "is a folder, with `labels/` or `label40/`",
+            hint="omit `--class-map`",
         )
     _check_units(options)
     units = DepthUnits(
@@ -90,7 +91,7 @@ def check_sets_or_data(options: argparse.Namespace, *needed: str) -> None:
     if options.sets is None:
         for name in ("data", *needed):
             if getattr(options, name) is None:
-                raise OptionError(f"`{_flag(name)}` is missing; hint: pass it, or `--sets LIST`")
+                raise OptionError(f"`{_flag(name)}` is missing", hint="pass it, or `--sets LIST`")
         return
     for name in (*_WITHOUT_SETS, *needed):
         if getattr(options, name, None) is not None:
@@ -113,8 +114,8 @@ def _check_no_units(options: argparse.Namespace) -> None:
     for option, value in given.items():
         if value is not None:
             raise OptionError(
-                f"`{option} {value}` is for images of depth; `{options.data}` contains meters; "
-                f"hint: omit `{option}`"
+                f"`{option} {value}` is for images of depth; `{options.data}` contains meters",
+                hint=f"omit `{option}`",
             )
 
 

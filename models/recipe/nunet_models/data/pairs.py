@@ -93,7 +93,8 @@ class FolderPairs:
         if not root.is_dir():
             raise DataError(
                 f"`{root}` is not a folder; expected one with `rgb/` and `depth/`, or NYU Depth "
-                "V2's .mat file; hint: check `--data`"
+                "V2's .mat file",
+                hint="check `--data`",
             )
         self.root = root
         self.ids = ids
@@ -127,8 +128,8 @@ class FolderPairs:
         depth = _single_channel(depth_path, rgb.shape[:2])
         if depth.dtype == np.uint8 and self.units.scale_m is None:
             raise DataError(
-                f"`{depth_path}` has 8 bits, which cannot be millimeters; "
-                "hint: `--depth-scale METERS` sets the unit"
+                f"`{depth_path}` has 8 bits, which cannot be millimeters",
+                hint="`--depth-scale METERS` sets the unit",
             )
         depth_m = self.units.meters(depth)
         labels = self._labels(label_path[0], rgb.shape[:2]) if label_path else None
@@ -168,8 +169,8 @@ def _check_labels(values: np.ndarray, path: Path, *, folder: str) -> None:
         if folder == "label40":
             hint = "`label40/` counts NYU's classes from 0, 0 is a wall"
     raise DataError(
-        f"`{path}` has the label {worst}; expected 0 to {classes - 1}, or {IGNORE} for "
-        f"unknown; hint: {hint}"
+        f"`{path}` has the label {worst}; expected 0 to {classes - 1}, or {IGNORE} for unknown",
+        hint=f"{hint}",
     )
 
 

@@ -34,8 +34,8 @@ def clip_figures(pairs: Iterable[Pair], predict: Predict) -> dict[str, float | N
         if before is not None:
             if t.shape != before[1].shape:
                 raise DataError(
-                    f"frame `{pair.id}` is of another size than the one before; hint: `--clip` is "
-                    "for the frames of one video"
+                    f"frame `{pair.id}` is of another size than the one before",
+                    hint="`--clip` is for the frames of one video",
                 )
             static = both & (np.abs(t - before[1]) < STATIC * t)
             flickers.append(np.abs(p - before[0])[static])

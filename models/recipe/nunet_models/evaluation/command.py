@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
+from nunet_models.data.nyu_mat import MAT_LABELS, MAT_LABELS_HINT, MAT_SUFFIX
 from nunet_models.data.options import (
     add_data_options,
     add_sets_option,
@@ -20,7 +20,7 @@ from nunet_models.data.options import (
     open_pairs,
 )
 from nunet_models.data.pairs import Pair, Pairs
-from nunet_models.errors import ConfigError, DataError, OptionError
+from nunet_models.errors import ConfigError, DataError, OptionError, with_hint
 from nunet_models.evaluation.baseline import kept_baseline, named_baseline
 from nunet_models.evaluation.clip import clip_figures
 from nunet_models.evaluation.compare import (
@@ -134,23 +134,25 @@ def _check_options(options: argparse.Namespace) -> None:
     """Refuse values and combinations that make no sense, before any work."""
     if options.fx is not None and not 0.0 < options.fx < math.inf:
         raise OptionError(
-            f"`--fx {options.fx}`; expected a focal length in pixels, more than 0; hint: the first "
-            "number of the camera's matrix, at the images' size"
+            f"`--fx {options.fx}`; expected a focal length in pixels, more than 0",
+            hint="the first number of the camera's matrix, at the images' size",
         )
     if options.save_baseline is not None and options.baseline_ids is None:
         raise OptionError(
             f"`--save-baseline {options.save_baseline}` saves the mean image of `--baseline-ids`, "
-            "which is missing; hint: `--baseline-ids FILE` names training images"
+            "which is missing",
+            hint="`--baseline-ids FILE` names training images",
         )
 
 
 def _say_no_labels(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
     """Say why a network with labels gets no label metrics."""
     if predictor.classes and not pairs.has_labels:
-        why = "has no folder `labels` or `label40`"
+        why, hint = "has no folder `labels` or `label40`", None
         if options.data.suffix == MAT_SUFFIX:
-            why = f"has no labels of its own: {MAT_LABELS}"
-        print(f"nunet_models: no label metrics: `{options.data}` {why}", file=sys.stderr)
+            why, hint = f"has no labels of its own: {MAT_LABELS}", MAT_LABELS_HINT
+        message = f"nunet_models: no label metrics: `{options.data}` {why}"
+        print(with_hint(message, hint), file=sys.stderr)
 
 
 def _say_beyond(comparison: Comparison) -> None:
@@ -159,9 +161,12 @@ def _say_beyond(comparison: Comparison) -> None:
     if beyond <= MUCH_BEYOND * known:
         return
     print(
-        f"nunet_models: {100 * beyond / known:.1f} % of the true depth ({beyond} of {known} "
-        f"pixels) is not between {MIN_DEPTH_M} and {comparison.protocol.cap_m} m and is not "
-        "compared; hint: `--depth-scale METERS` sets the unit of the depth images",
+        with_hint(
+            f"nunet_models: {100 * beyond / known:.1f} % of the true depth ({beyond} of {known} "
+            f"pixels) is not between {MIN_DEPTH_M} and {comparison.protocol.cap_m} m and is not "
+            "compared",
+            "`--depth-scale METERS` sets the unit of the depth images",
+        ),
         file=sys.stderr,
     )
 
@@ -171,13 +176,13 @@ def _check_clip(options: argparse.Namespace, predictor: Predictor, pairs: Pairs)
     if not predictor.metric:
         raise ConfigError(
             f"`--clip` compares meters, but `{options.model}` outputs depth as "
-            f"`{predictor.encoding}`; hint: omit `--clip`; `minmax` contains such a network's "
-            "metrics"
+            f"`{predictor.encoding}`",
+            hint="omit `--clip`; `minmax` contains such a network's metrics",
         )
     if len(pairs) < 2:
         raise DataError(
-            f"`{options.ids}` names one image; expected two frames or more of a video; hint: "
-            "omit `--clip`"
+            f"`{options.ids}` names one image; expected two frames or more of a video",
+            hint="omit `--clip`",
         )
 
 

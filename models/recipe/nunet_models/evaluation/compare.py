@@ -52,8 +52,8 @@ class Comparison:
         if prediction.depth.shape != pair.depth_m.shape:
             raise DataError(
                 f"image `{pair.id}` is {pair.depth_m.shape}; expected "
-                f"{prediction.depth.shape}, the size of what it is compared with; hint: a mean "
-                "image is for images of its own size"
+                f"{prediction.depth.shape}, the size of what it is compared with",
+                hint="a mean image is for images of its own size",
             )
         try:
             metrics = self.add_depth(prediction.depth, pair.depth_m)
@@ -138,7 +138,8 @@ def compare(
     if metric and not comparison.depth.pixels + comparison.depth.missing:
         raise DataError(
             f"no true depth is between {MIN_DEPTH_M} and {protocol.cap_m} m, the range that is "
-            "compared; hint: `--depth-scale METERS` sets the unit of the depth images"
+            "compared",
+            hint="`--depth-scale METERS` sets the unit of the depth images",
         )
     return comparison
 
@@ -176,7 +177,7 @@ def _depths(pairs: Pairs) -> Iterator[np.ndarray]:
         first = first or pair.depth_m.shape
         if pair.depth_m.shape != first:
             raise DataError(
-                f"image `{pair.id}` is {pair.depth_m.shape}, the first one {first}; hint: a mean "
-                "image needs images of one size"
+                f"image `{pair.id}` is {pair.depth_m.shape}, the first one {first}",
+                hint="a mean image needs images of one size",
             )
         yield pair.depth_m

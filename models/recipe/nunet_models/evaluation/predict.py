@@ -46,8 +46,8 @@ class Predictor:
         if sorted(inputs) != sorted(["rgb", *state]) or "depth" not in self.outputs:
             raise ConfigError(
                 f"`{self.path}` takes {_listed(inputs)} and gives {_listed(self.outputs)}; "
-                f"expected {_listed(['rgb', *state])} and `depth`; hint: a stage of a graph is "
-                "measured in the fused `.onnx` that computes the same"
+                f"expected {_listed(['rgb', *state])} and `depth`",
+                hint="a stage of a graph is measured in the fused `.onnx` that computes the same",
             )
 
     @property
@@ -121,9 +121,10 @@ def _refuse_stages(path: Path) -> None:
     """`export` writes staged graphs as well, which are run by nunetd alone."""
     if path.suffix == ".toml" and path.is_file():
         raise ConfigError(
-            f"`{path}` is a staged graph; expected an ONNX file; hint: the fused `.onnx` computes "
+            f"`{path}` is a staged graph; expected an ONNX file",
+            hint=f"the fused `.onnx` computes "
             "the same, and `export --out FILE.onnx` writes it of the same checkpoint; `nunetd eval "
-            f"--model {path}` measures the stages themselves"
+            f"--model {path}` measures the stages themselves",
         )
 
 

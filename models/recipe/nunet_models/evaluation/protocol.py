@@ -43,8 +43,8 @@ class Protocol:
             return image
         if image.shape != self.size:
             raise DataError(
-                f"protocol `{self.name}` is for images of {self.size}; this one is "
-                f"{image.shape}; hint: `--protocol full`"
+                f"protocol `{self.name}` is for images of {self.size}; this one is {image.shape}",
+                hint="`--protocol full`",
             )
         top, left, bottom, right = self.crop
         return image[top:bottom, left:right]

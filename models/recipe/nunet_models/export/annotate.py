@@ -30,7 +30,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(options: argparse.Namespace) -> int:
     """Carry out `annotate`; prints the file written."""
     if not (options.accuracy or options.license):
-        raise ConfigError("nothing to write; hint: `--accuracy FILE` or `--license TEXT`")
+        raise ConfigError("nothing to write", hint="`--accuracy FILE` or `--license TEXT`")
     values = read_metadata(options.model)
     if values.get("nunet.version") != "1":
         raise ConfigError(f"`{options.model}` is not a nunet model file of version 1")
@@ -54,13 +54,14 @@ def _check_measured(model: Path, path: Path, of: Measured) -> None:
         if of.sha256 != digest:
             raise ConfigError(
                 f"`{path}` is of the model `{of.name}` with the SHA-256 `{of.sha256}`; expected "
-                f"`{model.name}` with `{digest}`; hint: measure the file as it is now, since "
-                "any change to its metadata changes its hash"
+                f"`{model.name}` with `{digest}`",
+                hint="measure the file as it is now, since "
+                "any change to its metadata changes its hash",
             )
     elif of.name not in {None, model.name}:
         raise ConfigError(
-            f"`{path}` is of the model `{of.name}`; expected `{model.name}`; "
-            f"hint: `evaluate --model {model}`"
+            f"`{path}` is of the model `{of.name}`; expected `{model.name}`",
+            hint=f"`evaluate --model {model}`",
         )
 
 
@@ -74,14 +75,14 @@ def read_accuracy(path: Path) -> dict[str, Any]:
         values = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refused)
     except ValueError as error:  # of JSON or of UTF-8
         raise ConfigError(
-            f"`{path}` is not JSON: {error}; hint: `evaluate ... > {path.name}` writes it"
+            f"`{path}` is not JSON: {error}", hint=f"`evaluate ... > {path.name}` writes it"
         ) from error
     if not isinstance(values, dict):
-        raise ConfigError(f"`{path}` is not a JSON object; hint: an answer of `evaluate` is one")
+        raise ConfigError(f"`{path}` is not a JSON object", hint="an answer of `evaluate` is one")
     try:
         measured(values)
     except TypeError as error:
-        raise ConfigError(f"`{path}`: {error}; hint: an answer of `evaluate` has one") from error
+        raise ConfigError(f"`{path}`: {error}", hint="an answer of `evaluate` has one") from error
     return values
 
 

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from nunet_models.answer import by_name
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, with_hint
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.blend import blended, with_range
 from nunet_models.export.collections import export_paper, export_tiny
@@ -138,12 +138,15 @@ def _trained(options: argparse.Namespace) -> tuple[SerialGraph, Provenance]:
     if checkpoint.spec.camera != NYU_CAMERA and not options.license:
         raise ConfigError(
             f"`{options.checkpoint}` was trained with another camera than NYU Depth V2's, whose "
-            "license text is the default; hint: `--license TEXT` names the license of the images"
+            "license text is the default",
+            hint="`--license TEXT` names the license of the images",
         )
     if not options.license:
         print(
-            f"nunet_models: the license is `{DATA_LICENSE}`; hint: `--license TEXT` for other "
-            "images than NYU Depth V2's",
+            with_hint(
+                f"nunet_models: the license is `{DATA_LICENSE}`",
+                "`--license TEXT` for other images than NYU Depth V2's",
+            ),
             file=sys.stderr,
         )
     accuracy = by_name(read_accuracy(options.accuracy)) if options.accuracy else {}
@@ -167,10 +170,11 @@ def _require_trained(checkpoint: Checkpoint, path: Path) -> None:
         return
     if checkpoint.settings.get(untrained):
         raise ConfigError(
-            f"component `{untrained}` of `{path}` has no validated epoch yet; hint: continue with "
-            "`--resume` until the next validation (`--validate-every`), then export `best.pt`"
+            f"component `{untrained}` of `{path}` has no validated epoch yet",
+            hint="continue with "
+            "`--resume` until the next validation (`--validate-every`), then export `best.pt`",
         )
     raise ConfigError(
-        f"component `{untrained}` of `{path}` is untrained, its weights are random; hint: `train "
-        f"--component {untrained} --start {path}`, then export that run's `best.pt`"
+        f"component `{untrained}` of `{path}` is untrained, its weights are random",
+        hint=f"`train --component {untrained} --start {path}`, then export that run's `best.pt`",
     )

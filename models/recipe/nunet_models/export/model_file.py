@@ -61,7 +61,7 @@ def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> Non
     fused = path.with_suffix(".fused.onnx")
     model = FusedModel(graph.eval())
     if model.is_recurrent:
-        raise ExportError("a recurrent graph cannot be staged; hint: write one `.onnx`")
+        raise ExportError("a recurrent graph cannot be staged", hint="write one `.onnx`")
     export_onnx(model, (torch.from_numpy(image_of(graph.spec)),), fused)
     try:
         whole = _metadata(model, fused, provenance)

@@ -81,14 +81,14 @@ def load_model(path: Path) -> onnx.ModelProto:
         raise ConfigError(f"no model file `{path}`")
     if path.suffix == ".toml":
         raise ConfigError(
-            f"`{path}` is a staged graph; expected an ONNX file; hint: use the fused "
-            "`.onnx`, which computes the same"
+            f"`{path}` is a staged graph; expected an ONNX file",
+            hint="use the fused `.onnx`, which computes the same",
         )
     try:
         return onnx.load(path, load_external_data=False)
     except Exception as error:  # protobuf's own, of several modules
         raise ConfigError(
-            f"cannot read `{path}` as an ONNX file: {error}; hint: check that the file is complete"
+            f"cannot read `{path}` as an ONNX file: {error}", hint="check that the file is complete"
         ) from error
 
 

@@ -30,7 +30,7 @@ def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "
     values = read_metadata(fused)
     if "nunet.state" in values:
         raise ExportError(
-            f"`{fused.name}` is recurrent, and stages carry no state; hint: run the fused `.onnx`"
+            f"`{fused.name}` is recurrent, and stages carry no state", hint="run the fused `.onnx`"
         )
     features = _features(model, fused)
     first = _part(model, ["rgb"], [features, "labels"])
@@ -55,8 +55,8 @@ def _features(model: onnx.ModelProto, path: Path) -> str:
     found = [features for _, features in connected_joints(model)]
     if len(found) != 1:
         raise ExportError(
-            f"`{path.name}` has {len(found)} connected joints; hint: only a graph of two connected "
-            "components can be split"
+            f"`{path.name}` has {len(found)} connected joints",
+            hint="only a graph of two connected components can be split",
         )
     return found[0]
 

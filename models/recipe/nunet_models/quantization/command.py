@@ -46,12 +46,12 @@ def run(options: argparse.Namespace) -> int:
     """Carry out `quantize`; prints the file written."""
     if options.images < 1:
         raise OptionError(
-            f"`--images {options.images}`: expected one or more; hint: {IMAGES} are enough"
+            f"`--images {options.images}`: expected one or more", hint=f"{IMAGES} are enough"
         )
     out, model = options.out, options.model
     if out.exists() and model.exists() and out.samefile(model):
         raise ConfigError(
-            f"`--out {out}` would overwrite the file of `--model`; hint: use another name"
+            f"`--out {out}` would overwrite the file of `--model`", hint="use another name"
         )
     pairs = open_pairs(options, options.ids)
     plan = Plan(

@@ -120,7 +120,8 @@ def _check_precision(path: Path, values: dict[str, str]) -> None:
     if "nunet.state" in values:
         raise ConfigError(
             f"`{path}` is recurrent; calibration images are independent, so its state would be "
-            "quantized to 0; hint: use the fp32 file"
+            "quantized to 0",
+            hint="use the fp32 file",
         )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-from nunet_models.errors import ConfigError, OptionError, RecipeError
+from nunet_models.errors import ConfigError, OptionError, RecipeError, with_hint
 
 EXIT_FAILURE = 1
 EXIT_USAGE = 2
@@ -117,8 +117,8 @@ def _blender_module(name: str) -> ModuleType:
     """A module of this package that imports `bpy`."""
     if importlib.util.find_spec("bpy") is None:
         raise ConfigError(
-            "cannot render: Blender's Python module `bpy` is not installed\n"
-            "hint: pip install 'bpy==4.5.*' (Python 3.11)"
+            "cannot render: Blender's Python module `bpy` is not installed",
+            hint="pip install 'bpy==4.5.*' (Python 3.11)",
         )
     return importlib.import_module(f"nunet_models.rendering.{name}")
 
@@ -131,7 +131,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return options.carry_out(options)
     except (RecipeError, OSError) as error:
-        print(f"nunet_models: {error}", file=sys.stderr)
+        print(
+            f"nunet_models: {with_hint(str(error), getattr(error, 'hint', None))}", file=sys.stderr
+        )
         return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

@@ -38,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
 def run(options: argparse.Namespace) -> int:
     """Carry out `report`; prints the files written."""
     if not (options.run or options.evaluation or options.model):
-        raise ConfigError("nothing to report; hint: `--run`, `--evaluation` or `--model`")
+        raise ConfigError("nothing to report", hint="`--run`, `--evaluation` or `--model`")
     options.out.mkdir(parents=True, exist_ok=True)
     parts = ["# Report\n"]
     if options.evaluation:

@@ -117,7 +117,7 @@ def evolution(run: Path) -> list[Panel]:
 def _rows(path: Path) -> list[dict[str, float]]:
     """Rows of a log; of a step or epoch that a resumed run repeated, the later one."""
     if not path.is_file():
-        raise DataError(f"no log `{path}`; hint: a run's folder has one after its first epoch")
+        raise DataError(f"no log `{path}`", hint="a run's folder has one after its first epoch")
     with path.open(newline="", encoding="utf-8") as file:
         rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     if not rows:

@@ -38,8 +38,8 @@ def read_evaluation(path: Path) -> dict[str, Any]:
         values["minmax"], values["metrics"], values["pictures"]
     except (ValueError, AttributeError, KeyError, TypeError) as error:
         raise DataError(
-            f"`{path}` is not an answer of `evaluate`: {error}; hint: `evaluate` and `nunetd eval "
-            "--json` write such answers"
+            f"`{path}` is not an answer of `evaluate`: {error}",
+            hint="`evaluate` and `nunetd eval --json` write such answers",
         ) from error
     return values
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from nunet_models.data.cache import Cached
-from nunet_models.data.nyu_mat import MAT_LABELS, MAT_SUFFIX
+from nunet_models.data.nyu_mat import MAT_LABELS, MAT_LABELS_HINT, MAT_SUFFIX
 from nunet_models.data.options import (
     add_cache_option,
     add_data_options,
@@ -18,7 +18,7 @@ from nunet_models.data.options import (
 )
 from nunet_models.data.pairs import read_ids
 from nunet_models.data.sets.mixture import open_dataset_list
-from nunet_models.errors import ConfigError, OptionError
+from nunet_models.errors import ConfigError, OptionError, with_hint
 from nunet_models.training.feed import FolderFeed, SetsFeed
 from nunet_models.training.graph import add_graph_options, build_graph, require_shape
 from nunet_models.training.provenance import run_provenance
@@ -100,11 +100,11 @@ def run(options: argparse.Namespace) -> int:
     settings = Settings(**{s.name: getattr(options, s.name) for s in fields(Settings)})
     if options.minutes is not None and not options.minutes > 0.0:
         raise OptionError(
-            f"`--minutes {options.minutes}`; expected more than 0; hint: no limit without it"
+            f"`--minutes {options.minutes}`; expected more than 0", hint="no limit without it"
         )
     last = options.folder / Trainer.LAST
     if last.exists() and not options.resume:
-        raise ConfigError(f"`{last}` exists; hint: `--resume`, or another `--run`")
+        raise ConfigError(f"`{last}` exists", hint="`--resume`, or another `--run`")
     check_sets_or_data(options, "cache", "train_ids", "val_ids")
     if options.sets is None:
         _check_ids(options)
@@ -153,7 +153,8 @@ def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
     if component.task == "segmentation" and without:
         raise ConfigError(
             f"`{options.data}` has no labels of its own to train `{component.name}` on: "
-            f"{MAT_LABELS}"
+            f"{MAT_LABELS}",
+            hint=MAT_LABELS_HINT,
         )
 
 
@@ -164,9 +165,11 @@ def _say_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool)
         return
     camera = spec.camera
     print(
-        f"nunet_models: the images are taken for NYU Depth V2's camera, of fx {camera.fx} pixels "
-        f"at {camera.width}x{camera.height}, by which nunetd will scale meters; hint: "
-        "`--intrinsics fx,fy,cx,cy@WxH` says which one it was",
+        with_hint(
+            f"nunet_models: assumed NYU Depth V2's camera, fx {camera.fx} pixels "
+            f"at {camera.width}x{camera.height}, by which nunetd will scale meters",
+            "`--intrinsics fx,fy,cx,cy@WxH` states another camera",
+        ),
         file=sys.stderr,
     )
 
@@ -179,12 +182,12 @@ def _check_ids(options: argparse.Namespace) -> None:
         some = ", ".join(f"`{name}`" for name in shared[:SHARED_SHOWN])
         raise ConfigError(
             f"`{options.train_ids}` and `{options.val_ids}` share {len(shared)} ids: {some}"
-            f"{' ...' if len(shared) > SHARED_SHOWN else ''}; hint: what was trained on tells "
-            "nothing in validation, so keep these in one list alone"
+            f"{' ...' if len(shared) > SHARED_SHOWN else ''}",
+            hint="what was trained on tells nothing in validation, so keep these in one list alone",
         )
     if len(train) < options.batch:
         raise ConfigError(
             f"`{options.train_ids}` names {len(train)} images; expected at least "
-            f"`--batch {options.batch}` of them, as an epoch has whole batches only; "
-            f"hint: `--batch {len(train)}` or less"
+            f"`--batch {options.batch}` of them, as an epoch has whole batches only",
+            hint=f"`--batch {len(train)}` or less",
         )

@@ -91,8 +91,8 @@ def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> Graph
         raise OptionError(
             f"`--component {options.component}` of `{spec.architecture}` is recurrent; this recipe "
             "does not train over sequences yet, and single images leave the weights that read "
-            "the state as they began; hint: `--architecture wnet_c` is the same network "
-            "without one"
+            "the state as they began",
+            hint="`--architecture wnet_c` is the same network without one",
         )
     if options.drop_path and not (options.folder / Trainer.LAST).exists():
         # (a run to resume may be of a version that took it for any backbone)
@@ -146,8 +146,8 @@ def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:
         return Checkpoint.load(Path(path)).graph().component(name)
     if name == options.component:
         raise ConfigError(
-            f"`--like {name}` names the component to train itself; hint: an earlier one, or "
-            f"`--like {name}=CHECKPOINT` for another graph's"
+            f"`--like {name}` names the component to train itself",
+            hint=f"an earlier one, or `--like {name}=CHECKPOINT` for another graph's",
         )
     return graph.component(name)
 
@@ -158,7 +158,8 @@ def require_shape(camera: Camera, train: Cached) -> None:
     if camera.width * height != camera.height * width:
         raise ConfigError(
             f"`--intrinsics` is of images of {camera.width}x{camera.height}; the training "
-            f"images are {width}x{height}; hint: intrinsics at that size, scaled or cropped"
+            f"images are {width}x{height}",
+            hint="intrinsics at that size, scaled or cropped",
         )
 
 
@@ -166,8 +167,9 @@ def _check_of_start(options: argparse.Namespace, spec: GraphSpec) -> None:
     """Refuse what would make another graph than that of `--start`, which is taken whole."""
     if options.tasks or options.sigmoid_joint:
         raise ConfigError(
-            "`--start` takes tasks and sigmoids from its checkpoint; hint: leave `--tasks` and "
-            "`--sigmoid-joint` out, or `--plug` components into a graph that has them"
+            "`--start` takes tasks and sigmoids from its checkpoint",
+            hint="leave `--tasks` and "
+            "`--sigmoid-joint` out, or `--plug` components into a graph that has them",
         )
     its = graph_options(spec)
     other = [
@@ -177,8 +179,9 @@ def _check_of_start(options: argparse.Namespace, spec: GraphSpec) -> None:
     ]
     if other:
         raise ConfigError(
-            f"`--start {options.start}` is a graph of {'; '.join(other)}; hint: leave such options "
-            "out with `--start`, or `--plug` components into a graph that has them"
+            f"`--start {options.start}` is a graph of {'; '.join(other)}",
+            hint="leave such options "
+            "out with `--start`, or `--plug` components into a graph that has them",
         )
 
 

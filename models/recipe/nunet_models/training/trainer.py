@@ -83,13 +83,15 @@ class Trainer:
         for name, there in self.feed.has("labels" if self.segments else "depth").items():
             if self.segments and not there:
                 raise ConfigError(
-                    f"the {name} data has no labels; hint: it needs a folder `labels` (classes "
-                    "from 0 to 12) or `label40` (from 0 to 39)"
+                    f"the {name} data has no labels",
+                    hint="it needs a folder `labels` (classes "
+                    "from 0 to 12) or `label40` (from 0 to 39)",
                 )
             if not there:
                 raise ConfigError(
-                    f"the {name} data has no depth; hint: every pixel of `depth` is 0, outside of "
-                    f"`--window`, or beyond {REACH_M:.1f} m by `--depth-scale`"
+                    f"the {name} data has no depth",
+                    hint=f"every pixel of `depth` is 0, outside of "
+                    f"`--window`, or beyond {REACH_M:.1f} m by `--depth-scale`",
                 )
 
     @property
@@ -163,8 +165,8 @@ class Trainer:
         value = loss.item()
         if not np.isfinite(value):  # before any weight is lost to it
             raise ConfigError(
-                f"the loss is {value} at step {self.step + 1}; hint: lower `--lr` "
-                "in another `--run`"
+                f"the loss is {value} at step {self.step + 1}",
+                hint="lower `--lr` in another `--run`",
             )
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -290,7 +292,8 @@ class Trainer:
         if not (known and same_architecture and (other or started.spec == spec)):
             raise ConfigError(
                 f"the run in `{self.folder}` trains another graph or component than `{name}` of "
-                f"`{spec.architecture}`; hint: the options it was started with"
+                f"`{spec.architecture}`",
+                hint="the options it was started with",
             )
         other += self.settings.differences(started.settings[name])
         other += provenance_differences(
@@ -298,9 +301,9 @@ class Trainer:
         )
         if other:
             raise ConfigError(
-                f"the run in `{self.folder}` was started with {'; '.join(other)}; "
-                "hint: the options it was started with, or another `--run` with "
-                f"`--start {self.folder / self.BEST}`"
+                f"the run in `{self.folder}` was started with {'; '.join(other)}",
+                hint="the options it was started with, or another `--run` with "
+                f"`--start {self.folder / self.BEST}`",
             )
 
 

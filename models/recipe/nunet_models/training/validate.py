@@ -43,8 +43,8 @@ def validate(
     values = metrics.values()
     if not values:
         raise ConfigError(
-            "no pixel of the validation images has both truth and an answer; hint: of images "
-            f"of {EIGEN.size}, metric depth is compared within Eigen's crop alone"
+            "no pixel of the validation images has both truth and an answer",
+            hint=f"of images of {EIGEN.size}, metric depth is compared within Eigen's crop alone",
         )
     return values
 

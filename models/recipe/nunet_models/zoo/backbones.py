@@ -64,8 +64,9 @@ def library_name(backbone: str) -> str:
     if timm.is_model(backbone):
         return f"tu-{backbone}"
     raise ConfigError(
-        f"no backbone `{backbone}`; hint: names of segmentation_models_pytorch's encoders, "
-        "`efficientnet_lite0`..`4`, or any timm model with feature maps"
+        f"no backbone `{backbone}`",
+        hint="names of segmentation_models_pytorch's encoders, "
+        "`efficientnet_lite0`..`4`, or any timm model with feature maps",
     )
 
 
@@ -77,8 +78,8 @@ def check_drop_path(backbone: str) -> None:
     """
     if backbone in DENSE or not library_name(backbone).startswith("tu-"):
         raise ConfigError(
-            f"backbone `{backbone}` has no drop path; expected one of timm's; hint: "
-            "`efficientnet_lite0`..`4`, `tu-NAME` for another, or omit `--drop-path`"
+            f"backbone `{backbone}` has no drop path; expected one of timm's",
+            hint="`efficientnet_lite0`..`4`, `tu-NAME` for another, or omit `--drop-path`",
         )
 
 
@@ -112,12 +113,13 @@ def build_unet(
         )
     except (ValueError, RuntimeError) as error:
         raise ConfigError(
-            f"cannot build a U-Net from backbone `{backbone}`: {error}; hint: choose one with "
-            "feature maps at strides 2 to 32, such as `efficientnet_lite0` or `resnet34`"
+            f"cannot build a U-Net from backbone `{backbone}`: {error}",
+            hint="choose one with "
+            "feature maps at strides 2 to 32, such as `efficientnet_lite0` or `resnet34`",
         ) from error
     except TypeError as error:
         if not drop_path:
             raise
         raise ConfigError(
-            f"backbone `{backbone}` has no drop path: {error}; hint: omit `--drop-path`"
+            f"backbone `{backbone}` has no drop path: {error}", hint="omit `--drop-path`"
         ) from error

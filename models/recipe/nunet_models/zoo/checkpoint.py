@@ -61,7 +61,9 @@ class Checkpoint:
         """The averaged weights of the component called `name`, by its own keys."""
         names = [component.name for component in self.spec.components]
         if name not in names:
-            raise ConfigError(f"the checkpoint has no component `{name}`; hint: {', '.join(names)}")
+            raise ConfigError(
+                f"the checkpoint has no component `{name}`", hint=f"{', '.join(names)}"
+            )
         prefix = f"components.{names.index(name)}."
         return {k.removeprefix(prefix): v for k, v in self.weights.items() if k.startswith(prefix)}
 
@@ -96,8 +98,8 @@ class Checkpoint:
             version = values.pop("version")
         except Exception as error:  # its text suggests an unsafe way to load the file: not shown
             raise ConfigError(
-                f"`{path}` is not a checkpoint of this package, or damaged; hint: `train` writes "
-                "`last.pt` and `best.pt`"
+                f"`{path}` is not a checkpoint of this package, or damaged",
+                hint="`train` writes `last.pt` and `best.pt`",
             ) from error
         if version != VERSION:
             raise ConfigError(f"checkpoint `{path}` is of version {version}; expected {VERSION}")

@@ -71,7 +71,7 @@ def graph_spec(
     elif architecture in ARCHITECTURES:
         components = ARCHITECTURES[architecture](backbones[0])
     else:
-        raise ConfigError(f"no architecture `{architecture}`; hint: {architecture_names()}")
+        raise ConfigError(f"no architecture `{architecture}`", hint=f"{architecture_names()}")
     if len(backbones) not in {1, len(components)}:
         raise ConfigError(
             f"`{backbone}` names {len(backbones)} backbones; `{architecture}` has "
@@ -86,8 +86,8 @@ def graph_spec(
     for name in sigmoid_joints:
         if name not in joints:
             raise ConfigError(
-                f"`{architecture}` has no component `{name}` whose numbers another one reads; "
-                f"hint: {', '.join(joints) or 'it has a single component'}"
+                f"`{architecture}` has no component `{name}` whose numbers another one reads",
+                hint=f"{', '.join(joints) or 'it has a single component'}",
             )
     components = tuple(
         c.changed(decoder_channels=decoder, sigmoid_joint=c.name in sigmoid_joints)
@@ -102,8 +102,8 @@ def _with_tasks(
     if len(tasks) != len(components) or not set(tasks) <= set(get_args(Task)):
         raise ConfigError(
             f"tasks `{','.join(tasks)}` do not fit `{architecture}` of {len(components)} "
-            f"components; hint: a comma-separated list of {' or '.join(get_args(Task))}, "
-            "one per component"
+            f"components",
+            hint=f"a comma-separated list of {' or '.join(get_args(Task))}, one per component",
         )
     return tuple(
         c if c.task == task else c.changed(task=task, name=f"{task}{place}")

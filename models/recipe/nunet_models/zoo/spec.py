@@ -71,8 +71,8 @@ class Camera:
         numbers = [float(number) for number in found.groups()] if found else [0.0]
         if min(numbers[:2] + numbers[4:]) <= 0.0:
             raise OptionError(
-                f"`--intrinsics {text}`: expected fx,fy,cx,cy@WxH in pixels; hint: NYU's are "
-                "518.858,519.470,325.582,253.736@640x480"
+                f"`--intrinsics {text}`: expected fx,fy,cx,cy@WxH in pixels",
+                hint="NYU's are 518.858,519.470,325.582,253.736@640x480",
             )
         fx, fy, _, _, width, height = numbers
         return cls(int(width), int(height), fx, fy)
@@ -133,7 +133,7 @@ class GraphSpec:
             if component.name == name:
                 return component
         names = ", ".join(component.name for component in self.components)
-        raise ConfigError(f"no component `{name}` in `{self.architecture}`; hint: {names}")
+        raise ConfigError(f"no component `{name}` in `{self.architecture}`", hint=f"{names}")
 
     def outputs_of(self, component: ComponentSpec) -> int:
         """Channels that a component gives: one logit per class, or one number of depth."""

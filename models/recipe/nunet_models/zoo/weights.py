@@ -34,7 +34,7 @@ def _imagenet_weights(backbone: str) -> list[torch.Tensor]:
     """The weights of a backbone's feature maps, in their order."""
     if backbone not in _WHEELS:
         raise ConfigError(
-            f"no ImageNet weights for backbone `{backbone}`; hint: {', '.join(_WHEELS)} has them"
+            f"no ImageNet weights for backbone `{backbone}`", hint=f"{', '.join(_WHEELS)} has them"
         )
     found = importlib.util.find_spec(_WHEELS[backbone])
     if found is None or found.origin is None:

@@ -79,19 +79,14 @@ fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
     for (index, plan) in plans.iter().enumerate() {
         for (earlier, other) in plans.iter().enumerate().take(index) {
             if plan.name() == other.name() {
-                return Err(BadArguments(format!(
-                    "cameras {} and {} are both named `{}`\nhint: give each `[[camera]]` section a `name` of its own",
-                    earlier + 1,
-                    index + 1,
-                    plan.name()
-                )));
+                let (first, second) = (earlier + 1, index + 1);
+                let message = format!("cameras {first} and {second} are both named `{}`", plan.name());
+                return Err(BadArguments::new(message)
+                    .with_hint("give each `[[camera]]` section a `name` of its own"));
             }
             if let Some(what) = shared_between(plan, other) {
-                return Err(BadArguments(format!(
-                    "cameras `{}` and `{}` both {what}\nhint: only one camera can",
-                    other.name(),
-                    plan.name()
-                )));
+                let message = format!("cameras `{}` and `{}` both {what}", other.name(), plan.name());
+                return Err(BadArguments::new(message).with_hint("let only one camera use it"));
             }
         }
     }

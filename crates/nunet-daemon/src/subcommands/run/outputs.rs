@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use nunet_files::{check_folder, make_folder};
+use nunet_files::{check_folder, check_writable, make_folder};
 
 use super::camera::{Prepared, place};
 use crate::exit::in_camera;
-use crate::sink::stats::check_writable;
 
 /// The output paths of a run.
 pub(super) struct Outputs {
@@ -34,13 +33,13 @@ impl Outputs {
     pub(super) fn check(&self) -> anyhow::Result<()> {
         self.each(
             |folder| Ok(check_folder(folder)?),
-            |file| if self.waits_for_folder(file) { Ok(()) } else { check_writable(file) },
+            |file| if self.waits_for_folder(file) { Ok(()) } else { Ok(check_writable(file)?) },
         )
     }
 
     /// Creates the folders and checks that the files can be written.
     pub(super) fn make(&self) -> anyhow::Result<()> {
-        self.each(|folder| Ok(make_folder(folder)?), check_writable)
+        self.each(|folder| Ok(make_folder(folder)?), |file| Ok(check_writable(file)?))
     }
 
     /// All folders before all files, which often go into them.

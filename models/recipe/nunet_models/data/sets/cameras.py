@@ -64,7 +64,7 @@ def read_intrinsics(path: Path, *, growing: bool = False) -> dict[str, Row]:
     """
     if not path.is_file():
         raise DataError(
-            f"cannot read `{path}`: no such file; hint: set `intrinsics` for one camera"
+            f"cannot read `{path}`: no such file", hint="set `intrinsics` for one camera"
         )
     text = path.read_text(encoding="utf-8-sig")
     if growing and not text.endswith("\n"):

@@ -61,9 +61,9 @@ class SetEntry:
         """File and line of the set, for messages."""
         return f"{self.file}:{self.line}: set `{self.name}`"
 
-    def error(self, what: str) -> DataError:
+    def error(self, what: str, *, hint: str | None = None) -> DataError:
         """An error of this set."""
-        return DataError(f"{self.where}: {what}")
+        return DataError(f"{self.where}: {what}", hint=hint)
 
 
 _OWN = {"line", "file"}

@@ -60,7 +60,7 @@ class CameraSet:
         try:
             self.pairs = FolderPairs(entry.root, ids, units=units, window=window)
         except DataError as error:
-            raise entry.error(str(error)) from error
+            raise entry.error(str(error), hint=error.hint) from error
         self.ids = ids
         self.has_labels = self.pairs.has_labels
         for index in np.linspace(0, len(ids) - 1, min(PROBED, len(ids))).astype(int):
@@ -76,7 +76,7 @@ class CameraSet:
         try:
             pair = self.pairs[index]
         except DataError as error:
-            raise entry.error(str(error)) from error
+            raise entry.error(str(error), hint=error.hint) from error
         height, width = pair.depth_m.shape
         if (width, height) != (row.camera.width, row.camera.height):
             raise DataError(
@@ -165,7 +165,8 @@ class CameraSet:
         if known.size and (median := float(np.median(known))) > MEDIAN_LIMIT_M:
             raise self.entry.error(
                 f"the median depth of `{image.pair.id}` is {median:.1f} m, expected at most "
-                f"{MEDIAN_LIMIT_M:.0f} m; hint: `depth_scale` is the meters per unit"
+                f"{MEDIAN_LIMIT_M:.0f} m",
+                hint="`depth_scale` is the meters per unit",
             )
 
 
