@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use nunet_types::layout::bytemuck;
-use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
+use nunet_types::{ObstaclePoint, ObstacleSector};
 use serde_bytes::Bytes;
 
 use crate::messages::{Header, LaserScan, PointCloud2, PointField};
@@ -57,14 +57,8 @@ impl<'a> ObstaclesRecord<'a> {
     /// that far; a sector whose floor was seen less far is NaN, like an unknown one. Remembered obstacles are NaN too: a
     /// scan cannot say that they are old.
     pub(crate) fn scan(&self, header: Header<'a>) -> LaserScan<'a> {
-        let range_max = FREE_SHARE * self.max_range_m;
-        let beam = |sector: &ObstacleSector| match sector.state() {
-            SectorState::Occupied if sector.remembered == 0 => sector.range_m,
-            SectorState::Drop => sector.range_m,
-            SectorState::Free if sector.range_m >= range_max => f32::INFINITY,
-            _ => f32::NAN,
-        };
-        let ranges: Vec<f32> = self.sectors.iter().map(beam).collect();
+        let range_max = ObstacleSector::scan_range_m(self.max_range_m);
+        let ranges: Vec<f32> = self.sectors.iter().map(|sector| sector.beam_m(range_max)).collect();
         let last = self.sectors.len().saturating_sub(1) as f32;
         let first_rad = self.angle_min_rad + 0.5 * self.angle_step_rad;
         LaserScan {
@@ -82,11 +76,10 @@ impl<'a> ObstaclesRecord<'a> {
     }
 }
 
-/// Floor that was searched is seen at least this far: the farthest cell of floor begins before the largest range.
-const FREE_SHARE: f32 = 0.9;
-
 #[cfg(test)]
 mod tests {
+    use nunet_types::SectorState;
+
     use super::*;
     use crate::messages::Time;
 

@@ -9,6 +9,7 @@
 //! | [`recorder`], [`frame_writer`], [`output_file`] | recordings in MCAP files |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
+//! | [`mavlink`] | obstacles for an autopilot |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles something takes |
 //! | [`obstacle_record`] | obstacles as they lie in shared memory |
 //! | [`obstacle_images`] | obstacles of one frame, as files |
@@ -18,6 +19,7 @@ pub mod file_writer;
 pub mod frame_writer;
 mod image_encoder;
 pub mod last_frame;
+pub mod mavlink;
 pub mod metrics;
 pub mod obstacle_images;
 pub mod obstacle_record;

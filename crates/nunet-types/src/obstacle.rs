@@ -72,6 +72,25 @@ impl ObstacleSector {
         reserved: [0; 2],
     };
 
+    /// How far a scan of these sectors says that a direction is free: floor that was searched up to `max_range_m` is seen
+    /// at least so far, because the farthest cell of floor begins before it.
+    #[must_use]
+    pub fn scan_range_m(max_range_m: f32) -> f32 {
+        0.9 * max_range_m
+    }
+
+    /// The sector as a beam of a scan: the distance of its obstacle or drop; infinity if it is free up to `range_m`, which
+    /// consumers clear; otherwise NaN. Remembered obstacles are NaN too: a scan cannot say that they are old.
+    #[must_use]
+    pub fn beam_m(&self, range_m: f32) -> f32 {
+        match self.state() {
+            SectorState::Occupied if self.remembered == 0 => self.range_m,
+            SectorState::Drop => self.range_m,
+            SectorState::Free if self.range_m >= range_m => f32::INFINITY,
+            _ => f32::NAN,
+        }
+    }
+
     /// The field `state` as a word; a number without a meaning is unknown.
     #[must_use]
     pub fn state(&self) -> SectorState {

@@ -8,6 +8,7 @@ use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Limits;
+use nunet_mavlink::MavlinkAddress;
 use nunet_types::ImageSize;
 use nunet_view::{Token, ViewConfig};
 use serde::Deserialize;
@@ -149,6 +150,10 @@ pub struct StreamArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub obstacles: ObstacleArgs,
+    /// Send obstacles to an autopilot, by MAVLink: udpout:HOST:PORT, tcpout:HOST:PORT or
+    /// serial:DEVICE:BAUD; needs --mount
+    #[arg(long, value_name = "ADDRESS")]
+    pub mavlink: Option<Text<MavlinkAddress>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub recording: RecordArgs,
@@ -170,7 +175,7 @@ impl StreamArgs {
         source.check()?;
         let name = camera_name(name)?;
         let (processing, mount) = (self.processing.config()?, value(&self.recording.mount.mount));
-        let is_required = self.publish.contains(&Publish::Obstacles);
+        let is_required = self.publish.contains(&Publish::Obstacles) || self.mavlink.is_some();
         let readers = value(&self.readers).map(|Readers(readers)| readers.get() as usize);
         Ok(CameraConfig {
             frame_id: frame_id(&name, value(&self.frame_id).map(|FrameId(name)| name))?,
@@ -179,6 +184,7 @@ impl StreamArgs {
             obstacles: self.obstacles.config(mount, processing.pipeline.max_range_m, is_required)?,
             processing,
             mount,
+            mavlink: value(&self.mavlink),
             publish: self.publish.clone(),
             readers: readers.unwrap_or(Limits::DEFAULT.max_readers),
             record: self.recording.config(),

@@ -11,6 +11,7 @@ use nunet_core::frame::PixelFormat;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::EngineOptions;
 use nunet_ipc::{CameraName, Limits};
+use nunet_mavlink::MavlinkAddress;
 use nunet_source::{CameraGeometry, OpenOptions, Rate, SourceName};
 use nunet_types::ImageSize;
 use nunet_view::ViewConfig;
@@ -57,6 +58,8 @@ pub struct CameraConfig {
     pub mount: Option<MountOption>,
     /// How obstacles are found; `None` without a place of the camera.
     pub obstacles: Option<ObstacleConfig>,
+    /// The autopilot that obstacles are sent to.
+    pub mavlink: Option<MavlinkAddress>,
     /// The topics that can be read.
     pub publish: Vec<Publish>,
     /// The number of processes that can read at a time.

@@ -5,6 +5,7 @@
 
 pub(crate) mod last_frame;
 pub(crate) mod loans;
+pub(crate) mod mavlink;
 pub(crate) mod metrics;
 pub(crate) mod recording;
 pub(crate) mod shm;
@@ -26,7 +27,8 @@ use self::stats::Common;
 use crate::config::CameraConfig;
 
 /// All sinks but shared memory, which is always on.
-pub(crate) const REGISTRY: &[OpenSink] = &[recording::open, last_frame::open, metrics::open, view::open];
+pub(crate) const REGISTRY: &[OpenSink] =
+    &[recording::open, last_frame::open, metrics::open, view::open, mavlink::open];
 
 /// Opens a sink; `None` if it is not configured.
 pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>>;

@@ -2,16 +2,19 @@
 //! does no harm to the stream. A new sink adds a line to [`CASES`].
 
 use std::io::{Read as _, Write as _};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use nunet_core::cloud::CloudPoint;
+use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
+use nunet_mavlink::MavlinkAddress;
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
+use nunet_sink::mavlink::mavlink_sink;
 use nunet_sink::metrics::metrics_sink;
 use nunet_sink::record::Record;
 use nunet_sink::recorder::record_into;
@@ -59,6 +62,7 @@ const CASES: &[Case] = &[
     Case { name: "last frame", open: last_frame, can_fail: true },
     Case { name: "metrics", open: metrics, can_fail: false },
     Case { name: "view", open: view, can_fail: false },
+    Case { name: "mavlink", open: mavlink, can_fail: false },
 ];
 
 /// An archive that writes a line per frame.
@@ -167,6 +171,34 @@ fn view(_folder: &Path, _backend: Backend) -> Rig {
     }
 }
 
+/// A network loses messages without a notice; a lost TCP connection is tested in `nunet-mavlink`.
+fn mavlink(_folder: &Path, _backend: Backend) -> Rig {
+    let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
+    autopilot.set_read_timeout(Some(TIMEOUT)).unwrap();
+    let address = MavlinkAddress::Udp(autopilot.local_addr().unwrap().to_string());
+    // Bytes 7 to 9 are the number of the message.
+    let is_distance = |message: &[u8]| message[7..10] == [0x4a, 1, 0];
+    Rig {
+        sink: mavlink_sink(address, Arc::new(|| {})).unwrap(),
+        release: Box::new(|| {}),
+        arrived: Box::new(move |_| {
+            let mut buffer = [0; 300];
+            std::iter::from_fn(|| autopilot.recv(&mut buffer).ok().map(|_| is_distance(&buffer))).any(|is| is)
+        }),
+    }
+}
+
+/// One direction, of which nothing is known.
+static OBSTACLES: LazyLock<Obstacles> = LazyLock::new(|| Obstacles {
+    ground: Ground::EXPECTED,
+    sectors: vec![ObstacleSector::UNKNOWN],
+    points: Vec::new(),
+    angle_min_rad: -0.5,
+    angle_step_rad: 1.0,
+    max_range_m: 5.0,
+    used_labels: false,
+});
+
 const DEPTH: [f32; 4] = [1.0, 2.0, f32::NAN, 4.0];
 
 fn results() -> Results<'static> {
@@ -180,7 +212,7 @@ fn results() -> Results<'static> {
         cloud_size: SIZE,
         cloud: Some(&[POINT; 4]),
         camera: None,
-        obstacles: None,
+        obstacles: Some(&OBSTACLES),
     }
 }
 

@@ -1,0 +1,88 @@
+//! Where the autopilot is.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use nunet_types::Hint;
+
+/// Where the autopilot is: `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:DEVICE:BAUD`, as other MAVLink programs write it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MavlinkAddress {
+    /// Datagrams to a host and port.
+    Udp(String),
+    /// A TCP server.
+    Tcp(String),
+    /// A serial line.
+    Serial {
+        /// The device, such as `/dev/ttyACM0`.
+        device: PathBuf,
+        /// Bits per second.
+        baud: u32,
+    },
+}
+
+/// A text that is no address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not a MAVLink address")]
+pub struct AddressError(String);
+
+impl Hint for AddressError {
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some("pass udpout:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD".into())
+    }
+}
+
+impl FromStr for MavlinkAddress {
+    type Err = AddressError;
+
+    fn from_str(text: &str) -> Result<Self, AddressError> {
+        let wrong = || AddressError(text.to_owned());
+        let (kind, rest) = text.split_once(':').ok_or_else(wrong)?;
+        let (name, number) = rest.rsplit_once(':').filter(|(name, _)| !name.is_empty()).ok_or_else(wrong)?;
+        let is_port = number.parse::<u16>().is_ok_and(|port| port > 0);
+        match kind {
+            "udpout" if is_port => Ok(Self::Udp(rest.to_owned())),
+            "tcpout" if is_port => Ok(Self::Tcp(rest.to_owned())),
+            "serial" => match number.parse() {
+                Ok(baud) if baud > 0 => Ok(Self::Serial { device: name.into(), baud }),
+                _ => Err(wrong()),
+            },
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl fmt::Display for MavlinkAddress {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Udp(address) => write!(formatter, "udpout:{address}"),
+            Self::Tcp(address) => write!(formatter, "tcpout:{address}"),
+            Self::Serial { device, baud } => write!(formatter, "serial:{}:{baud}", device.display()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_written_as_they_are_read() {
+        for text in ["udpout:127.0.0.1:14550", "tcpout:[::1]:5760", "serial:/dev/ttyACM0:921600"] {
+            assert_eq!(text.parse::<MavlinkAddress>().unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
+    fn a_text_that_is_no_address_is_refused_with_the_forms_that_are() {
+        let wrong =
+            ["", "udpout", "udpout:14550", "udpout::14550", "udpout:a:0", "udpout:a:70000", "tcpin:a:1"];
+        for text in wrong.into_iter().chain(["udp:127.0.0.1:1", "serial:/dev/a", "serial:/dev/a:fast"]) {
+            let error = text.parse::<MavlinkAddress>().unwrap_err();
+            assert_eq!(error.to_string(), format!("`{text}` is not a MAVLink address"));
+            assert!(error.hint().unwrap().contains("udpout:HOST:PORT"));
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! A connection to an autopilot.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::net::{Ipv6Addr, SocketAddr, TcpStream, ToSocketAddrs as _, UdpSocket};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use rustix::fs::OFlags;
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+
+use crate::address::MavlinkAddress;
+use crate::messages::Messages;
+use crate::ring::DistanceRing;
+
+/// Autopilots take a computer for lost that is silent for some seconds.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+/// At most 15 distances per second.
+const MIN_PERIOD: Duration = Duration::from_micros(66_000);
+/// How long a lost connection rests before it is opened again.
+const RETRY: Duration = Duration::from_secs(2);
+/// How long opening a connection, or a write, may take.
+const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// What happened to the connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LinkEvent {
+    /// It was opened.
+    Opened,
+    /// It could not be opened, or a write failed. It is opened again; failures until then are not reported.
+    Lost(String),
+}
+
+/// Sends heartbeats and distances. A connection that fails is opened again. Calls may block for a second, so it belongs on a
+/// thread of its own.
+#[derive(Debug)]
+pub struct MavlinkLink {
+    address: MavlinkAddress,
+    messages: Messages,
+    port: Option<Port>,
+    retry_at: Option<Instant>,
+    heartbeat_at: Option<Instant>,
+    distance_at: Option<Instant>,
+    is_reported: bool,
+}
+
+impl MavlinkLink {
+    /// Opens nothing yet.
+    #[must_use]
+    pub fn new(address: MavlinkAddress) -> Self {
+        Self {
+            address,
+            messages: Messages::default(),
+            port: None,
+            retry_at: None,
+            heartbeat_at: None,
+            distance_at: None,
+            is_reported: false,
+        }
+    }
+
+    /// Where the autopilot is.
+    #[must_use]
+    pub fn address(&self) -> &MavlinkAddress {
+        &self.address
+    }
+
+    /// Sends the distances of an image, unless the last ones were sent less than 1/15 s ago. Old ones are never sent again.
+    pub fn send(&mut self, ring: &DistanceRing, unix_micros: u64, now: Instant) -> Option<LinkEvent> {
+        let event = self.keep_alive(now);
+        if self.distance_at.is_some_and(|next| now < next) || self.port.is_none() {
+            return event;
+        }
+        self.distance_at = Some(now + MIN_PERIOD);
+        let bytes = self.messages.obstacle_distance(ring, unix_micros);
+        self.write(&bytes, now).or(event)
+    }
+
+    /// Opens the connection if there is none, and sends a heartbeat once per second.
+    pub fn keep_alive(&mut self, now: Instant) -> Option<LinkEvent> {
+        let opened = self.open(now);
+        if self.port.is_none() || self.heartbeat_at.is_some_and(|next| now < next) {
+            return opened;
+        }
+        self.heartbeat_at = Some(now + HEARTBEAT);
+        let bytes = self.messages.heartbeat();
+        self.write(&bytes, now).or(opened)
+    }
+
+    fn open(&mut self, now: Instant) -> Option<LinkEvent> {
+        if self.port.is_some() || self.retry_at.is_some_and(|next| now < next) {
+            return None;
+        }
+        match Port::open(&self.address) {
+            Ok(port) => {
+                self.port = Some(port);
+                self.is_reported = false;
+                Some(LinkEvent::Opened)
+            }
+            Err(error) => self.lose(&error, now),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8], now: Instant) -> Option<LinkEvent> {
+        let result = self.port.as_mut()?.write(bytes);
+        result.err().and_then(|error| self.lose(&error, now))
+    }
+
+    fn lose(&mut self, error: &io::Error, now: Instant) -> Option<LinkEvent> {
+        self.port = None;
+        self.retry_at = Some(now + RETRY);
+        (!std::mem::replace(&mut self.is_reported, true)).then(|| LinkEvent::Lost(error.to_string()))
+    }
+}
+
+/// An open connection.
+#[derive(Debug)]
+enum Port {
+    Udp(UdpSocket),
+    Tcp(TcpStream),
+    Serial(File),
+}
+
+impl Port {
+    fn open(address: &MavlinkAddress) -> io::Result<Self> {
+        match address {
+            MavlinkAddress::Udp(to) => {
+                let to = resolved(to)?;
+                let any: SocketAddr = match to {
+                    SocketAddr::V4(_) => ([0; 4], 0).into(),
+                    SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+                };
+                let socket = UdpSocket::bind(any)?;
+                socket.connect(to)?;
+                socket.set_nonblocking(true)?;
+                Ok(Self::Udp(socket))
+            }
+            MavlinkAddress::Tcp(to) => {
+                let stream = TcpStream::connect_timeout(&resolved(to)?, TIMEOUT)?;
+                stream.set_write_timeout(Some(TIMEOUT))?;
+                stream.set_read_timeout(Some(Duration::from_millis(1)))?;
+                stream.set_nodelay(true)?;
+                Ok(Self::Tcp(stream))
+            }
+            MavlinkAddress::Serial { device, baud } => serial(device, *baud).map(Self::Serial),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            // Nobody listens yet, or the buffer is full: like a lost datagram.
+            Self::Udp(socket) => match socket.send(bytes) {
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::ConnectionRefused | io::ErrorKind::WouldBlock
+                    ) =>
+                {
+                    Ok(())
+                }
+                sent => sent.map(drop),
+            },
+            Self::Tcp(stream) => {
+                discard_input(stream);
+                stream.write_all(bytes)
+            }
+            Self::Serial(line) => line.write_all(bytes),
+        }
+    }
+}
+
+/// What the autopilot sends is not read. A full buffer would stop it.
+fn discard_input(stream: &mut TcpStream) {
+    const MOST: usize = 16;
+    let mut buffer = [0; 4096];
+    for _ in 0..MOST {
+        if !matches!(stream.read(&mut buffer), Ok(read) if read == buffer.len()) {
+            return;
+        }
+    }
+}
+
+fn resolved(address: &str) -> io::Result<SocketAddr> {
+    let unknown = || io::Error::new(io::ErrorKind::NotFound, format!("`{address}` has no address"));
+    address.to_socket_addrs()?.next().ok_or_else(unknown)
+}
+
+/// A serial line without any processing of bytes. A line whose buffer is full fails instead of blocking.
+fn serial(device: &Path, baud: u32) -> io::Result<File> {
+    let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits();
+    let line = OpenOptions::new().read(true).write(true).custom_flags(flags.cast_signed()).open(device)?;
+    let mut settings = tcgetattr(&line)?;
+    settings.make_raw();
+    settings.set_speed(baud)?;
+    tcsetattr(&line, OptionalActions::Now, &settings)?;
+    Ok(line)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    fn received(socket: &UdpSocket) -> Vec<u8> {
+        let mut buffer = [0; 300];
+        let length = socket.recv(&mut buffer).unwrap();
+        buffer[..length].to_vec()
+    }
+
+    /// The number of a message, in bytes 7 to 9 of MAVLink 2.
+    fn number(message: &[u8]) -> u32 {
+        u32::from_le_bytes([message[7], message[8], message[9], 0])
+    }
+
+    const HEARTBEAT_NUMBER: u32 = 0;
+    const DISTANCE_NUMBER: u32 = 330;
+
+    #[test]
+    fn heartbeats_come_once_per_second_and_distances_15_times_at_most() {
+        let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
+        autopilot.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        let mut link = MavlinkLink::new(MavlinkAddress::Udp(autopilot.local_addr().unwrap().to_string()));
+        let (start, ring) = (Instant::now(), DistanceRing::default());
+        assert_eq!(link.send(&ring, 1, start), Some(LinkEvent::Opened));
+        // 100 frames per second for two seconds, by a clock of the test's own.
+        for frame in 1..200 {
+            assert_eq!(link.send(&ring, 1, start + Duration::from_millis(10 * frame)), None);
+        }
+        link.keep_alive(start + Duration::from_secs(60)); // marks the end
+        let mut numbers = Vec::new();
+        while numbers.iter().filter(|&&number| number == HEARTBEAT_NUMBER).count() < 3 {
+            numbers.push(number(&received(&autopilot)));
+        }
+        let distances = numbers.iter().filter(|&&number| number == DISTANCE_NUMBER).count();
+        assert!((28..=30).contains(&distances), "{distances} in two seconds");
+        assert_eq!(numbers[0], HEARTBEAT_NUMBER, "the autopilot knows first who speaks");
+    }
+
+    #[test]
+    fn a_lost_connection_is_reported_once_and_opened_again() {
+        let server = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = server.local_addr().unwrap();
+        drop(server);
+        let mut link = MavlinkLink::new(MavlinkAddress::Tcp(address.to_string()));
+        let start = Instant::now();
+        assert!(matches!(link.keep_alive(start), Some(LinkEvent::Lost(_))));
+        assert_eq!(link.keep_alive(start + RETRY), None, "it was reported");
+        let server = TcpListener::bind(address).unwrap();
+        assert_eq!(link.keep_alive(start + RETRY), None, "it rests");
+        assert_eq!(link.keep_alive(start + 2 * RETRY), Some(LinkEvent::Opened));
+        let (mut accepted, _) = server.accept().unwrap();
+        let mut heartbeat = [0; 10];
+        accepted.read_exact(&mut heartbeat).unwrap();
+        assert_eq!((heartbeat[0], number(&heartbeat)), (0xfd, HEARTBEAT_NUMBER));
+    }
+
+    #[test]
+    fn a_device_that_is_no_serial_line_is_an_error() {
+        let address = MavlinkAddress::Serial { device: "/dev/null".into(), baud: 57_600 };
+        let mut link = MavlinkLink::new(address);
+        assert!(matches!(link.keep_alive(Instant::now()), Some(LinkEvent::Lost(_))));
+    }
+}

@@ -1,0 +1,91 @@
+//! Obstacles for an autopilot. The messages and the connection are `nunet-mavlink`'s.
+
+use std::time::Instant;
+
+use nunet_mavlink::{DistanceRing, LinkEvent, MavlinkAddress, MavlinkLink};
+use tracing::{info, warn};
+
+use crate::queue::{OnRoom, SinkQueue, Writer};
+use crate::results::Results;
+use crate::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Wants};
+
+/// Messages that wait: a newer one makes them worthless.
+const CAPACITY: usize = 2;
+
+/// Sends the obstacles of one camera to an autopilot.
+///
+/// # Errors
+/// The thread cannot be started.
+pub fn mavlink_sink(address: MavlinkAddress, on_room: OnRoom) -> anyhow::Result<Box<dyn Sink>> {
+    let writer = LinkWriter { link: MavlinkLink::new(address) };
+    Ok(Box::new(MavlinkSink { queue: SinkQueue::start("mavlink", CAPACITY, writer, on_room)? }))
+}
+
+struct MavlinkSink {
+    queue: SinkQueue<LinkWriter>,
+}
+
+impl Sink for MavlinkSink {
+    fn wants(&self) -> Wants {
+        Wants { obstacles: true, ..Wants::default() }
+    }
+
+    fn on_frame(&mut self, published: &PublishedFrame<'_>) {
+        let Some(found) = published.results.obstacles else { return };
+        let unix_nanos = published.frame.capture.unix_nanos;
+        self.queue.offer(|item| {
+            let angles = [found.angle_min_rad, found.angle_step_rad];
+            item.ring.fill(&found.sectors, angles, found.max_range_m);
+            item.unix_micros = u64::try_from(unix_nanos / 1000).unwrap_or(0);
+        });
+    }
+
+    /// An autopilot needs no old distances, so nothing is waited for but the one on its way.
+    fn finish(self: Box<Self>, _last: Option<&Results<'_>>) -> FinishingSink {
+        let closed = self.queue.close();
+        FinishingSink::new(move |timeout| {
+            closed.wait("the messages to the autopilot", timeout)?;
+            Ok(Outcome::Done)
+        })
+    }
+}
+
+#[derive(Default)]
+struct Distances {
+    ring: DistanceRing,
+    unix_micros: u64,
+}
+
+struct LinkWriter {
+    link: MavlinkLink,
+}
+
+impl LinkWriter {
+    fn report(&self, event: Option<LinkEvent>) {
+        let address = self.link.address();
+        match event {
+            Some(LinkEvent::Opened) => info!("sending obstacles to `{address}`"),
+            Some(LinkEvent::Lost(reason)) => {
+                warn!("cannot send obstacles to `{address}`: {reason}; trying again");
+            }
+            None => {}
+        }
+    }
+}
+
+impl Writer for LinkWriter {
+    type Item = Distances;
+
+    fn write(&mut self, item: &Distances) {
+        let event = self.link.send(&item.ring, item.unix_micros, Instant::now());
+        self.report(event);
+    }
+
+    /// Heartbeats go on while the camera gives no images.
+    fn flush_if_due(&mut self) {
+        let event = self.link.keep_alive(Instant::now());
+        self.report(event);
+    }
+
+    fn finish(&mut self) {}
+}
