@@ -1,7 +1,7 @@
 //! How long a frame takes from its publisher to its reader, by payload size. Nothing is copied: it should not matter.
 //!
 //! `hop/wake/SIZE` is two processes: from before the send to the received view, with the reader asleep (its clock
-//! is the publisher's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process and nobody asleep.
+//! is the publisher's, `CLOCK_MONOTONIC`). `hop/loan_publish_receive/SIZE` is one process; its reader does not sleep.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark may stop at the first thing that is wrong")]
 
@@ -100,7 +100,7 @@ impl ReaderProcess {
 
 impl Drop for ReaderProcess {
     fn drop(&mut self) {
-        drop(self.child.stdin.take()); // tells it to end
+        drop(self.child.stdin.take()); // ends it
         let _ = self.child.wait();
     }
 }

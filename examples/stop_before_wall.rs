@@ -15,7 +15,7 @@ const BRAKE_M: f32 = 1.0;
 /// Half the angle ahead that counts, radians.
 const AHEAD_RAD: f32 = 0.35;
 
-/// The speed for what is ahead. A direction counts only as far as it is known to be free, whatever ends it.
+/// The speed for the directions ahead. Each direction counts only as far as it is known to be free.
 pub(crate) fn speed(obstacles: &ObstacleRecord) -> f32 {
     let angle = |index: usize| obstacles.angle_min_rad + (index as f32 + 0.5) * obstacles.angle_step_rad;
     let ahead = obstacles.sectors().iter().enumerate().filter(|(index, _)| angle(*index).abs() < AHEAD_RAD);

@@ -2,7 +2,7 @@
 //!
 //! Prints each frame's sequence number, how long ago its image was taken, and the depth at the image's center.
 
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "stdout is its data, stderr is for people")]
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "data goes to stdout, messages to stderr")]
 
 use std::time::Duration;
 

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""A camera, the daemon with its recording, and readers that come and go, for as long as one likes: does anything grow?
+"""Runs a camera, the daemon with a recording, and readers that start and stop, and checks that nothing grows.
 
     python3 tests/soak.py --minutes 30 --nunetd target/release/nunetd --csv soak.csv
 
-Images go through shared memory into `nunetd`, which records them; one reader stays and others come, leave politely or
-are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon and feeder, what they have in
-/dev/shm, frames, and their age when they reach the reader that stays. It ends with 1, and says why, if memory, shared
-memory, descriptors, threads or the oldest frames' age grew after the warm-up, if an interval brought no frame, if the
-ledger does not add up, or if something is left behind.
+Images go through shared memory to `nunetd`, which records them. One reader is permanent; others start, and end by
+themselves, on a signal, or are killed. Each interval is a line of the CSV: memory, descriptors and threads of daemon
+and feeder, their files in /dev/shm, frames, and the age of frames in the permanent reader. The test fails with exit
+code 1 and a reason if memory, shared memory, descriptors, threads or the largest age of frames grew after the warm-up,
+if an interval had no frame, if the frame counts do not balance, or if files are left.
 
-Its processes have an iceoryx2 of their own, so what others have in shared memory is neither counted nor blamed.
+Its processes use a private iceoryx2 root, so the shared memory of other programs is not counted.
 
-It needs Python's standard library alone, and 90 MB a minute for the recording in the folder that TMPDIR names.
+It needs only Python's standard library, and 90 MB per minute for the recording in the folder TMPDIR.
 """
 
 import argparse
@@ -33,7 +33,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 SHARED_MEMORY = pathlib.Path("/dev/shm")
 # iceoryx2's own counter of nodes, which it never removes.
 ALLOWED_REST = ".global_mgmt"
-# How long a process may take to end, and the first frame to come.
+# Timeouts for the end of a process and for the first frame.
 TIMEOUT_S = 60
 FIELDS = [
     "seconds",
@@ -52,7 +52,7 @@ FIELDS = [
 
 
 def arguments():
-    """The command line."""
+    """Parses the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=30)
     parser.add_argument("--rate", type=float, default=5, help="frames a second")
@@ -70,7 +70,7 @@ def arguments():
 
 
 class Reader:
-    """The reader that stays: keeps the ages of frames until they are asked for."""
+    """The permanent reader: stores the ages of frames."""
 
     def __init__(self, command, folder):
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
@@ -92,14 +92,14 @@ class Reader:
 
 
 class Visitors:
-    """Readers that come and go: some end by themselves, some on a signal, some are killed."""
+    """Readers that start and stop: some end by themselves, some on a signal, some are killed."""
 
     def __init__(self, command, folder, seed):
         self.command, self.folder, self.chance, self.next = command, folder, random.Random(seed), 0.0
         self.process, self.count, self.bad = None, 0, []
 
     def tend(self, now):
-        """Starts one, or ends the one that is there."""
+        """Starts a reader, or ends the running one."""
         if now < self.next:
             return
         self.next = now + self.chance.uniform(1, 6)
@@ -110,7 +110,7 @@ class Visitors:
             self.end(self.chance.choice([signal.SIGTERM, signal.SIGINT, signal.SIGKILL]))
 
     def end(self, sent=signal.SIGTERM):
-        """A reader that was not killed ends with 0."""
+        """Checks that a reader that was not killed exits with 0."""
         if self.process is None:
             return
         self.process.send_signal(sent)
@@ -120,7 +120,7 @@ class Visitors:
         self.process = None
 
 
-def figures(process):
+def resources(process):
     """Memory in kB, descriptors and threads of a process."""
     folder = pathlib.Path(f"/proc/{process.pid}")
     status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
@@ -129,7 +129,7 @@ def figures(process):
 
 
 class World:
-    """An iceoryx2 of its own: processes that are started in `folder` find its configuration there."""
+    """A private iceoryx2 root: processes that are started in `folder` find its configuration there."""
 
     def __init__(self, folder):
         self.folder, self.prefix = folder, f"nunetsoak{os.getpid()}_"
@@ -139,17 +139,17 @@ class World:
         (folder / "config/iceoryx2.toml").write_text(config)
 
     def shared(self):
-        """Paths and bytes of what is in shared memory."""
+        """Paths and sizes of the files in shared memory."""
         found = {}
         for path in SHARED_MEMORY.glob(f"{self.prefix}*"):
             try:
                 found[path] = path.stat().st_blocks * 512
             except FileNotFoundError:
-                continue  # a reader has just left
+                continue  # a reader has just ended
         return found
 
     def left(self):
-        """What is still there when all have ended; it is removed."""
+        """Files that are left after all processes ended; they are removed."""
         files = [path for path in self.root.rglob("*") if path.is_file()] if self.root.is_dir() else []
         memory = list(self.shared())
         for path in memory:
@@ -158,7 +158,7 @@ class World:
 
 
 def percentile(ages, share):
-    """Of a sorted list; nothing of an empty one."""
+    """The percentile of a sorted list; an empty text for an empty one."""
     return round(ages[min(len(ages) - 1, int(share * len(ages)))], 3) if ages else ""
 
 
@@ -184,7 +184,7 @@ class Soak:
 
     def line(self, seconds):
         """One line of the CSV."""
-        daemon, feeder = figures(self.daemon), figures(self.feeder)
+        daemon, feeder = resources(self.daemon), resources(self.feeder)
         ages, frames = self.reader.take()
         recorded = self.recording.stat().st_size if self.recording.exists() else 0
         memory = sum(self.world.shared().values())
@@ -192,7 +192,7 @@ class Soak:
         return dict(zip(FIELDS, [*values, percentile(ages, 0.5), percentile(ages, 0.99)], strict=True))
 
     def run(self):
-        """Lines until the time is over or somebody has died."""
+        """Prints lines until the time is over or a process has died."""
         lines, start = [], time.monotonic()
         with self.given.csv.open("w", newline="") as file:
             table = csv.DictWriter(file, FIELDS)
@@ -213,12 +213,12 @@ class Soak:
         return lines, []
 
     def dead(self):
-        """Who is not there any more."""
+        """The processes that have ended."""
         all_of_them = {"the feeder": self.feeder, "the daemon": self.daemon, "the reader": self.reader.process}
         return ", ".join(name for name, process in all_of_them.items() if process.poll() is not None)
 
     def stop(self):
-        """Ends everybody politely, readers first; what was wrong with that."""
+        """Stops all processes with SIGTERM, readers first, and returns the problems."""
         self.visitors.end()
         problems = [f"a reader ended with {code}" for code in self.visitors.bad]
         ending = {"reader": self.reader.process, "daemon": self.daemon, "feeder": self.feeder}
@@ -235,7 +235,7 @@ class Soak:
 
 
 def grown(lines, field, limit):
-    """Whether a figure grew from the first third of the lines to the last by more than `limit`."""
+    """Whether a value grew from the first third of the lines to the last by more than `limit`."""
     third = len(lines) // 3
     if third == 0:
         return [f"too few lines to say whether {field} grows: soak longer"]
@@ -248,13 +248,13 @@ def grown(lines, field, limit):
 
 
 def standing(lines):
-    """Intervals without a frame for the reader that stays."""
+    """Intervals without a frame for the permanent reader."""
     still = [later for line, later in itertools.pairwise(lines) if later["frames"] <= line["frames"]]
     return [f"no frame came in the interval before second {line['seconds']}" for line in still]
 
 
 def ledger(path):
-    """What is wrong with the daemon's account of its frames."""
+    """Problems of the daemon's frame counts."""
     if not path.exists():
         return ["the daemon left no statistics"]
     frames = json.loads(path.read_text())["frames"]
@@ -267,7 +267,7 @@ def ledger(path):
 
 
 def whole(path):
-    """What is wrong with the recording's end, where its index and MCAP's magic bytes are."""
+    """Problems of the recording's end, where its index and MCAP's magic bytes are."""
     if not path.exists():
         return ["there is no recording"]
     with path.open("rb") as file:
@@ -276,7 +276,7 @@ def whole(path):
 
 
 def main():
-    """Soaks, says what was seen, and the exit code."""
+    """Runs the test, prints the result, and returns the exit code."""
     given = arguments()
     with tempfile.TemporaryDirectory() as folder:
         world = World(pathlib.Path(folder).resolve())
@@ -296,7 +296,7 @@ def main():
         "feeder_anon_kb": given.drift_mb * 1024,
         "shm_bytes": given.drift_shm_mb * 1e6,
         "age_p99_ms": given.drift_age_ms,
-        # A reader that comes costs a few descriptors until it goes.
+        # An open reader uses a few descriptors.
         "daemon_fds": 4,
         "feeder_fds": 4,
         "daemon_threads": 0,

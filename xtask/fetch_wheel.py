@@ -39,7 +39,7 @@ MAX_PAGE_BYTES = 64 << 20  # the longest project pages have a few megabytes
 
 
 class FetchError(Exception):
-    """A message for people, and what they can do about it."""
+    """A message and its hint."""
 
     def __init__(self, message, hint):
         super().__init__(message)

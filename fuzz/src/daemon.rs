@@ -62,7 +62,7 @@ pub fn image(data: &[u8]) {
     }
 }
 
-/// An error says something, and does not repeat the file.
+/// An error has a text, and does not repeat the file.
 fn check_message(error: &str) {
     assert!((1..10_000).contains(&error.len()), "an error of {} bytes", error.len());
 }

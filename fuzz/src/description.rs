@@ -1,4 +1,4 @@
-//! Texts that say what a camera or a network is: calibrations, manifests, sidecars, metadata.
+//! Descriptions of cameras and networks: calibrations, manifests, sidecars, metadata.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -76,7 +76,7 @@ pub fn metadata(data: &[u8]) {
     }
 }
 
-/// An error says something, and does not repeat the file.
+/// An error has a text, and does not repeat the file.
 fn check_message(error: &impl Display) {
     let length = error.to_string().len();
     assert!((1..10_000).contains(&length), "an error of {length} bytes");

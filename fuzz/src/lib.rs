@@ -1,7 +1,7 @@
-//! What is done with other people's bytes, each as one function that must not panic whatever it is given.
+//! Parsers of untrusted bytes, each as one function that must not panic for any input.
 //!
-//! `fuzz_targets/` hands them what libFuzzer finds. The same files are compiled into the tests of the crates that they
-//! are about, which hand them cut and damaged files and random bytes with the ordinary compiler: so they cannot rot.
+//! `fuzz_targets/` calls them with the inputs of libFuzzer. The same files are compiled into the tests of the crates that they
+//! test, which call them with truncated and damaged files and random bytes: so they always compile.
 
 pub mod daemon;
 pub mod description;

@@ -4,7 +4,7 @@ use std::io::Write as _;
 
 use nunet_mcap::{ImageEncoding, Next, RecordedImage, Recording, RecordingError};
 
-/// No sound file of a few kilobytes has more; a chunk that unfolds to millions may end here.
+/// No valid file of a few kilobytes has more; a chunk that unpacks to millions may end here.
 const MAX_STEPS: usize = 100_000;
 
 /// Reads every image and the camera of a file, once as images and once as depth.
@@ -67,7 +67,7 @@ fn check(image: &RecordedImage) {
     let _ = image.unix_nanos();
 }
 
-/// An error says something, and does not repeat the file.
+/// An error has a text, and does not repeat the file.
 fn check_message(error: &RecordingError) {
     let length = error.to_string().len();
     assert!((1..10_000).contains(&length), "an error of {length} bytes");

@@ -1,4 +1,4 @@
-//! What a viewer sends to the live view, and what a client of it receives.
+//! Requests to the live view, and the frames that its clients receive.
 
 use nunet_view::{FrameMessage, Request, Section};
 

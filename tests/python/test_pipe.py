@@ -24,7 +24,7 @@ def y4m():
 
 
 def run(nunetd, tmp_path, given, *more):
-    """Exit code, stderr and figures of a run that reads `given` from stdin."""
+    """Exit code, stderr and stats of a run that reads `given` from stdin."""
     stats, name = tmp_path / "stats.json", f"pytest-pipe-{os.getpid()}"
     command = [nunetd, "--model", str(MODEL), "--source", "-", "--camera", name, "--stats-json", str(stats), *more]
     done = subprocess.run(command, check=False, input=given, capture_output=True, timeout=60)

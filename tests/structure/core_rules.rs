@@ -1,4 +1,4 @@
-//! What nunet-core promises: nothing but computing happens while a frame is processed.
+//! nunet-core only computes: no threads, sockets, clocks or environment.
 
 use crate::assert_none;
 use crate::repository;
@@ -7,7 +7,7 @@ use crate::rust_source::{is_test_file, paths, without_tests};
 /// The folder of the crate.
 const CORE: &str = "crates/nunet-core/src/";
 
-/// What a pure pipeline has no use for, and why.
+/// What the pipeline must not use, and why.
 const IMPURE: [(&[&str], &str); 8] = [
     (&["std", "thread"], "threads belong to the daemon"),
     (&["std", "net"], "sockets belong to the daemon"),
@@ -19,7 +19,7 @@ const IMPURE: [(&[&str], &str); 8] = [
     (&["tracing"], "the daemon logs; core returns reports and errors"),
 ];
 
-/// Starts nothing and waits for nothing: a default for how many threads ONNX Runtime is to use.
+/// Starts no thread: it is the default for the number of ONNX Runtime's threads.
 const ALLOWED: [&[&str]; 1] = [&["std", "thread", "available_parallelism"]];
 
 fn impure(path: &str, text: &str) -> Vec<String> {

@@ -1,6 +1,6 @@
-//! No module of a crate imports, by whatever way round, one that imports it.
+//! No crate has an import cycle between its modules.
 //!
-//! Each folder is looked at by itself: its modules are the nodes, a subfolder counts as one module, and a path such as
+//! Each folder is checked by itself: its modules are the nodes, a subfolder counts as one module, and a path such as
 //! `crate::depth::Units` is an edge between the modules in which its two ends lie below their common folder. A name that a
 //! folder's root re-exports (`pub use child::Name`) stands for the child. Whatever else the root contains belongs to the
 //! folder as a whole: children may name it.
@@ -142,7 +142,7 @@ fn crates(sources: &[(String, String)]) -> BTreeSet<String> {
 }
 
 #[test]
-fn no_crate_has_modules_that_import_each_other_in_a_circle() {
+fn no_crate_has_an_import_cycle() {
     let mut sources = repository::rust();
     sources.retain(|(path, _)| !is_test_file(path));
     let mut found = Vec::new();
@@ -179,7 +179,7 @@ fn planted_cycles_are_found() {
 }
 
 #[test]
-fn what_goes_one_way_or_up_is_no_cycle() {
+fn imports_in_one_direction_or_of_a_parent_are_no_cycle() {
     let sources = [
         ("lib.rs", "mod a;\nmod b;\npub use a::X;\npub struct Root;"),
         ("a.rs", "use crate::Root;\nuse std::fmt;\n#[cfg(test)]\nmod tests { use crate::b::Y; }"),

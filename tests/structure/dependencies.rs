@@ -1,11 +1,11 @@
-//! Who may name whom: one folder speaks to ONNX Runtime, one crate to iceoryx2, one to recordings, and nunet-ipc is a
+//! Allowed dependencies: one folder uses ONNX Runtime, one crate iceoryx2, one the MCAP libraries, and nunet-ipc is a
 //! leaf.
 
 use crate::assert_none;
 use crate::repository;
 use crate::rust_source::paths;
 
-/// A crate's name in code, and the only folder whose files may say it.
+/// A crate's name in code, and the only folder whose files may use it.
 const HOMES: [(&str, &str); 4] = [
     ("ort", "crates/nunet-core/src/graph/onnx"),
     ("iceoryx2", "crates/nunet-ipc/"),
@@ -118,14 +118,14 @@ fn forbidden(path: &str, manifest: &str, unwanted: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn each_of_these_crates_is_named_in_one_place() {
+fn each_restricted_crate_is_used_in_one_place() {
     let problems: Vec<String> =
         repository::rust().iter().flat_map(|(path, text)| strangers(path, text)).collect();
     assert_none(&problems);
 }
 
 #[test]
-fn a_stranger_who_names_ort_is_found() {
+fn a_use_of_ort_elsewhere_is_found() {
     let text = "use ort::Session;\nfn f() { ort::init() }\n// ort::init\nlet s = \"ort::init\"; let ort = 1;";
     let found = strangers("crates/nunet-core/src/pipeline.rs", text);
     assert_eq!(found.len(), 2, "{found:?}");

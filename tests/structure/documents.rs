@@ -1,4 +1,4 @@
-//! The documents: links lead somewhere, README and book stay short and narrow, releases are dated, versions agree.
+//! The documents: links are valid, README and book stay short and narrow, releases are dated, versions agree.
 
 use std::collections::BTreeSet;
 
@@ -86,7 +86,7 @@ fn dead_links(document: &str, text: &str, read: impl Fn(&str) -> Option<String>)
     problems
 }
 
-/// The lines that a release may take in the changelog: what it does, not how it came about.
+/// The most lines of a release in the changelog, which describes the result and not its history.
 const MAX_RELEASE_LINES: usize = 40;
 
 /// Releases without a date, and releases that take too many lines.
@@ -251,7 +251,7 @@ fn a_wide_line_is_found_and_a_table_or_a_link_is_none() {
 }
 
 #[test]
-fn everybody_means_the_same_release_of_onnx_runtime() {
+fn all_requirements_name_the_same_release_of_onnx_runtime() {
     let (_, lock) = repository::texts(|path| path == "xtask/wheels.lock").remove(0);
     let lines = lock.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
     let pinned: BTreeSet<&str> =

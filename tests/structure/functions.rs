@@ -6,9 +6,9 @@ use crate::assert_none;
 use crate::repository;
 use crate::rust_source::{functions, is_test_file};
 
-/// Of a function's signature and body, comments included.
+/// The most lines of a function: signature and body, comments included.
 const MAX_LINES: usize = 45;
-/// Nine of ten functions are no longer.
+/// The 90th percentile of these lines.
 const MAX_P90: usize = 20;
 
 /// A function and how many lines it has, from its signature to its end.
@@ -112,7 +112,7 @@ fn a_long_function_is_found_in_both_languages() {
 }
 
 #[test]
-fn tests_are_no_functions() {
+fn test_functions_are_not_counted() {
     let test = format!("#[test]\nfn a() {{\n{}}}\n", "g();\n".repeat(60));
     assert!(functions("a.rs", &test).is_empty());
     assert!(functions("a.rs", &format!("#[cfg(test)]\nmod tests {{\n{}}}\n", &test[8..])).is_empty());

@@ -1,9 +1,9 @@
-//! The lints that hold the rules of the house are on, in every crate. What they find is theirs to say.
+//! The project's lints are on in every crate.
 
 use crate::assert_none;
 use crate::repository;
 
-/// Lints without which the rules of the house are only words.
+/// Lints that enforce the project's rules.
 const LINTS: [&str; 10] = [
     "unsafe_code = \"deny\"",
     "unsafe_op_in_unsafe_fn = \"deny\"",
@@ -37,6 +37,6 @@ fn the_lints_are_on_in_every_crate() {
 }
 
 #[test]
-fn a_lint_that_was_switched_off_is_found() {
+fn a_disabled_lint_is_found() {
     assert_eq!(missing_lints("[workspace.lints.rust]\nunsafe_code = \"warn\"").len(), LINTS.len());
 }

@@ -1,8 +1,8 @@
-//! What the tree promises, held by tests: who may name whom, what core may not do, how long a file may be, and that
-//! what the documents point at exists. Run by `cargo xtask check`.
+//! Tests of the repository's structure: allowed dependencies, rules of core, lengths of files, and that
+//! links in documents are valid. Run by `cargo xtask check`.
 //!
-//! Each rule is a function from text to problems, and is tried on a counter-example beside it: a checker that cannot
-//! fail checks nothing.
+//! Each rule is a function from text to problems, and is tested with a counter-example beside it, because a check that
+//! cannot fail is useless.
 
 mod core_rules;
 mod cycles;

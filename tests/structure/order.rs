@@ -10,7 +10,7 @@ struct Order {
     folder: &'static str,
     /// The modules in reading order. One may import those before it, never one after it.
     modules: &'static [&'static str],
-    /// Who may look ahead all the same: importer, imported, reason.
+    /// Exceptions: importer, imported, reason.
     ahead: &'static [(&'static str, &'static str, &'static str)],
 }
 
@@ -163,7 +163,7 @@ impl Order {
         problems
     }
 
-    /// Types that the daemon's root hands out, because its callers need them.
+    /// Types that the daemon's root re-exports for its callers.
     fn is_at_the_root(&self, name: &str) -> bool {
         self.folder == DAEMON.folder && ["Outcome", "source"].contains(&name)
     }

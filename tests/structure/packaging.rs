@@ -1,4 +1,4 @@
-//! What is packed is there: nothing builds the Debian package or the container in the gate.
+//! Packed files exist: `cargo xtask check` builds neither the Debian package nor the container.
 
 use crate::assert_none;
 use crate::repository::{root, texts};
@@ -17,7 +17,7 @@ fn every_file_that_the_container_copies_is_there() {
 }
 
 #[test]
-fn a_file_that_was_renamed_is_missed() {
+fn a_renamed_file_is_reported_missing() {
     let assets = "assets = [\n    [\"../../README.md\", \"usr/\"],\n    [\"../../gone.md\", \"usr/\"],\n    [\"../../build/deb/lib/*\", \"x\"],\n]";
     assert_eq!(packed(assets), ["README.md", "gone.md"]);
     assert_eq!(copied("COPY . .\nCOPY --from=build /src/gone.md /src/target/x /usr/"), ["gone.md"]);
@@ -25,7 +25,7 @@ fn a_file_that_was_renamed_is_missed() {
 }
 
 #[test]
-fn what_is_released_has_no_symbols() {
+fn releases_are_stripped() {
     assert_none(&unstripped(&text_of("Cargo.toml")));
 }
 

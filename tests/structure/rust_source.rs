@@ -296,7 +296,7 @@ fn group(tokens: &[Token], mut at: usize, prefix: &[String], found: &mut Vec<Nam
 }
 
 #[test]
-fn comments_and_literals_are_no_code_and_lifetimes_are() {
+fn comments_and_literals_are_blanked_and_lifetimes_are_kept() {
     let text = "a /* b /* c */ d */ 'e' \"f \\\" g\" r#\"h \" i\"# '\\'' // j\n&'k str";
     let words: Vec<String> = tokens(&code_only(text)).into_iter().map(|token| token.text).collect();
     assert_eq!(words, ["a", "&", "'", "k", "str"]);
@@ -323,7 +323,7 @@ fn use_trees_are_unfolded_and_keep_their_lines() {
 }
 
 #[test]
-fn tests_are_no_code_wherever_they_are() {
+fn tests_are_not_counted_as_code_wherever_they_are() {
     let text =
         "fn a() {}\n#[cfg(test)]\nmod tests;\nmod inner {\n    #[cfg(test)]\n    impl A {}\n}\nfn b() {}\n";
     assert_eq!(without_tests(text), "fn a() {}\n\n\nmod inner {\n\n\n}\nfn b() {}\n");

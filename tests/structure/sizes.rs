@@ -1,19 +1,19 @@
-//! Bounds: a file fits in a head, the models fit in a clone.
+//! Limits for lines of source files and bytes in git.
 
 use crate::assert_none;
 use crate::repository;
 use crate::rust_source::{code_lines, is_test_file};
 
-/// Of code that is not a test. Mostly 100 to 300; past this a file holds two things.
+/// The most lines of a source file without its tests. Most files have 100 to 300.
 const MAX_LINES: usize = 350;
 
-/// Of everything below `models/` together.
+/// The most bytes of all files below `models/` together.
 const MAX_MODEL_BYTES: usize = 110_000_000;
 
-/// Where copies of some of them lie, which the Python package brings: git keeps the same bytes once.
+/// Copies of some models for the Python package. Git stores equal files once.
 const COPIES: &str = "crates/nunet-py/python/nunet_py/models/";
 
-/// Of one file that is not a model: what belongs elsewhere (data, recordings, builds) is larger.
+/// The most bytes of any other file: larger ones are data, recordings or builds, which do not belong into git.
 const MAX_FILE_BYTES: usize = 5_000_000;
 
 fn too_long(path: &str, text: &str) -> Vec<String> {
@@ -47,7 +47,7 @@ fn no_source_file_is_longer_than_350_lines_without_its_tests() {
     assert_none(&long.collect::<Vec<_>>());
 }
 
-/// Of the daemon, tests aside: what other programs could use as well belongs into a library.
+/// The most lines of the daemon without its tests: code that other programs could use belongs into a library.
 const MAX_DAEMON_LINES: usize = 8_000;
 
 #[test]
@@ -72,7 +72,7 @@ fn the_models_in_git_take_110_mb_at_most_and_other_files_5_mb() {
     assert_none(&too_heavy(files.iter().map(|file| (file.path.as_str(), file.bytes.len()))));
 }
 
-/// The copies that differ from what they are copies of, or are copies of nothing.
+/// The copies that differ from their originals or have none.
 fn stale(files: &[repository::File]) -> Vec<String> {
     let copies = files.iter().filter_map(|file| Some((file, file.path.strip_prefix(COPIES)?)));
     let stale = copies.filter(|(copy, name)| {
@@ -99,7 +99,7 @@ fn a_copy_of_an_older_model_or_of_none_is_found() {
 }
 
 #[test]
-fn models_are_weighed_together_and_other_files_each() {
+fn models_are_limited_in_total_and_other_files_individually() {
     let half = MAX_MODEL_BYTES / 2;
     let fine =
         [("models/a.onnx", half), ("models/b.onnx", half), ("a", MAX_FILE_BYTES), ("b", MAX_FILE_BYTES)];

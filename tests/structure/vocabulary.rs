@@ -1,10 +1,10 @@
-//! One term for one thing: replaced names do not come back, in code, comments, documents or tests.
+//! One term per concept: replaced words do not return to code, comments, documents or tests.
 
 use crate::assert_none;
 use crate::repository;
 
 /// A replaced word, in all its forms, and the term to write instead.
-const REPLACED: [(&[&str], &str); 19] = [
+const REPLACED: [(&[&str], &str); 22] = [
     (&["picture", "pictures"], "image"),
     (&["verb", "verbs"], "subcommand"),
     (&["optics"], "camera, intrinsics"),
@@ -24,16 +24,29 @@ const REPLACED: [(&[&str], &str); 19] = [
     (&["jump", "jumps", "jumped"], "discontinuity"),
     (&["bent"], "distorted"),
     (&["binned"], "decimated, subsampled"),
+    (&["whoever"], "a program that, a user who"),
+    (&["somebody", "everybody", "anybody"], "a user, every process, all users"),
+    (&["anew"], "again"),
 ];
 
 /// Two-word terms that were replaced.
-const PHRASES: [(&str, &str); 6] = [
+const PHRASES: [(&str, &str); 16] = [
     ("left out", "dropped, lost, skipped, omitted"),
     ("stands still", "is paused, stalls"),
     ("stood still", "was paused, stalled"),
     ("who comes late", "a late subscriber"),
     ("looks on", "watches"),
     ("goes on with", "continues"),
+    ("beside each other", "concurrently, side by side"),
+    ("hands out", "returns, publishes"),
+    ("gives out", "returns"),
+    ("lives on", "stays valid"),
+    ("as it lies", "as stored, in place"),
+    ("as they lie", "as stored, in place"),
+    ("what there is", "the existing ones"),
+    ("for people", "as text, for users"),
+    ("all the same", "anyway"),
+    ("'s figures", "'s stats, metrics"),
 ];
 
 /// Beginnings of British spellings, and the American ones.
@@ -142,6 +155,21 @@ fn replaced(path: &str, text: &str) -> Vec<String> {
     problems
 }
 
+/// Names of types that say nothing about what they are; qualify them, as in `SampleKind`.
+const VAGUE_TYPES: [&str; 8] = ["Way", "Look", "Side", "Turn", "Kind", "Port", "What", "Trouble"];
+
+fn vague_types(path: &str, text: &str) -> Vec<String> {
+    let mut problems = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let mut words = line.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+        let is_definition = words.any(|word| ["struct", "enum", "trait", "type", "union"].contains(&word));
+        if let Some(name) = words.next().filter(|name| is_definition && VAGUE_TYPES.contains(name)) {
+            problems.push(format!("{path}:{}: qualify the type name `{name}`", index + 1));
+        }
+    }
+    problems
+}
+
 fn is_written_by_us(path: &str) -> bool {
     let endings = [".rs", ".py", ".pyi", ".md", ".toml", ".h", ".hpp", ".c", ".cpp", ".snap", ".sh", ".yml"];
     endings.iter().any(|ending| path.ends_with(ending))
@@ -152,6 +180,20 @@ fn no_replaced_word_is_left_in_code_or_documents() {
     let files = repository::texts(is_written_by_us);
     let problems: Vec<String> = files.iter().flat_map(|(path, text)| replaced(path, text)).collect();
     assert_none(&problems);
+}
+
+#[test]
+fn no_type_has_a_vague_name() {
+    let mut files = repository::rust();
+    files.retain(|(path, _)| path != "tests/structure/vocabulary.rs"); // the examples below
+    let problems: Vec<String> = files.iter().flat_map(|(path, text)| vague_types(path, text)).collect();
+    assert_none(&problems);
+}
+
+#[test]
+fn a_type_with_a_vague_name_is_found() {
+    assert_eq!(vague_types("a.rs", "pub(crate) enum Kind {\nstruct Way;\n").len(), 2);
+    assert_none(&vague_types("a.rs", "enum ErrorKind {}\nlet kind: Kind = x;\n"));
 }
 
 #[test]

@@ -1,12 +1,12 @@
-//! What must not be written down: places that exist on one machine only.
+//! Paths of one machine and hosts of registries must not be in any file.
 
 use crate::assert_none;
 use crate::repository;
 
-/// Beginnings of paths in somebody's home or workplace. Spelt in two halves: this file is searched too.
+/// Beginnings of paths in a user's home or workplace. Spelled in two halves: this file is searched too.
 const MACHINE_PATHS: [(&str, &str); 4] = [("/ro", "ot/"), ("/wo", "rk/"), ("/ho", "me/"), ("/Us", "ers/")];
 
-/// Hosts of package registries: the configured index decides, and mirrors are nobody's business.
+/// Hosts of package registries: the configured index decides.
 const HOSTS: [(&str, &str); 7] = [
     ("py", "pi.org"),
     ("python", "hosted.org"),

@@ -9,7 +9,7 @@ use crate::hinted::Hinted;
 use crate::run::{cargo, run, run_all};
 use crate::{paths, python, setup};
 
-/// Names the browser if it is not found by itself.
+/// The environment variable with the browser's path.
 const CHROMIUM: &str = "CHROMIUM";
 
 /// Builds nunetd and opens its page.

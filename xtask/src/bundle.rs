@@ -1,4 +1,4 @@
-//! `cargo xtask bundle`: the models that the Python package brings along.
+//! `cargo xtask bundle`: copies the models into the Python package.
 
 use std::fs;
 use std::path::Path;

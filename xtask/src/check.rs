@@ -1,4 +1,4 @@
-//! `cargo xtask check`: everything that can be said about the source without running it.
+//! `cargo xtask check`: checks of the source that do not run it.
 
 use anyhow::Result;
 

@@ -1,4 +1,4 @@
-//! The Python interpreter of this machine, with which everything begins.
+//! The Python interpreter of this machine.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -19,7 +19,7 @@ pub(crate) struct System {
     pub(crate) identity: String,
 }
 
-/// The interpreter to begin with: `$PYTHON`, else python3.
+/// The interpreter: `$PYTHON`, otherwise python3.
 pub(crate) fn system() -> Result<System> {
     let named = std::env::var_os("PYTHON").filter(|path| !path.is_empty());
     let program = named.map_or_else(|| "python3".into(), PathBuf::from);

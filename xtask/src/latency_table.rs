@@ -65,7 +65,7 @@ impl<'de> Deserialize<'de> for Stages {
     }
 }
 
-/// How long a frame waited for the one before. It is part of the total, but no work.
+/// How long a frame waited for the one before. It is part of the total, but it is not processing time.
 const WAITING: &str = "queue";
 
 /// The table, one row per stage and the total last, and a line about the whole run.

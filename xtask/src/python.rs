@@ -21,11 +21,11 @@ const STAMP: &str = "complete";
 /// Names a package index with CPU builds of torch.
 const TORCH_INDEX: &str = "NUNET_TORCH_INDEX";
 
-/// An environment that was not used for so long belongs to requirements that nobody has any more.
+/// An environment that was not used for this long belongs to old requirements.
 const FORGOTTEN_AFTER: Duration = Duration::from_hours(30 * 24);
 
 /// Prints the recipe's dependencies, a line each: pip could install them by `--only-deps`, but a change elsewhere in
-/// that file must not cost everybody a new environment.
+/// that file must not require a new environment.
 const RECIPE_REQUIREMENTS: &str = "import tomllib
 with open('models/recipe/pyproject.toml', 'rb') as file:
     project = tomllib.load(file)['project']
@@ -50,8 +50,8 @@ fn required_by(name: &str, requirements: &str) -> Result<PathBuf> {
     environment(name, &lines, |python| install(python, &lines))
 }
 
-/// An environment in `folder` that sees everything of the one of `shared` and may hold more: what a clone builds is
-/// no business of the other clones that share one.
+/// An environment in `folder` that extends the one of `shared`: packages that a clone builds
+/// must not affect other clones.
 pub(crate) fn layer_over(shared: &Path, folder: &Path) -> Result<Layer> {
     let python = folder.join("bin/python");
     let made_over = folder.join("over");
@@ -80,7 +80,7 @@ fn packages_of(python: &Path) -> Result<PathBuf> {
     Ok(PathBuf::from(path.trim_end()))
 }
 
-/// The environment that makes and judges wheels.
+/// The environment that builds and checks wheels.
 pub(crate) fn wheel_environment() -> Result<PathBuf> {
     let tools = ["maturin>=1.16,<2", "abi3audit>=0.0.20,<1"].map(str::to_owned);
     environment("wheel", &tools, |python| install(python, &tools))
@@ -124,8 +124,8 @@ pub(crate) fn recipe(python: &Path) -> Command {
     command
 }
 
-/// The interpreter of an environment with these requirements. It lies in the cache under a hash of them and of the
-/// interpreter, and is made anew when it was left half finished.
+/// The interpreter of an environment with these requirements. It is in the cache under a hash of them and of the
+/// interpreter, and is created again if it is incomplete.
 fn environment(
     name: &str,
     requirements: &[String],

@@ -1,5 +1,5 @@
-//! Running other programs, and talking to people.
-#![expect(clippy::print_stderr, clippy::print_stdout, reason = "talking to people is what xtask does")]
+//! Runs other programs and prints messages.
+#![expect(clippy::print_stderr, clippy::print_stdout, reason = "xtask is a command-line program")]
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -10,7 +10,7 @@ use anyhow::{Context as _, Error, Result, bail};
 use crate::hinted::Hinted;
 use crate::paths;
 
-/// A line for people.
+/// Prints a message to stderr.
 pub(crate) fn say(line: &str) {
     eprintln!("{line}");
 }
@@ -24,7 +24,7 @@ pub(crate) fn say_error(error: &Error) {
     hinted.for_each(|error| say(&format!("hint: {}", error.hint)));
 }
 
-/// A result, which somebody may want to pipe.
+/// Prints a result to stdout.
 pub(crate) fn print(text: &str) {
     println!("{text}");
 }
@@ -65,7 +65,7 @@ pub(crate) fn output(command: &mut Command) -> Result<String> {
         .with_context(|| format!("`{}` printed something that is not UTF-8", named(command)))
 }
 
-/// Run every step, though one before it failed, and name the ones that failed: one run tells everything.
+/// Runs every step, also after a failure, and names the failed ones.
 pub(crate) fn run_all(what: &str, steps: &mut [(&str, Command)]) -> Result<()> {
     let mut failed = Vec::new();
     for (name, command) in steps.iter_mut() {
@@ -82,7 +82,7 @@ pub(crate) fn run_all(what: &str, steps: &mut [(&str, Command)]) -> Result<()> {
     Ok(())
 }
 
-/// Enough of the command to tell which it was.
+/// The first words of the command.
 fn named(command: &Command) -> String {
     let program = Path::new(command.get_program());
     let words = program.file_name().into_iter().chain(command.get_args().take(2));
@@ -93,7 +93,7 @@ fn named(command: &Command) -> String {
 fn shown(command: &Command) -> String {
     let settings =
         command.get_envs().filter_map(|(key, value)| Some(format!("{}={}", key.to_str()?, quoted(value?))));
-    // Which cargo is rust-toolchain.toml's business; the long path would only hide the words that matter.
+    // Cargo without its path: rust-toolchain.toml decides which one runs.
     let program = Path::new(command.get_program());
     let program = if program.ends_with("cargo") { OsStr::new("cargo") } else { program.as_os_str() };
     let words = std::iter::once(program).chain(command.get_args()).map(quoted);
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shown_command_can_be_typed() {
+    fn a_printed_command_can_be_pasted_into_a_shell() {
         let mut command = Command::new("/somewhere/bin/cargo");
         command.args(["doc", "torch>=2,<3", "it's", ""]).env("RUSTDOCFLAGS", "-D warnings");
         assert_eq!(shown(&command), r"RUSTDOCFLAGS='-D warnings' cargo doc 'torch>=2,<3' 'it'\''s' ''");

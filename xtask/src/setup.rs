@@ -7,7 +7,7 @@ use anyhow::Result;
 use crate::run::say;
 use crate::{paths, wheels};
 
-/// What goes with the library wherever it is passed on.
+/// Texts that must accompany the library in packages.
 const TEXTS: [&str; 2] = ["LICENSE", "ThirdPartyNotices.txt"];
 
 /// Fetch ONNX Runtime's library and its license, if the cache does not have them.
@@ -17,7 +17,7 @@ pub(crate) fn setup() -> Result<()> {
     Ok(())
 }
 
-/// A text that comes with the library, such as its license; fetched for those who pass the library on.
+/// A text that belongs to the library, such as its license, for packages that contain the library.
 pub(crate) fn onnxruntime_text(name: &str) -> Result<PathBuf> {
     let wheel = wheels::pinned("onnxruntime")?;
     let text = paths::cache()?.join(format!("onnxruntime-{}", wheel.version)).join(name);

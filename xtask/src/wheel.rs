@@ -17,7 +17,7 @@ const PREFIX: &str = "nunet_py-";
 /// Of the wheel without its models, packed.
 const MAX_BYTES: u64 = 20_000_000;
 
-/// What somebody does first, with nothing but the wheel: in a folder without a checkout, by a bundled model.
+/// A first use of the wheel: in a folder without a checkout, with a bundled model.
 const TRIAL: &str = "import numpy as np, nunet_py as nunet
 result = nunet.Model('wnet_c.onnx').infer(np.zeros((480, 640, 3), np.uint8))
 assert result.depth.shape == (480, 640) and result.cloud().points.shape == (480, 640, 3)
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_name_of_a_wheel_tells_its_c_library() {
+    fn the_name_of_a_wheel_states_its_c_library() {
         let of = |name: &str| c_library(Path::new(name));
         let tagged = "dist/nunet_py-0.1.0-cp310-abi3-manylinux_2_34_x86_64.whl";
         assert_eq!(of(tagged), "glibc 2.34 or newer");

@@ -177,7 +177,7 @@ typedef enum nunet_bit_t {
 } nunet_bit_t;
 
 /**
- * The header of a message, as it lies in shared memory.
+ * The header of a message, as stored in shared memory.
  * `nunet.v1.FrameHeader`, 1024 bytes.
  */
 typedef struct nunet_header_t {
@@ -545,7 +545,7 @@ typedef enum {
    */
   NUNET_NOBODY_PUBLISHES = 3,
   /**
-   * The other side speaks another version of the contract.
+   * The other side uses another version of the contract.
    */
   NUNET_WRONG_CONTRACT_VERSION = 4,
   /**
@@ -660,7 +660,7 @@ const char *nunet_status_name(int32_t status);
 const char *nunet_version(void);
 
 /**
- * The version of the shared-memory contract that the library speaks. `NUNET_CONTRACT_VERSION` is that of the header.
+ * The version of the shared-memory contract that the library implements. `NUNET_CONTRACT_VERSION` is that of the header.
  */
 uint32_t nunet_contract_version(void);
 

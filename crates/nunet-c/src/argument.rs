@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "texts and bytes come as bare pointers")]
-//! Checks of what a caller passes.
+//! Checks of arguments.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::MaybeUninit;
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_that_cannot_be_are_refused() {
+    fn invalid_arrays_are_refused() {
         let aligned = [0_u64; 2];
         let odd = aligned.as_ptr().wrapping_byte_add(1);
         // SAFETY: nothing is read from an array that is refused.

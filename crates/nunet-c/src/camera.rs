@@ -12,16 +12,16 @@ use crate::status::Failure;
 
 /// A publisher, and what all its images have in common.
 #[derive(Debug)]
-pub(crate) struct Camera {
+pub(crate) struct ImagePublisher {
     pub(crate) publisher: Publisher,
     next_sequence: u64,
     template: FrameHeader,
     lent: Weak<()>,
 }
 
-pub(crate) static PUBLISHERS: Table<Camera> = Table::new("publisher");
+pub(crate) static PUBLISHERS: Table<ImagePublisher> = Table::new("publisher");
 
-impl Camera {
+impl ImagePublisher {
     /// A camera whose images all have the size and encoding of `template`.
     pub(crate) fn new(publisher: Publisher, template: FrameHeader) -> Self {
         Self { publisher, next_sequence: 0, template, lent: Weak::new() }
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_that_makes_no_sense_is_refused() {
+    fn an_invalid_lens_is_refused() {
         let mut header = FrameHeader::default();
         assert!(set_lens(&mut header, DistortionModel::None, &[0.1]).is_err());
         assert!(set_lens(&mut header, DistortionModel::KannalaBrandt, &[0.0; 5]).is_err());

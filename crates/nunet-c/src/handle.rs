@@ -1,8 +1,8 @@
-//! Handles: numbers dressed as pointers.
+//! Handles: numbers that C sees as pointers.
 //!
 //! A C program may use a reader that it has closed, close it twice, or pass a frame where a loan is wanted. Were a
-//! handle the address of what it stands for, each of these would be a crash or worse. So it is a number that is never
-//! given out again, and is looked up: what is not there is an error. *Rejected:* addresses with a magic number in
+//! handle the address of its object, each of these would be undefined behavior. So it is a number that is never
+//! used again, and is looked up: an unknown number is an error. *Rejected:* addresses with a magic number in
 //! front, which read freed memory to find out that it was freed.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::status::{Failure, Status};
 
-/// What is open of one kind.
+/// The open handles of one kind.
 #[derive(Debug)]
 pub(crate) struct Table<T> {
     kind: &'static str,
@@ -33,7 +33,7 @@ impl<T> Table<T> {
         Self { kind, open: Mutex::new(BTreeMap::new()) }
     }
 
-    /// Takes something in and gives out its handle.
+    /// Adds a value and returns its handle.
     pub(crate) fn insert<H>(&self, value: T) -> *mut H {
         // One counter for all tables: a handle of another kind is in none but its own.
         static NEXT: AtomicUsize = AtomicUsize::new(STEP);
@@ -43,7 +43,7 @@ impl<T> Table<T> {
         std::ptr::without_provenance_mut(number)
     }
 
-    /// What a handle stands for. It lives on while it is in use here, even if another thread closes it.
+    /// The value of a handle. It stays valid while it is in use here, even if another thread closes it.
     pub(crate) fn get<H>(&self, handle: *const H) -> Result<Arc<Mutex<T>>, Failure> {
         self.refuse_null(handle)?;
         let open = locked(&self.open);
@@ -54,8 +54,8 @@ impl<T> Table<T> {
         Ok(Arc::clone(&entry.value))
     }
 
-    /// Closes a handle and hands out what it stood for. `None` for NULL, as with `free`, and in a forked process,
-    /// where the end of what belongs to the parent would take it away from the parent.
+    /// Closes a handle and returns its value. `None` for NULL, as with `free`, and in a forked process,
+    /// where dropping the value would remove the parent's resources.
     pub(crate) fn remove<H>(&self, handle: *const H) -> Result<Option<Arc<Mutex<T>>>, Failure> {
         if handle.is_null() {
             return Ok(None);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_in_use_outlives_its_handle() {
+    fn a_value_in_use_outlives_its_handle() {
         let handle: *mut u8 = TEXTS.insert("c");
         let kept = TEXTS.get(handle).unwrap();
         drop(TEXTS.remove(handle).unwrap());

@@ -1,14 +1,14 @@
 //! `libnunet`: reading and publishing `nunetd`'s shared memory from C and C++.
 //!
-//! A thin shell around [`nunet_ipc`]: it turns handles, numbers and pointers into that crate's types and its errors
-//! into numbers and texts, and adds nothing of its own but the joining of waiting and looking. The header
+//! A thin layer around [`nunet_ipc`]: it converts handles, numbers and pointers to that crate's types, and its errors
+//! to numbers and texts. It adds only calls that wait for a frame and return it. The header
 //! `include/nunet.h` is written from this source by `tests/header.rs`, and is where users read.
 //!
 //! | module | what |
 //! |--------|------|
-//! | [`status`] | what went wrong, as a number and a text; no panic passes it |
-//! | [`handle`] | numbers dressed as pointers, so that a closed one is an error |
-//! | [`argument`] | what a caller gave, checked |
+//! | [`status`] | errors as a number and a text; panics are caught here |
+//! | [`handle`] | numbers that C sees as pointers, so that using a closed one is an error |
+//! | [`argument`] | checks of arguments |
 //! | [`process`] | versions, the clock |
 //! | [`reader`], [`frame`] | the reader's side |
 //! | [`publisher`], [`loan`], `camera` | the camera's side |

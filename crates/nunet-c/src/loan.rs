@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use nunet_ipc::{FrameHeader, Loan};
 
 use crate::argument::{fill, place, word};
-use crate::camera::{Camera, PUBLISHERS};
+use crate::camera::{ImagePublisher, PUBLISHERS};
 use crate::handle::{Table, locked};
 use crate::status::{Failure, Status, guard};
 
@@ -23,7 +23,7 @@ pub(crate) struct OpenLoan {
     loan: Option<Loan>,
     /// Its publisher lends nothing else while this is there.
     _token: Arc<()>,
-    _camera: Arc<Mutex<Camera>>,
+    _camera: Arc<Mutex<ImagePublisher>>,
     /// The handle of its publisher.
     publisher: usize,
 }
@@ -31,7 +31,12 @@ pub(crate) struct OpenLoan {
 pub(crate) static LOANS: Table<OpenLoan> = Table::new("loan");
 
 impl OpenLoan {
-    pub(crate) fn new(loan: Loan, token: Arc<()>, camera: Arc<Mutex<Camera>>, publisher: usize) -> Self {
+    pub(crate) fn new(
+        loan: Loan,
+        token: Arc<()>,
+        camera: Arc<Mutex<ImagePublisher>>,
+        publisher: usize,
+    ) -> Self {
         Self { loan: Some(loan), _token: token, _camera: camera, publisher }
     }
 

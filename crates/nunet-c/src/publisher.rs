@@ -9,7 +9,7 @@ use std::sync::Arc;
 use nunet_ipc::{Limits, Publisher, Topic, TopicPlan};
 
 use crate::argument::{camera, place, slice, text, word};
-use crate::camera::{Camera, PUBLISHERS, template};
+use crate::camera::{ImagePublisher, PUBLISHERS, template};
 use crate::handle::locked;
 use crate::loan::{LOANS, LoanHandle, OpenLoan};
 use crate::status::{Failure, Status, guard};
@@ -48,7 +48,7 @@ pub unsafe extern "C" fn nunet_publisher_open(
             limits.max_readers = max_readers as usize;
         }
         let opened = Publisher::create(&camera, &[plan], &limits)?;
-        *publisher = PUBLISHERS.insert(Camera::new(opened, template));
+        *publisher = PUBLISHERS.insert(ImagePublisher::new(opened, template));
         Ok(())
     })
 }
@@ -189,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_two_threads_set_at_a_time_is_set_both() {
+    fn concurrent_setters_do_not_lose_each_others_values() {
         const TURNS: u32 = 20_000;
         let root = std::env::temp_dir().join("nunet-c");
         nunet_ipc::use_root(&root).unwrap();

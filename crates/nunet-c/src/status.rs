@@ -1,5 +1,5 @@
 #![expect(unsafe_code, reason = "exported names")]
-//! Errors: a number for programs, a text for people.
+//! Errors: a number for programs and a text for users.
 
 use std::any::Any;
 use std::borrow::Cow;
@@ -22,7 +22,7 @@ pub enum Status {
     Interrupted = 2,
     /// No process publishes the camera, or not this topic of it.
     NobodyPublishes = 3,
-    /// The other side speaks another version of the contract.
+    /// The other side uses another version of the contract.
     WrongContractVersion = 4,
     /// All places for readers of this camera are taken.
     TooManyReaders = 5,
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn causes_stand_before_the_hint() {
+    fn causes_precede_the_hint() {
         let error = IpcError::SharedMemoryMissing { source: std::io::Error::other("no such folder") };
         let failure = Failure::from(error);
         assert_eq!(failure.status, Status::SharedMemory);

@@ -1,7 +1,7 @@
 //! Writes `include/nunet.h`, and fails when the file is another: the functions by cbindgen from this crate's source,
 //! structs, enumerations and their checks from the contract's tables.
 //!
-//! `INSTA_UPDATE=always cargo test -p nunet-c --test header` writes it anew.
+//! `INSTA_UPDATE=always cargo test -p nunet-c --test header` writes it again.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ const NAMES: [(&str, &str); 19] = [
 ];
 
 #[test]
-fn the_header_is_what_the_source_says() {
+fn the_header_matches_the_source() {
     let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = crate_folder.join("include/nunet.h");
     let expected = written(&crate_folder.join("src/lib.rs"));
@@ -90,7 +90,7 @@ fn written(root: &Path) -> String {
 /// What cbindgen cannot see because macros write it: constants, enumerations, structs, and their layout's checks.
 fn tables() -> String {
     let layouts = [
-        (HEADER, "header", "The header of a message, as it lies in shared memory."),
+        (HEADER, "header", "The header of a message, as stored in shared memory."),
         (
             STATS,
             "stats",

@@ -217,7 +217,7 @@ impl Pipeline {
     /// Marks a discontinuity: the next frame does not follow the earlier ones. State starts with zeros, every stage runs,
     /// and the temporal filter starts again.
     ///
-    /// The caller decides what a discontinuity is.
+    /// The caller decides when a discontinuity occurs.
     pub fn reset(&mut self) {
         self.graph.reset();
         self.chain.reset();

@@ -112,7 +112,7 @@ fn a_steady_frame_allocates_nothing() {
 }
 
 #[test]
-fn a_memory_is_carried_and_forgotten_without_allocation() {
+fn state_is_kept_and_reset_without_allocation() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("remembering.onnx");
     models::remembering(SIZE).write(&path);
@@ -123,7 +123,7 @@ fn a_memory_is_carried_and_forgotten_without_allocation() {
 }
 
 #[test]
-fn filters_allocate_nothing_and_neither_does_forgetting() {
+fn filters_and_their_reset_allocate_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wnet.onnx");
     models::wnet(SIZE, true).write(&path);

@@ -25,7 +25,7 @@ fn camera() -> Camera {
     Camera::pinhole(Intrinsics::new(262.0, 262.0, 160.3, 119.2, SIZE.0, SIZE.1).unwrap())
 }
 
-struct Frame {
+struct DriveFrame {
     id: String,
     depth_m: Vec<f32>,
     labels: Vec<u8>,
@@ -34,18 +34,18 @@ struct Frame {
 }
 
 /// Every `step`-th frame.
-fn frames(step: usize) -> Vec<Frame> {
+fn frames(step: usize) -> Vec<DriveFrame> {
     let poses = std::fs::read_to_string(drive().join("poses.csv")).unwrap();
     poses.lines().skip(1).step_by(step).map(frame).collect()
 }
 
-fn frame(row: &str) -> Frame {
+fn frame(row: &str) -> DriveFrame {
     let (id, numbers) = row.split_once(',').unwrap();
     let matrix: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
     let folder = drive();
     let depth = image::open(folder.join(format!("depth/{id}.png"))).unwrap().into_luma16().into_raw();
     let meters = |mm: u16| if mm == 0 { f32::NAN } else { f32::from(mm) / 1000.0 };
-    Frame {
+    DriveFrame {
         id: id.to_owned(),
         depth_m: depth.into_iter().map(meters).collect(),
         labels: image::open(folder.join(format!("labels/{id}.png"))).unwrap().into_luma8().into_raw(),
@@ -65,7 +65,7 @@ const MIN_PIXELS: usize = 4;
 
 /// The distance of the `rank`-th nearest point in each sector that is higher than `lowest_m` and lower than the robot: of
 /// every pixel, by its true place, without windows and screens.
-fn true_ranges(frame: &Frame, found: &Obstacles, lowest_m: f64, rank: usize) -> Vec<f64> {
+fn true_ranges(frame: &DriveFrame, found: &Obstacles, lowest_m: f64, rank: usize) -> Vec<f64> {
     let mut ranges = vec![vec![f64::INFINITY; rank]; found.sectors.len()];
     let rays = RayTable::new(&camera());
     for ((&[x, y], &depth), label) in rays.rays().iter().zip(&frame.depth_m).zip(&frame.labels) {
@@ -91,7 +91,7 @@ fn detector(mount: Mount) -> ObstacleDetector {
     ObstacleDetector::new(&camera(), mount, &classes, ObstacleOptions::default()).unwrap()
 }
 
-fn image<'a>(frame: &'a Frame, with_labels: bool) -> DepthImage<'a> {
+fn image<'a>(frame: &'a DriveFrame, with_labels: bool) -> DepthImage<'a> {
     let labels = with_labels.then_some(&frame.labels[..]);
     DepthImage { depth_m: &frame.depth_m, labels, confidence: None }
 }
@@ -106,7 +106,7 @@ fn the_axes_of_a_pose_are_those_of_the_mount() {
 }
 
 #[test]
-fn the_ground_is_found_within_a_degree_and_2_cm_of_a_mount_that_is_only_nominal() {
+fn the_ground_is_found_within_a_degree_and_2_cm_from_a_nominal_mount() {
     let nominal = Mount::new([0.0, 0.0, 0.25], [0.0, -4_f64.to_radians(), 0.0]).unwrap();
     let mut refined = 0;
     let frames = frames(10);

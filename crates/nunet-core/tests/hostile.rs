@@ -1,4 +1,4 @@
-//! Texts that say what a camera or a network is, cut off anywhere and damaged: an error with few words, never a panic.
+//! Truncated and damaged descriptions of cameras and networks: a short error, never a panic.
 
 #[expect(unreachable_pub, reason = "the fuzz targets are another crate")]
 #[path = "../../../fuzz/src/description.rs"]
@@ -98,7 +98,7 @@ fn all() -> [Target; 4] {
 
 /// Damaged copies of a text that is invalid to begin with would test nothing.
 #[test]
-fn every_text_is_good_before_it_is_damaged() {
+fn every_text_is_valid_before_it_is_damaged() {
     assert!(nunet_core::camera::Calibration::parse(CALIBRATION).is_ok());
     assert!(nunet_core::camera::Calibration::parse(FISHEYE).is_ok());
     assert!(nunet_core::graph::Manifest::parse(MANIFEST).is_ok());
@@ -127,7 +127,7 @@ fn damaged_texts_never_panic() {
 
 /// A test's thread has 2 MB of stack, less than any thread of the daemon.
 #[test]
-fn texts_that_ask_for_much_are_survived_on_a_small_stack() {
+fn deeply_nested_texts_do_not_overflow_a_small_stack() {
     for (_, take, _) in all() {
         for text in greedy_texts() {
             take(text.as_bytes());

@@ -192,7 +192,7 @@ fn a_table_top_counts_although_the_floor_below_it_is_free() {
 }
 
 #[test]
-fn what_the_robot_passes_under_or_drives_over_is_not_in_its_way() {
+fn objects_that_the_robot_passes_under_or_drives_over_are_no_obstacles() {
     let scene = [
         GROUND,
         Block::new((1.0, 2.0), (-1.0, 1.0), (1.9, 2.0), WALL),
@@ -290,7 +290,7 @@ fn an_image_of_nan_or_nonsense_is_unknown_everywhere() {
 }
 
 #[test]
-fn a_camera_that_never_sees_the_floor_says_so_and_nothing_is_free() {
+fn a_camera_that_never_sees_the_floor_reports_it_and_nothing_is_free() {
     let up = mount(0.25, -60.0);
     let detector = crate::detector(up, ObstacleOptions::default());
     assert_eq!(detector.floor_in_view(), 0.0);
@@ -327,7 +327,7 @@ fn isolated_and_flying_pixels_are_no_obstacles() {
 }
 
 #[test]
-fn a_tilt_that_the_mount_does_not_know_is_found_within_a_degree() {
+fn a_tilt_that_is_not_in_the_mount_is_found_within_a_degree() {
     let scene = [
         GROUND,
         Block::new((3.0, 3.1), (-9.0, 9.0), (0.0, 2.5), WALL),

@@ -65,7 +65,7 @@ mod tests {
     use crate::exit::BadArguments;
 
     #[test]
-    fn the_cause_decides_about_the_kind_whatever_context_it_has() {
+    fn the_cause_decides_the_kind_whatever_context_it_has() {
         let camera = CameraError::Size { width: 0, height: 0 };
         let wrapped = Err::<(), _>(camera).context(BadArguments::new("cannot use the calibration"));
         assert_eq!(error_kind(&wrapped.unwrap_err()), EngineErrorKind::Camera);

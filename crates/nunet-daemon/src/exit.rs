@@ -198,7 +198,7 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
         .any(|cause| cause.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-/// Prints a failure. If stderr is closed, nobody can read it.
+/// Prints a failure. If stderr is closed, the message is lost.
 fn print_chain(error: &anyhow::Error) {
     let mut stderr = std::io::stderr().lock();
     let _ = stderr.write_all(chain_text(error).as_bytes());

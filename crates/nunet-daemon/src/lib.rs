@@ -24,7 +24,7 @@ pub use nunet_source as source;
 
 /// Runs the command line `arguments` (the program's name first) and returns its exit code.
 ///
-/// stdout is data, stderr is people. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
+/// Data goes to stdout, messages to stderr. Exit codes: 0 done, 1 failure, 2 bad arguments, 3 finished but frames were
 /// lost, 130 interrupted twice.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     exit_code(arguments).into()

@@ -1,6 +1,6 @@
-//! Several users: who is in the group reads and cannot write, who is not gets neither.
+//! Several users: members of the group can read but not write, others can do neither.
 //!
-//! Needs root, to become others, and `setpriv` of util-linux. Users and groups are numbers that nobody has.
+//! Needs root to switch users, and `setpriv` of util-linux. Users and groups are unused numbers.
 
 use std::fs::{self, File, Permissions};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, chown};
@@ -18,7 +18,7 @@ const STRANGER: u32 = 61_003;
 /// What owner and reader have in common.
 const GROUP: u32 = 61_100;
 
-/// A folder that everybody sees, with all that nunetd needs, and an iceoryx2 of its own: the usual one is the tests'.
+/// A folder that all users can read, with all files of nunetd, and its own iceoryx2 root.
 struct World(tempfile::TempDir);
 
 impl Drop for World {
@@ -154,7 +154,7 @@ fn frames(output: &Output) -> Vec<Value> {
 // One test: payload is found by its owner, who must not have two daemons at once.
 #[test]
 #[ignore = "needs root: it becomes other users; `cargo xtask test` runs it as root"]
-fn the_group_reads_and_cannot_write_and_nobody_else_does_either() {
+fn the_group_can_read_but_not_write_and_others_can_do_neither() {
     let world = World::new();
 
     // Without a group, only the own user.
@@ -213,7 +213,7 @@ fn the_group_reads_and_cannot_write_and_nobody_else_does_either() {
 }
 
 #[test]
-fn a_group_or_a_mode_that_cannot_be_is_a_bad_argument() {
+fn an_invalid_group_or_mode_is_a_bad_argument() {
     let world = World::new();
     let refused = |rest: &[&str]| {
         let mut arguments = vec!["-q", "--model", "model.onnx", "--source", "demo"];

@@ -23,7 +23,7 @@ fn check<'a>(report: &'a Value, name: &str) -> &'a Value {
 }
 
 #[test]
-fn the_report_names_every_check_and_says_who_computes_how_many_nodes() {
+fn the_report_names_every_check_and_the_nodes_of_each_provider() {
     let bench = Bench::new();
     let (code, report) = doctor(&bench, "model.onnx");
     assert_eq!(report["contract"], 1);
@@ -64,7 +64,7 @@ fn the_report_names_every_check_and_says_who_computes_how_many_nodes() {
 }
 
 #[test]
-fn a_missing_model_is_a_problem_with_a_hint_and_the_other_checks_go_on() {
+fn a_missing_model_is_a_problem_with_a_hint_and_the_other_checks_run() {
     let bench = Bench::new();
     let (code, report) = doctor(&bench, "missing.onnx");
     assert_eq!((code, &report["ok"]), (Some(1), &false.into()));

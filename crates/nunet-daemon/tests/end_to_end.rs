@@ -21,7 +21,7 @@ fn stats(bench: &Bench, name: &str) -> Value {
 }
 
 #[test]
-fn a_run_of_the_demo_scene_leaves_files_and_a_ledger_that_balances() {
+fn a_run_of_the_demo_scene_writes_files_and_its_counts_balance() {
     let bench = Bench::new();
     let (model, out, stats_file) = (bench.arg("model.onnx"), bench.arg("out"), bench.arg("out/stats.json"));
     let name = camera("demo_run");
@@ -83,7 +83,7 @@ fn the_steady_frame_path_copies_nothing_and_allocates_nothing() {
 }
 
 #[test]
-fn watch_follows_a_running_daemon_and_its_ledger_balances() {
+fn watch_follows_a_running_daemon_and_its_counts_balance() {
     let bench = Bench::new();
     let (model, name) = (bench.arg("model.onnx"), camera("watched"));
     let _daemon = Guarded::start(nunetd(&[
@@ -134,7 +134,7 @@ fn watched(clock: Clock, capture_nanos: i64, capture_unix_nanos: i64, arguments:
 }
 
 #[test]
-fn watch_tells_a_frames_age_by_its_cameras_clock_and_none_where_nobody_knows_it() {
+fn watch_prints_the_age_by_the_cameras_clock_and_none_for_an_unknown_time() {
     let age_ms = |clock, nanos, unix_nanos| {
         let printed = watched(clock, nanos, unix_nanos, &["--json"]);
         json_lines(printed.as_bytes())[0]["age_ms"].clone()
@@ -216,7 +216,7 @@ fn the_feeders_own_camera_name_can_carry_the_depth_as_well() {
 }
 
 #[test]
-fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
+fn a_late_subscriber_gets_the_last_frame_of_a_paused_source() {
     let bench = Bench::new();
     bench.add_image("images/0.png", 0);
     let (model, images) = (bench.arg("model.onnx"), bench.arg("images"));
@@ -234,7 +234,7 @@ fn a_late_joiner_gets_the_last_frame_of_a_source_that_stands_still() {
 }
 
 #[test]
-fn a_late_joiner_gets_the_last_image_of_a_feeder_that_waits_for_its_next() {
+fn a_late_subscriber_gets_the_last_image_of_a_waiting_feeder() {
     let bench = Bench::new();
     bench.add_image("still.png", 0);
     let (model, still) = (bench.arg("model.onnx"), bench.arg("still.png"));
@@ -247,7 +247,7 @@ fn a_late_joiner_gets_the_last_image_of_a_feeder_that_waits_for_its_next() {
     let _piped = Guarded::start(feed);
     pipe.write_all(&[100; 64 * 48]).unwrap();
     for front in [&slow, &piped] {
-        // Who has seen the image knows that it has been sent: whoever comes now is late.
+        // After this reader received the image, every new reader is a late subscriber.
         let early = Reader::open(&front.parse().unwrap(), &[Topic::Rgb], TIMEOUT).unwrap();
         let start = Instant::now();
         while early.latest(Topic::Rgb).unwrap().is_none() {
@@ -275,7 +275,7 @@ fn first_depth(name: &str) -> (Reader, u64) {
 }
 
 #[test]
-fn labels_and_cloud_of_the_last_frame_are_made_for_readers_who_come_while_the_source_stands_still() {
+fn labels_and_cloud_of_the_last_frame_are_computed_for_late_subscribers_of_a_paused_source() {
     let bench = Bench::new();
     bench.add_image("still.png", 0);
     let (model, still, name) = (bench.arg("model.onnx"), bench.arg("still.png"), camera("made_late"));
@@ -307,13 +307,16 @@ fn labels_and_cloud_of_the_last_frame_are_made_for_readers_who_come_while_the_so
             assert!(cloud.points().unwrap().iter().any(|point| point.z > 0.0));
         }
     }
-    assert!(early.latest(Topic::Depth).unwrap().is_none(), "whoever has the depth does not get it again");
+    assert!(
+        early.latest(Topic::Depth).unwrap().is_none(),
+        "a reader that has the depth does not receive it again"
+    );
     let seen = json_lines(&run_well(nunetd(&["watch", &name, "--json", "--frames", "1"])).stdout);
     assert_eq!((&seen[0]["frames"]["captured"], &seen[0]["frames"]["published"]), (&1.into(), &1.into()));
 }
 
 #[test]
-fn what_remembers_frames_does_not_see_one_twice_for_a_late_reader() {
+fn a_frame_that_is_sent_again_does_not_update_state_twice() {
     let bench = Bench::new();
     bench.add_image("still.png", 0);
     let (model, still, name) = (bench.arg("model.onnx"), bench.arg("still.png"), camera("temporal"));

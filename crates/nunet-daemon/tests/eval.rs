@@ -1,4 +1,4 @@
-//! `nunetd eval`: figures against true depth, and what is wrong with a dataset.
+//! `nunetd eval`: metrics against true depth, and errors of a dataset.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ fn eval<'a>(data: &'a str, model: &'a str, rest: &[&'a str]) -> Vec<&'a str> {
     [&["-q", "eval", data, "--model", model, "--focal", "off"], rest].concat()
 }
 
-fn figures(bench: &Bench, rest: &[&str]) -> Value {
+fn report(bench: &Bench, rest: &[&str]) -> Value {
     let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
     let output = run_well(nunetd(&eval(&data, &model, &[rest, &["--json"]].concat())));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -58,8 +58,8 @@ fn assert_near(value: &Value, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn a_network_that_is_right_has_no_error_but_the_millimeters() {
-    let found = figures(&dataset(0), &[]);
+fn an_exact_network_has_only_the_error_of_whole_millimeters() {
+    let found = report(&dataset(0), &[]);
     assert_near(&found["metrics"]["rmse"], 0.0, 0.0005);
     assert_near(&found["metrics"]["delta1"], 1.0, 0.0);
     assert_near(&found["labels"]["miou"], 1.0, 0.0);
@@ -74,7 +74,7 @@ fn a_network_that_is_right_has_no_error_but_the_millimeters() {
 #[test]
 fn obstacles_of_a_network_that_is_right_are_those_of_the_truth() {
     let how = ["--obstacles", "--mount", "0,0,0.5,0,0.1,0"];
-    let found = figures(&dataset(0), &how);
+    let found = report(&dataset(0), &how);
     let all = found["obstacles"]["by_distance"].as_array().unwrap();
     let sectors: u64 = all.iter().map(|group| group["sectors"].as_u64().unwrap()).sum();
     assert!(sectors > 20, "{found}");
@@ -82,7 +82,7 @@ fn obstacles_of_a_network_that_is_right_are_those_of_the_truth() {
         assert_near(&group["found"], 1.0, 0.02);
         assert_near(&group["range_error"], 0.0, 0.01);
     }
-    let plain = figures(&dataset(0), &[]);
+    let plain = report(&dataset(0), &[]);
     assert!(plain.get("obstacles").is_none(), "they were not asked for");
 }
 
@@ -103,26 +103,26 @@ fn obstacles_are_compared_with_a_mount_for_all_images_or_for_each() {
 
 #[test]
 fn a_constant_error_is_the_root_mean_square_and_none_of_stretched_depth() {
-    let found = figures(&dataset(100), &[]);
+    let found = report(&dataset(100), &[]);
     assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
     assert_near(&found["minmax"]["rmse"], 0.0, 0.001);
 }
 
 /// Cameras write them so.
 #[test]
-fn endings_may_have_capitals() {
+fn file_extensions_may_have_capitals() {
     let bench = dataset(100);
     for folder in ["rgb", "depth", "labels"] {
         let path = |ending: &str| bench.path(&format!("data/{folder}/b.{ending}"));
         std::fs::rename(path("png"), path("PNG")).unwrap();
     }
-    let found = figures(&bench, &[]);
+    let found = report(&bench, &[]);
     assert_eq!((&found["pictures"], &found["skipped"]), (&2.into(), &0.into()));
     assert_near(&found["metrics"]["rmse"], 0.1, 0.0005);
 }
 
 #[test]
-fn figures_table_and_sheet_are_written() {
+fn report_table_and_sheet_are_written() {
     let bench = dataset(100);
     let (data, model, out) = (bench.arg("data"), bench.arg("model.onnx"), bench.arg("out"));
     let output = run_well(nunetd(&eval(&data, &model, &["--out", &out])));
@@ -137,14 +137,14 @@ fn figures_table_and_sheet_are_written() {
 
 /// That of the measured images beats networks that have not seen them.
 #[test]
-fn it_is_said_whose_mean_the_mean_image_is() {
+fn the_report_states_what_the_mean_image_was_computed_from() {
     let bench = dataset(100);
     for (name, id) in [("one.txt", "a"), ("other.txt", "b")] {
         std::fs::write(bench.path(name), id).unwrap();
     }
     let (one, other) = (bench.arg("one.txt"), bench.arg("other.txt"));
-    assert_eq!(figures(&bench, &["--ids", &one])["baseline"]["of"], "measured images");
-    let named = figures(&bench, &["--ids", &one, "--baseline-ids", &other]);
+    assert_eq!(report(&bench, &["--ids", &one])["baseline"]["of"], "measured images");
+    let named = report(&bench, &["--ids", &one, "--baseline-ids", &other]);
     assert_eq!(named["baseline"]["of"], "baseline-ids");
     let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
     let arguments = eval(&data, &model, &["--ids", &one, "--baseline-ids", &other]);
@@ -153,7 +153,7 @@ fn it_is_said_whose_mean_the_mean_image_is() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_named_and_counted() {
+fn images_that_cannot_be_measured_are_named_and_counted() {
     let bench = dataset(0);
     std::fs::remove_file(bench.path("data/depth/b.png")).unwrap();
     std::fs::write(bench.path("data/depth/only_depth.png"), "no image").unwrap();
@@ -188,7 +188,7 @@ fn sizes_and_units_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn labels_that_are_no_class_are_named() {
+fn labels_outside_the_classes_are_named() {
     let bench = dataset(0);
     let path = bench.path("data/labels/b.png");
     let mut labels = image::open(&path).unwrap().into_luma8();
@@ -221,7 +221,7 @@ fn much_truth_beyond_the_cap_is_reported_and_counted() {
 }
 
 #[test]
-fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
+fn truth_entirely_beyond_the_cap_hints_at_a_wrong_scale() {
     let bench = dataset(0);
     let (code, stderr) = outcome(&bench, &["--depth-scale", "1"]);
     assert_eq!(code, Some(1), "{stderr}");
@@ -230,7 +230,7 @@ fn truth_that_lies_beyond_what_is_compared_is_a_wrong_scale() {
 }
 
 #[test]
-fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
+fn nunetds_own_depth_is_no_truth_unless_it_is_requested() {
     let bench = Bench::new();
     let (model, own, camera) = (bench.arg("model.onnx"), bench.arg("own.mcap"), camera("own"));
     for frame in 0..3 {
@@ -254,7 +254,7 @@ fn what_nunetd_itself_has_recorded_is_no_truth_unless_it_is_named() {
 
 /// It would count for the network and not for the mean image.
 #[test]
-fn an_image_that_the_mean_image_does_not_fit_counts_for_nothing() {
+fn an_image_of_another_size_than_the_mean_image_is_not_compared() {
     let bench = dataset(100);
     std::fs::write(bench.path("b.txt"), "b").unwrap();
     for folder in ["rgb", "depth", "labels"] {

@@ -110,7 +110,7 @@ fn files_of_run_and_infer_have_the_decimated_size_too() {
 }
 
 #[test]
-fn temporal_forgets_where_the_source_begins_again_and_between_images_of_infer() {
+fn temporal_is_reset_when_the_source_restarts_and_between_images_of_infer() {
     let bench = Bench::new();
     for step in 0..2 {
         bench.add_image(&format!("walk/{step}.png"), 40 * step);
@@ -135,7 +135,7 @@ fn temporal_forgets_where_the_source_begins_again_and_between_images_of_infer() 
     assert!(expected != second, "the images must have something in common");
     let far = run("2").iter().zip(&expected).filter(|(a, b)| (**a - **b).abs() > 1e-5).count();
     assert_eq!(far, 0, "pixels that are neither held nor new");
-    assert!(run("3") == first, "the third frame is the first image again, and begins anew");
+    assert!(run("3") == first, "the third frame is the first image again, and restarts the filter");
     let images = [0, 1].map(|step| bench.arg(&format!("walk/{step}.png")));
     run_well(nunetd(&[&["-q", "infer", &images[0], &images[1], "--out", &out], &filter[..]].concat()));
     assert!(bench.depth("out/1") == second, "single images are no stream");

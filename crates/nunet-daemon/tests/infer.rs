@@ -5,7 +5,7 @@ use nunet_testkit::models;
 use crate::support::{Bench, SIZE, nunetd, run, run_well, text};
 
 #[test]
-fn the_files_of_an_image_hold_the_numbers_that_the_network_computes_by_hand() {
+fn the_files_of_an_image_have_the_hand_computed_values() {
     let bench = Bench::new();
     bench.add_image("photo.png", 7);
     let (model, photo, out) = (bench.arg("model.onnx"), bench.arg("photo.png"), bench.arg("out"));
@@ -48,7 +48,7 @@ fn a_small_photograph_is_enlarged_to_the_networks_size() {
 }
 
 #[test]
-fn folders_and_globs_are_taken_like_everywhere_else() {
+fn folders_and_globs_are_accepted() {
     let bench = Bench::new();
     for (name, frame) in [("folder/a.png", 0), ("folder/b.jpg", 1), ("more/c.png", 2), ("more/d.png", 3)] {
         bench.add_image(name, frame);

@@ -35,7 +35,7 @@ fn check_fisheye(header: &FrameHeader) {
 }
 
 #[test]
-fn a_fed_fisheye_is_known_to_the_daemon_and_its_points_lie_on_the_lenss_rays() {
+fn the_daemon_uses_the_fisheye_of_a_fed_camera_for_its_points() {
     let bench = Bench::new();
     bench.add_image("images/0.png", 0);
     std::fs::write(bench.path("fisheye.yaml"), fisheye()).unwrap();
@@ -116,7 +116,7 @@ fn check_points(depth_m: &[f32], header: &FrameHeader, points: &[nunet_ipc::Clou
 }
 
 #[test]
-fn a_calibration_that_the_user_names_comes_before_what_the_source_knows() {
+fn a_given_calibration_overrides_that_of_the_source() {
     let bench = Bench::new();
     let lens = [-0.31, 0.11, 0.0007, -0.0004, 0.02];
     let text = calibration(SIZE, [520.0, 521.0, 318.0, 242.0], "plumb_bob", &lens);

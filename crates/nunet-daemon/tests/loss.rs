@@ -46,7 +46,7 @@ fn exit_code_is_3_when_one_of_several_images_could_not_be_inferred() {
 }
 
 #[test]
-fn frames_that_a_newer_one_replaced_are_no_loss() {
+fn superseded_frames_are_no_loss() {
     let bench = Bench::new();
     let (model, stats) = (bench.arg("model.onnx"), bench.arg("stats.json"));
     let output = run(nunetd(&[
@@ -71,7 +71,7 @@ fn frames_that_a_newer_one_replaced_are_no_loss() {
 }
 
 #[test]
-fn what_sets_the_exit_code_is_reported_with_q_as_well() {
+fn the_reason_of_the_exit_code_is_logged_with_q_too() {
     let bench = Bench::new();
     bench.add_image("images/0.png", 0);
     std::fs::write(bench.path("images/1.png"), "no image").unwrap();

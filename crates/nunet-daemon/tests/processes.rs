@@ -39,7 +39,7 @@ fn under_env(how: &str, command: &Command) -> Command {
 }
 
 #[test]
-fn sigterm_sigint_and_sighup_end_a_run_cleanly_with_its_figures() {
+fn sigterm_sigint_and_sighup_end_a_run_cleanly_with_its_stats() {
     for name in ["TERM", "INT", "HUP"] {
         let bench = Bench::new();
         let (model, stats, camera) = (bench.arg("model.onnx"), bench.arg("stats.json"), camera("ended"));
@@ -66,7 +66,7 @@ fn sigterm_sigint_and_sighup_end_a_run_cleanly_with_its_figures() {
 }
 
 #[test]
-fn a_daemon_that_was_started_to_outlive_its_terminal_does() {
+fn a_daemon_started_with_nohup_survives_its_terminal() {
     let bench = Bench::new();
     let (model, name) = (bench.arg("model.onnx"), camera("nohup"));
     let command = nunetd(&["-q", "--model", &model, "--source", "demo", "--rate", "30", "--camera", &name]);
@@ -84,7 +84,7 @@ fn a_daemon_that_was_started_to_outlive_its_terminal_does() {
 }
 
 #[test]
-fn a_stop_before_the_first_frame_is_seen_while_other_owners_have_their_turn() {
+fn a_stop_before_the_first_frame_is_noticed_while_it_waits_for_another_publisher() {
     let bench = Bench::new();
     let (model, name, record) = (bench.arg("model.onnx"), camera("early"), bench.arg("early.mcap"));
     let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 64 };
@@ -120,7 +120,7 @@ fn a_daemon_that_waits_for_its_camera_stops_too() {
 }
 
 #[test]
-fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
+fn a_signal_during_a_wait_loses_no_frame() {
     let bench = Bench::new();
     let (model, silent, name) = (bench.arg("model.onnx"), camera("silent"), camera("interrupted"));
     let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 640 * 480 * 3 };
@@ -149,10 +149,10 @@ fn a_signal_in_the_midst_of_waiting_is_no_lost_frame() {
 }
 
 #[test]
-fn results_whose_disk_hangs_hold_up_neither_a_stop_nor_the_figures() {
+fn results_on_a_hanging_disk_delay_neither_a_stop_nor_the_stats() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("out")).unwrap();
-    // Nobody reads it, so that opening it for writing never returns: a mount that has died.
+    // Opening it for writing never returns, as on a dead network mount, because no process reads it.
     let pipe = Command::new("mkfifo").arg(bench.path("out/depth.npy")).status().unwrap();
     assert!(pipe.success());
     let (model, out, stats, name) =
@@ -174,7 +174,7 @@ fn results_whose_disk_hangs_hold_up_neither_a_stop_nor_the_figures() {
 }
 
 #[test]
-fn a_stop_of_infer_leaves_whole_folders_and_says_what_is_missing() {
+fn a_stop_of_infer_leaves_complete_folders_and_logs_what_is_missing() {
     let bench = Bench::new();
     bench.add_image("images/0.png", 0);
     for number in 1..400 {
@@ -228,7 +228,7 @@ fn a_second_signal_after_a_second_ends_the_process_at_once_with_exit_code_130() 
 }
 
 #[test]
-fn a_killed_daemon_leaves_nothing_that_stops_the_next_one() {
+fn a_killed_daemon_does_not_block_the_next_one() {
     let bench = Bench::new();
     let name = camera("killed");
     for _ in 0..5 {
@@ -264,7 +264,7 @@ fn readers_stay_when_the_daemon_dies_and_get_the_frames_of_the_next_one() {
 }
 
 #[test]
-fn a_second_daemon_of_the_same_camera_is_refused_and_the_first_goes_on() {
+fn a_second_daemon_of_the_same_camera_is_refused_and_the_first_continues() {
     let bench = Bench::new();
     let name = camera("twice");
     let _first = demo_daemon(&bench, &name);
@@ -321,7 +321,7 @@ fn await_cloud(reader: &Reader, computed: bool) {
 }
 
 #[test]
-fn a_reader_that_hoards_and_one_that_sleeps_do_not_slow_the_daemon() {
+fn readers_that_hold_frames_or_sleep_do_not_slow_the_daemon() {
     let bench = Bench::new();
     let name = camera("hoarded");
     let _daemon = demo_daemon(&bench, &name);

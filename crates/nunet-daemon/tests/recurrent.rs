@@ -38,7 +38,7 @@ fn run(bench: &Bench, frames: &str, rate: &str) -> Vec<f32> {
 }
 
 #[test]
-fn images_of_a_folder_are_one_stream_until_it_begins_again() {
+fn images_of_a_folder_are_one_stream_until_it_restarts() {
     let bench = walk();
     assert_eq!(run(&bench, "3", "max"), depth_after(&bench, &[0, 1, 2]));
     assert_eq!(run(&bench, "4", "max"), depth_after(&bench, &[0]));
@@ -46,13 +46,13 @@ fn images_of_a_folder_are_one_stream_until_it_begins_again() {
 }
 
 #[test]
-fn a_camera_that_is_slower_than_a_frame_a_second_gives_no_stream_to_remember() {
+fn frames_more_than_a_second_apart_reset_the_state() {
     let bench = walk();
     assert_eq!(run(&bench, "2", "0.6"), depth_after(&bench, &[1]));
 }
 
 #[test]
-fn images_of_infer_are_each_a_first_one() {
+fn infer_resets_the_state_for_each_image() {
     let bench = walk();
     let (model, out) = (bench.arg("remembering.onnx"), bench.arg("out"));
     let images = [0, 1].map(|step| bench.arg(&format!("walk/{step}.png")));
@@ -64,7 +64,7 @@ fn images_of_infer_are_each_a_first_one() {
 }
 
 #[test]
-fn inspect_tells_what_a_network_remembers() {
+fn inspect_lists_the_state_of_a_network() {
     let bench = walk();
     let model = bench.arg("remembering.onnx");
     let said = text(&run_well(nunetd(&["-q", "inspect", &model])).stdout);

@@ -51,7 +51,7 @@ fn is_gone(name: &str) -> bool {
 }
 
 #[test]
-fn each_camera_has_its_own_results_settings_and_ledger_and_the_file_has_all_of_them() {
+fn each_camera_has_its_own_results_settings_and_counts_and_the_stats_have_all() {
     let bench = Bench::new();
     bench.add_image("left/0.png", 0);
     bench.add_image("right/0.png", 40);
@@ -186,7 +186,7 @@ fn a_source_that_cannot_be_opened_leaves_the_others_and_is_a_loss() {
 }
 
 #[test]
-fn where_all_cameras_fail_on_the_way_the_figures_are_written_all_the_same() {
+fn stats_are_written_even_if_all_cameras_fail() {
     let bench = Bench::new();
     std::fs::write(bench.path("torn.mcap"), "no recording").unwrap();
     std::fs::write(bench.path("stdin"), "no images either").unwrap();
@@ -288,7 +288,7 @@ fn early_failures_are_reported_at_once_and_a_camera_that_has_ended_is_down() {
 }
 
 #[test]
-fn what_two_cameras_cannot_both_have_is_refused() {
+fn exclusive_resources_of_two_cameras_are_refused() {
     let bench = Bench::new();
     let pair = |one: (&str, &str, &str), other: (&str, &str, &str)| {
         refused(&bench, &format!("{}{}", section(one.0, one.1, one.2), section(other.0, other.1, other.2)))
@@ -407,8 +407,8 @@ fn a_start_that_fails_half_way_leaves_no_folders_and_no_recordings() {
     let of_first = section(&first, "demo", &record("first.mcap"));
     let of_taken =
         section(&taken, "demo", &format!("{}\n{}", record("new/of/taken.mcap"), out("new/of/taken")));
-    let figures = format!("stats-json = \"{}\"\n", bench.arg("new/stats.json"));
-    let (code, stderr) = start(&format!("{figures}{of_first}{of_taken}"));
+    let stats = format!("stats-json = \"{}\"\n", bench.arg("new/stats.json"));
+    let (code, stderr) = start(&format!("{stats}{of_first}{of_taken}"));
     assert_eq!(code, Some(1), "{stderr}");
     assert!(stderr.contains(&format!("error: camera `{taken}` cannot begin\n")), "{stderr}");
     assert!(!bench.path("first.mcap").exists() && !bench.path("new").exists(), "{stderr}");
@@ -431,7 +431,7 @@ fn own_memory(pid: u32) -> u64 {
 fn three_cameras_have_the_weights_in_memory_once() {
     const WEIGHTS: usize = 16 << 20;
     let bench = Bench::new();
-    // Depth depends on all weights by an index that only the image knows, so that all of them are used.
+    // Depth depends on all weights through an index computed from the image, so none is optimized away.
     let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
     let heavy = models::undescribed_unet(SIZE)
         .constant_f32("heavy", &[WEIGHTS as i64], &vec![1.0; WEIGHTS])

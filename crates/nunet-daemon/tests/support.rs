@@ -120,14 +120,14 @@ impl Guarded {
 
 impl Drop for Guarded {
     fn drop(&mut self) {
-        // Fails when the process has ended: that is what is wanted.
+        // Fails after the process has ended, as expected.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
 impl Drop for Bench {
-    /// What is left of a world whose folder goes with the bench nobody could ever clean up: at the least iceoryx2's own counter.
+    /// Removes the shared memory of this bench: after its folder is gone, no process could clean it up.
     fn drop(&mut self) {
         for file in self.shared_memory() {
             let _ = std::fs::remove_file(file);
@@ -158,7 +158,7 @@ impl Bench {
         self.path(name).to_str().unwrap().to_owned()
     }
 
-    /// Lets a command see no shared memory but that of this bench, in which nobody else is.
+    /// Lets a command see the shared memory of this bench only.
     pub(crate) fn enclose(&self, command: &mut Command) {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         self.prefix.get_or_init(|| {

@@ -1,4 +1,4 @@
-//! A network that knows the demo scene answers with the exact depth: what is published must be the truth, bit by
+//! A network that returns the exact depth of the demo scene: published results must equal it, bit by
 //! bit. It compares the image it gets with the one it expects, so swapped colors, a mirrored image or a shifted
 //! row turn depth into NaN.
 

@@ -1,11 +1,11 @@
-//! `nunetd tune`: the fastest way on this machine, as figures and as a configuration.
+//! `nunetd tune`: the fastest provider and thread count on this machine, as a report and as a configuration.
 
 use serde_json::Value;
 
 use crate::support::{Bench, nunetd, run, run_well, text};
 
 #[test]
-fn every_way_is_measured_and_the_best_one_written_as_a_configuration() {
+fn every_combination_is_measured_and_the_best_one_written_as_a_configuration() {
     let bench = Bench::new();
     let (model, out) = (bench.arg("model.onnx"), bench.arg("tuned.toml"));
     let arguments = ["-q", "tune", &model, "--provider", "cpu", "--runs", "2", "--json", "--out", &out];
@@ -33,7 +33,7 @@ fn the_text_output_names_the_flags() {
 }
 
 #[test]
-fn a_file_that_is_there_is_not_overwritten_and_a_model_that_is_not_is_named() {
+fn an_existing_file_is_not_overwritten_and_a_missing_model_is_named() {
     let bench = Bench::new();
     std::fs::write(bench.path("mine.toml"), "rate = 30\n").unwrap();
     let (model, out) = (bench.arg("model.onnx"), bench.arg("mine.toml"));

@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn graphics_cards_have_no_memory_limit_and_engines_have_time_to_be_built() {
+    fn gpus_have_no_memory_limit_and_tensorrt_has_time_to_build_engines() {
         for provider in [Provider::Cuda, Provider::TensorRt] {
             assert_eq!(memory_limit(provider, 1), u64::MAX);
         }

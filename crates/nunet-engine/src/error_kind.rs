@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_survives_the_way_out_of_the_child_process() {
+    fn every_kind_is_passed_from_the_child_process() {
         for kind in EngineErrorKind::ALL {
             assert_eq!(EngineErrorKind::named(kind.name()), kind);
         }

@@ -51,7 +51,7 @@ impl Installation {
     }
 }
 
-/// The installation of this process: what was described, else what lies around the executable, with the `nunetd` beside
+/// The installation of this process: the described one, otherwise the files around the executable, with the `nunetd` beside
 /// it or in `PATH`.
 pub(crate) fn installation() -> &'static Installation {
     DESCRIBED.get_or_init(|| {

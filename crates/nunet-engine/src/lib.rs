@@ -22,7 +22,7 @@
 //! # }
 //! ```
 //!
-//! The model check needs a `nunetd` beside the program or in `PATH`; a program that brings its own describes it
+//! The model check needs a `nunetd` beside the program or in `PATH`; a program with its own nunetd describes it
 //! ([`Installation`]). `NUNET_MODELS` names the folder of the bundled models, `ORT_DYLIB_PATH` the library of
 //! [`Model::open`].
 

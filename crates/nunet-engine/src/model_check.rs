@@ -163,7 +163,7 @@ fn wait(child: &mut Child, limit: Duration, cancel: &AtomicBool) -> Result<Optio
 const CRASHES: [Signal; 5] = [Signal::SEGV, Signal::BUS, Signal::ABORT, Signal::ILL, Signal::FPE];
 
 /// Only a crash is held against the file and stored. An orderly refusal may be due to this machine (memory, library),
-/// and any other signal came from outside (somebody stopped it, or the system ran out of memory).
+/// and any other signal came from outside (a user stopped it, or the system ran out of memory).
 fn judge(status: ExitStatus, stdout: &str, stderr: &str) -> Result<Verdict, EngineError> {
     match (status.code(), status.signal()) {
         (Some(0), _) => Ok(Verdict::Passed),
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crash_is_held_against_the_file() {
+    fn a_crash_refuses_the_file() {
         let crashed = judge(ExitStatus::from_raw(Signal::SEGV.as_raw()), "", "").unwrap();
         assert_eq!(crashed, Verdict::Crashed("ended with signal 11".into()));
         assert_eq!(judge(ExitStatus::from_raw(0), "", "").unwrap(), Verdict::Passed);
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_child_that_was_ended_from_outside_says_nothing_about_the_file() {
+    fn a_child_that_was_killed_from_outside_gives_no_verdict() {
         for signal in [Signal::INT, Signal::TERM, Signal::KILL, Signal::HUP] {
             let error = judge(ExitStatus::from_raw(signal.as_raw()), "", "").unwrap_err();
             assert!(matches!(error, EngineError::CheckInterrupted { .. }), "{signal:?}: {error}");
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shutdown_kills_the_child_and_says_nothing_about_the_file() {
+    fn a_shutdown_kills_the_child_and_gives_no_verdict() {
         let mut child = sleeping();
         let error = wait(&mut child, TIME_LIMIT, &AtomicBool::new(true)).unwrap_err();
         assert_eq!(error.kind(), EngineErrorKind::Stopped);

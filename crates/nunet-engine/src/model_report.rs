@@ -1,4 +1,4 @@
-//! What a model file is: for people, and as the JSON of `nunetd inspect --json`.
+//! The description of a model file as text, and as the JSON of `nunetd inspect --json`.
 
 use std::fmt::Write as _;
 
@@ -105,7 +105,7 @@ impl ModelReport<'_> {
         all.filter(move |tensor| foreign || ["depth", "labels"].contains(&tensor.name.as_str()))
     }
 
-    /// The description for people, with a line feed at its end.
+    /// The description as text, with a line feed at its end.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -161,7 +161,7 @@ impl ModelReport<'_> {
     }
 }
 
-/// The metrics that people compare, if the recipe wrote them; anything else as it is.
+/// The usual metrics, if the recipe wrote them; anything else unchanged.
 fn accuracy_text(accuracy: &Value) -> String {
     let metric =
         |group: &Value, name: &str| group.get(name)?.as_f64().map(|value| format!("{name} {value:.3}"));

@@ -9,7 +9,7 @@ use crate::error::EngineError;
 use crate::installation::installation;
 use crate::text::MODELS_VARIABLE;
 
-/// The file that `name` stands for: an existing path, or a bundled model with or without its extension.
+/// The file of the model `name`: an existing path, or a bundled model with or without its extension.
 ///
 /// # Errors
 /// Neither a path nor a bundled model.

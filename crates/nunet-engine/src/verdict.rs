@@ -26,7 +26,7 @@ pub(crate) enum Verdict {
 /// What a verdict depends on, and where it is stored.
 #[derive(Debug)]
 pub(crate) struct Record {
-    /// `None` if this user has no cache folder: in a shared one, anybody could plant a verdict.
+    /// `None` if this user has no cache folder: in a shared folder, another user could write a false verdict.
     pub(crate) path: Option<PathBuf>,
     /// SHA-256 of each file of the model.
     pub(crate) files: Vec<[u8; 32]>,
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_verdict_is_stored_and_read_back_and_half_of_one_is_none() {
+    fn a_verdict_is_stored_and_read_back_and_a_partial_one_is_ignored() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deeper/verdict.json");
         let record = Record { path: Some(path.clone()), files: Vec::new() };

@@ -9,7 +9,7 @@ use nunet_files::{MAX_NPY_BYTES, read_npy, write_npy};
 use nunet_types::ImageSize;
 use serde::Serialize;
 
-use crate::comparison::{Comparison, Kind};
+use crate::comparison::{Comparison, DepthKind};
 use crate::dataset::{Dataset, read_ids};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
@@ -64,7 +64,7 @@ impl Baseline {
         rules: Rules,
     ) -> Self {
         let comparison = |kind| Comparison::new(rules.protocol, rules.cap_m, kind);
-        let (metric, minmax) = (comparison(Kind::Metric), comparison(Kind::MinMax));
+        let (metric, minmax) = (comparison(DepthKind::Metric), comparison(DepthKind::MinMax));
         Self { of, size, everywhere, each, metric, minmax }
     }
 

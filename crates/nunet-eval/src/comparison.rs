@@ -34,7 +34,7 @@ pub(crate) struct Comparison {
     protocol: Protocol,
     /// True depth from here on is not compared, and predictions end here.
     cap_m: f32,
-    kind: Kind,
+    kind: DepthKind,
     /// Meters under the protocol; empty where the network has none.
     pub(crate) depth: DepthMetrics,
     /// Of each image by itself.
@@ -49,7 +49,7 @@ pub(crate) struct Comparison {
 
 /// What predictions are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum DepthKind {
     /// Meters.
     Metric,
     /// Stretched to 0..1 already.
@@ -59,7 +59,7 @@ pub(crate) enum Kind {
 }
 
 impl Comparison {
-    pub(crate) fn new(protocol: Protocol, cap_m: f32, kind: Kind) -> Self {
+    pub(crate) fn new(protocol: Protocol, cap_m: f32, kind: DepthKind) -> Self {
         let (depth, minmax) = (DepthMetrics::default(), DepthMetrics::default());
         Self { protocol, cap_m, kind, depth, each: ImageMean::default(), minmax, beyond: 0, truth_m: None }
     }
@@ -69,7 +69,7 @@ impl Comparison {
     /// # Errors
     /// No truth is within the cap, so every metric would be missing.
     pub(crate) fn check_truth(&self) -> Result<(), EvalError> {
-        if self.kind != Kind::Metric || self.depth.pixels + self.depth.missing > 0 {
+        if self.kind != DepthKind::Metric || self.depth.pixels + self.depth.missing > 0 {
             return Ok(());
         }
         let (near_m, far_m) = self.truth_m.ok_or(EvalError::NoTruth)?;
@@ -78,7 +78,7 @@ impl Comparison {
 
     /// What is compared: meters where there are any.
     pub(crate) fn compared(&self) -> &DepthMetrics {
-        if self.kind == Kind::Metric { &self.depth } else { &self.minmax }
+        if self.kind == DepthKind::Metric { &self.depth } else { &self.minmax }
     }
 
     /// The share of the truth under the protocol that is not compared because it lies too far, or too near.
@@ -98,11 +98,11 @@ impl Comparison {
     }
 
     /// What predictions are.
-    pub(crate) fn kind(&self) -> Kind {
+    pub(crate) fn kind(&self) -> DepthKind {
         self.kind
     }
 
-    /// Counts one image, `[H, W]` in meters (predictions in whatever [`Kind`] they are), and returns its own metrics.
+    /// Counts one image, `[H, W]` in meters (predictions in whatever [`DepthKind`] they are), and returns its own metrics.
     ///
     /// # Errors
     /// The protocol is for images of another size.
@@ -114,7 +114,7 @@ impl Comparison {
     ) -> Result<Self, EvalError> {
         let mut alone = Self::new(self.protocol, self.cap_m, self.kind);
         let [rows, columns] = crop(self.protocol, size)?;
-        if self.kind == Kind::Metric {
+        if self.kind == DepthKind::Metric {
             let capped = |depth_m: f32| depth_m.clamp(MIN_DEPTH_M, self.cap_m);
             let is_compared = |depth_m: f32| MIN_DEPTH_M < depth_m && depth_m < self.cap_m;
             let width = size.width as usize;
@@ -128,8 +128,8 @@ impl Comparison {
             }
         }
         let guess = match self.kind {
-            Kind::MinMax => predicted.iter().map(|p| p.clamp(0.0, 1.0)).collect(),
-            Kind::Metric | Kind::Relative => stretched(predicted, truth_m),
+            DepthKind::MinMax => predicted.iter().map(|p| p.clamp(0.0, 1.0)).collect(),
+            DepthKind::Metric | DepthKind::Relative => stretched(predicted, truth_m),
         };
         for (&p, &t) in guess.iter().zip(&stretched(truth_m, truth_m)) {
             alone.minmax.add(positive(p), positive(t));
@@ -177,7 +177,7 @@ mod tests {
     const SIZE: ImageSize = ImageSize::new(3, 1);
 
     #[test]
-    fn stretching_knows_only_pixels_with_truth() {
+    fn stretching_uses_only_pixels_with_truth() {
         let truth = [1.0, f32::NAN, 3.0];
         let found = stretched(&[2.0, 100.0, 6.0], &truth);
         assert_eq!((found[0], found[2]), (0.0, 1.0));
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_prediction_of_another_scale_has_no_stretched_error_but_one_in_meters() {
-        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
+        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, DepthKind::Metric);
         let alone = comparison.add(&[2.0, 4.0, 6.0], &[1.0, 2.0, 3.0], SIZE).unwrap();
         assert!(alone.minmax.scores().unwrap().mse < 1e-12);
         let scores = comparison.depth.scores().unwrap();
@@ -194,8 +194,8 @@ mod tests {
     }
 
     #[test]
-    fn truth_beyond_ten_meters_is_none_and_predictions_end_there() {
-        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
+    fn truth_beyond_ten_meters_is_not_compared_and_predictions_are_clamped() {
+        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, DepthKind::Metric);
         comparison.add(&[50.0, 0.0, f32::NAN], &[9.0, 1.0, 1.0], SIZE).unwrap();
         comparison.add(&[2.0, 2.0, 2.0], &[12.0, 10.0, 1e-3], SIZE).unwrap();
         let scores = comparison.depth.scores().unwrap();
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn truth_of_another_scale_is_reported_with_its_range() {
-        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Metric);
+        let mut comparison = Comparison::new(Protocol::Full, ROOM_CAP_M, DepthKind::Metric);
         assert!(matches!(comparison.check_truth(), Err(EvalError::NoTruth)));
         comparison.add(&[1.0; 3], &[1250.0, f32::NAN, 4000.0], SIZE).unwrap();
         let Err(EvalError::TruthOutOfRange { cap_m, near_m, far_m, .. }) = comparison.check_truth() else {
@@ -223,14 +223,14 @@ mod tests {
         comparison.add(&[1.0; 3], &[f32::NAN, f32::NAN, 4.0], SIZE).unwrap();
         assert!(comparison.check_truth().is_ok(), "one pixel is enough");
         assert!(
-            Comparison::new(Protocol::Full, ROOM_CAP_M, Kind::Relative).check_truth().is_ok(),
+            Comparison::new(Protocol::Full, ROOM_CAP_M, DepthKind::Relative).check_truth().is_ok(),
             "it has no meters"
         );
     }
 
     #[test]
-    fn truth_up_to_a_larger_cap_is_compared_when_that_is_asked_for() {
-        let mut comparison = Comparison::new(Protocol::Full, 80.0, Kind::Metric);
+    fn truth_up_to_a_larger_cap_is_compared_on_request() {
+        let mut comparison = Comparison::new(Protocol::Full, 80.0, DepthKind::Metric);
         comparison.add(&[60.0, 200.0, 10.0], &[30.0, 79.0, 81.0], SIZE).unwrap();
         assert_eq!((comparison.depth.pixels, comparison.beyond), (2, 1));
         let scores = comparison.depth.scores().unwrap();
@@ -240,14 +240,14 @@ mod tests {
     #[test]
     fn eigens_crop_is_for_vga_images_only() {
         let added =
-            Comparison::new(Protocol::Eigen, ROOM_CAP_M, Kind::Metric).add(&[1.0; 3], &[1.0; 3], SIZE);
+            Comparison::new(Protocol::Eigen, ROOM_CAP_M, DepthKind::Metric).add(&[1.0; 3], &[1.0; 3], SIZE);
         assert!(matches!(added, Err(EvalError::ProtocolSize { size: SIZE })));
     }
 
     #[test]
     fn eigens_crop_has_426_rows_of_560_columns() {
         let depth = vec![1.0; 640 * 480];
-        let mut comparison = Comparison::new(Protocol::Eigen, ROOM_CAP_M, Kind::Metric);
+        let mut comparison = Comparison::new(Protocol::Eigen, ROOM_CAP_M, DepthKind::Metric);
         comparison.add(&depth, &depth, ImageSize::new(640, 480)).unwrap();
         assert_eq!(comparison.depth.pixels, 426 * 560);
         assert_eq!(comparison.minmax.pixels, 640 * 480);

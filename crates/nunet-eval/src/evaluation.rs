@@ -12,7 +12,7 @@ use nunet_source::{CameraResolver, Frame};
 use nunet_types::{ImageSize, Units, text_with_causes};
 
 use crate::baseline::Baseline;
-use crate::comparison::{Comparison, Kind};
+use crate::comparison::{Comparison, DepthKind};
 use crate::dataset::{Dataset, ImageMounts, Truth, is_recording, refuse_own_depth};
 use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
@@ -134,9 +134,9 @@ impl Evaluation {
         let pixels = pipeline.size().pixel_count();
         let description = pipeline.graph().description();
         let kind = match description.encoding {
-            DepthEncoding::MinMax => Kind::MinMax,
-            DepthEncoding::Relative | DepthEncoding::RelativeInverse => Kind::Relative,
-            DepthEncoding::Metric | DepthEncoding::Inverse | DepthEncoding::Log => Kind::Metric,
+            DepthEncoding::MinMax => DepthKind::MinMax,
+            DepthEncoding::Relative | DepthEncoding::RelativeInverse => DepthKind::Relative,
+            DepthEncoding::Metric | DepthEncoding::Inverse | DepthEncoding::Log => DepthKind::Metric,
         };
         Self {
             is_clip: options.clip || is_recording(&options.dataset),
@@ -304,7 +304,7 @@ impl Evaluation {
             rgb: self.frame.view()?.bytes(),
             truth: &truth.depth_m,
             predicted: &prediction.depth,
-            metric: self.comparison.kind() == Kind::Metric,
+            metric: self.comparison.kind() == DepthKind::Metric,
         };
         Ok(row.strip())
     }

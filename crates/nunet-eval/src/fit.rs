@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_decimation_left_out_takes_the_last_column_and_row() {
+    fn pixels_outside_whole_blocks_take_the_last_column_and_row() {
         // A network of 7x5 and blocks of 2: 3x2 pixels cover 6x4 of it.
         let fit = Fit { from: size(3, 2), covered: size(covered(7, 6, 7), covered(5, 4, 5)), to: size(7, 5) };
         assert_eq!(fit.covered, size(6, 4));
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_rest_everything_is_covered() {
+    fn whole_blocks_cover_everything() {
         assert_eq!((covered(640, 320, 320), covered(1, 1, 7), covered(479, 240, 240)), (640, 1, 479));
     }
 

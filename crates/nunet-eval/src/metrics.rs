@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_no_class_is_wrong_and_nobody_elses() {
+    fn a_prediction_outside_the_classes_is_wrong_and_counts_for_no_class() {
         let mut labels = LabelMetrics::new(3);
         labels.add(&[4, 1, 1], &[0, 1, 1]);
         let scores = labels.scores().unwrap();

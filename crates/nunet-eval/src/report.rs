@@ -1,4 +1,4 @@
-//! What was found: for JSON, as a table for people, and one row per image.
+//! The report: as JSON, as a table, and one row per image.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use nunet_types::CONTRACT_VERSION;
 use serde::Serialize;
 
 use crate::baseline::{Baseline, BaselineSource};
-use crate::comparison::{Comparison, Kind};
+use crate::comparison::{Comparison, DepthKind};
 use crate::error::{Cause, EvalError};
 use crate::metrics::{DepthMetrics, DepthScores, LabelMetrics, LabelScores};
 use crate::obstacles::ObstacleScores;
@@ -228,7 +228,7 @@ impl ImageRow {
     pub(crate) fn new(id: &str, alone: &Comparison) -> Self {
         Self {
             id: id.to_owned(),
-            metric: alone.kind() == Kind::Metric,
+            metric: alone.kind() == DepthKind::Metric,
             depth: alone.depth.scores(),
             minmax: Stretched::of(&alone.minmax),
         }

@@ -49,7 +49,7 @@ pub(crate) struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The four images of the row beside each other, its caption above them.
+    /// The four images of the row side by side, its caption above them.
     pub(crate) fn strip(&self) -> RgbImage {
         let height = CELL_WIDTH * self.size.height / self.size.width;
         let mut strip = RgbImage::from_pixel(WIDTH, height + CAPTION_HEIGHT + GAP, PAPER);

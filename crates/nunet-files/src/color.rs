@@ -1,4 +1,4 @@
-//! Depth for people's eyes: a color map with its scale beside it.
+//! Depth as a color image with a color bar.
 //!
 //! The only place where depth is stretched between its own nearest and farthest point.
 
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_without_any_measurement_is_still_a_image() {
+    fn a_map_without_any_measurement_becomes_an_image() {
         let image = depth_image(&results(&[f32::NAN; 64], 8, 8));
         assert_eq!(image.get_pixel(7, 7), &NONE);
     }
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_without_depth_has_a_range_all_the_same() {
+    fn a_map_without_depth_has_a_default_range() {
         let range = |near, far| color_range(&[f32::NAN], near, far);
         assert_eq!(
             (range(None, None), range(Some(2.0), None), range(None, Some(2.0))),

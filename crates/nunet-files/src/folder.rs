@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_no_folder_and_neither_is_what_would_lie_below_it() {
+    fn a_file_and_a_path_below_a_file_are_no_folders() {
         let file = tempfile::NamedTempFile::new().unwrap();
         for path in [file.path().to_owned(), file.path().join("a/b")] {
             let error = check_folder(&path).unwrap_err();

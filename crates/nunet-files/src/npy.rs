@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_columns_and_nan_survive() {
+    fn rows_columns_and_nan_are_preserved() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("depth.npy");
         write_npy(&path, &[1.0, 2.0, f32::NAN, 4.0, 5.0, 6.0], ImageSize::new(3, 2)).unwrap();

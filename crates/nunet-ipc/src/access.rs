@@ -176,7 +176,7 @@ pub fn share_with(access: Access) -> Result<(), IpcError> {
     Ok(())
 }
 
-/// Checks that this user may use iceoryx2's folder. Returns one line for people.
+/// Checks that this user may use iceoryx2's folder. Returns one line of text.
 ///
 /// # Errors
 /// [`IpcError::NoAccess`].
@@ -206,7 +206,7 @@ pub(crate) fn usable_folder() -> Result<Option<Metadata>, IpcError> {
     Ok(Some(found))
 }
 
-/// Checks that not every user may write the payload in shared memory. Returns one line for people.
+/// Checks that not every user may write the payload in shared memory. Returns one line of text.
 ///
 /// # Errors
 /// [`IpcError::PayloadOpen`] if every user may write some of it.
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn payload_is_read_books_are_written_and_the_unfinished_is_left_alone() {
+    fn the_group_may_read_payload_and_write_records_and_unfinished_files_are_skipped() {
         let access = Access { gid: 0, payload_mode: Some(0o640) };
         for (name, mode, expected) in [
             ("iox2_1_2.data", 0o600, Some(0o640)),
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn modes_that_promise_what_cannot_be_are_refused() {
+    fn modes_without_effect_are_refused() {
         let access = Access { gid: 0, payload_mode: None };
         assert_eq!(access.with_mode(0o660).unwrap().payload_mode, Some(0o660));
         for mode in [0o644, 0o600, 0o777, 0] {

@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cameras_name_is_read_from_its_service_and_from_nobody_elses() {
+    fn a_cameras_name_is_read_from_its_own_service_only() {
         let front = CameraName::new("front").unwrap();
         assert_eq!(camera_of(&front.service(Topic::Depth), Topic::Depth), Some(front.clone()));
         assert_eq!(camera_of(&front.service(Topic::Depth), Topic::Rgb), None);

@@ -157,7 +157,7 @@ pub(crate) fn check_contract(service: &str, attributes: &AttributeSet) -> Result
     Err(IpcError::ContractVersion { service: service.to_owned(), found, expected: CONTRACT_VERSION })
 }
 
-/// For unit tests: a root of their own, whoever owns the default one.
+/// For unit tests: their own root, because the default one may belong to another user.
 #[cfg(test)]
 pub(crate) fn use_test_root() {
     use_root(&std::env::temp_dir().join(format!("nunet-{}", rustix::process::geteuid().as_raw()))).unwrap();

@@ -146,7 +146,7 @@ const RECORD_BYTES: u64 = 32 * 1024;
 /// The same for each reader: its connection.
 const RECORD_BYTES_PER_READER: u64 = 8 * 1024;
 
-/// Where shared memory lives on Linux.
+/// The mount point of shared memory on Linux.
 pub const SHARED_MEMORY_FOLDER: &str = "/dev/shm";
 
 #[cfg(test)]
@@ -173,7 +173,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_table_in_the_documentation_is_true() {
+    fn the_table_in_the_documentation_is_current() {
         let reservation = Reservation::new(&vga(), &Limits::default());
         let rows: Vec<String> = include_str!("plan.rs")
             .lines()

@@ -20,7 +20,7 @@ pub(crate) type TopicService = publish_subscribe::PortFactory<Iceoryx, [Block64]
 pub(crate) type WakeService = event::PortFactory<Iceoryx>;
 
 // Two enumerations of iceoryx2 with the same names: a service that is absent, is being created, is incomplete until its
-// publisher repairs it, or belongs to another user who has not opened it to the group yet. Each may change any moment.
+// publisher repairs it, or belongs to another user who has not shared it with the group yet. Each may change any moment.
 macro_rules! not_there_yet {
     ($error:ident) => {
         $error::DoesNotExist

@@ -17,7 +17,7 @@ fn a_loan_allocates_iceoryx2s_shared_state_and_nothing_else() {
     let publisher = publisher(&camera, &[Topic::Depth]);
     let _reader = Reader::open(&camera, &[Topic::Depth], TIMEOUT).unwrap();
     publish_depth(&publisher, 0); // connects
-    // `ChunkMutSharedState` is an `Arc` around a mutex, made anew for every loan. When a later iceoryx2 does without,
+    // `ChunkMutSharedState` is an `Arc` around a mutex, allocated for every loan. When a later iceoryx2 does without,
     // this number falls to 0.
     assert_eq!(allocations_during(|| (0..100).for_each(|sequence| publish_depth(&publisher, sequence))), 100);
 }

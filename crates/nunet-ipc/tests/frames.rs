@@ -1,4 +1,4 @@
-//! Publishers and readers: who gets which frame, and what nobody can do to anybody else.
+//! Publishers and readers: which frames a reader receives, and that no process can block another.
 
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
@@ -43,7 +43,7 @@ fn frames_and_readers_can_move_to_another_thread() {
 }
 
 #[test]
-fn the_last_frame_reaches_a_late_joiner_though_the_source_stands_still() {
+fn a_late_subscriber_receives_the_last_frame_of_a_paused_source() {
     let camera = camera();
     let publisher = publisher(&camera, &[Topic::Depth]);
     publish_depth(&publisher, 1);
@@ -60,7 +60,7 @@ fn a_slow_reader_gets_the_newest_frame_and_delays_nobody() {
     let (slow, fast) = (depth_reader(&camera), depth_reader(&camera));
     for sequence in 0..1000 {
         publish_depth(&publisher, sequence);
-        publisher.notify(Wake::Depth).unwrap(); // nor do wake-ups that nobody picks up block
+        publisher.notify(Wake::Depth).unwrap(); // nor do wake-ups block that no reader handles
         assert_eq!(latest(&fast).header().sequence, sequence);
     }
     assert_eq!(latest(&slow).header().sequence, 999);
@@ -68,7 +68,7 @@ fn a_slow_reader_gets_the_newest_frame_and_delays_nobody() {
 }
 
 #[test]
-fn readers_that_never_give_frames_back_stop_neither_the_publisher_nor_others() {
+fn readers_that_never_release_frames_block_neither_the_publisher_nor_others() {
     let camera = camera();
     let publisher = publisher(&camera, &[Topic::Depth]);
     let limits = Limits::default();
@@ -97,10 +97,10 @@ fn readers_that_never_give_frames_back_stop_neither_the_publisher_nor_others() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig { cases: 8, failure_persistence: None, ..Default::default() })]
 
-    /// The bound of `Limits::chunks_of` is lower than iceoryx2's own: here readers come, hold, let go and leave in
+    /// The bound of `Limits::chunks_of` is lower than iceoryx2's own: here readers open, hold, release and close in
     /// any order, and the publisher must still find a free chunk for every frame.
     #[test]
-    fn a_loan_succeeds_whatever_the_readers_do(actions in proptest::collection::vec((0_usize..4, 0_u8..6), 200)) {
+    fn a_loan_always_succeeds_independent_of_readers(actions in proptest::collection::vec((0_usize..4, 0_u8..6), 200)) {
         let camera = camera();
         let publisher = publisher(&camera, &[Topic::Depth]);
         let mut readers: [Option<Reader>; 4] = std::array::from_fn(|_| None);
@@ -122,7 +122,7 @@ proptest::proptest! {
 }
 
 #[test]
-fn a_hoarder_goes_on_with_the_newest_frame_once_it_lets_go() {
+fn a_reader_that_held_all_its_frames_continues_with_the_newest_after_a_release() {
     let camera = camera();
     let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
@@ -161,7 +161,7 @@ fn a_camera_and_a_daemon_share_a_name_with_different_topics() {
 }
 
 #[test]
-fn a_reader_goes_on_with_the_next_publisher_of_its_camera() {
+fn a_reader_continues_with_the_next_publisher_of_its_camera() {
     let camera = camera();
     let first = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
@@ -222,7 +222,7 @@ fn cameras_are_listed_by_topic_while_a_living_process_publishes_them() {
 }
 
 #[test]
-fn a_reader_may_come_before_the_publisher() {
+fn a_reader_may_start_before_the_publisher() {
     let camera = camera();
     let name = camera.clone();
     let waiting = std::thread::spawn(move || depth_reader(&name));
@@ -244,7 +244,7 @@ fn a_sleeping_reader_is_woken_by_its_own_topics_only() {
 }
 
 #[test]
-fn an_publisher_that_leaves_wakes_its_readers() {
+fn a_publisher_that_closes_wakes_its_readers() {
     let camera = camera();
     let publisher = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
@@ -279,7 +279,7 @@ fn a_set_is_complete_when_every_topic_has_the_same_sequence_and_time_of_capture(
 
 /// Not every publisher counts its images, and one that begins again counts from 0.
 #[test]
-fn frames_of_one_number_that_were_taken_at_other_times_are_no_set() {
+fn frames_with_one_sequence_and_other_capture_times_are_no_set() {
     let camera = camera();
     let (driver, daemon) =
         (publisher(&camera, &[Topic::Rgb]), publisher(&camera, &[Topic::Labels, Topic::Depth]));
@@ -339,7 +339,7 @@ fn results_are_joined_with_their_image_although_the_camera_is_ahead() {
 
     image(9);
     assert_eq!(sequences(reader.next_set().unwrap()), None);
-    image(0); // the camera begins anew
+    image(0); // the camera restarts
     publish_depth(&daemon, 0);
     assert_eq!(sequences(reader.next_set().unwrap()), Some(vec![0, 0]));
 }
@@ -406,7 +406,7 @@ fn more_bytes_than_planned_are_refused_and_fewer_are_not() {
 }
 
 #[test]
-fn memory_that_is_not_there_is_refused_before_it_is_taken() {
+fn a_lack_of_memory_is_refused_before_anything_is_reserved() {
     let camera = camera();
     let error =
         Publisher::create_within(&camera, &[plan(Topic::Depth)], &Limits::default(), 1000).unwrap_err();
@@ -415,7 +415,7 @@ fn memory_that_is_not_there_is_refused_before_it_is_taken() {
 }
 
 #[test]
-fn an_publisher_with_other_limits_cannot_take_over_services_that_readers_keep_open() {
+fn a_publisher_with_other_limits_cannot_take_over_services_that_readers_keep_open() {
     let camera = camera();
     let first = publisher(&camera, &[Topic::Depth]);
     let reader = depth_reader(&camera);
@@ -430,7 +430,7 @@ fn an_publisher_with_other_limits_cannot_take_over_services_that_readers_keep_op
 }
 
 #[test]
-fn an_publisher_with_other_limits_hears_of_the_one_that_lives() {
+fn a_publisher_with_other_limits_gets_the_running_publisher_in_its_error() {
     let camera = camera();
     let _publisher = publisher(&camera, &[Topic::Depth]);
     for max_readers in [2, 9] {
@@ -441,7 +441,7 @@ fn an_publisher_with_other_limits_hears_of_the_one_that_lives() {
 }
 
 #[test]
-fn an_publisher_whose_turn_does_not_come_gives_up_when_it_is_asked_to() {
+fn a_publisher_that_waits_for_the_creation_lock_can_be_canceled() {
     let camera = camera();
     drop(publisher(&camera, &[Topic::Depth])); // the folder is there from now on
     let folder = std::fs::File::open(nunet_ipc::root()).unwrap();

@@ -78,7 +78,7 @@ fn golden() -> Vec<u8> {
 }
 
 #[test]
-fn a_filled_header_is_these_very_bytes() {
+fn a_filled_header_has_the_expected_bytes() {
     let header = filled();
     let mut bytes = Vec::new();
     // Field by field through the table that other languages read: it proves the table as well as the struct.

@@ -77,7 +77,7 @@ fn wait_in_vain(camera: &str) {
     say("waited");
 }
 
-/// Where an address lies: the file behind its mapping, by inode, and the offset in it.
+/// The location of an address: the file of its mapping, by inode, and the offset in it.
 fn place_of<T>(pointer: *const T) -> String {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
     for line in maps.lines() {
@@ -155,7 +155,7 @@ fn minor_faults() -> u64 {
     after_name.split_whitespace().nth(7).unwrap().parse().unwrap()
 }
 
-/// All that a sandbox may hold when nobody is there: iceoryx2's counter of nodes, which it keeps on purpose.
+/// All that may remain in a sandbox after all processes ended: iceoryx2's counter of nodes, which it keeps on purpose.
 fn leftovers(sandbox: &Sandbox) -> Vec<PathBuf> {
     let shared = sandbox.shared_memory().into_iter().map(|(file, _)| file);
     let kept = |file: &PathBuf| file.to_string_lossy().ends_with(".global_mgmt");
@@ -163,7 +163,7 @@ fn leftovers(sandbox: &Sandbox) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_reader_in_another_process_looks_at_the_very_bytes_that_the_publisher_filled() {
+fn a_reader_in_another_process_maps_the_memory_that_the_publisher_filled() {
     let sandbox = Sandbox::new();
     let mut publisher = sandbox.spawn("peer", "show a pointer", "front");
     publisher.line();
@@ -210,7 +210,7 @@ fn a_second_publisher_gets_the_process_that_has_the_camera() {
 }
 
 #[test]
-fn a_dead_publisher_makes_room_for_the_next_and_its_readers_go_on() {
+fn after_a_publisher_was_killed_the_next_one_serves_its_readers() {
     let sandbox = Sandbox::new();
     let mut first = sandbox.spawn("peer", "own", "front");
     first.line();
@@ -222,7 +222,7 @@ fn a_dead_publisher_makes_room_for_the_next_and_its_readers_go_on() {
 }
 
 #[test]
-fn the_dead_are_listed_and_cleaned_up_after() {
+fn dead_processes_are_listed_and_cleaned_up() {
     let sandbox = Sandbox::new();
     let mut publisher = sandbox.spawn("peer", "own", "front");
     publisher.line();

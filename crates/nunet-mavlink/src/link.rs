@@ -38,7 +38,7 @@ pub enum LinkEvent {
 pub struct MavlinkLink {
     address: MavlinkAddress,
     messages: Messages,
-    port: Option<Port>,
+    port: Option<Connection>,
     retry_at: Option<Instant>,
     heartbeat_at: Option<Instant>,
     distance_at: Option<Instant>,
@@ -92,7 +92,7 @@ impl MavlinkLink {
         if self.port.is_some() || self.retry_at.is_some_and(|next| now < next) {
             return None;
         }
-        match Port::open(&self.address) {
+        match Connection::open(&self.address) {
             Ok(port) => {
                 self.port = Some(port);
                 self.is_reported = false;
@@ -116,13 +116,13 @@ impl MavlinkLink {
 
 /// An open connection.
 #[derive(Debug)]
-enum Port {
+enum Connection {
     Udp(UdpSocket),
     Tcp(TcpStream),
     Serial(File),
 }
 
-impl Port {
+impl Connection {
     fn open(address: &MavlinkAddress) -> io::Result<Self> {
         match address {
             MavlinkAddress::Udp(to) => {

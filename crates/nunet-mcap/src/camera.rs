@@ -48,8 +48,8 @@ impl CameraDescription {
     /// images: the region of interest, in pixels of the whole, whose blocks of `binning` pixels are one each.
     fn captured(mut self, info: &CameraInfo<'_>) -> Self {
         let RegionOfInterest { x_offset, y_offset, width, height, .. } = info.roi;
-        let x = Side::captured(self.width, x_offset, width, info.binning_x);
-        let y = Side::captured(self.height, y_offset, height, info.binning_y);
+        let x = SensorAxis::captured(self.width, x_offset, width, info.binning_x);
+        let y = SensorAxis::captured(self.height, y_offset, height, info.binning_y);
         let (Some(x), Some(y)) = (x, y) else {
             self.fault = Some(format!(
                 "its region of interest of {width}x{height} pixels from column {x_offset} and row {y_offset} on is not \
@@ -118,7 +118,7 @@ impl CameraDescription {
 }
 
 /// Width or height of the part of its sensor that a camera delivers.
-struct Side {
+struct SensorAxis {
     /// Where it begins, pixels of the sensor.
     offset: f64,
     /// Pixels of the sensor that make one of the image.
@@ -127,7 +127,7 @@ struct Side {
     pixels: u32,
 }
 
-impl Side {
+impl SensorAxis {
     /// ROS' zeros mean the whole sensor and no binning; `None` for a region that reaches beyond the sensor.
     fn captured(sensor: u32, offset: u32, size: u32, binning: u32) -> Option<Self> {
         let size = if (offset, size) == (0, 0) { sensor } else { size };
@@ -144,7 +144,7 @@ impl Side {
     /// less than half a pixel.)
     fn center(&self, pixels: f64) -> f64 {
         let within = pixels - self.offset;
-        // Not the same to the last bit, and almost nobody bins.
+        // Without binning, the offset alone keeps the value exact to the last bit.
         if self.binning > 1.0 { (within + 0.5) / self.binning - 0.5 } else { within }
     }
 }
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_are_the_whole_sensor_on_either_side() {
+    fn a_region_of_interest_of_zeros_is_the_whole_sensor() {
         let whole = cropped(|info| info.roi = RegionOfInterest::default(), false);
         assert_eq!((whole.width, whole.height, whole.intrinsics), (640, 480, [500.0, 510.0, 320.0, 240.0]));
         let wide = cropped(|info| (info.roi.x_offset, info.roi.width) = (0, 0), false);

@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn where_names_do_not_tell_the_first_messages_do() {
+    fn the_first_messages_decide_where_names_do_not() {
         let all = topics(&[("/oak/left/image_raw", IMAGE, "cdr"), ("/oak/stereo/image_raw", IMAGE, "cdr")]);
         let (path, depth) = (Path::new("a.mcap"), Depth(&["/oak/stereo/image_raw"]));
         assert_eq!(all.image_topic(path, None, &depth).unwrap(), "/oak/left/image_raw");

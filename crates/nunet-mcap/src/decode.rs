@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn rubbish_is_an_error_in_every_form() {
+    fn random_bytes_are_an_error_in_every_form() {
         for form in [Form::Ros, Form::FoxgloveCdr, Form::FoxgloveProtobuf, Form::FoxgloveJson] {
             for content in [Content::RawImage, Content::CompressedImage] {
                 let kind = ChannelKind { content, form };

@@ -17,7 +17,7 @@ pub enum RecordingErrorKind {
     Format,
     /// The file is damaged or cut off.
     Damaged,
-    /// Reading was given up because the caller asked for it.
+    /// Reading was canceled by the caller.
     GivenUp,
     /// The recording has no images or no depth.
     NothingToRead,
@@ -79,7 +79,7 @@ pub enum RecordingError {
         /// What was found.
         reason: String,
     },
-    /// The file has no index, and the search for its topics was given up because the program was asked to stop.
+    /// The file has no index, and the search for its topics was canceled by a shutdown.
     #[error("the recording `{}` was not read to its end: a stop was requested", path.display())]
     GivenUp {
         /// The file.

@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_was_never_synced_ends_behind_its_header() {
+    fn a_file_that_was_never_synced_ends_after_its_header() {
         let path = tempfile::NamedTempFile::new().unwrap();
         let mut file = File::options().write(true).open(path.path()).unwrap();
         file.write_all(b"header").unwrap();

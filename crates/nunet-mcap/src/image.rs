@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_in_meters_whatever_it_was_and_none_is_nan() {
+    fn depth_of_every_encoding_becomes_meters_and_invalid_depth_nan() {
         let millimeters = set("16UC1", (2, 1), 6, &[0xd0, 0x07, 0, 0, 9, 9]).unwrap().depth_m();
         assert_eq!(millimeters[0], 2.0);
         assert!(millimeters[1].is_nan());

@@ -4,7 +4,7 @@
 //! `RawImage`, `CompressedImage` and `CameraCalibration` (protobuf, JSON and CDR), from complete files, from files that were
 //! cut off anywhere, and from split bags. [`RecordingWriter`] writes ROS 2 messages and embeds their schemas.
 //!
-//! This crate knows nothing of networks or of shared memory.
+//! This crate does not depend on networks or shared memory.
 //!
 //! # Example: record a frame, and read it back
 //! ```

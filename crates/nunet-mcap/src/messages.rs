@@ -194,7 +194,7 @@ pub(crate) struct TfMessage<'a> {
     pub(crate) transforms: Vec<TransformStamped<'a>>,
 }
 
-/// A type's name and its definition with those of everything in it, as MCAP's `ros2msg` wants them.
+/// A type's name and its definition with those of all nested types, in MCAP's `ros2msg` encoding.
 pub(crate) struct Schema {
     pub(crate) name: &'static str,
     pub(crate) text: &'static str,

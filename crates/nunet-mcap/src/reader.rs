@@ -10,7 +10,7 @@ use crate::decode::{self, Reading};
 use crate::image::{Purpose, RecordedImage};
 use crate::record::Record;
 use crate::records::Records;
-use crate::topics::Look;
+use crate::topics::TopicContent;
 use crate::writer::ABOUT;
 use crate::{RecordingError, parts};
 
@@ -95,7 +95,7 @@ impl Recording {
         let parts = parts::parts(path)?;
         let topics = Topics::of_files(parts.iter().map(PathBuf::as_path), given_up)?;
         let topic = topics.image_topic(path, topic, &Peek(&parts))?;
-        let infrared = Look::of(&topic) == Look::Infrared;
+        let infrared = TopicContent::of(&topic) == TopicContent::Infrared;
         let purpose = if infrared { Purpose::Infrared } else { Purpose::Color };
         Self::of_topic(parts, &topics, topic, purpose)
     }
@@ -264,7 +264,7 @@ impl FirstImages for Peek<'_> {
     fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
         let found = RefCell::new(BTreeMap::new());
         for part in self.0 {
-            // A file that cannot be read is reported by whoever reads it next.
+            // A file that cannot be read is reported by the next read.
             let _ = peek(part, topics, &mut found.borrow_mut());
             if found.borrow().len() == topics.len() {
                 break;

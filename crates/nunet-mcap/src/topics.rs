@@ -1,19 +1,19 @@
-//! What a topic carries, judged by its name, and which of several is meant.
+//! The content of topics, judged by their names, and the choice among several.
 //!
 //! Drivers spell their streams differently: `/camera/color/image_raw`, `/zed/zed_node/rgb/image_rect_color`,
 //! `/oak/rgb/image_raw`, `/rgb_to_depth/image_raw`. The last part of a name that contains a known word decides. Of
 //! `A_to_B` only `A` counts: an image of A in the frame of B.
 
-/// What an image topic carries, as far as its name tells.
+/// The content of an image topic, judged by its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Look {
+pub(crate) enum TopicContent {
     /// Labels, masks, confidence: an image to ROS, but not of what the camera saw.
     Result,
     /// Depth or disparity.
     Depth,
     /// Infrared, thermal or gray images.
     Infrared,
-    /// Nothing tells.
+    /// The name does not say.
     Unmarked,
     /// Color, by its name.
     Color,
@@ -43,7 +43,7 @@ const COLOR: [&str; 5] = ["color", "colour", "rgb", "bgr", "colored"];
 /// Names of `image_transport`s that follow an image's topic.
 const TRANSPORTS: [&str; 5] = ["compressed", "compressedDepth", "theora", "ffmpeg", "zstd"];
 
-impl Look {
+impl TopicContent {
     pub(crate) fn of(topic: &str) -> Self {
         topic.rsplit('/').find_map(Self::of_part).unwrap_or(Self::Unmarked)
     }
@@ -87,25 +87,27 @@ fn one_transport_each<'a>(topics: &[&'a str]) -> Vec<&'a str> {
 
 /// The color topics among all image topics; those that cannot be told apart remain.
 pub(crate) fn color_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
-    let best = topics.iter().map(|topic| Look::of(topic)).max().unwrap_or(Look::Unmarked);
+    let best = topics.iter().map(|topic| TopicContent::of(topic)).max().unwrap_or(TopicContent::Unmarked);
     let kept: Vec<&str> = match best {
         // `left` and `right` beside the `rgb` of the same camera are its gray or stereo images.
-        Look::Color => {
-            let color: Vec<&str> = topics.iter().copied().filter(|topic| Look::of(topic) == best).collect();
+        TopicContent::Color => {
+            let color: Vec<&str> =
+                topics.iter().copied().filter(|topic| TopicContent::of(topic) == best).collect();
             let beside = |topic: &str| {
                 device(topic).is_some_and(|own| color.iter().any(|color| device(color) == Some(own)))
             };
-            let unmarked = |topic: &str| Look::of(topic) == Look::Unmarked && !beside(topic);
+            let unmarked = |topic: &str| TopicContent::of(topic) == TopicContent::Unmarked && !beside(topic);
             topics.iter().copied().filter(|topic| color.contains(topic) || unmarked(topic)).collect()
         }
-        best => topics.iter().copied().filter(|topic| Look::of(topic) == best).collect(),
+        best => topics.iter().copied().filter(|topic| TopicContent::of(topic) == best).collect(),
     };
     one_transport_each(&kept)
 }
 
 /// The depth topics among all image topics: of one camera's several, that in the frame of the color camera.
 pub(crate) fn depth_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
-    let depth: Vec<&str> = topics.iter().copied().filter(|topic| Look::of(topic) == Look::Depth).collect();
+    let depth: Vec<&str> =
+        topics.iter().copied().filter(|topic| TopicContent::of(topic) == TopicContent::Depth).collect();
     let depth = one_transport_each(&depth);
     let registered = |topic: &&str| {
         ["aligned", "registered", "_to_color", "_to_rgb"].iter().any(|word| topic.contains(word))

@@ -214,7 +214,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn rubbish_behind_the_magic_bytes_never_panics(
+    fn random_bytes_after_the_magic_bytes_never_panic(
         records in proptest::collection::vec((0_u8..18, proptest::collection::vec(any::<u8>(), 0..80)), 0..12),
         lie in 0_u64..8,
     ) {
@@ -248,7 +248,7 @@ fn a_message_that_is_longer_than_its_chunk_ends_the_recording() {
 }
 
 #[test]
-fn an_error_repeats_no_name_of_a_million_letters() {
+fn an_error_shortens_a_name_of_a_million_letters() {
     let endless: &'static str = "x".repeat(1_000_000).leak();
     let image = cdr(|body| {
         words(&[2, 4], body);

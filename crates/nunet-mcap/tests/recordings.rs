@@ -107,7 +107,7 @@ fn every_image_of_a_whole_file_is_read_however_it_is_compressed() {
 }
 
 #[test]
-fn a_pipe_is_no_recording_and_is_not_waited_for() {
+fn a_pipe_is_refused_as_a_recording_without_waiting() {
     let folder = Folder::new();
     let pipe = folder.0.path().join("pipe.mcap");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -188,7 +188,7 @@ fn flipped_bytes_never_panic_and_never_mix_images() {
 }
 
 #[test]
-fn the_search_of_a_file_without_an_index_ends_when_it_is_given_up() {
+fn the_search_of_a_file_without_an_index_can_be_canceled() {
     let folder = Folder::new();
     let whole = recording(WriteOptions::new().use_chunks(false), &images());
     let path = folder.file(&whole[..whole.len() - 30]);
@@ -253,7 +253,7 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
     };
     let mut writer = RecordingWriter::create(path, options).unwrap();
     for frame in 0..frames {
-        // A lens that zooms, of which something is known from the second frame on.
+        // A zoom lens whose camera is known from the second frame on.
         let scale = ["metre", if frame == 0 { "assumed_camera" } else { "focal_scaled" }];
         let intrinsics = [3.0 + f64::from(frame), 4.0, 0.5, 0.0];
         let camera = CameraDescription { width: 2, height: 1, intrinsics, ..Default::default() };
@@ -325,7 +325,7 @@ fn where_the_scale_comes_from_is_said_when_it_changes() {
 }
 
 #[test]
-fn what_was_synced_is_read_while_the_file_still_grows() {
+fn synced_frames_can_be_read_while_the_file_grows() {
     let folder = Folder::new();
     let path = folder.0.path().join("grows.mcap");
     let mut writer = write_frames(&path, 3);
@@ -354,7 +354,7 @@ fn the_producer_of_results_is_known_only_for_our_own_recordings() {
 }
 
 #[test]
-fn a_file_that_is_there_is_not_overwritten() {
+fn an_existing_file_is_not_overwritten() {
     let folder = Folder::new();
     let path = folder.file(b"precious");
     let options = WriterOptions {

@@ -119,7 +119,7 @@ fn path(object: &Bound<'_, PyAny>) -> PyResult<Option<PathBuf>> {
     is_path.then(|| object.extract()).transpose()
 }
 
-/// Whether the object is a PIL image. PIL is not imported for it: somebody who has an image has imported PIL.
+/// Whether the object is a PIL image. PIL is not imported for it: a caller with an image has imported PIL.
 fn is_pil(object: &Bound<'_, PyAny>) -> PyResult<bool> {
     let modules = object.py().import("sys")?.getattr("modules")?;
     let module = modules.call_method1("get", ("PIL.Image",))?;

@@ -1,4 +1,4 @@
-//! The location of this installation's files, which the Python code of the package knows.
+//! The location of this installation's files, set by the Python code of the package.
 
 use std::ffi::OsString;
 use std::path::PathBuf;

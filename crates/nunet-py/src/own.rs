@@ -1,5 +1,5 @@
 //! Values that a fork of the process must not use. It inherits shared memory and sockets, but neither iceoryx2's records of
-//! who holds what nor the threads that compute.
+//! which thread holds a lock nor which threads compute.
 
 use pyo3::prelude::*;
 

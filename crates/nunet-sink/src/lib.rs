@@ -11,7 +11,7 @@
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`mavlink`] | obstacles for an autopilot |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles something takes |
-//! | [`obstacle_record`] | obstacles as they lie in shared memory |
+//! | [`obstacle_record`] | obstacles as stored in shared memory |
 //! | [`obstacle_images`] | obstacles of one frame, as files |
 
 pub mod archive;

@@ -1,4 +1,4 @@
-//! Obstacles as they lie in shared memory.
+//! Obstacles as stored in shared memory.
 
 use nunet_core::obstacle::{ObstacleOptions, Obstacles};
 use nunet_ipc::{CONTRACT_VERSION, ObstacleRecord};

@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn items_for_a_thread_that_is_gone_are_dropped_and_nobody_waits_for_it() {
+    fn items_for_a_dead_thread_are_dropped_without_waiting() {
         let (mut queue, allow, ..) = gate(1);
         drop(allow); // the writer panics
         queue.offer(|place| *place = 1);

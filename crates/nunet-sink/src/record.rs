@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_longer_file_finds_room_in_the_memory_of_a_shorter_one() {
+    fn a_longer_file_fits_into_the_memory_of_a_shorter_one() {
         let mut record = Record::default();
         let file = |bytes| Frame { file: vec![1; bytes], size: ImageSize::new(640, 480), ..Frame::default() };
         record.copy_frame(&file(50_000), None);

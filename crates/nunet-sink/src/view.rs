@@ -1,4 +1,4 @@
-//! Results for the live view in the browser. The server is `nunet-view`; this sink copies frames for it while somebody
+//! Results for the live view in the browser. The server is `nunet-view`; this sink copies frames for it while a client
 //! watches.
 
 use std::sync::Arc;
@@ -72,7 +72,7 @@ impl ViewSink {
     }
 }
 
-/// Copies what a viewer may look at.
+/// Copies the results that viewers show.
 fn copy(published: &PublishedFrame<'_>, frame: &mut ViewFrame) {
     let PublishedFrame { frame: source, results, timings, .. } = published;
     frame.sequence = source.sequence;

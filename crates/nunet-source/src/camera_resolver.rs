@@ -1,4 +1,4 @@
-//! Finds the camera that took a frame: the one that the user named, otherwise the one that the source knows.
+//! Finds the camera that took a frame: the one that the user gave, otherwise that of the source.
 
 use std::io::{self, ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use tracing::warn;
 use crate::error::SourceError;
 use crate::frame::Frame;
 
-/// What the user knows of the camera. At most one of both is given.
+/// The camera that the user gave: at most one of both fields.
 #[derive(Debug, Clone, Default)]
 pub struct CameraGeometry {
     /// Focal lengths and principal point of a camera without distortion.

@@ -77,7 +77,7 @@ impl Continuity {
     }
 }
 
-/// Whether a gap in capture time is a gap in what the camera saw. An image file that waits for the network is stamped when
+/// Whether a gap in capture time is a gap in the scene. An image file that waits for the network is stamped when
 /// it is read; an image of a recording carries the camera's time, however fast it is read.
 fn is_in_camera_time(frame: &Frame) -> bool {
     frame.in_real_time || frame.capture.clock != Clock::Monotonic

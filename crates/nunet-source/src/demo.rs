@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_played_in_a_loop_and_each_scene_is_a_stretch() {
+    fn the_demo_loops_and_each_scene_is_a_segment() {
         let models = clip(&["a_00.png", "a_01.png", "b_00.png"]);
         let folders = [models.path().join("tiny"), models.path().to_owned()];
         let options = OpenOptions { model_folders: &folders, ..OpenOptions::default() };

@@ -62,7 +62,7 @@ pub struct Frame {
     /// Counts the stretches of a source that begins again: the first frame of a stretch does not follow the last one
     /// of the stretch before.
     pub stretch: u64,
-    /// Whether a gap in capture time is a gap in what the camera saw. Not so for images from disk that are taken as
+    /// Whether a gap in capture time is a gap in the scene. False for images from disk that are taken as
     /// fast as they are processed: their capture time is when they were read.
     pub in_real_time: bool,
 }

@@ -31,6 +31,8 @@ mod jpeg;
 mod listing;
 mod mailbox;
 mod notify;
+#[cfg(feature = "mcap")]
+mod orientation;
 mod pipe;
 mod rate;
 #[cfg(feature = "mcap")]
@@ -39,8 +41,6 @@ mod registry;
 mod shm;
 mod source;
 mod source_type;
-#[cfg(feature = "mcap")]
-mod turn;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 

@@ -61,7 +61,7 @@ pub enum Taken<T> {
 
 /// How many used items are kept: one being filled, one waiting, one in work.
 const POOL_SIZE: usize = 3;
-/// How often a waiting sender checks whether it has to give up.
+/// How often a waiting sender checks whether it must stop.
 const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 impl<T: Reuse> Default for Mailbox<T> {
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sender_that_gives_up_is_refused_and_the_item_that_waits_stays() {
+    fn a_sender_that_stops_waiting_keeps_the_waiting_item_in_place() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.put_waiting(1, || true), Put::Accepted, "there is room");
         let asked = std::cell::Cell::new(0);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn the_timeout_ends_and_a_recalled_item_is_gone() {
+    fn a_receive_ends_after_its_timeout_and_a_recalled_item_is_gone() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.take(Duration::ZERO), Taken::Nothing);
         mailbox.put_latest(1);

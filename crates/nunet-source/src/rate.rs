@@ -14,7 +14,7 @@ pub enum Rate {
 
 /// A rate above this is a mistake: no camera is that fast.
 pub(crate) const MAX_HZ: f64 = 10_000.0;
-/// A frame in three hours: below, periods leave what a [`Duration`] holds.
+/// One frame in three hours: longer periods could overflow a [`Duration`].
 const MIN_HZ: f64 = 0.0001;
 
 impl FromStr for Rate {
@@ -49,7 +49,7 @@ impl Pacer {
     }
 
     /// How long to wait for the next frame. A source that fell behind by more than a frame skips what it missed
-    /// instead of hurrying after it.
+    /// instead of catching up.
     pub fn wait(&mut self, now: Instant) -> Duration {
         let mut due = self.start + self.period * self.due;
         if now > due + self.period {

@@ -17,9 +17,9 @@ use tracing::warn;
 use crate::convert::{self, Bayer, RawImage, RawLayout};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::files::nothing_to_repeat;
+use crate::orientation::oriented_camera;
 use crate::source::Ended;
 use crate::source_type::{Properties, SourceType};
-use crate::turn::turned;
 use crate::{Capture, Fill, Frame, OpenOptions, Source, decode_file};
 
 /// Orientation of an image that was not turned.
@@ -100,7 +100,7 @@ impl RecordingSource {
         self.any_good = false;
         self.stretch += 1;
         match self.recording.rewind().map(|()| self.take(frame)) {
-            // Another file has the recording's name by now.
+            // Another file has replaced the recording.
             Ok(Fill::End) => nothing_to_repeat(),
             Ok(fill) => fill,
             Err(error) => Fill::Broken(from_recording_error(error)),
@@ -198,7 +198,7 @@ impl CameraCache {
     }
 }
 
-/// What other arguments could help is told apart from what is wrong with the file.
+/// Separates errors that other arguments would fix from errors of the file.
 #[must_use]
 pub fn from_recording_error(error: RecordingError) -> SourceError {
     let kind = match (error.kind(), &error) {
@@ -219,7 +219,7 @@ pub fn from_recording_error(error: RecordingError) -> SourceError {
         None => converted,
     };
     match error {
-        // The cause stays below: programs that embed this one look for it.
+        // The cause is kept, because programs that embed this crate check it.
         RecordingError::Io { source, .. } if kind == SourceErrorKind::BadArguments => {
             converted.with_hint("name an existing MCAP file").with_cause(source)
         }
@@ -282,7 +282,7 @@ fn camera(
     if let Some(skew) = calibration.ignored_skew() {
         warn!("{skew}");
     }
-    let camera = turned(&calibration.camera(), orientation)?;
+    let camera = oriented_camera(&calibration.camera(), orientation)?;
     camera.fitted_to(width, height).map_err(|error| error.to_string())
 }
 
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loop_ends_with_a_round_without_an_image() {
+    fn a_loop_ends_after_a_round_without_an_image() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
         let broken: &[u8] = b"\x89PNG\r\n\x1a\n no more";
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_contradicts_itself_is_not_used_and_says_why() {
+    fn a_contradictory_camera_is_ignored_with_a_warning() {
         let described = CameraDescription {
             width: 640,
             height: 480,

@@ -34,7 +34,7 @@ impl std::fmt::Debug for SourceName {
 }
 
 impl SourceName {
-    /// Chooses the kind by the spelling of a name, and by what lies at its path.
+    /// Chooses the kind by the spelling of a name, and by the file at its path.
     #[must_use]
     pub fn parse(name: &str) -> Self {
         let kind = REGISTRY.iter().find(|kind| kind.is_named(name)).unwrap_or(&REGISTRY[REGISTRY.len() - 1]);
@@ -110,7 +110,7 @@ impl SourceName {
         self.kind.open(&self.name, options)
     }
 
-    /// What stands in for this source after it could not be opened, among others that could.
+    /// The placeholder for this source after it could not be opened beside others that could.
     #[must_use]
     pub fn stand_in(&self, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
         self.kind.stand_in(&self.name, options, error)
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_with_a_recording_is_one() {
+    fn a_folder_with_a_recording_is_a_recording() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().to_str().unwrap();
         assert!(!kind(name).is_recording);

@@ -70,7 +70,7 @@ impl Silence {
         self.since = Some(now);
     }
 
-    /// A frame came.
+    /// Records a frame.
     fn ends(&mut self, now: Instant) {
         *self = Self { since: Some(now), reminded: None, waiting: false };
     }
@@ -230,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_whose_publisher_states_no_time_of_day_is_of_now() {
+    fn an_image_without_a_time_of_day_gets_the_current_one() {
         let name = CameraName::new(&format!("test-{}-shm-now", std::process::id())).unwrap();
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 4 };
         let publisher = Publisher::create(&name, &[plan], &Limits::default()).unwrap();

@@ -1,4 +1,4 @@
-//! What every source is: something that fills one frame after the other.
+//! The trait of all sources: fills one frame after the other.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -82,7 +82,7 @@ impl OpenOptions<'_> {
     }
 }
 
-/// Ends a source for good: after an end there are no more frames, however often it is asked.
+/// Ends a source: all further calls return the end.
 pub(crate) struct Ended<S>(Option<S>);
 
 impl<S: Source> Ended<S> {

@@ -1,4 +1,4 @@
-//! What a kind of source says of itself.
+//! Properties of a kind of source.
 
 use crate::error::SourceError;
 use crate::{Fill, Frame, OpenOptions, Source};
@@ -17,7 +17,7 @@ pub trait SourceType: Sync {
     /// Nothing of that name, or nothing that can be read.
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>;
 
-    /// What stands in for a source that could not be opened because of `error`, among others that could: it fails when it is
+    /// The placeholder for a source that could not be opened because of `error`, beside others that could: it fails when it is
     /// asked for its first frame. A camera may be plugged in later and is waited for instead.
     fn stand_in(&self, name: &str, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
         let _ = (name, options);
@@ -29,7 +29,7 @@ pub trait SourceType: Sync {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Properties {
-    /// What there is only one of, for every camera of a process.
+    /// A resource that only one camera of a process can use.
     pub exclusive: Option<Exclusive>,
     /// Whether frames can be taken from a file that may be written at the same time.
     pub is_recording: bool,

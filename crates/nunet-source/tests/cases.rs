@@ -40,13 +40,13 @@ fn a_calibration_in_json_is_read_in_both_spellings() {
 }
 
 #[test]
-fn the_camera_is_turned_with_its_image() {
+fn the_camera_is_rotated_with_its_image() {
     let camera = first("exif_turned_calibration/rec3.mcap").camera.unwrap();
     assert_eq!((camera.intrinsics.cx_px, camera.intrinsics.cy_px), (43.0, 32.0));
 }
 
 #[test]
-fn a_fifth_coefficient_that_is_zero_is_nothing() {
+fn a_fifth_coefficient_of_zero_is_ignored() {
     let camera = first("camera_info_coefficients/cam_t265_equi5.mcap").camera.unwrap();
     assert!(matches!(camera.distortion, Distortion::KannalaBrandt(_)));
 }

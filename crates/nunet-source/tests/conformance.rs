@@ -1,4 +1,4 @@
-//! What every source keeps to, whatever it reads: one suite that runs over all of them. A new source adds a line in
+//! One suite that runs over all sources. A new source adds a line in
 //! [`all`].
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
@@ -232,7 +232,7 @@ fn after_the_end_every_further_call_is_the_end() {
 }
 
 #[test]
-fn a_source_that_breaks_or_is_cut_off_ends_after_it_has_said_so() {
+fn a_source_that_fails_or_is_truncated_reports_it_once_and_ends() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.mcap");
     write_recording(&path, &[png(2), png(2)]);
@@ -264,7 +264,7 @@ impl Read for Silent {
     }
 }
 
-/// No source blocks: whoever asks can notice a stop between two calls.
+/// No source blocks, so that a stop is noticed between two calls.
 #[test]
 fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
     let waiting = |name: &str| {
@@ -292,7 +292,7 @@ fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
 }
 
 #[test]
-fn opening_a_long_recording_ends_when_it_is_given_up() {
+fn opening_a_long_recording_can_be_canceled() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
     write_recording(&path, &[png(2)]);

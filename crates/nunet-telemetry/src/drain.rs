@@ -92,13 +92,13 @@ mod tests {
     const SHORT: Duration = Duration::from_millis(20);
 
     #[test]
-    fn a_finished_write_is_accepted_however_late_it_is() {
+    fn a_late_but_finished_write_is_accepted() {
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, Duration::ZERO);
         assert_eq!(timeout.wait("a file", || true, || 0), Ok(()));
     }
 
     #[test]
-    fn a_stop_bounds_all_waits_together_and_leaves_the_last_one_a_moment() {
+    fn the_drain_timeout_bounds_all_waits_together() {
         let mut timeout = DrainTimeout::with(&|| true, SHORT, LONG);
         for _ in 0..2 {
             let start = Instant::now();

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn of_one_frame_all_figures_are_its_time() {
+    fn all_percentiles_of_one_frame_are_its_time() {
         let mut latencies = Latencies::new(["graph"]);
         latencies.record(109_889, [50_021]); // near the lower edge of a bucket of 64 us, and of 32 us
         for (summary, ms) in [(latencies.total(), 109.889), (latencies.stages().next().unwrap().1, 50.021)] {
@@ -157,12 +157,12 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_without_frames_has_zeros_and_not_nonsense() {
+    fn a_stream_without_frames_has_zeros() {
         assert_eq!(Latencies::new([]).total(), Summary::default());
     }
 
     #[test]
-    fn a_time_beyond_the_range_is_the_longest_all_the_same() {
+    fn a_time_beyond_the_range_counts_as_the_longest() {
         let mut latencies = Latencies::new([]);
         latencies.record(90_000_000, []);
         let Summary { p50, max, mean, .. } = latencies.total();

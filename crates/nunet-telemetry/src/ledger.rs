@@ -64,10 +64,10 @@ impl Ledger {
         });
     }
 
-    /// Closes the entry of a frame in flight.
+    /// Counts the end of a frame in flight.
     ///
     /// # Panics
-    /// When no frame is in flight: an entry was closed twice, which is a bug of the caller.
+    /// If no frame is in flight: a frame was ended twice, which is a bug of the caller.
     pub fn ended(&self, end: End) {
         self.update(|counts| {
             counts.in_flight = counts.in_flight.checked_sub(1).expect("an entry is closed once");
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "closed once")]
-    fn closing_an_entry_twice_is_a_bug() {
+    fn finishing_a_frame_twice_panics() {
         let ledger = Ledger::default();
         ledger.captured();
         ledger.ended(End::Published);

@@ -12,7 +12,7 @@
 //! | [`RateLimit`] | how many messages of a kind were logged lately |
 //!
 //! [`Metrics`] writes counts and latencies for Prometheus, [`Supervisor`] feeds the watchdog of a service manager.
-//! Nothing here knows networks, shared memory or the command line, and nothing leaves the machine: Prometheus asks.
+//! This crate does not depend on networks, shared memory or the command line, and sends nothing: Prometheus polls it.
 //!
 //! # Example: the counts and latencies of two frames
 //! ```

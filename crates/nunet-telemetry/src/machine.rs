@@ -1,4 +1,4 @@
-//! What the kernel says of the machine and of this process.
+//! Facts about the machine and this process, from the kernel.
 
 /// The peak memory of this process, in megabytes.
 #[must_use]
@@ -7,7 +7,7 @@ pub fn peak_rss_mb() -> Option<f64> {
     Some(kib * 1024.0 / 1e6)
 }
 
-/// The processor's name, if the kernel tells it.
+/// The processor's name, if the kernel states it.
 #[must_use]
 pub fn processor() -> Option<String> {
     field("/proc/cpuinfo", "model name")

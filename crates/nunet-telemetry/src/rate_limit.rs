@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_count_is_printed_only_if_something_was_held_back() {
+    fn the_count_is_printed_only_if_messages_were_suppressed() {
         assert_eq!(Suppressed(0).to_string(), "");
         assert_eq!(Suppressed(1).to_string(), " (1 similar message was not logged)");
         assert_eq!(Suppressed(7).to_string(), " (7 similar messages were not logged)");

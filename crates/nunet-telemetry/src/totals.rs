@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn two_streams_beside_each_other_have_the_rate_of_both() {
+    fn two_concurrent_streams_have_the_sum_of_their_rates() {
         let stream = |period: u64, frames: u64, bytes: u64| {
             let mut totals = Totals::default();
             totals.start(1_000_000_000);
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_without_frames_has_no_rate_and_no_nonsense() {
+    fn a_stream_without_frames_has_no_rate() {
         let totals = Totals::default();
         assert_eq!(totals.fps(), 0.0);
         assert_eq!(totals.bytes_copied_per_frame(), 0.0);

@@ -1,4 +1,4 @@
-//! Ready-made networks whose answers can be computed in one's head, exactly: every weight is a power of two.
+//! Networks whose outputs can be computed by hand exactly: every weight is a power of two.
 //!
 //! | network | answer for a pixel (r, g, b) |
 //! |---|---|
@@ -48,7 +48,7 @@ pub fn unet(size: impl Into<ImageSize>) -> ModelBuilder {
     describe(undescribed_unet(size), "unet", false)
 }
 
-/// [`unet`] without any metadata: a file that does not say what it is.
+/// [`unet`] without any metadata: a file without a description.
 #[must_use]
 pub fn undescribed_unet(size: impl Into<ImageSize>) -> ModelBuilder {
     let size = size.into();

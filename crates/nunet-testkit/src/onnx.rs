@@ -78,7 +78,7 @@ impl<const N: usize> From<[i64; N]> for Attribute {
     }
 }
 
-/// An ONNX file in the making. Nothing is checked here: broken files are what some tests are about.
+/// A builder of an ONNX file. Nothing is checked, because some tests need invalid files.
 #[derive(Clone, Debug)]
 pub struct ModelBuilder {
     model: ModelProto,

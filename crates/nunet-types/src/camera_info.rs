@@ -18,7 +18,7 @@ vocabulary! {
     }
 }
 
-/// A camera's intrinsics and lens as plain numbers, at one image size. Nothing is checked: the crate that computes with
+/// A camera's intrinsics and lens as plain numbers, at one image size. The numbers are unchecked: the crate that computes with
 /// a camera does that.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraInfo {

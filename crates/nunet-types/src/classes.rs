@@ -1,6 +1,6 @@
 //! Names of classes that several programs must agree on.
 
-/// The 13 classes of NYU Depth V2, index = label: what the bundled models answer with.
+/// The 13 classes of NYU Depth V2, index = label: those of the bundled models.
 pub const NYU13_CLASSES: [&str; 13] = [
     "bed",
     "books",

@@ -1,4 +1,4 @@
-//! The version of what nunet says to other programs.
+//! The version of the interfaces to other programs.
 
 /// Version of the shared-memory contract and of everything that nunet prints as JSON.
 pub const CONTRACT_VERSION: u32 = 1;

@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hint_comes_back_out_of_a_text() {
+    fn a_hint_is_split_from_a_text() {
         let text = join_hint(join_hint("it is cut off", "copy it again"), "pass another file");
         assert_eq!(split_hint(&text), ("it is cut off", Some("copy it again\npass another file".to_owned())));
         assert_eq!(split_hint("the hint: look"), ("the hint: look", None));

@@ -2,11 +2,11 @@
 //!
 //! | item | what it is |
 //! |------|------------|
-//! | [`ImageSize`], [`PixelFormat`] | how an image lies in memory |
-//! | [`Units`], [`ScaleSource`], [`Quality`] | what a depth map's numbers mean |
+//! | [`ImageSize`], [`PixelFormat`] | the layout of an image in memory |
+//! | [`Units`], [`ScaleSource`], [`Quality`] | the meaning of a depth map's numbers |
 //! | [`CameraInfo`], [`DistortionModel`] | intrinsics and lens of a camera, as messages carry them |
 //! | [`CloudPoint`], [`NO_LABEL`] | one point of a cloud, 16 bytes |
-//! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | what a shared-memory message is |
+//! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | the properties of a shared-memory message |
 //! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
 //! | [`Hint`] | what a user can do about an error |
 //!

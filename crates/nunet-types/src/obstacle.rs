@@ -1,4 +1,4 @@
-//! Obstacles around a robot: what a direction holds, and single points.
+//! Obstacles around a robot, by direction and as points.
 
 use crate::cloud_point::NO_LABEL;
 use crate::layout::{FieldType, contract_struct};
@@ -58,7 +58,7 @@ impl FieldType for ObstacleSector {
 }
 
 impl ObstacleSector {
-    /// A direction of which nothing is known.
+    /// A direction without information.
     pub const UNKNOWN: Self = Self {
         range_m: 0.0,
         obstacle_m: f32::NAN,

@@ -1,9 +1,9 @@
-//! How the pixels of an image lie in memory.
+//! The layout of an image's pixels in memory.
 
 use crate::vocabulary::vocabulary;
 
 vocabulary! {
-    /// How the pixels of an image lie in memory: rows from the top, pixels from the left.
+    /// The layout of an image's pixels in memory: rows from the top, pixels from the left.
     PixelFormat as "pixel_format" {
         /// 3 bytes a pixel: red, green, blue.
         Rgb8 = 0 "rgb8",

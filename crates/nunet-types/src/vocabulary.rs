@@ -115,7 +115,7 @@ mod tests {
     };
 
     #[test]
-    fn every_number_is_its_position_so_that_the_lookup_cannot_miss() {
+    fn every_number_equals_its_position_in_the_table() {
         for numbers in [
             Topic::NUMBERS,
             Encoding::NUMBERS,

@@ -1,4 +1,4 @@
-//! A camera: the newest frame, who waits for the next one, and what is known of its stream.
+//! A camera: the newest frame, the clients that wait for the next one, and the state of its stream.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -54,7 +54,7 @@ impl Camera {
         }
     }
 
-    /// A slot in which the frame that is kept lies already.
+    /// A slot that contains the kept frame.
     pub(crate) fn slot(&self) -> Slot {
         self.newest.clone()
     }

@@ -7,7 +7,7 @@ use nunet_types::{ImageSize, PixelFormat, ScaleSource, Units};
 
 use crate::obstacles::{ObstacleMap, pack_obstacles};
 
-/// A frame to look at. Its buffers are reused, so that a steady stream allocates nothing.
+/// A frame for viewers. Its buffers are reused, so that a steady stream allocates nothing.
 #[derive(Debug, Default)]
 pub struct ViewFrame {
     /// Counts the source's frames from 0.
@@ -134,7 +134,7 @@ impl ViewFrame {
         (!self.obstacles.is_empty()).then_some(self.obstacles.as_slice())
     }
 
-    /// Forgets everything but the memory.
+    /// Clears all content and keeps the memory.
     pub(crate) fn clear(&mut self) {
         (self.image, self.depth, self.rays) = (None, None, None);
         self.labels.clear();
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_whose_bytes_do_not_hold_it_counts_as_none() {
+    fn an_image_with_too_few_bytes_counts_as_none() {
         let mut frame = ViewFrame::default();
         let size = ImageSize::new(4, 2);
         frame.set_image(&[0; 24], size, 12, PixelFormat::Rgb8);
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_encoded_once_and_again_after_it_is_filled_anew() {
+    fn a_frame_is_encoded_once_and_again_after_it_is_refilled() {
         let mut frame = ViewFrame::default();
         assert_eq!(frame.encoded(Encoded::Jpeg(1), || vec![1]), &[1][..]);
         assert_eq!(frame.encoded(Encoded::Jpeg(1), || panic!("it is encoded already")), &[1][..]);

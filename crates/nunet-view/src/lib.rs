@@ -1,6 +1,6 @@
 //! Depth, labels and a 3D cloud live in the browser.
 //!
-//! [`ViewServer`] serves one page and the same results for programs. It belongs to no daemon: whoever has frames opens it,
+//! [`ViewServer`] serves one page and the same results for programs. It is independent of nunetd: a program with frames opens it,
 //! adds a camera, and copies frames in when they are wanted.
 //!
 //! | path | content |
@@ -15,7 +15,7 @@
 //!
 //! Three rules keep viewers from disturbing the producer:
 //!
-//! - **Nothing for nobody.** [`CameraFeed::is_wanted`] is false while no client waits for a frame, and images are encoded
+//! - **No work without a viewer.** [`CameraFeed::is_wanted`] is false while no client waits for a frame, and images are encoded
 //!   only when they are sent. One frame per second is kept for clients that come later.
 //! - **Newest wins.** Each client has one slot. A client that is slow or stalled skips frames and holds one frame at most.
 //! - **One thread.** All clients are served, and all images encoded, on the server's own thread.

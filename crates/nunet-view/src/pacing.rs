@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_of_the_permitted_rate_passes_whole() {
+    fn a_source_of_the_permitted_rate_is_not_thinned() {
         // Rounded intervals may cost the first one.
         let count = sent(Pacer::new(15.0, 1000.0), 15.0, 1000, 10.0);
         assert!((149..=150).contains(&count), "{count} frames in 10 s");

@@ -1,4 +1,4 @@
-//! The server: one thread, one socket, connections that cannot be held open for nothing.
+//! The server: one thread, one socket, and timeouts for idle connections.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -21,11 +21,11 @@ use crate::token::Token;
 
 /// A client that does not send a request within this time is disconnected.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// A client that takes nothing of an answer for so long is disconnected.
+/// A client that reads nothing of a response for this long is disconnected.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(20);
 /// More connections at a time are refused.
 const MAX_CONNECTIONS: usize = 64;
-/// Pause after a connection that could not be accepted: mostly there are too many open files, and it would fail again.
+/// Pause after a connection that could not be accepted: usually too many files are open, and a retry would fail again.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 /// Where the live view is served, and who may see it.
@@ -46,7 +46,7 @@ pub struct ViewOptions {
     pub metrics: Option<MetricsText>,
 }
 
-/// The page and everything beside it, until it is dropped.
+/// The page and its files and streams, until it is dropped.
 pub struct ViewServer {
     cameras: Arc<Cameras>,
     running: Running,
@@ -107,7 +107,7 @@ pub fn check_address(address: SocketAddr, has_token: bool) -> Result<(), ViewErr
     if is_loopback || has_token { Ok(()) } else { Err(ViewError::TokenRequired { address }) }
 }
 
-/// `/metrics` alone, at an address of its own, until it is dropped. No token: the metrics tell rates, not images.
+/// `/metrics` alone, at an address of its own, until it is dropped. It needs no token: metrics contain rates, not images.
 pub struct MetricsServer(Running);
 
 impl MetricsServer {

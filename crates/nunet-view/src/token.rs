@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_url_or_a_cookie_does_not_take_is_refused() {
+    fn tokens_with_characters_that_urls_or_cookies_forbid_are_refused() {
         for text in ["", "a b", "a;b", "a\"b", "a\nb", "ü", "a%20", &"x".repeat(257)] {
             assert_eq!(Token::new(text).unwrap_err().kind(), ViewErrorKind::Token, "{text}");
         }

@@ -43,7 +43,7 @@ fn sent_frame() -> Vec<u8> {
 }
 
 #[test]
-fn damaged_and_greedy_requests_are_errors() {
+fn damaged_and_oversized_requests_are_errors() {
     for (index, request) in REQUESTS.iter().enumerate() {
         keep_for_fuzzing("view_request", &index.to_string(), request.as_bytes());
         feed_damaged("request", request.as_bytes(), body::request);

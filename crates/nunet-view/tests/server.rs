@@ -385,7 +385,7 @@ fn relative_depth_has_no_millimeters() {
 }
 
 #[test]
-fn without_the_token_nothing_is_answered() {
+fn every_request_without_the_token_is_refused() {
     let options = ViewOptions {
         token: Some(Token::new("open-sesame").unwrap()),
         metrics: Some(Arc::new(|| "# EOF\n".to_owned())),
@@ -421,7 +421,7 @@ fn without_the_token_nothing_is_answered() {
 }
 
 #[test]
-fn pages_of_other_sites_are_refused_and_answers_forbid_foreign_content() {
+fn requests_of_other_sites_are_refused_and_responses_forbid_foreign_content() {
     let (server, _feed) = server();
     let address = server.address();
     let head = head_and_body(&get(address, "/", "")).0;

@@ -220,7 +220,7 @@ def test_only_a_clip_carries_the_state_of_a_network(dataset, tmp_path, capsys):
     (also_first, followed), clip = measured("--clip")
     assert first == also_first and second != followed
     assert alone["metrics"] != clip["metrics"]
-    assert measured("--clip")[1] == clip, "each pass over the frames begins anew"
+    assert measured("--clip")[1] == clip, "each pass over the frames resets the state"
     (dataset / "val.txt").write_text("0005\n0004\n")
     assert sorted(measured()[0]) == [first, second]
 

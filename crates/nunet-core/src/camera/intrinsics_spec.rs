@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_without_a_size_are_for_the_image_at_hand() {
+    fn numbers_without_a_size_apply_to_any_image_size() {
         let spec: IntrinsicsSpec = "500, 501, 320, 240".parse().unwrap();
         assert_eq!(spec.at_size(640, 480), Intrinsics::new(500.0, 501.0, 320.0, 240.0, 640, 480));
     }

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn two_roots_a_hair_apart_are_not_stepped_over() {
+    fn two_close_roots_are_both_found() {
         // (u - 2) (u - 2.000001)
         let first = first_sign_change(&[4.000_002, -4.000_001, 1.0], 1e6);
         assert!((first - 2.0).abs() < 1e-8, "{first}");
@@ -153,7 +153,7 @@ mod tests {
         }
 
         #[test]
-        fn what_rises_is_inverted(x in 0.0..1.5f64) {
+        fn a_rising_function_is_inverted(x in 0.0..1.5f64) {
             let back = inverse_of_rising(|x| x.sin_cos(), x.sin(), std::f64::consts::FRAC_PI_2).unwrap();
             prop_assert!((back - x).abs() < 1e-10);
         }

@@ -201,7 +201,7 @@ proptest! {
     }
 
     #[test]
-    fn a_resized_image_sees_the_same(lens in lens(), far in 0.0..0.8f64, width in 16u32..2000, height in 16u32..2000) {
+    fn a_resized_image_has_the_same_rays(lens in lens(), far in 0.0..0.8f64, width in 16u32..2000, height in 16u32..2000) {
         let intrinsics = Intrinsics::new(500.0, 510.0, 322.0, 236.0, 640, 480).unwrap();
         let camera = Camera { intrinsics, distortion: lens };
         let resized = camera.scaled_to(width, height).unwrap();
@@ -213,7 +213,7 @@ proptest! {
     }
 
     #[test]
-    fn no_numbers_panic_or_hang(numbers in proptest::collection::vec(-1e6..1e6f64, 14), x in -1e3..1e3f64, y in -1e3..1e3f64) {
+    fn arbitrary_numbers_neither_panic_nor_hang(numbers in proptest::collection::vec(-1e6..1e6f64, 14), x in -1e3..1e3f64, y in -1e3..1e3f64) {
         for count in [4, 5, 8, 12] {
             let lens = BrownConrady::new(&numbers[..count]).unwrap();
             let _ = (lens.undistort(Point2::new(x, y)), lens.distort(Point2::new(x, y)));

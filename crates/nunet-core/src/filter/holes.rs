@@ -1,4 +1,4 @@
-//! Depth from around where there is none.
+//! Fills holes with depth from around them.
 
 use std::fmt;
 
@@ -12,10 +12,10 @@ use super::{DepthFilter, FilterError, check_size};
 enum Mode {
     /// The left one.
     Left,
-    /// The farthest: what is seen past an edge is more often the background.
+    /// The farthest: holes beside an edge are more often background.
     #[default]
     Farthest,
-    /// The nearest: for whoever would rather stop too early.
+    /// The nearest: for robots that should stop too early rather than too late.
     Nearest,
 }
 

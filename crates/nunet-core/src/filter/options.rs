@@ -22,7 +22,7 @@ pub enum FilterSpec {
     Spatial(SpatialOptions),
     /// Smoothing over time.
     Temporal(TemporalOptions),
-    /// Depth from around where there is none.
+    /// Holes filled with depth from around them.
     Holes(HolesOptions),
 }
 

@@ -55,7 +55,7 @@ impl fmt::Display for SpatialOptions {
 /// Processing" (2011), as librealsense simplifies it.
 ///
 /// The paper's recursion is `J[n] = (1 - a^d) I[n] + a^d J[n - 1]`, forth and back along each line, where `d` grows with
-/// the difference of neighbors. Here the distance knows two values: `a^d` is `1 - alpha` where two neighbors differ by
+/// the difference of neighbors. Here the distance has two values: `a^d` is `1 - alpha` where two neighbors differ by
 /// less than `delta`, and 0 where they differ by more. Nothing crosses such an edge, and nothing crosses a pixel without
 /// depth, which stays without. Each of `magnitude` rounds goes right, left, down and up, with the same `a` (the paper
 /// shortens its reach from round to round).

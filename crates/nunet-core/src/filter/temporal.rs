@@ -67,9 +67,9 @@ impl fmt::Display for TemporalOptions {
 }
 
 /// An exponential mean of each pixel: `alpha` of the new depth and the rest of the old, where both differ by less than
-/// `delta`; else the pixel begins anew.
+/// `delta`; otherwise the new depth replaces the mean.
 ///
-/// A pixel without depth keeps its last one as long as `persistence` allows. It shows what was there: on a robot that
+/// A pixel without depth keeps its last one as long as `persistence` allows. This depth is stale: on a robot that
 /// moves, surfaces trail behind.
 #[derive(Debug)]
 pub struct Temporal {

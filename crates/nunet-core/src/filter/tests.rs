@@ -253,7 +253,7 @@ mod spatial {
     }
 
     #[test]
-    fn holes_stay_holes_and_stop_what_comes_from_the_other_side() {
+    fn holes_stay_holes_and_separate_their_two_sides() {
         let got = filtered("spatial=delta:1", (5, 1), &[1.0, 1.0, NAN, 1.5, 1.5]);
         assert_same(&got, &[1.0, 1.0, NAN, 1.5, 1.5]);
     }
@@ -298,7 +298,7 @@ mod temporal {
     }
 
     #[test]
-    fn a_standing_scene_is_converged_to() {
+    fn a_static_scene_converges() {
         let noisy: Vec<f32> = (0..200).map(|i| 2.0 + if i % 2 == 0 { 0.01 } else { -0.01 }).collect();
         assert!((after("temporal=alpha:0.1,delta:0.05", &noisy) - 2.0).abs() < 0.001);
         let moved = [&[1.0][..], &[1.05; 60]].concat();
@@ -348,7 +348,7 @@ mod temporal {
     }
 
     #[test]
-    fn nothing_is_remembered_after_a_reset() {
+    fn a_reset_discards_the_history() {
         let mut chain = chain(&["temporal=persistence:8,delta:1"], (1, 1));
         through(&mut chain, &[1.0]);
         chain.reset();
@@ -387,7 +387,7 @@ mod holes {
     }
 
     #[test]
-    fn nothing_measured_is_nothing_filled() {
+    fn a_map_without_depth_is_not_filled() {
         assert!(filtered("holes=nearest", (3, 3), &[NAN; 9]).iter().all(|z| z.is_nan()));
     }
 }
@@ -408,7 +408,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_measured_stays_measured_and_within_what_was_there(
+    fn measured_pixels_stay_measured_and_within_the_range_of_the_input(
         cells in prop::collection::vec(prop::option::of(0.5..2f32), 40),
     ) {
         let map: Vec<f32> = cells.iter().map(|cell| cell.unwrap_or(NAN)).collect();
@@ -427,7 +427,7 @@ proptest! {
     }
 
     #[test]
-    fn without_filling_spatial_keeps_exactly_the_holes_there_are(
+    fn spatial_without_fill_keeps_the_holes_as_they_are(
         cells in prop::collection::vec(prop::option::of(0.5..0.6f32), 42),
     ) {
         let map: Vec<f32> = cells.iter().map(|cell| cell.unwrap_or(NAN)).collect();

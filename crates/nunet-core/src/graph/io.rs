@@ -73,7 +73,7 @@ pub struct GraphOutputs<'a> {
     pub labels: Option<&'a mut [u8]>,
 }
 
-/// What happened in one run.
+/// The report of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GraphReport {
     /// The time of each stage, in the order of [`crate::graph::SerialGraph::stages`]; 0 for a skipped one.

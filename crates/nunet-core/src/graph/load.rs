@@ -15,7 +15,7 @@ use crate::model::{ExtraInput, ModelDescription, ModelError, SelfTest, Sidecar, 
 use crate::plain_file;
 use crate::preprocess::TensorFormat;
 
-/// The most bytes of a model file: what a protobuf can be.
+/// The most bytes of a model file: the limit of protobuf.
 const MAX_MODEL_BYTES: u64 = (1 << 31) - 1;
 
 /// Everything of a graph except the memory to run it in.

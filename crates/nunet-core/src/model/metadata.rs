@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_minimal_description_is_untrained_and_knows_its_range() {
+    fn a_minimal_description_is_untrained_and_has_a_range() {
         let description = ModelDescription::from_metadata(&minimal(), [7; 32]).unwrap();
         assert!(!description.trained);
         assert_eq!(description.range, DepthRange::new(0.3, 10.0).unwrap());

@@ -1,4 +1,4 @@
-//! What each direction holds: the nearest obstacle, and how far the floor is free.
+//! Each direction: the nearest obstacle, and how far the floor is free.
 
 use nunet_types::{NO_LABEL, ObstacleSector, SectorState};
 
@@ -55,7 +55,7 @@ pub(super) fn fill(view: &View, votes: &[Votes], hits: &[Hit], sectors: &mut [Ob
     for hit in hits.iter().filter(|hit| !hit.is_deceptive) {
         let sector = &mut sectors[hit.sector as usize];
         if hit.range_m <= sector.obstacle_m + DEPTH_OF_OBSTACLE_M {
-            // The numbers win over NaN.
+            // `min` and `max` return the number if the other one is NaN.
             sector.min_height_m = sector.min_height_m.min(hit.height_m);
             sector.max_height_m = sector.max_height_m.max(hit.height_m);
         }
@@ -87,13 +87,13 @@ fn free_floor(cells: &[Cell], votes: &[Votes]) -> FreeFloor {
 
 /// The state of a sector, and up to where it is free, meters.
 ///
-/// What is nearest decides. An obstacle counts only if the floor is free up to it: with anything unseen in between, the
+/// The nearest point decides. An obstacle counts only if the floor is free up to it: with anything unseen in between, the
 /// direction is unknown from there on.
 fn conclude(sector: &ObstacleSector, floor: FreeFloor, cell_growth: f32) -> (SectorState, f32) {
     let seen_from_m = if sector.seen_from_m.is_nan() { f32::INFINITY } else { sector.seen_from_m };
     let deceptive_m = sector.range_m;
     let FreeFloor { free_m, end } = floor;
-    // Where nothing was seen because it is below the image, an obstacle is believed without floor.
+    // Below the image no floor is visible, so there an obstacle counts without floor before it.
     let known_m = free_m.max(seen_from_m);
     let obstacle_m = if sector.obstacle_m.is_nan() { f32::INFINITY } else { sector.obstacle_m };
     let gap_m = GAP_M + GAP_CELLS * cell_growth * obstacle_m.min(100.0).powi(2);
@@ -130,7 +130,7 @@ impl Memory {
         self.seen.fill(None);
     }
 
-    /// Remembers what is there, and puts back what left the image a short time ago.
+    /// Stores the obstacles of this frame, and restores those that left the image a short time ago.
     pub(super) fn update(&mut self, sectors: &mut [ObstacleSector], now_nanos: i64) {
         if self.hold_nanos == 0 {
             return;
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nearest_decides() {
+    fn the_nearest_point_decides() {
         const NONE: f32 = f32::INFINITY;
         assert_eq!(state(2.0, NONE, 1.95, End::Covered), (SectorState::Occupied, 2.0));
         assert_eq!(state(1.0, NONE, 2.0, End::Covered), (SectorState::Occupied, 1.0), "hangs over the floor");

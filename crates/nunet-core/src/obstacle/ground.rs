@@ -1,6 +1,6 @@
 //! The ground: a plane near the expected one.
 //!
-//! The mount says where the floor is. What is refined here is what remains: vibration, a soft tire, a ramp. Candidates are
+//! The mount says where the floor is. This module corrects the rest: vibration, a soft tire, a ramp. Candidates are
 //! the samples near the expected floor (labeled floor, if there are labels). A plane is fitted by iteratively reweighted
 //! least squares (Tukey's weights) while the gate shrinks. A weak prior pulls towards the expected plane where the
 //! candidates say little. A result that is too steep, too far off, or has too few inliers is rejected: the expected
@@ -12,7 +12,7 @@ use super::{Mount, ObstacleOptions};
 
 /// Candidates at most.
 pub(super) const MAX_CANDIDATES: usize = 4096;
-/// Fewer candidates tell nothing.
+/// Fewer candidates are not fitted.
 const MIN_CANDIDATES: usize = 40;
 const ROUNDS: i32 = 6;
 /// The first gate: meters, and meters per meter of distance.

@@ -8,7 +8,7 @@
 //! 2. Each sample shows floor, an obstacle (higher than the clearance, lower than the robot), a deceptive surface
 //!    (window, mirror, screen), missing floor, or nothing.
 //! 3. *Obstacle points*: isolated samples and those on a depth edge are removed, the others are reduced to one per cube.
-//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. What ends it decides.
+//! 4. *Sectors*: in each direction the floor must be seen cell by cell, from near to far. Its end decides the state.
 //!
 //! Images wider than 320 pixels are sampled at each second, third, ... column and row.
 //!
@@ -63,18 +63,18 @@ pub use options::ObstacleOptions;
 use directions::{Hit, Memory};
 use ground::{GroundFit, MAX_CANDIDATES};
 use role::{Role, Roles};
-use scan::{Kind, Scan};
+use scan::{SampleKind, Scan};
 use view::{NONE, View};
 use voxels::Voxels;
 
 use crate::camera::{Camera, RayTable};
 
-/// A depth map with what belongs to it, `[H, W]` at the size of the detector's camera.
+/// A depth map with its labels and confidence, `[H, W]` at the size of the detector's camera.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthImage<'a> {
     /// Meters along the optical axis; NaN where nothing was measured.
     pub depth_m: &'a [f32],
-    /// Class indices. Without labels, floor is known by its place alone, and glass is not known at all.
+    /// Class indices. Without labels, floor is recognized by its position alone, and glass is not recognized.
     pub labels: Option<&'a [u8]>,
     /// Confidence of depth, 255 = certain.
     pub confidence: Option<&'a [u8]>,
@@ -238,13 +238,13 @@ impl ObstacleDetector {
         hits.clear();
         voxels.clear();
         for (index, &kind) in scan.kinds.iter().enumerate() {
-            if !matches!(kind, Kind::Obstacle | Kind::Deceptive) || !scan.is_supported(index) {
+            if !matches!(kind, SampleKind::Obstacle | SampleKind::Deceptive) || !scan.is_supported(index) {
                 continue;
             }
             let [x, y, z] = scan.point(view, index);
             let height = scan.heights_m[index];
             let label = image.label(view, index).unwrap_or(Hit::NO_LABEL);
-            let is_deceptive = kind == Kind::Deceptive;
+            let is_deceptive = kind == SampleKind::Deceptive;
             if !is_deceptive {
                 let confidence = image.confidence(view, index);
                 voxels.add(&ObstaclePoint { x, y, z, height, label, confidence, reserved: [0; 2] });

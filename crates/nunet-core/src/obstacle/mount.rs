@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn mounts_that_cannot_be_are_refused() {
+    fn invalid_mounts_are_refused() {
         assert!(matches!(kind([0.0, 0.0, 0.0], [0.0; 3]), ObstacleError::CameraBelowFloor { .. }));
         assert!(matches!(kind([0.0, 0.0, -1.0], [0.0; 3]), ObstacleError::CameraBelowFloor { .. }));
         assert!(matches!(kind([0.0, 0.0, 1.0], [0.0, -FRAC_PI_2, 0.0]), ObstacleError::LooksUp { .. }));

@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_without_floor_says_so() {
+    fn a_list_without_a_floor_class_is_reported() {
         assert!(!Roles::new(&["wall", "chair"]).has_floor);
         assert!(!Roles::new::<&str>(&[]).has_floor);
     }

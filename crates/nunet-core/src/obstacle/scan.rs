@@ -16,9 +16,9 @@ const SLOPE_ERROR: f32 = 0.0044;
 const DROP_M: f32 = 0.08;
 const DROP_SHARE: f32 = 0.08;
 
-/// What a sample shows.
+/// The class of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SampleKind {
     /// No valid depth, or nothing that counts for the robot.
     Nothing,
     /// Ground that can be driven on.
@@ -31,7 +31,7 @@ pub(super) enum Kind {
     Drop,
 }
 
-/// What a cell of the floor shows.
+/// The samples of a cell of the floor.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Votes {
     pub(super) floor: u32,
@@ -46,7 +46,7 @@ pub(super) struct Scan {
     /// Depth of each sample, meters.
     pub(super) depth_m: Vec<f32>,
     pub(super) heights_m: Vec<f32>,
-    pub(super) kinds: Vec<Kind>,
+    pub(super) kinds: Vec<SampleKind>,
     pub(super) votes: Vec<Votes>,
     camera: [f32; 3],
     columns: usize,
@@ -69,7 +69,7 @@ impl Scan {
         Self {
             depth_m: vec![f32::NAN; samples],
             heights_m: vec![f32::NAN; samples],
-            kinds: vec![Kind::Nothing; samples],
+            kinds: vec![SampleKind::Nothing; samples],
             votes: vec![Votes::default(); view.cells.len()],
             camera: camera.map(|value| value as f32),
             columns: view.columns,
@@ -122,9 +122,9 @@ impl Scan {
             let cell = view.samples[index].cell;
             if cell != NONE {
                 let votes = &mut self.votes[cell as usize];
-                votes.floor += u32::from(kind == Kind::Floor);
-                votes.drop += u32::from(kind == Kind::Drop);
-                if kind == Kind::Floor {
+                votes.floor += u32::from(kind == SampleKind::Floor);
+                votes.drop += u32::from(kind == SampleKind::Drop);
+                if kind == SampleKind::Floor {
                     votes.far_squared = votes.far_squared.max(range_squared);
                 }
             }
@@ -162,17 +162,17 @@ impl Scan {
 impl Bounds {
     /// All comparisons with NaN are false, so that a sample without depth shows nothing.
     #[inline]
-    fn kind(&self, height_m: f32, depth_m: f32, range_squared: f32, role: Role) -> Kind {
+    fn kind(&self, height_m: f32, depth_m: f32, range_squared: f32, role: Role) -> SampleKind {
         let clearance_m = self.clearance_m + self.slope_error * depth_m;
         let in_reach = range_squared <= self.max_squared;
         let in_way = in_reach && height_m > clearance_m && height_m < self.robot_height_m;
         match role {
-            Role::Deceptive if in_reach && height_m < self.robot_height_m => Kind::Deceptive,
-            Role::Deceptive => Kind::Nothing,
-            _ if height_m.abs() <= clearance_m && in_reach => Kind::Floor,
-            Role::Other if in_way => Kind::Obstacle,
-            _ if height_m < -(self.drop_m + self.slope_error * depth_m) => Kind::Drop,
-            _ => Kind::Nothing,
+            Role::Deceptive if in_reach && height_m < self.robot_height_m => SampleKind::Deceptive,
+            Role::Deceptive => SampleKind::Nothing,
+            _ if height_m.abs() <= clearance_m && in_reach => SampleKind::Floor,
+            Role::Other if in_way => SampleKind::Obstacle,
+            _ if height_m < -(self.drop_m + self.slope_error * depth_m) => SampleKind::Drop,
+            _ => SampleKind::Nothing,
         }
     }
 }

@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn more_cubes_than_there_is_room_for_become_larger() {
+    fn cubes_grow_until_all_fit() {
         let mut voxels = Voxels::new();
         for index in 0..60_000_u32 {
             let [x, y, z] = [index % 100, index / 100 % 100, index / 10_000].map(|i| i as f32 * 0.06 - 3.0);

@@ -57,7 +57,7 @@ fn any_format() -> impl Strategy<Value = PixelFormat> {
 }
 
 #[test]
-fn a_frame_that_fits_is_handed_back_as_it_lies() {
+fn a_frame_that_fits_is_returned_without_a_copy() {
     let bytes = noise(6 * 4 * 3 + 5);
     let frame = ImageView::packed(&bytes, 6, 4, PixelFormat::Rgb8).unwrap();
     let mut preprocessor = Preprocessor::new(6, 4);

@@ -128,7 +128,7 @@ fn inner_outputs_are_results_too() {
 }
 
 #[test]
-fn labels_that_nobody_asked_for_stay_inside() {
+fn labels_that_were_not_requested_are_not_written() {
     let folder = Folder::new().model("wnet.onnx", &models::wnet(SIZE, true));
     let mut graph = folder.load("wnet.onnx").unwrap();
     let rgb = image(SIZE);

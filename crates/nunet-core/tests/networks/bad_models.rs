@@ -59,7 +59,7 @@ fn a_file_that_changed_after_it_was_hashed_is_not_loaded() {
 }
 
 #[test]
-fn a_sidecar_is_hashed_too_and_one_that_is_none_harms_nobody() {
+fn a_sidecar_is_hashed_too_and_another_file_beside_the_model_is_ignored() {
     let folder = Folder::new().model("m.onnx", &models::unet(SIZE));
     let path = folder.path("m.onnx");
     let alone = model_hashes(&path).unwrap();
@@ -73,7 +73,7 @@ fn a_sidecar_is_hashed_too_and_one_that_is_none_harms_nobody() {
 }
 
 #[test]
-fn an_empty_file_is_called_empty() {
+fn an_empty_file_is_reported_as_empty() {
     assert!(refusal(Folder::new().text("m.onnx", "").load("m.onnx")).ends_with("m.onnx` is empty"));
 }
 
@@ -208,7 +208,7 @@ fn staged_graphs_with_broken_files_are_refused() {
 }
 
 #[test]
-fn a_manifest_beyond_all_reason_is_not_read() {
+fn a_huge_manifest_is_not_read() {
     let folder = Folder::new().text("graph.toml", &"#".repeat(100_000));
     assert!(refusal(folder.load("graph.toml")).contains("has 100000 bytes"));
 }

@@ -11,7 +11,7 @@ fn wnet() -> SerialGraph {
 }
 
 #[test]
-fn many_buffers_in_turn_each_get_their_own_answer() {
+fn each_of_many_buffers_gets_its_own_result() {
     let mut graph = wnet();
     let pixel_count = image(SIZE).len() / 3;
     // More than are remembered, so that remembered ones are forgotten and met again.
@@ -36,7 +36,7 @@ fn many_buffers_in_turn_each_get_their_own_answer() {
 }
 
 #[test]
-fn an_address_that_was_freed_and_given_out_again_is_sound() {
+fn an_address_that_was_freed_and_allocated_again_is_safe() {
     let mut graph = wnet();
     for i in 0..200_u8 {
         // Fresh allocations each time: the allocator hands the same addresses out again and again.
@@ -50,7 +50,7 @@ fn an_address_that_was_freed_and_given_out_again_is_sound() {
 }
 
 #[test]
-fn memory_may_lie_at_any_address() {
+fn memory_may_have_any_address() {
     let mut graph = wnet();
     let rgb = image(SIZE);
     let pixel_count = rgb.len() / 3;
@@ -100,7 +100,7 @@ fn buffers_of_another_length_or_type_are_refused() {
 }
 
 #[test]
-fn labels_cannot_be_asked_of_a_graph_without() {
+fn labels_cannot_be_requested_from_a_graph_without_labels() {
     let mut graph = Folder::new().model("unet.onnx", &models::unet(SIZE)).load("unet.onnx").unwrap();
     let (mut depth, mut labels) = ([0.0; 18], [0; 18]);
     let outputs = GraphOutputs { depth: &mut depth, labels: Some(&mut labels) };
@@ -108,7 +108,7 @@ fn labels_cannot_be_asked_of_a_graph_without() {
     assert_eq!(error.to_string(), "the graph has no labels");
 }
 
-/// Depth that comes out of an operator which only renames memory: the caller's must be written all the same.
+/// Depth of an operator that only renames memory must be written into the caller's memory too.
 #[test]
 fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
     let model = ModelBuilder::new()
@@ -130,7 +130,7 @@ fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
 
 /// What the file promises and what it computes may differ: that is an error of the run, not a write past the end.
 #[test]
-fn a_model_that_lies_about_its_output_is_refused_before_or_in_the_run() {
+fn a_model_whose_output_differs_from_its_signature_is_refused() {
     let model = ModelBuilder::new()
         .input("rgb", ElementType::U8, &[1, 3, 6, 3])
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])

@@ -166,7 +166,7 @@ fn invalid_pixels_are_those_that_are_left_after_the_filters() {
 }
 
 #[test]
-fn what_temporal_remembers_is_forgotten_with_everything_else() {
+fn a_reset_discards_the_history_of_the_temporal_filter() {
     let mut pipeline = pipeline(&models::unet(LARGE), &["temporal=alpha:0,delta:1"]);
     assert!(!pipeline.is_stateless());
     let (dark, light) = (vec![0; 210], vec![2; 210]);
@@ -197,7 +197,7 @@ fn the_self_test_is_of_the_networks_own_size() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn options_that_do_not_fit_are_refused() {
     let graph = Folder::new().model("m.onnx", &models::unet(LARGE)).load("m.onnx").unwrap();
     let options = PipelineOptions { filters: filters(&["decimation=8"]), ..PipelineOptions::default() };
     let Err(error) = Pipeline::new(graph, options) else { panic!("7 rows hold no block of 8") };

@@ -77,7 +77,7 @@ fn scale_mean_and_std_are_applied_in_that_order() {
 }
 
 #[test]
-fn bytes_in_rows_are_bound_as_they_lie() {
+fn interleaved_bytes_are_bound_without_a_copy() {
     let model = models::undescribed_unet(SIZE);
     let text = "[input]\ntensor = \"rgb\"\nlayout = \"nhwc\"\ndtype = \"uint8\"\nsize = [3, 6]\n\
                 [output]\ndepth = \"depth\"\nencoding = \"metric\"\n";
@@ -122,7 +122,7 @@ fn sidecars_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn a_file_that_describes_itself_needs_no_sidecar_and_ignores_what_lies_beside_it() {
+fn a_file_with_metadata_ignores_the_sidecar_beside_it() {
     // `wnet_c.toml`, the staged graph, may well lie beside `wnet_c.onnx`, the fused one.
     let folder = Folder::new().model("m.onnx", &models::unet(SIZE)).text("m.toml", "version = 1\n");
     assert_eq!(folder.load("m.onnx").unwrap().description().architecture, "unet");

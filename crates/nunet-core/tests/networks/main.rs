@@ -29,7 +29,7 @@ fn runtime() -> Runtime {
     Runtime::load(&nunet_testkit::runtime_library()).unwrap()
 }
 
-/// One thread: the tests run beside each other.
+/// One thread per session, because the tests run in parallel.
 fn options() -> GraphOptions {
     GraphOptions { threads: std::num::NonZeroUsize::new(1), ..GraphOptions::default() }
 }

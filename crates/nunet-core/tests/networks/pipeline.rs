@@ -35,7 +35,7 @@ fn depth_of(pipeline: &mut Pipeline, rgb: &[u8]) -> (Vec<f32>, FrameReport) {
 }
 
 #[test]
-fn every_encoding_is_undone_and_what_is_no_measurement_counted() {
+fn every_encoding_is_decoded_and_invalid_pixels_are_counted() {
     let rgb = image(SIZE);
     let numbers: Vec<f32> = pixels(&rgb).map(models::plain_depth).collect();
     for (encoding, units, decode) in [
@@ -88,7 +88,7 @@ fn meters_follow_the_focal_length_at_the_networks_size() {
 }
 
 #[test]
-fn the_cloud_carries_colors_and_labels_whoever_asked_for_them() {
+fn the_cloud_has_colors_and_labels_whether_or_not_labels_are_requested() {
     let rgb = image(SIZE);
     let focal_off = PipelineOptions { focal: Focal::Off, ..with_camera(4.0) };
     let mut pipeline = pipeline(&models::wnet(SIZE, true), focal_off);
@@ -192,14 +192,14 @@ fn with_answer(off: f32) -> ModelBuilder {
 }
 
 #[test]
-fn a_model_that_answers_as_it_did_at_export_passes_its_self_test() {
+fn a_model_whose_outputs_equal_those_at_export_passes_its_self_test() {
     let mut pipeline = pipeline(&with_answer(0.0), PipelineOptions::default());
     let report = pipeline.selftest(&ticking()).unwrap();
     assert_eq!((report.checked, report.worst_depth, report.label_cells), (true, 0.0, 0));
 }
 
 #[test]
-fn a_model_that_answers_otherwise_is_refused_naming_the_cell() {
+fn a_model_whose_outputs_differ_is_refused_naming_the_cell() {
     let mut pipeline = pipeline(&with_answer(0.25), PipelineOptions::default());
     let message = chain(&pipeline.selftest(&ticking()).unwrap_err());
     assert!(message.contains("depth of cell (row 2, column 3) is "), "{message}");
@@ -207,14 +207,14 @@ fn a_model_that_answers_otherwise_is_refused_naming_the_cell() {
 }
 
 #[test]
-fn the_self_test_does_not_know_of_focal_lengths() {
+fn the_self_test_is_independent_of_the_focal_length() {
     let camera = Camera::pinhole(Intrinsics::new(500.0, 500.0, 32.0, 24.0, 64, 48).unwrap());
     let options = PipelineOptions { camera: Some(camera), ..PipelineOptions::default() };
     assert!(pipeline(&with_answer(0.0), options).selftest(&ticking()).is_ok());
 }
 
 #[test]
-fn a_model_without_an_answer_is_warmed_up_and_reported_unchecked() {
+fn a_model_without_a_self_test_is_warmed_up_and_reported_unchecked() {
     let mut pipeline = pipeline(&models::unet(SELFTEST_SIZE), PipelineOptions::default());
     assert!(!pipeline.selftest(&ticking()).unwrap().checked);
 }

@@ -59,7 +59,7 @@ fn fail(graph: &mut SerialGraph, rgb: &[u8]) -> String {
 }
 
 #[test]
-fn a_memory_goes_from_frame_to_frame_and_nothing_is_copied() {
+fn state_is_passed_from_frame_to_frame_without_a_copy() {
     let mut graph = load(&models::remembering(SIZE));
     let mut trail = Trail::new();
     for number in 0..7 {
@@ -73,7 +73,7 @@ fn a_memory_goes_from_frame_to_frame_and_nothing_is_copied() {
 }
 
 #[test]
-fn a_reset_forgets_after_an_even_and_an_odd_number_of_frames() {
+fn a_reset_clears_state_after_an_even_and_an_odd_number_of_frames() {
     let mut graph = load(&models::remembering(SIZE));
     for frames in 0..4 {
         let mut trail = Trail::new();
@@ -86,7 +86,7 @@ fn a_reset_forgets_after_an_even_and_an_odd_number_of_frames() {
 }
 
 #[test]
-fn a_run_that_fails_leaves_the_memory_of_the_last_good_one() {
+fn a_failed_run_keeps_the_state_of_the_last_good_one() {
     // The failing node reads what the network remembers next, so that has been written by then.
     let mut graph = load(&models::fragile(models::remembering(SIZE), "trail_out"));
     let mut trail = Trail::new();
@@ -121,7 +121,7 @@ fn staged(manifest: &str) -> SerialGraph {
 }
 
 #[test]
-fn a_stage_may_have_a_memory_and_later_stages_see_what_it_has_just_written() {
+fn a_stage_may_have_state_and_later_stages_read_its_new_value() {
     let mut graph = staged(TRAIL_AND_DEPTH);
     let mut trail = Trail::new();
     for number in [32, 64, 48] {
@@ -135,7 +135,7 @@ fn a_stage_may_have_a_memory_and_later_stages_see_what_it_has_just_written() {
 }
 
 #[test]
-fn a_stage_that_is_skipped_remembers_its_own_last_run() {
+fn a_skipped_stage_keeps_the_state_of_its_last_run() {
     let manifest = TRAIL_AND_DEPTH.replacen(
         "inputs = { rgb = \"image\" }",
         "inputs = { rgb = \"image\" }\nevery = 2",
@@ -179,7 +179,7 @@ fn a_self_test_and_a_reset_of_the_pipeline_leave_zeros() {
 }
 
 #[test]
-fn a_memory_that_the_file_does_not_keep_to_is_refused_naming_both_sides() {
+fn state_that_contradicts_the_file_is_refused_naming_both_sides() {
     for (from, to, says) in [
         ("[1]", "[2]", "the input `count_in` of float32 [2], but its file has it of float32 [1]"),
         ("trail_in", "rgb", "the input `rgb` of float32 [1, 1, 3, 6], but its file has it of uint8"),
@@ -194,7 +194,7 @@ fn a_memory_that_the_file_does_not_keep_to_is_refused_naming_both_sides() {
 }
 
 #[test]
-fn a_stages_memory_is_described_in_its_own_file() {
+fn the_state_of_a_stage_is_described_in_its_own_file() {
     let wrong = models::trail_stage(SIZE).metadata("nunet.state", "trail");
     let folder = Folder::new().model("trail.onnx", &wrong);
     let folder = folder.model("depth.onnx", &models::refine_stage(SIZE, false));
@@ -204,7 +204,7 @@ fn a_stages_memory_is_described_in_its_own_file() {
 
 /// What a memory's file promises and what it computes may differ: an error of the run, and the memory stays whole.
 #[test]
-fn a_memory_that_turns_out_otherwise_than_promised_is_an_error_of_the_run() {
+fn state_of_another_shape_than_declared_is_an_error_of_the_run() {
     let shape: &[i64] = &[1, 1, 3, 6];
     let model = ModelBuilder::new()
         .input("rgb", ElementType::U8, &[1, 3, 6, 3])

@@ -25,7 +25,7 @@ fn load_error(library: &Path) -> RuntimeError {
 }
 
 #[test]
-fn the_library_says_its_version_and_where_it_lies() {
+fn the_library_has_a_version_and_a_path() {
     let runtime = runtime();
     assert!(runtime.version().starts_with("1."), "{}", runtime.version());
     assert!(runtime.library().is_absolute());
@@ -64,7 +64,7 @@ fn another_shared_library_is_an_error() {
 }
 
 #[test]
-fn a_library_that_answers_nothing_is_an_error() {
+fn a_library_without_an_interface_is_an_error() {
     let folder = Folder::new();
     let source = "void *OrtGetApiBase(void) { return 0; }";
     let error = load_error(&shared_library(&folder, "null", source));
@@ -107,7 +107,7 @@ fn providers_that_the_library_does_not_have_are_errors() {
 }
 
 #[test]
-fn auto_finds_the_processor_where_there_is_nothing_else() {
+fn auto_chooses_the_cpu_if_there_is_nothing_else() {
     let folder = Folder::new().model("unet.onnx", &models::unet(SIZE));
     assert_eq!(folder.load("unet.onnx").unwrap().provider(), Provider::Cpu);
 }

@@ -44,7 +44,7 @@ fn every_tiny_model_passes_its_own_self_test() {
 
 /// Against ONNX Runtime's own Python package a whole sequence is compared in `tests/python`.
 #[test]
-fn the_recurrent_model_sees_the_second_frame_otherwise_than_the_first_until_it_is_reset() {
+fn the_recurrent_model_answers_differently_in_the_second_frame_until_a_reset() {
     let mut graph = load(&tiny().join("tiny_wnet_c_lstm.onnx")).unwrap();
     let rgb = selftest::image(graph.size().width, graph.size().height);
     let [first, second, third] = [(); 3].map(|()| run(&mut graph, &rgb).depth);
@@ -56,7 +56,7 @@ fn the_recurrent_model_sees_the_second_frame_otherwise_than_the_first_until_it_i
 }
 
 #[test]
-fn labels_may_be_left_out_of_a_staged_graph() {
+fn labels_are_optional_in_a_staged_graph() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["tiny_wnet_c.segmentation.onnx", "tiny_wnet_c.depth.onnx"] {
         std::fs::copy(tiny().join(name), folder.path().join(name)).unwrap();

@@ -139,7 +139,7 @@ impl Reader<'_> {
         flag.ok_or_else(|| unknown(key, self.flags().filter_map(Arg::get_long)))
     }
 
-    /// The flag of a key in a section, where `--camera` is `name`. What belongs to all cameras stands above.
+    /// The flag of a key in a section, where `--camera` is `name`. Settings of all cameras are above the sections.
     fn camera_flag<'s>(&'s self, key: &str) -> Result<&'s Arg, BadArguments> {
         if key == "camera" {
             let hint = format!("in a section it is `{CAMERA_NAME_KEY}`");
@@ -186,7 +186,7 @@ fn syntax_error(error: &toml::de::Error) -> Mistake {
     BadArguments::new(format!("it is not valid TOML: {}", text.trim_end())).into()
 }
 
-/// The `[[camera]]` sections; `None` if the file speaks of one camera.
+/// The `[[camera]]` sections; `None` for a file of one camera.
 fn sections_of<'a>(document: &'a DeTable<'a>) -> Result<Option<Vec<&'a DeTable<'a>>>, BadArguments> {
     let refused = |message: String| BadArguments::new(message).with_hint(SECTIONS_HINT);
     let sections = match document.get("camera").map(Spanned::get_ref) {

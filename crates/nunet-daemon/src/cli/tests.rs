@@ -14,12 +14,12 @@ fn parse_flags(line: &str) -> Cli {
 }
 
 #[test]
-fn the_command_line_is_sound() {
+fn the_command_line_definition_is_consistent() {
     Cli::command().debug_assert();
 }
 
 #[test]
-fn without_a_subcommand_it_is_run_wherever_the_logging_flags_stand() {
+fn the_default_subcommand_is_run_before_and_after_logging_flags() {
     for line in
         ["nunetd", "nunetd -q", "nunetd --model a.onnx -v", "nunetd -vv --log-format json --model a.onnx"]
     {
@@ -28,7 +28,7 @@ fn without_a_subcommand_it_is_run_wherever_the_logging_flags_stand() {
 }
 
 #[test]
-fn logging_flags_may_stand_before_and_behind_a_subcommand() {
+fn logging_flags_are_allowed_before_and_after_a_subcommand() {
     for line in
         ["nunetd -q inspect m.onnx", "nunetd inspect m.onnx -q", "nunetd --log-format=json -q inspect m"]
     {
@@ -38,7 +38,7 @@ fn logging_flags_may_stand_before_and_behind_a_subcommand() {
 }
 
 #[test]
-fn an_unknown_subcommand_is_answered_with_the_known_ones() {
+fn an_unknown_subcommand_lists_the_known_ones() {
     let error = Cli::parse_line(["nunetd", "inferr", "x.jpg"].map(OsString::from)).unwrap_err().to_string();
     assert!(
         error.contains("`inferr` is not a subcommand of nunetd\nhint: one of run, infer, feed,"),
@@ -100,7 +100,7 @@ fn effective(config: &str, rest: &str) -> String {
 }
 
 #[test]
-fn a_file_says_what_flags_say() {
+fn a_file_is_equivalent_to_flags() {
     let config = "model = 'a.onnx'\nsource = 'demo'\nrate = 15.5\nloop = true\nframe_id = 'eye'\n\
                   publish = ['depth', 'cloud']\nevery = ['segmentation=3']\nreaders = 2\n\
                   filter = ['holes', 'spatial=alpha:0.4,delta:0.1']\nthreads = 0x2\nmetrics = '[::1]:9477'";
@@ -146,7 +146,7 @@ fn the_file_takes_the_flags_of_all_subcommands() {
 }
 
 #[test]
-fn file_and_command_line_may_need_each_other() {
+fn a_flag_may_require_a_key_of_the_file_and_a_key_a_flag() {
     let split = run(
         "source = 'demo'\nforce = true\naccess-mode = '0640'",
         "run --record a.mcap --access-group video",
@@ -161,7 +161,7 @@ fn file_and_command_line_may_need_each_other() {
 }
 
 #[test]
-fn what_stands_above_the_sections_is_for_the_cameras_that_can_use_it() {
+fn shared_keys_apply_to_the_cameras_that_can_use_them() {
     let sections =
         "[[camera]]\nname = 'a'\nsource = 'demo'\nrecord = 'a.mcap'\n[[camera]]\nname = 'b'\nsource = 'demo'";
     let config = run(&format!("force = true\n{sections}"), "run");
@@ -215,7 +215,7 @@ fn an_unknown_key_is_an_error_with_the_nearest_name() {
 }
 
 #[test]
-fn a_file_that_is_endless_or_one_line_is_refused_in_few_words() {
+fn a_file_that_is_endless_or_one_long_line_is_refused_with_a_short_message() {
     let large = parse(&"#".repeat(100_000), "run").unwrap_err();
     assert!(large.contains("it has more than 65536 bytes"), "{large}");
     for config in ["#".repeat(100_000), format!("a = {}", "[".repeat(60_000))] {
@@ -251,7 +251,7 @@ fn a_missing_file_is_an_error() {
 }
 
 #[test]
-fn the_effective_configuration_is_a_configuration_again() {
+fn the_printed_configuration_can_be_read_again() {
     let first = effective("source = 'demo'\nrate = 5\nloop = true", "--frames 3");
     assert!(first.contains("rate = \"5\"\nloop = true\n"), "{first}");
     assert!(first.contains("model = \"wnet_c.onnx\"  # default"), "{first}");
@@ -296,7 +296,7 @@ const TWO: &str = "model = 'a.onnx'\nframes = 7\nintrinsics = '500,500,320,240'\
                    [[camera]]\nname = 'rear'\nsource = 'shm:rear'\ncalibration = 'rear.yaml'";
 
 #[test]
-fn each_section_is_a_camera_and_what_stands_above_is_said_to_all() {
+fn each_section_is_a_camera_and_shared_keys_apply_to_all() {
     let config = run(TWO, "run");
     assert_eq!(config.model.path, PathBuf::from("a.onnx"));
     let names: Vec<_> = config.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -350,7 +350,7 @@ fn a_wrong_key_of_a_section_is_an_error_with_the_camera_and_a_hint() {
 }
 
 #[test]
-fn several_cameras_are_shown_as_sections_that_are_a_configuration_again() {
+fn several_cameras_are_printed_as_sections_that_can_be_read_again() {
     let text = effective(TWO, "--frames 4");
     assert_eq!(text.matches("[[camera]]\nsource = ").count(), 2, "{text}");
     assert_eq!(text.matches("frames = \"4\"\n").count(), 2, "{text}");

@@ -157,7 +157,7 @@ impl FromText for Distance {
     }
 }
 
-/// A number of things, of which 0 is checked elsewhere.
+/// A count; 0 is checked later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Count(pub usize);
 

@@ -1,5 +1,5 @@
 //! The configuration of nunetd as checked values. The command line ([`cli`](crate::cli)) makes them from flags and a file;
-//! everything else takes them and knows neither.
+//! the other modules use these types and know neither clap nor TOML.
 
 mod values;
 
@@ -116,7 +116,7 @@ impl SourceConfig {
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         if self.name.properties().is_shared_memory && (self.rate.is_some() || self.repeat) {
             let message = "--rate and --loop are for files: a camera in shared memory has its own pace";
-            let hint = "give them to whoever publishes the camera, such as `nunetd feed`";
+            let hint = "pass them to the publisher of the camera, such as `nunetd feed`";
             anyhow::bail!(BadArguments::new(message).with_hint(hint));
         }
         Ok(self.name.check(&self.open_options())?)

@@ -105,7 +105,7 @@ impl<T> Message<T> {
 
     /// # Safety
     /// The message was sent, and no newer one of its topic for as long as the result is borrowed: until then the history
-    /// of its service holds its memory, and nobody writes into what was sent.
+    /// of its service holds its memory, and no process writes into memory that was sent.
     unsafe fn payload<'a>(&self) -> &'a [T] {
         // SAFETY: address and count are those of a slice (see `of`); the caller keeps its memory alive and unchanged.
         unsafe { std::slice::from_raw_parts(std::ptr::with_exposed_provenance(self.address), self.count) }

@@ -31,7 +31,7 @@ use crate::source::Frame;
 const TIMEOUT: Duration = Duration::from_secs(60);
 const SIZE: ImageSize = ImageSize::new(2, 2);
 
-/// How what a sink writes to behaves.
+/// The behavior of a sink's backend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Backend {
     Good,
@@ -119,7 +119,7 @@ fn last_frame(folder: &Path, backend: Backend) -> Rig {
         // A file where the folder should be.
         Backend::Failing => std::fs::write(&out, "").unwrap(),
         Backend::Hanging => {
-            // Opening a pipe for writing returns when somebody opens it for reading.
+            // Opening a pipe for writing returns when another process opens it for reading.
             std::fs::create_dir_all(&out).unwrap();
             assert!(pipe.exists() || Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         }
@@ -158,7 +158,7 @@ fn metrics(_folder: &Path, _backend: Backend) -> Rig {
     }
 }
 
-/// A viewer that takes nothing is the hang of this sink; that it blocks nobody is tested in `nunet-view`.
+/// Viewers that do not read are tested in `nunet-view`.
 fn view(_folder: &Path, _backend: Backend) -> Rig {
     let server = ViewServer::open("127.0.0.1:0".parse().unwrap(), ViewOptions::default()).unwrap();
     Rig {
@@ -260,7 +260,7 @@ fn every_frame_of_a_source_that_waits_arrives_and_a_sink_can_be_opened_again() {
 }
 
 #[test]
-fn a_sink_that_hangs_blocks_neither_live_frames_nor_the_end_and_its_loss_is_counted() {
+fn a_hanging_sink_blocks_neither_live_frames_nor_the_shutdown_and_its_loss_is_counted() {
     for case in CASES.iter().filter(|case| case.can_fail) {
         let folder = tempfile::tempdir().unwrap();
         let Rig { sink, release, .. } = (case.open)(folder.path(), Backend::Hanging);
@@ -286,7 +286,7 @@ fn a_sink_that_fails_takes_all_frames_and_its_failure_is_reported_at_the_end() {
 }
 
 #[test]
-fn a_stream_without_a_frame_ends_well() {
+fn a_stream_without_a_frame_ends_without_an_error() {
     for case in CASES {
         let folder = tempfile::tempdir().unwrap();
         let Rig { sink, .. } = (case.open)(folder.path(), Backend::Good);

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_come_in_real_time_but_for_a_file_source_that_waits() {
+    fn frames_are_real_time_except_from_a_file_source_that_waits() {
         for (live, rate, expected) in
             [(true, Rate::Max, true), (false, Rate::Hz(1000.0), true), (false, Rate::Max, false)]
         {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_supersedes_the_frame_that_waits() {
+    fn a_stop_supersedes_the_waiting_frame() {
         let state = StreamState::default();
         state.ledger.captured();
         state.mailbox.put_latest(Frame::default());
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_while_the_source_waits_for_room_supersedes_the_frame_that_waits_and_the_one_behind_it() {
+    fn a_stop_while_the_source_waits_for_room_supersedes_both_waiting_frames() {
         let state = StreamState::default();
         let mut source = Numbers { count: 5, next: 0, live: false, bad: |_| false };
         let (done, ended) = std::sync::mpsc::channel();
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn an_inference_thread_that_goes_away_ends_the_capture_of_an_endless_source() {
+    fn an_endless_capture_ends_with_the_inference_thread() {
         let state = StreamState::default();
         let mut source = Numbers { count: u64::MAX, next: 0, live: false, bad: |_| false };
         std::thread::scope(|scope| {

@@ -1,4 +1,4 @@
-//! The one loop over a source: `run`, `feed` and `replay` differ in what they do with a frame.
+//! The loop over a source, for `run`, `feed` and `replay`, which handle frames differently.
 
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
@@ -60,7 +60,7 @@ pub(crate) trait FrameHandler {
     /// The source had no frame. If `is_crowded`, it lends its memory and waits for frames to be returned.
     fn on_idle(&mut self, _frame: Frame, _is_crowded: bool) {}
 
-    /// Called after each request: whether the source waits for what gives it frames.
+    /// Called after each request: whether the source waits for its device or publisher.
     fn on_source_state(&mut self, _is_waiting: bool) {}
 
     /// Whether it takes no more frames, checked before each request.
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_handler_that_breaks_fails_or_stops_ends_the_loop() {
+    fn a_handler_that_breaks_or_fails_or_a_stop_ends_the_loop() {
         let run = |mut handler: Collector, stop: &Stop| {
             let end = drive(&mut Numbers::new(9), Pace::ALL, stop, &mut handler);
             (end.map_err(|error| error.to_string()), handler.seen)

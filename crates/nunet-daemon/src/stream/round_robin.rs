@@ -130,7 +130,7 @@ mod tests {
     const FRAME: Poll = Poll::Frame(End::Published);
 
     #[test]
-    fn a_camera_that_always_has_a_frame_waits_for_one_of_each_other_and_they_for_one_of_it() {
+    fn cameras_that_always_have_a_frame_take_turns() {
         let slow = vec![Poll::Idle, FRAME, Poll::Idle, Poll::Idle, FRAME];
         let (log, summaries) = run(&[('f', vec![FRAME; 6]), ('s', slow), ('g', vec![FRAME; 2])]);
         assert_eq!(log, ["fg", "fsg", "f", "f", "fs", "f"].concat(), "one turn per round, in the same order");

@@ -33,7 +33,7 @@ impl StreamState {
         }
     }
 
-    /// Whether the source waits for what gives it frames.
+    /// Whether the source waits for its device or publisher.
     pub(crate) fn is_waiting(&self) -> bool {
         self.is_waiting.load(Ordering::Relaxed)
     }

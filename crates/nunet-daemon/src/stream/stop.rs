@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_ignored_is_read_from_the_kernels_table() {
+    fn ignored_signals_are_read_from_the_kernels_table() {
         let status = "Name:\tnunetd\nSigBlk:\tffffffffffffffff\nSigIgn:\t0000000000001001\nSigCgt:\t0000000000004002\n";
         assert!(ignores(status, SIGHUP), "as under nohup");
         assert!(ignores(status, signal_hook::consts::SIGPIPE));
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_not_begun_after_a_stop() {
+    fn no_step_starts_after_a_stop() {
         let stop = Stop::default();
         assert!(stop.check().is_ok());
         stop.request();

@@ -1,4 +1,4 @@
-//! Streams beside each other, with sources and disks that do what a test wants.
+//! Concurrent streams, with sources and disks that a test controls.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -169,7 +169,7 @@ fn wait_for_frame(reader: &Reader, number: u64) -> u64 {
 }
 
 #[test]
-fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_out() {
+fn a_stalled_disk_delays_only_its_own_camera_and_drops_no_frame() {
     const FRAMES: u64 = 40;
     // Far more turns than the queues in front of the disk have places.
     const TURNS: u64 = 200;
@@ -204,7 +204,7 @@ fn a_disk_that_stands_still_holds_up_its_own_camera_alone_and_no_frame_is_left_o
 }
 
 #[test]
-fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_out() {
+fn a_stop_ends_a_run_whose_disk_stalls_and_unwritten_frames_count_as_dropped() {
     // As many frames as there is room for in front of the disk; then the source waits, and so does its next frame.
     const UNDER_WAY: u64 = 8;
     let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());
@@ -232,10 +232,10 @@ fn a_stop_ends_a_run_whose_disk_stands_still_and_what_never_came_to_it_is_left_o
 }
 
 #[test]
-fn a_camera_whose_last_frame_cannot_be_written_holds_up_no_other() {
+fn a_camera_whose_last_frame_cannot_be_written_delays_no_other() {
     const TURNS: u64 = 50;
     let folder = tempfile::tempdir().unwrap();
-    // Nobody reads it, so that opening it for writing never returns: a mount that has died.
+    // Opening it for writing never returns, as on a dead network mount, because no process reads it.
     let pipe = std::process::Command::new("mkfifo").arg(folder.path().join("depth.npy")).status().unwrap();
     assert!(pipe.success());
     let (disk, notify, stop) = (Arc::new(Disk::default()), Arc::new(Notify::default()), Stop::default());

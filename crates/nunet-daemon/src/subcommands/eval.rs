@@ -135,7 +135,7 @@ mod tests {
     use crate::exit::{is_usage, message_and_hints};
 
     #[test]
-    fn depth_beyond_the_cap_is_a_matter_of_the_cap_or_of_the_unit() {
+    fn depth_beyond_the_cap_has_a_hint_about_the_cap_or_the_unit() {
         assert!(depth_cap_hint(42.5).ends_with("--depth-cap 43"));
         assert!(depth_cap_hint(4000.0).contains("--depth-scale"));
     }

@@ -46,10 +46,10 @@ pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     let mut source = source?;
-    let port = OnceLock::new();
-    let mut feeder = Feeder::new(options.camera.clone(), resolver, &port, &stop);
+    let images = OnceLock::new();
+    let mut feeder = Feeder::new(options.camera.clone(), resolver, &images, &stop);
     let pace = Pace::of(&options.source);
-    let end = serving_late_joiners(&port, || drive(source.as_mut(), pace, &stop, &mut feeder))?;
+    let end = serving_late_joiners(&images, || drive(source.as_mut(), pace, &stop, &mut feeder))?;
     info!("camera `{}`: {} frames sent, {} failed", feeder.camera, feeder.sent, feeder.failed);
     if feeder.failed > 0 {
         error!("{} of {} frames were lost", feeder.failed, feeder.sent + feeder.failed);
@@ -60,14 +60,14 @@ pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
 /// Sends the last image to readers that join while `feed` waits for the next one. It runs on its own thread, because a
 /// pipe can block and a slow pace sleeps.
 fn serving_late_joiners(
-    port: &OnceLock<Port>,
+    images: &OnceLock<ImagePublisher>,
     feed: impl FnOnce() -> anyhow::Result<SourceEnd>,
 ) -> anyhow::Result<SourceEnd> {
     std::thread::scope(|scope| {
         let (feeding, over) = channel::<()>();
         let serve = move || {
             while over.recv_timeout(LATE_JOINER_PERIOD) == Err(RecvTimeoutError::Timeout) {
-                if let Some(Err(error)) = port.get().map(|port| port.publisher.refresh()) {
+                if let Some(Err(error)) = images.get().map(|images| images.publisher.refresh()) {
                     warn!("late readers are not served: {error}");
                 }
             }
@@ -84,7 +84,7 @@ fn serving_late_joiners(
 struct Feeder<'a> {
     camera: CameraName,
     resolver: CameraResolver,
-    port: &'a OnceLock<Port>,
+    images: &'a OnceLock<ImagePublisher>,
     stop: Stop,
     /// The memory of the next frame.
     frame: Frame,
@@ -94,7 +94,7 @@ struct Feeder<'a> {
 }
 
 /// The publisher of the `rgb` topic.
-struct Port {
+struct ImagePublisher {
     publisher: Publisher,
     size: ImageSize,
     /// The bytes that fit into a message.
@@ -102,9 +102,14 @@ struct Port {
 }
 
 impl<'a> Feeder<'a> {
-    fn new(camera: CameraName, resolver: CameraResolver, port: &'a OnceLock<Port>, stop: &Stop) -> Self {
+    fn new(
+        camera: CameraName,
+        resolver: CameraResolver,
+        images: &'a OnceLock<ImagePublisher>,
+        stop: &Stop,
+    ) -> Self {
         let (frame, lost) = (Frame::default(), RateLimit::default());
-        Self { camera, resolver, port, stop: stop.clone(), frame, lost, sent: 0, failed: 0 }
+        Self { camera, resolver, images, stop: stop.clone(), frame, lost, sent: 0, failed: 0 }
     }
 
     /// Sends a frame; opens shared memory at the first one.
@@ -118,19 +123,19 @@ impl<'a> Feeder<'a> {
                 return Ok(ControlFlow::Continue(()));
             }
         };
-        let port = match self.port.get() {
-            Some(port) => port,
-            None => match Port::open(&self.camera, frame, &self.stop) {
+        let images = match self.images.get() {
+            Some(images) => images,
+            None => match ImagePublisher::open(&self.camera, frame, &self.stop) {
                 Err(_) if self.stop.requested() => return Ok(ControlFlow::Break(())),
                 opened => {
                     let opened = opened?;
-                    self.port.get_or_init(|| opened)
+                    self.images.get_or_init(|| opened)
                 }
             },
         };
-        match port.has_room(frame) {
+        match images.has_room(frame) {
             Ok(()) => {
-                port.send(frame, camera)?;
+                images.send(frame, camera)?;
                 self.sent += 1;
             }
             Err(error) => self.lose(frame, &error),
@@ -167,7 +172,7 @@ impl FrameHandler for Feeder<'_> {
     }
 }
 
-impl Port {
+impl ImagePublisher {
     fn open(camera: &CameraName, frame: &Frame, stop: &Stop) -> anyhow::Result<Self> {
         let room = frame.view()?.bytes().len();
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: room };
@@ -241,11 +246,11 @@ mod tests {
     }
 
     #[test]
-    fn an_image_that_there_is_no_room_for_is_lost_alone() {
+    fn an_image_without_shared_memory_is_lost_alone() {
         let camera = camera_name(&format!("turning_{}", std::process::id())).unwrap();
-        let port = OnceLock::new();
+        let images = OnceLock::new();
         let stop = Stop::default();
-        let mut feeder = Feeder::new(camera, CameraResolver::default(), &port, &stop);
+        let mut feeder = Feeder::new(camera, CameraResolver::default(), &images, &stop);
         let pace = Pace { rate: Rate::Max, limit: NonZeroU64::new(3) };
         drive(&mut Turning(0), pace, &stop, &mut feeder).unwrap();
         assert_eq!((feeder.sent, feeder.failed), (1, 2));

@@ -152,14 +152,14 @@ impl FrameHandler for Replay {
     fn on_frame(&mut self, mut frame: Frame) -> anyhow::Result<ControlFlow<()>> {
         match self.replay_frame(&mut frame) {
             Ok(()) => self.frames += 1,
-            Err(Trouble::Frame(error)) => {
+            Err(ReplayError::Frame(error)) => {
                 if let Some(suppressed) = self.lost.allow(Instant::now()) {
                     let number = frame.sequence;
                     self.progress.suspend(|| warn!("frame {number} is lost: {error:#}{suppressed}"));
                 }
                 self.failed += 1;
             }
-            Err(Trouble::Output(error)) => return Err(error),
+            Err(ReplayError::Output(error)) => return Err(error),
         }
         self.progress.inc(1);
         self.frame = frame;
@@ -223,12 +223,12 @@ impl Replay {
     }
 
     /// The frame's memory travels into the record and back.
-    fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), Trouble> {
+    fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), ReplayError> {
         let report = self.infer(frame).map_err(|error| {
             // The camera does not fit the images: no frame of the recording can be replayed.
-            if is_usage(&error) { Trouble::Output(error) } else { Trouble::Frame(error) }
+            if is_usage(&error) { ReplayError::Output(error) } else { ReplayError::Frame(error) }
         })?;
-        let camera = self.camera.camera_of(frame).map_err(|error| Trouble::Frame(error.into()))?;
+        let camera = self.camera.camera_of(frame).map_err(|error| ReplayError::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
         self.record.copy_results(&Results {
             units: report.units,
@@ -245,10 +245,10 @@ impl Replay {
         self.results.update(self.record.depth().bytes);
         self.results.update(self.record.labels().unwrap_or_default());
         *frame = std::mem::take(&mut self.record.frame);
-        written.map_err(Trouble::Output)?;
+        written.map_err(ReplayError::Output)?;
         // Counted in frames, not time, so that every replay writes the same bytes.
         if (self.frames + 1).is_multiple_of(SYNC_FRAMES) {
-            self.writer.sync().map_err(Trouble::Output)
+            self.writer.sync().map_err(ReplayError::Output)
         } else {
             Ok(())
         }
@@ -304,7 +304,7 @@ fn file_sha256(path: &Path) -> anyhow::Result<String> {
 }
 
 /// A frame that cannot be processed is lost; a file that cannot be written ends the replay.
-enum Trouble {
+enum ReplayError {
     Frame(anyhow::Error),
     Output(anyhow::Error),
 }

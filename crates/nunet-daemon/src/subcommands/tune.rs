@@ -40,26 +40,32 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
     find_model(&options.model)?;
     let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
-    let mut ways = Vec::new();
-    for way in possible(&options.engine, &engine.runtime().providers()) {
-        match Way::load(way, options) {
-            Ok(way) => ways.push(way),
+    let mut combinations = Vec::new();
+    for combination in possible(&options.engine, &engine.runtime().providers()) {
+        match Combination::load(combination, options) {
+            Ok(combination) => combinations.push(combination),
             Err(error) => warn!("skipped: {error:#}"),
         }
     }
     for run in 0..WARM_UP_RUNS + options.runs.get() {
-        for way in &mut ways {
-            way.subject.predict(&frame, run >= WARM_UP_RUNS)?;
+        for combination in &mut combinations {
+            combination.subject.predict(&frame, run >= WARM_UP_RUNS)?;
         }
     }
-    let medians: Vec<_> = ways.iter().map(|way| (way.threads, way.subject.median_ms())).collect();
+    let medians: Vec<_> = combinations
+        .iter()
+        .map(|combination| (combination.threads, combination.subject.median_ms()))
+        .collect();
     let best = best(&medians)
         .ok_or_else(|| WithHint::new("no combination runs this model", "run `nunetd doctor`"))?;
-    let text =
-        if options.json { json(&ways, &ways[best], &engine).to_string() } else { table(&ways, &ways[best]) };
+    let text = if options.json {
+        json(&combinations, &combinations[best], &engine).to_string()
+    } else {
+        table(&combinations, &combinations[best])
+    };
     writeln!(std::io::stdout(), "{text}")?;
     if let Some(out) = &options.out {
-        let config = config(&options.model, &ways[best])?;
+        let config = config(&options.model, &combinations[best])?;
         std::fs::write(out, config).with_context(|| format!("cannot write `{}`", out.display()))?;
     }
     Ok(Outcome::Done)
@@ -77,13 +83,13 @@ fn refuse_existing(out: Option<&Path>) -> anyhow::Result<()> {
 }
 
 /// A combination: a provider with a number of threads.
-struct Way {
+struct Combination {
     provider: Provider,
     threads: NonZeroUsize,
     subject: Subject,
 }
 
-impl Way {
+impl Combination {
     fn load((provider, threads): (Provider, NonZeroUsize), options: &Options) -> anyhow::Result<Self> {
         let engine = EngineOptions { provider, threads: Some(threads), ..options.engine.clone() };
         let load = || -> anyhow::Result<Subject> {
@@ -117,28 +123,28 @@ fn possible(engine: &EngineOptions, here: &[Provider]) -> Vec<(Provider, NonZero
 
 /// The index of the best combination, given threads and median times.
 fn best(medians: &[(NonZeroUsize, f64)]) -> Option<usize> {
-    let fastest = medians.iter().map(|way| way.1).min_by(f64::total_cmp)?;
-    let as_fast = medians.iter().enumerate().filter(|(_, way)| way.1 <= AS_FAST * fastest);
+    let fastest = medians.iter().map(|combination| combination.1).min_by(f64::total_cmp)?;
+    let as_fast = medians.iter().enumerate().filter(|(_, combination)| combination.1 <= AS_FAST * fastest);
     let chosen = as_fast.min_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     chosen.map(|(place, _)| place)
 }
 
-fn table(ways: &[Way], best: &Way) -> String {
+fn table(combinations: &[Combination], best: &Combination) -> String {
     let mut text = format!("{}\n  {}\n", best.subject.name, Subject::HEAD);
-    for way in ways {
-        let name = format!("{} {}", way.provider, way.threads);
-        text += &format!("  {}\n", way.subject.end_to_end_row(&name));
+    for combination in combinations {
+        let name = format!("{} {}", combination.provider, combination.threads);
+        text += &format!("  {}\n", combination.subject.end_to_end_row(&name));
     }
     let (provider, threads, ms) = (best.provider, best.threads, best.subject.median_ms());
     text + &format!("--provider {provider} --threads {threads}: {ms:.1} ms per frame, end to end")
 }
 
-fn json(ways: &[Way], best: &Way, engine: &Engine) -> Value {
-    let way_json = |way: &Way| {
+fn json(combinations: &[Combination], best: &Combination, engine: &Engine) -> Value {
+    let combination_json = |combination: &Combination| {
         json!({
-            "provider": way.provider.name(),
-            "threads": way.threads,
-            "end_to_end_ms": way.subject.end_to_end_json(),
+            "provider": combination.provider.name(),
+            "threads": combination.threads,
+            "end_to_end_ms": combination.subject.end_to_end_json(),
         })
     };
     json!({
@@ -146,13 +152,13 @@ fn json(ways: &[Way], best: &Way, engine: &Engine) -> Value {
         "host": host::json(),
         "onnxruntime": engine.runtime().version(),
         "model": { "name": best.subject.name, "hash": best.subject.hash },
-        "ways": ways.iter().map(way_json).collect::<Vec<_>>(),
+        "ways": combinations.iter().map(combination_json).collect::<Vec<_>>(),
         "best": { "provider": best.provider.name(), "threads": best.threads },
     })
 }
 
 /// The configuration file.
-fn config(model: &Path, best: &Way) -> anyhow::Result<String> {
+fn config(model: &Path, best: &Combination) -> anyhow::Result<String> {
     let mut table = toml::Table::new();
     let model =
         model.to_str().context("the model's path is not UTF-8, so no configuration file can name it")?;
@@ -171,9 +177,9 @@ mod tests {
     }
 
     #[test]
-    fn of_ways_that_are_as_fast_the_one_with_fewer_threads_is_chosen() {
-        let best = |ways: &[(usize, f64)]| {
-            best(&ways.iter().map(|&(threads, ms)| (count(threads), ms)).collect::<Vec<_>>())
+    fn of_equally_fast_combinations_the_one_with_fewer_threads_is_chosen() {
+        let best = |combinations: &[(usize, f64)]| {
+            best(&combinations.iter().map(|&(threads, ms)| (count(threads), ms)).collect::<Vec<_>>())
         };
         assert_eq!(best(&[(1, 44.0), (2, 24.0), (4, 23.5)]), Some(1));
         assert_eq!(best(&[(1, 44.0), (2, 24.0), (4, 20.0)]), Some(2));
@@ -182,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_named_is_not_varied() {
+    fn a_given_provider_or_thread_count_is_not_varied() {
         let engine = |provider, threads| EngineOptions { provider, threads, onnxruntime: None };
         let here = [Provider::Cuda, Provider::Cpu];
         assert_eq!(possible(&engine(Provider::Cpu, Some(count(3))), &here), [(Provider::Cpu, count(3))]);

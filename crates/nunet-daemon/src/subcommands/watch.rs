@@ -1,4 +1,4 @@
-//! `nunetd watch`: shows what a running daemon publishes, for people and for scripts.
+//! `nunetd watch`: prints what a running daemon publishes, as text or JSON.
 
 mod text;
 

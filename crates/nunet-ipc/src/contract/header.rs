@@ -29,7 +29,7 @@ pub const HEADER_TYPE_NAME: &str = "nunet.v1.FrameHeader";
 contract_struct! {
     /// The header of a message.
     ///
-    /// Plain numbers in native order, so that C, Python and a recording read it as it lies. Words are numbers here
+    /// Plain numbers in native byte order, so that C, Python and recordings read it directly. Words are numbers here
     /// ([`nunet_types`]): read them through the methods, which refuse numbers without a meaning.
     FrameHeader, 1024 bytes {
         /// [`CONTRACT_VERSION`].
@@ -217,7 +217,7 @@ impl FrameHeader {
         }
     }
 
-    /// Nanoseconds since capture: by the monotonic clock where the camera uses it, because nobody sets that clock, otherwise
+    /// Nanoseconds since capture: by the monotonic clock where the camera uses it, because that clock is never set, otherwise
     /// by the time of day. `None` where neither is known.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
@@ -270,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stages_beyond_the_array_are_left_out() {
+    fn stages_beyond_the_array_are_dropped() {
         let mut header = FrameHeader::default();
         header.set_stages(0..20);
         assert_eq!(header.stages().len(), MAX_STAGES);
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn times_of_capture_are_carried_to_the_shared_clock() {
+    fn capture_times_are_converted_to_the_shared_clock() {
         let unix = |header: FrameHeader| header.unix_of_capture(1000, 50_000);
         assert_eq!(unix(taken(Clock::Monotonic, 900, 0)), 49_900);
         assert_eq!(unix(taken(Clock::Unix, 900, 0)), 900);
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn an_age_is_of_the_clock_that_nobody_sets_where_there_is_one() {
+    fn the_age_uses_the_monotonic_clock_if_there_is_one() {
         let age = |header: FrameHeader| header.age_nanos(1000, 50_000);
         assert_eq!(age(taken(Clock::Monotonic, 900, 1)), Some(100));
         assert_eq!(age(taken(Clock::Unix, 49_000, 49_000)), Some(1000));
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_default_header_claims_nothing() {
+    fn a_default_header_has_unknown_values() {
         let header = FrameHeader::default();
         assert_eq!(header.contract_version, CONTRACT_VERSION);
         assert_eq!(header.units(), Ok(Units::None));

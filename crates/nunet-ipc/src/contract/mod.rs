@@ -48,7 +48,7 @@ pub const HEADER: Layout = Layout {
 pub const BLOCK: Layout =
     Layout { type_name: BLOCK_TYPE_NAME, bytes: BLOCK_BYTES, alignment: BLOCK_BYTES, fields: &[] };
 
-/// What lies in the payload of `stats`.
+/// The payload of `stats`.
 pub const STATS: Layout = Layout {
     type_name: STATS_TYPE_NAME,
     bytes: size_of::<StatsRecord>(),
@@ -56,7 +56,7 @@ pub const STATS: Layout = Layout {
     fields: StatsRecord::FIELDS,
 };
 
-/// What lies in the payload of `cloud`, once for each pixel.
+/// The payload of `cloud`: one per pixel.
 pub const POINT: Layout = Layout {
     type_name: "nunet.v1.Point",
     bytes: size_of::<CloudPoint>(),
@@ -64,7 +64,7 @@ pub const POINT: Layout = Layout {
     fields: CloudPoint::FIELDS,
 };
 
-/// What lies in the payload of `obstacles`.
+/// The payload of `obstacles`.
 pub const OBSTACLES: Layout = Layout {
     type_name: OBSTACLES_TYPE_NAME,
     bytes: size_of::<ObstacleRecord>(),
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn every_word_and_every_field_says_what_it_means() {
+    fn every_word_and_every_field_has_a_description() {
         assert_eq!(ENUMS.len(), ENUM_DOCS.len());
         for ((name, words), docs) in ENUMS.iter().zip(ENUM_DOCS) {
             assert_eq!(words.len(), docs.len(), "{name}");

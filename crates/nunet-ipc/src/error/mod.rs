@@ -160,7 +160,7 @@ pub enum IpcError {
         topic: Topic,
         /// What was asked for.
         payload_bytes: usize,
-        /// What there is room for.
+        /// The largest value that fits.
         planned: usize,
     },
     /// A payload is not a whole number of elements.
@@ -227,7 +227,7 @@ pub enum IpcError {
         /// The system's reason.
         source: io::Error,
     },
-    /// iceoryx2's folder belongs to another user, who has not opened it to the group.
+    /// iceoryx2's folder belongs to another user, who has not shared it with the group.
     #[error("`{folder}` belongs to user {uid}, who has not opened it to group {gid}")]
     FolderOfOthers {
         /// The folder.

@@ -25,7 +25,7 @@ impl Limits {
 }
 
 impl Reservation {
-    /// Compares the need with what is free.
+    /// Compares the needed memory with the free memory.
     ///
     /// # Errors
     /// [`IpcError::SharedMemoryTooSmall`] with the ways out.
@@ -64,7 +64,7 @@ mod tests {
     use crate::plan::tests::vga;
 
     #[test]
-    fn too_little_memory_is_refused_with_both_sizes_and_the_ways_out() {
+    fn too_little_memory_is_refused_with_both_sizes_and_a_hint() {
         let reservation = Reservation::new(&vga(), &Limits::default());
         let error = reservation.check(32 << 20).unwrap_err();
         let text = error.to_string();

@@ -10,7 +10,7 @@ use std::time::Duration;
 use iceoryx2::port::LoanError;
 use iceoryx2::port::event_id::EventId;
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
+use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern};
 use iceoryx2::service::port_factory::PortFactory as _;
@@ -38,7 +38,7 @@ const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(1);
 /// The publisher of some of a camera's topics.
 ///
 /// Creating one creates the services, reserves all the memory they will ever use, and backs it with pages. Readers that
-/// are slow, keep their frames or die cannot block the publisher or each other. Dropping it removes the services, unless
+/// are slow, keep their frames or crash cannot block the publisher or each other. Dropping it removes the services, unless
 /// readers still have them open: then the next publisher takes them over, and the readers receive its frames.
 #[derive(Debug)]
 pub struct Publisher {
@@ -53,7 +53,7 @@ pub struct Publisher {
 #[derive(Debug)]
 struct OwnedTopic {
     plan: TopicPlan,
-    port: Port<Iceoryx, [Block64], FrameHeader>,
+    port: IoxPublisher<Iceoryx, [Block64], FrameHeader>,
     service: TopicService,
 }
 

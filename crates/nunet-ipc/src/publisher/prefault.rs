@@ -3,7 +3,7 @@
 
 use std::mem::MaybeUninit;
 
-use iceoryx2::port::publisher::Publisher as Port;
+use iceoryx2::port::publisher::Publisher as IoxPublisher;
 use rustix::io::Errno;
 use rustix::mm::{Advice, madvise};
 
@@ -17,7 +17,7 @@ use crate::plan::TopicPlan;
 /// The first write to a fresh 1.2 MB chunk takes milliseconds, and where `/dev/shm` is full it kills the process (SIGBUS).
 /// Here both happen at the start, and the second is an error.
 pub(crate) fn every_chunk(
-    port: &Port<Iceoryx, [Block64], FrameHeader>,
+    port: &IoxPublisher<Iceoryx, [Block64], FrameHeader>,
     plan: TopicPlan,
     chunks: usize,
 ) -> Result<(), IpcError> {
@@ -34,7 +34,7 @@ pub(crate) fn every_chunk(
 }
 
 /// Backs the pages of a payload. Rounding outwards to whole pages stays inside of the segment's mapping, which
-/// begins and ends at page boundaries; what lies there are the neighboring chunks and their headers.
+/// begins and ends at page boundaries; the rest of these pages holds the neighboring chunks and their headers.
 fn populate(payload: &mut [MaybeUninit<Block64>]) -> Result<(), Errno> {
     let page = rustix::param::page_size();
     let range = payload.as_mut_ptr_range();

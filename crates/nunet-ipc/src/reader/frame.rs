@@ -21,19 +21,19 @@ pub struct Frame {
     sample: Sample<Iceoryx, [Block64], FrameHeader>,
     // When a port ends, the publisher takes back every chunk that went through it, whether or not a sample still points
     // there. So each frame keeps its port.
-    _port: Arc<Port>,
+    _port: Arc<TopicSubscriber>,
     topic: Topic,
     // As it was when it was checked: the header's own is the sender's to change.
     payload_bytes: usize,
 }
 
 /// Where frames of a topic come in.
-pub(crate) type Port = Subscriber<Iceoryx, [Block64], FrameHeader>;
+pub(crate) type TopicSubscriber = Subscriber<Iceoryx, [Block64], FrameHeader>;
 
 impl Frame {
     pub(crate) fn new(
         sample: Sample<Iceoryx, [Block64], FrameHeader>,
-        port: Arc<Port>,
+        port: Arc<TopicSubscriber>,
         topic: Topic,
     ) -> Result<Self, IpcError> {
         let header = sample.user_header();
@@ -96,7 +96,7 @@ impl Frame {
         self.grid(Encoding::Points)
     }
 
-    /// The daemon's figures.
+    /// The daemon's stats.
     ///
     /// # Errors
     /// Those of [`depth`](Self::depth).

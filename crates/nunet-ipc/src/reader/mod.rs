@@ -21,7 +21,7 @@ use crate::service::{TopicService, publisher_of};
 
 pub use frame::{Frame, FrameSet};
 
-use frame::Port;
+use frame::TopicSubscriber;
 use open::deadline_after;
 
 /// iceoryx2 hands the time to the socket in microseconds, and there 0 means for ever.
@@ -57,7 +57,7 @@ pub struct Reader {
 #[derive(Debug)]
 struct ReadTopic {
     topic: Topic,
-    port: Arc<Port>,
+    port: Arc<TopicSubscriber>,
     service: Arc<TopicService>,
 }
 

@@ -44,7 +44,7 @@ pub(super) fn remove_unfilled(dead: &[u32]) {
 pub(super) const CREATION_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Removes the counter of nodes if its creator died before it filled it; returns whether there was one. iceoryx2 would wait for
-/// the creator each time. The file names no process, so its age tells: a live creator takes microseconds.
+/// the creator each time. The file names no process, so its age decides: a live creator takes microseconds.
 pub(super) fn remove_unfilled_counter() -> bool {
     let is_old = |path: &PathBuf| {
         let created = path.metadata().and_then(|metadata| metadata.modified());

@@ -5,9 +5,9 @@
 //! The lock under which publishers create services, and the repair of services that were left incomplete.
 //!
 //! A process killed between the first and the last file of a service leaves half of it. iceoryx2 then reports
-//! `HangsInCreation` or `ServiceInCorruptedState` to everybody who opens or creates it, for ever. But half a service can
+//! `HangsInCreation` or `ServiceInCorruptedState` to every process that opens or creates it, forever. But half a service can
 //! also be one that another process is creating at this moment. To tell the two apart, publishers create services under
-//! a lock that the kernel releases when its holder dies. A process that holds the lock and finds half a service knows
+//! a lock that the kernel releases when its holder dies. A process that holds the lock and finds half a service can be sure
 //! that its creator is dead, and may remove it.
 
 use std::fs::File;
@@ -69,7 +69,7 @@ impl CreationLock {
     ) -> Result<(), IpcError> {
         std::thread::sleep(REMOVAL_TIME);
         // SAFETY: a service that is marked for destruction has no user left and accepts none, and its last user has
-        // had the time to remove it; nobody creates it at the moment, because that takes the lock, which we hold.
+        // had the time to remove it; no process creates it at the moment, because that needs the lock, which we hold.
         unsafe { node.force_remove_service(&service_name(name)?, pattern) }
             .map(drop)
             .map_err(|cause| IpcError::iceoryx(format!("remove what is left of service `{name}`"), cause))
@@ -104,7 +104,7 @@ impl CreationLock {
         if !is_incomplete() {
             return Ok(());
         }
-        // SAFETY: a service without its second half cannot be opened, so nobody uses it; nobody creates it at the
+        // SAFETY: a service without its second half cannot be opened, so no process uses it; no process creates it at the
         // moment, because that takes the lock, which we hold.
         unsafe { node.force_remove_service(&service, pattern) }
             .map(drop)

@@ -61,7 +61,7 @@ pub(crate) fn publish_depth(publisher: &Publisher, sequence: u64) {
     loan.publish(0).unwrap();
 }
 
-/// Fills in what every depth map's header says.
+/// Fills in the fields that all headers of depth maps have.
 pub(crate) fn describe(loan: &mut Loan, sequence: u64) {
     let header = loan.header_mut();
     header.sequence = sequence;
@@ -84,7 +84,7 @@ pub(crate) fn eventually<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> 
     }
 }
 
-/// A folder with an iceoryx2 of its own: processes that run in it share services with each other and with nobody
+/// A folder with its own iceoryx2 root: processes that run in it share services with each other only, not with anything
 /// else, so that what they leave behind can be counted.
 pub(crate) struct Sandbox {
     folder: tempfile::TempDir,

@@ -268,7 +268,7 @@ impl Frame {
     }
 }
 
-/// The same array without the read-only flag, for a DLPack capsule alone: its memory is read-only all the same.
+/// The same array without the read-only flag, for a DLPack capsule alone: its memory stays read-only.
 fn unmarked<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = array.py();
     let interface = array.getattr("__array_interface__")?;

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::port::{Anchor, Capture, Port};
+use super::port::{Anchor, Capture, ImageTopic};
 use crate::error::{NunetError, hinted};
 use crate::memory::{Memory, references};
 use crate::own::Own;
@@ -33,7 +33,7 @@ const EXPECTED_REFERENCES: isize = 2;
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Loan {
-    port: Arc<Port>,
+    port: Arc<ImageTopic>,
     capture: Mutex<Capture>,
     open: Mutex<Option<Open>>,
 }
@@ -96,7 +96,7 @@ enum Settled {
 }
 
 impl Loan {
-    pub(super) fn new(port: Arc<Port>, capture: Capture) -> Self {
+    pub(super) fn new(port: Arc<ImageTopic>, capture: Capture) -> Self {
         Self { port, capture: Mutex::new(capture), open: Mutex::new(None) }
     }
 

@@ -37,7 +37,7 @@ pub(super) struct Source {
 
 /// The topic `rgb` of a camera, and a count of copies.
 #[derive(Debug)]
-pub(super) struct Port {
+pub(super) struct ImageTopic {
     pub(super) source: Source,
     copied: AtomicU64,
     open: Own<Served<Open>>,
@@ -58,7 +58,7 @@ pub(super) struct Capture {
     pub(super) sequence: Option<u64>,
 }
 
-impl Port {
+impl ImageTopic {
     /// Creates the topic, with memory for so many readers.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use pyo3::types::PyTuple;
 use super::errors::camera_name;
 use super::layout::Layout;
 use super::loan::Loan;
-use super::port::{Capture, Port, Source};
+use super::port::{Capture, ImageTopic, Source};
 use crate::argument;
 use crate::array::import_numpy;
 use crate::camera::{Camera, intrinsics_argument, whole_size};
@@ -90,7 +90,7 @@ fn publisher(
     let camera_info = camera_info.map_err(of_camera)?;
     let clock = clock_of(clock)?;
     let source = Source { camera, layout, camera_info, clock, frame_id: frame_id.to_owned() };
-    Ok(Publisher { port: Arc::new(Port::create(py, source, readers)?) })
+    Ok(Publisher { port: Arc::new(ImageTopic::create(py, source, readers)?) })
 }
 
 /// The clock by its name.
@@ -104,14 +104,14 @@ fn clock_of(name: &str) -> PyResult<Clock> {
     })
 }
 
-/// The publisher of a camera's images. Subscribers that are slow, hold frames or die do not affect it. A late subscriber
+/// The publisher of a camera's images. Subscribers that are slow, hold frames or crash do not affect it. A late subscriber
 /// receives the last image.
 ///
 /// Several threads may share a publisher. A forked process must make its own, under another name.
 #[pyclass(frozen, module = "nunet_py")]
 #[derive(Debug)]
 pub(crate) struct Publisher {
-    port: Arc<Port>,
+    port: Arc<ImageTopic>,
 }
 
 #[pymethods]

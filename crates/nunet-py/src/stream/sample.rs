@@ -59,7 +59,7 @@ impl Sample {
         self.topic
     }
 
-    /// The payload, where it lies.
+    /// The payload, in shared memory.
     pub(super) fn payload(&self) -> &[u8] {
         let (address, len) = self.bytes();
         // SAFETY: `bytes` of `Memory` are mapped and unchanged for as long as `self` lives; numbers of any value are bytes.

@@ -85,7 +85,7 @@ fn subscribe(
 /// The newest frames of a camera: an iterator, an asynchronous iterator and a context manager.
 ///
 /// Each frame holds all subscribed topics of one image. Frames that are older than the newest complete one when the next
-/// is requested are skipped, so a slow loop sees the newest frames and delays nobody. Waiting takes no CPU time, releases
+/// is requested are skipped, so a slow loop sees the newest frames and delays no other process. Waiting takes no CPU time, releases
 /// the GIL, and is ended by Ctrl-C. `async for` lets other tasks run meanwhile; a canceled task loses at most one frame.
 ///
 /// If the daemon ends or is killed, the next frame raises `TimeoutError` with the reason. Once it runs again, the same

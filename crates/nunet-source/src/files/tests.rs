@@ -46,7 +46,7 @@ fn a_folder_gives_its_images_by_name_and_a_bad_one_does_not_end_it() {
 }
 
 #[test]
-fn a_pipe_among_the_images_is_passed_over() {
+fn a_pipe_among_the_images_is_skipped() {
     let folder = tempfile::tempdir().unwrap();
     assert!(Command::new("mkfifo").arg(folder.path().join("a.png")).status().unwrap().success());
     image([10, 0, 0]).save(folder.path().join("b.png")).unwrap();
@@ -60,7 +60,7 @@ fn a_pipe_among_the_images_is_passed_over() {
 }
 
 #[test]
-fn each_round_of_a_loop_is_a_stretch_of_its_own() {
+fn each_round_of_a_loop_is_its_own_segment() {
     let folder = tempfile::tempdir().unwrap();
     image([1, 0, 0]).save(folder.path().join("a.png")).unwrap();
     std::fs::write(folder.path().join("b.png"), b"not a image").unwrap();
@@ -77,7 +77,7 @@ fn each_round_of_a_loop_is_a_stretch_of_its_own() {
 }
 
 #[test]
-fn a_loop_ends_with_a_round_without_an_image() {
+fn a_loop_ends_after_a_round_without_an_image() {
     let folder = tempfile::tempdir().unwrap();
     let images = ["a.png", "b.png"].map(|name| folder.path().join(name));
     for path in &images {
@@ -106,7 +106,7 @@ fn a_glob_takes_only_what_it_matches() {
 }
 
 #[test]
-fn a_single_file_that_is_no_image_is_a_bad_argument_with_the_way_that_would_do() {
+fn a_single_file_that_is_no_image_is_a_bad_argument_with_a_hint() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.any");
     let refused = |content: &[u8]| {

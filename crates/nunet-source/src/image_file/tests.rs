@@ -25,7 +25,7 @@ fn gray_and_transparent_images_become_rgb() {
 }
 
 #[test]
-fn a_image_beyond_the_limits_is_refused_before_it_is_decoded() {
+fn an_image_beyond_the_limits_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wide.png");
     image::GrayImage::new(MAX_SIDE_PX + 1, 1).save(&path).unwrap();
@@ -56,7 +56,7 @@ fn the_error_for_another_file_type_has_the_type_found_and_the_types_expected() {
 }
 
 #[test]
-fn a_image_that_takes_too_much_memory_is_refused_before_it_is_decoded() {
+fn an_image_that_needs_too_much_memory_is_refused_before_it_is_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.png");
     image::GrayImage::new(12_000, 12_000).save(&path).unwrap();
@@ -78,7 +78,7 @@ fn a_jpeg_that_is_cut_off_anywhere_is_refused_and_a_whole_one_is_not() {
 }
 
 #[test]
-fn a_turned_photograph_is_set_upright() {
+fn a_photograph_with_an_exif_rotation_becomes_upright() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("turned.jpg");
     RgbImage::from_fn(32, 16, |x, _| Rgb([if x < 16 { 0 } else { 255 }; 3])).save(&path).unwrap();

@@ -5,7 +5,7 @@ const LOOKUP_BITS: u32 = 9;
 
 /// Why no number can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stop {
+pub(super) enum ScanEnd {
     /// The segment has no more bits.
     Ended,
     /// No code has these bits.
@@ -101,15 +101,15 @@ impl<'a> Bits<'a> {
         }
     }
 
-    pub(super) fn take(&mut self, bits: u32) -> Result<u32, Stop> {
+    pub(super) fn take(&mut self, bits: u32) -> Result<u32, ScanEnd> {
         if self.count < bits {
             self.fill();
         }
-        self.count = self.count.checked_sub(bits).ok_or(Stop::Ended)?;
+        self.count = self.count.checked_sub(bits).ok_or(ScanEnd::Ended)?;
         Ok((self.held >> self.count) as u32 & ((1 << bits) - 1))
     }
 
-    pub(super) fn symbol(&mut self, table: &HuffmanTable) -> Result<u8, Stop> {
+    pub(super) fn symbol(&mut self, table: &HuffmanTable) -> Result<u8, ScanEnd> {
         if self.count < 16 {
             self.fill();
         }
@@ -121,8 +121,8 @@ impl<'a> Bits<'a> {
                 self.count -= length;
                 Ok(symbol)
             }
-            None if self.count >= 16 => Err(Stop::Invalid),
-            _ => Err(Stop::Ended),
+            None if self.count >= 16 => Err(ScanEnd::Invalid),
+            _ => Err(ScanEnd::Ended),
         }
     }
 

@@ -26,7 +26,7 @@ pub(super) struct Component {
 
 /// A frame header.
 #[derive(Debug)]
-pub(super) struct Frame {
+pub(super) struct JpegFrame {
     pub(super) progressive: bool,
     size: (usize, usize),
     /// MCUs in x and y.
@@ -34,7 +34,7 @@ pub(super) struct Frame {
     pub(super) components: Vec<Component>,
 }
 
-impl Frame {
+impl JpegFrame {
     pub(super) fn parse(body: &[u8], progressive: bool) -> Result<Self, JpegError> {
         let broken = JpegError::Header { what: "its frame header is broken" };
         let (&[_precision, y1, y2, x1, x2, count], rest) = body.split_first_chunk().ok_or(broken.clone())?;

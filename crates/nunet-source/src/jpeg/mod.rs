@@ -10,7 +10,7 @@ mod scan;
 mod standard_tables;
 
 use self::bits::HuffmanTable;
-use self::frame::{Frame, segment};
+use self::frame::{JpegFrame, segment};
 use self::scan::Scan;
 pub(crate) use self::standard_tables::with_tables;
 
@@ -45,7 +45,7 @@ pub(crate) enum JpegError {
 /// What was read so far.
 #[derive(Default)]
 struct Image {
-    frame: Option<Frame>,
+    frame: Option<JpegFrame>,
     dc: [Option<HuffmanTable>; 4],
     ac: [Option<HuffmanTable>; 4],
     restart_interval: u32,
@@ -62,7 +62,7 @@ pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
         place = after;
         match marker {
             END_OF_IMAGE => {
-                image.frame.as_ref().map_or(Ok(()), Frame::check_complete)?;
+                image.frame.as_ref().map_or(Ok(()), JpegFrame::check_complete)?;
                 return Ok(place);
             }
             // Markers without a segment.
@@ -72,7 +72,7 @@ pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
         let body = segment(file, place).ok_or(JpegError::NoEnd)?;
         place += 2 + body.len();
         match marker {
-            0xc0..=0xc2 => image.frame = Some(Frame::parse(body, marker == 0xc2)?),
+            0xc0..=0xc2 => image.frame = Some(JpegFrame::parse(body, marker == 0xc2)?),
             TABLES => image.read_tables(body)?,
             RESTART_INTERVAL => image.restart_interval = restart_interval(body)?,
             START_OF_SCAN => place += image.check_scan(body, &file[place..])?,

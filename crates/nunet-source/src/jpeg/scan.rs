@@ -1,8 +1,8 @@
 //! One scan of a JPEG, walked block by block.
 
 use super::JpegError;
-use super::bits::{Bits, HuffmanTable, Stop};
-use super::frame::Frame;
+use super::bits::{Bits, HuffmanTable, ScanEnd};
+use super::frame::JpegFrame;
 
 /// Some cameras write a few bytes more; their images are whole.
 const MAX_EXTRA_BYTES: usize = 16;
@@ -28,7 +28,7 @@ pub(super) struct Scan<'a> {
 impl<'a> Scan<'a> {
     pub(super) fn parse(
         header: &[u8],
-        frame: &Frame,
+        frame: &JpegFrame,
         dc: &'a Tables,
         ac: &'a Tables,
     ) -> Result<Self, JpegError> {
@@ -55,7 +55,7 @@ impl<'a> Scan<'a> {
     /// Walks the scan's data and returns how many bytes they have.
     pub(super) fn walk(
         &self,
-        frame: &mut Frame,
+        frame: &mut JpegFrame,
         restart_interval: u32,
         data: &[u8],
     ) -> Result<usize, JpegError> {
@@ -70,8 +70,8 @@ impl<'a> Scan<'a> {
         let (mcus, blocks) = self.extent(frame);
         let expected = mcus as u64 * blocks;
         let stopped = |stop, read| match stop {
-            Stop::Ended => JpegError::EndedEarly { read, expected },
-            Stop::Invalid => JpegError::InvalidCode { read, expected },
+            ScanEnd::Ended => JpegError::EndedEarly { read, expected },
+            ScanEnd::Invalid => JpegError::InvalidCode { read, expected },
         };
         for mcu in 0..mcus {
             let due = restart_interval > 0 && mcu > 0 && mcu.is_multiple_of(restart_interval as usize);
@@ -86,7 +86,7 @@ impl<'a> Scan<'a> {
     }
 
     /// MCUs of the scan, and blocks of each.
-    fn extent(&self, frame: &Frame) -> (usize, u64) {
+    fn extent(&self, frame: &JpegFrame) -> (usize, u64) {
         match self.parts.as_slice() {
             [alone] => {
                 let (columns, rows) = frame.components[alone.component].blocks;
@@ -102,7 +102,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    fn mcu(&self, frame: &mut Frame, mcu: usize, walk: &mut Walk<'_>) -> Result<(), Stop> {
+    fn mcu(&self, frame: &mut JpegFrame, mcu: usize, walk: &mut Walk<'_>) -> Result<(), ScanEnd> {
         if let [alone] = self.parts.as_slice() {
             let component = &frame.components[alone.component];
             let (columns, stride) = (component.blocks.0, component.stride);
@@ -123,12 +123,12 @@ impl<'a> Scan<'a> {
 
     fn block(
         &self,
-        frame: &mut Frame,
+        frame: &mut JpegFrame,
         part: &Part<'a>,
         place: usize,
         walk: &mut Walk<'_>,
-    ) -> Result<(), Stop> {
-        let table = |table: Option<&'a HuffmanTable>| table.ok_or(Stop::Invalid);
+    ) -> Result<(), ScanEnd> {
+        let table = |table: Option<&'a HuffmanTable>| table.ok_or(ScanEnd::Invalid);
         let nonzero = frame.components[part.component].nonzero.get_mut(place);
         match (self.band, self.approximation.0, nonzero) {
             (_, _, None) => {
@@ -145,7 +145,7 @@ impl<'a> Scan<'a> {
     }
 
     /// Notes which coefficients are known now.
-    pub(super) fn note(&self, frame: &mut Frame) {
+    pub(super) fn note(&self, frame: &mut JpegFrame) {
         for part in &self.parts {
             frame.components[part.component].known_to[self.band.0..=self.band.1]
                 .fill(Some(self.approximation.1));
@@ -180,15 +180,15 @@ impl Walk<'_> {
         Ok(())
     }
 
-    fn first_dc(&mut self, table: &HuffmanTable) -> Result<(), Stop> {
+    fn first_dc(&mut self, table: &HuffmanTable) -> Result<(), ScanEnd> {
         let size = self.bits.symbol(table)?;
         if size > 16 {
-            return Err(Stop::Invalid);
+            return Err(ScanEnd::Invalid);
         }
         self.bits.take(size.into()).map(drop)
     }
 
-    fn baseline_ac(&mut self, table: &HuffmanTable) -> Result<(), Stop> {
+    fn baseline_ac(&mut self, table: &HuffmanTable) -> Result<(), ScanEnd> {
         let mut place = 1;
         while place < 64 {
             let symbol = self.bits.symbol(table)?;
@@ -202,7 +202,7 @@ impl Walk<'_> {
                 }
             }
         }
-        if place > 64 { Err(Stop::Invalid) } else { Ok(()) }
+        if place > 64 { Err(ScanEnd::Invalid) } else { Ok(()) }
     }
 
     /// Figure G.3.
@@ -211,7 +211,7 @@ impl Walk<'_> {
         table: &HuffmanTable,
         (first, last): (usize, usize),
         nonzero: &mut u64,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), ScanEnd> {
         if self.end_of_band_run > 0 {
             self.end_of_band_run -= 1;
             return Ok(());
@@ -229,7 +229,7 @@ impl Walk<'_> {
                 (run, size) => {
                     place += usize::from(run);
                     if place > last {
-                        return Err(Stop::Invalid);
+                        return Err(ScanEnd::Invalid);
                     }
                     self.bits.take(size.into())?;
                     *nonzero |= 1 << place;
@@ -246,7 +246,7 @@ impl Walk<'_> {
         table: &HuffmanTable,
         (first, last): (usize, usize),
         nonzero: &mut u64,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), ScanEnd> {
         let mut place = first;
         if self.end_of_band_run == 0 {
             while place <= last {
@@ -259,12 +259,12 @@ impl Walk<'_> {
                         break;
                     }
                     (_, 1) => drop(self.bits.take(1)?),
-                    _ => return Err(Stop::Invalid),
+                    _ => return Err(ScanEnd::Invalid),
                 }
                 place = self.pass(run, place, last, *nonzero)?;
                 if size == 1 {
                     if place > last {
-                        return Err(Stop::Invalid);
+                        return Err(ScanEnd::Invalid);
                     }
                     *nonzero |= 1 << place;
                 }
@@ -279,7 +279,7 @@ impl Walk<'_> {
     }
 
     /// Passes `zeros` coefficients that are zero, and stops at the next one.
-    fn pass(&mut self, zeros: u8, mut place: usize, last: usize, nonzero: u64) -> Result<usize, Stop> {
+    fn pass(&mut self, zeros: u8, mut place: usize, last: usize, nonzero: u64) -> Result<usize, ScanEnd> {
         let mut left = zeros;
         while place <= last {
             if nonzero >> place & 1 == 1 {

@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_with_tables_and_what_is_no_jpeg_stay_as_they_are() {
+    fn an_image_with_tables_and_data_that_is_no_jpeg_are_unchanged() {
         let whole = jpeg();
         let damaged = [&whole[..4], &[0xff, 0xff]].concat();
         for bytes in [&whole[..], &whole[..20], &whole[..2], b"no JPEG", &damaged, &[]] {

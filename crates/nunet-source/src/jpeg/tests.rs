@@ -106,7 +106,7 @@ fn a_restart_interval_that_is_missing_is_named() {
 }
 
 #[test]
-fn what_is_behind_the_end_and_padding_before_it_do_not_matter() {
+fn bytes_after_the_end_and_padding_before_it_are_ignored() {
     let file = baseline(64, 48);
     let behind = [&file[..], b"....ftypmp42\xff\xda\xff\xd8"].concat();
     assert_eq!(check(&behind), Ok(file.len()));

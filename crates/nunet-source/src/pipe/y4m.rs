@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_named_with_a_way_out() {
+    fn streams_that_cannot_be_read_are_named_with_a_hint() {
         assert_refused("YUV4MPEG2 W2 H2 F25:1 It", "`It`: interlaced images show two moments at once");
         assert_refused("YUV4MPEG2 W2 H2 F25:1 C420p10", "`C420p10`, a color space that cannot be read");
         assert_refused(

@@ -1,4 +1,4 @@
-//! A video device and its machine, as the policy above sees them: tests put others in their place.
+//! Traits for a video device and its machine, which tests implement too.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -12,13 +12,13 @@ pub(super) type Result<T> = std::result::Result<T, Errno>;
 
 /// The machine that devices are plugged into.
 pub(super) trait Host: Send {
-    /// Opens the device at `path`; `NOTTY` where something else lies there.
+    /// Opens the device at `path`; `NOTTY` for any other kind of file.
     fn open(&mut self, path: &Path) -> Result<Box<dyn Device>>;
 
     /// The paths of all video devices, cameras or not, by their number.
     fn nodes(&self) -> Vec<PathBuf>;
 
-    /// What time it is.
+    /// The current time.
     fn now(&self) -> Now;
 
     /// Waits.
@@ -54,7 +54,7 @@ pub(super) trait Device: Send {
     /// Takes the oldest filled buffer from the driver; `None` where none is filled.
     fn dequeue(&mut self) -> Result<Option<Buffer>>;
 
-    /// What a taken buffer holds; nothing of one that was given back.
+    /// The content of a taken buffer; empty after it was given back.
     fn bytes(&self, buffer: &Buffer) -> &[u8];
 
     /// Gives a buffer back to be filled again.
@@ -73,7 +73,7 @@ pub(super) struct Now {
 /// What a device is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Capability {
-    /// The camera's name, for people.
+    /// The camera's name.
     pub(super) name: String,
     /// Whether it captures images, each in one buffer.
     pub(super) captures: bool,
@@ -139,7 +139,7 @@ impl Interval {
         Self { numerator: 1000, denominator: ((hz * 1000.0).round() as u32).max(1) }
     }
 
-    /// Frames a second; `None` of a fraction that is none.
+    /// Frames per second; `None` for a fraction without a value.
     pub(super) fn hz(self) -> Option<f64> {
         let hz = f64::from(self.denominator) / f64::from(self.numerator);
         (hz.is_finite() && hz > 0.0).then_some(hz)

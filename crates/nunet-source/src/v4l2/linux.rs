@@ -260,7 +260,7 @@ unsafe impl Send for Mapping {}
 
 impl Mapping {
     fn of(file: &OwnedFd, offset: u32, bytes: usize) -> Result<Self> {
-        // SAFETY: the kernel chooses a free place, so no memory that anybody uses changes.
+        // SAFETY: the kernel chooses a free place, so no memory in use changes.
         let start = unsafe {
             mmap(ptr::null_mut(), bytes, ProtFlags::READ, MapFlags::SHARED, file, u64::from(offset))
         }?;
@@ -296,7 +296,7 @@ fn list<T>(mut entry: impl FnMut(u32) -> Result<T>) -> Result<Vec<T>> {
     Ok(entries)
 }
 
-/// A name from the device, without what a terminal would obey.
+/// A name from the device, without control characters.
 fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).chars().filter(|letter| !letter.is_control()).collect()
@@ -330,16 +330,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_video_device_is_not_opened() {
+    fn only_video_devices_are_opened() {
         let open = |path: &Path| Linux.open(path).err();
         assert_eq!(open(Path::new("/dev/null")), Some(Errno::NOTTY));
         assert_eq!(open(&std::env::temp_dir()), Some(Errno::NOTTY));
         assert_eq!(open(Path::new("/dev/video_that_is_not_there")), Some(Errno::NOENT));
     }
 
-    /// A pipe stands for a driver that knows no request: buffers and lists come to nothing, and dropping is quiet.
+    /// A pipe replaces a driver without these requests: lists are empty, buffers fail, and dropping logs nothing.
     #[test]
-    fn a_file_that_answers_no_request_gives_errors_and_nothing_else() {
+    fn a_file_that_supports_no_request_returns_errors() {
         let (file, _other) = std::io::pipe().unwrap();
         let mut device = VideoDevice { buffers: Vec::new(), file: file.into() };
         assert_eq!(device.capability(), Err(Errno::NOTTY));
@@ -352,9 +352,9 @@ mod tests {
         assert_eq!(device.queue(buffer), Err(Errno::INVAL));
     }
 
-    /// A file in memory stands for a driver's buffers: it can be mapped as they are.
+    /// A file in memory replaces a driver's buffers, which are mapped the same way.
     #[test]
-    fn a_buffer_is_seen_while_it_is_ours_and_not_longer() {
+    fn a_buffer_is_readable_only_until_it_is_queued_again() {
         let file = tempfile::tempfile().unwrap();
         std::io::Write::write_all(&mut &file, &[7; 4096]).unwrap();
         let file = OwnedFd::from(file);
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn names_hold_nothing_that_a_terminal_obeys() {
+    fn names_contain_no_control_characters() {
         assert_eq!(text(b"HD \x1b[2JWebcam\0rest"), "HD [2JWebcam");
         assert_eq!(text(b"full"), "full");
     }

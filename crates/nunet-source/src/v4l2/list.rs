@@ -1,4 +1,4 @@
-//! The cameras of this machine, for people.
+//! The cameras of this machine, for reports.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -7,8 +7,8 @@ use super::device::{Device, FourCc, Host, Sizes};
 use super::linux::Linux;
 use nunet_types::Hint as _;
 
+use super::fault::CameraFault;
 use super::negotiate::{RequestedMode, choose, is_readable};
-use super::trouble::Trouble;
 
 /// A camera that was found.
 #[derive(Debug)]
@@ -29,12 +29,12 @@ pub(super) fn cameras_of(host: &mut dyn Host) -> Vec<CameraReport> {
     let mut cameras = Vec::new();
     for path in host.nodes() {
         let offer = match describe(host, &path) {
-            Err(Trouble::NoCapture { .. } | Trouble::NoVideo | Trouble::Missing) => continue,
+            Err(CameraFault::NoCapture { .. } | CameraFault::NoVideo | CameraFault::Missing) => continue,
             // Nothing is wrong with this machine: the camera is of another kind.
-            Err(trouble @ Trouble::OtherCapture { .. }) => {
-                Ok(format!("{trouble}; {}", trouble.hint().unwrap_or_default()))
+            Err(fault @ CameraFault::OtherCapture { .. }) => {
+                Ok(format!("{fault}; {}", fault.hint().unwrap_or_default()))
             }
-            result => result.map_err(|trouble| (trouble.to_string(), trouble.hint())),
+            result => result.map_err(|fault| (fault.to_string(), fault.hint())),
         };
         cameras.push(CameraReport { path, offer });
     }
@@ -45,30 +45,32 @@ pub(super) fn cameras_of(host: &mut dyn Host) -> Vec<CameraReport> {
 ///
 /// # Errors
 /// The device is not a camera, or not one that can be read.
-pub(super) fn name_of_camera(device: &mut dyn Device) -> Result<String, Trouble> {
-    let can = device.capability().map_err(Trouble::at("ask what it is"))?;
+pub(super) fn name_of_camera(device: &mut dyn Device) -> Result<String, CameraFault> {
+    let can = device.capability().map_err(CameraFault::at("ask what it is"))?;
     let name = can.name;
     match (can.captures, can.captures_planes, can.streams) {
         (true, _, true) => Ok(name),
-        (true, _, false) => Err(Trouble::OtherCapture { name, what: "without mapped buffers" }),
-        (false, true, _) => Err(Trouble::OtherCapture { name, what: "each plane in a buffer of its own" }),
-        (false, false, _) => Err(Trouble::NoCapture { name }),
+        (true, _, false) => Err(CameraFault::OtherCapture { name, what: "without mapped buffers" }),
+        (false, true, _) => {
+            Err(CameraFault::OtherCapture { name, what: "each plane in a buffer of its own" })
+        }
+        (false, false, _) => Err(CameraFault::NoCapture { name }),
     }
 }
 
-fn describe(host: &mut dyn Host, path: &Path) -> Result<String, Trouble> {
-    let mut device = host.open(path).map_err(Trouble::at("open it"))?;
+fn describe(host: &mut dyn Host, path: &Path) -> Result<String, CameraFault> {
+    let mut device = host.open(path).map_err(CameraFault::at("open it"))?;
     let name = name_of_camera(device.as_mut())?;
-    let formats = device.formats().map_err(Trouble::at("list its formats"))?;
+    let formats = device.formats().map_err(CameraFault::at("list its formats"))?;
     let mut offers = Vec::new();
     for format in formats {
-        let sizes = device.sizes(format).map_err(Trouble::at("list its sizes"))?;
+        let sizes = device.sizes(format).map_err(CameraFault::at("list its sizes"))?;
         offers.push(offer(format, &sizes));
     }
     let verdict = match choose(device.as_mut(), RequestedMode::default()) {
         Ok(choice) => format!("nunetd takes {choice}"),
-        Err(Trouble::NoFormat { .. }) => "nunetd reads none of them".into(),
-        Err(trouble) => return Err(trouble),
+        Err(CameraFault::NoFormat { .. }) => "nunetd reads none of them".into(),
+        Err(fault) => return Err(fault),
     };
     let offers = if offers.is_empty() { "no format".into() } else { offers.join(", ") };
     Ok(format!("{name} offers {offers}; {verdict}"))

@@ -5,11 +5,11 @@
 
 mod abi;
 mod device;
+mod fault;
 mod health;
 mod linux;
 mod list;
 mod negotiate;
-mod trouble;
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
@@ -20,11 +20,11 @@ use nunet_types::ImageSize;
 use tracing::{debug, info, warn};
 
 use self::device::{Buffer, Device, Host, Now};
+use self::fault::CameraFault;
 use self::health::Health;
 use self::linux::Linux;
 pub use self::list::{CameraReport, cameras};
 use self::negotiate::{Coding, Mode, RequestedMode, choose, set};
-use self::trouble::Trouble;
 use crate::convert::{self, RawImage};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::rate::MAX_HZ;
@@ -113,9 +113,9 @@ impl<H: Host> Video<H> {
     }
 
     fn open(mut host: H, path: &Path, requested: RequestedMode) -> Result<Self, SourceError> {
-        let stream = Stream::open(&mut host, path, requested).map_err(|trouble| {
-            let error = SourceError::new(SourceErrorKind::Unavailable, trouble.to_string());
-            let error = match trouble.hint_on(&host) {
+        let stream = Stream::open(&mut host, path, requested).map_err(|fault| {
+            let error = SourceError::new(SourceErrorKind::Unavailable, fault.to_string());
+            let error = match fault.hint_on(&host) {
                 Some(hint) => error.with_hint(hint),
                 None => error,
             };
@@ -135,7 +135,7 @@ impl<H: Host> Video<H> {
         }
     }
 
-    fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, Trouble> {
+    fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, CameraFault> {
         if self.stream.is_none() && !self.try_again()? {
             return Ok(Fill::Nothing);
         }
@@ -143,7 +143,7 @@ impl<H: Host> Video<H> {
         let waiting = stream.next(self.host.now())?;
         let now = self.host.now();
         let Some((buffer, count)) = waiting else {
-            return if stream.has_stalled(now) { Err(Trouble::Stalled) } else { Ok(Fill::Nothing) };
+            return if stream.has_stalled(now) { Err(CameraFault::Stalled) } else { Ok(Fill::Nothing) };
         };
         stream.last_nanos = Some(now.monotonic_nanos);
         self.sequence += count;
@@ -153,7 +153,7 @@ impl<H: Host> Video<H> {
         frame.camera = None;
         let copied = stream.mode.copy(stream.device.bytes(&buffer), buffer.flawed, frame);
         // Before the slow work: the driver needs it.
-        stream.device.queue(buffer).map_err(Trouble::at("give a buffer back"))?;
+        stream.device.queue(buffer).map_err(CameraFault::at("give a buffer back"))?;
         Ok(match copied.and_then(|()| stream.mode.decode(frame)) {
             Ok(()) => {
                 self.good();
@@ -164,7 +164,7 @@ impl<H: Host> Video<H> {
     }
 
     /// Opens a lost camera when it is time to; it may be another one by now. Returns false while it is not.
-    fn try_again(&mut self) -> Result<bool, Trouble> {
+    fn try_again(&mut self) -> Result<bool, CameraFault> {
         let wait = self.health.wait(self.host.now().monotonic_nanos);
         if !wait.is_zero() {
             self.host.pause(wait.min(POLL_TIMEOUT));
@@ -183,22 +183,22 @@ impl<H: Host> Video<H> {
         }
     }
 
-    fn lose(&mut self, trouble: &Trouble) {
+    fn lose(&mut self, fault: &CameraFault) {
         // Closed first: as long as it is open, a camera that is plugged in again gets another path.
         self.stream = None;
         let (path, now) = (self.path.display(), self.host.now());
-        if self.health.fails(&trouble.to_string(), now.monotonic_nanos) {
-            warn!("waiting for camera `{path}`: {trouble}");
+        if self.health.fails(&fault.to_string(), now.monotonic_nanos) {
+            warn!("waiting for camera `{path}`: {fault}");
         } else {
-            debug!("camera `{path}`: {trouble}");
+            debug!("camera `{path}`: {fault}");
         }
     }
 }
 
 impl<H: Host> Source for Video<H> {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
-        self.try_fill(frame).unwrap_or_else(|trouble| {
-            self.lose(&trouble);
+        self.try_fill(frame).unwrap_or_else(|fault| {
+            self.lose(&fault);
             Fill::Nothing
         })
     }
@@ -213,18 +213,18 @@ impl<H: Host> Source for Video<H> {
 }
 
 impl Stream {
-    fn open(host: &mut dyn Host, path: &Path, requested: RequestedMode) -> Result<Self, Trouble> {
-        let mut device = host.open(path).map_err(Trouble::at("open it"))?;
+    fn open(host: &mut dyn Host, path: &Path, requested: RequestedMode) -> Result<Self, CameraFault> {
+        let mut device = host.open(path).map_err(CameraFault::at("open it"))?;
         let name = list::name_of_camera(device.as_mut())?;
         let choice = choose(device.as_mut(), requested)?;
         let mode = set(device.as_mut(), choice, requested)?;
-        device.start(BUFFERS).map_err(Trouble::at("start it"))?;
+        device.start(BUFFERS).map_err(CameraFault::at("start it"))?;
         Ok(Self { device, mode, name, last_nanos: None })
     }
 
     /// The newest image and how many there were with it, or nothing within [`POLL_TIMEOUT`].
-    fn next(&mut self, now: Now) -> Result<Option<(Buffer, u64)>, Trouble> {
-        let failed = Trouble::at("take an image");
+    fn next(&mut self, now: Now) -> Result<Option<(Buffer, u64)>, CameraFault> {
+        let failed = CameraFault::at("take an image");
         if self.last_nanos.is_none() {
             // What was filled while the model loaded shows the past.
             self.last_nanos = Some(now.monotonic_nanos);

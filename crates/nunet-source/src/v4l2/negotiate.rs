@@ -5,7 +5,7 @@ use std::fmt;
 use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
 
 use super::device::{Device, FourCc, Interval, Intervals, Layout, Sizes};
-use super::trouble::Trouble;
+use super::fault::CameraFault;
 use crate::convert::{Bayer, RawLayout};
 use crate::rate::MAX_HZ;
 
@@ -104,23 +104,23 @@ pub(super) struct Choice {
 }
 
 /// How far a choice is from the requested; the first difference decides. A rate cannot make up for
-/// a size that is further off, and color is never given up for either.
+/// a size that is further off, and neither is preferred over color.
 type Cost = (bool, f64, f64, usize);
 
 /// The nearest that the camera offers.
 ///
 /// # Errors
 /// No format that is read here, or the device fails.
-pub(super) fn choose(device: &mut dyn Device, requested: RequestedMode) -> Result<Choice, Trouble> {
-    let offered = device.formats().map_err(Trouble::at("list its formats"))?;
+pub(super) fn choose(device: &mut dyn Device, requested: RequestedMode) -> Result<Choice, CameraFault> {
+    let offered = device.formats().map_err(CameraFault::at("list its formats"))?;
     let mut best: Option<(Cost, Choice)> = None;
     for (place, (format, coding)) in READABLE.into_iter().enumerate() {
         if !offered.contains(&format) {
             continue;
         }
-        let sizes = device.sizes(format).map_err(Trouble::at("list its sizes"))?;
+        let sizes = device.sizes(format).map_err(CameraFault::at("list its sizes"))?;
         let size = nearest_size(&sizes, requested.size);
-        let intervals = device.intervals(format, size).map_err(Trouble::at("list its rates"))?;
+        let intervals = device.intervals(format, size).map_err(CameraFault::at("list its rates"))?;
         let interval = nearest_interval(&intervals, requested.hz);
         let is_gray = coding.is_gray();
         let cost = (is_gray, size_distance(size, requested.size), hz_distance(interval, requested.hz), place);
@@ -130,7 +130,7 @@ pub(super) fn choose(device: &mut dyn Device, requested: RequestedMode) -> Resul
     }
     let (_, choice) = best.ok_or_else(|| {
         let readable = READABLE.map(|(format, _)| format).to_vec();
-        Trouble::NoFormat { offered, readable }
+        CameraFault::NoFormat { offered, readable }
     })?;
     Ok(choice)
 }
@@ -141,13 +141,13 @@ fn size_distance(size: ImageSize, requested: ImageSize) -> f64 {
     octaves(size.width, requested.width) + octaves(size.height, requested.height)
 }
 
-/// In tenths: 333333/10000000 s and 1/30 s are one rate. A rate that nobody knows is taken for the requested one.
+/// In tenths: 333333/10000000 s and 1/30 s are one rate. An unknown rate counts as the requested one.
 fn hz_distance(interval: Option<Interval>, requested_hz: f64) -> f64 {
     let hz = interval.and_then(Interval::hz).unwrap_or(requested_hz);
     ((hz - requested_hz).abs() * 10.0).round()
 }
 
-/// Of a driver that tells no sizes, the requested one: it will say what it makes of it.
+/// For a driver that lists no sizes, the requested one: the driver replies with the size that it sets.
 fn nearest_size(sizes: &[Sizes], requested: ImageSize) -> ImageSize {
     let sizes = sizes.iter().map(|&sizes| match sizes {
         Sizes::One(size) => size,
@@ -197,7 +197,7 @@ pub(super) struct Mode {
     pub(super) size: ImageSize,
     /// Bytes from row to row; of no use where images are JPEGs.
     pub(super) row_stride: u32,
-    /// Frames a second, where the driver tells.
+    /// Frames per second, if the driver states them.
     pub(super) hz: Option<f64>,
 }
 
@@ -209,20 +209,20 @@ pub(super) fn set(
     device: &mut dyn Device,
     choice: Choice,
     requested: RequestedMode,
-) -> Result<Mode, Trouble> {
+) -> Result<Mode, CameraFault> {
     let Choice { format, coding, size, interval } = choice;
-    let layout = device.set_format(format, size).map_err(Trouble::at("set its format"))?;
+    let layout = device.set_format(format, size).map_err(CameraFault::at("set its format"))?;
     if layout.format != format {
-        return Err(Trouble::OtherFormat { asked: format, got: layout.format });
+        return Err(CameraFault::OtherFormat { asked: format, got: layout.format });
     }
     let row_stride = row_stride(layout, coding)?;
     let interval = device
         .set_interval(interval.unwrap_or(Interval::of_hz(requested.hz)))
-        .map_err(Trouble::at("set its rate"))?;
+        .map_err(CameraFault::at("set its rate"))?;
     Ok(Mode { format, coding, size: layout.size, row_stride, hz: interval.and_then(Interval::hz) })
 }
 
-fn row_stride(layout: Layout, coding: Coding) -> Result<u32, Trouble> {
+fn row_stride(layout: Layout, coding: Coding) -> Result<u32, CameraFault> {
     let Layout { size: ImageSize { width, height }, row_stride, .. } = layout;
     let sides = 1..=MAX_SIDE_PX;
     let least = match coding {
@@ -233,7 +233,7 @@ fn row_stride(layout: Layout, coding: Coding) -> Result<u32, Trouble> {
     if sides.contains(&width) && sides.contains(&height) && stride >= least {
         Ok(stride)
     } else {
-        Err(Trouble::NoLayout { size: layout.size, row_stride })
+        Err(CameraFault::NoLayout { size: layout.size, row_stride })
     }
 }
 

@@ -1,4 +1,4 @@
-//! The policy against a machine that exists only here: time passes when somebody waits, and cameras come and go.
+//! The policy with a simulated machine: its time advances in waits, and cameras are plugged in and out.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -46,7 +46,7 @@ struct World {
     chooses: Option<Layout>,
     filled: VecDeque<Shot>,
     asked: Option<(FourCc, ImageSize, Interval)>,
-    /// When somebody tried to open the camera.
+    /// The times at which the camera was opened.
     tries: Vec<i64>,
     /// Devices that are open.
     open: usize,
@@ -406,7 +406,7 @@ fn the_driver_s_time_is_the_time_of_capture_where_it_can_be_one() {
 }
 
 #[test]
-fn a_camera_that_is_unplugged_is_tried_again_ever_more_seldom_and_taken_when_it_is_back() {
+fn an_unplugged_camera_is_retried_with_growing_pauses_until_it_is_back() {
     let host = FakeHost::of(GREY);
     let mut video = awake(&host);
     host.shoot([1; 8]);
@@ -428,13 +428,13 @@ fn a_camera_that_is_unplugged_is_tried_again_ever_more_seldom_and_taken_when_it_
     assert_eq!(
         (frame.size, frame.format),
         (ImageSize::new(8, 2), Some(PixelFormat::Yuyv)),
-        "another camera, set anew"
+        "another camera, configured again"
     );
     assert_eq!((frame.sequence, frame.stretch), (1, 1), "it does not follow the last one");
 }
 
 #[test]
-fn a_camera_that_falls_silent_is_opened_anew_and_not_called_back_before_it_sends() {
+fn a_silent_camera_is_reopened_and_reported_back_only_after_a_frame() {
     let host = FakeHost::of(GREY);
     let mut video = awake(&host);
     let start = host.world().now_nanos;
@@ -490,7 +490,7 @@ fn a_camera_that_comes_back_busy_or_without_rights_or_formats_is_tried_until_it_
 }
 
 #[test]
-fn what_cannot_be_used_at_start_is_an_error_that_says_why() {
+fn a_device_that_cannot_be_used_at_startup_is_an_error_with_its_reason() {
     let host = FakeHost::default();
     let missing = refusal(&host);
     assert!(missing.starts_with("cannot use the camera `/dev/video0`: it does not exist | "), "{missing}");
@@ -581,7 +581,7 @@ fn gray_is_taken_only_where_there_is_no_color() {
 }
 
 #[test]
-fn a_driver_without_lists_is_asked_for_the_requested_mode() {
+fn a_driver_without_lists_gets_the_requested_mode() {
     assert_eq!(asked(vec![(YUYV, vec![])], RequestedMode::default()), (YUYV, ImageSize::new(640, 480), 30.0));
 }
 

@@ -128,7 +128,7 @@ fn lamplight(solids: &[Solid], point: Vec3, normal: Vec3) -> Vec3 {
     LAMPLIGHT * (sum / PLACES.len() as f32)
 }
 
-/// Light from a small source at `source` of which `shows` says how much it shows of itself along a direction.
+/// Light from a small source at `source`; `shows` returns its visible share along a direction.
 fn arriving(solids: &[Solid], point: Vec3, normal: Vec3, source: Vec3, shows: impl Fn(Vec3) -> f32) -> f32 {
     let way = source - point;
     let length = way.length();

@@ -1,4 +1,4 @@
-//! A ray-cast room of which depth and classes are known exactly.
+//! A ray-cast room with exactly known depth and classes.
 //!
 //! For tests against the truth. The room is deliberately asymmetric in
 //! color, left to right and top to bottom, so that BGR, mirrored or transposed images cannot pass for it. A frame

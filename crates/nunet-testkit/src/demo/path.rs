@@ -13,7 +13,7 @@ pub(super) struct Pose {
     pub(super) forward: Vec3,
 }
 
-/// The pose at a frame: a slow walk to and fro in the free part of the room, looking about.
+/// The pose at a frame: it moves slowly through the free part of the room and turns.
 ///
 /// No sine or cosine, which differ between machines: parabolas swing as smoothly, and tangents of half angles turn.
 pub(super) fn pose(seed: u64, frame_index: u64) -> Pose {

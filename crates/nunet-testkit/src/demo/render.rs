@@ -1,4 +1,4 @@
-//! What the camera sees: first which surface at which depth, then its color.
+//! Renders the camera's view: first the surface and depth of each pixel, then its color.
 
 use super::intrinsics::Intrinsics;
 
@@ -7,7 +7,7 @@ use super::path::Pose;
 use super::solid::{FACES, Shape, Solid, meet_cuboid, meet_hollow};
 use super::vector::Vec3;
 
-/// Nothing nearer to the camera is looked for, meters.
+/// Nearer surfaces are ignored, meters.
 const NEAREST_M: f32 = 0.05;
 
 /// Where the rays of an image go, in the axes of one solid: `base + column * per_column + row * per_row`.
@@ -67,7 +67,7 @@ impl Renderer {
             let Some(window) = self.window(solid, pose) else {
                 continue;
             };
-            // A loop for each shape, so that no pixel asks which it is.
+            // A loop per shape, so that there is no branch per pixel.
             match solid.shape {
                 Shape::Cuboid { half } => self.meet(window, &rays, number, |o, d| meet_cuboid(half, o, d)),
                 Shape::Hollow { half } => self.meet(window, &rays, number, |o, d| meet_hollow(half, o, d)),
@@ -172,7 +172,7 @@ struct Window {
     rows: (usize, usize),
 }
 
-/// Conversion from float saturates, so that what lies outside the image ends at its border.
+/// Conversion from float saturates, so coordinates outside the image are clamped to its border.
 fn pixels_between(low: f32, high: f32, side: usize) -> (usize, usize) {
     let end = (high.ceil() as usize).saturating_add(1).min(side);
     ((low.floor() as usize).min(end), end)

@@ -1,4 +1,4 @@
-//! The room and what stands in it.
+//! The room and its furniture.
 //!
 //! Nothing here is symmetric: the window is on the left and the books are on the right, the floor is dark and the
 //! ceiling light, each wall has its own color.
@@ -12,7 +12,7 @@ use super::vector::Vec3;
 /// Width (x), depth (y) and height (z) of the room, meters.
 pub(super) const SIZE: Vec3 = Vec3::new(5.2, 6.2, 2.6);
 
-/// Where the daylight comes in: the middle of the window, in the wall at x = 0.
+/// The source of daylight: the middle of the window, in the wall at x = 0.
 pub(super) const WINDOW: Vec3 = Vec3::new(0.0, 3.1, 1.5);
 /// Width (along y) and height of the window.
 pub(super) const WINDOW_SIZE: (f32, f32) = (1.9, 1.3);
@@ -63,7 +63,7 @@ fn walls() -> Solid {
     }
 }
 
-/// Where a piece of furniture stands, its parts being given from there.
+/// The origin of a piece of furniture; its parts are relative to it.
 #[derive(Clone, Copy)]
 struct Place {
     at: Vec3,

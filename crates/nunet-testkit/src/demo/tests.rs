@@ -82,7 +82,7 @@ fn a_surfaces_points_have_the_coordinates_they_were_made_from() {
 }
 
 #[test]
-fn depth_ends_on_a_surface_and_nothing_stands_before_it() {
+fn depth_ends_on_the_first_surface() {
     let solids = room::furnished(3);
     let intrinsics = DemoScene::new(3, WIDTH, HEIGHT).intrinsics();
     let mut renderer = Renderer::new(intrinsics, solids.len());
@@ -104,7 +104,7 @@ fn depth_ends_on_a_surface_and_nothing_stands_before_it() {
 }
 
 #[test]
-fn the_camera_keeps_clear_of_everything() {
+fn the_camera_stays_outside_all_solids() {
     for seed in 0..4 {
         let solids = room::furnished(seed);
         for frame_index in (0..1000).chain(u64::MAX - 10..=u64::MAX) {

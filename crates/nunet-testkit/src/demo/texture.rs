@@ -1,4 +1,4 @@
-//! What surfaces look like, computed at each point: no images to ship, no resolution to run out of.
+//! Textures of surfaces, computed at each point, so that no image files are needed.
 
 use super::noise::{hash, hills, mix, unit};
 use super::vector::Vec3;
@@ -15,7 +15,7 @@ pub(super) type Color = Vec3;
 const WHITE: Color = Color::new(0.82, 0.81, 0.78);
 const DARK: Color = Color::new(0.03, 0.03, 0.04);
 
-/// The look of a surface; lengths in meters.
+/// The texture of a surface; lengths in meters.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Material {
     /// One color.

@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_of_another_length_is_refused_and_a_bomb_is_not_unpacked() {
+    fn a_stream_of_another_length_is_refused_and_a_decompression_bomb_is_not_unpacked() {
         let bomb = deflate(&vec![0; 10_000_000]);
         assert_eq!(inflate(&bomb, 100), None);
         assert_eq!(inflate(&deflate(&[1, 2, 3]), 4), None);

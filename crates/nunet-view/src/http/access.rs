@@ -1,4 +1,4 @@
-//! Who may see anything: whoever has the token, and no page of another site.
+//! Access: only requests with the token, and none from pages of other sites.
 
 use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
@@ -21,7 +21,7 @@ const HEADERS: [(header::HeaderName, &str); 4] = [
     (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// Refuses what has no right to be answered, and sets the headers of all answers.
+/// Refuses requests without access, and sets the headers of all responses.
 pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
     let refused = match &shared.token {
         None => foreign_name(request.headers(), request.uri()),
@@ -71,7 +71,7 @@ struct TokenQuery {
     token: Option<String>,
 }
 
-/// The token of the address. `+` stands for a space in a query, and no token has a space.
+/// The token of the address. `+` means a space in a query, and no token has a space.
 fn query_token(uri: &Uri) -> Option<String> {
     let Query(TokenQuery { token }) = Query::try_from_uri(uri).ok()?;
     token.map(|token| token.replace(' ', "+"))
@@ -96,7 +96,7 @@ fn bearer_token(headers: &HeaderMap) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then_some(token.trim())
 }
 
-/// The answer to a request without the token. A browser that brings it in the address receives a cookie and forgets the
+/// The response to a request without the token. A browser with the token in the address receives a cookie and forgets the
 /// address.
 fn without_token(token: &Token, request: &Request, port: u16) -> Option<Response> {
     let (headers, uri) = (request.headers(), request.uri());
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_token_only_names_of_this_machine_are_answered() {
+    fn without_a_token_only_host_names_of_this_machine_are_accepted() {
         for host in ["127.0.0.1:8080", "localhost:8080", "LOCALHOST", "[::1]:8080", "view.localhost:1"] {
             assert!(
                 foreign_name(&headers(&[(header::HOST, host)]), &Uri::from_static("/")).is_none(),
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_own_origin_is_answered() {
+    fn only_the_own_origin_is_accepted() {
         let of = |origin| foreign_origin(&headers(&[(header::HOST, "robot:8080"), (header::ORIGIN, origin)]));
         assert!(of("http://robot:8080").is_none());
         assert!(foreign_origin(&headers(&[(header::HOST, "robot:8080")])).is_none(), "not a browser");

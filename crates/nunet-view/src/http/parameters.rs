@@ -1,4 +1,4 @@
-//! What may be asked for in the addresses of videos.
+//! The parameters in the addresses of videos.
 
 use serde::Deserialize;
 

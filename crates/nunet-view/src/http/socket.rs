@@ -28,7 +28,7 @@ use crate::protocol::{
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// How often a client must show that it is there: browsers answer pings by themselves.
 const PING_PERIOD: Duration = Duration::from_secs(15);
-/// A client that says nothing for so long is gone.
+/// A client without a message for this long counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(45);
 
 /// Opens a WebSocket.
@@ -57,13 +57,13 @@ struct Client {
     socket: WebSocket,
     shared: Shared,
     watching: Option<Watching>,
-    /// The last frame that was sent: what its user looks at.
+    /// The last frame that was sent, which its user sees.
     shown: Option<Arc<ViewFrame>>,
     heard: Instant,
     pinged: Instant,
 }
 
-/// The camera that a viewer looks at.
+/// The camera that a viewer watches.
 struct Watching {
     camera: Arc<Camera>,
     slot: Slot,
@@ -119,14 +119,14 @@ impl Watching {
         self.demands.clear();
     }
 
-    /// What is to be said of the stream, if it changed.
+    /// The report about the stream, if it changed.
     fn status(&mut self) -> Option<String> {
         let status = self.camera.status();
         let is_news = self.status.replace(status) != Some(status);
         is_news.then(|| Report::Status { camera: &self.camera.name, status }.to_json())
     }
 
-    /// What is to be said of the camera, if it changed.
+    /// The report about the camera, if it changed.
     fn description(&mut self, frame: &ViewFrame) -> Option<String> {
         if self.rays.replace(frame.rays.clone()).is_some_and(|sent| sent == frame.rays) {
             return None;
@@ -228,7 +228,7 @@ impl Client {
         Ok(Next::Continue)
     }
 
-    /// Says what is wrong, and closes.
+    /// Reports an error and closes.
     async fn refuse(&mut self, code: u16, message: String) -> Result<Next, axum::Error> {
         self.say(&Report::Error { message }).await?;
         let close = CloseFrame { code, reason: "the request was refused".into() };

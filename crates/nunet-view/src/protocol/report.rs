@@ -1,4 +1,4 @@
-//! What the server says beside frames, as JSON text.
+//! The server's reports beside frames, as JSON text.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! What a client may ask for.
+//! The requests of a client.
 
 use serde::Deserialize;
 
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_request_is_an_error() {
+    fn malformed_requests_are_errors() {
         for text in [
             "",
             "{",

@@ -222,7 +222,7 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object] | 
 
 
 def _write_csv(path: Path, comparison: Comparison) -> None:
-    """A row an image; a figure that could not be measured is left empty."""
+    """A row an image; a metric that could not be measured is left empty."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=ROW)
         writer.writeheader()

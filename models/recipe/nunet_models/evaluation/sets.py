@@ -1,6 +1,6 @@
 """Accuracy over the sets of a dataset list: per set, focal-scaled and after a median fit.
 
-A set's figure is the mean over its scenes of the mean over images, so that a near-static view of
+A set's metric is the mean over its scenes of the mean over images, so that a near-static view of
 many images weighs as one room. `predict` gives depth for the training camera's focal length at
 the image's size; it is scaled here, as nunetd does.
 """
@@ -39,7 +39,7 @@ class Means:
                 self.scenes[scene][name].append(value)
 
     def means(self) -> dict[str, float]:
-        """Mean over scenes of the mean over images, by figure."""
+        """Mean over scenes of the mean over images, by metric."""
         by_name: dict[str, list[float]] = defaultdict(list)
         for metrics in self.scenes.values():
             for name, values in metrics.items():

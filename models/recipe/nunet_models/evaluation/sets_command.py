@@ -30,7 +30,7 @@ COLUMNS = (
     ("rough mm", "roughness_mm", "{:.1f}"),
     ("turned 20", "turn20_ratio", "{:.2f}"),
 )
-"""Title, figure and format of each column. `factor` is the median of truth over prediction,
+"""Title, metric and format of each column. `factor` is the median of truth over prediction,
 `constant` the AbsRel of one depth for every pixel, and borders are relative to what is inside."""
 MEAN = "mean over sets"
 
@@ -86,7 +86,7 @@ def median_depth(train: Mixture, camera: Camera, *, images: int = 100) -> float:
 
 
 def mean_over_sets(sets: list[dict[str, float]]) -> dict[str, float]:
-    """Each figure's mean over the sets that have it, sets equally weighted."""
+    """Each metric's mean over the sets that have it, sets equally weighted."""
     names = {name: None for metrics in sets for name in metrics}
     means = {n: float(np.mean([f[n] for f in sets if n in f])) for n in names}
     return {**means, **{n: sum(f[n] for f in sets) for n in ("images", "scenes")}}

@@ -151,7 +151,7 @@ class Furnisher:
         self.any_chair(chair)
 
     def any_chair(self, place: Maker) -> None:
-        """A chair, an office chair, or somebody on a chair."""
+        """A chair, an office chair, or a person on a chair."""
         random = self.random
         if random.random() < 0.45:
             furniture.office_chair(place, self.cloth())
@@ -250,7 +250,7 @@ class Furnisher:
             equipment.box_stack(place, width, depth, tall)
 
     def person(self) -> None:
-        """Somebody who stands."""
+        """A standing person."""
         place = self.on_floor(0.7, 0.6)
         if place is not None:
             people.person(place)

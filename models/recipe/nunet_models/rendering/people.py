@@ -52,7 +52,7 @@ class _Body:
 
 
 def person(maker: Maker, *, sitting: bool = False) -> None:
-    """Somebody 1.5 to 1.95 m tall who faces -y."""
+    """A person 1.5 to 1.95 m tall who faces -y."""
     body = _Body.draw(maker.random, sitting=sitting)
     for side in (-1, 1):
         _leg(maker, body, side, sitting=sitting)

@@ -32,7 +32,7 @@ class Answer:
 
 
 def loss_curves(runs: list[Path], out: Path) -> None:
-    """Training loss by step and the validation figure by epoch of every run, as one image.
+    """Training loss by step and the validation metric by epoch of every run, as one image.
 
     # Errors
     `DataError` naming a folder without logs.

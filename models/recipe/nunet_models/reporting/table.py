@@ -66,7 +66,7 @@ def metric_table(evaluations: list[dict[str, Any]]) -> str:
 
 
 def paper_table(evaluations: list[dict[str, Any]]) -> str:
-    """A row a model on depth stretched per image, beside the paper's figure."""
+    """A row a model on depth stretched per image, beside the paper's value."""
     rows = [("model", "best epoch", "MSE", "RMSE", "paper's MSE")]
     for found in evaluations:
         minmax = found["minmax"]

@@ -1,4 +1,4 @@
-"""Logs of a run: CSV for people and scripts, TensorBoard for eyes."""
+"""Logs of a run: CSV files and TensorBoard."""
 
 import csv
 from pathlib import Path

@@ -1,8 +1,8 @@
 #![expect(unsafe_code, reason = "asks a shared library who it is before it is trusted")]
 
-//! A look into a shared library: is it ONNX Runtime, and which?
+//! Checks whether a shared library is ONNX Runtime, and which version.
 //!
-//! ort asserts in places where a wrong library deserves an error, so this looks first.
+//! ort panics for a wrong library, so it is checked first.
 
 use std::ffi::CStr;
 use std::path::Path;

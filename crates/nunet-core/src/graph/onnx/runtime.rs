@@ -38,7 +38,7 @@ impl Runtime {
         if let Some(runtime) = loaded.as_ref().filter(|runtime| runtime.library == library) {
             return Ok(runtime.clone());
         }
-        // Before what is loaded already is mentioned: what is wrong with this one is the better answer.
+        // Checked before the library that is loaded already, because an error about this file is more useful.
         let version = library::version(&library)?;
         match &*loaded {
             Some(runtime) => Err(RuntimeError::AnotherLoaded { library, loaded: runtime.library.clone() }),

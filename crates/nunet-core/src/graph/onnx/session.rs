@@ -105,7 +105,7 @@ impl Session {
         outputs.iter().map(Value::shape).collect()
     }
 
-    /// Runs once: reads `inputs` and writes `outputs` in place. As many of each as there are names.
+    /// Runs once: reads `inputs` and writes `outputs` in place. There is one of each per name.
     pub(in crate::graph) fn run<'run>(
         &mut self,
         inputs: impl Iterator<Item = Lent<'run>>,
@@ -139,7 +139,7 @@ impl Session {
     unsafe fn run_prepared(&mut self) -> Result<(), String> {
         // A panic while the lock was held left nothing half-written: the guard is only read through.
         let session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: session and names live in `self`, and the session is locked; the caller answers for the values.
+        // SAFETY: session and names live in `self`, and the session is locked; the values are the caller's responsibility.
         check(unsafe {
             (ort::api().Run)(
                 session.ptr().cast_mut(),

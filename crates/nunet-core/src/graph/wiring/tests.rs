@@ -115,7 +115,7 @@ fn an_input_that_the_file_does_not_have_is_named_beside_those_it_has() {
 }
 
 #[test]
-fn references_to_nothing_say_what_there_is() {
+fn a_reference_to_an_unknown_tensor_lists_the_known_ones() {
     for (source, message) in [
         (
             "segment.logits",

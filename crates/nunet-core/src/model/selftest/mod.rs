@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_within_tolerance_passes_and_says_how_far_it_is_off() {
+    fn an_output_within_tolerance_passes_and_reports_its_error() {
         let mut got = answer().answer;
         got.depth[4][5] = Some(2.008);
         got.labels.as_mut().unwrap()[0][0] = 0;
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_answers_are_refused() {
+    fn malformed_expected_outputs_are_refused() {
         let good = serde_json::json!({
             "version": 1, "picture": IMAGE, "precision": "fp32", "depth": vec![vec![2.0; 8]; 6],
             "tolerance": {"fp32": {"depth": 0.01, "label_cells": 0}},

@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::report::{Finding, Problem};
 
-/// Folders in which everybody can write, but nobody can remove the files of others.
+/// Folders in which all users can write, but cannot remove each other's files.
 const SHARED_FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
 const STICKY: u32 = 0o1000;
 const OTHERS_WRITE: u32 = 0o002;
@@ -43,7 +43,7 @@ fn shared_folder(folder: &Path) -> Finding {
     };
     if mode & OTHERS_WRITE != 0 && mode & STICKY == 0 {
         return Err(Problem::new(
-            format!("everybody may remove the files of others in `{shown}`: its mode is {:o}", mode & 0o7777),
+            format!("all users may remove each other's files in `{shown}`: its mode is {:o}", mode & 0o7777),
             format!("run `chmod 1777 {shown}`"),
         ));
     }

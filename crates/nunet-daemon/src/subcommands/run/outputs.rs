@@ -9,11 +9,11 @@ use crate::exit::in_camera;
 
 /// The output paths of a run.
 pub(super) struct Outputs {
-    cameras: Vec<Camera>,
+    cameras: Vec<CameraOutputs>,
     stats_json: Option<PathBuf>,
 }
 
-struct Camera {
+struct CameraOutputs {
     name: String,
     folder: Option<PathBuf>,
     record: Option<PathBuf>,
@@ -21,7 +21,7 @@ struct Camera {
 
 impl Outputs {
     pub(super) fn of(cameras: &[Prepared<'_>], stats_json: Option<&Path>) -> Self {
-        let camera = |Prepared { plan, .. }: &Prepared<'_>| Camera {
+        let camera = |Prepared { plan, .. }: &Prepared<'_>| CameraOutputs {
             name: plan.config.name.to_string(),
             folder: plan.config.out.clone(),
             record: plan.record.clone(),
@@ -50,7 +50,7 @@ impl Outputs {
     ) -> anyhow::Result<()> {
         let several = self.cameras.len() > 1;
         let of_camera =
-            |path: &Option<PathBuf>, camera: &Camera, look: &dyn Fn(&Path) -> anyhow::Result<()>| {
+            |path: &Option<PathBuf>, camera: &CameraOutputs, look: &dyn Fn(&Path) -> anyhow::Result<()>| {
                 let looked = path.as_deref().map_or(Ok(()), look);
                 looked.map_err(|error| in_camera(error, &camera.name, several))
             };

@@ -9,7 +9,7 @@ use super::device::{Errno, FourCc, Host};
 
 /// Why there are no images.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum Trouble {
+pub(super) enum CameraFault {
     #[error("it does not exist")]
     Missing,
     #[error("this user may not open it")]
@@ -36,7 +36,7 @@ pub(super) enum Trouble {
     Failed { step: &'static str, errno: Errno },
 }
 
-impl Hint for Trouble {
+impl Hint for CameraFault {
     fn hint(&self) -> Option<Cow<'static, str>> {
         let hint = match self {
             Self::Forbidden => {
@@ -56,7 +56,7 @@ impl Hint for Trouble {
     }
 }
 
-impl Trouble {
+impl CameraFault {
     /// What an error means, whatever step it came from.
     pub(super) fn at(step: &'static str) -> impl Fn(Errno) -> Self {
         move |errno| match errno {
@@ -73,7 +73,7 @@ impl Trouble {
     pub(super) fn hint_on(&self, host: &dyn Host) -> Option<Cow<'static, str>> {
         match self {
             Self::Missing | Self::NoVideo => Some(what_is_there(&host.nodes()).into()),
-            trouble => trouble.hint(),
+            fault => fault.hint(),
         }
     }
 }

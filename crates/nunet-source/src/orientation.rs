@@ -8,13 +8,13 @@ use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsi
 
 /// How columns and rows of the turned image come from those of the stored one: for `swap` they are exchanged first, then
 /// each runs backwards where its flag is set.
-struct Turn {
+struct ImageTransform {
     swap: bool,
     backwards_x: bool,
     backwards_y: bool,
 }
 
-impl Turn {
+impl ImageTransform {
     fn of(orientation: Orientation) -> Self {
         let (swap, backwards_x, backwards_y) = match orientation {
             Orientation::NoTransforms => (false, false, false),
@@ -40,24 +40,24 @@ impl Turn {
 ///
 /// # Errors
 /// A lens whose sensor is tilted: its coefficients cannot be turned.
-pub(crate) fn turned(camera: &Camera, orientation: Orientation) -> Result<Camera, String> {
-    let turn = Turn::of(orientation);
+pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Result<Camera, String> {
+    let transform = ImageTransform::of(orientation);
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height, .. } = camera.intrinsics;
-    let sides = |x: f64, y: f64| if turn.swap { (y, x) } else { (x, y) };
+    let sides = |x: f64, y: f64| if transform.swap { (y, x) } else { (x, y) };
     let (fx, fy) = sides(fx_px, fy_px);
     let (cx, cy) = sides(cx_px, cy_px);
-    let (width, height) = if turn.swap { (height, width) } else { (width, height) };
+    let (width, height) = if transform.swap { (height, width) } else { (width, height) };
     let mirrored = |backwards: bool, center: f64, side: u32| {
         if backwards { f64::from(side) - 1.0 - center } else { center }
     };
-    let (cx, cy) = (mirrored(turn.backwards_x, cx, width), mirrored(turn.backwards_y, cy, height));
+    let (cx, cy) = (mirrored(transform.backwards_x, cx, width), mirrored(transform.backwards_y, cy, height));
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(|error| error.to_string())?;
-    Ok(Camera { intrinsics, distortion: turned_lens(&camera.distortion, &turn)? })
+    Ok(Camera { intrinsics, distortion: oriented_lens(&camera.distortion, &transform)? })
 }
 
 /// Rings stay as they are. Tangential coefficients (`p2 p1`) and those of the thin prism (`s1 s3`, `s2 s4`) are vectors of
 /// the image plane.
-fn turned_lens(lens: &Distortion, turn: &Turn) -> Result<Distortion, String> {
+fn oriented_lens(lens: &Distortion, transform: &ImageTransform) -> Result<Distortion, String> {
     let Distortion::BrownConrady(lens) = lens else { return Ok(*lens) };
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y] = *lens.coefficients();
     if (tilt_x, tilt_y) != (0.0, 0.0) {
@@ -65,9 +65,9 @@ fn turned_lens(lens: &Distortion, turn: &Turn) -> Result<Distortion, String> {
             "its image is turned by EXIF, and a lens with a tilted sensor cannot be turned".to_owned()
         );
     }
-    let [p2, p1] = turn.vector([p2, p1]);
-    let [s1, s3] = turn.vector([s1, s3]);
-    let [s2, s4] = turn.vector([s2, s4]);
+    let [p2, p1] = transform.vector([p2, p1]);
+    let [s1, s3] = transform.vector([s1, s3]);
+    let [s2, s4] = transform.vector([s2, s4]);
     let turned = [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, 0.0, 0.0];
     let turned = BrownConrady::new(&turned).map_err(|error: CameraError| error.to_string())?;
     Ok(Distortion::BrownConrady(turned))
@@ -92,17 +92,17 @@ mod tests {
 
     /// A point in space is seen where the turned image shows what the stored one showed of it.
     #[test]
-    fn the_turned_camera_sees_points_where_the_turned_image_shows_them() {
+    fn a_rotated_camera_projects_points_onto_the_rotated_image() {
         let coefficients =
             [-0.2, 0.05, 0.01, -0.02, 0.01, 0.1, 0.02, 0.003, 0.004, -0.003, 0.002, 0.001, 0.0, 0.0];
         let distortion = Distortion::BrownConrady(BrownConrady::new(&coefficients).unwrap());
         let intrinsics = Intrinsics::new(50.0, 60.0, 20.0, 15.0, 64, 48).unwrap();
         let camera = Camera { intrinsics, distortion };
         for orientation in ALL {
-            let seen = turned(&camera, orientation).unwrap();
+            let seen = oriented_camera(&camera, orientation).unwrap();
             for [x, y] in [[0.1, 0.05], [-0.2, 0.15], [0.3, -0.1]] {
                 let [column, row] = camera.project([x, y, 1.0]).unwrap();
-                let [x, y] = Turn::of(orientation).vector([x, y]);
+                let [x, y] = ImageTransform::of(orientation).vector([x, y]);
                 let found = seen.project([x, y, 1.0]).unwrap();
                 let expected = shown(orientation, (column, row));
                 let off = (found[0] - expected.0).abs().max((found[1] - expected.1).abs());
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn a_half_turn_mirrors_the_principal_point() {
         let camera = Camera::pinhole(Intrinsics::new(50.0, 50.0, 20.0, 15.0, 64, 48).unwrap());
-        let turned = turned(&camera, Orientation::Rotate180).unwrap();
+        let turned = oriented_camera(&camera, Orientation::Rotate180).unwrap();
         assert_eq!((turned.intrinsics.cx_px, turned.intrinsics.cy_px), (43.0, 32.0));
     }
 
@@ -142,6 +142,6 @@ mod tests {
         let distortion = Distortion::BrownConrady(BrownConrady::new(&coefficients).unwrap());
         let camera =
             Camera { intrinsics: Intrinsics::new(50.0, 50.0, 20.0, 15.0, 64, 48).unwrap(), distortion };
-        assert!(turned(&camera, Orientation::Rotate90).unwrap_err().contains("tilted"));
+        assert!(oriented_camera(&camera, Orientation::Rotate90).unwrap_err().contains("tilted"));
     }
 }
