@@ -87,6 +87,24 @@ fn obstacles_of_a_network_that_is_right_are_those_of_the_truth() {
 }
 
 #[test]
+fn each_image_may_have_its_own_camera() {
+    let bench = dataset(0);
+    // The network of these images was made for a camera of another focal length, so meters scale with that of each image.
+    let scaled = |fx_a: f64, fx_b: f64| {
+        let row = |id: &str, fx: f64| format!("{id},{fx},{fx},320,240,640,480\n");
+        let rows = format!("id,fx,fy,cx,cy,width,height\n{}{}", row("a", fx_a), row("b", fx_b));
+        std::fs::write(bench.path("data/intrinsics.csv"), rows).unwrap();
+        let (data, model) = (bench.arg("data"), bench.arg("model.onnx"));
+        let output = run_well(nunetd(&["-q", "eval", &data, "--model", &model, "--json"]));
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(found["scale_source"], "focal_scaled");
+        found["metrics"]["rmse"].as_f64().unwrap()
+    };
+    let [both, one, none] = [scaled(500.0, 500.0), scaled(500.0, 600.0), scaled(600.0, 600.0)];
+    assert!(both != one && one != none && both != none, "{both} {one} {none}");
+}
+
+#[test]
 fn obstacles_are_compared_with_a_mount_for_all_images_or_for_each() {
     let bench = dataset(0);
     let (code, stderr) = outcome(&bench, &["--obstacles"]);

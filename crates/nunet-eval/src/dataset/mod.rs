@@ -1,5 +1,6 @@
 //! Images with true depth and labels: a folder with `rgb/`, `depth/` and perhaps `labels/` or `label40/`.
 
+mod cameras;
 mod ids;
 mod labels;
 mod mounts;
@@ -45,6 +46,8 @@ pub(crate) struct Dataset {
     labels: Option<LabelFolder>,
     /// The camera of all images, where the dataset says it.
     camera: Option<Camera>,
+    /// The cameras of single images, where the dataset says them.
+    cameras: BTreeMap<String, Camera>,
     /// A recording's images as files; removed at the end.
     _unpacked: Option<TempDir>,
     /// Images of a recording without depth beside them.
@@ -102,6 +105,7 @@ impl Dataset {
         Ok(Self {
             labels: LabelFolder::find(&root, classes),
             camera: camera_of(&root)?,
+            cameras: cameras::read(&root)?,
             units: options.units,
             window: options.window,
             _unpacked: None,
@@ -120,7 +124,7 @@ impl Dataset {
     /// Reads an image.
     pub(crate) fn image(&self, id: &str, frame: &mut Frame) -> Result<(), EvalError> {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
-        frame.camera = self.camera;
+        frame.camera = self.cameras.get(id).copied().or(self.camera);
         decode(&path, frame).map_err(|source| EvalError::ReadImage { path, source })
     }
 
