@@ -30,6 +30,7 @@ const CORE: Order = Order {
         "filter",
         "cloud",
         "obstacle",
+        "scale",
         "pipeline",
         "hints",
     ],

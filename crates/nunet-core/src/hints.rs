@@ -13,6 +13,7 @@ use crate::graph::{GraphError, ManifestError, RuntimeError, UnknownProvider, Wir
 use crate::model::{ModelError, SelfTestMismatch, SidecarError};
 use crate::obstacle::ObstacleError;
 use crate::pipeline::PipelineError;
+use crate::scale::ScaleError;
 
 /// The hint of `error` if it is of this crate's and has one. Does not follow `source`.
 ///
@@ -46,6 +47,7 @@ pub fn hint_of(error: &(dyn Error + 'static)) -> Option<Cow<'static, str>> {
         of::<SelfTestMismatch>,
         of::<FilterError>,
         of::<ObstacleError>,
+        of::<ScaleError>,
         of::<PipelineError>,
     ];
     known.iter().find_map(|of| of(error))?.hint()

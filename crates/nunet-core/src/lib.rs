@@ -1,7 +1,7 @@
 //! From an image to metric depth and a point cloud.
 //!
 //! The modules read in the order in which a frame passes them: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] -> [`filter`] ->
-//! [`cloud`], called in turn by [`pipeline`]; [`obstacle`] follows on demand. A later module may import an earlier one, never the reverse. Nothing here starts
+//! [`cloud`], called in turn by [`pipeline`]; [`obstacle`] follows on demand, and [`scale`] measures the scale of depth on the floor. A later module may import an earlier one, never the reverse. Nothing here starts
 //! threads, opens sockets, prints, or reads a clock, and every large buffer is the caller's.
 //!
 //! # Example: depth, labels and points of one image
@@ -54,6 +54,7 @@ pub mod obstacle;
 pub mod pipeline;
 pub mod plain_file;
 pub mod preprocess;
+pub mod scale;
 pub mod text;
 
 pub use error_kind::ErrorKind;

@@ -6,16 +6,20 @@ use nunet_types::ImageSize;
 
 use crate::camera::Camera;
 use crate::clock::Clock;
-use crate::cloud::{CloudPoint, cloud_size};
-use crate::depth::{Scale, ScaleSource, Units};
+use crate::cloud::cloud_size;
+use crate::depth::{Scale, Units};
 use crate::filter::{self, Appearance, Decimation, DecimationOptions, FilterChain, FilterOptions};
 use crate::frame::ImageView;
-use crate::graph::{GraphError, GraphOutputs, GraphReport, Quality, SerialGraph, StageTimes};
+use crate::graph::{GraphError, GraphOutputs, GraphReport, SerialGraph, StageTimes};
 use crate::model::{SelfTestGrid, SelfTestReport, selftest};
+use crate::obstacle::Mount;
 use crate::preprocess::Preprocessor;
+use crate::scale::ScaleMode;
 
 mod decoder;
 mod error;
+mod floor;
+mod frame;
 mod input;
 mod lens;
 mod options;
@@ -23,43 +27,12 @@ mod timer;
 
 use decoder::Decoder;
 pub use error::PipelineError;
+use floor::FloorScale;
+pub use frame::{FrameReport, Outputs};
 use input::Input;
 use lens::Lens;
-pub use options::{Focal, MAX_RAY_ANGLE_RAD, PipelineOptions};
+pub use options::{MAX_RAY_ANGLE_RAD, PipelineOptions};
 use timer::StageTimer;
-
-/// Memory of the caller into which a frame's results are written.
-#[derive(Debug)]
-pub struct Outputs<'a> {
-    /// `[H, W]` at [`Pipeline::size`]: meters (or no unit, see [`FrameReport::units`]), NaN where nothing was measured.
-    pub depth_m: &'a mut [f32],
-    /// `[H, W]`: class indices; `None` if they are not wanted.
-    pub labels: Option<&'a mut [u8]>,
-    /// [`Pipeline::cloud_size`] points; `None` if they are not wanted.
-    pub cloud: Option<&'a mut [CloudPoint]>,
-}
-
-/// What happened to a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameReport {
-    /// The time of each stage, in the order of [`Pipeline::stage_names`]; 0 for one that did not run.
-    pub stages: StageTimes,
-    /// Whether a stage was skipped.
-    pub quality: Quality,
-    /// The unit of the depth map.
-    pub units: Units,
-    /// Where its scale comes from.
-    pub scale_source: ScaleSource,
-    /// Factor by which the network's meters were multiplied; 0 for depth without a unit.
-    pub scale_factor: f32,
-    /// Bytes written to move existing data; 0 if the camera's images have the network's size and format.
-    pub bytes_copied: u64,
-    /// Pixels of the depth map that are NaN, after the filters.
-    pub invalid_pixels: u32,
-    /// The camera at [`Pipeline::size`], with its lens distortion: depth maps are not rectified. `None` if the camera is
-    /// not known.
-    pub camera: Option<Camera>,
-}
 
 /// A graph with the stages before and after it.
 ///
@@ -110,7 +83,7 @@ impl Pipeline {
         let mut pipeline = Self {
             preprocessor: Preprocessor::new(width, height),
             input: Input::new(&graph),
-            decoder: Decoder::new(&graph, &options, &lens),
+            decoder: Decoder::new(&graph, &options, &lens)?,
             lens,
             options,
             decimation: decimation.transpose()?,
@@ -138,11 +111,45 @@ impl Pipeline {
     /// # Errors
     /// A camera that cannot be scaled to the network's size.
     pub fn set_camera(&mut self, camera: Option<Camera>) -> Result<(), PipelineError> {
-        let options = PipelineOptions { camera, ..self.options };
-        self.lens = Lens::new(&options, &mut self.graph)?;
-        self.decoder = Decoder::new(&self.graph, &options, &self.lens);
+        self.lens = Lens::new(&PipelineOptions { camera, ..self.options }, &mut self.graph)?;
+        self.set_options(PipelineOptions { camera, ..self.options })
+    }
+
+    /// Sets the factor that was measured for this camera and model; `None` if there is none. It replaces the ratio of the
+    /// focal lengths.
+    ///
+    /// # Errors
+    /// A factor that no camera needs, or depth without a unit.
+    pub fn set_calibrated_factor(&mut self, calibrated_factor: Option<f32>) -> Result<(), PipelineError> {
+        self.set_options(PipelineOptions { calibrated_factor, ..self.options })
+    }
+
+    /// Computes what depends on the options and the lens.
+    fn set_options(&mut self, options: PipelineOptions) -> Result<(), PipelineError> {
+        self.decoder = Decoder::new(&self.graph, &options, &self.lens)?;
         self.options = options;
         Ok(())
+    }
+
+    /// Takes another mount from the next frame on, such as the attitude of an inertial sensor. Only the scale from the
+    /// floor uses it.
+    pub fn set_mount(&mut self, mount: Mount) {
+        if let Some(floor) = &mut self.decoder.floor {
+            floor.set_mount(mount);
+            self.options.scale = ScaleMode::Floor(mount);
+        }
+    }
+
+    /// The mount of the scale from the floor; `None` if the floor is not used.
+    #[must_use]
+    pub fn mount(&self) -> Option<Mount> {
+        if let ScaleMode::Floor(mount) = self.options.scale { Some(mount) } else { None }
+    }
+
+    /// Sets the capture time of the next frame, for the scale from the floor. Only differences count. A frame without a time
+    /// counts as 0.1 s after the one before.
+    pub fn set_frame_nanos(&mut self, nanos: i64) {
+        self.decoder.floor.iter_mut().for_each(|floor| floor.set_frame_nanos(nanos));
     }
 
     /// The graph.
@@ -195,7 +202,8 @@ impl Pipeline {
         self.options.cloud_stride
     }
 
-    /// The unit of the depth map and the source of its scale, fixed until the camera changes.
+    /// The unit of the last depth map and its scale. It changes with the camera, and from frame to frame if it follows the
+    /// floor.
     #[must_use]
     pub fn scale(&self) -> Scale {
         self.decoder.scale
@@ -211,16 +219,22 @@ impl Pipeline {
     /// ones.
     #[must_use]
     pub fn is_stateless(&self) -> bool {
-        self.graph.is_stateless() && self.options.filters.temporal.is_none()
+        self.graph.is_stateless() && self.options.filters.temporal.is_none() && self.mount().is_none()
     }
 
     /// Marks a discontinuity: the next frame does not follow the earlier ones. State starts with zeros, every stage runs,
-    /// and the temporal filter starts again.
+    /// and the temporal filter starts again. The scale from the floor is kept, because the camera is the same.
     ///
     /// The caller decides when a discontinuity occurs.
     pub fn reset(&mut self) {
         self.graph.reset();
         self.chain.reset();
+    }
+
+    /// Makes the next frame independent of all earlier ones: [`Self::reset`], and the scale from the floor is forgotten.
+    pub fn forget(&mut self) {
+        self.reset();
+        self.decoder.forget_floor();
     }
 
     /// Computes depth, labels and cloud of one frame. A recurrent network takes it as the successor of the last frame
@@ -247,13 +261,14 @@ impl Pipeline {
             (image, self.input.fill(image.rgb))
         });
         // With decimation the network's own results stay inside.
-        let (network_depth, network_labels) = match &mut self.decimation {
+        let (network_depth, mut network_labels) = match &mut self.decimation {
             None => (&mut *depth_m, labels.as_deref_mut()),
             Some(decimation) => (decimation.network_depth(), None),
         };
-        let results = GraphOutputs { depth: network_depth, labels: network_labels };
+        let results = GraphOutputs { depth: network_depth, labels: network_labels.as_deref_mut() };
         let run = timer.extend(self.graph.run(input, results, clock)?);
-        let decoded = timer.time(|| self.decoder.decode(network_depth));
+        let network_labels = network_labels.as_deref().or(self.graph.labels());
+        let decoded = timer.time(|| self.decoder.decode(network_depth, network_labels));
 
         let full = Appearance { rgb: image.rgb, labels: self.graph.labels() };
         let appearance = match &mut self.decimation {
@@ -263,7 +278,7 @@ impl Pipeline {
         self.chain.apply(depth_m, clock, timer.stages())?;
         let is_filtered = self.options.filters != FilterOptions::default();
         let invalid_pixels = if is_filtered { filter::count_invalid(depth_m) } else { decoded };
-        let max_range_m = self.decoder.max_range_m;
+        let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
 
         let bytes_copied = image.bytes_copied + bytes_filled;
@@ -277,16 +292,14 @@ impl Pipeline {
         bytes_copied: u64,
         invalid_pixels: u32,
     ) -> FrameReport {
+        let scale = self.decoder.scale;
         FrameReport {
             stages,
             quality: run.quality,
-            units: self.decoder.scale.units,
-            scale_source: self.decoder.scale.source,
-            scale_factor: if self.decoder.scale.units == Units::Metre {
-                self.decoder.scale.focal_factor
-            } else {
-                0.0
-            },
+            units: scale.units,
+            scale_source: scale.source,
+            scale_factor: if scale.units == Units::Metre { scale.factor } else { 0.0 },
+            scale_age_nanos: scale.age_nanos,
             bytes_copied: bytes_copied + run.bytes_copied,
             invalid_pixels,
             camera: self.lens.known,

@@ -19,6 +19,7 @@ use serde::Deserialize;
 use crate::config::LogOptions;
 
 mod arguments;
+mod calibrate;
 mod default_subcommand;
 mod dispatch;
 mod eval;
@@ -41,10 +42,11 @@ pub use arguments::{
     BenchArgs, CheckModelArgs, ContractArgs, DoctorArgs, FeedArgs, InferArgs, InspectArgs, TuneArgs,
     WatchArgs,
 };
+pub use calibrate::CalibrateArgs;
 pub(crate) use dispatch::dispatch;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg};
 pub use filter::FilterArgs;
-pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs};
+pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs, ScaleArg};
 pub use obstacles::ObstacleArgs;
 pub use record::{RecordArgs, ReplayArgs};
 pub use run::{AccessArgs, RunArgs, SourceArgs, StreamArgs};
@@ -124,6 +126,8 @@ pub enum SubcommandArgs {
     Replay(Box<ReplayArgs>),
     /// Measure the accuracy of a model against images with known depth
     Eval(Box<EvalArgs>),
+    /// Measure the factor that scales the depth of a camera, and write it into its calibration file
+    Calibrate(Box<CalibrateArgs>),
     /// Check the flags and the configuration file of `run`, and print the resulting configuration
     Config(Box<RunCommand>),
     /// Load a model in this process and test it (what `run` does in a child before it trusts a file)

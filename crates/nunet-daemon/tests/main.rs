@@ -3,6 +3,7 @@
 
 mod access;
 mod bad_input;
+mod calibrate;
 mod command_line;
 mod doctor;
 mod end_to_end;
@@ -15,6 +16,7 @@ mod loss;
 mod obstacles;
 mod processes;
 mod recurrent;
+mod scale;
 mod several;
 mod support;
 mod truth;

@@ -41,6 +41,7 @@ impl EngineErrorKind {
         match error {
             PipelineError::Graph(error) => Self::of_graph(error),
             PipelineError::Camera(_) => Self::Camera,
+            PipelineError::Scale(_) => Self::Argument,
             PipelineError::SelfTest(_) => Self::Model,
             _ => Self::Other,
         }

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use nunet_core::camera::Camera;
+use nunet_core::camera::{CalibratedScale, Camera};
 use nunet_core::cloud::CloudPoint;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::ImageView;
 use nunet_core::graph::Provider;
+use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_core::scale::ScaleMode;
 use nunet_types::ImageSize;
 
 use crate::clock::MonotonicClock;
@@ -30,6 +32,10 @@ pub struct ModelOptions {
     pub threads: Option<NonZeroUsize>,
     /// What is done to depth after the network; each filter at most once.
     pub filters: Vec<FilterSpec>,
+    /// What the network's meters are multiplied by.
+    pub scale: ScaleMode,
+    /// The factor of this camera and model, if it was measured.
+    pub factor: Option<f32>,
 }
 
 /// A model that was checked, loaded and self-tested.
@@ -41,6 +47,10 @@ pub struct Model {
     report: String,
     pipeline: Pipeline,
     camera: Option<Camera>,
+    /// That of the options.
+    own_factor: Option<f32>,
+    /// That of the pipeline.
+    factor: Option<f32>,
     runs: u64,
     pools: Pools,
 }
@@ -77,19 +87,29 @@ impl Model {
     /// # Errors
     /// No such model, no library, a file that is refused, options that do not go with the network.
     pub fn open(name: &Path, options: ModelOptions) -> Result<Self, EngineError> {
-        let ModelOptions { provider, threads, filters } = options;
+        let ModelOptions { provider, threads, filters, scale, factor } = options;
         let filters = FilterOptions::new(&filters)?;
         let library = std::env::var_os(LIBRARY_VARIABLE).filter(|path| !path.is_empty());
         let onnxruntime = library.map(PathBuf::from);
         let engine = Engine::start(EngineOptions { provider, threads, onnxruntime })?;
         let loaded = engine.load(name, &[], &AtomicBool::new(false))?;
         let (path, hash) = (loaded.path().to_owned(), loaded.hash());
-        let (pipeline, selftest) =
-            loaded.into_pipeline(PipelineOptions { filters, ..PipelineOptions::default() })?;
+        let options =
+            PipelineOptions { filters, scale, calibrated_factor: factor, ..PipelineOptions::default() };
+        let (pipeline, selftest) = loaded.into_pipeline(options)?;
         let file = path.display().to_string();
         let report = ModelReport { file, hash, graph: pipeline.graph(), selftest: &selftest };
         let report = report.json().to_string();
-        Ok(Self { path, report, pipeline, camera: None, runs: 0, pools: Pools::default() })
+        Ok(Self {
+            path,
+            report,
+            pipeline,
+            camera: None,
+            own_factor: factor,
+            factor,
+            runs: 0,
+            pools: Pools::default(),
+        })
     }
 
     /// The model file.
@@ -122,6 +142,33 @@ impl Model {
         self.runs
     }
 
+    /// Takes the factor of a calibration from the next image on; `None` for that of the options. Returns whether it is used: one
+    /// that was measured with another model is not.
+    ///
+    /// # Errors
+    /// Depth without a unit.
+    pub fn set_calibrated_scale(&mut self, scale: Option<CalibratedScale>) -> Result<bool, EngineError> {
+        let own = self.pipeline.graph().description().hash;
+        let fitting = scale.filter(|scale| scale.model_hash.is_none_or(|hash| hash == own));
+        let factor = fitting.map(|scale| scale.factor).or(self.own_factor);
+        if self.factor != factor {
+            self.pipeline.set_calibrated_factor(factor)?;
+            self.factor = factor;
+        }
+        Ok(fitting.is_some() == scale.is_some())
+    }
+
+    /// Takes another mount from the next image on, such as the attitude of an inertial sensor. Only the scale from the
+    /// floor uses it.
+    pub fn set_mount(&mut self, mount: Mount) {
+        self.pipeline.set_mount(mount);
+    }
+
+    /// Sets the capture time of the next image, for the scale from the floor ([`Pipeline::set_frame_nanos`]).
+    pub fn set_frame_nanos(&mut self, nanos: i64) {
+        self.pipeline.set_frame_nanos(nanos);
+    }
+
     /// Processes one image, taken with `camera` at the image's size, if it is known.
     ///
     /// With `keep_state`, a recurrent network and the temporal filter keep their state from the image before.
@@ -140,7 +187,7 @@ impl Model {
             self.camera = camera;
         }
         if !keep_state {
-            self.pipeline.reset();
+            self.pipeline.forget();
         }
         self.runs += 1;
         let pixels = self.pipeline.size().pixel_count();

@@ -60,8 +60,11 @@ impl Evaluator {
         }
         let baseline = Baseline::new(&options, &dataset, on_event)?;
         let obstacles = obstacles(&options, &pipeline)?;
+        let mounts = pipeline.mount().map(|mount| ImageMounts::new(&options.dataset, Some(mount)));
+        let mounts = mounts.transpose()?;
         let mut evaluation = Evaluation::new(options, dataset, pipeline, camera, baseline);
         evaluation.obstacles = obstacles;
+        evaluation.mounts = mounts;
         evaluation.measure_all(on_event)?;
         evaluation.comparison.check_truth()?;
         evaluation.report_truth_beyond(on_event);
@@ -84,6 +87,8 @@ pub struct Evaluation {
     confusion: LabelMetrics,
     baseline: Option<Baseline>,
     obstacles: Option<(ImageMounts, ObstacleComparison)>,
+    /// Of the scale from the floor.
+    mounts: Option<ImageMounts>,
     rows: Vec<ImageRow>,
     skipped: u64,
 }
@@ -153,6 +158,7 @@ impl Evaluation {
             camera,
             baseline,
             obstacles: None,
+            mounts: None,
         }
     }
 
@@ -214,10 +220,13 @@ impl Evaluation {
         self.dataset.image(id, &mut self.frame)?;
         let truth = self.dataset.truth(id, Some(self.frame.size))?;
         if !self.is_clip {
-            self.pipeline.reset();
+            self.pipeline.forget();
         }
         if let Some(assumption) = self.camera.update(&self.frame, &mut self.pipeline)? {
             on_event(Event::UnknownCamera { assumption });
+        }
+        if let Some(mounts) = &self.mounts {
+            self.pipeline.set_mount(mounts.of(id)?);
         }
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
@@ -282,7 +291,7 @@ impl Evaluation {
         let errors: Vec<f64> = self.rows.iter().map(ImageRow::error).collect();
         let chosen = chosen(&errors);
         let mut strips = vec![None; chosen.len()];
-        self.pipeline.reset();
+        self.pipeline.forget();
         for id in &self.dataset.ids.clone() {
             let is_this = |&(_, place): &(&str, usize)| self.rows[place].id == *id;
             if let Some(index) = chosen.iter().position(is_this) {

@@ -11,6 +11,7 @@
 //! | `baseline`, `mean_image` | the trivial prediction |
 //! | `fit` | results of the network at the size of the truth |
 //! | `obstacles` | obstacles of the network against those of the true depth |
+//! | `calibrate` | the factor of a camera ([`Calibrator`]) from a distance, readings, true depth or the floor |
 //! | `report`, `sheet` | JSON, table, CSV, contact sheet |
 //!
 //! # Example: the error of a model on a folder of images with depth
@@ -57,6 +58,7 @@
 //! Errors have a [kind](EvalError::kind) and a [hint](nunet_types::Hint).
 
 mod baseline;
+mod calibrate;
 mod comparison;
 mod dataset;
 mod error;
@@ -70,6 +72,7 @@ mod options;
 mod report;
 mod sheet;
 
+pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference};
 pub use error::{EvalError, EvalErrorKind, cap_for};
 pub use evaluation::{Evaluation, Evaluator};
 pub use event::Event;

@@ -41,11 +41,46 @@ pub struct EncodedImage<'a> {
     pub data: &'a [u8],
 }
 
+/// The scale of a depth map.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ScaleRecord {
+    /// The unit, spelled as in shared memory: `metre`.
+    pub units: &'static str,
+    /// Where the scale comes from, spelled as in shared memory: `focal_scaled`.
+    pub source: &'static str,
+    /// What the network's meters were multiplied by; 0 for depth without a unit.
+    pub factor: f32,
+    /// Nanoseconds since the factor was measured; 0 for one that does not change.
+    pub age_nanos: i64,
+}
+
+/// The scale is written again if the factor changed by this share.
+const CHANGED_FACTOR: f32 = 0.01;
+
+impl ScaleRecord {
+    /// Whether `other` is so similar that it need not be written again.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        let difference = (self.factor - other.factor).abs();
+        (self.units, self.source) == (other.units, other.source)
+            && difference <= CHANGED_FACTOR * other.factor
+    }
+
+    /// As metadata.
+    pub(crate) fn entries(&self) -> [(&'static str, String); 4] {
+        [
+            ("units", self.units.to_owned()),
+            ("scale_source", self.source.to_owned()),
+            ("scale_factor", self.factor.to_string()),
+            ("scale_age_s", (self.age_nanos as f64 / 1e9).to_string()),
+        ]
+    }
+}
+
 /// A depth map, `[height][width]`, NaN = none.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthRecord<'a> {
-    /// Units and origin of the scale, spelled as in shared memory: `metre` and `focal_scaled`.
-    pub scale: [&'a str; 2],
+    /// The unit and the scale.
+    pub scale: ScaleRecord,
     /// Pixels.
     pub width: u32,
     /// Pixels.

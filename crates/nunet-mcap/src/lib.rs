@@ -9,7 +9,8 @@
 //! # Example: record a frame, and read it back
 //! ```
 //! use nunet_mcap::{
-//!     DepthRecord, EncodedImage, FrameRecord, Next, RecordedImage, Recording, RecordingWriter, WriterOptions,
+//!     DepthRecord, EncodedImage, FrameRecord, Next, RecordedImage, Recording, RecordingWriter, ScaleRecord,
+//!     WriterOptions,
 //! };
 //!
 //! # let folder = tempfile::tempdir()?;
@@ -31,7 +32,7 @@
 //!     stamp_nanos: 1_000,
 //!     image: Some(EncodedImage { format: "png", data: &png }),
 //!     camera: None,
-//!     depth: DepthRecord { scale: ["metre", "metric"], width: 4, height: 2, bytes: &depth_m },
+//!     depth: DepthRecord { scale: ScaleRecord::default(), width: 4, height: 2, bytes: &depth_m },
 //!     depth_camera: None,
 //!     labels: None,
 //!     cloud: None,
@@ -75,7 +76,7 @@ mod writer;
 pub use camera::CameraDescription;
 pub use encoding::{BayerPattern, ImageEncoding};
 pub use error::{RecordingError, RecordingErrorKind};
-pub use frame_record::{CloudRecord, DepthRecord, EncodedImage, FrameRecord, WriterOptions};
+pub use frame_record::{CloudRecord, DepthRecord, EncodedImage, FrameRecord, ScaleRecord, WriterOptions};
 pub use image::RecordedImage;
 pub use mount::Mount;
 pub use obstacles::ObstaclesRecord;

@@ -10,7 +10,7 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde_bytes::Bytes;
 
 use crate::file_end::FileEnd;
-use crate::frame_record::{DepthRecord, FrameRecord, WriterOptions};
+use crate::frame_record::{DepthRecord, FrameRecord, ScaleRecord, WriterOptions};
 use crate::messages::{
     CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, Header, IMAGE, Image, LASER_SCAN, POINT_CLOUD, Schema,
     TF_MESSAGE, TfMessage, Time,
@@ -40,7 +40,7 @@ pub struct RecordingWriter {
     mount: Option<Mount>,
     message: Vec<u8>,
     frames: u32,
-    scale: [String; 2],
+    scale: ScaleRecord,
 }
 
 /// An empty file at `path`, locked while it is open: two writers of one file would destroy both recordings.
@@ -169,15 +169,15 @@ impl RecordingWriter {
         self.put(self.topic("depth/image_raw"), &IMAGE, log, &image("32FC1", 4, depth))
     }
 
-    /// Writes units and origin of the scale, if they changed.
-    fn write_scale(&mut self, scale: [&str; 2], log_nanos: u64) -> Result<(), RecordingError> {
-        if self.scale == scale {
+    /// Writes unit and scale, if they changed.
+    fn write_scale(&mut self, scale: ScaleRecord, log_nanos: u64) -> Result<(), RecordingError> {
+        if scale.is_like(&self.scale) {
             return Ok(());
         }
-        self.scale = scale.map(str::to_owned);
-        let [units, source] = self.scale.clone();
-        let entries = [("units", units), ("scale_source", source), ("from_log_time", log_nanos.to_string())];
-        let metadata = entries.map(|(key, value)| (key.to_owned(), value)).into();
+        self.scale = scale;
+        let time = [("from_log_time", log_nanos.to_string())];
+        let entries = scale.entries().into_iter().chain(time);
+        let metadata = entries.map(|(key, value)| (key.to_owned(), value)).collect();
         self.with(|writer| writer.write_metadata(&Metadata { name: SCALE.to_owned(), metadata }))
     }
 
@@ -301,7 +301,7 @@ mod tests {
             image: None,
             camera: None,
             depth: DepthRecord {
-                scale: ["metre", "metric"],
+                scale: ScaleRecord::default(),
                 width: 1,
                 height: 1,
                 bytes: &1_f32.to_le_bytes(),

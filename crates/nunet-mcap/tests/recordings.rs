@@ -12,7 +12,7 @@ use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions};
 use nunet_mcap::{
     CameraDescription, DepthRecord, EncodedImage, FrameRecord, Next, RecordedImage, Recording,
-    RecordingError, RecordingWriter, WriterOptions, model_of_results,
+    RecordingError, RecordingWriter, ScaleRecord, WriterOptions, model_of_results,
 };
 use nunet_testkit::allocations::{CountingAllocator, largest_allocation_during};
 
@@ -254,7 +254,10 @@ fn write_frames(path: &Path, frames: u8) -> RecordingWriter {
     let mut writer = RecordingWriter::create(path, options).unwrap();
     for frame in 0..frames {
         // A zoom lens whose camera is known from the second frame on.
-        let scale = ["metre", if frame == 0 { "assumed_camera" } else { "focal_scaled" }];
+        let source = if frame == 0 { "assumed_camera" } else { "focal_scaled" };
+        // Small changes are not written.
+        let factor = if frame == 0 { 1.0 } else { 0.5 + 0.001 * f32::from(frame) };
+        let scale = ScaleRecord { units: "metre", source, factor, age_nanos: 500_000_000 };
         let intrinsics = [3.0 + f64::from(frame), 4.0, 0.5, 0.0];
         let camera = CameraDescription { width: 2, height: 1, intrinsics, ..Default::default() };
         let depth: Vec<u8> =
@@ -318,10 +321,14 @@ fn where_the_scale_comes_from_is_said_when_it_changes() {
         .iter()
         .filter(|index| index.name == "nunet.scale")
         .map(|index| mcap::read::metadata(&file, index).unwrap().metadata)
-        .map(|said| (said["scale_source"].clone(), said["from_log_time"].clone(), said["units"].clone()))
+        .map(|said| {
+            let keys = ["scale_source", "from_log_time", "units", "scale_factor", "scale_age_s"];
+            keys.map(|key| said[key].clone())
+        })
         .collect();
-    let expected = [("assumed_camera", "0", "metre"), ("focal_scaled", "1", "metre")];
-    assert_eq!(said, expected.map(|(source, from, units)| (source.into(), from.into(), units.into())));
+    let expected =
+        [["assumed_camera", "0", "metre", "1", "0.5"], ["focal_scaled", "1", "metre", "0.501", "0.5"]];
+    assert_eq!(said, expected.map(|values| values.map(str::to_owned)));
 }
 
 #[test]

@@ -30,6 +30,7 @@ arguments! {
     cx("cx"): number -> f64;
     cy("cy"): number -> f64;
     distortion_model("distortion_model"): optional_text -> Option<&'a str>;
+    scale("scale"): optional_scale -> Option<f64>;
     width("width"): whole -> u32;
     height("height"): whole -> u32;
     near("near"): optional_number -> Option<f32>;
@@ -89,6 +90,10 @@ fn meters(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<f32> {
 
 fn optional_number(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f32>> {
     taken(argument, object, "a number", "omit it to use the range of the depth map")
+}
+
+fn optional_scale(argument: &str, object: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    taken(argument, object, "a number", "omit it if the factor was not measured")
 }
 
 /// `None` is no limit.

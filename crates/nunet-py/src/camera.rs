@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::PyArray2;
-use nunet_core::camera::{self, Distortion, Intrinsics};
+use nunet_core::camera::{self, CalibratedScale, Distortion, Intrinsics, check_scale_factor};
 use nunet_daemon::embed;
 use nunet_types::ImageSize;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -36,6 +36,9 @@ const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., siz
 /// distortion_model : str, optional
 ///     The ROS name of the distortion model: `plumb_bob`, `rational_polynomial`, or `equidistant` (fisheye). By default
 ///     the number of coefficients selects one of the first two.
+/// scale : float, optional
+///     What the network's meters are multiplied by, as `nunetd calibrate` measures it. It replaces the ratio of the focal
+///     lengths.
 ///
 /// Raises
 /// ------
@@ -51,15 +54,19 @@ const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., siz
 /// Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
 #[pyclass(frozen, from_py_object, module = "nunet_py", name = "Camera")]
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) struct Camera(pub(crate) camera::Camera);
+pub(crate) struct Camera(pub(crate) camera::Camera, pub(crate) Option<CalibratedScale>);
 
-/// The arguments that restore a pickled camera: `fx, fy, cx, cy, size, distortion, distortion_model`.
-type Parts = (f64, f64, f64, f64, (u32, u32), Vec<f64>, Option<&'static str>);
+/// The arguments that restore a pickled camera: `fx, fy, cx, cy, size, distortion, distortion_model, scale`.
+type Parts = (f64, f64, f64, f64, (u32, u32), Vec<f64>, Option<&'static str>, Option<Scale>);
+
+/// A factor, and the SHA-256 of the model that it is for.
+type Scale = (f32, Option<[u8; 32]>);
 
 #[pymethods]
 impl Camera {
     #[new]
-    #[pyo3(signature = (fx, fy, cx, cy, size, distortion = None, *, distortion_model = None))]
+    #[pyo3(signature = (fx, fy, cx, cy, size, distortion = None, *, distortion_model = None, scale = None))]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class")]
     fn new(
         #[pyo3(from_py_with = argument::fx)] fx: f64,
         #[pyo3(from_py_with = argument::fy)] fy: f64,
@@ -68,14 +75,18 @@ impl Camera {
         size: &Bound<'_, PyAny>,
         distortion: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = argument::distortion_model)] distortion_model: Option<&str>,
+        #[pyo3(from_py_with = argument::scale)] scale: Option<f64>,
     ) -> PyResult<Self> {
         let ImageSize { width, height } = whole_size(size)?;
         let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height).map_err(of_camera)?;
         let coefficients = distortion.map(coefficients).transpose()?.unwrap_or_default();
-        Ok(Self(camera::Camera { intrinsics, distortion: lens(&coefficients, distortion_model)? }))
+        let factor = scale.map(check_scale_factor).transpose().map_err(of_camera)?;
+        let scale = factor.map(|factor| CalibratedScale { factor, model_hash: None });
+        Ok(Self(camera::Camera { intrinsics, distortion: lens(&coefficients, distortion_model)? }, scale))
     }
 
-    /// Read a calibration file: the `camera_info` YAML that the ROS package camera_calibration writes.
+    /// Read a calibration file: the `camera_info` YAML that the ROS package camera_calibration writes, with the scale that
+    /// `nunetd calibrate` adds.
     ///
     /// Parameters
     /// ----------
@@ -93,7 +104,8 @@ impl Camera {
         _class: &Bound<'_, PyType>,
         #[pyo3(from_py_with = argument::path)] path: PathBuf,
     ) -> PyResult<Self> {
-        embed::read_calibration(&path).map(|found| Self(found.camera())).map_err(|error| failure(&error))
+        let found = embed::read_calibration(&path).map_err(|error| failure(&error))?;
+        Ok(Self(found.camera(), found.scale()))
     }
 
     /// The same camera for images that were resized to `width` x `height` pixels.
@@ -107,7 +119,7 @@ impl Camera {
         #[pyo3(from_py_with = argument::width)] width: u32,
         #[pyo3(from_py_with = argument::height)] height: u32,
     ) -> PyResult<Self> {
-        self.0.fitted_to(width, height).map(Self).map_err(of_camera)
+        self.0.fitted_to(width, height).map(|camera| Self(camera, self.1)).map_err(of_camera)
     }
 
     /// Horizontal focal length, pixels.
@@ -158,6 +170,12 @@ impl Camera {
         }
     }
 
+    /// What the network's meters are multiplied by; `None` if that was not measured.
+    #[getter]
+    fn scale(&self) -> Option<f32> {
+        self.1.map(|scale| scale.factor)
+    }
+
     /// The camera matrix, float64 (3, 3): `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -186,19 +204,24 @@ impl Camera {
             None => String::new(),
         };
         let (fx, fy, cx, cy) = (self.fx(), self.fy(), self.cx(), self.cy());
-        format!("Camera(fx={fx}, fy={fy}, cx={cx}, cy={cy}, size=({width}, {height}){lens})")
+        let scale = self.scale().map(|scale| format!(", scale={scale}")).unwrap_or_default();
+        format!("Camera(fx={fx}, fy={fy}, cx={cx}, cy={cy}, size=({width}, {height}){lens}{scale})")
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
         let this = slf.get();
         let rebuild = slf.py().import("nunet_py._native")?.getattr("_camera")?;
         let lens = (this.distortion(), this.distortion_model());
-        Ok((rebuild, (this.fx(), this.fy(), this.cx(), this.cy(), this.size(), lens.0, lens.1)))
+        let scale = this.1.map(|scale| (scale.factor, scale.model_hash));
+        let parts = (this.fx(), this.fy(), this.cx(), this.cy(), this.size(), lens.0, lens.1, scale);
+        Ok((rebuild, parts))
     }
 }
 
 /// Restores a pickled camera: pickle passes no keyword-only arguments.
 #[pyfunction]
+#[pyo3(signature = (fx, fy, cx, cy, size, distortion, distortion_model, scale = None))]
+#[expect(clippy::too_many_arguments, reason = "the arguments of the Python class")]
 fn _camera(
     fx: f64,
     fy: f64,
@@ -207,9 +230,14 @@ fn _camera(
     size: (u32, u32),
     distortion: Vec<f64>,
     distortion_model: Option<String>,
+    scale: Option<Scale>,
 ) -> PyResult<Camera> {
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, size.0, size.1).map_err(of_camera)?;
-    Ok(Camera(camera::Camera { intrinsics, distortion: lens(&distortion, distortion_model.as_deref())? }))
+    let scale = scale.map(|(factor, model_hash)| CalibratedScale { factor, model_hash });
+    Ok(Camera(
+        camera::Camera { intrinsics, distortion: lens(&distortion, distortion_model.as_deref())? },
+        scale,
+    ))
 }
 
 /// The optional argument `camera`.

@@ -179,7 +179,7 @@ fn table<const COLUMNS: usize>(
 }
 
 /// An argument of `obstacles` that cannot be used.
-fn refused(error: &nunet_core::obstacle::ObstacleError) -> PyErr {
+pub(crate) fn refused(error: &nunet_core::obstacle::ObstacleError) -> PyErr {
     match nunet_core::hint_of(error) {
         Some(hint) => hinted::<PyValueError>(error, hint),
         None => PyValueError::new_err(error.to_string()),
@@ -188,6 +188,11 @@ fn refused(error: &nunet_core::obstacle::ObstacleError) -> PyErr {
 
 /// The argument `mount`: numbers.
 pub(crate) fn mount_argument(object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    taken("mount", object, "six numbers", MOUNT_EXAMPLE)
+}
+
+/// The optional argument `mount`.
+pub(crate) fn optional_mount_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<Vec<f64>>> {
     taken("mount", object, "six numbers", MOUNT_EXAMPLE)
 }
 

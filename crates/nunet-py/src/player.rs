@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nunet_core::camera::Camera;
+use nunet_core::camera::{CalibratedScale, Camera};
 use nunet_daemon::source::{Continuity, Fill, Frame, OpenOptions, RecordingSource, Source as _};
 use nunet_engine::{Inferred, Model};
 
@@ -10,6 +10,7 @@ use nunet_engine::{Inferred, Model};
 pub(crate) struct Player {
     source: RecordingSource,
     camera: Option<Camera>,
+    scale: Option<CalibratedScale>,
     continuity: Continuity,
     frame: Frame,
     /// The model's count of runs after the last frame. If it differs, the model ran on something else in between.
@@ -54,10 +55,14 @@ impl Player {
     ///
     /// # Errors
     /// The file does not exist or is not MCAP, or has no or several image topics.
-    pub(crate) fn open(path: &Path, topic: Option<&str>, camera: Option<Camera>) -> anyhow::Result<Self> {
+    pub(crate) fn open(
+        path: &Path,
+        topic: Option<&str>,
+        (camera, scale): (Option<Camera>, Option<CalibratedScale>),
+    ) -> anyhow::Result<Self> {
         let source = RecordingSource::open(path, OpenOptions { topic, ..OpenOptions::default() })?;
         let (continuity, frame) = (Continuity::default(), Frame::default());
-        Ok(Self { source, camera, continuity, frame, left_at: None })
+        Ok(Self { source, camera, scale, continuity, frame, left_at: None })
     }
 
     /// The image topic.
@@ -94,6 +99,8 @@ impl Player {
         let named = self.camera.map(|camera| camera.fitted_to(size.width, size.height)).transpose()?;
         let keep_state =
             self.continuity.discontinuity_to(frame).is_none() && self.left_at == Some(model.runs());
+        model.set_calibrated_scale(self.scale)?;
+        model.set_frame_nanos(frame.capture.nanos);
         let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state)?;
         self.continuity.took(frame);
         self.left_at = Some(model.runs());

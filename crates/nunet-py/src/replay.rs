@@ -124,8 +124,10 @@ fn replay(
     #[pyo3(from_py_with = argument::topic)] topic: Option<&str>,
     #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
 ) -> PyResult<Replay> {
+    let factor = model.get().factor_of(camera)?;
     let camera = camera.map(|camera| camera.0);
-    let player = py.detach(|| Player::open(&path, topic, camera)).map_err(|error| failure(&error))?;
+    let player =
+        py.detach(|| Player::open(&path, topic, (camera, factor))).map_err(|error| failure(&error))?;
     let (topic, images) = (player.topic().to_owned(), player.image_count());
     let path = path.display().to_string();
     Ok(Replay { model, player: Mutex::new(Some(player)), topic, images, path })

@@ -65,7 +65,7 @@ impl OwnedResults {
         Self {
             size: results.size,
             depth: results.depth.to_vec(),
-            metric: results.units == Units::Metre,
+            metric: results.scale.units == Units::Metre,
             labels: results.labels.map(<[_]>::to_vec),
             cloud: results.cloud.map(<[_]>::to_vec),
             obstacles: results.obstacles.cloned(),

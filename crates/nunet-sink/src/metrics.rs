@@ -24,6 +24,8 @@ impl Sink for MetricsSink {
 
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {
         self.0.record(published.timings.total_micros, published.timings.stages());
+        let scale = published.results.scale;
+        self.0.set_scale(scale.factor, scale.age_nanos as f64 / 1e9);
     }
 
     fn on_status(&mut self, status: &Status<'_>) {

@@ -3,7 +3,7 @@
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::Obstacles;
 use nunet_ipc::Units;
-use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord};
+use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord, ScaleRecord};
 use nunet_source::{Frame, Pixels};
 use nunet_types::ImageSize;
 
@@ -19,8 +19,7 @@ pub struct Record {
     pub camera: Option<Camera>,
     /// The camera at the size of depth.
     pub depth_camera: Option<Camera>,
-    /// Units of depth, and where its scale comes from.
-    scale: [&'static str; 2],
+    scale: ScaleRecord,
     size: ImageSize,
     depth: Vec<u8>,
     labels: Vec<u8>,
@@ -62,7 +61,12 @@ impl Record {
     /// Copies the results of a frame.
     pub fn copy_results(&mut self, results: &Results<'_>) {
         self.clear();
-        self.scale = [results.units.name(), results.scale_source.name()];
+        self.scale = ScaleRecord {
+            units: results.scale.units.name(),
+            source: results.scale.source.name(),
+            factor: results.scale.factor,
+            age_nanos: results.scale.age_nanos,
+        };
         self.size = results.size;
         self.depth.extend_from_slice(bytemuck::cast_slice(results.depth));
         self.labels.extend_from_slice(results.labels.unwrap_or_default());
@@ -134,7 +138,7 @@ impl Record {
     #[must_use]
     pub fn cloud(&self) -> Option<CloudRecord<'_>> {
         let ImageSize { width, height } = self.cloud_size;
-        (!self.cloud.is_empty() && self.scale[0] == Units::Metre.name()).then_some(CloudRecord {
+        (!self.cloud.is_empty() && self.scale.units == Units::Metre.name()).then_some(CloudRecord {
             width,
             height,
             bytes: &self.cloud,

@@ -2,16 +2,15 @@
 
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
+use nunet_core::depth::Scale;
 use nunet_core::obstacle::Obstacles;
-use nunet_types::{ImageSize, ScaleSource, Units};
+use nunet_types::ImageSize;
 
 /// The results of a frame: slices of shared memory, or of a buffer of the subcommand.
 #[derive(Debug, Clone, Copy)]
 pub struct Results<'a> {
-    /// The unit of depth.
-    pub units: Units,
-    /// Where the scale of depth comes from.
-    pub scale_source: ScaleSource,
+    /// The unit of depth and its scale; the factor is 0 for depth without a unit.
+    pub scale: Scale,
     /// Width and height of depth and labels, pixels.
     pub size: ImageSize,
     /// `[H, W]`, NaN = no measurement.

@@ -81,8 +81,8 @@ fn copy(published: &PublishedFrame<'_>, frame: &mut ViewFrame) {
     if let Ok(image) = source.view() {
         frame.set_image(image.bytes(), image.size(), image.row_stride(), image.format());
     }
-    let Results { units, scale_source, size, depth, labels, obstacles, .. } = *results;
-    frame.set_depth(depth, DepthInfo { size, units, scale_source });
+    let Results { scale, size, depth, labels, obstacles, .. } = *results;
+    frame.set_depth(depth, DepthInfo { size, units: scale.units, scale_source: scale.source });
     frame.set_labels(labels.unwrap_or_default());
     if let Some(found) = obstacles {
         frame.set_obstacles(&ObstacleMap {

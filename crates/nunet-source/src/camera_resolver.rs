@@ -3,7 +3,7 @@
 use std::io::{self, ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
-use nunet_core::camera::{Calibration, Camera, CameraError, IntrinsicsSpec};
+use nunet_core::camera::{CalibratedScale, Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
 use nunet_core::pipeline::Pipeline;
 use nunet_core::plain_file;
@@ -13,13 +13,15 @@ use tracing::warn;
 use crate::error::SourceError;
 use crate::frame::Frame;
 
-/// The camera that the user gave: at most one of both fields.
+/// The camera that the user gave: intrinsics or a calibration.
 #[derive(Debug, Clone, Default)]
 pub struct CameraGeometry {
     /// Focal lengths and principal point of a camera without distortion.
     pub intrinsics: Option<IntrinsicsSpec>,
     /// A calibration file.
     pub calibration: Option<PathBuf>,
+    /// The factor of depth. The pipeline has it too; a calibration file must not give another one.
+    pub factor: Option<f32>,
 }
 
 /// The camera of a stream's frames, followed from frame to frame.
@@ -60,13 +62,30 @@ impl CameraResolver {
     /// A camera that the user named takes precedence over that of the source.
     ///
     /// # Errors
-    /// The calibration file cannot be read or is not a calibration.
+    /// The calibration file cannot be read or is not a calibration, or a factor of depth is given twice.
     pub fn new(geometry: &CameraGeometry) -> Result<Self, SourceError> {
         let named = match (&geometry.calibration, geometry.intrinsics) {
             (Some(path), _) => Some(Named::Calibration(read_calibration(path)?)),
             (None, intrinsics) => intrinsics.map(Named::Intrinsics),
         };
-        Ok(Self { named, ..Self::default() })
+        let resolver = Self { named, ..Self::default() };
+        match (resolver.calibrated_scale(), geometry.factor, &geometry.calibration) {
+            (Some(scale), Some(given), Some(path)) => Err(SourceError::bad_arguments(format!(
+                "the scale factor {given} conflicts with the factor {} in the calibration `{}`",
+                scale.factor,
+                path.display()
+            ))
+            .with_hint("give one of them: remove `nunet_scale` from the file, or omit the number")),
+            _ => Ok(resolver),
+        }
+    }
+
+    /// The factor of depth in the calibration that the user named.
+    fn calibrated_scale(&self) -> Option<CalibratedScale> {
+        match &self.named {
+            Some(Named::Calibration(calibration)) => calibration.scale(),
+            _ => None,
+        }
     }
 
     /// The camera that took `frame`, at the frame's size; `None` if it is unknown.
@@ -112,9 +131,29 @@ impl CameraResolver {
         pipeline.set_camera(camera).map_err(|error| {
             SourceError::bad_frame("the camera does not fit the network").with_cause(error)
         })?;
+        if self.current.is_none() {
+            self.pass_factor(pipeline)?;
+        }
         self.current = Some(key);
         let is_news = camera.is_none() && !std::mem::replace(&mut self.has_reported, true);
         Ok(is_news.then(|| assumption(pipeline)))
+    }
+}
+
+impl CameraResolver {
+    /// Passes the factor of the calibration to the pipeline, unless it was measured with another model.
+    fn pass_factor(&self, pipeline: &mut Pipeline) -> Result<(), SourceError> {
+        let Some(CalibratedScale { factor, model_hash }) = self.calibrated_scale() else { return Ok(()) };
+        if model_hash.is_some_and(|hash| hash != pipeline.graph().description().hash) {
+            warn!(
+                "the calibration's scale factor {factor} is ignored: it was measured with another model; calibrate again"
+            );
+            return Ok(());
+        }
+        pipeline.set_calibrated_factor(Some(factor)).map_err(|error| {
+            SourceError::bad_arguments("the calibration's scale factor cannot be used".to_owned())
+                .with_cause(error)
+        })
     }
 }
 
@@ -166,7 +205,7 @@ mod tests {
     #[test]
     fn a_camera_that_does_not_fit_is_a_bad_argument_at_first_and_a_bad_frame_later() {
         let intrinsics = Some("50,50,32,18@64x36".parse().unwrap());
-        let geometry = CameraGeometry { intrinsics, calibration: None };
+        let geometry = CameraGeometry { intrinsics, ..CameraGeometry::default() };
         let frame = |size| Frame { size, ..Frame::default() };
         let mut resolver = CameraResolver::new(&geometry).unwrap();
         let mut kind = |size| resolver.resolve(&frame(size)).map_err(|error| error.kind());
@@ -174,6 +213,20 @@ mod tests {
         assert!(kind((128, 72).into()).unwrap().is_some());
         assert_eq!(kind((64, 64).into()), Err(SourceErrorKind::BadFrame));
         assert_eq!(CameraResolver::default().resolve(&frame((64, 64).into())).unwrap(), None);
+    }
+
+    #[test]
+    fn a_factor_that_is_given_twice_is_a_bad_argument() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let camera =
+            Camera::pinhole(nunet_core::camera::Intrinsics::new(50.0, 50.0, 32.0, 18.0, 64, 36).unwrap());
+        std::fs::write(file.path(), Calibration::file_of(&camera) + "nunet_scale: {factor: 0.8}\n").unwrap();
+        let geometry = CameraGeometry { calibration: Some(file.path().into()), ..CameraGeometry::default() };
+        assert_eq!(CameraResolver::new(&geometry).unwrap().calibrated_scale().unwrap().factor, 0.8);
+        let twice = CameraGeometry { factor: Some(0.9), ..geometry };
+        let error = CameraResolver::new(&twice).unwrap_err();
+        assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+        assert!(error.to_string().contains("0.9 conflicts with the factor 0.8"), "{error}");
     }
 
     #[test]

@@ -290,7 +290,7 @@ fn camera(
 mod tests {
     use std::collections::BTreeMap;
 
-    use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
+    use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, ScaleRecord, WriterOptions};
 
     use super::*;
 
@@ -310,7 +310,7 @@ mod tests {
                 stamp_nanos: 1,
                 image: image.map(|data| EncodedImage { format: "png", data }),
                 camera: None,
-                depth: DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] },
+                depth: DepthRecord { scale: ScaleRecord::default(), width: 1, height: 1, bytes: &[0; 4] },
                 depth_camera: None,
                 labels: None,
                 cloud: None,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use image::{ImageFormat, Rgb, RgbImage};
 use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Topic, TopicPlan, monotonic_nanos};
-use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
+use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, ScaleRecord, WriterOptions};
 use nunet_source::{Fill, Frame, OpenOptions, Source, SourceErrorKind, SourceName, open_pipe};
 use nunet_types::{ImageSize, PixelFormat};
 
@@ -64,7 +64,7 @@ fn write_recording(path: &Path, images: &[Vec<u8>]) {
     let mut writer = RecordingWriter::create(path, options).unwrap();
     for (log_nanos, data) in (1..).zip(images) {
         let image = Some(EncodedImage { format: "png", data });
-        let depth = DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] };
+        let depth = DepthRecord { scale: ScaleRecord::default(), width: 1, height: 1, bytes: &[0; 4] };
         let (camera, depth_camera, labels, cloud) = (None, None, None, None);
         let frame =
             FrameRecord { log_nanos, stamp_nanos: 1, image, camera, depth, depth_camera, labels, cloud };

@@ -46,6 +46,8 @@ struct Families {
     in_flight: Family<CameraLabels, Gauge>,
     fps: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     bytes_copied: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    scale: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    scale_age: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     latency: Histograms<CameraLabels>,
     stage: Histograms<StageLabels>,
 }
@@ -64,10 +66,13 @@ impl Families {
             in_flight: Family::default(),
             fps: Family::default(),
             bytes_copied: Family::default(),
+            scale: Family::default(),
+            scale_age: Family::default(),
             latency: Family::new_with_constructor(histogram),
             stage: Family::new_with_constructor(histogram),
         };
-        let Self { up, captured, ended, in_flight, fps, bytes_copied, latency, stage } = &families;
+        let Self { up, captured, ended, in_flight, fps, bytes_copied, scale, scale_age, latency, stage } =
+            &families;
         let help = "1 while the source delivers frames, 0 while it is retried and after its end";
         registry.register("camera_up", help, up.clone());
         registry.register("frames_captured", "Frames that the source delivered", captured.clone());
@@ -76,6 +81,10 @@ impl Families {
         registry.register("frames_per_second", "Published frames per second since the start", fps.clone());
         let help = "Mean bytes per frame copied between camera memory and network input";
         registry.register("bytes_copied_per_frame", help, bytes_copied.clone());
+        let help = "What the network's meters are multiplied by; 0 for depth without a unit";
+        registry.register("scale_factor", help, scale.clone());
+        let help = "Time since the scale factor was measured; 0 for one that does not change";
+        registry.register_with_unit("scale_age", help, Unit::Seconds, scale_age.clone());
         let help = "Time from the arrival of the image to the wake-up of the readers";
         registry.register_with_unit("latency", help, Unit::Seconds, latency.clone());
         registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, stage.clone());
@@ -113,8 +122,18 @@ impl Metrics {
         let labels = CameraLabels { camera: camera.to_owned() };
         let end = |end| EndLabels { camera: camera.to_owned(), end };
         let stage = |stage: &str| StageLabels { camera: camera.to_owned(), stage: stage.to_owned() };
-        let Families { up, captured, ended, in_flight, fps, bytes_copied, latency, stage: times } =
-            &*self.families;
+        let Families {
+            up,
+            captured,
+            ended,
+            in_flight,
+            fps,
+            bytes_copied,
+            scale,
+            scale_age,
+            latency,
+            stage: times,
+        } = &*self.families;
         let metrics = CameraMetrics {
             up: up.get_or_create_owned(&labels),
             captured: captured.get_or_create_owned(&labels),
@@ -124,6 +143,8 @@ impl Metrics {
             in_flight: in_flight.get_or_create_owned(&labels),
             fps: fps.get_or_create_owned(&labels),
             bytes_copied: bytes_copied.get_or_create_owned(&labels),
+            scale: scale.get_or_create_owned(&labels),
+            scale_age: scale_age.get_or_create_owned(&labels),
             latency: latency.get_or_create_owned(&labels),
             stages: stages.into_iter().map(|name| times.get_or_create_owned(&stage(name))).collect(),
         };
@@ -144,6 +165,8 @@ pub struct CameraMetrics {
     in_flight: Gauge,
     fps: Gauge<f64, AtomicU64>,
     bytes_copied: Gauge<f64, AtomicU64>,
+    scale: Gauge<f64, AtomicU64>,
+    scale_age: Gauge<f64, AtomicU64>,
     latency: Histogram,
     stages: Vec<Histogram>,
 }
@@ -170,6 +193,12 @@ impl CameraMetrics {
         self.bytes_copied.set(totals.bytes_copied_per_frame());
     }
 
+    /// Sets the factor of depth, and the seconds since it was measured.
+    pub fn set_scale(&self, factor: f32, age_s: f64) {
+        self.scale.set(factor.into());
+        self.scale_age.set(age_s);
+    }
+
     /// Whether the source gives frames: false while it is waited for, and after its end.
     pub fn set_up(&self, is_up: bool) {
         self.up.set(i64::from(is_up));
@@ -189,11 +218,14 @@ mod tests {
         let counts = Counts { captured: 7, published: 4, superseded: 2, failed: 1, in_flight: 0 };
         front.set(&counts, &Totals::default());
         front.record(40_000, [500, 30_000, 9]);
+        front.set_scale(0.5, 1.5);
         let answer = metrics.text();
         for line in [
             "# TYPE nunet_latency_seconds histogram\n",
             "nunet_camera_up{camera=\"front\"} 1\n",
             "nunet_camera_up{camera=\"rear\"} 0\n",
+            "nunet_scale_factor{camera=\"front\"} 0.5\n",
+            "nunet_scale_age_seconds{camera=\"front\"} 1.5\n",
             "nunet_frames_captured_total{camera=\"front\"} 7\n",
             "nunet_frames_captured_total{camera=\"rear\"} 0\n",
             "nunet_frames_ended_total{camera=\"front\",end=\"superseded\"} 2\n",

@@ -48,6 +48,16 @@ pub enum CameraError {
         /// The value, pixels.
         value: f64,
     },
+    /// A factor of depth that no camera needs.
+    #[error("the scale factor is {factor}, expected {min} to {max}")]
+    ScaleFactor {
+        /// The factor.
+        factor: f64,
+        /// The smallest one.
+        min: f32,
+        /// The largest one.
+        max: f32,
+    },
     /// No lens has this number at this image size.
     #[error("intrinsic `{name}` is {value} px, which is not plausible for an image side of {side} px")]
     OutOfRange {
@@ -134,6 +144,9 @@ impl Hint for CameraError {
                 "write intrinsics in pixels, not millimeters, with the size they were calibrated at: \
                  `fx,fy,cx,cy@WxH`"
                     .into()
+            }
+            Self::ScaleFactor { .. } => {
+                "give what the network's meters are multiplied by, such as 0.83".into()
             }
             Self::CoefficientCount { .. } => "write all coefficients of the model, unused ones as 0".into(),
             Self::ExtraCoefficient { model: "plumb_bob", .. } => {

@@ -11,18 +11,22 @@ mod kannala_brandt;
 mod rays;
 mod roots;
 mod ros;
+mod scale_factor;
 
 #[cfg(test)]
 mod tests;
 
 pub use brown_conrady::BrownConrady;
-pub use calibration::{Calibration, CalibrationError, IgnoredSkew, RosCameraInfo};
+pub use calibration::{
+    CalibratedScale, Calibration, CalibrationError, IgnoredSkew, RosCameraInfo, ScaleNote,
+};
 pub use coefficients::MAX_COEFFICIENTS;
 pub use error::CameraError;
 pub use intrinsics::Intrinsics;
 pub use intrinsics_spec::IntrinsicsSpec;
 pub use kannala_brandt::KannalaBrandt;
 pub use rays::RayTable;
+pub use scale_factor::{MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, check_scale_factor};
 
 use std::num::NonZeroU32;
 

@@ -4,7 +4,7 @@ use nunet_types::{ScaleSource, Units};
 
 use super::DepthEncoding;
 
-/// How a network's depth is scaled; fixed until the camera changes.
+/// How a network's depth is scaled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     /// The unit of the depth map.
@@ -12,7 +12,9 @@ pub struct Scale {
     /// Where its scale comes from.
     pub source: ScaleSource,
     /// What the network's meters are multiplied by.
-    pub focal_factor: f32,
+    pub factor: f32,
+    /// Nanoseconds since the factor was measured; 0 for one that does not change.
+    pub age_nanos: i64,
 }
 
 impl Scale {
@@ -27,14 +29,23 @@ impl Scale {
         input_fx_px: Option<f64>,
     ) -> Self {
         if !encoding.is_metric() {
-            return Self { units: Units::Relative, source: ScaleSource::Relative, focal_factor: 1.0 };
+            return Self { units: Units::Relative, source: ScaleSource::Relative, factor: 1.0, age_nanos: 0 };
         }
         let (source, factor) = match (training_fx_px, input_fx_px) {
             (Some(training), Some(input)) => (ScaleSource::FocalScaled, input / training),
             (Some(_), None) => (ScaleSource::AssumedCamera, 1.0),
             (None, _) => (ScaleSource::Metric, 1.0),
         };
-        Self { units: Units::Metre, source, focal_factor: factor as f32 }
+        Self { units: Units::Metre, source, factor: factor as f32, age_nanos: 0 }
+    }
+
+    /// The scale with a calibrated factor. Depth without a unit stays without one.
+    #[must_use]
+    pub fn calibrated(encoding: DepthEncoding, factor: f32) -> Self {
+        match Self::unscaled(encoding) {
+            scale if scale.units == Units::Metre => Self { source: ScaleSource::Calibrated, factor, ..scale },
+            relative => relative,
+        }
     }
 
     /// The scale of a network's depth without correction for the focal length.
@@ -51,13 +62,16 @@ mod tests {
     #[test]
     fn twice_the_focal_length_is_twice_the_depth() {
         let scale = Scale::from_focal_lengths(DepthEncoding::Inverse, Some(500.0), Some(1000.0));
-        assert_eq!(scale, Scale { units: Units::Metre, source: ScaleSource::FocalScaled, focal_factor: 2.0 });
+        assert_eq!(
+            scale,
+            Scale { units: Units::Metre, source: ScaleSource::FocalScaled, factor: 2.0, age_nanos: 0 }
+        );
     }
 
     #[test]
     fn an_unknown_camera_is_assumed_to_be_the_training_camera() {
         let scale = Scale::from_focal_lengths(DepthEncoding::Metric, Some(500.0), None);
-        assert_eq!((scale.source, scale.focal_factor), (ScaleSource::AssumedCamera, 1.0));
+        assert_eq!((scale.source, scale.factor), (ScaleSource::AssumedCamera, 1.0));
     }
 
     #[test]
@@ -66,7 +80,7 @@ mod tests {
             let scale = Scale::from_focal_lengths(encoding, Some(500.0), Some(1000.0));
             assert_eq!(
                 scale,
-                Scale { units: Units::Relative, source: ScaleSource::Relative, focal_factor: 1.0 }
+                Scale { units: Units::Relative, source: ScaleSource::Relative, factor: 1.0, age_nanos: 0 }
             );
         }
     }

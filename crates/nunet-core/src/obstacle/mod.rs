@@ -62,7 +62,7 @@ pub use options::ObstacleOptions;
 
 use directions::{Hit, Memory};
 use ground::{GroundFit, MAX_CANDIDATES};
-use role::{Role, Roles};
+pub(crate) use role::{Role, Roles};
 use scan::{SampleKind, Scan};
 use view::{NONE, View};
 use voxels::Voxels;

@@ -98,7 +98,7 @@ impl Mount {
     }
 
     /// A direction of the optical frame in the base frame.
-    pub(super) fn direction(&self, optical: [f64; 3]) -> Vector3<f64> {
+    pub(crate) fn direction(&self, optical: [f64; 3]) -> Vector3<f64> {
         self.base_from_optical * Vector3::from(optical)
     }
 }

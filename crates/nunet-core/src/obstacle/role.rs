@@ -2,7 +2,7 @@
 
 /// What a class of the segmentation means to a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
+pub(crate) enum Role {
     /// Can be driven on.
     Floor,
     /// Above every robot.
@@ -42,15 +42,15 @@ impl Role {
 
 /// The role of every label.
 #[derive(Debug, Clone)]
-pub(super) struct Roles {
+pub(crate) struct Roles {
     by_label: [Role; 256],
     /// Whether any class is floor: without one, floor is known by geometry alone.
-    pub(super) has_floor: bool,
+    pub(crate) has_floor: bool,
 }
 
 impl Roles {
     /// From the names of the classes, index = label. Labels without a name, such as 255, are [`Role::Other`].
-    pub(super) fn new<S: AsRef<str>>(classes: &[S]) -> Self {
+    pub(crate) fn new<S: AsRef<str>>(classes: &[S]) -> Self {
         let mut by_label = [Role::Other; 256];
         for (role, name) in by_label.iter_mut().zip(classes) {
             *role = Role::of(name.as_ref());
@@ -58,7 +58,7 @@ impl Roles {
         Self { by_label, has_floor: by_label.contains(&Role::Floor) }
     }
 
-    pub(super) fn of(&self, label: u8) -> Role {
+    pub(crate) fn of(&self, label: u8) -> Role {
         self.by_label[usize::from(label)]
     }
 }

@@ -1,8 +1,10 @@
 //! From network outputs to depth.
 
-use super::{Focal, Lens, PipelineOptions};
-use crate::depth::{BorderFill, DepthEncoding, DepthRange, OutputScale, Scale, ScaleSource, Units};
+use super::{FloorScale, Lens, PipelineError, PipelineOptions};
+use crate::camera::check_scale_factor;
+use crate::depth::{BorderFill, DepthEncoding, DepthRange, OutputScale, Scale, ScaleSource};
 use crate::graph::SerialGraph;
+use crate::scale::{ScaleError, ScaleMode};
 
 /// Decodes a network's output, for one camera.
 pub(super) struct Decoder {
@@ -11,34 +13,63 @@ pub(super) struct Decoder {
     range: DepthRange,
     /// Not for untrained and foreign networks, whose borders were not measured.
     border: Option<BorderFill>,
+    /// Before the floor corrects it.
+    own_scale: Scale,
+    /// Of the last frame.
     pub(super) scale: Scale,
-    /// Points of the cloud farther from the camera have no coordinates.
-    pub(super) max_range_m: f32,
+    pub(super) floor: Option<FloorScale>,
+    max_range_m: Option<f32>,
 }
 
 impl Decoder {
-    pub(super) fn new(graph: &SerialGraph, options: &PipelineOptions, lens: &Lens) -> Self {
+    pub(super) fn new(
+        graph: &SerialGraph,
+        options: &PipelineOptions,
+        lens: &Lens,
+    ) -> Result<Self, PipelineError> {
         let description = graph.description();
         let (encoding, output, range) = (description.encoding, description.output_scale, description.range);
-        let scale = scale(graph, options.focal, lens);
-        // The range is the network's, before the correction for the focal length.
-        let model_max_m =
-            if encoding.is_metric() { range.max_m() * scale.focal_factor } else { f32::INFINITY };
-        let max_range_m = options.max_range_m.unwrap_or(model_max_m);
         let is_measured = description.trained && !description.is_foreign();
-        let border = BorderFill::new(graph.size()).filter(|_| is_measured);
-        Self { encoding, output, range, border, scale, max_range_m }
+        let scale = scale(graph, options, lens)?;
+        Ok(Self {
+            encoding,
+            output,
+            range,
+            border: BorderFill::new(graph.size()).filter(|_| is_measured),
+            own_scale: scale,
+            scale,
+            floor: FloorScale::new(graph, options, lens)?,
+            max_range_m: options.max_range_m,
+        })
     }
 
-    /// Decodes to depth, in place; returns how many pixels are not a measurement.
-    pub(super) fn decode(&self, depth: &mut [f32]) -> u32 {
+    /// Points of the cloud farther from the camera have no coordinates. The range is the network's, before the factor.
+    pub(super) fn max_range_m(&self) -> f32 {
+        let of_model = || {
+            if self.encoding.is_metric() { self.range.max_m() * self.scale.factor } else { f32::INFINITY }
+        };
+        self.max_range_m.unwrap_or_else(of_model)
+    }
+
+    /// Decodes to depth, in place, and lets the floor correct it; returns how many pixels are not a measurement.
+    pub(super) fn decode(&mut self, depth: &mut [f32], labels: Option<&[u8]>) -> u32 {
         if let Some(border) = self.border {
             border.apply(depth);
         }
-        self.encoding.decode(depth, self.output, self.range, self.scale.focal_factor)
+        let invalid = self.encoding.decode(depth, self.output, self.range, self.own_scale.factor);
+        if let Some(floor) = &mut self.floor {
+            self.scale = floor.correct(depth, labels, self.own_scale);
+        }
+        invalid
     }
 
-    /// The network's own depth: as [`Self::decode`], without the border and the correction for the focal length.
+    /// Forgets what was measured on the floor.
+    pub(super) fn forget_floor(&mut self) {
+        self.floor.iter_mut().for_each(FloorScale::forget);
+        self.scale = self.own_scale;
+    }
+
+    /// The network's own depth: as [`Self::decode`], without the border and the scale factor.
     pub(super) fn decode_unscaled(&self, depth: &mut [f32]) -> u32 {
         self.encoding.decode(depth, self.output, self.range, 1.0)
     }
@@ -46,16 +77,18 @@ impl Decoder {
 
 /// The scale of all frames. Both focal lengths are compared at the network's width. A network that takes the camera as an
 /// input corrects for it by itself.
-fn scale(graph: &SerialGraph, focal: Focal, lens: &Lens) -> Scale {
+fn scale(graph: &SerialGraph, options: &PipelineOptions, lens: &Lens) -> Result<Scale, PipelineError> {
     let (description, width) = (graph.description(), f64::from(graph.size().width));
     let encoding = description.encoding;
     let training_fx_px = description.camera.map(|camera| camera.fx * width / f64::from(camera.width));
-    match focal {
+    Ok(match (options.scale, options.calibrated_factor) {
+        (ScaleMode::Off, _) => Scale::unscaled(encoding),
+        (_, Some(_)) if !encoding.is_metric() => return Err(ScaleError::NoUnit.into()),
+        (_, Some(factor)) => Scale::calibrated(encoding, check_scale_factor(factor.into())?),
         _ if graph.needs_camera() && encoding.is_metric() => {
             let source = if lens.known.is_some() { ScaleSource::Metric } else { ScaleSource::AssumedCamera };
-            Scale { units: Units::Metre, source, focal_factor: 1.0 }
+            Scale { source, ..Scale::unscaled(encoding) }
         }
-        Focal::Off => Scale::unscaled(encoding),
-        Focal::Auto => Scale::from_focal_lengths(encoding, training_fx_px, lens.network_fx_px),
-    }
+        _ => Scale::from_focal_lengths(encoding, training_fx_px, lens.network_fx_px),
+    })
 }

@@ -10,6 +10,7 @@ use crate::error_kind::ErrorKind;
 use crate::filter::FilterError;
 use crate::graph::GraphError;
 use crate::model::SelfTestMismatch;
+use crate::scale::ScaleError;
 
 /// What is wrong with a pipeline or a frame.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,9 @@ pub enum PipelineError {
     /// A buffer of the cloud has the wrong size.
     #[error(transparent)]
     Cloud(#[from] CloudError),
+    /// A scale that does not go with the network.
+    #[error(transparent)]
+    Scale(#[from] ScaleError),
     /// The model computes something else than when it was exported.
     #[error("self-test failed: outputs differ from those recorded at export")]
     SelfTest(#[from] SelfTestMismatch),
@@ -41,6 +45,7 @@ impl PipelineError {
             Self::Camera(error) => error.kind(),
             Self::Filter(error) => error.kind(),
             Self::Cloud(error) => error.kind(),
+            Self::Scale(error) => error.kind(),
             Self::SelfTest(error) => error.kind(),
         }
     }
@@ -53,6 +58,7 @@ impl Hint for PipelineError {
             Self::Camera(error) => error.hint(),
             Self::Filter(error) => error.hint(),
             Self::Cloud(_) => None,
+            Self::Scale(error) => error.hint(),
             // The mismatch is the source, and has its own hint.
             Self::SelfTest(_) => None,
         }

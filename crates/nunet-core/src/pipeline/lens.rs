@@ -20,6 +20,8 @@ pub(super) struct Lens {
     pub(super) known: Option<Camera>,
     /// At the size of depth, known or assumed: the camera of the rays.
     pub(super) camera: Camera,
+    /// At the size of the network, known or assumed.
+    pub(super) at_network: Camera,
     /// The known camera's focal length at the network's width, pixels.
     pub(super) network_fx_px: Option<f64>,
     /// The ray of every pixel of depth.
@@ -45,6 +47,7 @@ impl Lens {
         Ok(Self {
             known: known.map(|_| camera),
             camera,
+            at_network,
             network_fx_px,
             rays: RayTable::within_angle(&camera, options.max_ray_angle_rad),
             cloud_stride: options.cloud_stride,

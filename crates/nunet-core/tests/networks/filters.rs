@@ -7,7 +7,8 @@ use nunet_core::cloud::CloudPoint;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::model::selftest;
-use nunet_core::pipeline::{Focal, FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_core::scale::ScaleMode;
 use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
 use nunet_types::ImageSize;
@@ -30,7 +31,7 @@ fn pipeline(model: &ModelBuilder, texts: &[&str]) -> Pipeline {
     let graph = Folder::new().model("m.onnx", model).load("m.onnx").unwrap();
     let options = PipelineOptions {
         camera: Some(camera()),
-        focal: Focal::Off,
+        scale: ScaleMode::Off,
         filters: filters(texts),
         ..PipelineOptions::default()
     };

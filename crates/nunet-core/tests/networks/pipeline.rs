@@ -5,7 +5,8 @@ use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::{ScaleSource, Units};
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::model::selftest;
-use nunet_core::pipeline::{Focal, FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
+use nunet_core::scale::ScaleMode;
 use nunet_testkit::models;
 use nunet_testkit::onnx::ModelBuilder;
 use nunet_types::ImageSize;
@@ -51,7 +52,7 @@ fn every_encoding_is_decoded_and_invalid_pixels_are_counted() {
             .metadata("nunet.depth.min_m", "0.0625")
             .metadata("nunet.depth.max_m", "16");
         let mut pipeline =
-            pipeline(&model, PipelineOptions { focal: Focal::Off, ..PipelineOptions::default() });
+            pipeline(&model, PipelineOptions { scale: ScaleMode::Off, ..PipelineOptions::default() });
         let (depth, report) = depth_of(&mut pipeline, &rgb);
         let mut invalid = 0;
         for (&got, &number) in depth.iter().zip(&numbers) {
@@ -82,7 +83,7 @@ fn meters_follow_the_focal_length_at_the_networks_size() {
     let (assumed, report) = depth_of(&mut pipeline(&models::unet(SIZE), PipelineOptions::default()), &rgb);
     assert_eq!((assumed, report.scale_source), (own.clone(), ScaleSource::AssumedCamera));
 
-    let off = PipelineOptions { focal: Focal::Off, ..with_camera(1000.0) };
+    let off = PipelineOptions { scale: ScaleMode::Off, ..with_camera(1000.0) };
     let (kept, report) = depth_of(&mut pipeline(&models::unet(SIZE), off), &rgb);
     assert_eq!((kept, report.scale_source), (own, ScaleSource::Metric));
 }
@@ -90,7 +91,7 @@ fn meters_follow_the_focal_length_at_the_networks_size() {
 #[test]
 fn the_cloud_has_colors_and_labels_whether_or_not_labels_are_requested() {
     let rgb = image(SIZE);
-    let focal_off = PipelineOptions { focal: Focal::Off, ..with_camera(4.0) };
+    let focal_off = PipelineOptions { scale: ScaleMode::Off, ..with_camera(4.0) };
     let mut pipeline = pipeline(&models::wnet(SIZE, true), focal_off);
     assert_eq!(pipeline.cloud_size(), SIZE);
     assert_eq!(pipeline.stage_names(), ["preprocess", "network", "decode", "cloud"]);

@@ -6,7 +6,8 @@ use crate::Outcome;
 use crate::exit::camera_name;
 use crate::source::SourceName;
 use crate::subcommands::{
-    bench, check_model, config, contract, doctor, eval, feed, infer, inspect, replay, run, tune, watch,
+    bench, calibrate, check_model, config, contract, doctor, eval, feed, infer, inspect, replay, run, tune,
+    watch,
 };
 
 /// Runs a subcommand.
@@ -28,6 +29,7 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
         SubcommandArgs::Bench(arguments) => bench::bench(&arguments.options()),
         SubcommandArgs::Tune(arguments) => tune::tune(&arguments.options()),
         SubcommandArgs::Replay(arguments) => replay::replay(&arguments.options()?),
+        SubcommandArgs::Calibrate(arguments) => calibrate::calibrate(&arguments.options()?),
         SubcommandArgs::Eval(arguments) => eval::eval(arguments.options()?),
         SubcommandArgs::Config(arguments) => {
             let config = arguments.config()?;
@@ -42,8 +44,9 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
 
 impl InferArgs {
     fn options(self) -> anyhow::Result<infer::Options> {
-        let (processing, engine) = (self.processing.config()?, self.engine.options());
-        let (mount, max_range_m) = (value(&self.mount), processing.pipeline.max_range_m);
+        let (mount, engine) = (value(&self.mount), self.engine.options());
+        let processing = self.processing.config(mount)?;
+        let max_range_m = processing.pipeline.max_range_m;
         let obstacles = self.obstacle_options.config(mount, max_range_m, self.obstacles)?;
         let obstacles = obstacles.filter(|obstacles| obstacles.is_required);
         Ok(infer::Options {

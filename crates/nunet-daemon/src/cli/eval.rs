@@ -100,7 +100,7 @@ pub enum ProtocolArg {
 impl EvalArgs {
     /// As checked values.
     pub(crate) fn options(&self) -> Result<eval::Options, BadArguments> {
-        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters, value(&self.mount))?;
         let obstacles = self.obstacle_eval(pipeline.max_range_m)?;
         Ok(eval::Options {
             evaluation: EvalOptions { obstacles, ..self.evaluation(geometry) },

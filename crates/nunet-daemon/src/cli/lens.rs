@@ -5,12 +5,15 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
-use nunet_core::pipeline::{Focal, PipelineOptions};
+use nunet_core::camera::check_scale_factor;
+use nunet_core::obstacle::Mount;
+use nunet_core::pipeline::PipelineOptions;
+use nunet_core::scale::ScaleMode;
 use serde::Deserialize;
 
 use super::FilterArgs;
-use super::text::{Distance, Text, value};
-use crate::config::ProcessingConfig;
+use super::text::{Distance, FromText, Text, value};
+use crate::config::{MountOption, ProcessingConfig};
 use crate::exit::BadArguments;
 use crate::source::CameraGeometry;
 
@@ -29,7 +32,11 @@ impl GeometryArgs {
     /// As checked values.
     #[must_use]
     pub fn options(&self) -> CameraGeometry {
-        CameraGeometry { intrinsics: value(&self.intrinsics), calibration: self.calibration.clone() }
+        CameraGeometry {
+            intrinsics: value(&self.intrinsics),
+            calibration: self.calibration.clone(),
+            factor: None,
+        }
     }
 }
 
@@ -39,20 +46,79 @@ pub struct LensArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub geometry: GeometryArgs,
-    /// Scale metric depth by the ratio of the focal lengths of this camera and the training camera, if known
-    #[arg(long, value_enum, default_value_t = FocalArg::Auto)]
-    pub focal: FocalArg,
+    /// What the network's meters are multiplied by: `auto` (the factor of the calibration, else the ratio of the focal lengths
+    /// of this camera and the training camera, if known), `off`, a number, or `floor` (measured on the floor; needs --mount)
+    #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto")]
+    pub scale: Text<ScaleArg>,
+    /// The same as --scale with this value
+    #[arg(long, value_enum, conflicts_with = "scale")]
+    pub focal: Option<FocalArg>,
 }
 
 impl LensArgs {
     /// As checked values, with the filters of the depth map.
-    pub(crate) fn config(&self, filters: &FilterArgs) -> Result<ProcessingConfig, BadArguments> {
-        let focal = match self.focal {
-            FocalArg::Auto => Focal::Auto,
-            FocalArg::Off => Focal::Off,
+    pub(crate) fn config(
+        &self,
+        filters: &FilterArgs,
+        mount: Option<MountOption>,
+    ) -> Result<ProcessingConfig, BadArguments> {
+        let asked = match self.focal {
+            Some(FocalArg::Auto) => ScaleArg::Auto,
+            Some(FocalArg::Off) => ScaleArg::Off,
+            None => self.scale.0,
         };
-        let pipeline = PipelineOptions { focal, filters: filters.options()?, ..PipelineOptions::default() };
-        Ok(ProcessingConfig { geometry: self.geometry.options(), pipeline })
+        let (scale, factor) = match asked {
+            ScaleArg::Auto => (ScaleMode::Auto, None),
+            ScaleArg::Off => (ScaleMode::Off, None),
+            ScaleArg::Factor(factor) => (ScaleMode::Auto, Some(factor)),
+            ScaleArg::Floor => (ScaleMode::Floor(floor_mount(mount)?), None),
+        };
+        let pipeline = PipelineOptions {
+            scale,
+            calibrated_factor: factor,
+            filters: filters.options()?,
+            ..PipelineOptions::default()
+        };
+        let geometry = CameraGeometry { factor, ..self.geometry.options() };
+        Ok(ProcessingConfig { geometry, pipeline })
+    }
+}
+
+/// The place of the camera, which the floor's depth follows from.
+fn floor_mount(mount: Option<MountOption>) -> Result<Mount, BadArguments> {
+    let Some(MountOption { translation_m, roll_pitch_yaw_rad }) = mount else {
+        return Err(BadArguments::new("--scale floor needs the place of the camera on the robot").with_hint(
+            "pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor",
+        ));
+    };
+    Mount::new(translation_m, roll_pitch_yaw_rad).map_err(|error| BadArguments::of(&error))
+}
+
+/// Where the scale of depth comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ScaleArg {
+    /// The calibration, else the focal length.
+    Auto,
+    /// The network's meters.
+    Off,
+    /// A known factor.
+    Factor(f32),
+    /// The floor.
+    Floor,
+}
+
+impl FromText for ScaleArg {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "off" => Ok(Self::Off),
+            "floor" => Ok(Self::Floor),
+            number => {
+                let unknown = || format!("expected `auto`, `off`, `floor` or a number, got `{number}`");
+                let factor = number.parse().map_err(|_| BadArguments::new(unknown()))?;
+                check_scale_factor(factor).map(Self::Factor).map_err(|error| BadArguments::of(&error))
+            }
+        }
     }
 }
 
@@ -77,8 +143,8 @@ pub struct CameraArgs {
 
 impl CameraArgs {
     /// As checked values.
-    pub(crate) fn config(&self) -> Result<ProcessingConfig, BadArguments> {
-        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters)?;
+    pub(crate) fn config(&self, mount: Option<MountOption>) -> Result<ProcessingConfig, BadArguments> {
+        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters, mount)?;
         let max_range_m = value(&self.max_range).map(|Distance(meters)| meters);
         Ok(ProcessingConfig {
             geometry,
@@ -87,7 +153,7 @@ impl CameraArgs {
     }
 }
 
-/// Whether depth follows the focal length.
+/// Two values of --scale by their old name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FocalArg {
@@ -95,4 +161,32 @@ pub enum FocalArg {
     Auto,
     /// Never.
     Off,
+}
+
+#[cfg(test)]
+mod tests {
+    use nunet_types::Hint as _;
+
+    use super::*;
+
+    #[test]
+    fn a_scale_is_a_word_or_a_plausible_number() {
+        let parse = ScaleArg::from_text;
+        assert_eq!(parse("auto"), Ok(ScaleArg::Auto));
+        assert_eq!(parse("off"), Ok(ScaleArg::Off));
+        assert_eq!(parse("floor"), Ok(ScaleArg::Floor));
+        assert_eq!(parse("0.83"), Ok(ScaleArg::Factor(0.83)));
+        for wrong in ["", "0", "-1", "nan", "inf", "1e9", "focal", "Floor"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_floor_needs_a_mount_above_it() {
+        let hint = |mount| floor_mount(mount).unwrap_err().hint().unwrap_or_default();
+        assert!(hint(None).contains("pass --mount"));
+        let at = |z: f64| MountOption { translation_m: [0.0, 0.0, z], roll_pitch_yaw_rad: [0.0; 3] };
+        assert!(hint(Some(at(-0.1))).contains("above the floor"));
+        assert!(floor_mount(Some(at(0.3))).is_ok());
+    }
 }

@@ -90,7 +90,7 @@ impl ReplayArgs {
             camera: camera_name(&self.camera)?,
             frame_id: value(&self.frame_id).map(|FrameId(name)| name),
             mount: value(&self.mount.mount),
-            processing: self.processing.config()?,
+            processing: self.processing.config(value(&self.mount.mount))?,
             engine: self.engine.options(),
             input: self.input,
             output: self.output,

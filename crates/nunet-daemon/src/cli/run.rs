@@ -174,7 +174,8 @@ impl StreamArgs {
         let source = self.pace.config(source);
         source.check()?;
         let name = camera_name(name)?;
-        let (processing, mount) = (self.processing.config()?, value(&self.recording.mount.mount));
+        let mount = value(&self.recording.mount.mount);
+        let processing = self.processing.config(mount)?;
         let is_required = self.publish.contains(&Publish::Obstacles) || self.mavlink.is_some();
         let readers = value(&self.readers).map(|Readers(readers)| readers.get() as usize);
         Ok(CameraConfig {

@@ -14,8 +14,8 @@ use nunet_core::clock::Clock as _;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::{
-    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, ScaleSource,
-    StatsRecord, Topic, Units, Wake, monotonic_nanos,
+    CameraName, CloudPoint, Encoding, FrameHeader, IpcError, Limits, Loan, Publisher, StatsRecord, Topic,
+    Units, Wake, monotonic_nanos,
 };
 use nunet_telemetry::{Counts, Latencies, Totals, foreign_allocations};
 use nunet_types::ImageSize;
@@ -75,7 +75,7 @@ pub(crate) struct ShmPublisher {
 /// The messages of one frame.
 #[derive(Debug, Default)]
 struct Last {
-    report: Option<(Units, ScaleSource, Option<Camera>)>,
+    report: Option<FrameReport>,
     depth: Option<Message<f32>>,
     labels: Option<Message<u8>>,
     cloud: Option<Message<CloudPoint>>,
@@ -190,7 +190,7 @@ impl ShmPublisher {
     /// The results of the last published frame, in shared memory.
     pub(crate) fn last_results(&self) -> Option<Results<'_>> {
         let Last { report, depth, labels, cloud, has_obstacles: _ } = &self.last;
-        let (units, scale_source, camera) = (*report)?;
+        let report = (*report)?;
         let depth = depth.as_ref()?;
         // SAFETY: `last` has messages that were sent. Newer ones are sent by `publish` and `publish_to_late_readers`, which
         // borrow `self` exclusively, so that none is sent while the results are borrowed.
@@ -199,8 +199,16 @@ impl ShmPublisher {
         let labels = labels.as_ref().map(|message| unsafe { message.payload() });
         // SAFETY: as above.
         let cloud = cloud.as_ref().map(|message| unsafe { message.payload() });
-        let (size, cloud_size) = (self.size, self.cloud_size);
-        Some(Results { units, scale_source, size, depth, labels, cloud_size, cloud, camera, obstacles: None })
+        Some(Results {
+            scale: report.scale(),
+            size: self.size,
+            depth,
+            labels,
+            cloud_size: self.cloud_size,
+            cloud,
+            camera: report.camera,
+            obstacles: None,
+        })
     }
 
     /// Sends a frame's results, depth last, and wakes the readers once.
@@ -219,7 +227,7 @@ impl ShmPublisher {
         let message = Message::of(depth.slice_mut()?);
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
         self.last.depth = Some(message);
-        self.last.report = Some((report.units, report.scale_source, report.camera));
+        self.last.report = Some(*report);
         self.wake()
     }
 
@@ -315,7 +323,7 @@ impl ShmPublisher {
         frame.identify(header);
         header.set_units(report.units);
         header.set_scale_source(report.scale_source);
-        header.scale_factor = report.scale_factor.into();
+        (header.scale_factor, header.scale_age_nanos) = (report.scale_factor.into(), report.scale_age_nanos);
         header.set_quality(report.quality);
         header.set_stages(std::iter::once(queue_micros).chain(report.stages.micros().iter().copied()));
         header.bytes_copied = report.bytes_copied;

@@ -1,6 +1,6 @@
 //! `stats.json`: counts and latencies of a stream.
 
-use nunet_core::depth::Scale;
+use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
@@ -19,6 +19,10 @@ pub(crate) struct Stats {
     pub(crate) units: &'static str,
     /// Where their scale comes from.
     pub(crate) scale_source: &'static str,
+    /// What the network's meters are multiplied by; `null` for depth without a unit, and for several cameras.
+    pub(crate) scale_factor: Option<f32>,
+    /// Seconds since the factor was measured; 0 for one that does not change.
+    pub(crate) scale_age_s: f64,
     pub(crate) frames: Counts,
     pub(crate) latency_ms: LatencyMs,
     /// Published frames per second, from the first capture to the last publication.
@@ -62,6 +66,8 @@ impl Stats {
             classes: classes.to_vec(),
             units: scale.units.name(),
             scale_source: scale.source.name(),
+            scale_factor: (scale.units == Units::Metre).then_some(scale.factor),
+            scale_age_s: scale.age_nanos as f64 / 1e9,
             frames,
             latency_ms: latencies.into(),
             fps: totals.fps(),
@@ -90,7 +96,7 @@ impl Stats {
         };
         let units = alike(|stats| stats.units, all.units);
         let scale_source = alike(|stats| stats.scale_source, all.scale_source);
-        Self { units, scale_source, cameras, ..all }
+        Self { units, scale_source, scale_factor: None, scale_age_s: 0.0, cameras, ..all }
     }
 }
 

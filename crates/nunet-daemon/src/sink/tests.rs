@@ -10,6 +10,7 @@ use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use nunet_core::cloud::CloudPoint;
+use nunet_core::depth::{DepthEncoding, Scale};
 use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
 use nunet_mavlink::MavlinkAddress;
 use nunet_sink::archive::Archive;
@@ -20,7 +21,7 @@ use nunet_sink::record::Record;
 use nunet_sink::recorder::record_into;
 use nunet_sink::view::view_sink;
 use nunet_telemetry::{Counts, DrainTimeout, Totals};
-use nunet_types::{ImageSize, ScaleSource, Units};
+use nunet_types::ImageSize;
 use nunet_view::ViewOptions;
 
 use super::*;
@@ -204,8 +205,7 @@ const DEPTH: [f32; 4] = [1.0, 2.0, f32::NAN, 4.0];
 fn results() -> Results<'static> {
     const POINT: CloudPoint = CloudPoint { x: 0.0, y: 0.0, z: 1.0, b: 0, g: 0, r: 0, label: 1 };
     Results {
-        units: Units::Metre,
-        scale_source: ScaleSource::Metric,
+        scale: Scale::unscaled(DepthEncoding::Metric),
         size: SIZE,
         depth: &DEPTH,
         labels: Some(&[0, 1, 2, 3]),

@@ -264,6 +264,7 @@ impl StreamTask {
             self.pipeline.reset();
             self.obstacles.iter_mut().for_each(ObstacleStage::reset);
         }
+        self.pipeline.set_frame_nanos(frame.capture.nanos);
         let wants = self.sinks.iter().map(|sink| sink.wants()).fold(Wants::default(), Wants::union);
         let mut loans = self.publisher.loan(wants)?;
         let with_obstacles = wants.obstacles || self.publisher.has_obstacle_readers();

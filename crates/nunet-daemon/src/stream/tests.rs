@@ -275,8 +275,10 @@ fn a_camera_whose_last_frame_cannot_be_written_delays_no_other() {
 #[test]
 fn a_camera_that_fits_no_frame_ends_its_stream_at_the_first_one() {
     let (notify, stop) = (Arc::new(Notify::default()), Stop::default());
-    let geometry =
-        CameraGeometry { intrinsics: Some("50,50,32,18@64x36".parse().unwrap()), calibration: None };
+    let geometry = CameraGeometry {
+        intrinsics: Some("50,50,32,18@64x36".parse().unwrap()),
+        ..CameraGeometry::default()
+    };
     let source = Gray { left: u64::MAX, sequence: 0, live: true };
     let stream = stream(&camera("misfit"), source, Vec::new());
     let task = stream.task.with_camera(CameraResolver::new(&geometry).unwrap());

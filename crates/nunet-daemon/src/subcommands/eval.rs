@@ -60,10 +60,10 @@ pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
 
 /// Shows progress and problems.
 #[derive(Default)]
-struct Printer(Option<ProgressBar>);
+pub(super) struct Printer(Option<ProgressBar>);
 
 impl Printer {
-    fn print(&mut self, event: Event<'_>) {
+    pub(super) fn print(&mut self, event: Event<'_>) {
         match event {
             Event::Started { what, count } => {
                 self.finish();
@@ -79,7 +79,7 @@ impl Printer {
         }
     }
 
-    fn finish(&mut self) {
+    pub(super) fn finish(&mut self) {
         self.0.take().iter().for_each(ProgressBar::finish_and_clear);
     }
 }

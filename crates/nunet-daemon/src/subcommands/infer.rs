@@ -177,7 +177,7 @@ impl Work {
         let assumption = self.camera.update(&self.frame, &mut self.pipeline)?;
         assumption.into_iter().for_each(warn_of_unknown_camera);
         // The images are independent.
-        self.pipeline.reset();
+        self.pipeline.forget();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         let done_nanos = MonotonicClock.nanos();
         write_results(folder, &self.results(&report))?;

@@ -1,6 +1,7 @@
 //! What `nunetd` can do, one file per subcommand: its options, as plain values, and a function that takes them.
 
 pub(crate) mod bench;
+pub(crate) mod calibrate;
 pub(crate) mod check_model;
 pub(crate) mod config;
 pub(crate) mod contract;

@@ -231,8 +231,7 @@ impl Replay {
         let camera = self.camera.camera_of(frame).map_err(|error| ReplayError::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
         self.record.copy_results(&Results {
-            units: report.units,
-            scale_source: report.scale_source,
+            scale: report.scale(),
             size: self.pipeline.size(),
             depth: self.buffers.depth(),
             labels: self.buffers.labels().filter(|_| self.labels),
@@ -259,6 +258,7 @@ impl Replay {
         if self.continuity.discontinuity_to(frame).is_some() {
             self.pipeline.reset();
         }
+        self.pipeline.set_frame_nanos(frame.capture.nanos);
         let report = self.pipeline.process(&frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
         self.continuity.took(frame);
         Ok(report)
@@ -316,7 +316,7 @@ mod tests {
     use image::{ImageFormat, RgbImage};
 
     use super::*;
-    use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, WriterOptions};
+    use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, ScaleRecord, WriterOptions};
 
     #[test]
     fn the_coordinate_frame_is_the_images_however_many_other_messages_come_before() {
@@ -336,7 +336,7 @@ mod tests {
         let mut writer = RecordingWriter::create(&path, options).unwrap();
         for (log_nanos, image) in (1..).zip(images) {
             let image = image.map(|data| EncodedImage { format: "png", data });
-            let depth = DepthRecord { scale: ["metre", "metric"], width: 1, height: 1, bytes: &[0; 4] };
+            let depth = DepthRecord { scale: ScaleRecord::default(), width: 1, height: 1, bytes: &[0; 4] };
             let (camera, depth_camera, labels, cloud) = (None, None, None, None);
             writer
                 .write(&FrameRecord {

@@ -218,7 +218,7 @@ mod tests {
 
     fn broken(published: u64, why: &'static str) -> Ended {
         let summary = StreamSummary {
-            scale: Scale { units: Units::Metre, source: ScaleSource::Metric, focal_factor: 1.0 },
+            scale: Scale { units: Units::Metre, source: ScaleSource::Metric, factor: 1.0, age_nanos: 0 },
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
             sinks: Vec::new(),

@@ -3,23 +3,28 @@
 mod about;
 mod batch;
 mod options;
+mod run;
+mod scale;
 mod warnings;
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
-use nunet_engine::{Inferred, ModelOptions};
-use nunet_types::ImageSize;
+use nunet_core::obstacle::Mount;
+use nunet_core::scale::ScaleMode;
+use nunet_engine::ModelOptions;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use self::about::About;
+use self::run::Setting;
 use self::warnings::Warnings;
 use crate::argument;
 use crate::array::import_numpy;
 use crate::camera::{Camera, camera_argument};
-use crate::error::{failure, of_camera, warn};
+use crate::error::{failure, warn};
 use crate::image::{ChannelOrder, Image};
+use crate::obstacles::optional_mount_argument;
 use crate::own::Own;
 use crate::result::{Result, Shared};
 
@@ -43,6 +48,13 @@ use crate::result::{Result, Shared};
 /// filters : str or sequence of str, optional
 ///     Filters for depth, written as in `nunetd --filter`: `"spatial"`, `["decimation=2", "temporal=alpha:0.4"]`. Each may
 ///     be given once. The temporal filter needs `keep_state=True` in `infer`.
+/// scale : str or float, optional
+///     What the network's meters are multiplied by: `auto` (the default: the camera's `scale`, else the ratio of its focal length to the
+///     training camera's), `off`, a number, or `floor` (measured on the floor). With `keep_state=True` the floor is followed
+///     smoothly; by default each image is independent.
+/// mount : sequence of float, optional
+///     The place of the camera on the robot, `(x, y, z, roll, pitch, yaw)`, meters and radians, for `scale="floor"`. z is the
+///     height above the floor; positive pitch looks down.
 ///
 /// Raises
 /// ------
@@ -75,71 +87,31 @@ pub(crate) struct Model {
     about: About,
     shared: Arc<Shared>,
     warnings: Warnings,
-}
-
-impl Model {
-    /// Runs `work` with exclusive access to the model and without the GIL.
-    ///
-    /// # Errors
-    /// This process is a fork of the one that made the model.
-    pub(crate) fn exclusive<T: Send>(
-        &self,
-        py: Python<'_>,
-        work: impl FnOnce(&mut nunet_engine::Model) -> T + Send,
-    ) -> PyResult<T> {
-        let inner = self.inner.get("model")?;
-        // After a panic the buffers may hold values of an older image: every run overwrites them.
-        Ok(py.detach(|| work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner))))
-    }
-
-    pub(crate) fn shared(&self) -> Arc<Shared> {
-        Arc::clone(&self.shared)
-    }
-
-    /// Warns, once for a model, of a missing camera and of images with another aspect ratio.
-    pub(crate) fn warn_of_guesses(
-        &self,
-        py: Python<'_>,
-        inferred: &Inferred,
-        image_size: ImageSize,
-    ) -> PyResult<()> {
-        self.warnings.issue(py, inferred.report.scale_source, image_size)
-    }
-
-    fn infer_one(
-        &self,
-        py: Python<'_>,
-        image: &Image<'_>,
-        camera: Option<Camera>,
-        keep_state: bool,
-    ) -> PyResult<Result> {
-        let frame = image.view()?;
-        let size = frame.size();
-        let fitted = |camera: Camera| camera.0.fitted_to(size.width, size.height).map_err(of_camera);
-        let camera = camera.map(fitted).transpose()?;
-        let inferred = self
-            .exclusive(py, |model| model.infer(&frame, camera, keep_state))?
-            .map_err(|error| failure(&error.into()))?;
-        self.warn_of_guesses(py, &inferred, size)?;
-        Result::of_image(py, inferred, size, self.shared())
-    }
+    /// The place of the camera, if the scale comes from the floor.
+    mount: Option<Mount>,
+    has_factor: bool,
 }
 
 #[pymethods]
 impl Model {
     #[new]
-    #[pyo3(signature = (name_or_path, *, provider = "auto", threads = None, filters = None))]
+    #[pyo3(signature = (
+        name_or_path, *, provider = "auto", threads = None, filters = None, scale = None, mount = None
+    ))]
     fn new(
         py: Python<'_>,
         #[pyo3(from_py_with = argument::name_or_path)] name_or_path: PathBuf,
         #[pyo3(from_py_with = argument::provider)] provider: &str,
         #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
         filters: Option<&Bound<'_, PyAny>>,
+        scale: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = optional_mount_argument)] mount: Option<Vec<f64>>,
     ) -> PyResult<Self> {
         import_numpy(py)?;
         let (provider, threads) = (options::provider(provider)?, options::threads(threads)?);
         let filters = filters.map(options::filters).transpose()?.unwrap_or_default();
-        let options = ModelOptions { provider, threads, filters };
+        let (scale, factor) = scale::of_arguments(scale, mount)?;
+        let options = ModelOptions { provider, threads, filters, scale, factor };
         let model = py.detach(|| nunet_engine::Model::open(&name_or_path, options));
         let model = model.map_err(|error| failure(&error.into()))?;
         let description = model.pipeline().graph().description();
@@ -153,7 +125,9 @@ impl Model {
         let class_names = PyTuple::new(py, &description.classes)?.unbind();
         let shared = Arc::new(Shared::new(class_names, model.pipeline().stage_names().to_vec()));
         let (about, warnings) = (About::of(&model), Warnings::new(model.pipeline().graph().size()));
-        Ok(Self { inner: Own::new(Mutex::new(model)), about, shared, warnings })
+        let mount = if let ScaleMode::Floor(mount) = scale { Some(mount) } else { None };
+        let inner = Own::new(Mutex::new(model));
+        Ok(Self { inner, about, shared, warnings, mount, has_factor: factor.is_some() })
     }
 
     /// Estimate depth and labels of one image. `model(rgb)` is the same.
@@ -173,6 +147,9 @@ impl Model {
     /// keep_state : bool
     ///     Whether the image is the next frame of the same video. Recurrent networks and the temporal filter then keep their
     ///     state; others ignore it. By default each image is independent.
+    /// attitude : tuple of float, optional
+    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`. They hold until
+    ///     other ones are given.
     ///
     /// Returns
     /// -------
@@ -206,7 +183,7 @@ impl Model {
     /// >>> result = nunet.Model("wnet_c.onnx").infer(np.zeros((480, 640, 3), np.uint8))
     /// >>> result.depth.shape, result.depth.dtype
     /// ((480, 640), dtype('float32'))
-    #[pyo3(signature = (rgb, *, camera = None, color = "rgb", keep_state = false))]
+    #[pyo3(signature = (rgb, *, camera = None, color = "rgb", keep_state = false, attitude = None))]
     fn infer(
         &self,
         py: Python<'_>,
@@ -214,13 +191,14 @@ impl Model {
         #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
+        attitude: Option<(f64, f64)>,
     ) -> PyResult<Result> {
         let image = Image::take("rgb", rgb, ChannelOrder::named(color)?)?;
-        self.infer_one(py, &image, camera, keep_state)
+        self.infer_one(py, &image, Setting { camera, keep_state, attitude })
     }
 
     /// Estimate depth and labels of one image: the same as `infer`.
-    #[pyo3(signature = (rgb, *, camera = None, color = "rgb", keep_state = false))]
+    #[pyo3(signature = (rgb, *, camera = None, color = "rgb", keep_state = false, attitude = None))]
     fn __call__(
         &self,
         py: Python<'_>,
@@ -228,8 +206,9 @@ impl Model {
         #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
+        attitude: Option<(f64, f64)>,
     ) -> PyResult<Result> {
-        self.infer(py, rgb, camera, color, keep_state)
+        self.infer(py, rgb, camera, color, keep_state, attitude)
     }
 
     /// Estimate depth and labels of several images, one after the other.
@@ -269,8 +248,13 @@ impl Model {
         let order = ChannelOrder::named(color)?;
         let mut results = Vec::new();
         for (index, image) in batch::images(images)?.enumerate() {
-            let result = Image::take("rgb", &image?, order)
-                .and_then(|image| self.infer_one(py, &image, camera, keep_state && index > 0));
+            let result = Image::take("rgb", &image?, order).and_then(|image| {
+                self.infer_one(
+                    py,
+                    &image,
+                    Setting { camera, keep_state: keep_state && index > 0, attitude: None },
+                )
+            });
             results.push(result.map_err(|error| batch::with_note(py, error, index))?);
             py.check_signals()?;
         }

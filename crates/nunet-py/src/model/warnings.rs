@@ -16,11 +16,12 @@ pub(super) struct Warnings {
     network_size: ImageSize,
     no_camera: AtomicBool,
     aspect: AtomicBool,
+    factor: AtomicBool,
 }
 
 impl Warnings {
     pub(super) fn new(network_size: ImageSize) -> Self {
-        Self { network_size, no_camera: AtomicBool::new(false), aspect: AtomicBool::new(false) }
+        Self { network_size, no_camera: false.into(), aspect: false.into(), factor: false.into() }
     }
 
     /// Warns of a missing camera, and of an image that is stretched.
@@ -40,6 +41,18 @@ impl Warnings {
                     "images of {image_size} are stretched to {network_size}: another aspect ratio makes depth less accurate"
                 ),
                 &format!("crop the images to the aspect ratio of {network_size}"),
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Warns of a factor that is not used, because it was measured with another model.
+    pub(super) fn issue_of_factor(&self, py: Python<'_>, is_used: bool) -> PyResult<()> {
+        if !is_used && first(&self.factor) {
+            warn_with_hint(
+                py,
+                "the camera's scale is ignored: it was measured with another model",
+                "run `nunetd calibrate` with this model",
             )?;
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! The results of one image.
 
+mod build;
 mod memory;
 mod pickle;
 mod points;
@@ -11,18 +12,15 @@ use std::sync::Arc;
 use numpy::{PyArray2, PyArray3};
 use nunet_core::camera;
 use nunet_core::obstacle::ObstacleOptions;
-use nunet_engine::Inferred;
 use nunet_types::ImageSize;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use self::memory::array;
 pub(crate) use self::shared::Shared;
 use crate::argument;
 use crate::camera::{Camera, camera_argument};
 use crate::cloud::Cloud;
 use crate::obstacles::{self, Obstacles};
-use crate::player::Played;
 
 /// The message of a recording that held the image.
 #[derive(Clone, Default)]
@@ -51,7 +49,10 @@ struct Origin {
 ///     `metre`, or `relative` for depth without a scale.
 /// scale_source : str
 ///     `metric`: meters of the network. `focal_scaled`: meters scaled by the camera's focal length. `assumed_camera`:
-///     meters that hold if the training camera took the image; pass a camera to scale them. `relative`: no scale.
+///     meters that hold if the training camera took the image; pass a camera to scale them. `calibrated`: meters times a
+///     measured factor. `floor`: meters scaled by the floor. `relative`: no scale.
+/// scale_factor : float or None
+///     What the network's meters were multiplied by; `None` if `units` is `relative`.
 /// timings : dict of str to float
 ///     Milliseconds of each stage in order, and `total`, which includes the memory of the result.
 /// invalid_pixels : int
@@ -79,6 +80,8 @@ pub(crate) struct Result {
     #[pyo3(get)]
     scale_source: String,
     #[pyo3(get)]
+    scale_factor: Option<f32>,
+    #[pyo3(get)]
     timings: Py<PyDict>,
     #[pyo3(get)]
     invalid_pixels: u32,
@@ -90,67 +93,6 @@ pub(crate) struct Result {
     points_camera: camera::Camera,
     image_size: ImageSize,
     shared: Arc<Shared>,
-}
-
-impl Result {
-    /// The results of an image of `image_size`.
-    pub(crate) fn of_image(
-        py: Python<'_>,
-        inferred: Inferred,
-        image_size: ImageSize,
-        shared: Arc<Shared>,
-    ) -> PyResult<Self> {
-        Self::new(py, inferred, image_size, Origin::default(), shared)
-    }
-
-    /// The results of an image of a recording.
-    pub(crate) fn of_recording(
-        py: Python<'_>,
-        played: Played,
-        topic: String,
-        shared: Arc<Shared>,
-    ) -> PyResult<Self> {
-        let origin = Origin {
-            topic: Some(topic),
-            frame_id: Some(played.frame_id),
-            sequence: Some(played.sequence),
-            capture_nanos: Some(played.capture_unix_nanos),
-        };
-        Self::new(py, played.inferred, played.frame_size, origin, shared)
-    }
-
-    fn new(
-        py: Python<'_>,
-        inferred: Inferred,
-        image_size: ImageSize,
-        origin: Origin,
-        shared: Arc<Shared>,
-    ) -> PyResult<Self> {
-        let Inferred { depth, labels, rgb, report, points_camera, total_nanos } = inferred;
-        let (width, height) = (points_camera.intrinsics.width, points_camera.intrinsics.height);
-        let (rows, columns) = (height as usize, width as usize);
-        let timings = PyDict::new(py);
-        for (name, &micros) in shared.stage_names.iter().zip(report.stages.micros()) {
-            timings.set_item(name, f64::from(micros) / 1e3)?;
-        }
-        timings.set_item("total", total_nanos as f64 / 1e6)?;
-        let labels = labels.map(|labels| array(py, labels, [rows, columns])).transpose()?;
-        Ok(Self {
-            depth: array(py, depth, [rows, columns])?.cast_into()?.unbind(),
-            labels: labels.map(|labels| labels.cast_into().map(Bound::unbind)).transpose()?,
-            rgb: array(py, rgb, [rows, columns, 3])?.cast_into()?.unbind(),
-            units: report.units.name().to_owned(),
-            scale_source: report.scale_source.name().to_owned(),
-            timings: timings.unbind(),
-            invalid_pixels: report.invalid_pixels,
-            quality: report.quality.name().to_owned(),
-            camera: report.camera.map(Camera),
-            origin,
-            points_camera,
-            image_size,
-            shared,
-        })
-    }
 }
 
 #[pymethods]

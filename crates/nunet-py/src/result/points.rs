@@ -28,7 +28,7 @@ impl Result {
     /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
     /// aspect ratio.
     pub(super) fn camera_for_points(&self, camera: Option<Camera>) -> PyResult<camera::Camera> {
-        let Some(Camera(camera)) = camera else { return Ok(self.points_camera) };
+        let Some(Camera(camera, _)) = camera else { return Ok(self.points_camera) };
         let (image, own) = (self.image_size, self.size());
         let fitted = camera
             .fitted_to(image.width, image.height)

@@ -235,7 +235,9 @@ impl Frame {
     /// The camera at the size of `header`; `None` if it is unknown.
     #[getter]
     fn camera(&self) -> PyResult<Option<Camera>> {
-        Ok(embed::camera_of(self.lead()?).map_err(|error| failure(&error))?.map(Camera))
+        Ok(embed::camera_of(self.lead()?)
+            .map_err(|error| failure(&error))?
+            .map(|camera| Camera(camera, None)))
     }
 
     /// The subscribed topics.

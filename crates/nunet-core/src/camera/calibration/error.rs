@@ -92,7 +92,13 @@ pub enum CalibrationError {
         /// What is wrong with them.
         source: CameraError,
     },
-    /// Coefficients that no lens has.
+    /// Not the hash of a model.
+    #[error("`model_sha256` is `{text:.80}`, expected 64 hexadecimal digits")]
+    ModelHash {
+        /// The text.
+        text: String,
+    },
+    /// Coefficients that no lens has, or a factor of depth that no camera needs.
     #[error(transparent)]
     Lens(#[from] CameraError),
 }
@@ -128,6 +134,7 @@ impl Hint for CalibrationError {
                 "write `[fx, 0, cx, 0, fy, cy, 0, 0, 1]` in pixels of the calibrated size; ROS writes zeros for a \
                  camera that is not calibrated"
             }
+            Self::ModelHash { .. } => "omit it for a factor that holds for any model",
             Self::Lens(error) => return error.hint(),
         };
         Some(text.into())

@@ -25,7 +25,11 @@ pub(super) fn is_camchain(text: &str) -> bool {
 }
 
 /// The calibration of the only camera.
-pub(super) fn calibration(cameras: &BTreeMap<String, KalibrCamera>) -> Result<Calibration, CalibrationError> {
+pub(super) fn calibration(
+    mut cameras: BTreeMap<String, KalibrCamera>,
+) -> Result<Calibration, CalibrationError> {
+    // Not a camera.
+    cameras.remove(super::scale::KEY);
     let mut all = cameras.iter();
     let (Some((name, camera)), None) = (all.next(), all.next()) else {
         let names = cameras.keys().map(String::as_str).collect::<Vec<_>>().join(", ");

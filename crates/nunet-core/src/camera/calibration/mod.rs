@@ -3,6 +3,7 @@
 
 mod error;
 mod kalibr;
+mod scale;
 #[cfg(test)]
 mod tests;
 
@@ -15,6 +16,7 @@ use super::{Camera, CameraError, Distortion, Intrinsics};
 use crate::text::shortened;
 
 pub use error::CalibrationError;
+pub use scale::{CalibratedScale, ScaleNote};
 
 /// A `camera_info` file has about a thousand bytes.
 const MAX_BYTES: usize = 64 * 1024;
@@ -50,6 +52,7 @@ const MAX_IGNORED_SKEW: f64 = 0.02;
 pub struct Calibration {
     camera: Camera,
     ignored_skew: Option<IgnoredSkew>,
+    scale: Option<CalibratedScale>,
 }
 
 /// The fields of a `sensor_msgs/CameraInfo` that describe the image as the sensor delivers it.
@@ -105,11 +108,13 @@ impl Calibration {
             return Err(CalibrationError::Empty);
         }
         let text = first_document(text);
-        if kalibr::is_camchain(text) {
-            kalibr::calibration(&parse_yaml(text)?)
+        let scale = scale::parse(text)?;
+        let calibration = if kalibr::is_camchain(text) {
+            kalibr::calibration(parse_yaml(text)?)?
         } else {
-            parse_yaml::<CameraInfoFile>(text)?.calibration()
-        }
+            parse_yaml::<CameraInfoFile>(text)?.calibration()?
+        };
+        Ok(Self { scale, ..calibration })
     }
 
     /// The calibration in a `CameraInfo` message. Files and recordings share this rule.
@@ -135,7 +140,7 @@ impl Calibration {
         }
         let distortion = Distortion::from_ros(info.distortion_model, info.d)?;
         let ignored_skew = (skew != 0.0).then_some(IgnoredSkew { skew_px: skew, fx_px: fx });
-        Ok(Self { camera: Camera { intrinsics, distortion }, ignored_skew })
+        Ok(Self { camera: Camera { intrinsics, distortion }, ignored_skew, scale: None })
     }
 
     /// The camera at the size that it was calibrated at.
@@ -148,6 +153,12 @@ impl Calibration {
     #[must_use]
     pub fn ignored_skew(&self) -> Option<IgnoredSkew> {
         self.ignored_skew
+    }
+
+    /// The factor of depth that was measured with this camera, where the file has one.
+    #[must_use]
+    pub fn scale(&self) -> Option<CalibratedScale> {
+        self.scale
     }
 
     /// The camera when its images are resized to `width` x `height` pixels.

@@ -37,6 +37,8 @@ pub(super) fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Valu
         "quality": header.quality()?.name(),
         "units": header.units()?.name(),
         "scale_source": header.scale_source()?.name(),
+        "scale_factor": (header.scale_factor > 0.0).then_some(header.scale_factor),
+        "scale_age_s": header.scale_age_nanos as f64 / 1e9,
         "depth_center_m": depth_center(frame)?.filter(|_| metric),
         "invalid_pixels": header.invalid_pixels,
         "bytes_copied": header.bytes_copied,
@@ -68,6 +70,18 @@ pub(super) fn line_of(frame: &Frame) -> anyhow::Result<String> {
     ))
 }
 
+/// Where the scale comes from, its factor, and its age if it was measured.
+fn scale_of(header: &FrameHeader) -> anyhow::Result<String> {
+    let mut text = header.scale_source()?.name().to_owned();
+    if header.scale_factor > 0.0 {
+        text += &format!(" x{:.3}", header.scale_factor);
+    }
+    if header.scale_age_nanos > 0 {
+        text += &format!(" ({:.1} s old)", header.scale_age_nanos as f64 / 1e9);
+    }
+    Ok(text)
+}
+
 /// The view of a terminal.
 pub(super) fn screen_of(
     camera: &CameraName,
@@ -90,7 +104,7 @@ pub(super) fn screen_of(
         header.sequence,
         age_of(header),
         center_of(frame)?,
-        header.scale_source()?.name(),
+        scale_of(header)?,
         header.quality()?.name(),
         stats.captured,
         stats.published,

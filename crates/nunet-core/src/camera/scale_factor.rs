@@ -1,0 +1,34 @@
+//! The range of factors of depth.
+
+use super::CameraError;
+
+/// The smallest factor of depth that a camera can need. Smaller ones are a mistake of units.
+pub const MIN_SCALE_FACTOR: f32 = 0.05;
+/// The largest factor of depth that a camera can need.
+pub const MAX_SCALE_FACTOR: f32 = 20.0;
+
+/// Checks a factor of depth, which a calibration gives.
+///
+/// # Errors
+/// A factor that is not finite or that no camera needs.
+pub fn check_scale_factor(factor: f64) -> Result<f32, CameraError> {
+    let within = f64::from(MIN_SCALE_FACTOR)..=f64::from(MAX_SCALE_FACTOR);
+    if within.contains(&factor) {
+        Ok(factor as f32)
+    } else {
+        Err(CameraError::ScaleFactor { factor, min: MIN_SCALE_FACTOR, max: MAX_SCALE_FACTOR })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn factors_that_no_camera_needs_are_refused() {
+        assert_eq!(check_scale_factor(0.83), Ok(0.83));
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1000.0, 0.001] {
+            assert!(check_scale_factor(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! What goes in and out of a frame's processing.
+
+use crate::camera::Camera;
+use crate::cloud::CloudPoint;
+use crate::depth::{Scale, ScaleSource, Units};
+use crate::graph::{Quality, StageTimes};
+
+/// Memory of the caller into which a frame's results are written.
+#[derive(Debug)]
+pub struct Outputs<'a> {
+    /// `[H, W]` at [`super::Pipeline::size`]: meters (or no unit, see [`FrameReport::units`]), NaN where nothing was measured.
+    pub depth_m: &'a mut [f32],
+    /// `[H, W]`: class indices; `None` if they are not wanted.
+    pub labels: Option<&'a mut [u8]>,
+    /// [`super::Pipeline::cloud_size`] points; `None` if they are not wanted.
+    pub cloud: Option<&'a mut [CloudPoint]>,
+}
+
+/// What happened to a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameReport {
+    /// The time of each stage, in the order of [`super::Pipeline::stage_names`]; 0 for one that did not run.
+    pub stages: StageTimes,
+    /// Whether a stage was skipped.
+    pub quality: Quality,
+    /// The unit of the depth map.
+    pub units: Units,
+    /// Where its scale comes from.
+    pub scale_source: ScaleSource,
+    /// Factor by which the network's meters were multiplied; 0 for depth without a unit.
+    pub scale_factor: f32,
+    /// Nanoseconds since the factor was measured; 0 for one that does not change.
+    pub scale_age_nanos: i64,
+    /// Bytes written to move existing data; 0 if the camera's images have the network's size and format.
+    pub bytes_copied: u64,
+    /// Pixels of the depth map that are NaN, after the filters.
+    pub invalid_pixels: u32,
+    /// The camera at [`super::Pipeline::size`], with its lens distortion: depth maps are not rectified. `None` if the camera is
+    /// not known.
+    pub camera: Option<Camera>,
+}
+
+impl FrameReport {
+    /// The unit of the depth map and its scale; the factor is 0 for depth without a unit.
+    #[must_use]
+    pub fn scale(&self) -> Scale {
+        let Self { units, scale_source: source, scale_factor: factor, scale_age_nanos: age_nanos, .. } =
+            *self;
+        Scale { units, source, factor, age_nanos }
+    }
+}

@@ -1,0 +1,126 @@
+//! The arguments of `nunetd calibrate`.
+
+use std::path::PathBuf;
+
+use clap::{ArgGroup, Args};
+use nunet_core::obstacle::Mount;
+use nunet_core::pipeline::PipelineOptions;
+use nunet_core::scale::ScaleMode;
+use nunet_eval::{DepthUnits, EvalOptions, Point, Reference, Window};
+
+use super::text::{Text, value};
+use super::{DEFAULT_MODEL, DepthUnitArgs, EngineArgs, GeometryArgs, SourceArgs};
+use crate::config::MountOption;
+use crate::exit::BadArguments;
+use crate::source::SourceName;
+use crate::subcommands::calibrate::{Evidence, Options};
+
+/// `nunetd calibrate`
+#[derive(Debug, Args, Clone)]
+#[command(group(ArgGroup::new("evidence").args(["distance", "pairs", "truth", "mount"]).required(true)))]
+pub struct CalibrateArgs {
+    /// The camera, for --distance and --mount: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
+    /// shm:CAMERA, or - for stdin
+    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"])]
+    pub source: Option<String>,
+    /// The measured distance from the camera straight to the point of --at, meters
+    #[arg(long, value_name = "M", requires = "source")]
+    pub distance: Option<f64>,
+    /// The point in the camera's images: column and row, pixels [default: the center]
+    #[arg(long, value_name = "u,v", requires = "distance")]
+    pub at: Option<Text<PixelArg>>,
+    /// Readings of a range sensor: a CSV table with the columns `image` (a file, relative to the table), `u`, `v` (pixels) and
+    /// `distance` (meters, straight to the point)
+    #[arg(long, value_name = "FILE.csv")]
+    pub pairs: Option<PathBuf>,
+    /// Images with true depth: a folder or a recording, as for `nunetd eval`
+    #[arg(long, value_name = "DATASET")]
+    pub truth: Option<PathBuf>,
+    /// The floor: the pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
+    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, requires = "source")]
+    pub mount: Option<Text<MountOption>>,
+    #[command(flatten)]
+    pub pace: SourceArgs,
+    #[command(flatten)]
+    pub geometry: GeometryArgs,
+    /// With --truth: the images to use, a file with one id per line [default: all]
+    #[arg(long, value_name = "FILE", requires = "truth")]
+    pub ids: Option<PathBuf>,
+    #[command(flatten)]
+    pub units: DepthUnitArgs,
+    /// With --truth: only pixels inside it have truth
+    #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", requires = "truth")]
+    pub window: Option<Window>,
+    /// An .onnx file, a staged graph (.toml), or the name of a bundled model
+    #[arg(long, value_name = "NAME|PATH", default_value = DEFAULT_MODEL)]
+    pub model: PathBuf,
+    /// Write intrinsics and factor into this calibration file [default: the file of --calibration, in place]
+    #[arg(long, value_name = "FILE.yaml")]
+    pub out: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// Column and row, pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelArg(pub [f64; 2]);
+
+impl super::text::FromText for PixelArg {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+        match numbers.as_deref() {
+            Ok(&[u, v]) if u.is_finite() && v.is_finite() => Ok(Self([u, v])),
+            _ => Err(BadArguments::new(format!("expected two numbers `u,v`, got `{text}`"))),
+        }
+    }
+}
+
+impl CalibrateArgs {
+    /// As checked values. Opens nothing.
+    pub(crate) fn options(&self) -> anyhow::Result<Options> {
+        let source = || -> anyhow::Result<_> {
+            let source = self.pace.config(SourceName::parse(self.source.as_deref().unwrap_or("demo")));
+            source.check()?;
+            Ok(source)
+        };
+        let evidence = match (self.distance, &self.pairs, &self.truth, value(&self.mount)) {
+            (Some(distance_m), ..) => {
+                let point = Point { at: value(&self.at).map(|PixelArg(at)| at), distance_m };
+                point.check().map_err(|error| BadArguments::of(&error))?;
+                Evidence::Frames(source()?, Reference::Point(point))
+            }
+            (_, Some(pairs), ..) => Evidence::Readings(pairs.clone()),
+            (.., Some(truth), _) => Evidence::Truth(self.truth(truth)),
+            (.., mount) => {
+                let MountOption { translation_m, roll_pitch_yaw_rad } =
+                    mount.ok_or_else(|| BadArguments::new("pass --distance, --pairs, --truth or --mount"))?;
+                let mount = Mount::new(translation_m, roll_pitch_yaw_rad);
+                let mount = mount.map_err(|error| BadArguments::of(&error))?;
+                Evidence::Frames(source()?, Reference::Floor(mount))
+            }
+        };
+        Ok(Options {
+            evidence,
+            geometry: self.geometry.options(),
+            model: self.model.clone(),
+            // The network's own meters are compared.
+            pipeline: PipelineOptions { scale: ScaleMode::Off, ..PipelineOptions::default() },
+            engine: self.engine.options(),
+            out: self.out.clone().or_else(|| self.geometry.calibration.clone()),
+            json: self.json,
+        })
+    }
+
+    fn truth(&self, dataset: &std::path::Path) -> EvalOptions {
+        EvalOptions {
+            topic: self.pace.topic.clone(),
+            ids: self.ids.clone(),
+            units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
+            window: self.window,
+            ..EvalOptions::new(dataset)
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! `nunetd calibrate`: a factor from a distance, readings, true depth; and what is refused.
+
+use std::path::Path;
+
+use nunet_testkit::models;
+use serde_json::Value;
+
+use crate::support::{Bench, SIZE, calibration, nunetd, run, run_well, text};
+
+/// True depth over the network's depth of the images of these tests.
+const FACTOR: f64 = 0.5;
+const LENS: [f64; 4] = [500.0, 500.0, 319.0, 239.0];
+
+/// A folder with three images of one color each, and a calibration.
+fn bench_with_images() -> (Bench, f64) {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("images")).unwrap();
+    let color = [90, 120, 60];
+    for name in ["a.png", "b.png", "c.png"] {
+        let image = image::RgbImage::from_pixel(SIZE.0, SIZE.1, image::Rgb(color));
+        image.save(bench.path(&format!("images/{name}"))).unwrap();
+    }
+    let lens = calibration(SIZE, LENS, "plumb_bob", &[0.0; 5]);
+    std::fs::write(bench.path("front.yaml"), lens + "# the end\n").unwrap();
+    (bench, f64::from(models::connected_depth(color)))
+}
+
+fn calibrate(bench: &Bench, rest: &[&str]) -> Value {
+    let model = bench.arg("model.onnx");
+    let output = run_well(nunetd(&[&["-q", "calibrate", "--model", &model, "--json"], rest].concat()));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn refused(bench: &Bench, rest: &[&str]) -> (Option<i32>, String) {
+    let model = bench.arg("model.onnx");
+    let output = run(nunetd(&[&["-q", "calibrate", "--model", &model], rest].concat()));
+    (output.status.code(), text(&output.stderr))
+}
+
+fn assert_factor(found: &Value, count: u64) {
+    let factor = found["factor"].as_f64().unwrap();
+    assert!((factor - FACTOR).abs() < 1e-3, "{found}");
+    assert_eq!((&found["observations"], &found["agreeing"]), (&count.into(), &count.into()), "{found}");
+}
+
+#[test]
+fn a_tape_measure_gives_a_factor_that_run_and_infer_read_from_the_calibration() {
+    let (bench, depth_m) = bench_with_images();
+    let (images, file) = (bench.arg("images"), bench.arg("front.yaml"));
+    let before = std::fs::read_to_string(&file).unwrap();
+    // Straight to a pixel 300 columns right of the center, at the depth of the network times the factor.
+    let distance = (FACTOR * depth_m * (1.0 + (300.0_f64 / 500.0).powi(2)).sqrt()).to_string();
+    let found = calibrate(
+        &bench,
+        &["--source", &images, "--distance", &distance, "--at", "619,239", "--calibration", &file],
+    );
+    assert_factor(&found, 3);
+    let after = std::fs::read_to_string(&file).unwrap();
+    assert!(after.starts_with(&before) && after.contains("nunet_scale:\n  factor: 0.5"), "{after}");
+
+    let (model, image, out) = (bench.arg("model.onnx"), bench.arg("images/a.png"), bench.arg("out"));
+    run_well(nunetd(&["-q", "infer", &image, "--out", &out, "--model", &model, "--calibration", &file]));
+    let stats: Value = serde_json::from_slice(&std::fs::read(bench.path("out/stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["scale_source"], "calibrated", "it is of this model: {stats}");
+    assert!((bench.depth("out")[0] - (FACTOR * depth_m) as f32).abs() < 0.01);
+}
+
+#[test]
+fn readings_give_a_factor_and_contradicting_ones_are_refused_by_line() {
+    let (bench, depth_m) = bench_with_images();
+    let table = |distances: [f64; 3]| {
+        let mut text = "image,u,v,distance\n".to_owned();
+        for (name, distance) in ["a", "b", "c"].iter().zip(distances) {
+            text += &format!("images/{name}.png,319.5,239.5,{distance}\n");
+        }
+        std::fs::write(bench.path("pairs.csv"), text).unwrap();
+    };
+    let (pairs, out) = (bench.arg("pairs.csv"), bench.arg("new.yaml"));
+    table([FACTOR * depth_m; 3]);
+    let found =
+        calibrate(&bench, &["--pairs", &pairs, "--intrinsics", "500,500,319.5,239.5@640x480", "--out", &out]);
+    assert_factor(&found, 3);
+    let written = std::fs::read_to_string(&out).unwrap();
+    assert!(written.contains("data: [500, 0, 319.5, 0, 500, 239.5, 0, 0, 1]"), "{written}");
+    table([FACTOR * depth_m, 1000.0 * depth_m, 5.0 * depth_m]);
+    let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
+    assert!(code == Some(1) && stderr.contains("contradict each other"), "{stderr}");
+    assert!(stderr.contains("line 3 says") && stderr.contains("hint: check the unit"), "{stderr}");
+    table([f64::NAN; 3]);
+    let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
+    assert!(code == Some(2) && stderr.contains("line 2: `NaN` is not a number"), "{stderr}");
+}
+
+#[test]
+fn true_depth_gives_a_factor() {
+    let (bench, depth_m) = bench_with_images();
+    let folder = bench.path("truth");
+    std::fs::create_dir_all(folder.join("depth")).unwrap();
+    std::fs::rename(bench.path("images"), folder.join("rgb")).unwrap();
+    let millimeters = (FACTOR * depth_m * 1000.0).round() as u16;
+    for name in ["a.png", "b.png", "c.png"] {
+        let depth = image::ImageBuffer::from_pixel(SIZE.0, SIZE.1, image::Luma([millimeters]));
+        depth.save(folder.join("depth").join(name)).unwrap();
+    }
+    assert_factor(&calibrate(&bench, &["--truth", &bench.arg("truth")]), 3);
+    assert!(!Path::new("nunet.yaml").exists(), "nothing is written that was not asked for");
+}
+
+#[test]
+fn what_cannot_give_a_factor_is_refused() {
+    let (bench, _) = bench_with_images();
+    let images = bench.arg("images");
+    let frames = ["--source", &images];
+    for (rest, code, words) in [
+        (&["--distance", "2"][..], 2, "--source"),
+        (&["--source", &images], 2, "required"),
+        (&["--source", &images, "--distance", "0"], 2, "greater than 0"),
+        (&["--source", &images, "--distance", "2", "--at", "640,10"], 2, "outside the image of 640x480"),
+        (&["--source", &images, "--distance", "2", "--at", "10"], 2, "two numbers"),
+        (&["--source", &images, "--distance", "2000"], 1, "the found factor cannot be right"),
+        (&["--source", &images, "--mount", "0,0,0.5,0,0,0"], 2, "no class for floor"),
+        (&["--source", &images, "--mount", "0,0,-1,0,0,0"], 2, "above the floor"),
+        (&["--pairs", "none.csv"], 2, "none.csv"),
+        (&["--truth", "none"], 1, "none"),
+    ] {
+        let (got, stderr) = refused(&bench, rest);
+        assert!(got == Some(code) && stderr.contains(words), "{rest:?}: {got:?} {stderr}");
+    }
+    let out = bench.arg("new.yaml");
+    let (code, stderr) = refused(&bench, &[&frames[..], &["--distance", "2", "--out", &out]].concat());
+    assert!(code == Some(2) && stderr.contains("hint: pass --intrinsics"), "{stderr}");
+}

@@ -1,0 +1,126 @@
+//! Whether observations of a factor agree.
+//!
+//! Their middle is the median, their spread 1.4826 times the median absolute deviation (MAD), which is the standard deviation
+//! for a normal distribution and does not depend on outliers. An observation that is farther from the median than three
+//! times the spread is an outlier: the Hampel identifier, in the form that Leys et al. recommend (Detecting outliers: Do not
+//! use standard deviation around the mean, use absolute deviation around the median, Journal of Experimental Social
+//! Psychology 49, 2013). Logarithms of factors are compared, so that twice and half are equally far from one.
+
+use super::CalibrateError;
+
+/// Makes the MAD of a normal distribution its standard deviation.
+const MAD_TO_DEVIATION: f64 = 1.4826;
+/// Outliers are farther away than this many spreads.
+const OUTLIER: f64 = 3.0;
+/// Observations within this share of the median always agree: nearly equal ones have a spread of almost nothing.
+const ALWAYS_AGREE: f64 = 0.05;
+/// The largest spread of observations that have one factor.
+const MAX_SPREAD: f64 = 0.25;
+/// The share of observations that must agree.
+const MIN_AGREEING: f64 = 0.7;
+/// How many observations an error names.
+const NAMED: usize = 3;
+
+/// What was seen in one frame, or said by one reading.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Observation {
+    /// Names it in an error.
+    pub(crate) name: String,
+    /// True depth over the network's depth.
+    pub(crate) factor: f64,
+}
+
+/// A factor that observations agree on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    /// What the network's meters are multiplied by.
+    pub factor: f64,
+    /// By which share single observations differ from it; NaN for a single one.
+    pub spread: f64,
+    /// How many observations there are.
+    pub observations: usize,
+    /// How many of them agree.
+    pub agreeing: usize,
+}
+
+impl Agreement {
+    /// The factor of these observations, at least `needed`.
+    pub(crate) fn of(observations: &[Observation], needed: usize) -> Result<Self, CalibrateError> {
+        let count = observations.len();
+        let logs: Vec<f64> = observations.iter().map(|observation| observation.factor.ln()).collect();
+        let Some(middle) = median(logs.clone()).filter(|_| count >= needed) else {
+            return Err(CalibrateError::TooFew { got: count, needed });
+        };
+        let off = |log: &f64| (log - middle).abs();
+        let spread = MAD_TO_DEVIATION * median(logs.iter().map(off).collect()).unwrap_or(0.0);
+        let reach = (OUTLIER * spread).max(ALWAYS_AGREE);
+        let agreeing: Vec<f64> = logs.iter().copied().filter(|log| off(log) <= reach).collect();
+        if spread > MAX_SPREAD || (agreeing.len() as f64) < MIN_AGREEING * count as f64 {
+            let (agreeing, worst) = (agreeing.len(), worst(observations, middle.exp()));
+            return Err(CalibrateError::Inconsistent { spread, observations: count, agreeing, worst });
+        }
+        let factor = median(agreeing.clone()).unwrap_or(middle).exp();
+        let spread = if count > 1 { spread } else { f64::NAN };
+        Ok(Self { factor, spread, observations: count, agreeing: agreeing.len() })
+    }
+}
+
+/// The observations that are farthest from the factor.
+fn worst(observations: &[Observation], factor: f64) -> String {
+    let mut sorted: Vec<&Observation> = observations.iter().collect();
+    let off = |observation: &Observation| (observation.factor / factor).ln().abs();
+    sorted.sort_by(|a, b| off(b).total_cmp(&off(a)));
+    let named = sorted.iter().take(NAMED).map(|one| format!("{} says {:.3}", one.name, one.factor));
+    named.collect::<Vec<_>>().join(", ")
+}
+
+/// The middle value, or the mean of both in the middle; `None` without any.
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let (low, high) = (values.get(values.len().checked_sub(1)? / 2)?, values.get(values.len() / 2)?);
+    Some((low + high) / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn agreement(factors: &[f64]) -> Result<Agreement, CalibrateError> {
+        let observation =
+            |(place, &factor): (usize, &f64)| Observation { name: format!("frame {place}"), factor };
+        Agreement::of(&factors.iter().enumerate().map(observation).collect::<Vec<_>>(), 3)
+    }
+
+    #[test]
+    fn an_outlier_does_not_count() {
+        let found = agreement(&[0.80, 0.81, 0.79, 0.80, 0.82, 3.0]).unwrap();
+        assert!((found.factor - 0.80).abs() < 1e-9, "{found:?}");
+        assert_eq!((found.observations, found.agreeing), (6, 5));
+        assert!(found.spread < 0.03, "{found:?}");
+    }
+
+    #[test]
+    fn equal_observations_agree_although_their_spread_is_nothing() {
+        let found = agreement(&[0.5, 0.5, 0.5, 0.51]).unwrap();
+        assert_eq!((found.spread, found.agreeing), (0.0, 4));
+    }
+
+    #[test]
+    fn observations_that_contradict_each_other_are_refused_and_the_worst_are_named() {
+        for wrong in [&[0.5, 1.0, 2.0, 0.7, 1.4][..], &[1.0, 1.0, 2.0], &[0.9, 0.9, 0.9, 900.0, 900.0, 900.0]]
+        {
+            let error = agreement(wrong).unwrap_err();
+            let CalibrateError::Inconsistent { worst, .. } = &error else { panic!("{error}") };
+            assert!(worst.starts_with("frame "), "{worst}");
+        }
+    }
+
+    #[test]
+    fn fewer_than_needed_are_refused() {
+        assert!(matches!(agreement(&[1.0, 1.0]), Err(CalibrateError::TooFew { got: 2, needed: 3 })));
+        assert!(matches!(agreement(&[]), Err(CalibrateError::TooFew { got: 0, .. })));
+        let one = [Observation { name: "a".into(), factor: 0.7 }];
+        let found = Agreement::of(&one, 1).unwrap();
+        assert!((found.factor - 0.7).abs() < 1e-12 && found.spread.is_nan());
+    }
+}

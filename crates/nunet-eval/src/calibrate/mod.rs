@@ -1,0 +1,278 @@
+//! The factor of a camera: what the network's meters must be multiplied by, from what the user has.
+//!
+//! Each frame, image or reading is an observation: true depth over the network's depth. [`Agreement`] is their median, if they
+//! agree.
+
+mod agreement;
+mod error;
+mod readings;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nunet_core::camera::{Camera, RayTable, check_scale_factor};
+use nunet_core::obstacle::{DepthImage, Mount};
+use nunet_core::pipeline::{Outputs, Pipeline};
+use nunet_core::scale::FloorGauge;
+use nunet_source::{CameraResolver, Frame, decode};
+use nunet_types::{ImageSize, text_with_causes};
+
+use self::agreement::{Observation, median};
+use self::readings::Reading;
+use crate::dataset::Dataset;
+use crate::error::{EvalError, hint_of_chain};
+use crate::event::{Event, OnEvent};
+use crate::fit::Fit;
+use crate::options::EvalOptions;
+
+pub use self::agreement::Agreement;
+pub use self::error::CalibrateError;
+
+/// Depth is the median over a square of this side around a point, in pixels of the depth map.
+const PATCH_PX: usize = 9;
+/// Images or readings that a factor needs: with fewer, no outlier can be found.
+const NEEDED: usize = 3;
+
+/// A point at a known distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Column and row in the image, pixels; `None` for its center.
+    pub at: Option<[f64; 2]>,
+    /// From the camera straight to the point, meters.
+    pub distance_m: f64,
+}
+
+impl Point {
+    /// Checks the distance.
+    ///
+    /// # Errors
+    /// A distance that is not positive.
+    pub fn check(&self) -> Result<(), CalibrateError> {
+        let distance = self.distance_m;
+        if distance > 0.0 && distance.is_finite() {
+            Ok(())
+        } else {
+            Err(CalibrateError::Distance { distance })
+        }
+    }
+}
+
+/// What each frame is compared with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reference {
+    /// A point at a known distance.
+    Point(Point),
+    /// The floor under a camera at a known place.
+    Floor(Mount),
+}
+
+/// Collects observations. The pipeline must compute the network's meters unchanged
+/// ([`ScaleMode::Off`](nunet_core::scale::ScaleMode::Off)), without filters.
+pub struct Calibrator {
+    pipeline: Pipeline,
+    resolver: CameraResolver,
+    depth_m: Vec<f32>,
+    labels: Vec<u8>,
+    /// For the camera of the last frame.
+    gauge: Option<(Camera, FloorGauge)>,
+    /// The camera of the images, if it is known.
+    camera: Option<Camera>,
+    observations: Vec<Observation>,
+    needed: usize,
+}
+
+impl Calibrator {
+    /// With the camera that `resolver` finds for each image.
+    #[must_use]
+    pub fn new(pipeline: Pipeline, resolver: CameraResolver) -> Self {
+        let pixels = pipeline.size().pixel_count();
+        let labels = if pipeline.graph().has_labels() { vec![0; pixels] } else { Vec::new() };
+        Self {
+            depth_m: vec![0.0; pixels],
+            labels,
+            pipeline,
+            resolver,
+            gauge: None,
+            camera: None,
+            observations: Vec::new(),
+            needed: NEEDED,
+        }
+    }
+
+    /// The camera of the last image at its size, if it is known.
+    #[must_use]
+    pub fn camera(&self) -> Option<&Camera> {
+        self.camera.as_ref()
+    }
+
+    /// The pipeline.
+    #[must_use]
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
+    /// The factor, and how well the observations agree.
+    ///
+    /// # Errors
+    /// Too few observations, or observations that contradict each other.
+    pub fn agreement(&self) -> Result<Agreement, CalibrateError> {
+        let found = Agreement::of(&self.observations, self.needed)?;
+        check_scale_factor(found.factor)?;
+        Ok(found)
+    }
+
+    /// Compares a frame of a source with a reference. Returns what is assumed about an unknown camera, once. A frame without
+    /// depth at the point, or without enough floor, is not an observation.
+    ///
+    /// # Errors
+    /// A point outside the image, a camera that does not fit, or a failure of the network.
+    pub fn add_frame(
+        &mut self,
+        frame: &Frame,
+        reference: &Reference,
+    ) -> Result<Option<&'static str>, CalibrateError> {
+        let assumption = self.predict(frame)?;
+        let factor = match reference {
+            Reference::Point(point) => {
+                // One image of a scene at rest says all that more images would.
+                self.needed = 1;
+                self.at_point(point, frame.size)?
+            }
+            Reference::Floor(mount) => self.on_floor(*mount)?,
+        };
+        self.observe(format!("frame {}", frame.sequence), factor);
+        Ok(assumption)
+    }
+
+    /// Compares with a table of readings: CSV with the columns `image` (a file, relative to the table), `u`, `v` (pixels) and
+    /// `distance` (meters).
+    ///
+    /// # Errors
+    /// A table or an image that cannot be used.
+    pub fn add_readings(
+        &mut self,
+        path: &Path,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<(), CalibrateError> {
+        let mut by_image: BTreeMap<PathBuf, Vec<Reading>> = BTreeMap::new();
+        for reading in readings::read(path)? {
+            by_image.entry(reading.image.clone()).or_default().push(reading);
+        }
+        on_event(Event::Started { what: "images", count: by_image.len() as u64 });
+        let mut frame = Frame::default();
+        for (image, readings) in by_image {
+            let unreadable = |source| EvalError::ReadImage { path: image.clone(), source };
+            decode(&image, &mut frame).map_err(unreadable)?;
+            self.report_assumption(&frame, on_event)?;
+            for reading in readings {
+                let factor = self.at_point(&reading.point, frame.size)?;
+                self.observe(format!("line {}", reading.line), factor);
+            }
+            on_event(Event::Advanced);
+        }
+        on_event(Event::Finished);
+        Ok(())
+    }
+
+    /// Compares with the true depth of a dataset, one observation per image.
+    ///
+    /// # Errors
+    /// A dataset that cannot be used. Images that cannot be read are reported and skipped.
+    pub fn add_truth(
+        &mut self,
+        options: &EvalOptions,
+        on_event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<(), CalibrateError> {
+        let dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
+        on_event(Event::Started { what: "images", count: dataset.ids.len() as u64 });
+        let mut frame = Frame::default();
+        for id in &dataset.ids {
+            let read = dataset.image(id, &mut frame).and_then(|()| dataset.truth(id, Some(frame.size)));
+            match read {
+                Ok(truth) => {
+                    self.report_assumption(&frame, on_event)?;
+                    let factor = self.over_image(&truth.depth_m, truth.size, options.depth_cap_m);
+                    self.observe(format!("image {id}"), factor);
+                }
+                Err(error) => on_event(Event::Skipped {
+                    id,
+                    reason: &text_with_causes(&error),
+                    hint: hint_of_chain(&error).as_deref(),
+                }),
+            }
+            on_event(Event::Advanced);
+        }
+        on_event(Event::Finished);
+        Ok(())
+    }
+
+    fn report_assumption(&mut self, frame: &Frame, on_event: OnEvent<'_>) -> Result<(), CalibrateError> {
+        if let Some(assumption) = self.predict(frame)? {
+            on_event(Event::UnknownCamera { assumption });
+        }
+        Ok(())
+    }
+
+    /// Runs the network.
+    fn predict(&mut self, frame: &Frame) -> Result<Option<&'static str>, CalibrateError> {
+        let assumption = self.resolver.update(frame, &mut self.pipeline)?;
+        self.camera = self.resolver.resolve(frame)?;
+        self.pipeline.forget();
+        let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
+        let outputs = Outputs { depth_m: &mut self.depth_m, labels, cloud: None };
+        self.pipeline.process(&frame.view()?, outputs, &|| 0)?;
+        Ok(assumption)
+    }
+
+    fn observe(&mut self, name: String, factor: Option<f64>) {
+        let usable = factor.filter(|factor| factor.is_finite() && *factor > 0.0);
+        self.observations.extend(usable.map(|factor| Observation { name, factor }));
+    }
+
+    /// True depth over the network's depth around a point; `None` if there is no depth.
+    fn at_point(&self, point: &Point, image: ImageSize) -> Result<Option<f64>, CalibrateError> {
+        let (width, height) = (f64::from(image.width), f64::from(image.height));
+        let [u, v] = point.at.unwrap_or([(width - 1.0) / 2.0, (height - 1.0) / 2.0]);
+        let inside = |place: f64, side: f64| (-0.5..=side - 0.5).contains(&place);
+        if !inside(u, width) || !inside(v, height) {
+            return Err(CalibrateError::Outside { u, v, size: image });
+        }
+        let size = self.pipeline.size();
+        let place = |place: f64, from: f64, to: u32| {
+            let place = (place + 0.5) * f64::from(to) / from - 0.5;
+            (place.round().max(0.0) as usize).min(to as usize - 1)
+        };
+        let (column, row) = (place(u, width, size.width), place(v, height, size.height));
+        let around = |place: usize, side: u32| {
+            place.saturating_sub(PATCH_PX / 2)..(place + PATCH_PX / 2 + 1).min(side as usize)
+        };
+        let stride = size.width as usize;
+        let patch = around(row, size.height)
+            .flat_map(|row| self.depth_m[row * stride..][around(column, size.width)].iter().copied());
+        let known: Vec<f64> = patch.filter(|depth| depth.is_finite()).map(f64::from).collect();
+        let rays = RayTable::new(self.pipeline.points_camera());
+        let [x, y] = rays.rays()[row * stride + column].map(f64::from);
+        let true_m = point.distance_m / (x * x + y * y + 1.0).sqrt();
+        Ok(median(known).map(|predicted_m| true_m / predicted_m))
+    }
+
+    fn on_floor(&mut self, mount: Mount) -> Result<Option<f64>, CalibrateError> {
+        let camera = *self.pipeline.points_camera();
+        if self.gauge.as_ref().is_none_or(|(known, _)| *known != camera) {
+            let classes = &self.pipeline.graph().description().classes;
+            self.gauge = Some((camera, FloorGauge::new(&camera, mount, classes)?));
+        }
+        let labels = (!self.labels.is_empty()).then_some(&self.labels[..]);
+        let image = DepthImage { depth_m: &self.depth_m, labels, confidence: None };
+        let found = self.gauge.as_mut().and_then(|(_, gauge)| gauge.measure(&image));
+        Ok(found.map(|found| f64::from(found.ratio)))
+    }
+
+    /// The median ratio over all pixels with truth below the cap.
+    fn over_image(&self, truth_m: &[f32], size: ImageSize, cap_m: f32) -> Option<f64> {
+        let predicted = Fit::new(&self.pipeline, size).depth(&self.depth_m);
+        let pairs = truth_m.iter().zip(&predicted).filter(|(truth, _)| **truth > 0.0 && **truth < cap_m);
+        let ratios = pairs.map(|(truth, predicted)| f64::from(truth / predicted));
+        median(ratios.filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect())
+    }
+}

@@ -1,0 +1,86 @@
+//! A table of range-sensor readings: which point of which image is how far.
+
+use std::path::{Path, PathBuf};
+
+use super::{CalibrateError, Point};
+
+/// A reading.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Reading {
+    /// The image, resolved from the folder of the table.
+    pub(super) image: PathBuf,
+    pub(super) point: Point,
+    /// Its line in the table.
+    pub(super) line: u64,
+}
+
+const COLUMNS: [&str; 4] = ["image", "u", "v", "distance"];
+
+/// Reads a table with the columns `image`, `u`, `v` and `distance`, in any order; others are ignored.
+pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
+    let wrong = |reason: String| CalibrateError::Readings { path: path.to_owned(), reason };
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_path(path)
+        .map_err(|error| wrong(error.to_string()))?;
+    let header = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
+    let place = |name: &str| {
+        let found = header.iter().position(|column| column.eq_ignore_ascii_case(name));
+        found.ok_or_else(|| wrong(format!("it has no column `{name}`")))
+    };
+    let [image, u, v, distance] = COLUMNS.map(place);
+    let (image, numbers) = (image?, [u?, v?, distance?]);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let reading = |record: Result<csv::StringRecord, csv::Error>| {
+        let record = record.map_err(|error| wrong(error.to_string()))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |place: usize| {
+            let text = record.get(place).unwrap_or_default();
+            let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+            number.ok_or_else(|| wrong(format!("line {line}: `{text}` is not a number")))
+        };
+        let [u, v, distance_m] = numbers.map(number);
+        let point = Point { at: Some([u?, v?]), distance_m: distance_m? };
+        point.check()?;
+        Ok(Reading { image: folder.join(record.get(image).unwrap_or_default()), point, line })
+    };
+    reader.records().map(reading).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn readings(text: &str) -> Result<Vec<Reading>, CalibrateError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pairs.csv");
+        std::fs::write(&path, text).unwrap();
+        let readings = read(&path)?;
+        let relative = |reading: Reading| Reading {
+            image: reading.image.strip_prefix(folder.path()).unwrap().to_owned(),
+            ..reading
+        };
+        Ok(readings.into_iter().map(relative).collect())
+    }
+
+    #[test]
+    fn columns_may_have_any_order_and_images_are_beside_the_table() {
+        let found = readings("distance, u,v,note, image\n2.5,10,20.5,chair,a/b.jpg\n").unwrap();
+        let point = Point { at: Some([10.0, 20.5]), distance_m: 2.5 };
+        assert_eq!(found, [Reading { image: "a/b.jpg".into(), point, line: 2 }]);
+    }
+
+    #[test]
+    fn a_wrong_table_is_refused_with_its_line() {
+        for (text, words) in [
+            ("image,u,v\na.jpg,1,2\n", "no column `distance`"),
+            ("image,u,v,distance\na.jpg,1,x,2\n", "line 2: `x` is not a number"),
+            ("image,u,v,distance\na.jpg,1,2\n", "line: 2"),
+            ("image,u,v,distance\na.jpg,1,2,-1\n", "distance -1"),
+        ] {
+            let error = readings(text).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+        assert!(matches!(read(Path::new("missing.csv")), Err(CalibrateError::Readings { .. })));
+    }
+}

@@ -1,0 +1,93 @@
+//! A model that takes an image.
+
+use std::sync::{Arc, PoisonError};
+
+use nunet_core::camera::CalibratedScale;
+use nunet_engine::{EngineError, Inferred};
+use nunet_types::ImageSize;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::{Model, scale};
+use crate::camera::Camera;
+use crate::error::{failure, hinted, of_camera};
+use crate::image::Image;
+use crate::result::{Result, Shared};
+
+impl Model {
+    /// Runs `work` with exclusive access to the model and without the GIL.
+    ///
+    /// # Errors
+    /// This process is a fork of the one that made the model.
+    pub(crate) fn exclusive<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut nunet_engine::Model) -> T + Send,
+    ) -> PyResult<T> {
+        let inner = self.inner.get("model")?;
+        // After a panic the buffers may hold values of an older image: every run overwrites them.
+        Ok(py.detach(|| work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner))))
+    }
+
+    pub(crate) fn shared(&self) -> Arc<Shared> {
+        Arc::clone(&self.shared)
+    }
+
+    /// Warns, once for a model, of a missing camera and of images with another aspect ratio.
+    pub(crate) fn warn_of_guesses(
+        &self,
+        py: Python<'_>,
+        inferred: &Inferred,
+        image_size: ImageSize,
+    ) -> PyResult<()> {
+        self.warnings.issue(py, inferred.report.scale_source, image_size)
+    }
+
+    pub(super) fn infer_one(
+        &self,
+        py: Python<'_>,
+        image: &Image<'_>,
+        Setting { camera, keep_state, attitude }: Setting,
+    ) -> PyResult<Result> {
+        let frame = image.view()?;
+        let size = frame.size();
+        let factor = self.factor_of(camera)?;
+        let fitted = |camera: Camera| camera.0.fitted_to(size.width, size.height).map_err(of_camera);
+        let camera = camera.map(fitted).transpose()?;
+        let mount = attitude.map(|attitude| scale::with_attitude(self.mount, attitude)).transpose()?;
+        let inferred = self.exclusive(py, |model| {
+            let is_used = model.set_calibrated_scale(factor)?;
+            mount.into_iter().for_each(|mount| model.set_mount(mount));
+            Ok((is_used, model.infer(&frame, camera, keep_state)?))
+        })?;
+        let (is_used, inferred) = inferred.map_err(|error: EngineError| failure(&error.into()))?;
+        self.warnings.issue_of_factor(py, is_used)?;
+        self.warn_of_guesses(py, &inferred, size)?;
+        Result::of_image(py, inferred, size, self.shared())
+    }
+}
+
+/// How an image is taken.
+#[derive(Clone, Copy)]
+pub(super) struct Setting {
+    pub(super) camera: Option<Camera>,
+    pub(super) keep_state: bool,
+    /// Roll and pitch of the camera, radians.
+    pub(super) attitude: Option<(f64, f64)>,
+}
+
+impl Model {
+    /// The factor of a camera's calibration.
+    ///
+    /// # Errors
+    /// The model has a factor too.
+    pub(crate) fn factor_of(&self, camera: Option<Camera>) -> PyResult<Option<CalibratedScale>> {
+        match camera.and_then(|camera| camera.1) {
+            Some(scale) if self.has_factor => Err(hinted::<PyValueError>(
+                format!("the camera has the scale {}, and the model has one too", scale.factor),
+                "give one of them: `Camera(..., scale=)` or `Model(..., scale=)`",
+            )),
+            scale => Ok(scale),
+        }
+    }
+}

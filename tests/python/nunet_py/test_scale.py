@@ -1,0 +1,64 @@
+"""Where the scale of depth comes from."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import nunet_py as nunet
+from support import noise
+
+CALIBRATION = """image_width: 128
+image_height: 96
+camera_matrix: {rows: 3, cols: 3, data: [110, 0, 60, 0, 112, 50, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+nunet_scale: {factor: 0.5}
+"""
+
+
+def camera_of(model, **options):
+    return nunet.Camera(110, 112, 60, 50, model.size, **options)
+
+
+def test_the_scale_of_a_camera_replaces_the_focal_length(tiny):
+    rgb = noise(*reversed(tiny.size))
+    focal = tiny.infer(rgb, camera=camera_of(tiny))
+    scaled = tiny.infer(rgb, camera=camera_of(tiny, scale=0.5))
+    assert (scaled.scale_source, scaled.scale_factor) == ("calibrated", 0.5)
+    assert focal.scale_source == "focal_scaled"
+    ratio = scaled.depth / focal.depth
+    np.testing.assert_allclose(ratio[np.isfinite(ratio)], 0.5 / focal.scale_factor, rtol=1e-5)
+    assert tiny.infer(rgb, camera=camera_of(tiny)).scale_source == "focal_scaled", "it is the camera's, not the model's"
+
+
+def test_a_calibration_file_brings_its_scale_and_pickle_keeps_it(tmp_path):
+    path = tmp_path / "front.yaml"
+    path.write_text(CALIBRATION)
+    camera = nunet.Camera.from_yaml(path)
+    assert camera.scale == 0.5
+    assert "scale=0.5" in repr(camera)
+    assert pickle.loads(pickle.dumps(camera)) == camera != nunet.Camera(110, 112, 60, 50, (128, 96))
+    assert camera.at_size(64, 48).scale == 0.5
+
+
+def test_a_model_takes_a_scale_and_conflicts_are_errors(tiny):
+    rgb = noise(*reversed(tiny.size))
+    half = nunet.Model(tiny.path, scale=0.5)
+    assert half.infer(rgb).scale_source == "calibrated"
+    with pytest.raises(ValueError, match="has one too"):
+        half.infer(rgb, camera=camera_of(tiny, scale=0.7))
+    assert nunet.Model(tiny.path, scale="off").infer(rgb).scale_source == "metric"
+    for options, words in [
+        (dict(scale="floor"), "`mount` is missing"),
+        (dict(scale="wide"), "`scale` is `wide`"),
+        (dict(scale="floor", mount=(0, 0, -1, 0, 0, 0)), "above the floor"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            nunet.Model(tiny.path, **options)
+    with pytest.raises(TypeError, match="a word or a number"):
+        nunet.Model(tiny.path, scale=[1])
+    with pytest.raises(nunet.CameraError, match="0.05 to 20"):
+        nunet.Model(tiny.path, scale=1000)
+    with pytest.raises(ValueError, match="does not take its scale from the floor"):
+        tiny.infer(rgb, attitude=(0.0, 0.1))
