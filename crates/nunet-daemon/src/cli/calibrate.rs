@@ -19,36 +19,37 @@ use crate::subcommands::calibrate::{Evidence, Options};
 #[derive(Debug, Args, Clone)]
 #[command(group(ArgGroup::new("evidence").args(["distance", "pairs", "truth", "mount"]).required(true)))]
 pub struct CalibrateArgs {
-    /// The camera, for --distance and --mount: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
+    /// With --distance or --mount, the camera: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
     /// shm:CAMERA, or - for stdin
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"])]
     pub source: Option<String>,
-    /// The measured distance from the camera straight to the point of --at, meters
+    /// The reference is a distance: from the camera straight to the point of --at, meters
     #[arg(long, value_name = "M", requires = "source")]
     pub distance: Option<f64>,
-    /// The point in the camera's images: column and row, pixels [default: the center]
+    /// With --distance, the point in the image: column and row, pixels [default: the center]
     #[arg(long, value_name = "u,v", requires = "distance")]
     pub at: Option<Text<PixelArg>>,
-    /// Readings of a range sensor: a CSV table with the columns `image` (a file, relative to the table), `u`, `v` (pixels) and
-    /// `distance` (meters, straight to the point)
+    /// The reference is a range sensor: a CSV table with the columns `image` (a file, relative to the table), `u`, `v`
+    /// (pixels) and `distance` (meters, straight to the point)
     #[arg(long, value_name = "FILE.csv")]
     pub pairs: Option<PathBuf>,
-    /// Images with true depth: a folder or a recording, as for `nunetd eval`
+    /// The reference is images with true depth: a folder or a recording, as for `nunetd eval`
     #[arg(long, value_name = "DATASET")]
     pub truth: Option<PathBuf>,
-    /// The floor: the pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
+    /// The reference is the floor: the pose of the camera in the base frame of the robot, meters and radians; z is the
+    /// height above the floor
     #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true, requires = "source")]
     pub mount: Option<Text<MountOption>>,
     #[command(flatten)]
     pub pace: SourceArgs,
     #[command(flatten)]
     pub geometry: GeometryArgs,
-    /// With --truth: the images to use, a file with one id per line [default: all]
+    /// With --truth, the images to use: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE", requires = "truth")]
     pub ids: Option<PathBuf>,
     #[command(flatten)]
     pub units: DepthUnitArgs,
-    /// With --truth: only pixels inside it have truth
+    /// With --truth, the part of the images that has true depth
     #[arg(long, value_name = "TOP,LEFT,BOTTOM,RIGHT", requires = "truth")]
     pub window: Option<Window>,
     /// An .onnx file, a staged graph (.toml), or the name of a bundled model

@@ -46,11 +46,12 @@ pub struct LensArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub geometry: GeometryArgs,
-    /// What the network's meters are multiplied by: `auto` (the factor of the calibration, else the ratio of the focal lengths
-    /// of this camera and the training camera, if known), `off`, a number, or `floor` (measured on the floor; needs --mount)
+    /// The factor by which the network's meters are multiplied: `auto` (that of the calibration file, otherwise the ratio
+    /// of the focal lengths of this camera and the training camera, if known), `off` (1), a number, or `floor` (measured
+    /// on the floor; needs --mount)
     #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto")]
     pub scale: Text<ScaleArg>,
-    /// The same as --scale with this value
+    /// The old name of --scale auto and --scale off
     #[arg(long, value_enum, conflicts_with = "scale")]
     pub focal: Option<FocalArg>,
 }
