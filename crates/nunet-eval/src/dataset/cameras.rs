@@ -6,6 +6,7 @@ use std::path::Path;
 use nunet_core::camera::{Camera, Intrinsics};
 use serde::Deserialize;
 
+use super::table::rows;
 use crate::error::{Cause, EvalError};
 
 /// The file in the dataset's folder.
@@ -26,14 +27,8 @@ struct Row {
 /// The cameras by the images' ids; none if the dataset has no such file.
 pub(super) fn read(root: &Path) -> Result<BTreeMap<String, Camera>, EvalError> {
     let path = root.join(FILE);
-    if !path.is_file() {
-        return Ok(BTreeMap::new());
-    }
-    let rows = || -> Result<BTreeMap<String, Camera>, Cause> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(&path)?;
-        reader.deserialize().map(|row| camera(row?)).collect()
-    };
-    rows().map_err(EvalError::read(&path))
+    let cameras = rows(&path).and_then(|rows| rows.into_iter().map(camera).collect());
+    cameras.map_err(EvalError::read(&path))
 }
 
 fn camera(Row { id, fx, fy, cx, cy, width, height }: Row) -> Result<(String, Camera), Cause> {

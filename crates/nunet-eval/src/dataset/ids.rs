@@ -17,7 +17,7 @@ const MAX_LIST_BYTES: u64 = 64 << 20;
 pub(crate) fn read_ids(list: &Path) -> Result<Vec<String>, EvalError> {
     let unreadable = |error| EvalError::Ids(format!("cannot read `{}`: {error}", list.display()));
     let text = read_list(list).map_err(unreadable)?;
-    let lines = text.trim_start_matches(BYTE_ORDER_MARK).lines().map(str::trim);
+    let lines = text.lines().map(str::trim);
     let ids: Vec<String> = lines.filter(|id| !id.is_empty()).map(str::to_owned).collect();
     let mut seen = HashSet::new();
     if let Some(twice) = ids.iter().find(|id| !seen.insert(id.as_str())) {
@@ -29,14 +29,15 @@ pub(crate) fn read_ids(list: &Path) -> Result<Vec<String>, EvalError> {
     Ok(ids)
 }
 
-fn read_list(list: &Path) -> Result<String, Cause> {
+/// A text file of bounded size, without a byte order mark.
+pub(super) fn read_list(list: &Path) -> Result<String, Cause> {
     let file = plain_file::open(list, MAX_LIST_BYTES + 1)?;
     let mut file = file.ok_or("it is not a regular file")?;
     let mut text = String::new();
     if file.read_to_string(&mut text)? as u64 > MAX_LIST_BYTES {
         return Err(format!("it is longer than {MAX_LIST_BYTES} bytes").into());
     }
-    Ok(text)
+    Ok(text.trim_start_matches(BYTE_ORDER_MARK).to_owned())
 }
 
 /// The files of one folder of a dataset.

@@ -5,6 +5,7 @@ mod ids;
 mod labels;
 mod mounts;
 mod pairs;
+mod table;
 mod unpack;
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};

@@ -6,7 +6,8 @@ use std::path::Path;
 use nunet_core::obstacle::Mount;
 use serde::Deserialize;
 
-use crate::error::EvalError;
+use super::table::rows;
+use crate::error::{Cause, EvalError};
 
 /// The file in the dataset's folder.
 const FILE: &str = "mounts.csv";
@@ -34,11 +35,11 @@ pub(crate) struct ImageMounts {
 impl ImageMounts {
     /// Those of the dataset in `root`; `all` is for images without a row.
     pub(crate) fn new(root: &Path, all: Option<Mount>) -> Result<Self, EvalError> {
-        match read(root)? {
-            Some(by_id) => Ok(Self { all, by_id }),
-            None if all.is_none() => Err(EvalError::NoMount { path: root.to_owned() }),
-            None => Ok(Self { all, by_id: BTreeMap::new() }),
+        let by_id = read(root)?;
+        if by_id.is_empty() && all.is_none() {
+            return Err(EvalError::NoMount { path: root.to_owned() });
         }
+        Ok(Self { all, by_id })
     }
 
     /// The mount for an image.
@@ -48,30 +49,23 @@ impl ImageMounts {
     }
 }
 
-/// The mounts by the images' ids; `None` if the dataset has no such file.
-fn read(root: &Path) -> Result<Option<BTreeMap<String, Mount>>, EvalError> {
+/// The mounts by the images' ids; none if the dataset has no such file.
+fn read(root: &Path) -> Result<BTreeMap<String, Mount>, EvalError> {
     let path = root.join(FILE);
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let wrong = |reason: String| EvalError::Mounts { path: path.clone(), reason };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(&path);
-    let reader = reader.as_mut().map_err(|error| wrong(error.to_string()))?;
-    let mut mounts = BTreeMap::new();
-    for row in reader.deserialize() {
-        let Row { id, x, y, z, roll, pitch, yaw } = row.map_err(|error| wrong(error.to_string()))?;
-        let mount = Mount::new([x, y, z], [roll, pitch, yaw]);
-        let mount = mount.map_err(|error| wrong(format!("image `{id}`: {error}")))?;
-        mounts.insert(id, mount);
-    }
-    Ok(Some(mounts))
+    let mounts = rows(&path).and_then(|rows| rows.into_iter().map(mount).collect());
+    mounts.map_err(|error| EvalError::Mounts { path, reason: error.to_string() })
+}
+
+fn mount(Row { id, x, y, z, roll, pitch, yaw }: Row) -> Result<(String, Mount), Cause> {
+    let mount = Mount::new([x, y, z], [roll, pitch, yaw]);
+    Ok((id.clone(), mount.map_err(|error| format!("image `{id}`: {error}"))?))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn read_text(text: &str) -> Result<Option<BTreeMap<String, Mount>>, EvalError> {
+    fn read_text(text: &str) -> Result<BTreeMap<String, Mount>, EvalError> {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(FILE), text).unwrap();
         read(folder.path())
@@ -79,11 +73,10 @@ mod tests {
 
     #[test]
     fn each_image_has_its_own_mount() {
-        let mounts = read_text("id,x,y,z,roll,pitch,yaw\na,0,0,0.25,0,-0.07,0\n b , 0, 0, 1.2, 0.1, 0, 0\n")
-            .unwrap()
-            .unwrap();
+        let mounts =
+            read_text("id,x,y,z,roll,pitch,yaw\na,0,0,0.25,0,-0.07,0\n b , 0, 0, 1.2, 0.1, 0, 0\n").unwrap();
         assert_eq!((mounts.len(), mounts["b"].height_m()), (2, 1.2));
-        assert!(read(tempfile::tempdir().unwrap().path()).unwrap().is_none());
+        assert!(read(tempfile::tempdir().unwrap().path()).unwrap().is_empty());
     }
 
     #[test]

@@ -1,0 +1,56 @@
+//! Tables with a row for each image.
+
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+
+use super::ids::read_list;
+use crate::error::Cause;
+
+/// The rows of a CSV file; none if there is no such file. Columns that `Row` does not name are ignored.
+pub(super) fn rows<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Row>, Cause> {
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let text = read_list(path)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+    reader.deserialize().map(|row| Ok(row?)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    struct Row {
+        id: String,
+        x: f64,
+    }
+
+    fn rows_of(bytes: &[u8]) -> Result<Vec<Row>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.csv");
+        std::fs::write(&path, bytes).unwrap();
+        rows(&path).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn rows_are_read_as_spreadsheets_write_them() {
+        let expected = vec![Row { id: "a".into(), x: 1.5 }];
+        for text in ["id,x\na,1.5\n", "\u{feff}id,x\r\na,1.5\r\n", "x, more, id\n1.5, ?, a"] {
+            assert_eq!(rows_of(text.as_bytes()).unwrap(), expected, "{text:?}");
+        }
+        assert_eq!(rows_of(b"id,x\n").unwrap(), []);
+        assert_eq!(rows::<Row>(Path::new("missing.csv")).unwrap(), []);
+    }
+
+    #[test]
+    fn damaged_and_endless_files_are_errors() {
+        for bytes in [&b"id\na\n"[..], b"id,x\na\n", b"id,x\na,far\n", b"id,x\n\xff\xfe,1\n", b"\0\0\0\na"] {
+            assert!(rows_of(bytes).is_err(), "{bytes:?}");
+        }
+        assert!(rows::<Row>(Path::new("/dev/zero")).unwrap_err().to_string().contains("regular file"));
+    }
+}
