@@ -37,8 +37,8 @@ const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., siz
 ///     The ROS name of the distortion model: `plumb_bob`, `rational_polynomial`, or `equidistant` (fisheye). By default
 ///     the number of coefficients selects one of the first two.
 /// scale : float, optional
-///     What the network's meters are multiplied by, as `nunetd calibrate` measures it. It replaces the ratio of the focal
-///     lengths.
+///     The factor by which the network's meters are multiplied, as `nunetd calibrate` measures it. It replaces the ratio of
+///     the focal lengths.
 ///
 /// Raises
 /// ------
@@ -170,7 +170,7 @@ impl Camera {
         }
     }
 
-    /// What the network's meters are multiplied by; `None` if that was not measured.
+    /// The factor by which the network's meters are multiplied; `None` if it was not measured.
     #[getter]
     fn scale(&self) -> Option<f32> {
         self.1.map(|scale| scale.factor)

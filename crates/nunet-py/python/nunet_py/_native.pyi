@@ -63,6 +63,7 @@ class Camera:
         distortion: Sequence[float] | NDArray[np.floating[Any]] | None = None,
         *,
         distortion_model: str | None = None,
+        scale: float | None = None,
     ) -> Camera: ...
     @classmethod
     def from_yaml(cls, path: str | PathLike[str]) -> Camera: ...
@@ -83,6 +84,8 @@ class Camera:
     def distortion_model(self) -> str | None: ...
     @property
     def matrix(self) -> NDArray[np.float64]: ...
+    @property
+    def scale(self) -> float | None: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -103,6 +106,8 @@ class Model:
         provider: str = "auto",
         threads: int | None = None,
         filters: str | Sequence[str] | None = None,
+        scale: Literal["auto", "off", "floor"] | float | None = None,
+        mount: Sequence[float] | None = None,
     ) -> Model: ...
     def infer(
         self,
@@ -111,6 +116,7 @@ class Model:
         camera: Camera | None = None,
         color: Literal["rgb", "bgr"] = "rgb",
         keep_state: bool = False,
+        attitude: tuple[float, float] | None = None,
     ) -> Result: ...
     def __call__(
         self,
@@ -119,6 +125,7 @@ class Model:
         camera: Camera | None = None,
         color: Literal["rgb", "bgr"] = "rgb",
         keep_state: bool = False,
+        attitude: tuple[float, float] | None = None,
     ) -> Result: ...
     def infer_batch(
         self,
@@ -159,6 +166,8 @@ class Result:
     def units(self) -> str: ...
     @property
     def scale_source(self) -> str: ...
+    @property
+    def scale_factor(self) -> float | None: ...
     @property
     def timings(self) -> dict[str, float]: ...
     @property

@@ -49,12 +49,12 @@ use crate::result::{Result, Shared};
 ///     Filters for depth, written as in `nunetd --filter`: `"spatial"`, `["decimation=2", "temporal=alpha:0.4"]`. Each may
 ///     be given once. The temporal filter needs `keep_state=True` in `infer`.
 /// scale : str or float, optional
-///     What the network's meters are multiplied by: `auto` (the default: the camera's `scale`, else the ratio of its focal length to the
-///     training camera's), `off`, a number, or `floor` (measured on the floor). With `keep_state=True` the floor is followed
-///     smoothly; by default each image is independent.
+///     The factor by which the network's meters are multiplied: `auto` (the default: the camera's `scale`, otherwise the ratio
+///     of its focal length to the training camera's), `off` (1), a number, or `floor` (measured on the floor). With `floor`
+///     and `keep_state=True`, the factor changes smoothly from image to image; by default each image is independent.
 /// mount : sequence of float, optional
-///     The place of the camera on the robot, `(x, y, z, roll, pitch, yaw)`, meters and radians, for `scale="floor"`. z is the
-///     height above the floor; positive pitch looks down.
+///     The pose of the camera on the robot, `(x, y, z, roll, pitch, yaw)`, meters and radians, for `scale="floor"`. z is the
+///     height above the floor. Positive pitch looks down.
 ///
 /// Raises
 /// ------
@@ -148,8 +148,8 @@ impl Model {
     ///     Whether the image is the next frame of the same video. Recurrent networks and the temporal filter then keep their
     ///     state; others ignore it. By default each image is independent.
     /// attitude : tuple of float, optional
-    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`. They hold until
-    ///     other ones are given.
+    ///     Roll and pitch of the camera, radians, as an inertial sensor measures them, for `scale="floor"`. They are used until
+    ///     others are passed.
     ///
     /// Returns
     /// -------

@@ -52,7 +52,7 @@ struct Origin {
 ///     meters that hold if the training camera took the image; pass a camera to scale them. `calibrated`: meters times a
 ///     measured factor. `floor`: meters scaled by the floor. `relative`: no scale.
 /// scale_factor : float or None
-///     What the network's meters were multiplied by; `None` if `units` is `relative`.
+///     Factor by which the network's meters were multiplied; `None` if `units` is `relative`.
 /// timings : dict of str to float
 ///     Milliseconds of each stage in order, and `total`, which includes the memory of the result.
 /// invalid_pixels : int
