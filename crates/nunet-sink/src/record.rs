@@ -5,7 +5,7 @@ use nunet_core::obstacle::Obstacles;
 use nunet_ipc::Units;
 use nunet_mcap::{CameraDescription, CloudRecord, DepthRecord, ObstaclesRecord, ScaleRecord};
 use nunet_source::{Frame, Pixels};
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, MAX_OBSTACLE_POINTS};
 
 use crate::obstacle_record::BASE_FRAME;
 use crate::results::Results;
@@ -96,7 +96,11 @@ impl Record {
                 (own.ground, own.used_labels, own.max_range_m) = (*ground, *used_labels, *max_range_m);
                 (own.angle_min_rad, own.angle_step_rad) = (*angle_min_rad, *angle_step_rad);
             }
-            (own @ None, Some(found)) => *own = Some(found.clone()),
+            (own @ None, Some(found)) => {
+                let own = own.insert(found.clone());
+                // Frames differ in points. Room for the most that there can be, so that more of them allocate nothing later.
+                own.points.reserve_exact(MAX_OBSTACLE_POINTS.saturating_sub(own.points.len()));
+            }
         }
     }
 
@@ -170,6 +174,8 @@ pub fn describe(camera: &Camera) -> CameraDescription {
 
 #[cfg(test)]
 mod tests {
+    use nunet_core::obstacle::{Ground, ObstaclePoint, ObstacleSector};
+
     use super::*;
 
     #[test]
@@ -184,5 +190,35 @@ mod tests {
         }
         record.copy_frame(&Frame { size: ImageSize::new(u32::MAX, u32::MAX), ..file(7) }, None);
         assert_eq!(record.frame.file, [1; 7]);
+    }
+
+    #[test]
+    fn more_obstacle_points_fit_into_the_memory_of_fewer() {
+        const POINT: ObstaclePoint = ObstaclePoint {
+            x: 1.0,
+            y: 0.0,
+            z: 0.1,
+            height: 0.1,
+            label: 0,
+            confidence: 255,
+            reserved: [0; 2],
+        };
+        let found = |points| Obstacles {
+            ground: Ground::EXPECTED,
+            sectors: vec![ObstacleSector::UNKNOWN; 72],
+            points: vec![POINT; points],
+            angle_min_rad: -0.5,
+            angle_step_rad: 0.01,
+            max_range_m: 5.0,
+            used_labels: true,
+        };
+        let mut record = Record::default();
+        record.copy_obstacles(Some(&found(3)));
+        let memory = record.obstacles.as_ref().unwrap().points.as_ptr();
+        for points in [100, 0, MAX_OBSTACLE_POINTS] {
+            record.copy_obstacles(Some(&found(points)));
+            let own = record.obstacles.as_ref().unwrap();
+            assert_eq!((own.points.len(), own.points.as_ptr()), (points, memory));
+        }
     }
 }
