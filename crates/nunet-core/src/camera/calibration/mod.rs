@@ -3,6 +3,7 @@
 
 mod error;
 mod kalibr;
+mod opencv;
 mod scale;
 #[cfg(test)]
 mod tests;
@@ -95,7 +96,7 @@ impl Calibration {
     pub const MAX_BYTES: usize = MAX_BYTES;
 
     /// Parses YAML: `camera_info` as ROS's `camera_calibration` writes it, a `CameraInfo` message as `ros2 topic echo` prints
-    /// it, or Kalibr's camchain of one camera.
+    /// it, Kalibr's camchain of one camera, or the file of OpenCV's calibration sample.
     ///
     /// # Errors
     /// Text that is too long, empty or not YAML, missing keys, a matrix of the wrong shape, and what
@@ -107,12 +108,15 @@ impl Calibration {
         if text.trim().is_empty() {
             return Err(CalibrationError::Empty);
         }
-        let text = first_document(text);
+        if let Some(reason) = other_format(text) {
+            return Err(CalibrationError::Syntax { reason: reason.to_owned() });
+        }
+        let text = first_document(opencv::without_directive(text));
         let scale = scale::parse(text)?;
         let calibration = if kalibr::is_camchain(text) {
             kalibr::calibration(parse_yaml(text)?)?
         } else {
-            parse_yaml::<CameraInfoFile>(text)?.calibration()?
+            parse_yaml::<CameraInfoFile>(text)?.calibration(text)?
         };
         Ok(Self { scale, ..calibration })
     }
@@ -178,6 +182,16 @@ fn parse_yaml<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
     })
 }
 
+/// Other formats of calibrations, with their conversion.
+fn other_format(text: &str) -> Option<&'static str> {
+    if text.lines().any(|line| line.trim() == "[image]") {
+        return Some(
+            "it is an INI file; convert it to YAML, as ROS's `camera_calibration_parsers convert` does",
+        );
+    }
+    text.trim_start().starts_with("<?xml").then_some("it is XML; let OpenCV write it to a file named .yaml")
+}
+
 /// `ros2 topic echo` ends each message with `---`.
 fn first_document(text: &str) -> &str {
     let start = text.strip_prefix("---\n").unwrap_or(text);
@@ -195,6 +209,8 @@ struct CameraInfoFile {
     camera_matrix: Option<Matrix>,
     distortion_model: Option<String>,
     distortion_coefficients: Option<Matrix>,
+    /// 1 in OpenCV's files of a fisheye.
+    fisheye_model: Option<u8>,
     /// The camera matrix of a message; ROS 1 writes `K` and `D`.
     #[serde(alias = "K")]
     k: Option<Vec<f64>>,
@@ -211,7 +227,8 @@ struct Matrix {
 }
 
 impl CameraInfoFile {
-    fn calibration(self) -> Result<Calibration, CalibrationError> {
+    /// `text` is the file.
+    fn calibration(self, text: &str) -> Result<Calibration, CalibrationError> {
         let width = present("image_width", self.image_width)?;
         let height = present("image_height", self.image_height)?;
         let numbers = |key, matrix: Option<Matrix>, flat: Option<Vec<f64>>| match flat {
@@ -219,8 +236,11 @@ impl CameraInfoFile {
             None => present(key, matrix)?.numbers(key),
         };
         let k = numbers("camera_matrix", self.camera_matrix, self.k)?;
-        let model = present("distortion_model", self.distortion_model)?;
-        let d = numbers("distortion_coefficients", self.distortion_coefficients, self.d)?;
+        let d = numbers("distortion_coefficients", self.distortion_coefficients, self.d);
+        let is_fisheye = self.fisheye_model.is_some_and(|flag| flag != 0);
+        let of_opencv = opencv::lens_model(text, is_fisheye, d.as_ref().map_or(0, Vec::len));
+        let model = present("distortion_model", self.distortion_model.or(of_opencv.map(str::to_owned)))?;
+        let d = d?;
         Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: &model, d: &d })
     }
 }

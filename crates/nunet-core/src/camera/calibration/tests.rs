@@ -240,3 +240,38 @@ fn kalibrs_camchain_and_an_echoed_message_are_read() {
     let ros1 = case("topic_echo.yaml").replace("\nd:", "\nD:").replace("\nk:", "\nK:");
     assert_eq!(Calibration::parse(&ros1), Calibration::parse(&case("topic_echo.yaml")));
 }
+
+#[test]
+fn the_file_of_opencvs_calibration_sample_is_read() {
+    let file = |fisheye: &str, coefficients: &str| {
+        let count = coefficients.split(',').count();
+        format!(
+            "%YAML:1.0\n---\ncalibration_time: \"Sun 29 Nov 2026 12:00:00\"\nimage_width: 640\nimage_height: 480\n{fisheye}\
+             camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 501., \
+             240., 0.,\n       0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: {count}\n   cols: 1\n   dt: d\n   \
+             data: [ {coefficients} ]\navg_reprojection_error: 2.5e-01\n"
+        )
+    };
+    let camera = |text: &str| Calibration::parse(text).unwrap().camera();
+    let text = file("", "-3.1e-01, 0.11, 0.0007, -0.0004, 0.");
+    let sample = camera(&text);
+    assert_eq!((sample.intrinsics.fx_px, sample.intrinsics.cy_px), (500.0, 240.0));
+    assert_eq!(sample.distortion.coefficients()[..4], [-0.31, 0.11, 0.0007, -0.0004]);
+    assert_eq!(camera(&text.replace('\n', "\r\n")), sample);
+    let fisheye = camera(&file("fisheye_model: 1\n", "0.1, -0.02, 0.001, 0.002"));
+    assert!(matches!(fisheye.distortion, Distortion::KannalaBrandt(_)), "{fisheye:?}");
+    let rational = camera(&file("fisheye_model: 0\n", "0.1, -0.2, 0., 0., 0., 0.01, 0., 0."));
+    assert_eq!(rational.distortion.coefficients()[5], 0.01);
+}
+
+#[test]
+fn calibrations_in_other_formats_are_named() {
+    for (text, name) in [
+        ("# oST version 5.0\n[image]\n\nwidth\n640\n", "INI"),
+        ("<?xml version=\"1.0\"?>\n<opencv_storage>\n", "XML"),
+    ] {
+        let error = refusal(text);
+        let CalibrationError::Syntax { reason } = &error else { panic!("{error}") };
+        assert!(reason.contains(name), "{reason}");
+    }
+}
