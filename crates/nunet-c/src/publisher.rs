@@ -191,8 +191,9 @@ mod tests {
     #[test]
     fn concurrent_setters_do_not_lose_each_others_values() {
         const TURNS: u32 = 20_000;
-        let root = std::env::temp_dir().join("nunet-c");
-        nunet_ipc::use_root(&root).unwrap();
+        // One per user: a folder of another user cannot be used.
+        let user = std::os::unix::fs::MetadataExt::uid(&std::fs::metadata("/proc/self").unwrap());
+        nunet_ipc::use_root(&std::env::temp_dir().join(format!("nunet-{user}"))).unwrap();
         let name = CString::new(format!("test-{}-set", std::process::id())).unwrap();
         let mut opened = MaybeUninit::new(std::ptr::null_mut());
         // SAFETY: a text that outlives the call.

@@ -231,6 +231,7 @@ mod tests {
 
     #[test]
     fn an_image_without_a_time_of_day_gets_the_current_one() {
+        nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
         let name = CameraName::new(&format!("test-{}-shm-now", std::process::id())).unwrap();
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: 4 };
         let publisher = Publisher::create(&name, &[plan], &Limits::default()).unwrap();

@@ -114,6 +114,7 @@ fn demo(folder: &Path) -> Box<dyn Source> {
 
 /// A camera's name that no other test process has.
 fn camera(test: &str) -> CameraName {
+    nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
     CameraName::new(&format!("{test}_{}", std::process::id())).unwrap()
 }
 

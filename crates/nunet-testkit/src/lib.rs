@@ -10,6 +10,7 @@ pub mod hostile;
 pub mod models;
 pub mod onnx;
 
+use std::os::unix::fs::MetadataExt as _;
 use std::path::PathBuf;
 
 /// The ONNX Runtime that tests load: `ORT_DYLIB_PATH`, else the copy in the cache that `cargo xtask setup` fills.
@@ -25,6 +26,14 @@ pub fn runtime_library() -> PathBuf {
         library.display()
     );
     library
+}
+
+/// A root of iceoryx2's files for tests, one per user: `/tmp/iceoryx2` may belong to another user, who then alone can use it.
+/// Pass it to `nunet_ipc::use_root` before anything else of nunet-ipc.
+#[must_use]
+pub fn ipc_root() -> PathBuf {
+    let user = std::fs::metadata("/proc/self").map_or(0, |process| process.uid());
+    std::env::temp_dir().join(format!("nunet-{user}"))
 }
 
 fn cached_library() -> PathBuf {

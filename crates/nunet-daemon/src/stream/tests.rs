@@ -151,6 +151,7 @@ fn stream(name: &CameraName, source: Gray, sinks: Vec<Box<dyn Sink>>) -> Stream 
         model: "model.onnx",
         given_up: &|| false,
     };
+    nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
     let publisher = ShmPublisher::open(&pipeline, &options).unwrap();
     let task = StreamTask::new(pipeline, CameraResolver::default(), publisher, sinks);
     Stream { source: Box::new(source), pace: Pace::ALL, task, span: Span::none() }

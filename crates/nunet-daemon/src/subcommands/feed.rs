@@ -247,6 +247,7 @@ mod tests {
 
     #[test]
     fn an_image_without_shared_memory_is_lost_alone() {
+        nunet_ipc::use_root(&nunet_testkit::ipc_root()).unwrap();
         let camera = camera_name(&format!("turning_{}", std::process::id())).unwrap();
         let images = OnceLock::new();
         let stop = Stop::default();
