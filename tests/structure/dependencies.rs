@@ -6,15 +6,16 @@ use crate::repository;
 use crate::rust_source::paths;
 
 /// A crate's name in code, and the only folder whose files may use it.
-const HOMES: [(&str, &str); 4] = [
+const HOMES: [(&str, &str); 5] = [
     ("ort", "crates/nunet-core/src/graph/onnx"),
     ("iceoryx2", "crates/nunet-ipc/"),
     ("mcap", "crates/nunet-mcap/"),
     ("foxglove", "crates/nunet-mcap/"),
+    ("dust_dds", "crates/nunet-ros2/src/dds/"),
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 15] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 16] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -52,6 +53,10 @@ const NO_DEPENDENCY: [(&str, &[&str]); 15] = [
     (
         "crates/nunet-source/Cargo.toml",
         &["ort", "iceoryx2", "mcap", "foxglove", "clap", "anyhow", "nunet-daemon", "nunet-engine"],
+    ),
+    (
+        "crates/nunet-ros2/Cargo.toml",
+        &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-engine", "nunet-ipc", "nunet-daemon"],
     ),
     (
         "crates/nunet-sink/Cargo.toml",

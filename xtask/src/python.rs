@@ -41,13 +41,22 @@ pub(crate) fn browser_environment() -> Result<PathBuf> {
     required_by("browser", "tests/browser/requirements.txt")
 }
 
+/// The environment of the tests in `tests/ros2`: ROS 2 itself.
+pub(crate) fn ros2_environment() -> Result<PathBuf> {
+    required_by_with(&interpreter::python311()?, "ros2", "tests/ros2/requirements.txt")
+}
+
 /// An environment with what a file of the repository lists.
 fn required_by(name: &str, requirements: &str) -> Result<PathBuf> {
+    required_by_with(&interpreter::system()?, name, requirements)
+}
+
+fn required_by_with(system: &interpreter::System, name: &str, requirements: &str) -> Result<PathBuf> {
     let path = paths::root().join(requirements);
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read `{}`", path.display()))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
     let lines: Vec<_> = lines.filter(|line| !line.is_empty()).map(str::to_owned).collect();
-    environment(name, &lines, |python| install(python, &lines))
+    environment_of(system, name, &lines, |python| install(python, &lines))
 }
 
 /// An environment in `folder` that extends the one of `shared`: packages that a clone builds
@@ -124,14 +133,23 @@ pub(crate) fn recipe(python: &Path) -> Command {
     command
 }
 
-/// The interpreter of an environment with these requirements. It is in the cache under a hash of them and of the
-/// interpreter, and is created again if it is incomplete.
+/// The same for the interpreter that the machine offers.
 fn environment(
     name: &str,
     requirements: &[String],
     fill: impl FnOnce(&Path) -> Result<()>,
 ) -> Result<PathBuf> {
-    let system = interpreter::system()?;
+    environment_of(&interpreter::system()?, name, requirements, fill)
+}
+
+/// The interpreter of an environment with these requirements. It is in the cache under a hash of them and of the
+/// interpreter, and is created again if it is incomplete.
+fn environment_of(
+    system: &interpreter::System,
+    name: &str,
+    requirements: &[String],
+    fill: impl FnOnce(&Path) -> Result<()>,
+) -> Result<PathBuf> {
     let cache = paths::cache()?;
     let folder = cache.join(format!("venv-{name}-{:016x}", fingerprint(&system.identity, requirements)?));
     let (python, stamp) = (folder.join("bin/python"), folder.join(STAMP));

@@ -8,6 +8,7 @@ use nunet_engine::{EngineError, EngineErrorKind};
 use nunet_eval::{EvalError, EvalErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
+use nunet_ros2::{Ros2Error, Ros2ErrorKind};
 use nunet_sink::file_writer::FilesLate;
 use nunet_sink::output_file::OutputError;
 pub use nunet_sink::sink::Outcome;
@@ -81,6 +82,11 @@ impl WithHint {
         Self { message: message.into(), hint: Some(hint.into()), is_usage: false, source: None }
     }
 
+    /// The context of an error that has its own hint.
+    pub(crate) fn plain(message: impl Into<String>) -> Self {
+        Self { message: message.into(), hint: None, is_usage: false, source: None }
+    }
+
     /// An error of the arguments: exit code 2.
     pub(crate) fn usage(message: impl Into<String>, hint: impl Into<Cow<'static, str>>) -> Self {
         Self { is_usage: true, ..Self::new(message, hint) }
@@ -116,6 +122,7 @@ const HINTS: &[HintOf] = &[
     hint_of::<IpcError>,
     hint_of::<CameraNameError>,
     hint_of::<SourceError>,
+    hint_of::<Ros2Error>,
     hint_of::<nunet_mcap::RecordingError>,
 ];
 
@@ -182,6 +189,9 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
                 || cause
                     .downcast_ref::<SourceError>()
                     .is_some_and(|error| error.kind() == SourceErrorKind::BadArguments)
+                || cause
+                    .downcast_ref::<Ros2Error>()
+                    .is_some_and(|error| error.kind() == Ros2ErrorKind::Arguments)
         })
 }
 

@@ -3,6 +3,7 @@
 use std::io::IsTerminal as _;
 
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::format::FmtSpan;
 
 use crate::config::LogOptions;
@@ -15,9 +16,13 @@ pub(crate) fn start(options: LogOptions) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
+    // It has lines of its own for every message that arrives.
+    let quiet_library = "dust_dds=warn".parse();
+    let filter = EnvFilter::default().add_directive(level.into());
+    let filter = quiet_library.into_iter().fold(filter, EnvFilter::add_directive);
     // Without `log_internal_errors(false)`, a log collector that goes away would end the daemon with a panic.
     let lines = tracing_subscriber::fmt()
-        .with_max_level(level)
+        .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .with_span_events(if options.verbose > 1 { FmtSpan::CLOSE } else { FmtSpan::NONE })
         .log_internal_errors(false);

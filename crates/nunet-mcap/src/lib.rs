@@ -70,6 +70,7 @@ mod parts;
 mod reader;
 mod record;
 mod records;
+pub mod ros;
 mod topics;
 mod writer;
 

@@ -7,21 +7,25 @@ use serde_bytes::Bytes;
 
 /// `builtin_interfaces/msg/Time`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub(crate) struct Time {
-    pub(crate) sec: i32,
-    pub(crate) nanosec: u32,
+pub struct Time {
+    /// Seconds since 1970.
+    pub sec: i32,
+    /// Nanoseconds within the second.
+    pub nanosec: u32,
 }
 
 impl Time {
     const NANOS_PER_SEC: i64 = 1_000_000_000;
 
     /// Nanoseconds since 1970.
-    pub(crate) fn unix_nanos(self) -> i64 {
+    #[must_use]
+    pub fn unix_nanos(self) -> i64 {
         i64::from(self.sec) * Self::NANOS_PER_SEC + i64::from(self.nanosec)
     }
 
     /// The stamp of a time; ROS 2 cannot state one before 1901 or after 2038.
-    pub(crate) fn from_unix_nanos(nanos: i64) -> Self {
+    #[must_use]
+    pub fn from_unix_nanos(nanos: i64) -> Self {
         let sec = nanos.div_euclid(Self::NANOS_PER_SEC);
         let nanosec = nanos.rem_euclid(Self::NANOS_PER_SEC) as u32;
         match i32::try_from(sec) {
@@ -34,10 +38,12 @@ impl Time {
 
 /// `std_msgs/msg/Header`
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Header<'a> {
-    pub(crate) stamp: Time,
+pub struct Header<'a> {
+    /// Time of capture.
+    pub stamp: Time,
+    /// The coordinate frame.
     #[serde(borrow)]
-    pub(crate) frame_id: Cow<'a, str>,
+    pub frame_id: Cow<'a, str>,
 }
 
 /// `sensor_msgs/msg/Image`

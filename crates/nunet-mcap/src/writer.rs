@@ -5,20 +5,16 @@ use std::fs::{File, TryLockError};
 use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Compression, McapError, WriteOptions, Writer};
-use serde_bytes::Bytes;
-
+use crate::RecordingError;
 use crate::file_end::FileEnd;
 use crate::frame_record::{DepthRecord, FrameRecord, ScaleRecord, WriterOptions};
-use crate::messages::{
-    CAMERA_INFO, COMPRESSED_IMAGE, CompressedImage, Header, IMAGE, Image, LASER_SCAN, POINT_CLOUD, Schema,
-    TF_MESSAGE, TfMessage, Time,
-};
+use crate::messages::{Header, Schema, Time};
 use crate::mount::Mount;
 use crate::obstacles::ObstaclesRecord;
 use crate::records::io;
-use crate::{RecordingError, cdr};
+use crate::ros::{RawImage, RosMessage};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Compression, McapError, WriteOptions, Writer};
 
 /// Name of the metadata that states which model's results a recording holds.
 pub(crate) const ABOUT: &str = "nunet";
@@ -115,17 +111,15 @@ impl RecordingWriter {
         let log = frame.log_nanos;
         self.write_scale(frame.depth.scale, log)?;
         if let Some(mount) = self.mount.filter(|_| self.frames == 1) {
-            let transforms = vec![mount.transform(&header)];
-            self.put("/tf_static".to_owned(), &TF_MESSAGE, log, &TfMessage { transforms })?;
+            self.put("/tf_static".to_owned(), log, &header, RosMessage::TfStatic(mount))?;
         }
         if let Some(image) = frame.image {
-            let (format, data) = (image.format.into(), Bytes::new(image.data));
-            let message = CompressedImage { header: header.clone(), format, data };
-            self.put(self.topic("image_raw/compressed"), &COMPRESSED_IMAGE, log, &message)?;
+            let topic = self.topic("image_raw/compressed");
+            self.put(topic, log, &header, RosMessage::CompressedImage(image))?;
         }
         for (topic, camera) in [("camera_info", frame.camera), ("depth/camera_info", frame.depth_camera)] {
             if let Some(camera) = camera {
-                self.put(self.topic(topic), &CAMERA_INFO, log, &camera.ros_message(header.clone()))?;
+                self.put(self.topic(topic), log, &header, RosMessage::CameraInfo(camera))?;
             }
         }
         self.write_results(frame, &header)
@@ -143,30 +137,24 @@ impl RecordingWriter {
     ) -> Result<(), RecordingError> {
         let stamp = Time::from_unix_nanos(stamp_nanos);
         let header = Header { stamp, frame_id: obstacles.frame_id.into() };
-        let cloud = obstacles.cloud(header.clone());
-        self.put(self.topic("obstacles/points"), &POINT_CLOUD, log_nanos, &cloud)?;
-        self.put(self.topic("scan"), &LASER_SCAN, log_nanos, &obstacles.scan(header))
+        let points = RosMessage::ObstaclePoints(obstacles);
+        self.put(self.topic("obstacles/points"), log_nanos, &header, points)?;
+        self.put(self.topic("scan"), log_nanos, &header, RosMessage::Scan(obstacles))
     }
 
     /// Depth is last in a frame, as in shared memory.
     fn write_results(&mut self, frame: &FrameRecord<'_>, header: &Header<'_>) -> Result<(), RecordingError> {
         let (log, DepthRecord { width, height, bytes: depth, .. }) = (frame.log_nanos, frame.depth);
-        let image = |encoding: &'static str, bytes_per_pixel: u32, data| Image {
-            header: header.clone(),
-            height,
-            width,
-            encoding: encoding.into(),
-            is_bigendian: 0,
-            step: width * bytes_per_pixel,
-            data: Bytes::new(data),
+        let image = |encoding, pixel_bytes, data| {
+            RosMessage::Image(RawImage { width, height, encoding, pixel_bytes, data })
         };
         if let Some(labels) = frame.labels {
-            self.put(self.topic("labels/image_raw"), &IMAGE, log, &image("mono8", 1, labels))?;
+            self.put(self.topic("labels/image_raw"), log, header, image("mono8", 1, labels))?;
         }
         if let Some(cloud) = frame.cloud {
-            self.put(self.topic("depth/points"), &POINT_CLOUD, log, &cloud.message(header.clone()))?;
+            self.put(self.topic("depth/points"), log, header, RosMessage::Cloud(cloud))?;
         }
-        self.put(self.topic("depth/image_raw"), &IMAGE, log, &image("32FC1", 4, depth))
+        self.put(self.topic("depth/image_raw"), log, header, image("32FC1", 4, depth))
     }
 
     /// Writes unit and scale, if they changed.
@@ -206,19 +194,20 @@ impl RecordingWriter {
         format!("/{}/{name}", self.camera)
     }
 
-    fn put<T: serde::Serialize>(
+    fn put(
         &mut self,
         topic: String,
-        schema: &Schema,
         log_time: u64,
-        message: &T,
+        header: &Header<'_>,
+        message: RosMessage<'_>,
     ) -> Result<(), RecordingError> {
         let mut encoded = std::mem::take(&mut self.message);
-        let done = cdr::encode(message, &mut encoded)
+        let done = message
+            .encode(header, &mut encoded)
             .map_err(|reason| RecordingError::Encode { topic: topic.clone(), reason });
         let sequence = self.frames;
         let written = done.and_then(|()| {
-            let channel_id = self.channel(topic, schema)?;
+            let channel_id = self.channel(topic, message.schema())?;
             let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
             self.with(|writer| writer.write_to_known_channel(&header, &encoded))
         });

@@ -1,4 +1,4 @@
-//! Images of a recording: files as they came, raw images as JPEG or PNG.
+//! Images as files: files as they came, raw images as JPEG or PNG.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -14,7 +14,7 @@ const JPEG_QUALITY: u8 = 92;
 
 /// Encodes images: files as they came, raw images as JPEG or PNG.
 #[derive(Default)]
-pub(crate) struct ImageEncoder {
+pub struct ImageEncoder {
     /// Raw images become PNG instead of JPEG.
     lossless: bool,
     to_rgb: Option<(ImageSize, Preprocessor)>,
@@ -23,12 +23,23 @@ pub(crate) struct ImageEncoder {
 }
 
 impl ImageEncoder {
-    pub(crate) fn new(lossless: bool) -> Self {
+    /// For recordings; raw images become PNG if `lossless` is set.
+    #[must_use]
+    pub fn new(lossless: bool) -> Self {
         Self { lossless, ..Self::default() }
     }
 
-    /// The image of `frame`, as it is recorded.
-    pub(crate) fn encoded<'a>(&'a mut self, frame: &'a Frame) -> anyhow::Result<EncodedImage<'a>> {
+    /// For images that are sent and not replayed: JPEG needs no note.
+    #[must_use]
+    pub fn for_network() -> Self {
+        Self { has_noted_jpeg: true, ..Self::default() }
+    }
+
+    /// The image of `frame` as a file.
+    ///
+    /// # Errors
+    /// The image is shorter than its size needs, or cannot be encoded.
+    pub fn encoded<'a>(&'a mut self, frame: &'a Frame) -> anyhow::Result<EncodedImage<'a>> {
         if !frame.file.is_empty() {
             let format = if frame.file.starts_with(&[0xff, 0xd8]) { "jpeg" } else { "png" };
             return Ok(EncodedImage { format, data: &frame.file });

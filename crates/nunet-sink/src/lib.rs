@@ -7,6 +7,7 @@
 //! | [`results`] | what outputs take of a frame |
 //! | [`record`], [`archive`] | a copy of a frame with its results, and the thread that writes copies to a disk |
 //! | [`recorder`], [`frame_writer`], [`output_file`] | recordings in MCAP files |
+//! | [`image_encoder`] | images as JPEG or PNG |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`mavlink`] | obstacles for an autopilot |
@@ -17,7 +18,7 @@
 pub mod archive;
 pub mod file_writer;
 pub mod frame_writer;
-mod image_encoder;
+pub mod image_encoder;
 pub mod last_frame;
 pub mod mavlink;
 pub mod metrics;

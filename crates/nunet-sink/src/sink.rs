@@ -2,7 +2,7 @@
 
 use nunet_core::camera::Camera;
 use nunet_source::Frame;
-use nunet_telemetry::{Counts, DrainTimeout, Totals};
+use nunet_telemetry::{Counts, DrainTimeout, MessageCounts, Totals};
 
 use crate::results::Results;
 
@@ -31,6 +31,11 @@ pub trait Sink: Send {
     /// return true for a live source, whose frames are dropped instead.
     fn has_room(&mut self) -> bool {
         true
+    }
+
+    /// What becomes of its messages, if it sends them to other machines.
+    fn messages(&self) -> Option<MessageCounts> {
+        None
     }
 
     /// Ends the stream; `last` are the results of the last frame. Like the other functions it must not block: pending

@@ -12,6 +12,7 @@ use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
 
 use crate::ledger::Counts;
+use crate::messages::MessageCounts;
 use crate::totals::Totals;
 
 /// Upper bounds of the histograms' buckets: from a small network on a fast machine to a stalled one.
@@ -35,6 +36,13 @@ struct StageLabels {
     stage: String,
 }
 
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct MessageLabels {
+    camera: String,
+    output: &'static str,
+    end: &'static str,
+}
+
 type Histograms<L> = Family<L, Histogram, fn() -> Histogram>;
 
 /// The metrics of all cameras.
@@ -50,6 +58,7 @@ struct Families {
     scale_age: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     latency: Histograms<CameraLabels>,
     stage: Histograms<StageLabels>,
+    messages: Family<MessageLabels, Counter>,
 }
 
 fn histogram() -> Histogram {
@@ -70,9 +79,21 @@ impl Families {
             scale_age: Family::default(),
             latency: Family::new_with_constructor(histogram),
             stage: Family::new_with_constructor(histogram),
+            messages: Family::default(),
         };
-        let Self { up, captured, ended, in_flight, fps, bytes_copied, scale, scale_age, latency, stage } =
-            &families;
+        let Self {
+            up,
+            captured,
+            ended,
+            in_flight,
+            fps,
+            bytes_copied,
+            scale,
+            scale_age,
+            latency,
+            stage,
+            messages,
+        } = &families;
         let help = "1 while the source delivers frames, 0 while it is retried and after its end";
         registry.register("camera_up", help, up.clone());
         registry.register("frames_captured", "Frames that the source delivered", captured.clone());
@@ -88,6 +109,7 @@ impl Families {
         let help = "Time from the arrival of the image to the wake-up of the readers";
         registry.register_with_unit("latency", help, Unit::Seconds, latency.clone());
         registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, stage.clone());
+        registry.register("messages", "Messages to other machines by outcome", messages.clone());
         families
     }
 }
@@ -117,6 +139,19 @@ impl Metrics {
         text
     }
 
+    /// The messages of one camera's output, such as `ros2`.
+    #[must_use]
+    pub fn messages(&self, camera: &str, output: &'static str) -> MessageCounts {
+        let messages = &self.families.messages;
+        let counter =
+            |end| messages.get_or_create_owned(&MessageLabels { camera: camera.to_owned(), output, end });
+        MessageCounts {
+            sent: counter("sent"),
+            not_taken: counter("not_taken"),
+            superseded: counter("superseded"),
+        }
+    }
+
     /// The metrics of one camera, with the stages of its frames.
     pub fn camera<'a>(&self, camera: &str, stages: impl IntoIterator<Item = &'a str>) -> CameraMetrics {
         let labels = CameraLabels { camera: camera.to_owned() };
@@ -133,6 +168,7 @@ impl Metrics {
             scale_age,
             latency,
             stage: times,
+            ..
         } = &*self.families;
         let metrics = CameraMetrics {
             up: up.get_or_create_owned(&labels),

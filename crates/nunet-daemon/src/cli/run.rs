@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use nunet_core::frame::PixelFormat;
 use nunet_ipc::Limits;
 use nunet_mavlink::MavlinkAddress;
+use nunet_ros2::{DepthFormat, LinkName, Ros2Options, Topics};
 use nunet_types::ImageSize;
 use nunet_view::{Token, ViewConfig};
 use serde::Deserialize;
@@ -19,7 +20,7 @@ use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, ObstacleArgs, RecordArgs};
 use crate::config::{
     AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, frame_id,
 };
-use crate::exit::{WithHint, camera_name, in_camera};
+use crate::exit::{BadArguments, WithHint, camera_name, in_camera};
 use crate::source::{Rate, SourceName};
 
 /// `nunetd run`
@@ -52,6 +53,9 @@ pub struct RunArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub view: ViewArgs,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub ros2: Ros2Args,
     /// Write frame counts and latencies into this file at the end
     #[arg(long, value_name = "FILE")]
     pub stats_json: Option<PathBuf>,
@@ -60,16 +64,20 @@ pub struct RunArgs {
 impl RunArgs {
     /// The settings for all cameras, and the cameras of `arguments`, at least one.
     pub(crate) fn config(&self, cameras: &[StreamArgs]) -> anyhow::Result<Config> {
-        let several = cameras.len() > 1;
+        let (several, ros2) = (cameras.len() > 1, self.ros2.options()?);
         let every = self.every.iter().map(|Text(StageEvery(stage, count))| (stage.clone(), *count));
+        let cameras = cameras.iter().map(|camera| camera.config(several)).collect::<Result<Vec<_>, _>>()?;
+        let names = cameras.iter().map(|camera| camera.name.as_str());
+        ros2.check(names).map_err(|error| BadArguments::of(&error))?;
         Ok(Config {
             model: ModelConfig { path: self.model.clone(), every: every.collect() },
             engine: self.engine.options(),
-            cameras: cameras.iter().map(|camera| camera.config(several)).collect::<Result<_, _>>()?,
+            cameras,
             outputs: OutputConfig {
                 access: self.access.config(),
                 metrics: value(&self.metrics),
                 view: self.view.config()?,
+                ros2,
                 stats_json: self.stats_json.clone(),
             },
         })
@@ -97,6 +105,35 @@ impl ViewArgs {
             WithHint::usage(error.to_string(), "pass --view-token TOKEN, or --view 127.0.0.1:PORT")
         })?;
         Ok(Some(ViewConfig { address, token }))
+    }
+}
+
+/// The results as topics of ROS 2.
+#[derive(Debug, Args, Clone, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Ros2Args {
+    /// Publish ROS 2 topics below /CAMERA/: `dds`, or `dds:DOMAIN` for another domain than that of the environment. Nothing
+    /// is encoded without subscribers
+    #[arg(long, value_name = "dds[:DOMAIN]")]
+    #[serde(default)]
+    pub ros2: Vec<Text<LinkName>>,
+    /// `default`, `all`, or a list of names below /CAMERA/, such as `scan,depth/points` [default: obstacles, and depth at half
+    /// size]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[serde(default)]
+    pub ros2_topics: Vec<String>,
+    /// 32FC1: meters, NaN = none; 16UC1: millimeters, 0 = none [default: 32FC1]
+    #[arg(long, value_name = "32FC1|16UC1")]
+    pub ros2_depth: Option<Text<DepthFormat>>,
+}
+
+impl Ros2Args {
+    fn options(&self) -> Result<Ros2Options, BadArguments> {
+        let topics = self.ros2_topics.join(",");
+        let topics = if topics.is_empty() { Ok(Topics::default()) } else { topics.parse() };
+        let topics = topics.map_err(|error| BadArguments::of(&error))?;
+        let links = self.ros2.iter().map(|Text(link)| link.clone()).collect();
+        Ok(Ros2Options { links, topics, depth: value(&self.ros2_depth).unwrap_or_default() })
     }
 }
 

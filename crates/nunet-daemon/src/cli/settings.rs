@@ -21,8 +21,14 @@ use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
 
 /// Flags that need another one, which may be in the file.
-const NEEDS: [(&str, &str); 4] =
-    [("force", "record"), ("record-lossless", "record"), ("format", "size"), ("access-mode", "access-group")];
+const NEEDS: [(&str, &str); 6] = [
+    ("force", "record"),
+    ("record-lossless", "record"),
+    ("format", "size"),
+    ("access-mode", "access-group"),
+    ("ros2-topics", "ros2"),
+    ("ros2-depth", "ros2"),
+];
 
 /// `nunetd run` and `nunetd config`
 #[derive(Debug, Args, Clone)]

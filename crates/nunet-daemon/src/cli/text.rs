@@ -10,6 +10,7 @@ use nunet_core::filter::FilterSpec;
 use nunet_core::frame::PixelFormat;
 use nunet_core::graph::Provider;
 use nunet_mavlink::MavlinkAddress;
+use nunet_ros2::{DepthFormat, LinkName};
 use nunet_types::{ImageSize, text_with_hint};
 use nunet_view::Token;
 use serde::de::{Deserialize, Deserializer, Error as _};
@@ -60,7 +61,7 @@ macro_rules! from_str {
     };
 }
 
-from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, Token);
+from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat, Token);
 from_str!(plain: Rate, ImageSize, PixelFormat, MountOption);
 
 fn plain(error: &impl Display) -> BadArguments {

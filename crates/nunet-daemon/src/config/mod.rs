@@ -12,6 +12,7 @@ use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::EngineOptions;
 use nunet_ipc::{CameraName, Limits};
 use nunet_mavlink::MavlinkAddress;
+use nunet_ros2::Ros2Options;
 use nunet_source::{CameraGeometry, OpenOptions, Rate, SourceName};
 use nunet_types::ImageSize;
 use nunet_view::ViewConfig;
@@ -152,6 +153,8 @@ pub struct OutputConfig {
     pub metrics: Option<SocketAddr>,
     /// The live view in the browser.
     pub view: Option<ViewConfig>,
+    /// Topics of ROS 2.
+    pub ros2: Ros2Options,
     /// The file for frame counts and latencies.
     pub stats_json: Option<PathBuf>,
 }

@@ -8,6 +8,7 @@ pub(crate) mod loans;
 pub(crate) mod mavlink;
 pub(crate) mod metrics;
 pub(crate) mod recording;
+pub(crate) mod ros2;
 pub(crate) mod shm;
 pub(crate) mod stats;
 #[cfg(test)]
@@ -17,6 +18,7 @@ pub(crate) mod view;
 use std::path::Path;
 
 use nunet_core::pipeline::Pipeline;
+use nunet_ros2::Ros2Node;
 pub(crate) use nunet_sink::queue::OnRoom;
 pub(crate) use nunet_sink::results::Results;
 pub(crate) use nunet_sink::sink::{FinishingSink, PublishedFrame, Sink, Status, Timings, Wants};
@@ -28,7 +30,7 @@ use crate::config::CameraConfig;
 
 /// All sinks but shared memory, which is always on.
 pub(crate) const REGISTRY: &[OpenSink] =
-    &[recording::open, last_frame::open, metrics::open, view::open, mavlink::open];
+    &[recording::open, last_frame::open, metrics::open, view::open, mavlink::open, ros2::open];
 
 /// Opens a sink; `None` if it is not configured.
 pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>>;
@@ -45,6 +47,8 @@ pub(crate) struct SinkContext<'a> {
     pub(crate) has_obstacles: bool,
     /// The metrics of all cameras, if they are served.
     pub(crate) metrics: Option<&'a Metrics>,
+    /// The connection of all cameras to ROS 2, if configured.
+    pub(crate) ros2: Option<&'a Ros2Node>,
     /// The live view of all cameras, if configured.
     pub(crate) view: Option<&'a ViewServer>,
     /// To be called when a sink that had no room has room again.

@@ -4,7 +4,7 @@ use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
-use nunet_telemetry::{Counts, Latencies, Summary, Totals};
+use nunet_telemetry::{Counts, Latencies, MessageCounts, Summary, Totals};
 
 /// The stats of a camera, or of several together.
 #[derive(Debug, Serialize)]
@@ -33,12 +33,29 @@ pub(crate) struct Stats {
     pub(crate) allocations_per_frame: Option<f64>,
     /// The same of iceoryx2: a small one for each message.
     pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
+    /// What became of its ROS 2 messages, if it publishes any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) ros2: Option<Messages>,
     /// Why its source failed, if it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) error: Option<String>,
     /// Of each camera, if there are several: the stats that this camera alone would have.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) cameras: Vec<Stats>,
+}
+
+/// Messages to other machines, and frames that were replaced before they became messages.
+#[derive(Debug, Serialize)]
+pub(crate) struct Messages {
+    sent: u64,
+    not_taken: u64,
+    superseded: u64,
+}
+
+impl From<&MessageCounts> for Messages {
+    fn from(counts: &MessageCounts) -> Self {
+        Self { sent: counts.sent(), not_taken: counts.not_taken(), superseded: counts.superseded() }
+    }
 }
 
 /// The fields that all cameras of a process share.
@@ -74,6 +91,7 @@ impl Stats {
             bytes_copied_per_frame: totals.bytes_copied_per_frame(),
             allocations_per_frame: totals.allocations_per_frame(),
             iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),
+            ros2: None,
             error: None,
             cameras: Vec::new(),
         }

@@ -13,6 +13,7 @@ use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::{DepthEncoding, Scale};
 use nunet_core::obstacle::{Ground, ObstacleSector, Obstacles};
 use nunet_mavlink::MavlinkAddress;
+use nunet_ros2::{CameraOptions, Ros2Options};
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
 use nunet_sink::mavlink::mavlink_sink;
@@ -20,6 +21,7 @@ use nunet_sink::metrics::metrics_sink;
 use nunet_sink::record::Record;
 use nunet_sink::recorder::record_into;
 use nunet_sink::view::view_sink;
+use nunet_telemetry::MessageCounts;
 use nunet_telemetry::{Counts, DrainTimeout, Totals};
 use nunet_types::ImageSize;
 use nunet_view::ViewOptions;
@@ -64,6 +66,7 @@ const CASES: &[Case] = &[
     Case { name: "metrics", open: metrics, can_fail: false },
     Case { name: "view", open: view, can_fail: false },
     Case { name: "mavlink", open: mavlink, can_fail: false },
+    Case { name: "ROS 2", open: ros2, can_fail: false },
 ];
 
 /// An archive that writes a line per frame.
@@ -199,6 +202,27 @@ static OBSTACLES: LazyLock<Obstacles> = LazyLock::new(|| Obstacles {
     max_range_m: 5.0,
     used_labels: false,
 });
+
+/// Without subscribers, nothing is sent; what arrives at some is tested by `cargo xtask test --ros2`.
+fn ros2(_folder: &Path, _backend: Backend) -> Rig {
+    let node = Ros2Node::open(&Ros2Options::default()).unwrap();
+    let counts = MessageCounts::default();
+    let camera = CameraOptions {
+        name: "front",
+        frame_id: "eye",
+        classes: &[],
+        mount: None,
+        has_labels: false,
+        has_obstacles: false,
+        counts: &counts,
+        about: &[],
+    };
+    Rig {
+        sink: node.add_camera(&camera).unwrap(),
+        release: Box::new(|| {}),
+        arrived: Box::new(move |_| (counts.sent(), counts.not_taken(), counts.superseded()) == (0, 0, 0)),
+    }
+}
 
 const DEPTH: [f32; 4] = [1.0, 2.0, f32::NAN, 4.0];
 

@@ -9,7 +9,7 @@ use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::LATE_JOINER_PERIOD;
 use nunet_sink::obstacles::ObstacleStage;
-use nunet_telemetry::{Counts, End, Latencies, RateLimit, Totals, allocations_of_this_thread};
+use nunet_telemetry::{Counts, End, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread};
 use tracing::{debug, error, trace_span, warn};
 
 use super::round_robin::{Poll, RoundRobinTask};
@@ -50,6 +50,8 @@ pub(crate) struct StreamSummary {
     pub(crate) scale: Scale,
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
+    /// What became of messages to other machines.
+    pub(crate) messages: Option<MessageCounts>,
     /// The sinks; their last frames may still be on their way to the disk.
     pub(crate) sinks: Vec<FinishingSink>,
     /// Why frames could not be processed at all.
@@ -137,11 +139,13 @@ impl RoundRobinTask for StreamTask {
         if let Some(last) = &mut last {
             last.obstacles = self.obstacles.as_ref().and_then(ObstacleStage::last);
         }
+        let messages = self.sinks.iter().find_map(|sink| sink.messages());
         let sinks = self.sinks.into_iter().map(|sink| sink.finish(last.as_ref())).collect();
         StreamSummary {
             scale: self.pipeline.scale(),
             totals: self.totals,
             latencies: self.latencies,
+            messages,
             sinks,
             failure: self.failure,
         }

@@ -188,9 +188,9 @@ fn log_counts(counts: &Counts, source: SourceEnd) -> Outcome {
 /// The stats of the camera, or of all together if there are several.
 fn stats(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
     let of = |End { camera, counts, error, summary }: &End<'_>| {
-        let StreamSummary { scale, totals, latencies, .. } = summary;
+        let StreamSummary { scale, totals, latencies, messages, .. } = summary;
         let stats = Stats::new((*camera).to_owned(), common, *scale, *counts, totals, latencies);
-        Stats { error: error.clone(), ..stats }
+        Stats { ros2: messages.as_ref().map(Into::into), error: error.clone(), ..stats }
     };
     let (first, others) = ends.split_first().context("one camera at least")?;
     if others.is_empty() {
@@ -221,6 +221,7 @@ mod tests {
             scale: Scale { units: Units::Metre, source: ScaleSource::Metric, factor: 1.0, age_nanos: 0 },
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
+            messages: None,
             sinks: Vec::new(),
             failure: None,
         };

@@ -258,6 +258,7 @@ impl Opened<'_> {
             has_obstacles: obstacles.is_some(),
             metrics: servers.metrics.as_ref(),
             view: servers.view.as_ref(),
+            ros2: servers.ros2.as_ref(),
             on_room: Arc::new(move || notify.notify()),
         };
         let sinks = sink::open_all(&context)?;

@@ -1,16 +1,18 @@
-//! The servers of a run: metrics and live view.
+//! The servers of a run: metrics, live view, ROS 2.
 
+use nunet_ros2::Ros2Node;
 use nunet_telemetry::Metrics;
 use nunet_view::{MetricsServer, ViewServer};
 
 use crate::config::OutputConfig;
-use crate::sink::{metrics, view};
+use crate::sink::{metrics, ros2, view};
 
 /// What other programs connect to, for all cameras.
 pub(super) struct Servers {
     /// Counted only if something serves them.
     pub(super) metrics: Option<Metrics>,
     pub(super) view: Option<ViewServer>,
+    pub(super) ros2: Option<Ros2Node>,
     /// Open as long as it lives.
     _metrics_server: Option<MetricsServer>,
 }
@@ -21,7 +23,8 @@ impl Servers {
         let all = Metrics::default();
         let own = config.metrics.map(|address| metrics::serve(&all, address)).transpose()?;
         let view = config.view.as_ref().map(|config| view::open_server(config, &all)).transpose()?;
+        let ros2 = ros2::open_node(&config.ros2)?;
         let is_served = own.is_some() || view.is_some();
-        Ok(Self { metrics: is_served.then_some(all), view, _metrics_server: own })
+        Ok(Self { metrics: is_served.then_some(all), view, ros2, _metrics_server: own })
     }
 }

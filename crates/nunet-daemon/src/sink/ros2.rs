@@ -1,0 +1,51 @@
+//! `--ros2 dds`: the results as topics of ROS 2.
+
+use nunet_mcap::Mount;
+use nunet_ros2::{CameraOptions, Ros2Node, Ros2Options};
+
+use super::{Sink, SinkContext};
+use crate::exit::WithHint;
+
+/// Connects to ROS 2, if `options` say so.
+///
+/// # Errors
+/// The network cannot be used.
+pub(crate) fn open_node(options: &Ros2Options) -> anyhow::Result<Option<Ros2Node>> {
+    if options.links.is_empty() {
+        return Ok(None);
+    }
+    let opened = Ros2Node::open(options);
+    opened.map(Some).map_err(|error| WithHint::plain("cannot connect to ROS 2").because(error).into())
+}
+
+/// Opens the sink if `--ros2` is given.
+pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
+    let Some(node) = context.ros2 else { return Ok(None) };
+    let (config, common) = (context.config, context.common);
+    let name = config.name.as_str();
+    let counts = context.metrics.map(|metrics| metrics.messages(name, "ros2")).unwrap_or_default();
+    let about = [
+        ("model", common.model.name.clone()),
+        ("model SHA-256", common.model.hash.clone()),
+        ("provider", common.provider.to_owned()),
+        // Nothing is published before it passes.
+        ("self-test", "passed".to_owned()),
+    ];
+    let mount = config.mount.map(|mount| Mount {
+        translation_m: mount.translation_m,
+        roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad,
+    });
+    let sink = node.add_camera(&CameraOptions {
+        name,
+        frame_id: &config.frame_id,
+        classes: common.classes,
+        mount,
+        has_labels: context.pipeline.graph().has_labels(),
+        has_obstacles: context.has_obstacles,
+        counts: &counts,
+        about: &about,
+    });
+    let in_camera =
+        |error| WithHint::plain(format!("cannot publish camera `{name}` in ROS 2")).because(error);
+    Ok(Some(sink.map_err(in_camera)?))
+}

@@ -1,0 +1,313 @@
+//! The sink of one camera. The inference thread copies a frame only if something subscribes to it; a thread of this sink
+//! encodes and sends it. While that thread is busy, a newer frame replaces the waiting one.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use nunet_core::depth::Scale;
+use nunet_mcap::Mount;
+use nunet_mcap::ros::{Header, RosMessage, encode};
+use nunet_sink::record::Record;
+use nunet_sink::results::Results;
+use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
+use nunet_source::{Mailbox, Reuse, Taken};
+use nunet_telemetry::{Counts, MessageCounts, RateLimit};
+use tracing::{info, warn};
+
+use crate::error::Ros2Error;
+use crate::frame_messages::FrameEncoder;
+use crate::link::Publisher;
+use crate::messages::{DiagnosticArray, DiagnosticStatus, KeyValue, LabelInfo, header_now};
+use crate::options::{CameraOptions, DepthFormat};
+use crate::topic::Topic;
+
+/// How often the subscribers are counted: the first frame that a new one gets is so much later at most.
+const COUNT_PERIOD: Duration = Duration::from_millis(100);
+/// ROS' aggregator expects diagnostics about once per second.
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+
+/// The publishers of a camera.
+#[derive(Default)]
+pub(crate) struct Outputs(Vec<(Topic, Vec<Box<dyn Publisher>>)>);
+
+impl Outputs {
+    pub(crate) fn add(&mut self, topic: Topic, publishers: Vec<Box<dyn Publisher>>) {
+        self.0.push((topic, publishers));
+    }
+
+    /// The topics that something subscribes to, as bits.
+    fn wanted(&self) -> u32 {
+        let is_wanted =
+            |publishers: &[Box<dyn Publisher>]| publishers.iter().any(|one| one.subscribers() > 0);
+        self.0.iter().filter(|(_, publishers)| is_wanted(publishers)).map(|(topic, _)| bit(*topic)).sum()
+    }
+}
+
+const fn bit(topic: Topic) -> u32 {
+    1 << topic as u32
+}
+
+/// Topics whose messages are not made of frames.
+const WITHOUT_FRAME: u32 = bit(Topic::LabelInfo) | bit(Topic::TfStatic) | bit(Topic::Diagnostics);
+const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
+
+/// A copy of a frame on its way to the thread.
+#[derive(Default)]
+struct Copy(Record);
+
+impl Reuse for Copy {
+    fn release(&mut self) {}
+}
+
+/// What both threads know.
+struct Shared {
+    mailbox: Mailbox<Copy>,
+    /// The topics that something subscribes to.
+    wanted: AtomicU32,
+    counts: MessageCounts,
+    state: Mutex<State>,
+}
+
+/// The last frame and the stream, for diagnostics.
+#[derive(Debug, Clone, Copy, Default)]
+struct State {
+    is_up: bool,
+    frames: Counts,
+    fps: f64,
+    capture_unix_nanos: i64,
+    total_micros: u32,
+    scale: Option<Scale>,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The inference thread's side.
+pub(crate) struct Ros2Sink {
+    shared: Arc<Shared>,
+    thread: JoinHandle<()>,
+}
+
+impl Sink for Ros2Sink {
+    fn wants(&self) -> Wants {
+        let wanted = self.shared.wanted.load(Ordering::Relaxed);
+        Wants {
+            labels: wanted & bit(Topic::Labels) != 0,
+            cloud: wanted & bit(Topic::Points) != 0,
+            obstacles: wanted & WITH_OBSTACLES != 0,
+        }
+    }
+
+    fn on_frame(&mut self, published: &PublishedFrame<'_>) {
+        let PublishedFrame { frame, camera, results, timings } = published;
+        let mut state = self.shared.state();
+        state.capture_unix_nanos = frame.capture.unix_nanos;
+        state.total_micros = timings.total_micros;
+        state.scale = Some(results.scale);
+        drop(state);
+        let wanted = self.shared.wanted.load(Ordering::Relaxed);
+        if wanted & !WITHOUT_FRAME == 0 {
+            return;
+        }
+        let mut copy = self.shared.mailbox.used().unwrap_or_default();
+        if wanted & bit(Topic::Image) != 0 {
+            copy.0.copy_frame(frame, *camera);
+        }
+        copy.0.frame.capture = frame.capture;
+        copy.0.camera = *camera;
+        copy.0.copy_results(results);
+        if self.shared.mailbox.put_latest(copy) == nunet_source::Put::Replaced {
+            self.shared.counts.add_superseded();
+        }
+    }
+
+    fn on_status(&mut self, status: &Status<'_>) {
+        let mut state = self.shared.state();
+        (state.is_up, state.frames, state.fps) = (status.is_up, *status.counts, status.totals.fps());
+    }
+
+    fn messages(&self) -> Option<MessageCounts> {
+        Some(self.shared.counts.clone())
+    }
+
+    /// The waiting frame is still sent.
+    fn finish(self: Box<Self>, _last: Option<&Results<'_>>) -> FinishingSink {
+        self.shared.mailbox.close();
+        let Self { shared, thread } = *self;
+        FinishingSink::new(move |timeout| {
+            let waited = timeout.wait("ROS 2", || thread.is_finished(), || shared.counts.sent());
+            if let Err(why) = waited {
+                warn!("the last ROS 2 messages were not sent: {why}");
+            }
+            let (sent, not_taken) = (shared.counts.sent(), shared.counts.not_taken());
+            let superseded = shared.counts.superseded();
+            info!("ROS 2: {sent} messages sent, {not_taken} not taken, {superseded} frames superseded");
+            Ok(Outcome::Done)
+        })
+    }
+}
+
+/// The network's side.
+pub(crate) struct CameraThread {
+    shared: Arc<Shared>,
+    outputs: Outputs,
+    encoder: FrameEncoder,
+    name: String,
+    frame_id: String,
+    classes: Vec<String>,
+    mount: Option<Mount>,
+    about: Vec<(&'static str, String)>,
+    message: Vec<u8>,
+    failures: RateLimit,
+}
+
+impl CameraThread {
+    /// Starts the thread of a camera.
+    pub(crate) fn start(
+        camera: &CameraOptions<'_>,
+        depth: DepthFormat,
+        outputs: Outputs,
+    ) -> Result<Ros2Sink, Ros2Error> {
+        let shared = Arc::new(Shared {
+            mailbox: Mailbox::default(),
+            wanted: AtomicU32::new(0),
+            counts: camera.counts.clone(),
+            state: Mutex::default(),
+        });
+        let side = Self {
+            shared: Arc::clone(&shared),
+            outputs,
+            encoder: FrameEncoder::new(camera.frame_id, depth),
+            name: camera.name.to_owned(),
+            frame_id: camera.frame_id.to_owned(),
+            classes: camera.classes.to_vec(),
+            mount: camera.mount,
+            about: camera.about.to_vec(),
+            message: Vec::new(),
+            failures: RateLimit::default(),
+        };
+        let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(|| side.run());
+        Ok(Ros2Sink { shared, thread: thread.map_err(Ros2Error::Thread)? })
+    }
+
+    fn run(mut self) {
+        self.send_kept();
+        let (mut counted, mut diagnosed) = (None::<Instant>, Instant::now());
+        loop {
+            if counted.is_none_or(|last| last.elapsed() >= COUNT_PERIOD) {
+                self.shared.wanted.store(self.outputs.wanted(), Ordering::Relaxed);
+                counted = Some(Instant::now());
+            }
+            if diagnosed.elapsed() >= DIAGNOSTICS_PERIOD {
+                self.send_diagnostics();
+                diagnosed = Instant::now();
+            }
+            match self.shared.mailbox.take(COUNT_PERIOD) {
+                Taken::Item(copy) => {
+                    self.send_frame(&copy.0);
+                    self.shared.mailbox.give_back(copy);
+                }
+                Taken::Nothing => {}
+                Taken::Closed => break,
+            }
+        }
+    }
+
+    /// What late subscribers get.
+    fn send_kept(&mut self) {
+        let header = Header { frame_id: self.frame_id.as_str().into(), ..header_now() };
+        let encoded = encode(&LabelInfo::new(header.clone(), &self.classes), &mut self.message);
+        let label_info = encoded.map(|()| self.message.clone());
+        self.send(Topic::LabelInfo, label_info);
+        if let Some(mount) = self.mount {
+            let header = Header { frame_id: self.frame_id.as_str().into(), ..header_now() };
+            let encoded = RosMessage::TfStatic(mount).encode(&header, &mut self.message);
+            let transform = encoded.map(|()| self.message.clone());
+            self.send(Topic::TfStatic, transform);
+        }
+    }
+
+    /// Sends a message that does not belong to a frame.
+    fn send(&mut self, topic: Topic, message: Result<Vec<u8>, String>) {
+        let publishers = self.outputs.0.iter().filter(|(own, _)| *own == topic);
+        match message {
+            Ok(message) => publishers.flat_map(|(_, all)| all).for_each(|one| {
+                one.send(&message);
+            }),
+            Err(reason) => warn!("cannot encode `{topic}`: {reason}"),
+        }
+    }
+
+    /// Sends all topics of a frame that something subscribes to.
+    fn send_frame(&mut self, record: &Record) {
+        let Self { shared, outputs, encoder, failures, .. } = self;
+        let wanted = shared.wanted.load(Ordering::Relaxed) & !WITHOUT_FRAME;
+        for (topic, publishers) in outputs.0.iter().filter(|(topic, _)| wanted & bit(*topic) != 0) {
+            match encoder.encode(*topic, record) {
+                Ok(Some(message)) => {
+                    let subscribed = publishers.iter().filter(|one| one.subscribers() > 0);
+                    subscribed.for_each(|one| shared.counts.add(one.send(message)));
+                }
+                Ok(None) => {}
+                Err(error) => {
+                    if let Some(suppressed) = failures.allow(Instant::now()) {
+                        warn!("cannot send `{topic}`: {error:#}{suppressed}");
+                    }
+                }
+            }
+        }
+    }
+
+    fn send_diagnostics(&mut self) {
+        if self.shared.wanted.load(Ordering::Relaxed) & bit(Topic::Diagnostics) == 0 {
+            return;
+        }
+        let state = *self.shared.state();
+        let array = self.diagnostics(&state);
+        let mut message = Vec::new();
+        let encoded = encode(&array, &mut message).map(|()| message);
+        self.send(Topic::Diagnostics, encoded);
+    }
+
+    fn diagnostics(&self, state: &State) -> DiagnosticArray<'_> {
+        let header = header_now();
+        let age_ms = (header.stamp.unix_nanos() - state.capture_unix_nanos) as f64 / 1e6;
+        let Counts { captured, published, superseded, failed, in_flight } = state.frames;
+        let counts = &self.shared.counts;
+        let values = [
+            ("frames per second", format!("{:.2}", state.fps)),
+            ("age of the last frame, ms", format!("{age_ms:.1}")),
+            ("latency of the last frame, ms", format!("{:.2}", f64::from(state.total_micros) / 1e3)),
+            ("units", state.scale.map_or("none", |scale| scale.units.name()).to_owned()),
+            ("scale source", state.scale.map_or("none", |scale| scale.source.name()).to_owned()),
+            ("scale factor", state.scale.map_or(0.0, |scale| scale.factor).to_string()),
+            ("captured", captured.to_string()),
+            ("published", published.to_string()),
+            ("superseded", superseded.to_string()),
+            ("failed", failed.to_string()),
+            ("in flight", in_flight.to_string()),
+            ("ROS 2 messages sent", counts.sent().to_string()),
+            ("ROS 2 messages not taken", counts.not_taken().to_string()),
+            ("ROS 2 frames superseded", counts.superseded().to_string()),
+        ];
+        let values = values.into_iter().chain(self.about.iter().cloned());
+        let (level, message) = if state.is_up {
+            (DiagnosticStatus::OK, "frames arrive")
+        } else {
+            (DiagnosticStatus::STALE, "the source gives no frames")
+        };
+        let status = DiagnosticStatus {
+            level,
+            name: format!("nunetd: {}", self.name),
+            message,
+            hardware_id: &self.name,
+            values: values.map(|(key, value)| KeyValue { key, value }).collect(),
+        };
+        DiagnosticArray { header, status: vec![status] }
+    }
+}

@@ -1,0 +1,64 @@
+//! Messages that recordings do not have.
+
+use nunet_mcap::ros::{Header, Time};
+use serde::Serialize;
+
+/// `vision_msgs/msg/LabelInfo`
+#[derive(Debug, Serialize)]
+pub(crate) struct LabelInfo<'a> {
+    header: Header<'a>,
+    class_map: Vec<VisionClass<'a>>,
+    threshold: f32,
+}
+
+/// `vision_msgs/msg/VisionClass`
+#[derive(Debug, Serialize)]
+struct VisionClass<'a> {
+    class_id: u16,
+    class_name: &'a str,
+}
+
+impl<'a> LabelInfo<'a> {
+    /// The classes in the order of their indices.
+    pub(crate) fn new(header: Header<'a>, classes: &'a [String]) -> Self {
+        let classes = (0..=u16::MAX).zip(classes);
+        let class_map = classes.map(|(class_id, class_name)| VisionClass { class_id, class_name }).collect();
+        Self { header, class_map, threshold: 0.0 }
+    }
+}
+
+/// `diagnostic_msgs/msg/DiagnosticArray`
+#[derive(Debug, Serialize)]
+pub(crate) struct DiagnosticArray<'a> {
+    pub(crate) header: Header<'a>,
+    pub(crate) status: Vec<DiagnosticStatus<'a>>,
+}
+
+/// `diagnostic_msgs/msg/DiagnosticStatus`
+#[derive(Debug, Serialize)]
+pub(crate) struct DiagnosticStatus<'a> {
+    pub(crate) level: u8,
+    pub(crate) name: String,
+    pub(crate) message: &'a str,
+    pub(crate) hardware_id: &'a str,
+    pub(crate) values: Vec<KeyValue>,
+}
+
+impl DiagnosticStatus<'_> {
+    pub(crate) const OK: u8 = 0;
+    pub(crate) const STALE: u8 = 3;
+}
+
+/// `diagnostic_msgs/msg/KeyValue`
+#[derive(Debug, Serialize)]
+pub(crate) struct KeyValue {
+    pub(crate) key: &'static str,
+    pub(crate) value: String,
+}
+
+/// The header of messages that belong to no coordinate frame.
+pub(crate) fn header_now() -> Header<'static> {
+    let since_1970 = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+    let nanos = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
+    Header { stamp: Time::from_unix_nanos(nanos), frame_id: "".into() }
+}

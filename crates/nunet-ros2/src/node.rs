@@ -1,0 +1,75 @@
+//! The connections to ROS 2 that all cameras share.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use nunet_sink::sink::Sink;
+use tracing::info;
+
+use crate::camera::{CameraThread, Outputs};
+use crate::environment::Environment;
+use crate::error::Ros2Error;
+use crate::link::Link;
+use crate::options::{Available, CameraOptions, LinkName, Ros2Options, check_camera_name};
+use crate::topic::Topic;
+
+/// Connections to ROS 2. They end with it.
+pub struct Ros2Node {
+    links: Vec<Arc<dyn Link>>,
+    options: Ros2Options,
+}
+
+impl Ros2Node {
+    /// Connects by all transports of `options`.
+    ///
+    /// # Errors
+    /// A variable of the environment is wrong, or the network cannot be used.
+    pub fn open(options: &Ros2Options) -> Result<Self, Ros2Error> {
+        let links = options.links.iter().map(open_link).collect::<Result<_, _>>()?;
+        Ok(Self { links, options: options.clone() })
+    }
+
+    /// Publishes the topics of a camera.
+    ///
+    /// # Errors
+    /// The camera does not have a topic that was asked for, or its name cannot be part of a topic.
+    pub fn add_camera(&self, camera: &CameraOptions<'_>) -> Result<Box<dyn Sink>, Ros2Error> {
+        check_camera_name(camera.name)?;
+        let topics = self.topics(camera)?;
+        let mut outputs = Outputs::default();
+        for topic in topics.iter().copied() {
+            let publishers = self.links.iter().map(|link| link.publisher(camera.name, topic));
+            outputs.add(topic, publishers.collect::<Result<_, _>>()?);
+        }
+        self.links.iter().try_for_each(|link| link.announce_node(camera.name))?;
+        info!("ROS 2 topics: {}", listed(&topics, camera.name));
+        Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs)?))
+    }
+
+    fn topics(&self, camera: &CameraOptions<'_>) -> Result<BTreeSet<Topic>, Ros2Error> {
+        let available = Available { labels: camera.has_labels, obstacles: camera.has_obstacles };
+        let mut topics = self.options.topics.of_camera(available)?;
+        if camera.mount.is_none() {
+            topics.remove(&Topic::TfStatic);
+        }
+        Ok(topics)
+    }
+}
+
+fn open_link(name: &LinkName) -> Result<Arc<dyn Link>, Ros2Error> {
+    match name {
+        #[cfg(feature = "ros2-dds")]
+        LinkName::Dds { domain } => {
+            let mut environment = Environment::of_process()?;
+            environment.domain = domain.unwrap_or(environment.domain);
+            Ok(Arc::new(crate::dds::DdsLink::open(&environment)?))
+        }
+        #[cfg(not(feature = "ros2-dds"))]
+        LinkName::Dds { .. } => Err(Ros2Error::Transport { name: "dds" }),
+    }
+}
+
+fn listed(topics: &BTreeSet<Topic>, camera: &str) -> String {
+    let names: Vec<_> = topics.iter().map(|topic| topic.of_camera(camera)).collect();
+    names.join(" ")
+}

@@ -1,0 +1,218 @@
+//! What the user can choose.
+
+use std::collections::BTreeSet;
+use std::str::FromStr;
+
+use nunet_mcap::Mount;
+use nunet_telemetry::MessageCounts;
+
+use crate::environment::Environment;
+use crate::error::{Ros2Error, is_valid_name};
+use crate::topic::Topic;
+
+/// A connection to ROS 2: `dds` or `dds:DOMAIN`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LinkName {
+    /// DDS, the default of ROS 2.
+    Dds {
+        /// The domain; `None` for that of the environment.
+        domain: Option<u16>,
+    },
+}
+
+impl FromStr for LinkName {
+    type Err = Ros2Error;
+
+    fn from_str(text: &str) -> Result<Self, Ros2Error> {
+        match text.split_once(':') {
+            None if text == "dds" => Ok(Self::Dds { domain: None }),
+            Some(("dds", domain)) => {
+                let domain = crate::environment::domain("the domain", domain);
+                domain.map(|domain| Self::Dds { domain: Some(domain) })
+            }
+            _ => Err(unknown("transport", text, "`dds` or `dds:DOMAIN`")),
+        }
+    }
+}
+
+/// How depth is encoded in images.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum DepthFormat {
+    /// `32FC1`: meters, NaN = no measurement.
+    #[default]
+    Meters,
+    /// `16UC1`: millimeters, 0 = no measurement. Depth beyond 65.535 m has none.
+    Millimeters,
+}
+
+impl FromStr for DepthFormat {
+    type Err = Ros2Error;
+
+    fn from_str(text: &str) -> Result<Self, Ros2Error> {
+        match text {
+            "32FC1" => Ok(Self::Meters),
+            "16UC1" => Ok(Self::Millimeters),
+            _ => Err(unknown("encoding of depth", text, "32FC1 or 16UC1")),
+        }
+    }
+}
+
+fn unknown(what: &'static str, value: &str, expected: impl Into<String>) -> Ros2Error {
+    Ros2Error::Unknown { what, value: value.to_owned(), expected: expected.into() }
+}
+
+/// The topics of a camera.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum Topics {
+    /// Those that fit into ordinary networks, as far as the camera has them.
+    #[default]
+    Default,
+    /// All that the camera has.
+    All,
+    /// These.
+    These(BTreeSet<Topic>),
+}
+
+impl FromStr for Topics {
+    type Err = Ros2Error;
+
+    fn from_str(text: &str) -> Result<Self, Ros2Error> {
+        match text {
+            "all" => Ok(Self::All),
+            "default" => Ok(Self::Default),
+            _ => text.split(',').map(topic_named).collect::<Result<_, _>>().map(Self::These),
+        }
+    }
+}
+
+fn topic_named(name: &str) -> Result<Topic, Ros2Error> {
+    let choosable = Topic::ALL.into_iter().filter(|topic| !Topic::ALWAYS.contains(topic));
+    choosable.clone().find(|topic| topic.name() == name).ok_or_else(|| {
+        let names: Vec<_> = choosable.map(Topic::name).collect();
+        unknown("topic", name, format!("`all`, `default` or a list of {}", names.join(", ")))
+    })
+}
+
+/// What a camera has beside depth.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Available {
+    /// Labels.
+    pub labels: bool,
+    /// Obstacles.
+    pub obstacles: bool,
+}
+
+impl Topics {
+    /// The topics of a camera that has this.
+    ///
+    /// # Errors
+    /// A topic was asked for that it does not have.
+    pub fn of_camera(&self, available: Available) -> Result<BTreeSet<Topic>, Ros2Error> {
+        let missing = |topic: Topic| match topic {
+            _ if topic.needs_obstacles() && !available.obstacles => Some("obstacles, which need a mount"),
+            _ if topic.needs_labels() && !available.labels => Some("a model with labels"),
+            _ => None,
+        };
+        let present = |topics: &[Topic]| -> BTreeSet<Topic> {
+            topics.iter().copied().filter(|topic| missing(*topic).is_none()).collect()
+        };
+        let chosen = match self {
+            Self::Default => present(&Topic::DEFAULT),
+            Self::All => present(&Topic::ALL),
+            Self::These(topics) => topics.clone(),
+        };
+        let failed = chosen.iter().find_map(|&topic| Some((topic.name(), missing(topic)?)));
+        if let Some((topic, needed)) = failed {
+            return Err(Ros2Error::Missing { topic, needed });
+        }
+        Ok(chosen.into_iter().chain(Topic::ALWAYS).collect())
+    }
+}
+
+/// What the user chose.
+#[derive(Debug, Clone, Default)]
+pub struct Ros2Options {
+    /// Where messages are sent; nowhere if it is empty.
+    pub links: Vec<LinkName>,
+    /// The topics of each camera.
+    pub topics: Topics,
+    /// How depth is encoded.
+    pub depth: DepthFormat,
+}
+
+impl Ros2Options {
+    /// Checks what can be checked without the network: the environment and the names of the cameras.
+    ///
+    /// # Errors
+    /// ROS 2 does not take one of them.
+    pub fn check<'a>(&self, mut cameras: impl Iterator<Item = &'a str>) -> Result<(), Ros2Error> {
+        if self.links.is_empty() {
+            return Ok(());
+        }
+        Environment::of_process()?;
+        cameras.try_for_each(check_camera_name)
+    }
+}
+
+/// A camera as other nodes see it.
+#[derive(Debug, Clone, Copy)]
+pub struct CameraOptions<'a> {
+    /// First part of its topics.
+    pub name: &'a str,
+    /// The coordinate frame of its images.
+    pub frame_id: &'a str,
+    /// The names of the classes, in the order of their indices; empty without labels.
+    pub classes: &'a [String],
+    /// Where it is on the robot.
+    pub mount: Option<Mount>,
+    /// Whether the model has labels.
+    pub has_labels: bool,
+    /// Whether obstacles are found.
+    pub has_obstacles: bool,
+    /// Counts its messages.
+    pub counts: &'a MessageCounts,
+    /// Facts that do not change: model, provider.
+    pub about: &'a [(&'static str, String)],
+}
+
+/// Checks whether topics of a camera can have this name.
+pub(crate) fn check_camera_name(name: &str) -> Result<(), Ros2Error> {
+    if is_valid_name(name) { Ok(()) } else { Err(Ros2Error::CameraName { name: name.to_owned() }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Ros2ErrorKind;
+
+    #[test]
+    fn links_are_parsed_and_mistakes_are_named() {
+        assert_eq!("dds".parse::<LinkName>().unwrap(), LinkName::Dds { domain: None });
+        assert_eq!("dds:7".parse::<LinkName>().unwrap(), LinkName::Dds { domain: Some(7) });
+        for text in ["dds:233", "dds:-1", "dds:", "dds:x", "ros", "", "DDS"] {
+            assert!(text.parse::<LinkName>().is_err(), "{text}");
+        }
+        let error = "dds:300".parse::<LinkName>().unwrap_err();
+        assert_eq!(error.to_string(), "the domain is `300`, expected a ROS 2 domain from 0 to 232");
+    }
+
+    #[test]
+    fn an_unknown_topic_is_an_error_that_lists_the_known_ones() {
+        let error = "scan,depht/image_raw".parse::<Topics>().unwrap_err().to_string();
+        assert!(error.starts_with("unknown topic `depht/image_raw`, expected `all`"), "{error}");
+        assert!(error.contains("depth/image_raw, depth/camera_info"), "{error}");
+        assert!("/tf_static".parse::<Topics>().is_err(), "it is always there");
+    }
+
+    #[test]
+    fn a_camera_has_the_topics_that_it_can_fill() {
+        let nothing = Available::default();
+        let default = Topics::Default.of_camera(nothing).unwrap();
+        assert!(default.contains(&Topic::HalfDepth) && !default.contains(&Topic::Scan));
+        let everything = Available { labels: true, obstacles: true };
+        assert_eq!(Topics::All.of_camera(everything).unwrap().len(), Topic::ALL.len());
+        let error = "scan".parse::<Topics>().unwrap().of_camera(nothing).unwrap_err();
+        assert_eq!(error.kind(), Ros2ErrorKind::Arguments);
+        assert!("labels/image_raw".parse::<Topics>().unwrap().of_camera(nothing).is_err());
+    }
+}

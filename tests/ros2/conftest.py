@@ -1,0 +1,140 @@
+"""nunetd in a network of its own, and nodes of ROS 2 that receive from it."""
+
+import ctypes
+import fcntl
+import json
+import os
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+TIMEOUT_S = 120.0
+CLONE_NEWNET = 0x40000000
+CLONE_NEWUSER = 0x10000000
+SIOCSIFFLAGS = 0x8914
+IFF_UP = 1
+
+
+def enter_own_network() -> None:
+    """Leaves this process and its children with loopback alone, so that tests reach no machine."""
+    user = 0 if os.geteuid() == 0 else CLONE_NEWUSER
+    if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNET | user) != 0:
+        raise OSError(ctypes.get_errno(), "cannot make a network namespace; run as root or allow user namespaces")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
+
+
+# Before the first import of ROS 2, whose threads could not follow.
+enter_own_network()
+os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+os.environ["CYCLONEDDS_URI"] = (
+    "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo'/></Interfaces>"
+    "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+    "<MaxAutoParticipantIndex>30</MaxAutoParticipantIndex>"
+    "<Peers><Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>"
+)
+
+import pytest  # noqa: E402
+import rclpy  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+
+
+def nunetd() -> str:
+    """The program under test."""
+    named = os.environ.get("NUNETD") or str(ROOT / "target/debug/nunetd")
+    assert Path(named).is_file(), f"no nunetd at {named}; build it, or name it by NUNETD"
+    return named
+
+
+@dataclass
+class Daemon:
+    """A running nunetd that publishes a camera."""
+
+    camera: str
+    out: Path
+    process: subprocess.Popen
+    log: Path
+
+    def stop(self) -> dict:
+        """Ends it, and returns its stats; the results of the last frame are in `out`."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(TIMEOUT_S) == 0, self.log.read_text()
+        return json.loads((self.out / "stats.json").read_text())
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    """Starts nunetd on one image, again and again: every frame has the same results."""
+    started: list[subprocess.Popen] = []
+
+    def begin(image: Path, *arguments: str, rate: str = "10") -> Daemon:
+        images, out = tmp_path / "images", tmp_path / "out"
+        images.mkdir()
+        out.mkdir()
+        shutil.copy(image, images)
+        camera, log = f"ros{os.getpid()}", tmp_path / "log"
+        command = [
+            nunetd(), "run", "--source", str(images), "--loop", "--rate", rate, "--camera", camera,
+            "--ros2", "dds", "--out", str(out), "--stats-json", str(out / "stats.json"), *arguments,
+        ]  # fmt: skip
+        with log.open("w") as stderr:
+            process = subprocess.Popen(command, stderr=stderr, stdin=subprocess.DEVNULL)
+        started.append(process)
+        return Daemon(camera, out, process, log)
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+@dataclass
+class Receiver:
+    """A node that keeps what it receives."""
+
+    node: Node
+    executor: SingleThreadedExecutor
+    messages: dict[str, list] = field(default_factory=dict)
+
+    def subscribe(self, message_type: type, topic: str, qos: object = 10) -> list:
+        """Received messages are appended to the returned list."""
+        received = self.messages.setdefault(topic, [])
+        self.node.create_subscription(message_type, topic, received.append, qos)
+        return received
+
+    def spin_until(self, condition: Callable[[], bool], timeout_s: float = TIMEOUT_S) -> None:
+        """Receives until the condition holds."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end, {topic: len(all_of) for topic, all_of in self.messages.items()}
+            self.executor.spin_once(timeout_sec=0.1)
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    """A node of ROS 2 in this process."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("receiver", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield Receiver(node, executor)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def stamp_of(message: object) -> tuple[int, int]:
+    """Seconds and nanoseconds of a message's header."""
+    return (message.header.stamp.sec, message.header.stamp.nanosec)
