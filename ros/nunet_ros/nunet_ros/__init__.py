@@ -1,0 +1,1 @@
+"""Starts nunetd as a node of ROS 2."""

@@ -1,0 +1,38 @@
+"""The command line of nunetd, from parameters."""
+
+from collections.abc import Mapping, Sequence
+
+DEFAULTS: dict[str, object] = {
+    "executable": "nunetd",
+    "source": "/dev/video0",
+    "camera": "front",
+    "model": "",
+    "calibration": "",
+    "intrinsics": "",
+    "mount": "",
+    "topics": "default",
+    "depth_format": "32FC1",
+    "restart_delay_s": 2.0,
+    "arguments": [""],
+}
+"""The parameters and their defaults. ROS cannot tell the type of an empty list, so it has one empty text."""
+
+FLAGS = {
+    "source": "--source",
+    "camera": "--camera",
+    "model": "--model",
+    "calibration": "--calibration",
+    "intrinsics": "--intrinsics",
+    "mount": "--mount",
+    "topics": "--ros2-topics",
+    "depth_format": "--ros2-depth",
+}
+
+
+def command(parameters: Mapping[str, object]) -> list[str]:
+    """`nunetd run` with the flags of all parameters that are not empty."""
+    flags = [word for name, flag in FLAGS.items() if parameters[name] != "" for word in (flag, str(parameters[name]))]
+    further = parameters["arguments"]
+    assert isinstance(further, Sequence)
+    # The node's environment has the domain and the discovery range.
+    return [str(parameters["executable"]), "run", *flags, "--ros2", "dds", *(word for word in further if word)]

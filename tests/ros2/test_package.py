@@ -1,0 +1,67 @@
+"""The node of `ros/nunet_ros`: it starts nunetd, restarts it, and ends it with itself."""
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import rclpy
+from conftest import ROOT, TIMEOUT_S, Receiver, nunetd
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image
+
+sys.path.insert(0, str(ROOT / "ros/nunet_ros"))
+from nunet_ros.command import DEFAULTS, command
+from nunet_ros.node import NunetNode
+
+
+def test_empty_parameters_leave_the_defaults_of_nunetd() -> None:
+    words = command({**DEFAULTS, "mount": "0,0,0.2,0,0,0", "arguments": ["", "--frames", "9"]})
+    expected = "nunetd run --source /dev/video0 --camera front --mount 0,0,0.2,0,0,0 --ros2-topics default"
+    assert " ".join(words) == f"{expected} --ros2-depth 32FC1 --ros2 dds --frames 9"
+
+
+@pytest.fixture
+def make_node() -> object:
+    """Makes nodes with parameters, and ends them."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    nodes: list[NunetNode] = []
+
+    def make(**parameters: object) -> NunetNode:
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        nodes.append(NunetNode(context=context, parameter_overrides=overrides))
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_the_node_publishes_through_nunetd_and_ends_it(make_node: object, receiver: Receiver) -> None:
+    image = min((ROOT / "models/clip/rgb").iterdir())
+    node = make_node(
+        executable=nunetd(), source=str(image.parent), camera="rosnode", model="unet",
+        topics="depth/half/image_raw", arguments=["--loop", "--rate", "5"],
+    )  # fmt: skip
+    received = receiver.subscribe(Image, "/rosnode/depth/half/image_raw")
+    receiver.spin_until(lambda: len(received) > 3)
+    process = node._process
+    assert process.poll() is None
+    node.destroy_node()
+    assert process.wait(TIMEOUT_S) == 0
+    assert node.has_ended
+
+
+def test_nunetd_is_started_again_after_a_failure(make_node: object, tmp_path: Path) -> None:
+    starts = tmp_path / "starts"
+    program = tmp_path / "failing"
+    program.write_text(f"#!/bin/sh\necho start >> {starts}\nexit 1\n")
+    program.chmod(0o755)
+    node = make_node(executable=str(program), restart_delay_s=0.1)
+    end = time.monotonic() + TIMEOUT_S
+    while not starts.exists() or len(starts.read_text().splitlines()) < 3:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert not node.has_ended
