@@ -81,6 +81,18 @@ pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     Some((low + high) / 2.0)
 }
 
+/// The factor with the least mean absolute relative error, if each of these is the right one for a pixel: their median,
+/// weighted by their inverses. `None` without any.
+pub(crate) fn least_relative_error(mut factors: Vec<f64>) -> Option<f64> {
+    factors.sort_unstable_by(f64::total_cmp);
+    let half = factors.iter().map(|factor| 1.0 / factor).sum::<f64>() / 2.0;
+    let mut sum = 0.0;
+    factors.into_iter().find(|factor| {
+        sum += 1.0 / factor;
+        sum >= half
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,6 +125,16 @@ mod tests {
             let CalibrateError::Inconsistent { worst, .. } = &error else { panic!("{error}") };
             assert!(worst.starts_with("frame "), "{worst}");
         }
+    }
+
+    #[test]
+    fn no_other_factor_has_a_smaller_relative_error() {
+        let factors = vec![0.5, 0.8, 0.9, 1.0, 1.1, 1.6, 2.5];
+        let error = |one: f64| factors.iter().map(|factor| (one / factor - 1.0).abs()).sum::<f64>();
+        let found = least_relative_error(factors.clone()).unwrap();
+        let least = factors.iter().map(|one| error(*one)).fold(f64::INFINITY, f64::min);
+        assert!((error(found) - least).abs() < 1e-12, "{found}");
+        assert_eq!(least_relative_error(Vec::new()), None);
     }
 
     #[test]

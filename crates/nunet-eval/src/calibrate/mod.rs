@@ -17,7 +17,7 @@ use nunet_core::scale::FloorGauge;
 use nunet_source::{CameraResolver, Frame, decode};
 use nunet_types::{ImageSize, text_with_causes};
 
-use self::agreement::{Observation, median};
+use self::agreement::{Observation, least_relative_error, median};
 use self::readings::Reading;
 use crate::dataset::Dataset;
 use crate::error::{EvalError, hint_of_chain};
@@ -268,11 +268,11 @@ impl Calibrator {
         Ok(found.map(|found| f64::from(found.ratio)))
     }
 
-    /// The median ratio over all pixels with truth below the cap.
+    /// The factor with the least mean absolute relative error over all pixels with truth below the cap.
     fn over_image(&self, truth_m: &[f32], size: ImageSize, cap_m: f32) -> Option<f64> {
         let predicted = Fit::new(&self.pipeline, size).depth(&self.depth_m);
         let pairs = truth_m.iter().zip(&predicted).filter(|(truth, _)| **truth > 0.0 && **truth < cap_m);
         let ratios = pairs.map(|(truth, predicted)| f64::from(truth / predicted));
-        median(ratios.filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect())
+        least_relative_error(ratios.filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect())
     }
 }
