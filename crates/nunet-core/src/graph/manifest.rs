@@ -19,7 +19,7 @@ pub(crate) const MAX_TOML_BYTES: u64 = 64 * 1024;
 /// The supported version of the format.
 const VERSION: u32 = 1;
 /// Names of the pipeline's own stages, and of the image in a manifest.
-const RESERVED_NAMES: [&str; 10] = [
+const RESERVED_NAMES: [&str; 11] = [
     "image",
     "queue",
     "preprocess",
@@ -28,6 +28,7 @@ const RESERVED_NAMES: [&str; 10] = [
     "spatial",
     "temporal",
     "holes",
+    "obstacles",
     "cloud",
     "publish",
 ];
