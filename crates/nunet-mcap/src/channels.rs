@@ -10,12 +10,16 @@ use crate::records::Records;
 use crate::topics::{color_topics, depth_topics};
 
 /// The channels of one file, as far as they are known.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(crate) struct Channels {
     schemas: HashMap<u16, String>,
     by_id: BTreeMap<u16, Channel>,
     /// Messages of each channel, where the file's index states them.
     counts: BTreeMap<u16, u64>,
+    /// Log time of the first message, where the index states it.
+    start_nanos: Option<u64>,
+    /// Where the file is damaged or cut off, if the search for channels found that.
+    damage: Option<String>,
 }
 
 impl Channels {
@@ -31,15 +35,19 @@ impl Channels {
         let mut channels = Self::default();
         match channels.learn_all(Records::open(path)?, given_up) {
             // What was found before the damage can be read.
-            Ok(()) | Err(RecordingError::Damaged { .. }) => Ok(channels),
-            Err(error) => Err(error),
+            Err(RecordingError::Damaged { reason, .. }) => channels.damage = Some(reason),
+            learned => learned?,
         }
+        Ok(channels)
     }
 
     fn learn_all(&mut self, mut records: Records, given_up: &dyn Fn() -> bool) -> Result<(), RecordingError> {
         while !given_up() {
-            if records.next(|record| self.learn(&record))?.is_none() {
-                return Ok(());
+            match records.next(|record| self.learn(&record)) {
+                Ok(Some(())) => {}
+                Ok(None) => return Ok(()),
+                Err(RecordingError::DamagedChunk { reason, .. }) => self.damage = Some(reason),
+                Err(error) => return Err(error),
             }
         }
         Err(RecordingError::GivenUp { path: records.path().to_owned() })
@@ -55,9 +63,19 @@ impl Channels {
                 let schema = self.schemas.get(schema_id).cloned().unwrap_or_default();
                 self.by_id.insert(*id, Channel::new(topic, schema, encoding));
             }
-            Record::Statistics { counts } => self.counts.clone_from(counts),
-            Record::Message { .. } | Record::Metadata { .. } | Record::Other => {}
+            Record::Statistics { counts, start_nanos } => {
+                self.counts.clone_from(counts);
+                self.start_nanos = (!counts.is_empty()).then_some(*start_nanos);
+            }
+            Record::Message { .. }
+            | Record::Metadata { .. }
+            | Record::MessageIndex { .. }
+            | Record::Other => {}
         }
+    }
+
+    pub(crate) fn start_nanos(&self) -> Option<u64> {
+        self.start_nanos
     }
 
     pub(crate) fn get(&self, id: u16) -> Option<&Channel> {
@@ -72,6 +90,8 @@ pub(crate) struct Topics {
     counts: BTreeMap<String, u64>,
     /// Whether every file states its counts.
     is_counted: bool,
+    /// Where a file is damaged or cut off.
+    damage: Option<String>,
 }
 
 /// How a topic is chosen where names do not tell: by its first message.
@@ -81,21 +101,24 @@ pub(crate) trait FirstImages {
 }
 
 impl Topics {
-    pub(crate) fn of_files<'a>(
-        paths: impl IntoIterator<Item = &'a Path>,
-        given_up: &dyn Fn() -> bool,
-    ) -> Result<Self, RecordingError> {
+    pub(crate) fn of_files<'a>(files: impl IntoIterator<Item = &'a Channels>) -> Self {
         let mut topics = Self { is_counted: true, ..Self::default() };
-        for path in paths {
-            let file = Channels::of_file(path, given_up)?;
+        for file in files {
             topics.is_counted &= !file.counts.is_empty();
-            for (id, channel) in file.by_id {
-                let count = file.counts.get(&id).copied().unwrap_or_default();
+            topics.damage = topics.damage.or_else(|| file.damage.clone());
+            for (id, channel) in &file.by_id {
+                let count = file.counts.get(id).copied().unwrap_or_default();
                 *topics.counts.entry(channel.topic.clone()).or_default() += count;
-                topics.channels.push(channel);
+                topics.channels.push(channel.clone());
             }
         }
-        Ok(topics)
+        topics
+    }
+
+    /// Nothing was found, perhaps because it was lost.
+    fn is_lost(&self, path: &Path) -> Option<RecordingError> {
+        let reason = self.damage.clone().filter(|_| self.channels.is_empty())?;
+        Some(RecordingError::NothingLeft { path: path.to_owned(), reason })
     }
 
     /// How many messages a topic has, where every file's index states it.
@@ -122,12 +145,16 @@ impl Topics {
         }
         let all = self.image_topics();
         let mut color = color_topics(&all);
-        if color.len() > 1 {
-            let depth = first.are_depth(&color.iter().copied().collect());
-            color.retain(|topic| depth.get(*topic) != Some(&true));
+        let depth = first.are_depth(&color.iter().copied().collect());
+        let named = color.len();
+        color.retain(|topic| depth.get(*topic) != Some(&true));
+        if color.is_empty() && named > 0 {
+            return Err(RecordingError::OnlyDepth { path: path.to_owned(), topics: self.all() });
         }
         match color.as_slice() {
-            [] => Err(RecordingError::NoImages { path: path.to_owned(), topics: self.all() }),
+            [] => Err(self
+                .is_lost(path)
+                .unwrap_or_else(|| RecordingError::NoImages { path: path.to_owned(), topics: self.all() })),
             [topic] => Ok((*topic).to_owned()),
             several => Err(RecordingError::SeveralTopics { path: path.to_owned(), topics: list(several) }),
         }
@@ -150,7 +177,9 @@ impl Topics {
             depth = all.into_iter().filter(|topic| are_depth.get(*topic) == Some(&true)).collect();
         }
         match depth.as_slice() {
-            [] => Err(RecordingError::NoDepth { path: path.to_owned(), topics: self.all() }),
+            [] => Err(self
+                .is_lost(path)
+                .unwrap_or_else(|| RecordingError::NoDepth { path: path.to_owned(), topics: self.all() })),
             [topic] => Ok((*topic).to_owned()),
             several => Err(RecordingError::SeveralDepths { path: path.to_owned(), topics: list(several) }),
         }

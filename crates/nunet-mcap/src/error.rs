@@ -79,6 +79,32 @@ pub enum RecordingError {
         /// What was found.
         reason: String,
     },
+    /// A chunk of the file is damaged; what is before and behind it can be read.
+    #[error("the recording `{}` has a damaged chunk, and an image in it is lost: {reason}", path.display())]
+    DamagedChunk {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        reason: String,
+    },
+    /// The file is damaged or cut off before its first message.
+    #[error("the recording `{}` has nothing before the place where it is damaged or cut off: {reason}", path.display())]
+    NothingLeft {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        reason: String,
+    },
+    /// Parts of a split recording are missing, by their numbers.
+    #[error("parts of the recording are missing before `{}`: {count}, from number {first}", path.display())]
+    MissingParts {
+        /// The part behind them.
+        path: PathBuf,
+        /// The number of the first one.
+        first: u64,
+        /// How many.
+        count: u64,
+    },
     /// The file has no index, and the search for its topics was canceled by a shutdown.
     #[error("the recording `{}` was not read to its end: a stop was requested", path.display())]
     GivenUp {
@@ -88,6 +114,14 @@ pub enum RecordingError {
     /// No topic carries images.
     #[error("`{}` has no topic with images", path.display())]
     NoImages {
+        /// The file.
+        path: PathBuf,
+        /// The topics that exist.
+        topics: String,
+    },
+    /// Every topic that could carry images carries depth.
+    #[error("`{}` has depth but no images", path.display())]
+    OnlyDepth {
         /// The file.
         path: PathBuf,
         /// The topics that exist.
@@ -173,9 +207,14 @@ impl RecordingError {
             Self::Io { .. } | Self::Write { .. } | Self::Encode { .. } => RecordingErrorKind::Io,
             Self::Exists { .. } | Self::InUse { .. } => RecordingErrorKind::Occupied,
             Self::NotMcap { .. } | Self::NotARecordingFolder { .. } => RecordingErrorKind::Format,
-            Self::Damaged { .. } => RecordingErrorKind::Damaged,
+            Self::Damaged { .. }
+            | Self::DamagedChunk { .. }
+            | Self::NothingLeft { .. }
+            | Self::MissingParts { .. } => RecordingErrorKind::Damaged,
             Self::GivenUp { .. } => RecordingErrorKind::GivenUp,
-            Self::NoImages { .. } | Self::NoDepth { .. } => RecordingErrorKind::NothingToRead,
+            Self::NoImages { .. } | Self::OnlyDepth { .. } | Self::NoDepth { .. } => {
+                RecordingErrorKind::NothingToRead
+            }
             Self::SeveralTopics { .. }
             | Self::SeveralDepths { .. }
             | Self::NoSuchTopic { .. }
@@ -202,6 +241,9 @@ impl Hint for RecordingError {
                  and CDR are read; it has {topics}"
             )
             .into(),
+            Self::OnlyDepth { topics, .. } => {
+                format!("record the color or gray images of a camera; it has {topics}").into()
+            }
             Self::SeveralTopics { .. } | Self::SeveralDepths { .. } => "name one of the topics".into(),
             Self::NoDepth { topics, .. } => format!(
                 "depth is read from images in 32FC1 or 16UC1 and from compressedDepth; name the topic if it is one of \

@@ -50,11 +50,14 @@
 //!
 //! Errors have a [kind](RecordingError::kind) and a [hint](nunet_types::Hint).
 
+mod bag;
 mod camera;
 mod cdr;
 mod channel;
 mod channels;
+mod chunk;
 mod compressed_depth;
+mod damage;
 mod decode;
 mod encoding;
 mod error;
@@ -82,6 +85,6 @@ pub use image::RecordedImage;
 pub use mount::Mount;
 pub use obstacles::ObstaclesRecord;
 pub use other_files::{conversion_hint, recording_of_another_format};
-pub use parts::is_recording;
+pub use parts::{files, is_recording};
 pub use reader::{Next, Recording, model_of_results};
 pub use writer::RecordingWriter;

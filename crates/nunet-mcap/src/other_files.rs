@@ -37,15 +37,36 @@ pub fn conversion_hint(path: &Path, what: &str) -> Option<Cow<'static, str>> {
     let shown = path.display();
     let stem = path.with_extension("");
     let stem = stem.display();
+    let is_mcap = path.extension().is_some_and(|ending| ending == "mcap");
     Some(match what {
         ROS1_BAG => format!(
             "convert it: `pip install rosbags`, then `rosbags-convert --src {shown} --dst {stem} --dst-storage mcap`, and \
              name the folder `{stem}`"
         ),
+        // Tools go by the ending.
+        SQLITE_BAG if is_mcap => {
+            format!("convert it: `mv {shown} {stem}.db3`, then `mcap convert {stem}.db3 {shown}`, or `ros2 bag convert`")
+        }
         SQLITE_BAG => format!("convert it: `mcap convert {shown} {stem}.mcap`, or `ros2 bag convert`"),
+        ZSTD_FILE if is_mcap => format!("decompress it: `zstd -d {shown} -o {stem}_plain.mcap`"),
         ZSTD_FILE => format!("decompress it: `zstd -d {shown}`"),
+        LZ4_FILE if is_mcap => format!("decompress it: `lz4 -d {shown} {stem}_plain.mcap`"),
         LZ4_FILE => format!("decompress it: `lz4 -d {shown}`"),
         _ => return None,
     }
     .into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_file_is_converted_onto_itself() {
+        for what in [SQLITE_BAG, ZSTD_FILE, LZ4_FILE] {
+            let hint = conversion_hint(Path::new("run.mcap"), what).unwrap();
+            assert!(!hint.contains("run.mcap run.mcap") && !hint.ends_with("-d run.mcap`"), "{hint}");
+            assert!(conversion_hint(Path::new("run.db3"), what).unwrap().contains(" run.db3"));
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! The files of a recording: one MCAP file, or the folder of a split bag with all its parts in order.
 
 use std::cmp::Ordering;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -36,6 +37,13 @@ pub fn is_recording(path: &Path) -> bool {
     is_mcap || is_metadata || (path.is_dir() && is_bag())
 }
 
+/// The files that are read of a recording, and its folder.
+#[must_use]
+pub fn files(path: &Path) -> Vec<PathBuf> {
+    let folder = path.is_dir().then(|| path.to_owned());
+    folder.into_iter().chain(parts(path).unwrap_or_default()).collect()
+}
+
 /// The files of a recording, in the order in which they were recorded.
 ///
 /// # Errors
@@ -58,12 +66,21 @@ fn parts_of_folder(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     {
         // Older versions wrote the folder's name before that of the file.
         let names = listed.relative_file_paths.iter().filter_map(|path| path.file_name());
+        let mut seen = HashSet::new();
+        let names = names.filter(|name| seen.insert(*name));
         let files: Vec<PathBuf> = names.map(|name| folder.join(name)).collect();
-        if files.iter().all(|file| file.extension().is_some_and(|ending| ending == "mcap")) {
-            return Ok(files);
-        }
+        let Some(other) = files.iter().find(|file| !has_ending(file, "mcap")) else { return Ok(files) };
         let storage = &listed.storage_identifier;
-        return refused(format!("its parts are in `{storage:.20}`, expected `mcap`"), conversion(folder));
+        let stored = if storage.is_empty() || storage == "mcap" {
+            format!("its metadata.yaml lists `{:.80}`, expected `.mcap` files", shown_name(other))
+        } else {
+            format!("its parts are in `{storage:.20}`, expected `mcap`")
+        };
+        let is_zstd = has_ending(other, "zstd") || has_ending(other, "zst");
+        let unpacking = || {
+            format!("decompress its files and metadata.yaml's names: `zstd -d {}/*.zstd`", folder.display())
+        };
+        return refused(stored, if is_zstd { unpacking() } else { conversion(folder) });
     }
     let files = mcap_files(folder).map_err(|source| io("list the folder of", folder, source))?;
     match files.as_slice() {
@@ -77,6 +94,29 @@ fn parts_of_folder(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
             refused(format!("its {} MCAP files are not parts of one recording", files.len()), hint)
         }
     }
+}
+
+fn has_ending(file: &Path, ending: &str) -> bool {
+    file.extension().is_some_and(|found| found == ending)
+}
+
+fn shown_name(file: &Path) -> String {
+    file.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Numbers that are missing between those of the parts.
+pub(crate) fn gaps(files: &[PathBuf]) -> Vec<RecordingError> {
+    if files.len() < 2 || !are_parts(files) {
+        return Vec::new();
+    }
+    let mut numbers: Vec<(u64, &PathBuf)> =
+        files.iter().filter_map(|file| Some((numbered(&stem(file)).1?, file))).collect();
+    numbers.sort();
+    let gap = |pair: &[(u64, &PathBuf)]| {
+        let (first, count) = (pair[0].0 + 1, pair[1].0.saturating_sub(pair[0].0 + 1));
+        (count > 0).then(|| RecordingError::MissingParts { path: pair[1].1.clone(), first, count })
+    };
+    numbers.windows(2).filter_map(gap).collect()
 }
 
 fn conversion(folder: &Path) -> String {
@@ -99,12 +139,17 @@ fn mcap_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in folder.read_dir()? {
         let path = entry?.path();
-        if path.extension().is_some_and(|ending| ending == "mcap") && path.is_file() {
+        if has_ending(&path, "mcap") && !is_hidden(&path) && path.is_file() {
             files.push(path);
         }
     }
     files.sort_by(|a, b| by_number(&stem(a), &stem(b)).then_with(|| a.cmp(b)));
     Ok(files)
+}
+
+/// macOS leaves `._drive.mcap` beside `drive.mcap`.
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
 fn stem(path: &Path) -> String {
@@ -164,6 +209,23 @@ mod tests {
         assert_eq!(parts(&bag.path().join(METADATA)).unwrap().len(), 2, "named itself, it means its folder");
         let silent = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n";
         assert_eq!(names(&folder(&["x.mcap", "b.mcap"], Some(silent))).unwrap(), ["b.mcap", "x.mcap"]);
+    }
+
+    #[test]
+    fn missing_numbers_repeated_names_and_hidden_files_are_noticed() {
+        let bag = folder(&["d_10.mcap", "d_2.mcap", "d_0.mcap", "._d_0.mcap"], None);
+        let found = parts(bag.path()).unwrap();
+        assert_eq!(found.len(), 3);
+        let gaps: Vec<String> = gaps(&found).iter().map(ToString::to_string).collect();
+        assert_eq!(gaps.len(), 2, "{gaps:?}");
+        assert!(gaps[0].ends_with("d_2.mcap`: 1, from number 1"), "{gaps:?}");
+        assert!(gaps[1].ends_with("d_10.mcap`: 7, from number 3"), "{gaps:?}");
+        let twice = "rosbag2_bagfile_information: {relative_file_paths: [d_0.mcap, d_0.mcap, d_2.mcap]}";
+        assert_eq!(names(&folder(&["d_0.mcap", "d_2.mcap"], Some(twice))).unwrap(), ["d_0.mcap", "d_2.mcap"]);
+        let packed =
+            "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap.zstd]}";
+        let error = parts(folder(&[], Some(packed)).path()).unwrap_err().to_string();
+        assert!(error.ends_with("lists `a.mcap.zstd`, expected `.mcap` files"), "{error}");
     }
 
     #[test]

@@ -2,10 +2,13 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::bag::{Bag, Part};
 use crate::camera::CameraDescription;
+use crate::channel::Channel;
 use crate::channels::{Channels, FirstImages, Topics};
+use crate::damage::Damage;
 use crate::decode::{self, Reading};
 use crate::image::{Purpose, RecordedImage};
 use crate::record::Record;
@@ -44,7 +47,10 @@ pub fn model_of_results(path: &Path) -> Option<String> {
 
 /// A recording that is read from its beginning; of a split bag, part after part.
 pub struct Recording {
-    parts: Vec<PathBuf>,
+    parts: Vec<Part>,
+    /// Parts that are missing, which are reported at the end.
+    missing: Vec<RecordingError>,
+    damage: Damage,
     /// Which part is being read.
     part: usize,
     topic: String,
@@ -92,12 +98,12 @@ impl Recording {
         topic: Option<&str>,
         given_up: &dyn Fn() -> bool,
     ) -> Result<Self, RecordingError> {
-        let parts = parts::parts(path)?;
-        let topics = Topics::of_files(parts.iter().map(PathBuf::as_path), given_up)?;
-        let topic = topics.image_topic(path, topic, &Peek(&parts))?;
+        let bag = Bag::open(path, given_up)?;
+        let topics = Topics::of_files(bag.parts.iter().map(|part| &part.channels));
+        let topic = topics.image_topic(path, topic, &Peek(&bag.parts))?;
         let infrared = TopicContent::of(&topic) == TopicContent::Infrared;
         let purpose = if infrared { Purpose::Infrared } else { Purpose::Color };
-        Self::of_topic(parts, &topics, topic, purpose)
+        Self::of_topic(bag, &topics, topic, purpose)
     }
 
     /// Opens a recording's depth: on `topic`, else on the only topic with depth.
@@ -105,28 +111,25 @@ impl Recording {
     /// # Errors
     /// As [`Recording::open`].
     pub fn open_depth(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
-        let parts = parts::parts(path)?;
-        let topics = Topics::of_files(parts.iter().map(PathBuf::as_path), &|| false)?;
-        let topic = topics.depth_topic(path, topic, &Peek(&parts))?;
-        Self::of_topic(parts, &topics, topic, Purpose::Depth)
+        let bag = Bag::open(path, &|| false)?;
+        let topics = Topics::of_files(bag.parts.iter().map(|part| &part.channels));
+        let topic = topics.depth_topic(path, topic, &Peek(&bag.parts))?;
+        Self::of_topic(bag, &topics, topic, Purpose::Depth)
     }
 
-    fn of_topic(
-        parts: Vec<PathBuf>,
-        topics: &Topics,
-        topic: String,
-        purpose: Purpose,
-    ) -> Result<Self, RecordingError> {
+    fn of_topic(bag: Bag, topics: &Topics, topic: String, purpose: Purpose) -> Result<Self, RecordingError> {
         let rectified = topic.split('/').any(|part| part.starts_with("image_rect"));
         let mut recording = Self {
             camera_topic: topics.camera_topic(&topic),
             reading: Reading { purpose, rectified },
             count: topics.count(&topic),
             topic,
-            records: Records::open(&parts[0])?,
-            parts,
+            records: Records::open(&bag.parts[0].path)?,
+            channels: bag.parts[0].channels.clone(),
+            parts: bag.parts,
+            missing: bag.missing,
+            damage: Damage::default(),
             part: 0,
-            channels: Channels::default(),
             camera: None,
             first_camera: None,
             images: 0,
@@ -165,8 +168,10 @@ impl Recording {
     }
 
     fn open_part(&mut self, part: usize) -> Result<(), RecordingError> {
-        self.records = Records::open(&self.parts[part])?;
-        self.channels = Channels::default();
+        self.records = Records::open(&self.parts[part].path)?;
+        // Those of a damaged chunk are known from the index.
+        self.channels = self.parts[part].channels.clone();
+        self.damage = Damage::default();
         self.part = part;
         Ok(())
     }
@@ -174,12 +179,26 @@ impl Recording {
     /// Reads up to the next image into `image`.
     pub fn next(&mut self, image: &mut RecordedImage) -> Next {
         for _ in 0..RECORDS_PER_CALL {
+            if let Some(error) = self.damage.report() {
+                self.images += 1;
+                return Next::Bad(error);
+            }
             let is_last = self.part + 1 == self.parts.len();
-            match self.step(image) {
+            let step = self.step(image);
+            match &step {
+                Err(RecordingError::DamagedChunk { path, reason }) => {
+                    self.damage = Damage::of_chunk(path, reason);
+                    continue;
+                }
+                Ok(Some(Step::Index(images))) => self.damage.count(*images),
+                _ => self.damage.close(),
+            }
+            match step {
                 Ok(Some(Step::Image)) => return Next::Image,
                 Ok(Some(Step::Bad(error))) => return Next::Bad(error),
-                Ok(Some(Step::Other)) => {}
-                Ok(None) if is_last => return Next::End,
+                Ok(Some(Step::Index(_) | Step::Other)) => {}
+                Ok(None) if self.damage.is_pending() => {}
+                Ok(None) if is_last => return self.missing.pop().map_or(Next::End, Next::Bad),
                 Err(error) if is_last => return Next::Cut(error),
                 Ok(None) => {
                     if let Err(error) = self.open_part(self.part + 1) {
@@ -199,6 +218,13 @@ impl Recording {
         let Self { channels, topic, camera_topic, reading, camera, images, .. } = self;
         self.records.next(|record| {
             channels.learn(&record);
+            let is_image = |id| {
+                let channel = channels.get(id).filter(|channel| channel.topic == *topic);
+                channel.and_then(Channel::kind).is_some_and(|kind| !kind.is_camera())
+            };
+            if let Record::MessageIndex { channel_id, messages } = record {
+                return Step::Index(if is_image(channel_id) { messages } else { 0 });
+            }
             let Record::Message { channel_id, log_time, data } = record else { return Step::Other };
             let Some(channel) = channels.get(channel_id) else { return Step::Other };
             let Some(kind) = channel.kind() else { return Step::Other };
@@ -227,7 +253,7 @@ impl Recording {
     /// Images may come before their camera is described.
     fn find_first_camera(&mut self) -> Result<(), RecordingError> {
         let Some(camera_topic) = self.camera_topic.clone() else { return Ok(()) };
-        let (mut channels, reading, mut bytes) = (Channels::default(), self.reading, 0);
+        let (mut channels, reading, mut bytes) = (self.parts[0].channels.clone(), self.reading, 0);
         for _ in 0..LOOK_AHEAD {
             let found = self.records.next(|record| {
                 channels.learn(&record);
@@ -244,6 +270,7 @@ impl Recording {
                     break;
                 }
                 Ok(Some(None)) if bytes < LOOK_AHEAD_BYTES => {}
+                Err(RecordingError::DamagedChunk { .. }) => {}
                 _ => break,
             }
         }
@@ -254,18 +281,20 @@ impl Recording {
 enum Step {
     Image,
     Bad(RecordingError),
+    /// As many images are in the chunk before.
+    Index(u64),
     Other,
 }
 
 /// Reads the first message of topics, to see whether they carry depth.
-struct Peek<'a>(&'a [PathBuf]);
+struct Peek<'a>(&'a [Part]);
 
 impl FirstImages for Peek<'_> {
     fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
         let found = RefCell::new(BTreeMap::new());
         for part in self.0 {
             // A file that cannot be read is reported by the next read.
-            let _ = peek(part, topics, &mut found.borrow_mut());
+            let _ = peek(&part.path, topics, &mut found.borrow_mut());
             if found.borrow().len() == topics.len() {
                 break;
             }
@@ -298,8 +327,11 @@ fn peek(
                 None => false,
             };
             found.insert(channel.topic.clone(), is_depth);
-        })?;
-        if more.is_none() || found.len() == topics.len() || bytes > LOOK_AHEAD_BYTES {
+        });
+        if matches!(more, Err(RecordingError::DamagedChunk { .. })) {
+            continue;
+        }
+        if more?.is_none() || found.len() == topics.len() || bytes > LOOK_AHEAD_BYTES {
             break;
         }
     }

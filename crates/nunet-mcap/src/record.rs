@@ -32,6 +32,13 @@ pub(crate) enum Record<'a> {
     /// Messages of each channel.
     Statistics {
         counts: BTreeMap<u16, u64>,
+        /// Log time of the first one.
+        start_nanos: u64,
+    },
+    /// How many messages of a channel are in the chunk before it.
+    MessageIndex {
+        channel_id: u16,
+        messages: u64,
     },
     Other,
 }
@@ -53,7 +60,8 @@ impl<'a> Record<'a> {
             op::METADATA => {
                 fields.text().zip(fields.map()).map(|(name, entries)| Self::Metadata { name, entries })
             }
-            op::STATISTICS => fields.counts().map(|counts| Self::Statistics { counts }),
+            op::STATISTICS => fields.statistics(),
+            op::MESSAGE_INDEX => fields.message_index(),
             _ => Some(Self::Other),
         };
         record.ok_or(CONTRADICTION)
@@ -122,13 +130,20 @@ impl<'a> Fields<'a> {
     }
 
     /// Message count, schemas, channels, attachments, metadata, chunks, first and last time, then the counts.
-    fn counts(&mut self) -> Option<BTreeMap<u16, u64>> {
-        self.take(8 + 2 + 4 + 4 + 4 + 4 + 8 + 8)?;
+    fn statistics(&mut self) -> Option<Record<'a>> {
+        self.take(8 + 2 + 4 + 4 + 4 + 4)?;
+        let (start_nanos, _end_nanos) = (self.u64()?, self.u64()?);
         let (mut entries, mut counts) = (Fields(self.counted()?), BTreeMap::new());
         while !entries.0.is_empty() {
             counts.insert(entries.u16()?, entries.u64()?);
         }
-        Some(counts)
+        Some(Record::Statistics { counts, start_nanos })
+    }
+
+    /// Channel, then log time and place of each message.
+    fn message_index(&mut self) -> Option<Record<'a>> {
+        let (channel_id, entries) = (self.u16()?, self.counted()?);
+        Some(Record::MessageIndex { channel_id, messages: (entries.len() / (8 + 8)) as u64 })
     }
 }
 
@@ -166,7 +181,10 @@ mod tests {
         assert_eq!((name, entries["k"]), ("n", "v"));
         let mut statistics = vec![0; 42];
         statistics.extend(b"\x0a\0\0\0\x05\0\x09\0\0\0\0\0\0\0");
-        let Ok(Record::Statistics { counts }) = Record::parse(op::STATISTICS, &statistics) else { panic!() };
+        let Ok(Record::Statistics { counts, start_nanos: 0 }) = Record::parse(op::STATISTICS, &statistics)
+        else {
+            panic!()
+        };
         assert_eq!(counts, BTreeMap::from([(5, 9)]));
     }
 }

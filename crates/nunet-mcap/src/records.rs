@@ -7,25 +7,19 @@
 
 use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use mcap::McapError;
 use mcap::records::op;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use crate::RecordingError;
+use crate::chunk::{Chunk, ChunkEvent, FRAME_BYTES, HEADER_BYTES, MAX_RECORD_BYTES, OPEN};
 use crate::record::{Record, U64};
 
-/// No message is larger: an image of 48 megapixels has 144 MB.
-const MAX_RECORD_BYTES: u64 = 256 << 20;
-/// Opcode and length.
-const FRAME_BYTES: usize = 1 + 8;
 const MAGIC_BYTES: u64 = 8;
 /// Opcode, length, start of the summary, start of its offsets, checksum.
 const FOOTER_BYTES: u64 = 9 + 8 + 8 + 4;
-/// Start and end time, uncompressed size, checksum, length of the compression's name.
-const CHUNK_HEADER_BYTES: u64 = 8 + 8 + 8 + 4 + 4;
+/// No open chunk is larger: writers complete one after some megabytes.
+const MAX_OPEN_BYTES: u64 = 1 << 32;
 
 /// Reads a file from its beginning, or its summary.
 pub(crate) struct Records {
@@ -37,16 +31,6 @@ pub(crate) struct Records {
     chunk: Option<Chunk>,
     started: bool,
     ended: bool,
-}
-
-/// A chunk that is being decompressed.
-struct Chunk {
-    reader: LinearReader,
-    /// Bytes of the chunk that the reader has not received yet.
-    remaining: u64,
-    /// Size of the chunk's records as its header states it, and of those that were read.
-    uncompressed: u64,
-    records: u64,
 }
 
 impl Records {
@@ -128,26 +112,25 @@ impl Records {
         take: &mut Option<impl FnOnce(Record<'_>) -> T>,
     ) -> Result<Option<T>, RecordingError> {
         let Some(chunk) = &mut self.chunk else { return Ok(None) };
-        match guarded(|| chunk.reader.next_event()) {
-            Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                chunk.records += (FRAME_BYTES + data.len()) as u64;
-                let record = Record::parse(opcode, data).map_err(|reason| damaged(&self.path, reason))?;
-                Ok(take.take().map(|take| take(record)))
-            }
-            Some(Ok(LinearReadEvent::ReadRequest(wanted))) if chunk.remaining > 0 => {
-                self.feed_chunk(wanted)?;
-                Ok(None)
-            }
-            // It asks for the record behind the chunk.
-            Some(Ok(LinearReadEvent::ReadRequest(_))) | None if chunk.records == chunk.uncompressed => {
-                self.chunk = None;
-                Ok(None)
-            }
-            Some(Ok(LinearReadEvent::ReadRequest(_))) | None => {
-                Err(damaged(&self.path, "a record is longer than its chunk"))
-            }
-            Some(Err(error)) => Err(damaged(&self.path, &plain(&error))),
+        match chunk.next(|record| take.take().map(|take| take(record))) {
+            Ok(ChunkEvent::Record(taken)) => return Ok(taken),
+            Ok(ChunkEvent::Needs(wanted)) => self.feed_chunk(wanted)?,
+            Ok(ChunkEvent::End) => self.chunk = None,
+            Err(reason) => return Err(self.skip_chunk(reason)?),
         }
+        Ok(None)
+    }
+
+    /// Goes on behind a chunk that is damaged, if the file has what comes then.
+    fn skip_chunk(&mut self, reason: String) -> Result<RecordingError, RecordingError> {
+        let Some(chunk) = self.chunk.take_if(|chunk| chunk.is_whole) else {
+            let is_over = self.chunk.as_ref().is_some_and(|chunk| chunk.remaining == 0);
+            return Err(if is_over { self.cut_off() } else { damaged(&self.path, &reason) });
+        };
+        let rest = i64::try_from(chunk.remaining).unwrap_or_default();
+        self.file.seek_relative(rest).map_err(|source| io("read", &self.path, source))?;
+        self.position += chunk.remaining;
+        Ok(RecordingError::DamagedChunk { path: self.path.clone(), reason })
     }
 
     fn feed_chunk(&mut self, wanted: usize) -> Result<(), RecordingError> {
@@ -157,13 +140,12 @@ impl Records {
         if count == 0 {
             return Err(self.cut_off());
         }
-        let read = self.file.read(chunk.reader.insert(count));
+        let read = self.file.read(chunk.room(count));
         let read = read.map_err(|source| io("read", &self.path, source))?;
         if read == 0 {
             return Err(self.cut_off());
         }
-        chunk.reader.notify_read(read);
-        chunk.remaining -= read as u64;
+        chunk.filled(read);
         self.position += read as u64;
         Ok(())
     }
@@ -221,26 +203,37 @@ impl Records {
     }
 
     fn begin_chunk(&mut self, frame: &[u8], length: u64) -> Result<(), RecordingError> {
-        let mut header = [0; CHUNK_HEADER_BYTES as usize];
+        let mut header = [0; HEADER_BYTES as usize];
         self.read_exact(&mut header)?;
-        let uncompressed = U64::at(&header, 16).unwrap_or_default();
         let name = u32::from_le_bytes([header[28], header[29], header[30], header[31]]);
-        if length < CHUNK_HEADER_BYTES + u64::from(name) || u64::from(name) > self.bytes_left()? {
+        let left = self.bytes_left()?;
+        if length < HEADER_BYTES + u64::from(name) || u64::from(name) > left {
             return Err(damaged(&self.path, "the header of a chunk is longer than the chunk"));
         }
-        // The limit holds for the chunk's header as well, which is short.
-        let limit = uncompressed.clamp(1 << 16, MAX_RECORD_BYTES) as usize;
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_validate_chunk_crcs(true)
-            .with_record_length_limit(limit);
-        let mut reader = LinearReader::new_with_options(options);
-        let start = [frame, &header].concat();
-        reader.insert(start.len()).copy_from_slice(&start);
-        reader.notify_read(start.len());
-        self.chunk = Some(Chunk { reader, remaining: length - CHUNK_HEADER_BYTES, uncompressed, records: 0 });
+        let mut start = [frame, &header].concat();
+        self.chunk = Some(if length == OPEN && left <= MAX_OPEN_BYTES {
+            let remaining = self.close_chunk(&mut start, name)?;
+            Chunk::new(&start, remaining, false)
+        } else {
+            let remaining = length - HEADER_BYTES;
+            Chunk::new(&start, remaining, remaining <= left)
+        });
         Ok(())
+    }
+
+    /// Completes the start of a chunk whose writer was stopped before it knew the chunk's sizes: it reaches to the end of
+    /// the file. Returns how many bytes that are.
+    fn close_chunk(&mut self, start: &mut Vec<u8>, name: u32) -> Result<u64, RecordingError> {
+        let mut rest = vec![0; name as usize + 8];
+        self.read_exact(&mut rest)?;
+        let left = self.bytes_left()?;
+        rest.truncate(name as usize);
+        rest.extend(left.to_le_bytes());
+        let length = HEADER_BYTES + rest.len() as u64 + left;
+        start[1..FRAME_BYTES].copy_from_slice(&length.to_le_bytes());
+        start[FRAME_BYTES + 24..FRAME_BYTES + 28].fill(0); // no checksum
+        start.extend(rest);
+        Ok(left)
     }
 
     /// Of the file as it is now: it may be growing.
@@ -272,23 +265,6 @@ fn read_up_to(input: &mut impl std::io::Read, bytes: &mut [u8]) -> std::io::Resu
         }
     }
     Ok(filled)
-}
-
-/// mcap 0.26 counts below zero where a chunk's last record is longer than the chunk: a panic in a build with overflow
-/// checks, which this workspace does not use for it.
-fn guarded<T>(next: impl FnOnce() -> Option<Result<T, McapError>>) -> Option<Result<T, McapError>> {
-    catch_unwind(AssertUnwindSafe(next)).unwrap_or(Some(Err(McapError::UnexpectedEoc)))
-}
-
-/// mcap's own text, without the parser's backtrace that some of its errors carry.
-fn plain(error: &McapError) -> String {
-    match error {
-        McapError::Parse(_) => "a record's fields do not fit its length".to_owned(),
-        McapError::Io(error) => format!("a chunk cannot be decompressed: {error:.200}"),
-        McapError::DecompressionError(reason) => format!("a chunk cannot be decompressed: {reason:.200}"),
-        McapError::UnsupportedCompression(name) => format!("a chunk is compressed as `{name:.20}`"),
-        other => format!("{other:.200}"),
-    }
 }
 
 fn open(path: &Path) -> Result<File, RecordingError> {

@@ -230,7 +230,7 @@ proptest! {
 
 /// mcap's reader counts below zero there.
 #[test]
-fn a_message_that_is_longer_than_its_chunk_ends_the_recording() {
+fn a_message_that_is_longer_than_its_chunk_loses_the_chunk() {
     let whole = file(chunks(None), &ros_messages());
     // The first record in the first chunk: a schema of the camera's description.
     let at = whole.windows(11).position(|window| window == b"sensor_msgs").unwrap() - 6 - 9;
@@ -242,8 +242,8 @@ fn a_message_that_is_longer_than_its_chunk_ends_the_recording() {
     std::fs::write(&path, &longer).unwrap();
     let mut recording = nunet_mcap::Recording::open(&path, Some("/eye/image_raw")).unwrap();
     let end = recording.next(&mut nunet_mcap::RecordedImage::default());
-    let nunet_mcap::Next::Cut(error) = end else { panic!("{end:?}") };
-    assert!(error.to_string().contains("damaged or cut off"), "{error}");
+    let nunet_mcap::Next::Bad(error) = end else { panic!("{end:?}") };
+    assert!(error.to_string().contains("has a damaged chunk"), "{error}");
     body::recording(&longer);
 }
 

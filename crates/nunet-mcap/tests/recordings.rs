@@ -200,22 +200,145 @@ fn the_search_of_a_file_without_an_index_can_be_canceled() {
     assert!(Recording::open_unless(&path, None, &|| false).is_ok());
 }
 
-#[test]
-fn a_wrong_checksum_ends_the_reading() {
-    let folder = Folder::new();
-    let mut whole = recording(WriteOptions::new().compression(None), &images());
-    let at = whole.windows(8).position(|window| window == [3; 8]).unwrap();
-    whole[at..at + 8].fill(4); // another valid image
-    let mut recording = Recording::open(&folder.file(&whole), None).unwrap();
-    let mut image = RecordedImage::default();
-    let end = loop {
+/// The values of the images that are read, how many are reported as lost, and how it ends.
+fn losses(path: &Path) -> (Vec<u8>, usize, Next) {
+    let mut recording = Recording::open(path, None).unwrap();
+    let (mut image, mut values, mut lost) = (RecordedImage::default(), Vec::new(), 0);
+    loop {
         match recording.next(&mut image) {
-            Next::Image | Next::Bad(_) => {}
-            end => break end,
+            Next::Image => values.push(image.data[0]),
+            Next::Bad(_) => lost += 1,
+            Next::Nothing => {}
+            end => return (values, lost, end),
         }
+    }
+}
+
+#[test]
+fn a_chunk_with_a_wrong_checksum_loses_its_own_images_and_no_others() {
+    let folder = Folder::new();
+    let chunks = |compression| {
+        WriteOptions::new().compression(compression).compression_threads(0).chunk_size(Some(150))
     };
-    let Next::Cut(error) = end else { panic!("{end:?}") };
-    assert!(error.to_string().contains("CRC"), "{error}");
+    // Two images in a chunk; in the first one schema and channel too, which the index repeats.
+    for value in 1..=IMAGES {
+        let mut whole = recording(chunks(None), &images());
+        let at = whole.windows(8).position(|window| window == [value; 8]).unwrap();
+        whole[at..at + 8].fill(9); // another valid image
+        let (values, lost, end) = losses(&folder.file(&whole));
+        assert!(!values.contains(&value) && !values.contains(&9), "{values:?}");
+        assert_eq!(values.len() + lost, usize::from(IMAGES), "{values:?} and {lost} lost of {value}");
+        assert!((1..=3).contains(&lost), "{lost} lost of {value}");
+        assert!(matches!(end, Next::End), "{end:?}");
+    }
+    for compression in [Compression::Zstd, Compression::Lz4] {
+        let whole = recording(chunks(Some(compression)), &images());
+        let starts: Vec<usize> = places_of_chunks(&whole);
+        for &start in &starts {
+            let mut flipped = whole.clone();
+            flipped[start + 9 + 32 + 4 + 8 + 20] ^= 0x55;
+            let (values, lost, end) = losses(&folder.file(&flipped));
+            assert_eq!(
+                values.len() + lost,
+                usize::from(IMAGES),
+                "{compression:?}: {values:?} and {lost} lost"
+            );
+            assert!(
+                (1..=3).contains(&lost) && matches!(end, Next::End),
+                "{compression:?}: {lost} lost, {end:?}"
+            );
+        }
+        assert!(starts.len() >= 2);
+    }
+}
+
+/// Where chunks begin, from record to record.
+fn places_of_chunks(file: &[u8]) -> Vec<usize> {
+    let (mut at, mut places) = (mcap::MAGIC.len(), Vec::new());
+    while at + 9 < file.len() - mcap::MAGIC.len() {
+        if file[at] == 0x06 {
+            places.push(at);
+        }
+        at += 9 + u64::from_le_bytes(file[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    places
+}
+
+/// What a writer leaves that is killed before its first chunk is complete: sizes of all ones, then a part of the chunk.
+#[test]
+fn the_images_of_an_open_chunk_are_read() {
+    let folder = Folder::new();
+    for (name, compression) in
+        [("plain", None), ("zstd", Some(Compression::Zstd)), ("lz4", Some(Compression::Lz4))]
+    {
+        let options =
+            WriteOptions::new().compression(compression).compression_threads(0).chunk_size(Some(1 << 30));
+        let many: Vec<_> = (1..=20_000_u32).map(|value| (u64::from(value), noise(value))).collect();
+        let whole = recording(options, &many);
+        let [start] = places_of_chunks(&whole)[..] else { panic!("one chunk") };
+        let mut open = whole[..start + 400_000].to_vec();
+        let name_bytes = compression.map_or(0, |_| name.len());
+        for (from, length) in [(1, 8), (9 + 16, 8), (9 + 24, 4), (9 + 32 + name_bytes, 8)] {
+            open[start + from..start + from + length].fill(0xff);
+        }
+        let (values, lost, end) = losses(&folder.file(&open));
+        assert!(values.len() > 1000, "{name}: {} images", values.len());
+        assert_eq!(lost, 0, "{name}");
+        assert!(matches!(end, Next::Cut(RecordingError::Damaged { .. })), "{name}: {end:?}");
+    }
+}
+
+/// An image that compressors cannot shorten.
+fn noise(seed: u32) -> Vec<u8> {
+    let mut image = gray_image(1);
+    let pixels = image.len() - 8;
+    let mut state = seed.wrapping_mul(2_654_435_761) | 1;
+    for byte in &mut image[pixels..] {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        *byte = state as u8;
+    }
+    image
+}
+
+#[test]
+fn a_file_that_is_cut_off_before_its_first_message_says_so() {
+    let folder = Folder::new();
+    let whole = recording(WriteOptions::new(), &images());
+    for length in [8, 20, places_of_chunks(&whole)[0] + 60] {
+        let error = Recording::open(&folder.file(&whole[..length]), None).map(drop).unwrap_err();
+        assert!(matches!(error, RecordingError::NothingLeft { .. }), "{length}: {error}");
+    }
+}
+
+#[test]
+fn parts_of_a_bag_are_read_in_the_order_of_their_time_and_bad_ones_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let part =
+        |from: u8| recording(WriteOptions::new(), &images()[usize::from(from) - 1..usize::from(from) + 1]);
+    let list = |names: &str| {
+        let text = format!(
+            "rosbag2_bagfile_information: {{storage_identifier: mcap, relative_file_paths: [{names}]}}"
+        );
+        std::fs::write(path("metadata.yaml"), text).unwrap();
+    };
+    for (name, from) in [("d_0.mcap", 1), ("d_1.mcap", 3), ("d_2.mcap", 5)] {
+        std::fs::write(path(name), part(from)).unwrap();
+    }
+    list("d_2.mcap, d_0.mcap, d_1.mcap, d_0.mcap");
+    let (values, lost, end) = losses(folder.path());
+    assert_eq!((values, lost), (vec![1, 2, 3, 4, 5, 6], 0));
+    assert!(matches!(end, Next::End));
+    std::fs::write(path("d_1.mcap"), "").unwrap();
+    list("d_0.mcap, d_1.mcap, d_2.mcap, d_3.mcap");
+    let (values, lost, _) = losses(folder.path());
+    assert_eq!((values, lost), (vec![1, 2, 5, 6], 2), "one is empty and one does not exist");
+    std::fs::remove_file(path("metadata.yaml")).unwrap();
+    std::fs::remove_file(path("d_1.mcap")).unwrap();
+    let (values, lost, _) = losses(folder.path());
+    assert_eq!((values, lost), (vec![1, 2, 5, 6], 1), "number 1 is missing");
 }
 
 #[test]
@@ -225,7 +348,7 @@ fn a_length_beyond_the_file_is_refused_without_memory_for_it() {
     file.push(0x05); // a message
     file.extend(u64::MAX.to_le_bytes());
     let error = Recording::open(&folder.file(&file), None).map(drop).unwrap_err();
-    assert!(matches!(error, RecordingError::NoImages { .. }), "{error}");
+    assert!(matches!(error, RecordingError::NothingLeft { .. }), "{error}");
 }
 
 #[test]

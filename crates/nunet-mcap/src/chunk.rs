@@ -1,0 +1,113 @@
+//! A chunk that is being decompressed by mcap's own reader, which also verifies its checksum.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use mcap::McapError;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use crate::record::{Record, U64};
+
+/// No message is larger: an image of 48 megapixels has 144 MB.
+pub(crate) const MAX_RECORD_BYTES: u64 = 256 << 20;
+/// Opcode and length.
+pub(crate) const FRAME_BYTES: usize = 1 + 8;
+/// Start and end time, uncompressed size, checksum, length of the compression's name.
+pub(crate) const HEADER_BYTES: u64 = 8 + 8 + 8 + 4 + 4;
+/// What a writer states as the length of a chunk before it is complete.
+pub(crate) const OPEN: u64 = u64::MAX;
+/// As many bytes are checked before the first record is taken, for each byte of the file: more would be a lie, or an
+/// image of one color, which is checked at its end.
+const MAX_COMPRESSION: u64 = 1024;
+
+/// A chunk of a file, from which records are taken.
+pub(crate) struct Chunk {
+    reader: LinearReader,
+    /// Bytes of the chunk that the reader has not received yet.
+    pub(crate) remaining: u64,
+    /// Size of the chunk's records as its header states it, and of those that were read.
+    uncompressed: u64,
+    records: u64,
+    /// Whether the file has all of it. Of a whole chunk no record is taken before its checksum is found right; of one that
+    /// is cut off, all that is left is taken.
+    pub(crate) is_whole: bool,
+}
+
+/// What came next.
+pub(crate) enum ChunkEvent<T> {
+    Record(T),
+    /// The reader needs up to so many bytes.
+    Needs(usize),
+    End,
+}
+
+impl Chunk {
+    /// `start` are the chunk's first bytes up to its compression's name at least.
+    pub(crate) fn new(start: &[u8], remaining: u64, is_whole: bool) -> Self {
+        let uncompressed = U64::at(start, FRAME_BYTES + 16).unwrap_or_default();
+        // The limit holds for the chunk's header as well, which is short.
+        let limit = uncompressed.clamp(1 << 16, MAX_RECORD_BYTES);
+        let is_plausible = uncompressed <= limit.min(remaining.saturating_mul(MAX_COMPRESSION));
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_validate_chunk_crcs(true)
+            .with_prevalidate_chunk_crcs(is_whole && is_plausible)
+            .with_record_length_limit(limit as usize);
+        let mut reader = LinearReader::new_with_options(options);
+        reader.insert(start.len()).copy_from_slice(start);
+        reader.notify_read(start.len());
+        Self { reader, remaining, uncompressed, records: 0, is_whole }
+    }
+
+    /// Hands the next record to `take`, if the reader has enough bytes for it.
+    ///
+    /// # Errors
+    /// Why the chunk is damaged.
+    pub(crate) fn next<T>(&mut self, take: impl FnOnce(Record<'_>) -> T) -> Result<ChunkEvent<T>, String> {
+        match guarded(|| self.reader.next_event()) {
+            Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                self.records += (FRAME_BYTES + data.len()) as u64;
+                Ok(ChunkEvent::Record(take(Record::parse(opcode, data)?)))
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) if self.remaining > 0 || !self.is_whole => {
+                // It asks for the record behind the chunk.
+                let is_over = self.remaining == 0 && self.records == self.uncompressed;
+                Ok(if is_over { ChunkEvent::End } else { ChunkEvent::Needs(wanted) })
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(_))) | None if self.records == self.uncompressed => {
+                Ok(ChunkEvent::End)
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(_))) | None => {
+                Err("a record is longer than its chunk".to_owned())
+            }
+            Some(Err(error)) => Err(plain(&error)),
+        }
+    }
+
+    /// Room for `count` bytes of the chunk; [`Self::filled`] says how many came.
+    pub(crate) fn room(&mut self, count: usize) -> &mut [u8] {
+        self.reader.insert(count)
+    }
+
+    pub(crate) fn filled(&mut self, count: usize) {
+        self.reader.notify_read(count);
+        self.remaining -= count as u64;
+    }
+}
+
+/// mcap 0.26 counts below zero where a chunk's last record is longer than the chunk: a panic in a build with overflow
+/// checks, which this workspace does not use for it.
+fn guarded<T>(next: impl FnOnce() -> Option<Result<T, McapError>>) -> Option<Result<T, McapError>> {
+    catch_unwind(AssertUnwindSafe(next)).unwrap_or(Some(Err(McapError::UnexpectedEoc)))
+}
+
+/// mcap's own text, without the parser's backtrace that some of its errors carry.
+fn plain(error: &McapError) -> String {
+    match error {
+        McapError::Parse(_) => "a record's fields do not fit its length".to_owned(),
+        McapError::Io(error) => format!("a chunk cannot be decompressed: {error:.200}"),
+        McapError::DecompressionError(reason) => format!("a chunk cannot be decompressed: {reason:.200}"),
+        McapError::UnsupportedCompression(name) => format!("a chunk is compressed as `{name:.20}`"),
+        other => format!("{other:.200}"),
+    }
+}

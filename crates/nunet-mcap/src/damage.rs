@@ -1,0 +1,49 @@
+//! The images of a damaged chunk: counted by the index behind it, and reported one by one.
+
+use std::path::{Path, PathBuf};
+
+use crate::RecordingError;
+
+/// What a damaged chunk has lost.
+#[derive(Debug, Default)]
+pub(crate) struct Damage {
+    path: PathBuf,
+    reason: String,
+    /// Lost images that were not reported yet.
+    pending: u64,
+    /// No index said so far how many there were.
+    is_uncounted: bool,
+}
+
+impl Damage {
+    pub(crate) fn of_chunk(path: &Path, reason: &str) -> Self {
+        Self { path: path.to_owned(), reason: reason.to_owned(), pending: 0, is_uncounted: true }
+    }
+
+    /// The index of one channel behind the chunk.
+    pub(crate) fn count(&mut self, images: u64) {
+        if !self.reason.is_empty() {
+            self.pending = self.pending.saturating_add(images);
+            self.is_uncounted = false;
+        }
+    }
+
+    /// Something else came: without an index it was one image at least.
+    pub(crate) fn close(&mut self) {
+        if self.is_uncounted {
+            (self.pending, self.is_uncounted) = (1, false);
+        } else if self.pending == 0 {
+            self.reason.clear();
+        }
+    }
+
+    pub(crate) fn is_pending(&self) -> bool {
+        self.pending > 0
+    }
+
+    /// The next lost image.
+    pub(crate) fn report(&mut self) -> Option<RecordingError> {
+        self.pending = self.pending.checked_sub(1)?;
+        Some(RecordingError::DamagedChunk { path: self.path.clone(), reason: self.reason.clone() })
+    }
+}
