@@ -380,7 +380,7 @@ def test_a_source_is_never_its_own_recording(nunetd, tmp_path):
     before = bag.read_bytes()
     command = [nunetd, *ONCE, "--source", str(bag), "--record", str(bag), "--force"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2 and "is both input and output" in done.stderr
+    assert done.returncode == 2 and "is both the source and the recording" in done.stderr
     assert bag.read_bytes() == before
 
 
@@ -393,7 +393,7 @@ def test_a_recording_that_is_there_is_never_overwritten_without_force(nunetd, tm
     assert "--force" in said
     replay(nunetd, bag, out, "--force")
     _, said = replay(nunetd, bag, bag, "--force", code=2)
-    assert "is both input and output" in said
+    assert "is both the input and the output" in said
 
 
 def test_a_recording_with_two_topics_of_images_is_asked_about(nunetd, tmp_path):

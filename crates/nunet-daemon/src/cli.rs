@@ -89,7 +89,7 @@ impl Cli {
     pub fn parse_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let mut arguments: Vec<_> = arguments.into_iter().collect();
         default_subcommand::insert(&mut arguments)?;
-        let mut command = Self::command();
+        let mut command = Self::command().mut_subcommands(with_negative_numbers);
         if arguments.iter().any(|argument| argument == "--version") {
             // clap keeps the text for the life of the process.
             command = command.long_version(&*crate::version::long().leak());
@@ -99,6 +99,14 @@ impl Cli {
         settings::complete(&mut cli, &mut command, &matches)?;
         Ok(cli)
     }
+}
+
+/// A negative number is the value of the flag before it, so that the error says what is expected.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command.mut_args(|argument| {
+        let is_option = argument.get_long().is_some() && argument.get_action().takes_values();
+        argument.allow_negative_numbers(is_option)
+    })
 }
 
 /// What `nunetd` can do.

@@ -9,8 +9,8 @@ use nunet_eval::{EvalError, EvalErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_ros2::{Ros2Error, Ros2ErrorKind};
+use nunet_sink::file_plan::FilePlanError;
 use nunet_sink::file_writer::FilesLate;
-use nunet_sink::output_file::OutputError;
 pub use nunet_sink::sink::Outcome;
 use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, split_hint};
@@ -118,7 +118,7 @@ const HINTS: &[HintOf] = &[
     hint_of::<EvalError>,
     hint_of::<FilesError>,
     hint_of::<FilesLate>,
-    hint_of::<OutputError>,
+    hint_of::<FilePlanError>,
     hint_of::<IpcError>,
     hint_of::<CameraNameError>,
     hint_of::<SourceError>,

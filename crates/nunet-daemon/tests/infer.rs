@@ -106,3 +106,73 @@ fn an_image_that_cannot_be_decoded_leaves_no_folder() {
         text(&output.stderr)
     );
 }
+
+/// Bytes of a file, to see that nothing has changed them.
+fn bytes(bench: &Bench, name: &str) -> Vec<u8> {
+    std::fs::read(bench.path(name)).unwrap()
+}
+
+#[test]
+fn no_output_is_an_input_or_another_output() {
+    let bench = Bench::new();
+    bench.add_image("io/depth.png", 0);
+    bench.add_image("io/two/a.png", 1);
+    std::fs::write(bench.path("run.toml"), "source = \"demo\"\n").unwrap();
+    let (model, io) = (bench.arg("model.onnx"), bench.arg("io"));
+    let (image, stats, config) = (bench.arg("io/depth.png"), bench.arg("s.json"), bench.arg("run.toml"));
+    let mcap = bench.arg("s.mcap");
+    let before = (bytes(&bench, "io/depth.png"), bytes(&bench, "model.onnx"), bytes(&bench, "run.toml"));
+    for arguments in [
+        &["infer", &image, "--model", &model, "--out", &io][..],
+        &["--source", &io, "--out", &io],
+        &["--source", &io, "--record", &bench.arg("io/new.mcap")],
+        &["--source", "demo", "--record", &model, "--force"],
+        &["--source", "demo", "--record", &mcap, "--stats-json", &mcap],
+        &["--source", &image, "--stats-json", &image],
+        &["--config", &config, "--stats-json", &config],
+        &["--source", "demo", "--out", &io, "--stats-json", &bench.arg("io/labels.png")],
+    ] {
+        let once = ["--model", &model, "--frames", "1"];
+        let rest = if arguments[0] == "infer" { &[][..] } else { &once[..] };
+        let output = run(nunetd(&[&["-q"][..], arguments, rest].concat()));
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}\n{stderr}");
+        assert!(stderr.contains(" is both ") || stderr.contains(" would be in "), "{arguments:?}\n{stderr}");
+        assert!(stderr.contains("hint: pass another output"), "{stderr}");
+    }
+    let after = (bytes(&bench, "io/depth.png"), bytes(&bench, "model.onnx"), bytes(&bench, "run.toml"));
+    assert!(before == after, "an input was changed");
+    assert!(![stats, mcap].iter().any(|file| std::path::Path::new(file).exists()), "something was created");
+}
+
+#[test]
+fn a_secret_is_not_printed_and_not_ignored() {
+    let mut command = nunetd(&["-q", "--source", "demo", "--frames", "1", "--view", "127.0.0.1:0"]);
+    command.env("NUNET_VIEW_TOKEN", "my secret");
+    let output = run(command);
+    assert_eq!(output.status.code(), Some(2));
+    let stderr = text(&output.stderr);
+    assert!(!stderr.contains("secret") && stderr.contains("character that is not allowed"), "{stderr}");
+    let output = run(nunetd(&["-q", "--source", "demo", "--view-token", "abc"]));
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_negative_number_is_a_value_and_not_a_flag() {
+    for flag in ["--frames", "--rate", "--max-range", "--threads"] {
+        let output = run(nunetd(&["-q", "--source", "demo", flag, "-1"]));
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(!stderr.contains("unexpected argument"), "{flag}: {stderr}");
+    }
+}
+
+#[test]
+fn a_root_of_shared_memory_that_is_a_file_is_not_called_another_users() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("f"), "").unwrap();
+    let mut command = nunetd(&["-q", "watch", "nobody", "--timeout", "1"]);
+    command.env("NUNET_IPC_ROOT", bench.path("f"));
+    let stderr = text(&run(command).stderr);
+    assert!(stderr.contains("it is not a folder") && !stderr.contains("belongs to user"), "{stderr}");
+}

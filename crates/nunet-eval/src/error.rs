@@ -314,12 +314,12 @@ impl Hint for EvalError {
     }
 }
 
-/// The cap that would include depth up to `far_m` meters; `None` if that is no distance but another unit. No depth camera
+/// The cap that would include depth up to `far_m` meters, which is beyond it because the cap itself is not compared; `None` if that is no distance but another unit. No depth camera
 /// or lidar on a robot sees farther than this.
 #[must_use]
 pub fn cap_for(far_m: f32) -> Option<f32> {
     const FARTHEST_M: f32 = 300.0;
-    (far_m <= FARTHEST_M).then(|| far_m.ceil())
+    (far_m <= FARTHEST_M).then(|| far_m.floor() + 1.0)
 }
 
 /// The hint of the error or of its cause.

@@ -7,7 +7,7 @@ use image::RgbImage;
 use nunet_core::depth::DepthEncoding;
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
-use nunet_files::make_folder;
+use nunet_files::{make_folder, write_json, write_rgb};
 use nunet_source::{CameraResolver, Frame};
 use nunet_types::{ImageSize, Units, text_with_causes};
 
@@ -22,6 +22,9 @@ use crate::obstacles::{ObstacleComparison, ObstacleEval, View};
 use crate::options::EvalOptions;
 use crate::report::{self, ImageRow, Measured, Report};
 use crate::sheet::{self, Row, chosen};
+
+/// The files that [`Evaluation::write`] writes.
+pub const FILES: [&str; 4] = ["eval.json", "pictures.csv", "contact_sheet.png", "mean_image.npy"];
 
 /// The share of truth beyond the cap from which on its unit looks wrong.
 const MUCH_BEYOND: f64 = 0.05;
@@ -269,20 +272,20 @@ impl Evaluation {
         .with_obstacles(self.obstacles.as_ref().map(|(_, comparison)| comparison.scores()))
     }
 
-    /// Writes `eval.json`, `pictures.csv`, `contact_sheet.png` and `mean_image.npy` into `folder`, which is created if it is
+    /// Writes [`FILES`] into `folder`, which is created if it is
     /// missing. The images of the sheet are predicted once more.
     ///
     /// # Errors
     /// A file cannot be written, or an image cannot be read any more.
     pub fn write(&mut self, folder: &Path, report: &Report) -> Result<(), EvalError> {
         make_folder(folder)?;
-        report.write_json(&folder.join("eval.json"))?;
-        report::write_csv(&folder.join("pictures.csv"), &self.rows)?;
+        let [eval, rows, sheet, mean] = FILES.map(|name| folder.join(name));
+        write_json(&eval, report)?;
+        report::write_csv(&rows, &self.rows)?;
         if let Some(baseline) = &self.baseline {
-            baseline.write(&folder.join("mean_image.npy"))?;
+            baseline.write(&mean)?;
         }
-        let path = folder.join("contact_sheet.png");
-        self.contact_sheet()?.save(&path).map_err(EvalError::write(&path))
+        Ok(write_rgb(&sheet, self.contact_sheet()?)?)
     }
 
     /// Predicts the chosen nine images once more, because all results would not fit into memory. In a clip, the images

@@ -74,7 +74,7 @@ mod sheet;
 
 pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference};
 pub use error::{EvalError, EvalErrorKind, cap_for};
-pub use evaluation::{Evaluation, Evaluator};
+pub use evaluation::{Evaluation, Evaluator, FILES};
 pub use event::Event;
 pub use metrics::{DepthMetrics, DepthScores, IGNORE, LabelMetrics, LabelScores};
 pub use obstacles::{ObstacleEval, ObstacleGroup, ObstacleScores};

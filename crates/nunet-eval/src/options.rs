@@ -55,6 +55,18 @@ impl EvalOptions {
             camera: CameraGeometry::default(),
         }
     }
+
+    /// The files and folders that are read.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        let images = ["rgb", "depth", "labels", "label40"].map(|folder| self.dataset.join(folder));
+        let baseline = match &self.baseline {
+            BaselineChoice::Automatic => None,
+            BaselineChoice::Ids(file) | BaselineChoice::File(file) => Some(file.clone()),
+        };
+        let others = [self.ids.clone(), baseline, self.camera.calibration.clone()].into_iter().flatten();
+        nunet_mcap::files(&self.dataset).into_iter().chain(images).chain(others).collect()
+    }
 }
 
 /// Where the mean image comes from.

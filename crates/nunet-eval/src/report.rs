@@ -4,12 +4,13 @@ use std::path::Path;
 
 use nunet_core::pipeline::Pipeline;
 use nunet_engine::ModelName;
+use nunet_files::write_whole;
 use nunet_types::CONTRACT_VERSION;
 use serde::Serialize;
 
 use crate::baseline::{Baseline, BaselineSource};
 use crate::comparison::{Comparison, DepthKind};
-use crate::error::{Cause, EvalError};
+use crate::error::EvalError;
 use crate::metrics::{DepthMetrics, DepthScores, LabelMetrics, LabelScores};
 use crate::obstacles::ObstacleScores;
 use crate::options::Protocol;
@@ -150,12 +151,6 @@ impl Report {
         self.metrics.measured()
     }
 
-    /// Writes the report as JSON.
-    pub(crate) fn write_json(&self, path: &Path) -> Result<(), EvalError> {
-        let text = serde_json::to_string_pretty(self).map_err(EvalError::write(path))?;
-        std::fs::write(path, text + "\n").map_err(EvalError::write(path))
-    }
-
     /// A table of the network and the mean image side by side, without a final newline.
     #[must_use]
     pub fn text(&self) -> String {
@@ -249,8 +244,8 @@ impl ImageRow {
 
 /// Writes one row per image; a value that could not be measured is empty.
 pub(crate) fn write_csv(path: &Path, rows: &[ImageRow]) -> Result<(), EvalError> {
-    let write = || -> Result<(), Cause> {
-        let mut file = csv::Writer::from_path(path)?;
+    let written = write_whole(path, |file| {
+        let mut file = csv::Writer::from_writer(file);
         let names = DepthScores::NAMES.iter().copied();
         file.write_record(["id"].into_iter().chain(names).chain(["minmax_mse", "minmax_rmse"]))?;
         for row in rows {
@@ -260,6 +255,6 @@ pub(crate) fn write_csv(path: &Path, rows: &[ImageRow]) -> Result<(), EvalError>
             file.write_record([row.id.clone()].into_iter().chain(values))?;
         }
         Ok(file.flush()?)
-    };
-    write().map_err(EvalError::write(path))
+    });
+    Ok(written?)
 }

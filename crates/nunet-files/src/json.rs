@@ -1,6 +1,6 @@
 //! Values as JSON files.
 
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write as _};
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::Path;
@@ -9,6 +9,7 @@ use rustix::fs::OFlags;
 use serde::Serialize;
 
 use crate::error::FilesError;
+use crate::whole::write_whole;
 
 /// Checks before a long run that a file can be written at its end. A file that did not exist does not exist afterwards.
 ///
@@ -53,7 +54,7 @@ fn is_named_pipe(path: &Path) -> bool {
 /// The file cannot be written.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FilesError> {
     let text = serde_json::to_string_pretty(value).map_err(FilesError::write_file(path))?;
-    std::fs::write(path, text + "\n").map_err(FilesError::write_file(path))
+    write_whole(path, |file| Ok(writeln!(file, "{text}")?))
 }
 
 #[cfg(test)]

@@ -44,6 +44,7 @@ mod ply;
 mod png;
 mod results;
 mod save;
+mod whole;
 
 pub use color::{color_range, colorize, depth_image, draw_text};
 pub use error::{FilesError, FilesErrorKind};
@@ -54,4 +55,5 @@ pub use obstacles::{BIRDS_EYE_LEGEND, BIRDS_EYE_ROWS, BirdsEye, draw_obstacle_po
 pub use ply::write_cloud;
 pub use png::{millimeters, write_depth_mm, write_rgb};
 pub use results::Results;
-pub use save::write_results;
+pub use save::{RESULT_FILES, write_results};
+pub use whole::write_whole;

@@ -1,14 +1,14 @@
 //! NumPy's array file.
 
-use std::fs::File;
-use std::io::{BufWriter, Read, Write as _};
+use std::io::Read;
 use std::path::Path;
 
 use npyz::{NpyFile, Order, WriterBuilder as _};
 use nunet_types::ImageSize;
 
-use crate::error::{Cause, FilesError};
+use crate::error::FilesError;
 use crate::png::check_count;
+use crate::whole::write_whole;
 
 /// The longest array that [`read_npy`] accepts: a depth map of 8192x8192 pixels.
 pub const MAX_NPY_BYTES: u64 = 256 << 20;
@@ -34,21 +34,20 @@ pub fn read_npy(file: impl Read) -> Result<(Vec<f32>, ImageSize), Box<dyn std::e
 /// # Errors
 /// The file cannot be written, or `depth` has another number of pixels than `size`.
 pub fn write_npy(path: &Path, depth: &[f32], size: ImageSize) -> Result<(), FilesError> {
-    write(path, depth, size).map_err(FilesError::write_file(path))
-}
-
-fn write(path: &Path, depth: &[f32], size: ImageSize) -> Result<(), Cause> {
-    check_count(depth.len(), size)?;
-    let mut file = BufWriter::new(File::create(path)?);
-    let options = npyz::WriteOptions::new().default_dtype().shape(&[size.height.into(), size.width.into()]);
-    let mut writer = options.writer(&mut file).begin_nd()?;
-    writer.extend(depth.iter().copied())?;
-    writer.finish()?;
-    Ok(file.flush()?)
+    write_whole(path, |file| {
+        check_count(depth.len(), size)?;
+        let shape = [size.height.into(), size.width.into()];
+        let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
+        let mut writer = options.writer(file).begin_nd()?;
+        writer.extend(depth.iter().copied())?;
+        Ok(writer.finish()?)
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use super::*;
 
     #[test]

@@ -1,24 +1,19 @@
 //! Point clouds as PLY, which MeshLab, CloudCompare and Open3D read.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 use nunet_types::CloudPoint;
 
 use crate::error::FilesError;
+use crate::whole::write_whole;
 
 /// Writes the points that have a position, in the optical frame; meters where `metric`.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_cloud(path: &Path, points: &[CloudPoint], metric: bool) -> Result<(), FilesError> {
-    let write = || -> std::io::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
-        write_to(&mut file, points, metric)?;
-        file.flush()
-    };
-    write().map_err(FilesError::write_file(path))
+    write_whole(path, |file| Ok(write_to(file, points, metric)?))
 }
 
 fn write_to(out: &mut impl Write, points: &[CloudPoint], metric: bool) -> std::io::Result<()> {

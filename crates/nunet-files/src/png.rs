@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use image::{EncodableLayout, ImageBuffer, Luma, PixelWithColorType, RgbImage};
+use image::{DynamicImage, ImageBuffer, Luma, RgbImage};
 use nunet_types::ImageSize;
 
 use crate::error::{Cause, FilesError};
+use crate::whole::write_png;
 
 /// Writes 16-bit millimeters, 0 = no measurement. Depth beyond 65.535 m does not fit and counts as no measurement.
 ///
@@ -26,23 +27,19 @@ pub fn millimeters(depth_m: f32) -> u16 {
 pub(crate) fn write_gray<T>(path: &Path, values: Vec<T>, size: ImageSize) -> Result<(), FilesError>
 where
     T: image::Primitive,
-    [T]: EncodableLayout,
-    Luma<T>: PixelWithColorType<Subpixel = T>,
+    DynamicImage: From<ImageBuffer<Luma<T>, Vec<T>>>,
 {
-    let write = || -> Result<(), Cause> {
-        check_count(values.len(), size)?;
-        let image = ImageBuffer::<Luma<T>, Vec<T>>::from_raw(size.width, size.height, values);
-        Ok(image.map_or(Ok(()), |image| image.save(path))?)
-    };
-    write().map_err(FilesError::write_file(path))
+    check_count(values.len(), size).map_err(FilesError::write_file(path))?;
+    let image = ImageBuffer::<Luma<T>, Vec<T>>::from_raw(size.width, size.height, values);
+    image.map_or(Ok(()), |image| write_png(path, image))
 }
 
 /// Writes colors.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_rgb(path: &Path, image: &RgbImage) -> Result<(), FilesError> {
-    image.save(path).map_err(FilesError::write_file(path))
+pub fn write_rgb(path: &Path, image: RgbImage) -> Result<(), FilesError> {
+    write_png(path, image)
 }
 
 /// Whether there is one value per pixel.

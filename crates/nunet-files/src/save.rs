@@ -10,6 +10,9 @@ use crate::ply::write_cloud;
 use crate::png::{write_depth_mm, write_gray, write_rgb};
 use crate::results::Results;
 
+/// The names of the files that [`write_results`] writes, all or some of them.
+pub const RESULT_FILES: [&str; 5] = ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "cloud.ply"];
+
 /// Writes the results into `folder`, which is created if it is missing, and returns the paths of the files.
 ///
 /// `depth_mm.png` is written only if depth is in meters: other numbers would be mistaken for millimeters.
@@ -28,7 +31,7 @@ pub fn write_results(folder: &Path, results: &Results<'_>) -> Result<Vec<PathBuf
     if metric {
         write("depth_mm.png", &|path| write_depth_mm(path, depth, size))?;
     }
-    write("depth.png", &|path| write_rgb(path, &depth_image(results)))?;
+    write("depth.png", &|path| write_rgb(path, depth_image(results)))?;
     if let Some(labels) = labels {
         write("labels.png", &|path| write_gray(path, labels.to_vec(), size))?;
     }
@@ -58,6 +61,8 @@ mod tests {
             assert!(files.iter().all(|file| file.is_file()), "{files:?}");
             assert_eq!((files.len(), folder.read_dir().unwrap().count()), (expected, expected));
             assert_eq!(folder.join("depth_mm.png").exists(), metric);
+            let is_known = |file: &PathBuf| RESULT_FILES.iter().any(|name| *file == folder.join(name));
+            assert!(files.iter().all(is_known), "{files:?}");
         }
     }
 

@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use rustix::fs::{Access as Asked, AtFlags, CWD, Mode, OFlags};
+use rustix::io::Errno;
 
 use crate::error::IpcError;
 use crate::iceoryx::{check_root, config, pid_of, root, shared_memory_prefix};
@@ -199,8 +200,15 @@ pub(crate) fn usable_folder() -> Result<Option<Metadata>, IpcError> {
     check_root()?;
     let folder = root();
     let Ok(found) = metadata(&folder) else { return Ok(None) };
+    if !found.is_dir() {
+        return Err(IpcError::Root { root: folder, reason: "it is not a folder" });
+    }
     let asked = Asked::READ_OK | Asked::WRITE_OK | Asked::EXEC_OK;
-    if rustix::fs::accessat(CWD, &folder, asked, AtFlags::EACCESS).is_err() {
+    let access = rustix::fs::accessat(CWD, &folder, asked, AtFlags::EACCESS);
+    if access == Err(Errno::ROFS) {
+        return Err(IpcError::Root { root: folder, reason: "its file system is read-only" });
+    }
+    if access.is_err() {
         return Err(IpcError::NoAccess { folder, uid: found.uid(), group: group_name(found.gid()) });
     }
     Ok(Some(found))

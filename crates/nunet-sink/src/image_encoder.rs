@@ -1,4 +1,5 @@
-//! Images as files: files as they came, raw images as JPEG or PNG.
+//! Images as files: files as they came, raw images as JPEG or PNG, images that EXIF turned as PNG: their readers would not
+//! turn them, and JPEG would lose something a second time.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -12,7 +13,7 @@ use tracing::info;
 /// For raw images: lower qualities become visible, and the file is a tenth of the raw image.
 const JPEG_QUALITY: u8 = 92;
 
-/// Encodes images: files as they came, raw images as JPEG or PNG.
+/// Encodes images.
 #[derive(Default)]
 pub struct ImageEncoder {
     /// Raw images become PNG instead of JPEG.
@@ -44,7 +45,8 @@ impl ImageEncoder {
             let format = if frame.file.starts_with(&[0xff, 0xd8]) { "jpeg" } else { "png" };
             return Ok(EncodedImage { format, data: &frame.file });
         }
-        if !self.lossless && !std::mem::replace(&mut self.has_noted_jpeg, true) {
+        let lossless = self.lossless || frame.is_turned;
+        if !lossless && !std::mem::replace(&mut self.has_noted_jpeg, true) {
             info!(
                 "raw images are recorded as JPEG (quality {JPEG_QUALITY}): a replay sees slightly different images; \
                  lossless recordings use PNG"
@@ -58,7 +60,7 @@ impl ImageEncoder {
         }
         let rgb = to_rgb.prepare(&frame.view()?).rgb;
         self.encoded.clear();
-        if self.lossless {
+        if lossless {
             let encoder =
                 PngEncoder::new_with_quality(&mut self.encoded, CompressionType::Fast, FilterType::Adaptive);
             encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
@@ -86,6 +88,10 @@ mod tests {
             let decoded = image::load_from_memory(encoded.data).unwrap().into_rgb8().into_raw();
             assert_eq!(decoded == pixels, lossless, "{expected}");
         }
+        frame.is_turned = true;
+        let mut encoder = ImageEncoder::new(false);
+        let turned = encoder.encoded(&frame).unwrap();
+        assert_eq!(image::load_from_memory(turned.data).unwrap().into_rgb8().into_raw(), pixels);
         frame.file = vec![0xff, 0xd8];
         let encoder = &mut ImageEncoder::new(true);
         assert_eq!(encoder.encoded(&frame).unwrap().data, [0xff, 0xd8], "files stay as they came");

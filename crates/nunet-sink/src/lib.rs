@@ -8,6 +8,7 @@
 //! | [`record`], [`archive`] | a copy of a frame with its results, and the thread that writes copies to a disk |
 //! | [`recorder`], [`frame_writer`], [`output_file`] | recordings in MCAP files |
 //! | [`image_encoder`] | images as JPEG or PNG |
+//! | [`file_plan`] | no file is both read and written, or written twice |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`mavlink`] | obstacles for an autopilot |
@@ -16,6 +17,7 @@
 //! | [`obstacle_images`] | obstacles of one frame, as files |
 
 pub mod archive;
+pub mod file_plan;
 pub mod file_writer;
 pub mod frame_writer;
 pub mod image_encoder;

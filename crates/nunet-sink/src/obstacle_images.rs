@@ -7,7 +7,7 @@ use image::RgbImage;
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::Obstacles;
 use nunet_core::pipeline::Pipeline;
-use nunet_files::{BirdsEye, draw_obstacle_points, write_rgb};
+use nunet_files::{BirdsEye, draw_obstacle_points, write_json, write_rgb};
 use nunet_ipc::CONTRACT_VERSION;
 use serde_json::{Value, json};
 
@@ -32,7 +32,7 @@ impl View<'_> {
     /// A file cannot be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
         write_obstacles(self.found, folder)?;
-        Ok(write_rgb(&folder.join("obstacles_overlay.png"), &self.overlay()?)?)
+        Ok(write_rgb(&folder.join("obstacles_overlay.png"), self.overlay()?)?)
     }
 
     /// The network's image with the points of obstacles.
@@ -52,14 +52,15 @@ impl View<'_> {
     }
 }
 
+/// The names of the files of obstacles.
+pub const OBSTACLE_FILES: [&str; 3] = ["obstacles.json", "obstacles.png", "obstacles_overlay.png"];
+
 /// Writes `obstacles.json` and `obstacles.png` (from above) into `folder`, which exists.
 ///
 /// # Errors
 /// A file cannot be written.
 pub fn write_obstacles(found: &Obstacles, folder: &Path) -> anyhow::Result<()> {
-    let json = folder.join("obstacles.json");
-    std::fs::write(&json, format!("{:#}\n", obstacles_json(found)))
-        .with_context(|| format!("cannot write `{}`", json.display()))?;
+    write_json(&folder.join("obstacles.json"), &obstacles_json(found))?;
     let birds_eye = BirdsEye {
         sectors: &found.sectors,
         points: &found.points,
@@ -67,7 +68,7 @@ pub fn write_obstacles(found: &Obstacles, folder: &Path) -> anyhow::Result<()> {
         angle_step_rad: found.angle_step_rad,
         max_range_m: found.max_range_m,
     };
-    Ok(write_rgb(&folder.join("obstacles.png"), &birds_eye.draw())?)
+    Ok(write_rgb(&folder.join("obstacles.png"), birds_eye.draw())?)
 }
 
 /// Numbers of JSON are finite: NaN is null.

@@ -1,53 +1,19 @@
 //! The file of a recording: its name, and whether it may be written.
 
-use std::borrow::Cow;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use nunet_mcap::RecordingError;
-use nunet_types::Hint;
 
-/// Why a file cannot be the output.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum OutputError {
-    /// The input, perhaps under another name.
-    #[error("`{}` is both input and output", path.display())]
-    IsInput {
-        /// The output.
-        path: PathBuf,
-    },
-    /// It exists and must not be overwritten.
-    #[error(transparent)]
-    Exists(RecordingError),
-}
-
-impl Hint for OutputError {
-    fn hint(&self) -> Option<Cow<'static, str>> {
-        match self {
-            Self::IsInput { .. } => Some("pass another output".into()),
-            Self::Exists(error) => error.hint(),
-        }
-    }
-}
-
-/// Checks before any work is done that a recording may be written: the file does not exist, or `overwrite` is set and it is
-/// not `input` under another name.
+/// Checks before any work is done that a recording may be written: the file does not exist, or `overwrite` is set.
 ///
 /// # Errors
-/// It must not be written.
-pub fn check_output(output: &Path, input: Option<&Path>, overwrite: bool) -> Result<(), OutputError> {
-    let Ok(existing) = std::fs::metadata(output) else { return Ok(()) };
-    let is_input = input
-        .and_then(|input| std::fs::metadata(input).ok())
-        .is_some_and(|input| (input.dev(), input.ino()) == (existing.dev(), existing.ino()));
-    if is_input {
-        return Err(OutputError::IsInput { path: output.to_owned() });
+/// It exists.
+pub fn check_output(output: &Path, overwrite: bool) -> Result<(), RecordingError> {
+    if output.exists() && !overwrite {
+        Err(RecordingError::Exists { path: output.to_owned() })
+    } else {
+        Ok(())
     }
-    if !overwrite {
-        return Err(OutputError::Exists(RecordingError::Exists { path: output.to_owned() }));
-    }
-    Ok(())
 }
 
 /// The file of a recording: `path` itself, or in a folder one that is named by camera and time.
@@ -92,16 +58,11 @@ mod tests {
     }
 
     #[test]
-    fn an_output_that_is_the_input_or_exists_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let (input, link) = (folder.path().join("in.mcap"), folder.path().join("link.mcap"));
-        std::fs::write(&input, "x").unwrap();
-        std::fs::hard_link(&input, &link).unwrap();
-        let is_input = check_output(&link, Some(&input), true);
-        assert!(matches!(is_input, Err(OutputError::IsInput { .. })), "{is_input:?}");
-        let exists = check_output(&link, None, false);
-        assert!(matches!(exists, Err(OutputError::Exists(_))), "{exists:?}");
-        assert!(check_output(&link, None, true).is_ok());
-        assert!(check_output(&folder.path().join("new.mcap"), Some(&input), false).is_ok());
+    fn an_output_that_exists_is_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let exists = check_output(file.path(), false);
+        assert!(matches!(exists, Err(RecordingError::Exists { .. })), "{exists:?}");
+        check_output(file.path(), true).unwrap();
+        check_output(&file.path().join("new.mcap"), false).unwrap();
     }
 }

@@ -52,6 +52,7 @@ impl Record {
         {
             own.buffer(view.bytes().len()).copy_from_slice(view.bytes());
         }
+        own.is_turned = frame.is_turned;
         (own.size, own.row_stride, own.format) = (frame.size, frame.row_stride, frame.format);
         (own.sequence, own.capture, own.ready_nanos) = (frame.sequence, frame.capture, frame.ready_nanos);
         (own.camera, own.stretch, own.in_real_time) = (frame.camera, frame.stretch, frame.in_real_time);

@@ -6,7 +6,7 @@ use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
 use crate::error::{SourceError, SourceErrorKind};
 use crate::image_file::{decode, first_bytes};
-use crate::listing::list;
+use crate::listing::{list, listed_files};
 use crate::source::Ended;
 use crate::source_type::{Properties, SourceType};
 use crate::{Capture, Fill, Frame, OpenOptions, Source};
@@ -22,6 +22,10 @@ impl SourceType for ImageFiles {
 
     fn properties(&self) -> Properties {
         Properties { camera: "camera", default_rate: Some("max"), ..Properties::default() }
+    }
+
+    fn files(&self, name: &str) -> Vec<PathBuf> {
+        listed_files(Path::new(name))
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
@@ -119,6 +123,10 @@ fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
         "the name of a recording ends in `.mcap`".to_owned()
     } else if start.starts_with(b"YUV4MPEG2") {
         format!("read it from standard input, with `-` as the source: `< {shown}`")
+    } else if start.is_empty() {
+        return (Some("it is empty"), "copy or record it again".to_owned());
+    } else if !is_video(path) {
+        "expected JPEG or PNG images, or a recording in MCAP: convert it to one of them".to_owned()
     } else {
         format!(
             "pipe a video into standard input, with `-` as the source: `ffmpeg -i {shown} -f yuv4mpegpipe -pix_fmt yuv420p \
@@ -128,8 +136,32 @@ fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
     (None, hint)
 }
 
+/// By its ending: a video has too many beginnings.
+fn is_video(path: &Path) -> bool {
+    const VIDEOS: [&str; 16] = [
+        "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv", "3gp",
+        "h264", "h265",
+    ];
+    path.extension().is_some_and(|ending| VIDEOS.iter().any(|video| ending.eq_ignore_ascii_case(video)))
+}
+
+/// A file in a folder that is a recording in another format.
+#[cfg(feature = "mcap")]
+fn recording_in(folder: &Path) -> Option<PathBuf> {
+    let files = folder.read_dir().ok()?.flatten().map(|entry| entry.path());
+    let is_bag = |file: &PathBuf| file.extension().is_some_and(|ending| ending == "db3" || ending == "bag");
+    files.filter(is_bag).min()
+}
+
 fn no_images(path: &Path) -> SourceError {
     let shown = path.display();
+    #[cfg(feature = "mcap")]
+    if let Some(bag) = recording_in(path)
+        && let (Some(what), hint) = other_file(&bag, &first_bytes(&bag).ok().flatten().unwrap_or_default())
+    {
+        return SourceError::bad_arguments(format!("`{}` is not a source: {what}", bag.display()))
+            .with_hint(hint);
+    }
     if path.is_dir() {
         return SourceError::bad_arguments(format!("the folder `{shown}` has no JPEG or PNG image"));
     }

@@ -45,6 +45,8 @@ pub struct Frame {
     pub pixels: Pixels,
     /// The JPEG or PNG file that the image came in, for recordings; empty if it came raw.
     pub file: Vec<u8>,
+    /// Whether the image came as a file that is not in `file`, because EXIF turned the image.
+    pub is_turned: bool,
     /// Width and height, pixels.
     pub size: ImageSize,
     /// Bytes from row to row.
@@ -100,6 +102,7 @@ impl Frame {
             Pixels::Shared(_) => Vec::new(),
         };
         buffer.resize(bytes, 0);
+        self.is_turned = false;
         self.pixels = Pixels::Owned(buffer);
         match &mut self.pixels {
             Pixels::Owned(buffer) => buffer,

@@ -57,6 +57,7 @@ pub fn decode_file(frame: &mut Frame) -> Result<Orientation> {
     // An image that was turned differs from its file, which readers show as it is.
     if !matches!(decoded, Ok(Orientation::NoTransforms)) {
         frame.file.clear();
+        frame.is_turned = decoded.is_ok();
     }
     decoded
 }
@@ -125,9 +126,7 @@ pub fn decode_numbers(path: &Path) -> Result<Numbers> {
 fn read(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
     let failed = |error: std::io::Error| SourceError::bad_frame("it cannot be read").with_cause(error);
     let Some(mut file) = plain_file::open(path, MAX_FILE_BYTES + 1).map_err(failed)? else {
-        return Err(
-            SourceError::bad_frame("it is not a regular file").with_hint("pipe images into standard input")
-        );
+        return Err(SourceError::bad_frame("it is not a regular file").with_hint("save the image as a file"));
     };
     file.read_to_end(bytes).map_err(failed)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {

@@ -50,7 +50,7 @@ pub use continuity::{Continuity, Discontinuity};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{Capture, Frame, Pixels};
 pub use image_file::{IMAGE_EXTENSIONS, Numbers, decode, decode_file, decode_numbers, glance};
-pub use listing::list;
+pub use listing::{list, listed_files};
 pub use mailbox::{Mailbox, Put, Reuse, Taken};
 pub use notify::Notify;
 pub use pipe::open_pipe;
@@ -59,7 +59,7 @@ pub use rate::{Pacer, Rate};
 pub use recording::{RecordingSource, from_recording_error};
 pub use registry::SourceName;
 pub use shm::camera_in;
-pub use source::{Fill, OpenOptions, Source};
+pub use source::{Fill, OpenOptions, Source, first_frame};
 pub use source_type::{Exclusive, Properties, SizeUse, SourceType};
 #[cfg(feature = "v4l2")]
 pub use v4l2::{CameraReport, cameras};

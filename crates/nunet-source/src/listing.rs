@@ -1,6 +1,9 @@
 //! Lists of image files: a folder, a glob, or a single file.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+
+use tracing::debug;
 
 use crate::error::{SourceError, SourceErrorKind};
 use crate::image_file::IMAGE_EXTENSIONS;
@@ -21,6 +24,17 @@ pub fn list(path: &Path) -> Result<Vec<PathBuf>, SourceError> {
     Ok(paths)
 }
 
+/// What [`list`] reads: the folder, or the files and the folders of those that a glob matches.
+#[must_use]
+pub fn listed_files(path: &Path) -> Vec<PathBuf> {
+    if path.is_dir() || path.is_file() {
+        return vec![path.to_owned()];
+    }
+    let files = matches(&path.to_string_lossy()).unwrap_or_default();
+    let folders: BTreeSet<&Path> = files.iter().filter_map(|file| file.parent()).collect();
+    folders.into_iter().map(Path::to_owned).chain(files.iter().cloned()).collect()
+}
+
 fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let unreadable = |error: std::io::Error| {
         let message = format!("cannot list the folder `{}`", folder.display());
@@ -29,11 +43,18 @@ fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let mut paths = Vec::new();
     for entry in folder.read_dir().map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        if is_image(&path) {
+        if is_image(&path) && is_hidden(&path) {
+            debug!("`{}` is hidden and not read", path.display());
+        } else if is_image(&path) {
             paths.push(path);
         }
     }
     Ok(paths)
+}
+
+/// macOS leaves `._a.jpg`, which is no image, beside `a.jpg`.
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
 fn is_image(path: &Path) -> bool {
@@ -49,4 +70,18 @@ fn matches(pattern: &str) -> Result<Vec<PathBuf>, SourceError> {
     paths.collect::<Result<_, _>>().map_err(|error| {
         SourceError::new(SourceErrorKind::Unavailable, format!("cannot list `{pattern}`")).with_cause(error)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hidden_files_of_a_folder_are_no_images() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.jpg", "._a.jpg", ".b.png", "c.txt"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(list(folder.path()).unwrap(), [folder.path().join("a.jpg")]);
+    }
 }

@@ -1,7 +1,7 @@
 //! Images of a recording, in the order in which they were recorded.
 
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nunet_core::camera::{Calibration, Camera, RosCameraInfo};
 use nunet_core::frame::PixelFormat;
@@ -41,6 +41,10 @@ impl SourceType for RecordingFile {
             default_rate: Some("max"),
             ..Properties::default()
         }
+    }
+
+    fn files(&self, name: &str) -> Vec<PathBuf> {
+        nunet_mcap::files(Path::new(name))
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
@@ -91,7 +95,12 @@ impl RecordingSource {
     }
 
     fn begin_again(&mut self, frame: &mut Frame) -> Fill {
-        if !self.repeat || self.sequence == 0 {
+        if self.sequence == 0 {
+            let message = format!("topic `{}` has no message", self.recording.topic());
+            let error = SourceError::new(SourceErrorKind::NothingReadable, message);
+            return Fill::Broken(error.with_hint("check whether the camera ran while it was recorded"));
+        }
+        if !self.repeat {
             return Fill::End;
         }
         if !self.any_good {
@@ -332,6 +341,23 @@ mod tests {
             assert!(matches!(source.fill(&mut frame), Fill::Failed(_)));
         }
         assert!(matches!(source.fill(&mut frame), Fill::Broken(_)), "there is nothing to repeat");
+    }
+
+    #[test]
+    fn a_topic_without_a_message_is_a_failure() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        write_recording(&path, "eye", &[None]);
+        let how = OpenOptions { topic: Some("/front/depth/image_raw"), ..OpenOptions::default() };
+        let (mut source, mut frame) = (RecordingSource::open(&path, how).unwrap(), Frame::default());
+        assert!(matches!(source.fill(&mut frame), Fill::Failed(_)), "its only message is depth");
+        assert!(matches!(source.fill(&mut frame), Fill::End));
+        let Err(error) = RecordingSource::open(&path, OpenOptions::default()) else {
+            panic!("it has depth only")
+        };
+        assert_eq!(error.kind(), SourceErrorKind::NothingReadable);
+        source.sequence = 0;
+        assert!(matches!(source.fill(&mut frame), Fill::Broken(_)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! A new source is a file of its own that implements [`SourceType`], and a line in [`REGISTRY`].
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::SourceError;
 use crate::source_type::{Properties, SizeUse, SourceType};
@@ -63,6 +63,12 @@ impl SourceName {
     #[must_use]
     pub fn properties(&self) -> Properties {
         self.kind.properties()
+    }
+
+    /// The files and folders that are read: none of them may be written meanwhile.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.kind.files(&self.name)
     }
 
     /// Refuses options that the source would ignore.
@@ -155,6 +161,25 @@ mod tests {
         assert!(!kind(name).is_recording);
         std::fs::write(folder.path().join("drive_0.mcap"), b"").unwrap();
         assert!(kind(name).is_recording);
+    }
+
+    #[test]
+    fn a_source_says_which_files_and_folders_it_reads() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let files = |name: &Path| SourceName::parse(name.to_str().unwrap()).files();
+        for name in ["a.png", "bag_0.mcap", "bag_1.mcap"] {
+            std::fs::create_dir_all(path("images")).unwrap();
+            std::fs::write(path(if name.ends_with("png") { "images/a.png" } else { name }), b"").unwrap();
+        }
+        assert_eq!(files(&path("images")), [path("images")]);
+        assert_eq!(files(&path("images/a.png")), [path("images/a.png")]);
+        assert_eq!(files(&path("images/*.png")), [path("images"), path("images/a.png")]);
+        assert_eq!(files(&path("bag_1.mcap")), [path("bag_1.mcap")]);
+        let bag = [folder.path().to_owned(), path("bag_0.mcap"), path("bag_1.mcap")];
+        assert_eq!(files(folder.path()), bag);
+        assert_eq!(files(Path::new("-")), [Path::new("/dev/stdin")]);
+        assert!(files(Path::new("demo")).is_empty());
     }
 
     #[test]

@@ -55,6 +55,24 @@ pub trait Source: Send {
     }
 }
 
+/// The first frame that can be read; `None` if there is none, or not soon.
+///
+/// # Errors
+/// The source fails.
+pub fn first_frame(source: &mut dyn Source) -> Result<Option<Frame>, SourceError> {
+    const MAX_FILLS: usize = 100;
+    let mut frame = Frame::default();
+    for _ in 0..MAX_FILLS {
+        match source.fill(&mut frame) {
+            Fill::Frame => return Ok(Some(frame)),
+            Fill::Failed(_) | Fill::Nothing => {}
+            Fill::Broken(error) => return Err(error),
+            Fill::Crowded | Fill::End | Fill::Cut(_) => break,
+        }
+    }
+    Ok(None)
+}
+
 /// How a source is opened.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OpenOptions<'a> {

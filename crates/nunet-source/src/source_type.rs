@@ -1,5 +1,7 @@
 //! Properties of a kind of source.
 
+use std::path::PathBuf;
+
 use crate::error::SourceError;
 use crate::{Fill, Frame, OpenOptions, Source};
 
@@ -16,6 +18,12 @@ pub trait SourceType: Sync {
     /// # Errors
     /// Nothing of that name, or nothing that can be read.
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>;
+
+    /// The files and folders that are read, as far as they exist; none of what is no file.
+    fn files(&self, name: &str) -> Vec<PathBuf> {
+        let _ = name;
+        Vec::new()
+    }
 
     /// The placeholder for a source that could not be opened because of `error`, beside others that could: it fails when it is
     /// asked for its first frame. A camera may be plugged in later and is waited for instead.

@@ -63,4 +63,4 @@ pub use http::MetricsText;
 pub use obstacles::ObstacleMap;
 pub use protocol::{FrameMessage, MessageError, PROTOCOL_VERSION, Request, RequestError, Section, Watch};
 pub use server::{MetricsServer, ViewConfig, ViewOptions, ViewServer, check_address};
-pub use token::Token;
+pub use token::{Token, UncheckedToken};

@@ -57,6 +57,34 @@ impl fmt::Debug for Token {
     }
 }
 
+/// The text of a token before it is checked: an error of a parser would show the text.
+#[derive(Clone, serde::Deserialize)]
+pub struct UncheckedToken(String);
+
+impl UncheckedToken {
+    /// The token.
+    ///
+    /// # Errors
+    /// As [`Token::new`].
+    pub fn check(&self) -> Result<Token, ViewError> {
+        Token::new(self.0.as_str())
+    }
+}
+
+impl std::str::FromStr for UncheckedToken {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl fmt::Debug for UncheckedToken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("UncheckedToken(..)")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

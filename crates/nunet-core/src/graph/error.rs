@@ -33,6 +33,12 @@ pub enum GraphError {
         /// The file.
         path: PathBuf,
     },
+    /// A small text that Git LFS leaves where it has not fetched the file.
+    #[error("`{}` is a pointer of Git LFS, not the file itself", path.display())]
+    LfsPointer {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file larger than ONNX Runtime loads.
     #[error("`{}` has {bytes} bytes, at most {most} are supported", path.display())]
     TooLarge {
@@ -195,6 +201,7 @@ impl GraphError {
 impl Hint for GraphError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
+            Self::LfsPointer { .. } => "fetch it: `git lfs pull`".into(),
             Self::Changed { .. } => "start again when nothing writes the file any more".into(),
             Self::Model { reason, .. } => return hint_of_load(reason).map(Cow::Borrowed),
             Self::Provider { .. } => "use `auto`, the best provider that this ONNX Runtime has".into(),

@@ -294,5 +294,22 @@ fn read(path: &Path, most: u64) -> Result<Vec<u8>, GraphError> {
     let mut bytes = Vec::new();
     // A file that grows meanwhile is cut off here and refused when it is parsed.
     file.read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
+        return Err(GraphError::LfsPointer { path: path.to_owned() });
+    }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pointer_of_git_lfs_is_not_taken_for_a_damaged_model() {
+        let path = std::env::temp_dir().join(format!("nunet_lfs_{}.onnx", std::process::id()));
+        std::fs::write(&path, "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n").unwrap();
+        let error = read(&path, 1000).unwrap_err();
+        std::fs::remove_file(&path).unwrap();
+        assert!(matches!(error, GraphError::LfsPointer { .. }), "{error}");
+    }
 }

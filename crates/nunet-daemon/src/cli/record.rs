@@ -21,7 +21,8 @@ pub struct RecordArgs {
     /// Overwrite an existing recording
     #[arg(long)]
     pub force: bool,
-    /// Record raw images as PNG instead of JPEG; JPEG and PNG files are always recorded as they are
+    /// Record raw images as PNG instead of JPEG; JPEG and PNG files are always recorded as they are, or as PNG if
+    /// their EXIF data turns them
     #[arg(long)]
     pub record_lossless: bool,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use nunet_ipc::Limits;
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::{DepthFormat, LinkName, Ros2Options, Topics};
 use nunet_types::ImageSize;
-use nunet_view::{Token, ViewConfig};
+use nunet_view::{UncheckedToken, ViewConfig};
 use serde::Deserialize;
 use tracing::warn;
 
@@ -70,6 +70,7 @@ impl RunArgs {
         let names = cameras.iter().map(|camera| camera.name.as_str());
         ros2.check(names).map_err(|error| BadArguments::of(&error))?;
         Ok(Config {
+            file: None,
             model: ModelConfig { path: self.model.clone(), every: every.collect() },
             engine: self.engine.options(),
             cameras,
@@ -84,6 +85,9 @@ impl RunArgs {
     }
 }
 
+/// The variable with the secret of the view.
+const TOKEN_VARIABLE: &str = "NUNET_VIEW_TOKEN";
+
 /// The live view in the browser.
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -93,14 +97,27 @@ pub struct ViewArgs {
     pub view: Option<Text<SocketAddr>>,
     /// The secret that viewers must present; required if other machines can reach the address of --view. The environment
     /// variable keeps it out of the list of processes
-    #[arg(long, value_name = "TOKEN", env = "NUNET_VIEW_TOKEN", hide_env_values = true)]
-    pub view_token: Option<Text<Token>>,
+    #[arg(long, value_name = "TOKEN", env = TOKEN_VARIABLE, hide_env_values = true)]
+    pub view_token: Option<UncheckedToken>,
 }
 
 impl ViewArgs {
     fn config(&self) -> anyhow::Result<Option<ViewConfig>> {
-        let Some(Text(address)) = self.view else { return Ok(None) };
-        let token = value(&self.view_token);
+        // clap and serde would repeat what they refuse.
+        let token = self
+            .view_token
+            .as_ref()
+            .map(UncheckedToken::check)
+            .transpose()
+            .map_err(|error| BadArguments::of(&error))?;
+        let Some(Text(address)) = self.view else {
+            // The environment may be that of another program as well.
+            if token.is_some() && std::env::var_os(TOKEN_VARIABLE).is_none() {
+                let error = BadArguments::new("--view-token is given without --view");
+                return Err(error.with_hint("pass --view ADDRESS:PORT too").into());
+            }
+            return Ok(None);
+        };
         nunet_view::check_address(address, token.is_some()).map_err(|error| {
             WithHint::usage(error.to_string(), "pass --view-token TOKEN, or --view 127.0.0.1:PORT")
         })?;

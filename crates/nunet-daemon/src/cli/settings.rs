@@ -157,7 +157,8 @@ impl RunCommand {
         if let Some(path) = &self.line.config {
             refuse_no_source(path, &cameras)?;
         }
-        runs.first().context("one camera at least")?.config(&cameras)
+        let config = runs.first().context("one camera at least")?.config(&cameras)?;
+        Ok(Config { file: self.line.config.clone(), ..config })
     }
 
     /// What `nunetd run` would do, as a file that `--config` takes.

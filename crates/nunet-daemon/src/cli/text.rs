@@ -12,7 +12,6 @@ use nunet_core::graph::Provider;
 use nunet_mavlink::MavlinkAddress;
 use nunet_ros2::{DepthFormat, LinkName};
 use nunet_types::{ImageSize, text_with_hint};
-use nunet_view::Token;
 use serde::de::{Deserialize, Deserializer, Error as _};
 
 use crate::config::{MAX_FRAME_ID, MountOption};
@@ -61,7 +60,7 @@ macro_rules! from_str {
     };
 }
 
-from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat, Token);
+from_str!(BadArguments::of: Provider, IntrinsicsSpec, FilterSpec, MavlinkAddress, LinkName, DepthFormat);
 from_str!(plain: Rate, ImageSize, PixelFormat, MountOption);
 
 fn plain(error: &impl Display) -> BadArguments {
@@ -113,6 +112,9 @@ impl FromText for FrameId {
     fn from_text(text: &str) -> Result<Self, BadArguments> {
         if text.is_empty() || text.len() > MAX_FRAME_ID {
             return Err(BadArguments::new(format!("expected 1 to {MAX_FRAME_ID} bytes, got {}", text.len())));
+        }
+        if text.chars().any(char::is_control) {
+            return Err(BadArguments::new("expected a name without control characters"));
         }
         Ok(Self(text.to_owned()))
     }
@@ -201,6 +203,14 @@ impl FromText for Hash {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_coordinate_frame_has_no_control_characters() {
+        assert!(FrameId::from_text("robot1/front_optical").is_ok());
+        for wrong in ["", "a\nb", "a\u{7}", &"x".repeat(MAX_FRAME_ID + 1)] {
+            assert!(FrameId::from_text(wrong).is_err(), "{wrong:?}");
+        }
+    }
 
     #[test]
     fn hashes_are_64_hexadecimal_digits() {

@@ -23,11 +23,26 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
 
 /// A message of clap without its frame.
 fn message_of(text: &str) -> &str {
-    text.trim_start_matches("error: ").split("\n\nUsage").next().unwrap_or_default().trim_end()
+    let text = text.trim_start_matches("error: ");
+    let frame = ["\n\nUsage", "\n\nFor more information"].iter().filter_map(|start| text.find(start)).min();
+    text[..frame.unwrap_or(text.len())].trim_end()
 }
 
 /// Whether a command line asks for `--log-format json`.
 fn asks_for_json_log(arguments: &[OsString]) -> bool {
     let follows = |pair: &[OsString]| pair[0] == "--log-format" && pair[1] == "json";
     arguments.iter().any(|argument| argument == "--log-format=json") || arguments.windows(2).any(follows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_is_without_what_clap_puts_around_it() {
+        let plain = "error: no such value\nhint: take another\n\nFor more information, try '--help'.\n";
+        assert_eq!(message_of(plain), "no such value\nhint: take another");
+        let usage = "error: no such flag\n\nUsage: nunetd\n\nFor more information, try '--help'.\n";
+        assert_eq!(message_of(usage), "no such flag");
+    }
 }

@@ -25,6 +25,8 @@ use crate::exit::BadArguments;
 /// What `nunetd run` does.
 #[derive(Debug, Clone)]
 pub struct Config {
+    /// The file that it comes from, if there is one.
+    pub file: Option<PathBuf>,
     /// The network.
     pub model: ModelConfig,
     /// What runs it.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use nunet_mcap::Mount;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
-use nunet_sink::output_file::{OutputError, check_output};
+use nunet_sink::output_file::check_output;
 use nunet_sink::recorder::record_into;
 
 use super::{Sink, SinkContext};
 use crate::config::MountOption;
-use crate::exit::{BadArguments, WithHint};
+use crate::exit::WithHint;
 
 /// Opens the sink if `--record` is given.
 pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn Sink>>> {
@@ -35,10 +35,8 @@ pub(crate) fn mount(mount: MountOption) -> Mount {
     Mount { translation_m: mount.translation_m, roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad }
 }
 
-/// Refuses an output that exists, or that is the input under another name, before any work is done.
-pub(crate) fn refuse_output(output: &Path, input: Option<&Path>, force: bool) -> anyhow::Result<()> {
-    check_output(output, input, force).map_err(|error| match error {
-        OutputError::Exists(_) => WithHint::usage(error.to_string(), "pass --force to overwrite it").into(),
-        _ => BadArguments::of(&error).into(),
-    })
+/// Refuses an output that exists, before any work is done.
+pub(crate) fn refuse_output(output: &Path, force: bool) -> anyhow::Result<()> {
+    check_output(output, force)
+        .map_err(|error| WithHint::usage(error.to_string(), "pass --force to overwrite it").into())
 }

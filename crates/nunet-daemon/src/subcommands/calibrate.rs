@@ -10,6 +10,7 @@ use nunet_core::camera::{Calibration, ScaleNote};
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, ModelName, model_folders};
 use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference};
+use nunet_files::write_whole;
 use nunet_types::Hint as _;
 use serde_json::json;
 use tracing::{info, warn};
@@ -135,23 +136,8 @@ fn write<'a>(
         model: model.name.clone(),
         model_sha256: model.hash.clone(),
     };
-    replace(out, &note.written_into(&text))?;
+    write_whole(out, |file| Ok(file.write_all(note.written_into(&text).as_bytes())?))?;
     Ok(Some(out))
-}
-
-/// Replaces the file at once, so that a crash leaves the old one.
-fn replace(path: &Path, text: &str) -> anyhow::Result<()> {
-    let failed = || format!("cannot write `{}`", path.display());
-    // A link is kept: its target is replaced.
-    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).with_context(failed)?;
-    file.write_all(text.as_bytes()).with_context(failed)?;
-    if let Ok(old) = target.metadata() {
-        file.as_file().set_permissions(old.permissions()).with_context(failed)?;
-    }
-    file.persist(&target).with_context(failed)?;
-    Ok(())
 }
 
 fn report(

@@ -5,16 +5,17 @@ use std::path::PathBuf;
 
 use indicatif::ProgressBar;
 use nunet_core::pipeline::PipelineOptions;
-use nunet_engine::{Engine, EngineOptions};
+use nunet_engine::{Engine, EngineOptions, find_model};
 use nunet_eval::{EvalError, EvalErrorKind, EvalOptions, Evaluator, Event, cap_for};
 use nunet_files::check_folder;
+use nunet_sink::file_plan::FilePlan;
 use tracing::{error, warn};
 
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::exit::WithHint;
 use crate::exit::warn_of_unknown_camera;
+use crate::exit::{BadArguments, WithHint};
 
 /// The options.
 pub(crate) struct Options {
@@ -29,6 +30,7 @@ pub(crate) struct Options {
 
 /// Measures every image; one that cannot be read is named and counted.
 pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
+    file_plan(&options).check().map_err(|error| BadArguments::of(&error))?;
     let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
     if let Some(out) = &options.out {
         check_folder(out)?;
@@ -56,6 +58,14 @@ pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
     }
     error!("images that were skipped: {}", evaluation.skipped());
     Ok(Outcome::Lost)
+}
+
+fn file_plan(options: &Options) -> FilePlan {
+    let (evaluation, mut files) = (&options.evaluation, FilePlan::default());
+    evaluation.files().into_iter().for_each(|file| files.read("an input", file));
+    find_model(&options.model).iter().for_each(|model| files.read_model(model));
+    options.out.iter().for_each(|out| files.write_folder(out, nunet_eval::FILES));
+    files
 }
 
 /// Shows progress and problems.
@@ -137,6 +147,7 @@ mod tests {
     #[test]
     fn depth_beyond_the_cap_has_a_hint_about_the_cap_or_the_unit() {
         assert!(depth_cap_hint(42.5).ends_with("--depth-cap 43"));
+        assert!(depth_cap_hint(30.0).ends_with("--depth-cap 31"), "the cap itself is not compared");
         assert!(depth_cap_hint(4000.0).contains("--depth-scale"));
     }
 

@@ -8,8 +8,9 @@ use nunet_core::clock::Clock as _;
 use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
-use nunet_engine::{Engine, EngineOptions};
+use nunet_engine::{Engine, EngineOptions, find_model};
 use nunet_files::{Results, check_folder, write_json, write_results};
+use nunet_sink::file_plan::FilePlan;
 use nunet_sink::obstacle_images::View;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, Latencies, Totals};
@@ -21,7 +22,7 @@ use crate::buffers::Buffers;
 use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_unknown_camera};
 use crate::sink::stats::{Common, ModelName, Stats};
-use crate::source::{CameraResolver, Frame, decode, glance, list};
+use crate::source::{CameraResolver, Frame, decode, glance, list, listed_files};
 use crate::stream::{Stop, Stopped};
 
 /// The options of `infer`.
@@ -51,6 +52,7 @@ pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
 fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let images: Vec<PathBuf> = named_images(&options.images)?;
     let folders = result_folders(&images, &options.out)?;
+    file_plan(options, &images, &folders).check().map_err(|error| BadArguments::of(&error))?;
     let camera = CameraResolver::new(&options.processing.geometry)?;
     check_folder(&options.out)?;
     refuse_no_images(&images)?;
@@ -152,6 +154,20 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
         folders.push(out.join(stem));
     }
     Ok(folders)
+}
+
+fn file_plan(options: &Options, images: &[PathBuf], folders: &[PathBuf]) -> FilePlan {
+    let mut files = FilePlan::default();
+    let named = options.images.iter().flat_map(|name| listed_files(name));
+    named.chain(images.iter().cloned()).for_each(|image| files.read("an image", image));
+    find_model(&options.model).iter().for_each(|model| files.read_model(model));
+    options.processing.geometry.calibration.iter().for_each(|file| files.read("the calibration", file));
+    // Nothing is lost in a folder that is new.
+    for folder in folders.iter().filter(|folder| folder.exists()) {
+        files.write_results(folder);
+        files.write("a result", folder.join("stats.json"));
+    }
+    files
 }
 
 /// The pipeline and its buffers, reused for each image.

@@ -4,8 +4,9 @@ use anyhow::Context as _;
 use indicatif::ProgressBar;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
-use nunet_engine::{Engine, EngineOptions, hexadecimal};
+use nunet_engine::{Engine, EngineOptions, find_model, hexadecimal};
 use nunet_ipc::CameraName;
+use nunet_sink::file_plan::FilePlan;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
 use nunet_sink::record::Record;
 use nunet_telemetry::RateLimit;
@@ -22,7 +23,7 @@ use super::progress::progress;
 use crate::Outcome;
 use crate::buffers::Buffers;
 use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
-use crate::exit::{is_usage, warn_of_unknown_camera};
+use crate::exit::{BadArguments, is_usage, warn_of_unknown_camera};
 use crate::sink::Results;
 use crate::sink::recording::{mount, refuse_output};
 use crate::sink::stats::ModelName;
@@ -65,7 +66,8 @@ pub(crate) fn replay(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
-    refuse_output(&options.output, Some(&options.input), options.force)?;
+    file_plan(options).check().map_err(|error| BadArguments::of(&error))?;
+    refuse_output(&options.output, options.force)?;
     let resolver = CameraResolver::new(&options.processing.geometry)?;
     let how =
         OpenOptions { topic: options.topic.as_deref(), stopped: Some(stop.flag()), ..OpenOptions::default() };
@@ -98,6 +100,15 @@ fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     let mut replay = Replay::new(pipeline, resolver, writer, &options.publish);
     replay.run(&mut source, frame, first, stop)?;
     replay.finish(options)
+}
+
+fn file_plan(options: &Options) -> FilePlan {
+    let mut files = FilePlan::default();
+    nunet_mcap::files(&options.input).into_iter().for_each(|file| files.read("the input", file));
+    find_model(&options.model).iter().for_each(|model| files.read_model(model));
+    options.processing.geometry.calibration.iter().for_each(|file| files.read("the calibration", file));
+    files.write("the output", &options.output);
+    files
 }
 
 /// The first result that is not idle. Other topics may have many messages before the first image, and only an image has the

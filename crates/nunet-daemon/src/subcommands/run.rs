@@ -8,7 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use nunet_engine::{Engine, find_model};
+use nunet_core::pipeline::Pipeline;
+use nunet_engine::Engine;
 use nunet_files::write_json;
 use nunet_ipc::{Access, IpcError, share_with};
 use nunet_sink::file_writer::FileWriter;
@@ -47,11 +48,7 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     outputs.check()?;
 
     stop.check()?;
-    let engine = Engine::start(config.engine.clone())?;
-    let loaded = load_unless(&engine, &config.model, stop)?;
-    stop.check()?;
-    let model = ModelName { name: loaded.name(), hash: loaded.hash() };
-    let pipelines = loaded.into_pipelines(config.cameras.iter().map(|camera| camera.processing.pipeline))?;
+    let (model, pipelines) = load_pipelines(config, stop)?;
     let graph = pipelines.first().context("one camera at least")?.graph();
     let (provider, classes) = (graph.provider().to_string(), graph.description().classes.clone());
     let common = Common { model: &model, provider: &provider, classes: &classes };
@@ -75,14 +72,27 @@ fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     finish(&names, ended, common, config.outputs.stats_json.as_deref(), &mut DrainTimeout::new(&stopped))
 }
 
-/// Everything that `run` checks before it loads the model: the model's file, calibrations, sources and outputs too. Nothing
-/// is created, and no camera or pipe is read. For `nunetd config`.
+/// One pipeline for each camera.
+fn load_pipelines(config: &Config, stop: &Stop) -> anyhow::Result<(ModelName, Vec<Pipeline>)> {
+    let engine = Engine::start(config.engine.clone())?;
+    let loaded = load_unless(&engine, &config.model, stop)?;
+    stop.check()?;
+    let model = ModelName { name: loaded.name(), hash: loaded.hash() };
+    let options = config.cameras.iter().map(|camera| camera.processing.pipeline);
+    Ok((model, loaded.into_pipelines(options)?))
+}
+
+/// Everything that `run` refuses before its first result. Nothing is created, and no camera or pipe is read. For
+/// `nunetd config`.
 pub(super) fn check(config: &Config) -> anyhow::Result<()> {
+    let stop = Stop::default();
     access(config.outputs.access.as_ref())?;
     config.engine.check()?;
-    find_model(&config.model.path)?;
-    let cameras = camera::prepare(camera::plans(config)?, &Stop::default(), camera::probe_source)?;
-    Outputs::of(&cameras, config.outputs.stats_json.as_deref()).check()
+    let cameras = camera::prepare(camera::plans(config)?, &stop, camera::probe_source)?;
+    Outputs::of(&cameras, config.outputs.stats_json.as_deref()).check()?;
+    let (_, pipelines) = load_pipelines(config, &stop)?;
+    let several = cameras.len() > 1;
+    cameras.into_iter().zip(pipelines).try_for_each(|(camera, pipeline)| camera.check(pipeline, several))
 }
 
 /// Lets a group read, if one is configured.

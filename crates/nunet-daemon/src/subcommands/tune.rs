@@ -8,6 +8,7 @@ use anyhow::{Context as _, bail};
 use nunet_core::graph::Provider;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_engine::{Engine, EngineOptions, find_model};
+use nunet_files::write_whole;
 use serde_json::{Value, json};
 use tracing::warn;
 
@@ -66,7 +67,7 @@ pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
     writeln!(std::io::stdout(), "{text}")?;
     if let Some(out) = &options.out {
         let config = config(&options.model, &combinations[best])?;
-        std::fs::write(out, config).with_context(|| format!("cannot write `{}`", out.display()))?;
+        write_whole(out, |file| Ok(file.write_all(config.as_bytes())?))?;
     }
     Ok(Outcome::Done)
 }

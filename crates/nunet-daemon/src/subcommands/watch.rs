@@ -35,7 +35,7 @@ pub(crate) fn watch(
 ) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     let timeout = Duration::try_from_secs_f64(timeout_s)
-        .map_err(|_| BadArguments::new(format!("--timeout `{timeout_s}` is not a number of seconds")))?;
+        .map_err(|_| BadArguments::new(format!("--timeout `{timeout_s:?}` is not a number of seconds")))?;
     let mut view = View::choose(json);
     let Some(reader) = open(camera, &view, timeout, &stop)? else { return Ok(Outcome::Done) };
     let mut watcher = Watcher { reader, stats: None, obstacles: None, timeout, last: Instant::now() };

@@ -4,6 +4,7 @@ mod raw;
 mod y4m;
 
 use std::io::Read;
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::time::Duration;
 
@@ -35,6 +36,11 @@ impl SourceType for StandardInput {
             default_rate: Some("max"),
             ..Properties::default()
         }
+    }
+
+    /// Standard input may be a file.
+    fn files(&self, _name: &str) -> Vec<PathBuf> {
+        vec!["/dev/stdin".into()]
     }
 
     fn open(&self, _name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
@@ -185,6 +191,34 @@ fn pass_on(shots: &mut dyn Shots, send: &SyncSender<Message>, shelf: &Receiver<S
     }
 }
 
+/// As much memory is taken at once for an image: a stated size alone takes none.
+const GROWTH_BYTES: usize = 16 << 20;
+
+/// Reads up to `length` bytes into `bytes`, which grow as they come; how many came before the end.
+fn read_growing(input: &mut impl Read, bytes: &mut Vec<u8>, length: usize) -> std::io::Result<usize> {
+    bytes.truncate(length);
+    let mut filled = 0;
+    while filled < length {
+        let end = bytes.len().max(length.min(filled + GROWTH_BYTES));
+        let more = end - bytes.len();
+        bytes.try_reserve(more).map_err(|_| std::io::Error::from(std::io::ErrorKind::OutOfMemory))?;
+        bytes.resize(end, 0);
+        let read = read_up_to(input, &mut bytes[filled..end])?;
+        filled += read;
+        if filled < end {
+            break;
+        }
+    }
+    Ok(filled)
+}
+
+/// An image that does not fit into memory.
+fn too_large(size: ImageSize) -> SourceError {
+    let message = format!("there is not enough memory for an image of {size} on standard input");
+    SourceError::new(SourceErrorKind::Unavailable, message)
+        .with_hint("make it smaller: networks use some hundred pixels a side")
+}
+
 /// Fills `bytes` from `input`; how many came before its end.
 fn read_up_to(input: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<usize> {
     let mut filled = 0;
@@ -233,6 +267,18 @@ mod tests {
         assert_eq!(seen.len(), 1);
         let Fill::Cut(error) = end else { panic!("{end:?}") };
         assert_eq!(error.to_string(), "standard input ended after 4 of an image's 6 bytes");
+    }
+
+    #[test]
+    fn a_stated_size_takes_no_memory_before_its_bytes_come() {
+        let mut bytes = Vec::new();
+        let read = read_growing(&mut Cursor::new([7; 100]), &mut bytes, usize::MAX / 2).unwrap();
+        assert_eq!((read, bytes.len() <= GROWTH_BYTES), (100, true));
+        let read = read_growing(&mut Cursor::new([8; 100]), &mut bytes, 90).unwrap();
+        assert_eq!((read, bytes.as_slice()), (90, &[8; 90][..]));
+        let huge = RawFormat { size: ImageSize::new(32_768, 32_768), format: PixelFormat::Rgb8 };
+        let (_, end) = drain(&[1; 100], Some(huge));
+        assert!(matches!(&end, Fill::Broken(error) if error.to_string().contains("after 100 of")), "{end:?}");
     }
 
     #[test]

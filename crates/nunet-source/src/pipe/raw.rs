@@ -1,10 +1,10 @@
 //! Raw images without a header.
 
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 
 use nunet_types::ImageSize;
 
-use super::{RawFormat, Shot, Shots, read_up_to};
+use super::{RawFormat, Shot, Shots, read_growing, too_large};
 use crate::error::{SourceError, SourceErrorKind};
 
 /// Images of one size and format, one after the other.
@@ -25,14 +25,16 @@ impl<R: Read + Send> Shots for RawShots<R> {
         shot.size = self.layout.size;
         shot.format = Some(format);
         shot.row_stride = format.min_stride(width);
-        shot.bytes.resize(format.byte_len(width, height, shot.row_stride), 0);
+        let expected = format.byte_len(width, height, shot.row_stride);
         let cut_off = |message: String| SourceError::new(SourceErrorKind::CutOff, message);
-        let read = read_up_to(&mut self.input, &mut shot.bytes)
-            .map_err(|error| cut_off("standard input cannot be read".to_owned()).with_cause(error))?;
+        let read =
+            read_growing(&mut self.input, &mut shot.bytes, expected).map_err(|error| match error.kind() {
+                ErrorKind::OutOfMemory => too_large(shot.size),
+                _ => cut_off("standard input cannot be read".to_owned()).with_cause(error),
+            })?;
         match read {
             0 => Ok(false),
-            read if read < shot.bytes.len() => {
-                let expected = shot.bytes.len();
+            read if read < expected => {
                 Err(cut_off(format!("standard input ended after {read} of an image's {expected} bytes")))
             }
             _ => Ok(true),

@@ -44,12 +44,33 @@ impl<R: Read + Send> Y4mShots<R> {
     pub(super) fn open(mut input: R) -> Result<Self, SourceError> {
         let header = header(&mut input)?;
         check(&header)?;
+        let size = stated_size(&header);
+        check_memory(size)?;
         let count = Arc::default();
         let input = Counted { input: Cursor::new(header).chain(input), count: Arc::clone(&count) };
-        let decoder =
-            Decoder::new(input).map_err(|error| unreadable(format!("standard input is not Y4M: {error}")))?;
+        let decoder = Decoder::new(input).map_err(|error| match error {
+            y4m::Error::OutOfMemory => super::too_large(size),
+            error => unreadable(format!("standard input is not Y4M: {error}")),
+        })?;
         Ok(Self { decoder, frames: 0, read_before: count })
     }
+}
+
+/// What the header states; 0 for a side that it does not.
+fn stated_size(header: &[u8]) -> ImageSize {
+    let text = String::from_utf8_lossy(header);
+    let side = |name: char| {
+        let value = text.split_ascii_whitespace().skip(1).find_map(|parameter| parameter.strip_prefix(name));
+        value.and_then(|value| value.parse().ok()).unwrap_or_default()
+    };
+    ImageSize::new(side('W'), side('H'))
+}
+
+/// The decoder does not ask whether there is memory.
+fn check_memory(size: ImageSize) -> Result<(), SourceError> {
+    // Three bytes a pixel at most, in the decoder and in the frame.
+    let bytes = size.pixel_count().saturating_mul(2 * 3);
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| super::too_large(size))
 }
 
 fn unreadable(message: String) -> SourceError {
@@ -255,6 +276,12 @@ mod tests {
         assert_refused("YUV4MPEG2 W0 H2", "`W0`, expected a side");
         assert_refused("YUV4MPEG2 F25:1", "standard input is not Y4M");
         assert_refused("RIFF....AVI LIST", "it does not begin with `YUV4MPEG2`");
+    }
+
+    #[test]
+    fn an_image_that_no_memory_holds_is_refused_by_its_size() {
+        let error = read(b"YUV4MPEG2 W32768 H32768 F25:1 C444\n").unwrap_err().to_string();
+        assert_eq!(error, "there is not enough memory for an image of 32768x32768 on standard input");
     }
 
     #[test]

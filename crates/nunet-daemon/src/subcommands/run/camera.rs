@@ -1,10 +1,12 @@
 //! One camera of a run: from its arguments to a stream.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use nunet_core::pipeline::Pipeline;
+use nunet_engine::find_model;
 use nunet_ipc::unix_nanos;
+use nunet_sink::file_plan::{FilePlan, place};
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::output_file::recording_path;
 use tracing::{Span, error, error_span};
@@ -18,7 +20,7 @@ use crate::sink::stats::Common;
 use crate::sink::{self, SinkContext};
 use crate::source::{
     CameraResolver, Exclusive, Fill, Frame, Notify, OpenOptions, Source, SourceError, SourceErrorKind,
-    SourceName,
+    SourceName, first_frame,
 };
 use crate::stream::{Pace, Stop, Stream, StreamTask};
 use crate::subcommands::load::obstacle_stage;
@@ -36,7 +38,23 @@ pub(super) fn plans(config: &Config) -> Result<Vec<Plan<'_>>, BadArguments> {
     let folders: Vec<_> = folders.collect();
     let plans: Vec<_> = config.cameras.iter().map(|camera| Plan::new(camera, &folders)).collect();
     refuse_shared(&plans)?;
+    file_plan(config, &plans).check().map_err(|error| BadArguments::of(&error))?;
     Ok(plans)
+}
+
+/// Every file that is read or will be written.
+fn file_plan(config: &Config, plans: &[Plan<'_>]) -> FilePlan {
+    let mut files = FilePlan::default();
+    config.file.iter().for_each(|file| files.read("the configuration", file));
+    find_model(&config.model.path).iter().for_each(|model| files.read_model(model));
+    for Plan { config: camera, record } in plans {
+        camera.source.name.files().into_iter().for_each(|file| files.read("the source", file));
+        camera.processing.geometry.calibration.iter().for_each(|file| files.read("the calibration", file));
+        camera.out.iter().for_each(|folder| files.write_results(folder));
+        record.iter().for_each(|file| files.write("the recording", file));
+    }
+    config.outputs.stats_json.iter().for_each(|file| files.write("the statistics", file));
+    files
 }
 
 impl<'a> Plan<'a> {
@@ -52,25 +70,6 @@ impl<'a> Plan<'a> {
 
     fn name(&self) -> &'a str {
         self.config.name.as_str()
-    }
-
-    /// The recording that is read.
-    fn input(&self) -> Option<&Path> {
-        let source = &self.config.source.name;
-        source.properties().is_recording.then(|| source.path())
-    }
-}
-
-/// One form for paths that can be written in several ways: absolute, with links resolved as far as the path exists.
-pub(super) fn place(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let there = path.ancestors().find_map(|there| Some((there, there.canonicalize().ok()?)));
-    let resolved = there.and_then(|(there, found)| Some((found, path.strip_prefix(there).ok()?)));
-    match resolved {
-        // Joining nothing would add a slash.
-        Some((found, rest)) if rest.as_os_str().is_empty() => found,
-        Some((found, rest)) => found.join(rest),
-        None => path,
     }
 }
 
@@ -130,7 +129,6 @@ pub(super) fn prepare<'a>(
     open: impl Fn(&SourceName, OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>,
 ) -> anyhow::Result<Vec<Prepared<'a>>> {
     let several = plans.len() > 1;
-    let inputs: Vec<PathBuf> = plans.iter().filter_map(Plan::input).map(Into::into).collect();
     let (model_folders, mut opened) = (nunet_engine::model_folders(), Vec::new());
     for plan in plans {
         let options = OpenOptions {
@@ -148,7 +146,7 @@ pub(super) fn prepare<'a>(
         };
         let camera = CameraResolver::new(&plan.config.processing.geometry);
         let camera = camera.map_err(|error| in_camera(error.into(), plan.name(), several))?;
-        refuse_recording(&plan, &inputs).map_err(|error| in_camera(error, plan.name(), several))?;
+        refuse_recording(&plan).map_err(|error| in_camera(error, plan.name(), several))?;
         opened.push((plan, source, camera));
     }
     if opened.iter().all(|(_, source, _)| source.is_err()) {
@@ -194,6 +192,21 @@ pub(super) fn span_of(camera: &str, several: bool) -> Span {
 }
 
 impl<'a> Prepared<'a> {
+    /// Checks whether the obstacles fit the model, and the camera the first image of files.
+    pub(super) fn check(self, mut pipeline: Pipeline, several: bool) -> anyhow::Result<()> {
+        let Self { plan, mut source, mut camera } = self;
+        let mut look = || -> anyhow::Result<()> {
+            obstacle_stage(plan.config.obstacles, &pipeline)?;
+            let properties = plan.config.source.name.properties();
+            let is_file = properties.exclusive.is_none() && !properties.is_shared_memory;
+            match is_file.then(|| first_frame(&mut *source)).transpose()?.flatten() {
+                Some(frame) => Ok(camera.update(&frame, &mut pipeline).map(drop)?),
+                None => Ok(()),
+            }
+        };
+        look().map_err(|error| in_camera(error, plan.name(), several))
+    }
+
     /// Reserves the camera's memory.
     pub(super) fn open(
         self,
@@ -269,10 +282,8 @@ impl Opened<'_> {
     }
 }
 
-/// Refuses a recording that cannot be written, or that a camera reads, before any work is done.
-fn refuse_recording(plan: &Plan<'_>, inputs: &[PathBuf]) -> anyhow::Result<()> {
+/// Refuses a recording that would replace a file, before any work is done.
+fn refuse_recording(plan: &Plan<'_>) -> anyhow::Result<()> {
     let Some(path) = &plan.record else { return Ok(()) };
-    let force = plan.config.record.as_ref().is_some_and(|record| record.force);
-    inputs.iter().try_for_each(|input| refuse_output(path, Some(input), force))?;
-    refuse_output(path, None, force)
+    refuse_output(path, plan.config.record.as_ref().is_some_and(|record| record.force))
 }

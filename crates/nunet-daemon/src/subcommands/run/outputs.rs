@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use nunet_files::{check_folder, check_writable, make_folder};
+use nunet_sink::file_plan::place;
 
-use super::camera::{Prepared, place};
+use super::camera::Prepared;
 use crate::exit::in_camera;
 
 /// The output paths of a run.
