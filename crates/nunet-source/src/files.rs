@@ -125,7 +125,7 @@ fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
         format!("read it from standard input, with `-` as the source: `< {shown}`")
     } else if start.is_empty() {
         return (Some("it is empty"), "copy or record it again".to_owned());
-    } else if !is_video(path) {
+    } else if !is_video(path, start) {
         "expected JPEG or PNG images, or a recording in MCAP: convert it to one of them".to_owned()
     } else {
         format!(
@@ -136,12 +136,16 @@ fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
     (None, hint)
 }
 
-/// By its ending: a video has too many beginnings.
-fn is_video(path: &Path) -> bool {
+/// By its first bytes if it is MP4 or alike, which HEIC and AVIF images are too, else by its ending.
+fn is_video(path: &Path, start: &[u8]) -> bool {
+    const IMAGES: [&[u8]; 5] = [b"heic", b"heix", b"mif1", b"avif", b"avis"];
     const VIDEOS: [&str; 16] = [
         "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv", "3gp",
         "h264", "h265",
     ];
+    if start.get(4..8) == Some(b"ftyp") {
+        return start.get(8..12).is_none_or(|brand| !IMAGES.contains(&brand));
+    }
     path.extension().is_some_and(|ending| VIDEOS.iter().any(|video| ending.eq_ignore_ascii_case(video)))
 }
 

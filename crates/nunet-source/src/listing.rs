@@ -1,6 +1,5 @@
 //! Lists of image files: a folder, a glob, or a single file.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use tracing::debug;
@@ -24,15 +23,10 @@ pub fn list(path: &Path) -> Result<Vec<PathBuf>, SourceError> {
     Ok(paths)
 }
 
-/// What [`list`] reads: the folder, or the files and the folders of those that a glob matches.
+/// What [`list`] reads: the folder as a whole, or each file.
 #[must_use]
 pub fn listed_files(path: &Path) -> Vec<PathBuf> {
-    if path.is_dir() || path.is_file() {
-        return vec![path.to_owned()];
-    }
-    let files = matches(&path.to_string_lossy()).unwrap_or_default();
-    let folders: BTreeSet<&Path> = files.iter().filter_map(|file| file.parent()).collect();
-    folders.into_iter().map(Path::to_owned).chain(files.iter().cloned()).collect()
+    if path.is_dir() { vec![path.to_owned()] } else { list(path).unwrap_or_default() }
 }
 
 fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {

@@ -120,7 +120,13 @@ fn a_single_file_that_is_no_image_is_a_bad_argument_with_a_hint() {
     let video = "pipe a video into standard input, with `-` as the source: `ffmpeg -i CLIP -f yuv4mpegpipe -pix_fmt \
                  yuv420p -`";
     assert_eq!(refused(b"\0\0\0\x20ftypisom"), format!("{what}{video}"));
-    assert_eq!(refused(b""), format!("{what}{video}"));
+    assert_eq!(refused(b""), "`CLIP` is not a source: it is empty | copy or record it again");
+    for other in [&b"\0\0\0\x18ftypheic"[..], b"\xd4\xc3\xb2\xa1\x02\0"] {
+        assert!(
+            !refused(other).contains("ffmpeg"),
+            "neither a HEIC image nor a capture of a network is a video"
+        );
+    }
     assert_eq!(
         refused(b"YUV4MPEG2 W4 H2 F25:1\n"),
         format!("{what}read it from standard input, with `-` as the source: `< CLIP`")
