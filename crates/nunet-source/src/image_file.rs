@@ -62,13 +62,16 @@ pub fn decode_file(frame: &mut Frame) -> Result<Orientation> {
     decoded
 }
 
-/// Decodes `file`, and cuts off what follows the image in it.
+/// Decodes `file`, cuts off what follows the image in it, and adds a missing end-of-image marker.
 fn decode_bytes(file: &mut Vec<u8>, frame: &mut Frame) -> Result<Orientation> {
     if format_of(file)? == ImageFormat::Jpeg {
         let end = jpeg::check(file).map_err(|error| {
             SourceError::bad_frame(error.to_string()).with_hint("copy or record it again")
         })?;
         file.truncate(end);
+        if !file.ends_with(&jpeg::END) {
+            file.extend(jpeg::END);
+        }
     }
     let mut decoder = decoder_of(file)?;
     let orientation = decoder.orientation().map_err(undecodable)?;
@@ -161,9 +164,18 @@ fn format_of(file: &[u8]) -> Result<ImageFormat> {
         Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png)) => return Ok(format),
         Ok(other) => (format!("the image is {other:?}").into(), "save it as one of them"),
         Err(_) if file.is_empty() => ("the file is empty".into(), "copy or record it again"),
+        Err(_) if let Some(bytes) = bytes_before_jpeg(file) => {
+            (format!("the file has {bytes} bytes before a JPEG").into(), "remove them")
+        }
         Err(_) => ("the file is not an image of a known format".into(), "save it as one of them"),
     };
     Err(SourceError::bad_frame(format!("{what}, expected JPEG or PNG")).with_hint(hint))
+}
+
+/// How many bytes are before the JPEG that does not begin with the file. Readers such as libjpeg refuse it too.
+fn bytes_before_jpeg(file: &[u8]) -> Option<usize> {
+    let start = &file[..file.len().min(MAGIC_BYTES as usize)];
+    start.windows(jpeg::START.len()).position(|bytes| bytes == jpeg::START).filter(|&bytes| bytes > 0)
 }
 
 fn decoder_of(file: &[u8]) -> Result<impl ImageDecoder + '_> {

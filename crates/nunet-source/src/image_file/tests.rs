@@ -71,7 +71,7 @@ fn a_jpeg_that_is_cut_off_anywhere_is_refused_and_a_whole_one_is_not() {
     RgbImage::from_fn(64, 48, |x, y| Rgb([x as u8 * 3, y as u8 * 5, 90])).save(&path).unwrap();
     let whole = std::fs::read(&path).unwrap();
     decode(&path, &mut Frame::default()).unwrap();
-    for keep in (0..whole.len() - 1).step_by(7) {
+    for keep in (0..whole.len() - 4).step_by(7) {
         std::fs::write(&path, &whole[..keep]).unwrap();
         assert!(decode(&path, &mut Frame::default()).is_err(), "{keep} of {} bytes pass", whole.len());
     }
@@ -109,6 +109,28 @@ fn a_video_behind_a_photograph_is_cut_off_and_the_image_is_the_same() {
         (frame.view().unwrap().bytes().to_vec(), frame.file)
     };
     assert_eq!(decoded("motion_photo/motion_photo.jpg"), decoded("motion_photo/plain.jpg"));
+}
+
+#[test]
+fn a_jpeg_with_all_blocks_but_without_an_end_is_read_and_gets_one() {
+    let whole = nunet_testkit::cases::read("jpeg_lost_middle/whole.jpg");
+    let decoded = |file: Vec<u8>| {
+        let mut frame = Frame { file, ..Frame::default() };
+        decode_file(&mut frame).unwrap();
+        (frame.view().unwrap().bytes().to_vec(), frame.file)
+    };
+    assert_eq!(decoded(whole[..whole.len() - 2].to_vec()), decoded(whole));
+}
+
+#[test]
+fn bytes_before_a_jpeg_are_counted_in_the_error() {
+    let whole = nunet_testkit::cases::read("jpeg_lost_middle/whole.jpg");
+    for before in [&[0; 2][..], &[0; 16], &[0xff]] {
+        let mut frame = Frame { file: [before, &whole].concat(), ..Frame::default() };
+        let error = decode_file(&mut frame).unwrap_err().to_string();
+        let expected = format!("the file has {} bytes before a JPEG, expected JPEG or PNG", before.len());
+        assert_eq!(error, expected);
+    }
 }
 
 #[test]

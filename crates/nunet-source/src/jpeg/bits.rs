@@ -1,5 +1,10 @@
 //! Bits of an entropy-coded segment, and Huffman codes in them.
 
+/// A coefficient after this many zero bytes is not data. If the code of a coefficient is all zeros, that of the end of a
+/// block is not, so a run of zeros has at most the 63 coefficients of a block and part of the next one, or blocks without
+/// coefficients.
+const MAX_ZERO_BYTES: usize = 40;
+
 /// Codes of up to so many bits are looked up at once.
 const LOOKUP_BITS: u32 = 9;
 
@@ -10,6 +15,8 @@ pub(super) enum ScanEnd {
     Ended,
     /// No code has these bits.
     Invalid,
+    /// Zero bytes that no encoder writes.
+    Zeros,
 }
 
 /// A Huffman table as ITU T.81, C.2 and F.2.2.3 build it.
@@ -77,11 +84,13 @@ pub(super) struct Bits<'a> {
     place: usize,
     held: u64,
     count: u32,
+    /// Zero bytes up to `place`, without another one between them.
+    zero_bytes: usize,
 }
 
 impl<'a> Bits<'a> {
     pub(super) fn new(data: &'a [u8]) -> Self {
-        Self { data, place: 0, held: 0, count: 0 }
+        Self { data, place: 0, held: 0, count: 0, zero_bytes: 0 }
     }
 
     fn fill(&mut self) {
@@ -96,6 +105,7 @@ impl<'a> Bits<'a> {
                 }
             }
             self.place += length;
+            self.zero_bytes = if byte == 0 { self.zero_bytes + 1 } else { 0 };
             self.held = self.held << 8 | u64::from(byte);
             self.count += 8;
         }
@@ -107,6 +117,17 @@ impl<'a> Bits<'a> {
         }
         self.count = self.count.checked_sub(bits).ok_or(ScanEnd::Ended)?;
         Ok((self.held >> self.count) as u32 & ((1 << bits) - 1))
+    }
+
+    /// The bits of a coefficient.
+    pub(super) fn coefficient(&mut self, bits: u32) -> Result<(), ScanEnd> {
+        self.take(bits)?;
+        if self.zero_bytes > MAX_ZERO_BYTES { Err(ScanEnd::Zeros) } else { Ok(()) }
+    }
+
+    /// How many bytes up to the current bit are zero.
+    pub(super) fn zero_bytes_taken(&self) -> usize {
+        self.zero_bytes.saturating_sub(self.count as usize / 8)
     }
 
     pub(super) fn symbol(&mut self, table: &HuffmanTable) -> Result<u8, ScanEnd> {
@@ -143,7 +164,7 @@ impl<'a> Bits<'a> {
 
     /// Passes over a restart marker, which must be the next one.
     pub(super) fn restart(&mut self, number: u8) -> bool {
-        (self.held, self.count) = (0, 0);
+        (self.held, self.count, self.zero_bytes) = (0, 0, 0);
         let mut place = self.place;
         while self.data.get(place + 1) == Some(&0xff) {
             place += 1;

@@ -20,18 +20,24 @@ const END_OF_IMAGE: u8 = 0xd9;
 const START_OF_SCAN: u8 = 0xda;
 const TABLES: u8 = 0xc4;
 const RESTART_INTERVAL: u8 = 0xdd;
+/// The first bytes of each JPEG: the start of the image, and of another marker.
+pub(crate) const START: [u8; 3] = [MARKER, START_OF_IMAGE, MARKER];
+/// The last bytes of a JPEG.
+pub(crate) const END: [u8; 2] = [MARKER, END_OF_IMAGE];
 /// Larger images are refused by the decoder's limits.
 const MAX_PIXELS: u64 = 256 << 20;
 
 /// What is wrong with a JPEG.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum JpegError {
-    #[error("the JPEG is cut off: it has no end-of-image marker")]
+    #[error("the JPEG is cut off before its end-of-image marker")]
     NoEnd,
     #[error("the JPEG lost data: its scan ended early, after {read} of {expected} blocks")]
     EndedEarly { read: u64, expected: u64 },
     #[error("the JPEG is damaged: its scan has an invalid code after {read} of {expected} blocks")]
     InvalidCode { read: u64, expected: u64 },
+    #[error("the JPEG lost data: zero bytes replace its scan before block {read} of {expected}")]
+    Zeros { read: u64, expected: u64 },
     #[error("the JPEG lost data: restart marker {expected} of 0 to 7 is missing after {read} blocks")]
     NoRestart { expected: u8, read: u64 },
     #[error("the JPEG is damaged: its scan has {bytes} bytes more than its blocks need")]
@@ -51,14 +57,18 @@ struct Image {
     restart_interval: u32,
 }
 
-/// Checks a JPEG and returns where it ends: behind it may be anything, such as a phone's video.
+/// Checks a JPEG and returns where it ends: behind it may be anything, such as a phone's video. An image that has all its
+/// blocks needs no end-of-image marker; libjpeg accepts it too.
 ///
 /// # Errors
 /// Data that are missing, damaged or too many.
 pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
     let (mut image, mut place) = (Image::default(), 2);
     loop {
-        let (marker, after) = next_marker(file, place).ok_or(JpegError::NoEnd)?;
+        let Some((marker, after)) = next_marker(file, place) else {
+            let frame = image.frame.as_ref().ok_or(JpegError::NoEnd)?;
+            return frame.check_complete().map(|()| place);
+        };
         place = after;
         match marker {
             END_OF_IMAGE => {

@@ -6,6 +6,8 @@ use super::frame::JpegFrame;
 
 /// Some cameras write a few bytes more; their images are whole.
 const MAX_EXTRA_BYTES: usize = 16;
+/// The last blocks of a flat image may end in as many zero bytes.
+const MAX_ZEROS_BEFORE_PADDING: usize = 2;
 
 type Tables = [Option<HuffmanTable>; 4];
 
@@ -72,16 +74,17 @@ impl<'a> Scan<'a> {
         let stopped = |stop, read| match stop {
             ScanEnd::Ended => JpegError::EndedEarly { read, expected },
             ScanEnd::Invalid => JpegError::InvalidCode { read, expected },
+            ScanEnd::Zeros => JpegError::Zeros { read, expected },
         };
         for mcu in 0..mcus {
             let due = restart_interval > 0 && mcu > 0 && mcu.is_multiple_of(restart_interval as usize);
             if due {
                 let number = ((mcu / restart_interval as usize - 1) % 8) as u8;
-                walk.restart(number)?;
+                walk.restart(number, expected)?;
             }
             self.mcu(frame, mcu, &mut walk).map_err(|stop| stopped(stop, walk.read))?;
         }
-        walk.check_rest()?;
+        walk.check_rest(expected)?;
         Ok(walk.bits.place())
     }
 
@@ -163,8 +166,8 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn restart(&mut self, number: u8) -> Result<(), JpegError> {
-        self.check_rest()?;
+    fn restart(&mut self, number: u8, expected: u64) -> Result<(), JpegError> {
+        self.check_rest(expected)?;
         self.end_of_band_run = 0;
         if self.bits.restart(number) {
             return Ok(());
@@ -172,12 +175,16 @@ impl Walk<'_> {
         Err(JpegError::NoRestart { expected: number, read: self.read })
     }
 
-    fn check_rest(&mut self) -> Result<(), JpegError> {
+    /// Checks what follows the last block. A few zeros are padding. Zeros that begin within the blocks and go on behind
+    /// them replaced lost data.
+    fn check_rest(&mut self, expected: u64) -> Result<(), JpegError> {
+        let began_before = self.bits.zero_bytes_taken() > MAX_ZEROS_BEFORE_PADDING;
         let (bytes, is_more_than_padding) = self.bits.rest();
-        if bytes > MAX_EXTRA_BYTES && is_more_than_padding {
-            return Err(JpegError::TooMuch { bytes });
+        match bytes > MAX_EXTRA_BYTES {
+            true if is_more_than_padding => Err(JpegError::TooMuch { bytes }),
+            true if began_before => Err(JpegError::Zeros { read: self.read, expected }),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     fn first_dc(&mut self, table: &HuffmanTable) -> Result<(), ScanEnd> {
@@ -198,7 +205,7 @@ impl Walk<'_> {
                 (_, 0) => break,
                 (run, size) => {
                     place += u32::from(run) + 1;
-                    self.bits.take(size.into())?;
+                    self.bits.coefficient(size.into())?;
                 }
             }
         }
@@ -231,7 +238,7 @@ impl Walk<'_> {
                     if place > last {
                         return Err(ScanEnd::Invalid);
                     }
-                    self.bits.take(size.into())?;
+                    self.bits.coefficient(size.into())?;
                     *nonzero |= 1 << place;
                     place += 1;
                 }

@@ -119,6 +119,50 @@ fn bytes_after_the_end_and_padding_before_it_are_ignored() {
 }
 
 #[test]
+fn zeros_that_replace_the_rest_of_a_scan_are_noticed() {
+    let end = [MARKER, END_OF_IMAGE];
+    for (kind, file) in files() {
+        let start = first_scan(&file);
+        for keep in (start..file.len() - 6).step_by(1 + file.len() / 60) {
+            let zeros = [&file[..keep], &[0; 100_000], &end].concat();
+            assert!(check(&zeros).is_err(), "{kind}: {keep} of {} bytes", file.len());
+            let video = [&file[..keep], b"\0\0\0\x18ftypmp42", &[0; 5000], &end].concat();
+            assert!(check(&video).is_err(), "{kind}: {keep} of {} bytes and a video", file.len());
+        }
+    }
+    let file = baseline(64, 48);
+    let lost = [&file[..file.len() - 200], &[0; 5000], &end].concat();
+    assert!(matches!(check(&lost), Err(JpegError::Zeros { .. })), "{:?}", check(&lost));
+}
+
+#[test]
+fn a_flat_image_is_mostly_zeros_and_passes() {
+    for color in [[0; 3], [255; 3], [128; 3], [200, 30, 90]] {
+        let mut file = Cursor::new(Vec::new());
+        RgbImage::from_pixel(640, 480, Rgb(color)).write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
+        assert!(check(file.get_ref()).is_ok(), "{color:?}");
+    }
+    // Tables with one code for each kind: `0`. All blocks of this image are zeros.
+    let table = |class| [&[MARKER, TABLES, 0, 20, class, 1][..], &[0; 15], &[0]].concat();
+    let frame = [MARKER, 0xc0, 0, 11, 8, 0x01, 0xe0, 0x02, 0x80, 1, 1, 0x11, 0];
+    let scan = [MARKER, START_OF_SCAN, 0, 8, 1, 1, 0, 0, 63, 0];
+    let head = [&[MARKER, START_OF_IMAGE][..], &frame, &table(0), &table(0x10), &scan].concat();
+    let flat = [&head[..], &[0; 80 * 60 * 2 / 8], &END].concat();
+    assert_eq!(check(&flat), Ok(flat.len()));
+    let padded = [&head[..], &[0; 80 * 60 * 2 / 8 + 5000], &END].concat();
+    assert!(matches!(check(&padded), Err(JpegError::Zeros { .. })));
+}
+
+#[test]
+fn a_whole_image_needs_no_end_marker() {
+    for (kind, file) in files() {
+        let whole = file.len() - 2;
+        assert_eq!(check(&file[..whole]), Ok(whole), "{kind}");
+        assert!(check(&[&file[..whole], &[0; 3000]].concat()).is_ok(), "{kind} with padding");
+    }
+}
+
+#[test]
 fn no_damage_panics() {
     for (_, file) in files() {
         for place in 2..file.len().min(700) {
