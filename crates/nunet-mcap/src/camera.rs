@@ -45,24 +45,18 @@ impl CameraDescription {
     }
 
     /// From the camera of the whole sensor, which K, P, width and height of ROS 2's message describe, to that of the
-    /// images: the region of interest, in pixels of the whole, whose blocks of `binning` pixels are one each.
+    /// images.
     fn captured(mut self, info: &CameraInfo<'_>) -> Self {
-        let RegionOfInterest { x_offset, y_offset, width, height, .. } = info.roi;
-        let x = SensorAxis::captured(self.width, x_offset, width, info.binning_x);
-        let y = SensorAxis::captured(self.height, y_offset, height, info.binning_y);
-        let (Some(x), Some(y)) = (x, y) else {
-            self.fault = Some(format!(
-                "its region of interest of {width}x{height} pixels from column {x_offset} and row {y_offset} on is not \
-                 within the sensor's {}x{}",
-                self.width, self.height
-            ));
-            return self;
-        };
         let [fx, fy, cx, cy] = self.intrinsics;
-        self.intrinsics = [x.focal(fx), y.focal(fy), x.center(cx), y.center(cy)];
-        self.skew = x.focal(self.skew);
-        (self.width, self.height) = (x.pixels, y.pixels);
-        self
+        match info.region().captured(ImageSize::new(self.width, self.height), [fx, self.skew, cx, fy, cy]) {
+            Ok((ImageSize { width, height }, [fx, skew, cx, fy, cy])) => {
+                Self { width, height, intrinsics: [fx, fy, cx, cy], skew, ..self }
+            }
+            Err(error) => {
+                self.fault = Some(error.to_string());
+                self
+            }
+        }
     }
 
     /// From the matrix P of rectified images, row by row.
@@ -117,38 +111,6 @@ impl CameraDescription {
     }
 }
 
-/// Width or height of the part of its sensor that a camera delivers.
-struct SensorAxis {
-    /// Where it begins, pixels of the sensor.
-    offset: f64,
-    /// Pixels of the sensor that make one of the image.
-    binning: f64,
-    /// Of the image.
-    pixels: u32,
-}
-
-impl SensorAxis {
-    /// ROS' zeros mean the whole sensor and no binning; `None` for a region that reaches beyond the sensor.
-    fn captured(sensor: u32, offset: u32, size: u32, binning: u32) -> Option<Self> {
-        let size = if (offset, size) == (0, 0) { sensor } else { size };
-        let binning = binning.max(1);
-        let within = (size > 0 || sensor == 0) && offset.checked_add(size)? <= sensor;
-        within.then(|| Self { offset: offset.into(), binning: binning.into(), pixels: size / binning })
-    }
-
-    fn focal(&self, pixels: f64) -> f64 {
-        pixels / self.binning
-    }
-
-    /// The middle of a block becomes the middle of a pixel. (ROS' own `image_geometry` divides alone, which is off by
-    /// less than half a pixel.)
-    fn center(&self, pixels: f64) -> f64 {
-        let within = pixels - self.offset;
-        // Without binning, the offset alone keeps the value exact to the last bit.
-        if self.binning > 1.0 { (within + 0.5) / self.binning - 0.5 } else { within }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,18 +161,10 @@ mod tests {
     }
 
     #[test]
-    fn binning_makes_one_pixel_of_a_block_of_the_region() {
-        let camera = cropped(|info| (info.binning_x, info.binning_y) = (2, 4), false);
-        assert_eq!((camera.width, camera.height), (160, 60));
+    fn binning_and_skew_are_those_of_the_images() {
+        let camera = cropped(|info| (info.binning_x, info.binning_y, info.k[1]) = (2, 4, 3.0), false);
+        assert_eq!((camera.width, camera.height, camera.skew), (160, 60, 1.5));
         assert_eq!(camera.intrinsics, [250.0, 127.5, 120.5 / 2.0 - 0.5, 140.5 / 4.0 - 0.5]);
-    }
-
-    #[test]
-    fn a_region_of_interest_of_zeros_is_the_whole_sensor() {
-        let whole = cropped(|info| info.roi = RegionOfInterest::default(), false);
-        assert_eq!((whole.width, whole.height, whole.intrinsics), (640, 480, [500.0, 510.0, 320.0, 240.0]));
-        let wide = cropped(|info| (info.roi.x_offset, info.roi.width) = (0, 0), false);
-        assert_eq!((wide.width, wide.height, wide.intrinsics), (640, 240, [500.0, 510.0, 320.0, 140.0]));
     }
 
     #[test]
@@ -223,11 +177,6 @@ mod tests {
                  640x480"
             )
         );
-        let changes: [fn(&mut CameraInfo<'_>); 3] =
-            [|info| info.roi.height = 0, |info| info.roi.height = 381, |info| info.roi.y_offset = u32::MAX];
-        for change in changes {
-            assert!(cropped(change, true).fault.is_some());
-        }
     }
 
     #[test]

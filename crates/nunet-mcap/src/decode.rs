@@ -100,29 +100,45 @@ pub(crate) fn camera(
     reading: Reading,
 ) -> Result<Option<CameraDescription>, String> {
     let rectified = reading.rectified;
-    let of = |(width, height), k: &[f64], model: &str, d: Vec<f64>, p: &[f64]| {
+    let of = |(width, height), [k, r, p]: [&[f64]; 3], model: &str, d: Vec<f64>| {
+        check_matrices([k, r, p])?;
         let size = ImageSize { width, height };
-        if rectified {
-            CameraDescription::of_projection(size, p)
-        } else {
-            CameraDescription::new(size, k, model, d)
-        }
+        Ok(match (rectified, p) {
+            (true, []) if k.iter().any(|&number| number != 0.0) => {
+                return Err("P has no values, expected 12 for rectified images".to_owned());
+            }
+            (true, p) => CameraDescription::of_projection(size, p),
+            (false, _) => CameraDescription::new(size, k, model, d),
+        })
     };
-    Ok(match kind.form {
-        Form::Ros => CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified),
+    match kind.form {
+        Form::Ros => Ok(CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified)),
         Form::FoxgloveCdr => {
             let camera: messages::CameraCalibration<'_> = cdr::decode(data)?;
-            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+            let matrices = [&camera.k[..], &camera.r, &camera.p];
+            of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
         Form::FoxgloveProtobuf => {
             let camera = protobuf::CameraCalibration::decode(data).map_err(|error| error.to_string())?;
-            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+            let matrices = [&camera.k[..], &camera.r, &camera.p];
+            of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
         Form::FoxgloveJson => {
             let camera: json::CameraCalibration = json::decode(data)?;
-            of((camera.width, camera.height), &camera.k, &camera.distortion_model, camera.d, &camera.p)
+            let matrices = [&camera.k[..], &camera.r, &camera.p];
+            of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
-    })
+    }
+}
+
+/// Lists of another length than the matrices K, R and P have. Protobuf leaves out a matrix that is not known.
+fn check_matrices([k, r, p]: [&[f64]; 3]) -> Result<(), String> {
+    for (name, matrix, expected) in [("K", k, 9), ("R", r, 9), ("P", p, 12)] {
+        if !matrix.is_empty() && matrix.len() != expected {
+            return Err(format!("{name} has {} values, expected {expected}", matrix.len()));
+        }
+    }
+    Ok(())
 }
 
 fn nanos(stamp: Option<protobuf::Timestamp>) -> i64 {
@@ -209,6 +225,39 @@ mod tests {
         let read = camera(kind, &message, READING).unwrap().unwrap();
         assert_eq!(read.intrinsics, [500.0, 501.0, 320.0, 240.0]);
         assert_eq!((read.distortion_model.as_str(), read.coefficients.len()), ("plumb_bob", 5));
+    }
+
+    #[test]
+    fn matrices_of_another_length_are_errors_in_every_form() {
+        let good = protobuf::CameraCalibration {
+            width: 640,
+            height: 480,
+            k: [500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0].to_vec(),
+            ..protobuf::CameraCalibration::default()
+        };
+        let read = |calibration: &protobuf::CameraCalibration, rectified| {
+            let mut message = Vec::new();
+            calibration.encode(&mut message).unwrap();
+            let text = serde_json::to_vec(calibration).unwrap();
+            let reading = Reading { rectified, ..READING };
+            let kind = |form| ChannelKind { content: Content::Camera, form };
+            let of_protobuf = camera(kind(Form::FoxgloveProtobuf), &message, reading);
+            assert_eq!(of_protobuf, camera(kind(Form::FoxgloveJson), &text, reading));
+            of_protobuf
+        };
+        assert!(read(&good, false).unwrap().is_some());
+        for length in [1, 4, 6, 8, 10, 12] {
+            let k = vec![1.0; length];
+            let error = read(&protobuf::CameraCalibration { k, ..good.clone() }, false).unwrap_err();
+            assert_eq!(error, format!("K has {length} values, expected 9"));
+        }
+        let error =
+            read(&protobuf::CameraCalibration { r: vec![1.0; 3], ..good.clone() }, false).unwrap_err();
+        assert_eq!(error, "R has 3 values, expected 9");
+        let error = read(&protobuf::CameraCalibration { p: vec![1.0; 9], ..good.clone() }, true).unwrap_err();
+        assert_eq!(error, "P has 9 values, expected 12");
+        assert_eq!(read(&good, true).unwrap_err(), "P has no values, expected 12 for rectified images");
+        assert_eq!(read(&protobuf::CameraCalibration { k: Vec::new(), ..good }, false), Ok(None));
     }
 
     #[test]

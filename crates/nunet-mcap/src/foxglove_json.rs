@@ -4,6 +4,8 @@
 //! absent, and protobuf's JSON mapping writes `frameId` and `distortionModel`.
 
 use base64::Engine as _;
+use base64::alphabet;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
@@ -25,6 +27,8 @@ pub(crate) struct CameraCalibration {
     pub(crate) d: Vec<f64>,
     #[serde(alias = "K")]
     pub(crate) k: Vec<f64>,
+    #[serde(default, alias = "R")]
+    pub(crate) r: Vec<f64>,
     #[serde(default, alias = "P")]
     pub(crate) p: Vec<f64>,
 }
@@ -70,11 +74,20 @@ impl<'de> Deserialize<'de> for Bytes {
         match Form::deserialize(deserializer)? {
             Form::Numbers(bytes) => Ok(Self(bytes)),
             Form::Base64(text) => {
-                let decoded = base64::engine::general_purpose::STANDARD.decode(text);
+                let decoded = base64_bytes(text);
                 decoded.map(Self).map_err(|error| D::Error::custom(format!("`data` is not base64: {error}")))
             }
         }
     }
+}
+
+/// As protobuf's JSON mapping asks of readers: standard or URL-safe, with or without padding. MIME tools break the lines.
+fn base64_bytes(mut text: String) -> Result<Vec<u8>, base64::DecodeError> {
+    const ANY_PADDING: GeneralPurposeConfig =
+        GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    text.retain(|character| !character.is_ascii_whitespace());
+    let alphabet = if text.contains(['-', '_']) { alphabet::URL_SAFE } else { alphabet::STANDARD };
+    GeneralPurpose::new(&alphabet, ANY_PADDING).decode(text)
 }
 
 /// `{sec, nsec}`, with the names of ROS or of protobuf too. One that is written otherwise is unknown: the time of
@@ -118,6 +131,11 @@ mod tests {
             let message = format!(r#"{{"data": {data}}}"#);
             let image: CompressedImage = decode(message.as_bytes()).unwrap();
             assert_eq!(image.data.0, [7, 8, 9]);
+        }
+        for data in ["-_8=", "-_8", "+/8=", "+/8", "+/\\r\\n8=\\n", " +/8= "] {
+            let message = format!(r#"{{"data": "{data}"}}"#);
+            let image: CompressedImage = decode(message.as_bytes()).unwrap();
+            assert_eq!(image.data.0, [0xfb, 0xff], "{data:?}");
         }
         assert!(decode::<CompressedImage>(br#"{"data": "?"}"#).unwrap_err().contains("not base64"));
     }

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use nunet_types::SensorRegion;
 use serde::{Deserialize, Serialize};
 use serde_bytes::Bytes;
 
@@ -98,6 +99,15 @@ pub(crate) struct CameraInfo<'a> {
     pub(crate) binning_x: u32,
     pub(crate) binning_y: u32,
     pub(crate) roi: RegionOfInterest,
+}
+
+impl CameraInfo<'_> {
+    /// The part of the sensor that the images show.
+    pub(crate) fn region(&self) -> SensorRegion {
+        let RegionOfInterest { x_offset, y_offset, width, height, .. } = self.roi;
+        let (binning_x, binning_y) = (self.binning_x, self.binning_y);
+        SensorRegion { x_offset, y_offset, width, height, binning_x, binning_y }
+    }
 }
 
 /// `foxglove_msgs/msg/RawImage`; its time and frame are laid out like a header.

@@ -18,6 +18,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "mcap")]
+mod bit_depth;
 mod camera_file;
 mod camera_resolver;
 mod continuity;

@@ -41,6 +41,9 @@ impl ImageTransform {
 /// # Errors
 /// A lens whose sensor is tilted: its coefficients cannot be turned.
 pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Result<Camera, String> {
+    if orientation == Orientation::NoTransforms {
+        return Ok(*camera);
+    }
     let transform = ImageTransform::of(orientation);
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height, .. } = camera.intrinsics;
     let sides = |x: f64, y: f64| if transform.swap { (y, x) } else { (x, y) };
@@ -143,5 +146,6 @@ mod tests {
         let camera =
             Camera { intrinsics: Intrinsics::new(50.0, 50.0, 20.0, 15.0, 64, 48).unwrap(), distortion };
         assert!(oriented_camera(&camera, Orientation::Rotate90).unwrap_err().contains("tilted"));
+        assert_eq!(oriented_camera(&camera, Orientation::NoTransforms), Ok(camera), "an upright image");
     }
 }

@@ -10,10 +10,10 @@ use nunet_mcap::{
     BayerPattern, CameraDescription, ImageEncoding, Next, RecordedImage, Recording, RecordingError,
     RecordingErrorKind,
 };
-use nunet_types::Hint as _;
-use nunet_types::ImageSize;
+use nunet_types::{Hint as _, ImageSize, SensorRegion};
 use tracing::warn;
 
+use crate::bit_depth::BitDepthCheck;
 use crate::convert::{self, Bayer, RawImage, RawLayout};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::files::nothing_to_repeat;
@@ -62,6 +62,7 @@ pub struct RecordingSource {
     /// Whether any image of this round could be read.
     any_good: bool,
     cameras: CameraCache,
+    bit_depth: BitDepthCheck,
 }
 
 impl RecordingSource {
@@ -72,8 +73,16 @@ impl RecordingSource {
     pub fn open(path: &Path, options: OpenOptions<'_>) -> Result<Self, SourceError> {
         let recording = Recording::open_unless(path, options.topic, &|| options.is_given_up())
             .map_err(from_recording_error)?;
-        let (image, cameras, repeat) = (RecordedImage::default(), CameraCache::default(), options.repeat);
-        Ok(Self { recording, image, sequence: 0, stretch: 0, repeat, any_good: false, cameras })
+        Ok(Self {
+            recording,
+            image: RecordedImage::default(),
+            sequence: 0,
+            stretch: 0,
+            repeat: options.repeat,
+            any_good: false,
+            cameras: CameraCache::default(),
+            bit_depth: BitDepthCheck::default(),
+        })
     }
 
     /// The coordinate frame of the last image.
@@ -158,6 +167,13 @@ impl RecordingSource {
             })?;
             let size = ImageSize::new(image.width, image.height);
             let raw = RawImage { layout, size, row_stride: image.row_stride, bytes: &image.data };
+            if let Some(maximum) = self.bit_depth.dim_maximum(&raw) {
+                let hint = "scale the values to 16 bits before recording: 10 bits by 64, 12 bits by 16";
+                warn!(
+                    hint,
+                    "the 16-bit images on topic `{topic}` are almost black: at most {maximum} of 65535"
+                );
+            }
             if !convert::fill(frame, raw) {
                 return Err(SourceError::bad_frame(format!("an image on topic `{topic}` has too few bytes")));
             }
@@ -273,7 +289,7 @@ fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
 /// The camera of an image of `size` that was turned as `orientation` states. The description is of the image before.
 fn camera(
     described: &CameraDescription,
-    ImageSize { width, height }: ImageSize,
+    size: ImageSize,
     orientation: image::metadata::Orientation,
 ) -> Result<Camera, String> {
     if let Some(fault) = &described.fault {
@@ -286,13 +302,14 @@ fn camera(
     let (distortion_model, d): (&str, &[f64]) =
         if is_pinhole { ("", &[]) } else { (&described.distortion_model, &described.coefficients) };
     let k = [fx, described.skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
-    let info = RosCameraInfo { width: described.width, height: described.height, k: &k, distortion_model, d };
+    let (width, height, region) = (described.width, described.height, SensorRegion::default());
+    let info = RosCameraInfo { width, height, k: &k, distortion_model, d, region };
     let calibration = Calibration::from_ros(&info).map_err(|error| error.to_string())?;
     if let Some(skew) = calibration.ignored_skew() {
         warn!("{skew}");
     }
     let camera = oriented_camera(&calibration.camera(), orientation)?;
-    camera.fitted_to(width, height).map_err(|error| error.to_string())
+    camera.fitted_to(size.width, size.height).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! | [`ImageSize`], [`PixelFormat`] | the layout of an image in memory |
 //! | [`Units`], [`ScaleSource`], [`Quality`] | the meaning of a depth map's numbers |
 //! | [`CameraInfo`], [`DistortionModel`] | intrinsics and lens of a camera, as messages carry them |
+//! | [`SensorRegion`] | the part of its sensor that a camera delivers |
 //! | [`CloudPoint`], [`NO_LABEL`] | one point of a cloud, 16 bytes |
 //! | [`Topic`], [`Encoding`], [`Clock`], [`Wake`] | the properties of a shared-memory message |
 //! | [`layout`], [`contract_struct!`] | structs whose byte layout is fixed, with a table of their fields |
@@ -42,6 +43,7 @@ pub mod layout;
 mod message;
 mod obstacle;
 mod pixel_format;
+mod sensor_region;
 mod vocabulary;
 
 pub use camera_info::{CameraInfo, DistortionModel, MAX_COEFFICIENTS};
@@ -54,4 +56,5 @@ pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};
 pub use obstacle::{MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstaclePoint, ObstacleSector, SectorState};
 pub use pixel_format::PixelFormat;
+pub use sensor_region::{RegionOutside, SensorRegion};
 pub use vocabulary::{UnknownValue, UnknownWord};

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use nunet_types::Hint;
 
+use super::intrinsics::accepted_range;
 use crate::error_kind::ErrorKind;
 
 /// What is wrong with a camera's numbers.
@@ -59,7 +60,11 @@ pub enum CameraError {
         max: f32,
     },
     /// No lens has this number at this image size.
-    #[error("intrinsic `{name}` is {value} px, which is not plausible for an image side of {side} px")]
+    #[error(
+        "intrinsic `{name}` is {value} px, expected {} to {} for an image side of {side} px",
+        accepted_range(name, *side).0,
+        accepted_range(name, *side).1
+    )]
     OutOfRange {
         /// `fx`, `fy`, `cx` or `cy`.
         name: &'static str,
@@ -67,6 +72,16 @@ pub enum CameraError {
         value: f64,
         /// The image side along it, pixels.
         side: u32,
+    },
+    /// Focal lengths that differ too much to be of one camera.
+    #[error("focal lengths `fx` = {fx_px} and `fy` = {fy_px} px differ by more than a factor of {max}")]
+    FocalRatio {
+        /// Pixels.
+        fx_px: f64,
+        /// Pixels.
+        fy_px: f64,
+        /// The largest accepted factor.
+        max: f64,
     },
     /// A count of coefficients that the lens model does not have.
     #[error("lens model `{model}` has {} coefficients, got {got}", alternatives(expected))]
@@ -141,13 +156,14 @@ impl Hint for CameraError {
             Self::Count { .. } | Self::NotANumber { .. } => "write `fx,fy,cx,cy` or `fx,fy,cx,cy@WxH`".into(),
             Self::NotASize { .. } => "write width and height in pixels, as in `640x480`".into(),
             Self::OutOfRange { .. } => {
-                "write intrinsics in pixels, not millimeters, with the size they were calibrated at: \
-                 `fx,fy,cx,cy@WxH`"
+                "write intrinsics in pixels, not in millimeters or shares of the image, with the size they were calibrated \
+                 at: `fx,fy,cx,cy@WxH`"
                     .into()
             }
             Self::ScaleFactor { .. } => {
                 "give what the network's meters are multiplied by, such as 0.83".into()
             }
+            Self::FocalRatio { .. } => "check both; most cameras have square pixels, so fx and fy are almost equal".into(),
             Self::CoefficientCount { .. } => "write all coefficients of the model, unused ones as 0".into(),
             Self::ExtraCoefficient { model: "plumb_bob", .. } => {
                 "use `rational_polynomial`, the model that has this coefficient".into()

@@ -1,12 +1,18 @@
 //! Focal lengths and principal point.
 
 use std::num::NonZeroU32;
+use std::ops::RangeInclusive;
 
 use super::CameraError;
 
-/// Focal lengths beyond this many image widths (or below its inverse) are a mistake of units: a telescope has about 500,
-/// a 175 degree fisheye 0.02.
-const MAX_FOCAL_PER_SIDE: f64 = 1000.0;
+/// The focal lengths of lenses, in image sides. Others are a mistake of units. The widest lenses without a fisheye's
+/// distortion see 130 degrees (0.23), a fisheye whose circle does not fill the image has about 0.15; 0.1 is a pinhole of 157
+/// degrees. A long telephoto lens sees 1 degree (57).
+const FOCAL_PER_SIDE: RangeInclusive<f64> = 0.1..=60.0;
+
+/// fx and fy differ by at most this factor, or one of them is wrong. Pixels are square. An image that was squeezed, by an
+/// anamorphic lens or to another aspect ratio, has a factor of up to 2.4.
+const MAX_FOCAL_RATIO: f64 = 3.0;
 
 /// The principal point may lie outside a cropped image, by at most this many of its sides.
 const MAX_CENTER_OUTSIDE: f64 = 1.0;
@@ -36,7 +42,7 @@ impl Intrinsics {
     /// Checked intrinsics for an image of `width` x `height` pixels.
     ///
     /// # Errors
-    /// A number that is not finite, a focal length that is not positive or not plausible, a principal point far outside
+    /// A number that is not finite, focal lengths that are not positive or that no lens has, a principal point far outside
     /// the image, a side of 0 pixels.
     pub fn new(
         fx_px: f64,
@@ -51,6 +57,7 @@ impl Intrinsics {
         }
         check_focal("fx", fx_px, width)?;
         check_focal("fy", fy_px, height)?;
+        check_ratio(fx_px, fy_px)?;
         check_center("cx", cx_px, width)?;
         check_center("cy", cy_px, height)?;
         Ok(Self { fx_px, fy_px, cx_px, cy_px, width, height })
@@ -141,21 +148,34 @@ pub(super) fn check_positive(name: &'static str, value: f64) -> Result<(), Camer
 
 fn check_focal(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
     check_positive(name, value)?;
-    let sides = value / f64::from(side);
-    if (1.0 / MAX_FOCAL_PER_SIDE..=MAX_FOCAL_PER_SIDE).contains(&sides) {
-        Ok(())
-    } else {
-        Err(CameraError::OutOfRange { name, value, side })
-    }
+    check_range(name, value, side)
 }
 
 fn check_center(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
     check_finite(name, value)?;
-    let sides = (value + 0.5) / f64::from(side);
-    if (-MAX_CENTER_OUTSIDE..=1.0 + MAX_CENTER_OUTSIDE).contains(&sides) {
+    check_range(name, value, side)
+}
+
+fn check_range(name: &'static str, value: f64, side: u32) -> Result<(), CameraError> {
+    let (min, max) = accepted_range(name, side);
+    if (min..=max).contains(&value) { Ok(()) } else { Err(CameraError::OutOfRange { name, value, side }) }
+}
+
+/// The smallest and the largest accepted value of an intrinsic, pixels, for an image side along it.
+pub(super) fn accepted_range(name: &str, side: u32) -> (f64, f64) {
+    let side = f64::from(side);
+    match name {
+        "fx" | "fy" => (FOCAL_PER_SIDE.start() * side, FOCAL_PER_SIDE.end() * side),
+        _ => (-MAX_CENTER_OUTSIDE * side - 0.5, (1.0 + MAX_CENTER_OUTSIDE) * side - 0.5),
+    }
+}
+
+/// Checks that both focal lengths can be of one camera.
+pub(super) fn check_ratio(fx_px: f64, fy_px: f64) -> Result<(), CameraError> {
+    if fx_px.max(fy_px) <= MAX_FOCAL_RATIO * fx_px.min(fy_px) {
         Ok(())
     } else {
-        Err(CameraError::OutOfRange { name, value, side })
+        Err(CameraError::FocalRatio { fx_px, fy_px, max: MAX_FOCAL_RATIO })
     }
 }
 
@@ -203,7 +223,26 @@ mod tests {
     #[test]
     fn a_principal_point_far_outside_the_image_is_refused() {
         let error = Intrinsics::new(500.0, 500.0, 320.0, 2000.0, 640, 480).unwrap_err();
-        assert_eq!(error, CameraError::OutOfRange { name: "cy", value: 2000.0, side: 480 });
+        let expected = CameraError::OutOfRange { name: "cy", value: 2000.0, side: 480 };
+        assert_eq!(error, expected);
+    }
+
+    #[test]
+    fn focal_lengths_that_no_lens_has_are_refused() {
+        let new = |fx, fy, side| Intrinsics::new(fx, fy, 0.5 * f64::from(side), 0.5, side, side);
+        for (focal, side) in [(0.81, 640), (3.6, 640), (3.6, 64), (50.0, 640), (0.8, 64), (6e5, 4000)] {
+            let error = new(focal, focal, side).unwrap_err();
+            assert!(
+                matches!(error, CameraError::OutOfRange { name: "fx", .. }),
+                "{focal} of {side}: {error}"
+            );
+        }
+        for (focal, side) in [(147.0, 640), (140.0, 640), (36_000.0, 640), (1.0, 1)] {
+            assert!(new(focal, focal, side).is_ok(), "{focal} of {side}");
+        }
+        let error = new(500.0, 5000.0, 640).unwrap_err();
+        assert_eq!(error, CameraError::FocalRatio { fx_px: 500.0, fy_px: 5000.0, max: 3.0 });
+        assert!(new(5000.0, 500.0, 640).is_err() && new(500.0, 1200.0, 640).is_ok());
     }
 
     proptest! {

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use nunet_types::ImageSize;
 
-use super::intrinsics::{check_finite, check_positive};
+use super::intrinsics::{check_finite, check_positive, check_ratio};
 use super::{CameraError, Intrinsics};
 
 /// Intrinsics as a user writes them, `fx,fy,cx,cy` or `fx,fy,cx,cy@WxH`, before the image size is known.
@@ -43,6 +43,7 @@ impl IntrinsicsSpec {
                 let [fx_px, fy_px, cx_px, cy_px] = self.numbers;
                 check_positive("fx", fx_px)?;
                 check_positive("fy", fy_px)?;
+                check_ratio(fx_px, fy_px)?;
                 check_finite("cx", cx_px)?;
                 check_finite("cy", cy_px)
             }
@@ -110,9 +111,16 @@ mod tests {
     }
 
     #[test]
-    fn millimeters_in_place_of_pixels_are_refused() {
-        let expected = CameraError::OutOfRange { name: "fx", value: 0.004, side: 640 };
-        assert_eq!(refusal("0.004,0.004,320,240@640x480"), expected);
+    fn millimeters_and_shares_of_the_image_in_place_of_pixels_are_refused() {
+        for (text, value) in [
+            ("0.004,0.004,320,240@640x480", 0.004),
+            ("3.6,3.6,320,240@640x480", 3.6),
+            ("0.81,1.08,0.5,0.5@640x480", 0.81),
+        ] {
+            let expected = CameraError::OutOfRange { name: "fx", value, side: 640 };
+            assert_eq!(refusal(text), expected);
+        }
+        assert!(matches!(refusal("50,500,32,24"), CameraError::FocalRatio { .. }), "without a size too");
     }
 
     #[test]

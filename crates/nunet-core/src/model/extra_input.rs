@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     fn camera() -> Intrinsics {
-        Intrinsics::new(2.0, 4.0, 10.0, 20.0, 30, 40).unwrap()
+        Intrinsics::new(2.0, 4.0, 10.0, 20.0, 20, 40).unwrap()
     }
 
     #[test]

@@ -6,6 +6,7 @@ use serde::de::DeserializeOwned;
 
 use super::{Component, ModelDescription, ModelError, SelfTest, TrainingCamera};
 use crate::depth::{DepthEncoding, DepthRange, OutputScale};
+use crate::frame::MAX_SIDE_PX;
 
 /// The version of the contract that this library reads.
 const VERSION: &str = "1";
@@ -55,21 +56,22 @@ impl ModelDescription {
             return Err(ModelError::Version { version: version.to_owned(), expected: VERSION });
         }
         let encoding = entries.encoding()?;
+        let classes: Vec<String> = entries.json("nunet.classes")?.unwrap_or_default();
         Ok(Self {
             architecture: entries.required("nunet.architecture")?.to_owned(),
             components: entries.json::<Vec<Component>>("nunet.components")?.unwrap_or_default(),
             encoding,
             output_scale: OutputScale::IDENTITY,
             range: entries.range(encoding)?,
-            classes: entries.json("nunet.classes")?.unwrap_or_default(),
             camera: entries.camera()?,
-            inner_size: entries.json("nunet.inner_size")?,
+            inner_size: entries.inner_size()?,
             trained: entries.trained()?,
             training: entries.json("nunet.training")?.unwrap_or_default(),
             accuracy: entries.json("nunet.accuracy")?.unwrap_or_default(),
             license: entries.optional("nunet.license").map(str::to_owned),
             targets: entries.targets(),
-            selftest: entries.selftest()?,
+            selftest: entries.selftest(classes.len())?,
+            classes,
             hash,
         })
     }
@@ -111,14 +113,13 @@ impl Entries<'_> {
     }
 
     fn camera(&self) -> Result<Option<TrainingCamera>, ModelError> {
-        let camera: Option<TrainingCamera> = self.json("nunet.camera")?;
-        match camera {
-            Some(camera) if !camera.is_plausible() => {
-                let text = self.optional("nunet.camera").unwrap_or_default();
-                Err(ModelError::invalid("nunet.camera", text, "sizes and focal lengths must be positive"))
-            }
-            camera => Ok(camera),
-        }
+        let key = "nunet.camera";
+        let camera: Option<TrainingCamera> = self.json(key)?;
+        let text = self.optional(key).unwrap_or_default();
+        camera
+            .map_or(Ok(()), |camera| camera.check())
+            .map_err(|error| ModelError::invalid(key, text, error))?;
+        Ok(camera)
     }
 
     fn trained(&self) -> Result<bool, ModelError> {
@@ -134,9 +135,24 @@ impl Entries<'_> {
         list.split(',').map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect()
     }
 
-    fn selftest(&self) -> Result<Option<SelfTest>, ModelError> {
+    fn inner_size(&self) -> Result<Option<[u32; 2]>, ModelError> {
+        let key = "nunet.inner_size";
+        let size: Option<[u32; 2]> = self.json(key)?;
+        match size {
+            Some(sides) if !sides.iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) => {
+                let text = self.optional(key).unwrap_or_default();
+                Err(ModelError::invalid(key, text, format!("sides are 1 to {MAX_SIDE_PX}")))
+            }
+            size => Ok(size),
+        }
+    }
+
+    fn selftest(&self, classes: usize) -> Result<Option<SelfTest>, ModelError> {
         let key = "nunet.selftest";
-        let parse = |text| SelfTest::parse(text).map_err(|reason| ModelError::invalid(key, text, reason));
+        let parse = |text| {
+            let test = SelfTest::parse(text).and_then(|test| test.check_labels(classes).map(|()| test));
+            test.map_err(|reason| ModelError::invalid(key, text, reason))
+        };
         self.optional(key).map(parse).transpose()
     }
 }
@@ -209,7 +225,10 @@ mod tests {
             ("nunet.classes", "wall, floor"),
             ("nunet.camera", r#"{"width": 640}"#),
             ("nunet.camera", r#"{"width": 640, "height": 480, "fx": -1, "fy": 1}"#),
+            ("nunet.camera", r#"{"width": 640, "height": 480, "fx": 0.8, "fy": 1.1}"#),
             ("nunet.inner_size", "[240]"),
+            ("nunet.inner_size", "[0, 0]"),
+            ("nunet.inner_size", "[240, 100000]"),
             ("nunet.trained", "yes"),
             ("nunet.depth.encoding", "disparity"),
             ("nunet.depth.min_m", "near"),

@@ -7,6 +7,7 @@ pub mod selftest;
 mod sidecar;
 mod state;
 
+use crate::camera::{CameraError, Intrinsics};
 use crate::depth::{DepthEncoding, DepthRange, OutputScale};
 
 pub use error::ModelError;
@@ -90,9 +91,10 @@ pub struct TrainingCamera {
 }
 
 impl TrainingCamera {
-    /// Whether sizes and focal lengths are positive and finite.
-    pub(crate) fn is_plausible(&self) -> bool {
-        let positive = |length: f64| length.is_finite() && length > 0.0;
-        self.width > 0 && self.height > 0 && positive(self.fx) && positive(self.fy)
+    /// Checks the numbers by the rule for every camera.
+    pub(crate) fn check(&self) -> Result<(), CameraError> {
+        let Self { width, height, fx, fy } = *self;
+        let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+        Intrinsics::new(fx, fy, middle(width), middle(height), width, height).map(drop)
     }
 }

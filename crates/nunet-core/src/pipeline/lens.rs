@@ -9,7 +9,7 @@ use crate::camera::{Camera, CameraError, Intrinsics, RayTable};
 use crate::cloud::{CloudError, CloudOptions, CloudPoint, organized_cloud};
 use crate::filter::Appearance;
 use crate::graph::SerialGraph;
-use crate::model::ModelDescription;
+use crate::model::{ModelDescription, TrainingCamera};
 
 /// Horizontal field of view of an unknown camera for a model without a training camera: that of a common webcam.
 const ASSUMED_HFOV_RAD: f64 = std::f64::consts::FRAC_PI_3;
@@ -71,15 +71,15 @@ impl Lens {
 /// The training camera, else one of [`ASSUMED_HFOV_RAD`], with its principal point in the middle of the image.
 fn assumed_camera(description: &ModelDescription, width: u32, height: u32) -> Result<Camera, CameraError> {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
-    let (fx, fy) = description.camera.map_or_else(
-        || {
-            let fx = f64::from(width) / (2.0 * (ASSUMED_HFOV_RAD / 2.0).tan());
-            (fx, fx)
-        },
-        |camera| {
-            let scale = |focal: f64, from: u32, to: u32| focal * f64::from(to) / f64::from(from);
-            (scale(camera.fx, camera.width, width), scale(camera.fy, camera.height, height))
-        },
-    );
-    Intrinsics::new(fx, fy, middle(width), middle(height), width, height).map(Camera::pinhole)
+    let intrinsics = match description.camera {
+        // The network's image may be stretched.
+        Some(TrainingCamera { width: w, height: h, fx, fy }) => {
+            Intrinsics::new(fx, fy, middle(w), middle(h), w, h)?.scaled_to(width, height)?
+        }
+        None => {
+            let focal = f64::from(width) / (2.0 * (ASSUMED_HFOV_RAD / 2.0).tan());
+            Intrinsics::new(focal, focal, middle(width), middle(height), width, height)?
+        }
+    };
+    Ok(Camera::pinhole(intrinsics))
 }

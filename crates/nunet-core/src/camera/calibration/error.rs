@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, RegionOutside};
 
 use super::{MAX_BYTES, MAX_IGNORED_SKEW};
 use crate::camera::CameraError;
@@ -18,6 +18,15 @@ pub enum CalibrationError {
     /// No text.
     #[error("the file is empty")]
     Empty,
+    /// A region of interest beyond the sensor.
+    #[error(transparent)]
+    Region(#[from] RegionOutside),
+    /// A file of several cameras.
+    #[error("it has the cameras {names}, expected one")]
+    SeveralCameras {
+        /// Their names.
+        names: String,
+    },
     /// Not YAML, or a value of the wrong type.
     #[error("it is not a ROS `camera_info` file in YAML: {reason}")]
     Syntax {
@@ -127,9 +136,16 @@ impl Hint for CalibrationError {
                 "write the matrix row by row: `[fx, 0, cx, 0, fy, cy, 0, 0, 1]`, in pixels"
             }
             Self::Skew { .. } => "calibrate with the skew fixed at 0 (OpenCV: `CALIB_FIX_SKEW`)",
-            Self::UnknownModel { .. } => {
-                "use `plumb_bob` with five zeros for an image without distortion, or calibrate with a supported model"
+            Self::UnknownModel { model } if model.is_empty() => {
+                "name the lens model that the coefficients belong to"
             }
+            Self::UnknownModel { .. } => {
+                "calibrate again with a supported model; Kalibr calls them `pinhole-radtan` and `pinhole-equi`"
+            }
+            Self::Region(_) => "write the region of interest in pixels of the sensor of `width` x `height`",
+            Self::SeveralCameras { .. } => "keep the camera of the images in a file of its own",
+            // One hint is enough.
+            Self::Intrinsics { source, .. } if source.hint().is_some() => return None,
             Self::Intrinsics { .. } => {
                 "write `[fx, 0, cx, 0, fy, cy, 0, 0, 1]` in pixels of the calibrated size; ROS writes zeros for a \
                  camera that is not calibrated"

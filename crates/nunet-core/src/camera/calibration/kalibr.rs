@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use nunet_types::SensorRegion;
 use serde::Deserialize;
 
 use super::{Calibration, CalibrationError, RosCameraInfo};
+use crate::text::shortened;
 
 /// One camera.
 #[derive(Deserialize)]
@@ -33,8 +35,7 @@ pub(super) fn calibration(
     let mut all = cameras.iter();
     let (Some((name, camera)), None) = (all.next(), all.next()) else {
         let names = cameras.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-        let reason = format!("it has the cameras {names:.200}; keep one of them in a file of its own");
-        return Err(CalibrationError::Syntax { reason });
+        return Err(CalibrationError::SeveralCameras { names: shortened(&names) });
     };
     let missing = |key: &str| CalibrationError::Missing { key: format!("{name}: {key}") };
     let model = camera.camera_model.as_deref().ok_or_else(|| missing("camera_model"))?;
@@ -54,5 +55,6 @@ pub(super) fn calibration(
     };
     let d = camera.distortion_coeffs.as_deref().unwrap_or_default();
     let k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
-    Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: lens, d })
+    let region = SensorRegion::default();
+    Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: lens, d, region })
 }

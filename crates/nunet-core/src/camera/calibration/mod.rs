@@ -2,6 +2,7 @@
 //! of a `sensor_msgs/CameraInfo`.
 
 mod error;
+mod file;
 mod kalibr;
 mod opencv;
 mod scale;
@@ -10,11 +11,9 @@ mod tests;
 
 use std::fmt;
 
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use nunet_types::{ImageSize, SensorRegion};
 
 use super::{Camera, CameraError, Distortion, Intrinsics};
-use crate::text::shortened;
 
 pub use error::CalibrationError;
 pub use scale::{CalibratedScale, ScaleNote};
@@ -69,6 +68,8 @@ pub struct RosCameraInfo<'a> {
     pub distortion_model: &'a str,
     /// The lens coefficients, in the model's order.
     pub d: &'a [f64],
+    /// The part of the sensor that the images show; the fields above describe the whole.
+    pub region: SensorRegion,
 }
 
 /// A skew of the camera matrix that was small enough to ignore. Front ends log it as a warning.
@@ -96,7 +97,7 @@ impl Calibration {
     pub const MAX_BYTES: usize = MAX_BYTES;
 
     /// Parses YAML: `camera_info` as ROS's `camera_calibration` writes it, a `CameraInfo` message as `ros2 topic echo` prints
-    /// it, Kalibr's camchain of one camera, or the file of OpenCV's calibration sample.
+    /// it, OpenCV's `FileStorage`, or Kalibr's camchain of one camera.
     ///
     /// # Errors
     /// Text that is too long, empty or not YAML, missing keys, a matrix of the wrong shape, and what
@@ -111,14 +112,7 @@ impl Calibration {
         if let Some(reason) = other_format(text) {
             return Err(CalibrationError::Syntax { reason: reason.to_owned() });
         }
-        let text = first_document(opencv::without_directive(text));
-        let scale = scale::parse(text)?;
-        let calibration = if kalibr::is_camchain(text) {
-            kalibr::calibration(parse_yaml(text)?)?
-        } else {
-            parse_yaml::<CameraInfoFile>(text)?.calibration(text)?
-        };
-        Ok(Self { scale, ..calibration })
+        file::parse(text)
     }
 
     /// The calibration in a `CameraInfo` message. Files and recordings share this rule.
@@ -128,7 +122,6 @@ impl Calibration {
     /// # Errors
     /// A camera matrix that is not one, a larger skew, and what [`Intrinsics::new`] and [`Distortion::from_ros`] refuse.
     pub fn from_ros(info: &RosCameraInfo<'_>) -> Result<Self, CalibrationError> {
-        let RosCameraInfo { width, height, .. } = *info;
         check_finite("camera_matrix", info.k)?;
         check_finite("distortion_coefficients", info.d)?;
         let &[fx, skew, cx, below_fx, fy, cy, far_x, far_y, one] = info.k else {
@@ -137,6 +130,9 @@ impl Calibration {
         if [below_fx, far_x, far_y, one] != [0.0, 0.0, 0.0, 1.0] {
             return Err(CalibrationError::NotACameraMatrix);
         }
+        let sensor = ImageSize::new(info.width, info.height);
+        let (size, [fx, skew, cx, fy, cy]) = info.region.captured(sensor, [fx, skew, cx, fy, cy])?;
+        let ImageSize { width, height } = size;
         let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height)
             .map_err(|source| CalibrationError::Intrinsics { width, height, source })?;
         if skew.abs() > MAX_IGNORED_SKEW * fx {
@@ -175,13 +171,6 @@ impl Calibration {
     }
 }
 
-fn parse_yaml<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
-    let options = serde_saphyr::options! { with_snippet: false };
-    serde_saphyr::from_str_with_options(text, options).map_err(|error| CalibrationError::Syntax {
-        reason: shortened(&error.render_with_formatter(&serde_saphyr::UserMessageFormatter)),
-    })
-}
-
 /// Other formats of calibrations, with their conversion.
 fn other_format(text: &str) -> Option<&'static str> {
     if text.lines().any(|line| line.trim() == "[image]") {
@@ -192,79 +181,9 @@ fn other_format(text: &str) -> Option<&'static str> {
     text.trim_start().starts_with("<?xml").then_some("it is XML; let OpenCV write it to a file named .yaml")
 }
 
-/// `ros2 topic echo` ends each message with `---`.
-fn first_document(text: &str) -> &str {
-    let start = text.strip_prefix("---\n").unwrap_or(text);
-    start.split_once("\n---").map_or(text, |(first, _)| first)
-}
-
-/// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so that a missing
-/// one is an error of ours.
-#[derive(Deserialize)]
-struct CameraInfoFile {
-    #[serde(alias = "width")]
-    image_width: Option<u32>,
-    #[serde(alias = "height")]
-    image_height: Option<u32>,
-    camera_matrix: Option<Matrix>,
-    distortion_model: Option<String>,
-    distortion_coefficients: Option<Matrix>,
-    /// 1 in OpenCV's files of a fisheye.
-    fisheye_model: Option<u8>,
-    /// The camera matrix of a message; ROS 1 writes `K` and `D`.
-    #[serde(alias = "K")]
-    k: Option<Vec<f64>>,
-    /// The lens coefficients of a message.
-    #[serde(alias = "D")]
-    d: Option<Vec<f64>>,
-}
-
-#[derive(Deserialize)]
-struct Matrix {
-    rows: Option<usize>,
-    cols: Option<usize>,
-    data: Option<Vec<f64>>,
-}
-
-impl CameraInfoFile {
-    /// `text` is the file.
-    fn calibration(self, text: &str) -> Result<Calibration, CalibrationError> {
-        let width = present("image_width", self.image_width)?;
-        let height = present("image_height", self.image_height)?;
-        let numbers = |key, matrix: Option<Matrix>, flat: Option<Vec<f64>>| match flat {
-            Some(numbers) => Ok(numbers),
-            None => present(key, matrix)?.numbers(key),
-        };
-        let k = numbers("camera_matrix", self.camera_matrix, self.k)?;
-        let d = numbers("distortion_coefficients", self.distortion_coefficients, self.d);
-        let is_fisheye = self.fisheye_model.is_some_and(|flag| flag != 0);
-        let of_opencv = opencv::lens_model(text, is_fisheye, d.as_ref().map_or(0, Vec::len));
-        let model = present("distortion_model", self.distortion_model.or(of_opencv.map(str::to_owned)))?;
-        let d = d?;
-        Calibration::from_ros(&RosCameraInfo { width, height, k: &k, distortion_model: &model, d: &d })
-    }
-}
-
-impl Matrix {
-    fn numbers(self, key: &'static str) -> Result<Vec<f64>, CalibrationError> {
-        let missing = |part: &str| CalibrationError::Missing { key: format!("{key}: {part}") };
-        let rows = self.rows.ok_or_else(|| missing("rows"))?;
-        let cols = self.cols.ok_or_else(|| missing("cols"))?;
-        let data = self.data.ok_or_else(|| missing("data"))?;
-        if rows.checked_mul(cols) != Some(data.len()) {
-            return Err(CalibrationError::Shape { key, rows, cols, got: data.len() });
-        }
-        Ok(data)
-    }
-}
-
 fn check_finite(key: &'static str, values: &[f64]) -> Result<(), CalibrationError> {
     match values.iter().position(|value| !value.is_finite()) {
         Some(place) => Err(CalibrationError::NotFinite { key, place: place + 1, value: values[place] }),
         None => Ok(()),
     }
-}
-
-fn present<T>(key: &str, value: Option<T>) -> Result<T, CalibrationError> {
-    value.ok_or_else(|| CalibrationError::Missing { key: key.to_owned() })
 }

@@ -1,17 +1,8 @@
-//! Calibrations that OpenCV's `FileStorage` wrote, as its calibration sample does: YAML behind a directive of its own, and no
+//! Calibrations that OpenCV's `FileStorage` wrote, as its calibration sample does: YAML without the
 //! name of the lens model.
 
-/// The directive is not valid YAML, whose own is `%YAML 1.0`.
-const DIRECTIVE: &str = "%YAML:1.0";
 /// The tag of OpenCV's matrices.
 const MATRIX_TAG: &str = "!!opencv-matrix";
-
-/// The text without OpenCV's directive.
-pub(super) fn without_directive(text: &str) -> &str {
-    let start = text.trim_start_matches('\u{feff}');
-    let rest = start.strip_prefix(DIRECTIVE).and_then(|rest| rest.split_once('\n'));
-    rest.map_or(start, |(_, rest)| rest)
-}
 
 /// The ROS name of the lens model that OpenCV's file does not name; `None` for files of other programs.
 ///

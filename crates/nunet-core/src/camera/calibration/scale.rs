@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-use super::{Calibration, CalibrationError, parse_yaml};
+use super::file::parse_yaml;
+use super::{Calibration, CalibrationError};
 use crate::camera::{Camera, Intrinsics, check_scale_factor};
 
 /// The key in a calibration file.

@@ -1,5 +1,6 @@
 use super::*;
 use crate::camera::{BrownConrady, KannalaBrandt};
+use nunet_types::Hint as _;
 use proptest::prelude::*;
 
 /// As ROS's `camera_calibration` writes it.
@@ -95,7 +96,9 @@ fn a_small_skew_is_ignored_and_reported() {
 fn a_message_is_read_by_the_same_rule_as_a_file() {
     let k = [403.5, -0.96, 321.5, 0.0, 404.2, 239.2, 0.0, 0.0, 1.0];
     let d = [0.0175, -0.0031, 0.0003, -0.0007, 0.0];
-    let info = RosCameraInfo { width: 640, height: 480, k: &k, distortion_model: "equidistant", d: &d };
+    let region = SensorRegion::default();
+    let info =
+        RosCameraInfo { width: 640, height: 480, k: &k, distortion_model: "equidistant", d: &d, region };
     assert_eq!(Calibration::from_ros(&info), Calibration::parse(FISHEYE_WITH_SKEW));
 
     let k = [403.5, -9.6, 321.5, 0.0, 404.2, 239.2, 0.0, 0.0, 1.0];
@@ -234,9 +237,13 @@ fn kalibrs_camchain_and_an_echoed_message_are_read() {
     }
     let kalibr = case("kalibr.yaml");
     let two = format!("{kalibr}{}", kalibr.replace("cam0", "cam1"));
-    assert!(Calibration::parse(&two).unwrap_err().to_string().contains("cam0, cam1"));
-    let omni = Calibration::parse(&kalibr.replace("pinhole", "omni")).unwrap_err();
-    assert!(matches!(omni, CalibrationError::UnknownModel { .. }), "{omni}");
+    let two = Calibration::parse(&two).unwrap_err();
+    assert_eq!(two, CalibrationError::SeveralCameras { names: "cam0, cam1".to_owned() });
+    for (from, to) in [("pinhole", "omni"), ("pinhole", "eucm"), ("radtan", "fov")] {
+        let other = Calibration::parse(&kalibr.replace(from, to)).unwrap_err();
+        assert!(matches!(other, CalibrationError::UnknownModel { .. }), "{other}");
+        assert!(!other.hint().unwrap().contains("zeros"), "a lens is not replaced by none");
+    }
     let ros1 = case("topic_echo.yaml").replace("\nd:", "\nD:").replace("\nk:", "\nK:");
     assert_eq!(Calibration::parse(&ros1), Calibration::parse(&case("topic_echo.yaml")));
 }
@@ -274,4 +281,62 @@ fn calibrations_in_other_formats_are_named() {
         let CalibrationError::Syntax { reason } = &error else { panic!("{error}") };
         assert!(reason.contains(name), "{reason}");
     }
+}
+
+#[test]
+fn a_region_of_interest_and_binning_are_those_of_a_message() {
+    let echo = String::from_utf8(nunet_testkit::cases::read("calibration_kinds/topic_echo.yaml")).unwrap();
+    let echo = echo.split("binning_x").next().unwrap();
+    let with = |lines: &str| Calibration::parse(&format!("{echo}{lines}"));
+    let roi = "roi:\n  x_offset: 160\n  y_offset: 120\n  height: 240\n  width: 320\n  do_rectify: false\n";
+    let numbers = |calibration: Calibration| {
+        let Intrinsics { fx_px, fy_px, cx_px, cy_px, width, height } = calibration.camera().intrinsics;
+        ([fx_px, fy_px, cx_px, cy_px], [width, height])
+    };
+    let cropped = with(roi).unwrap();
+    assert_eq!(numbers(cropped), ([500.5, 501.25, 161.25, 118.75], [320, 240]));
+    let binned = with(&format!("binning_x: 2\nbinning_y: 2\n{roi}")).unwrap();
+    assert_eq!(numbers(binned), ([250.25, 250.625, 80.375, 59.125], [160, 120]));
+    let outside = with(&roi.replace("160", "400")).unwrap_err();
+    assert!(matches!(outside, CalibrationError::Region(_)), "{outside}");
+}
+
+#[test]
+fn older_key_names_of_opencv_are_read() {
+    let expected = Calibration::parse(WEBCAM).unwrap();
+    for (key, older) in [
+        ("camera_matrix", "Camera_Matrix"),
+        ("camera_matrix", "cameraMatrix"),
+        ("distortion_coefficients", "Distortion_Coefficients"),
+        ("distortion_coefficients", "distCoeffs"),
+        ("image_width", "image_Width"),
+        ("image_height", "image_Height"),
+    ] {
+        assert_eq!(Calibration::parse(&WEBCAM.replace(key, older)).unwrap(), expected, "{older}");
+    }
+}
+
+#[test]
+fn comments_and_directives_before_a_file_are_passed_over() {
+    let expected = Calibration::parse(WEBCAM);
+    for before in [
+        "---\n",
+        "# front\n",
+        "# front\n---\n",
+        "%YAML 1.2\n---\n",
+        "\n\n",
+        "\u{feff}",
+        "%YAML:1.0\r\n---\r\n",
+    ] {
+        assert_eq!(Calibration::parse(&format!("{before}{WEBCAM}...\n")), expected, "{before:?}");
+    }
+    let error = refusal("# front\n---\nimage_width: wide\n");
+    assert!(error.to_string().contains("line 3"), "{error}");
+}
+
+#[test]
+fn intrinsics_out_of_range_have_one_hint() {
+    let error = refusal_with("305.593336", "9000");
+    let CalibrationError::Intrinsics { source, .. } = &error else { panic!("{error}") };
+    assert!(error.hint().is_none() && source.hint().is_some());
 }

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
-use nunet_types::Hint;
+use nunet_types::{Hint, NO_LABEL};
 use serde::Deserialize;
 
 use crate::error_kind::ErrorKind;
@@ -23,6 +23,9 @@ pub use image::image;
 const VERSION: u32 = 1;
 /// The name of [`image`].
 const IMAGE: &str = "nunet-selftest-1";
+
+/// A tolerance that is larger than this and than all depths of the answer would let any answer pass.
+const MIN_TOLERANCE_LIMIT: f32 = 1.0;
 
 /// The expected answer in a model file.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,8 +95,25 @@ impl SelfTest {
         {
             return Err("depths and tolerances must be finite".to_owned());
         }
+        let largest =
+            file.depth.iter().flatten().flatten().fold(MIN_TOLERANCE_LIMIT, |most, z| most.max(z.abs()));
+        let useful = |it: &Tolerance| it.depth <= largest && it.label_cells <= cells().count() as u32;
+        if !file.tolerance.values().all(useful) {
+            return Err(format!(
+                "a tolerance is larger than the answers, {largest}, or than the grid's cells"
+            ));
+        }
         let answer = SelfTestGrid { depth: file.depth, labels: file.labels };
         Ok(Self { precision: file.precision, answer, tolerance: file.tolerance })
+    }
+
+    /// Checks that each label of the answer is one of `classes` classes, if there are any.
+    pub(super) fn check_labels(&self, classes: usize) -> Result<(), String> {
+        let is_known = |label: u8| classes == 0 || usize::from(label) < classes || label == NO_LABEL;
+        match self.answer.labels.iter().flatten().flatten().find(|&&label| !is_known(label)) {
+            Some(label) => Err(format!("the answer has label {label}, but there are {classes} classes")),
+            None => Ok(()),
+        }
     }
 
     /// The same test for a graph that does not use the labels.
@@ -298,6 +318,14 @@ mod tests {
     }
 
     #[test]
+    fn labels_of_the_answer_are_classes_of_the_model() {
+        assert_eq!(answer().check_labels(4), Ok(()));
+        assert_eq!(answer().check_labels(0), Ok(()), "a model that does not name its classes");
+        let error = answer().check_labels(3).unwrap_err();
+        assert_eq!(error, "the answer has label 3, but there are 3 classes");
+    }
+
+    #[test]
     fn malformed_expected_outputs_are_refused() {
         let good = serde_json::json!({
             "version": 1, "picture": IMAGE, "precision": "fp32", "depth": vec![vec![2.0; 8]; 6],
@@ -310,6 +338,9 @@ mod tests {
             ("precision", serde_json::json!("int8")),
             ("depth", serde_json::json!(vec![vec![2.0; 7]; 6])),
             ("tolerance", serde_json::json!({"fp32": {"depth": -1.0, "label_cells": 0}})),
+            ("tolerance", serde_json::json!({"fp32": {"depth": 1e30, "label_cells": 0}})),
+            ("tolerance", serde_json::json!({"fp32": {"depth": 2.5, "label_cells": 0}})),
+            ("tolerance", serde_json::json!({"fp32": {"depth": 0.01, "label_cells": 49}})),
         ] {
             let mut bad = good.clone();
             bad[key] = value;

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use nunet_types::Hint;
 
+use crate::camera::CameraError;
 use crate::depth::DepthError;
 use crate::error_kind::ErrorKind;
 use crate::frame::MAX_SIDE_PX;
@@ -26,15 +27,15 @@ pub enum SidecarError {
         /// Pixels.
         width: u32,
     },
-    /// A normalization that is not finite, or divides by 0.
-    #[error("`scale`, `mean` and `std` must be finite, and `std` not 0")]
+    /// A normalization that is not finite, divides by 0, or makes all images the same.
+    #[error("`scale`, `mean` and `std` must be finite, and `scale` and `std` not 0")]
     Normalization,
     /// Bytes in another layout than the camera's.
     #[error("`dtype = \"uint8\"` requires `nhwc`, `rgb`, and no `mean`, `std` or `scale`")]
     Uint8,
     /// Numbers that no camera has.
-    #[error("`[camera]` must have positive sizes and focal lengths")]
-    Camera,
+    #[error("`[camera]`: {0}")]
+    Camera(Box<CameraError>),
     /// A name or a list that cannot be fed.
     #[error("input `{input}` is `{value}`, expected a number, a list of numbers, or a camera value")]
     Input {
@@ -70,7 +71,7 @@ impl Hint for SidecarError {
                  depth, encoding, scale, shift, min_m, max_m; `[camera]` width, height, fx, fy"
                     .into(),
             ),
-            Self::Camera => {
+            Self::Camera(_) => {
                 Some("write `[camera]` fx in pixels of the training images; width, height and fy are optional".into())
             }
             Self::Input { .. } => Some(

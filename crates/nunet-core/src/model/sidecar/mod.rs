@@ -153,8 +153,9 @@ mod tests {
         assert_eq!(camera("fx = 1000"), Ok(Some(canonical)));
         let own = TrainingCamera { width: 640, height: 480, fx: 518.9, fy: 519.5 };
         assert_eq!(camera("width = 640\nheight = 480\nfx = 518.9\nfy = 519.5"), Ok(Some(own)));
-        assert_eq!(camera("fx = 0"), Err(SidecarError::Camera));
-        assert_eq!(camera("fx = 500\nwidth = 0"), Err(SidecarError::Camera));
+        for table in ["fx = 0", "fx = 500\nwidth = 0", "fx = 3.6", "fx = 50\nfy = 500"] {
+            assert!(matches!(camera(table), Err(SidecarError::Camera(_))), "{table}");
+        }
         assert_eq!(Sidecar::parse(MIDAS_LIKE).unwrap().camera, None);
     }
 
@@ -192,6 +193,7 @@ mod tests {
         for (from, to, expected) in [
             ("[192, 256]", "[0, 256]", SidecarError::Size { height: 0, width: 256 }),
             ("[0.229, 0.224, 0.225]", "[0, 1, 1]", SidecarError::Normalization),
+            ("0.00392156862745098", "0", SidecarError::Normalization),
             (
                 "relative",
                 "disparity",
@@ -213,6 +215,9 @@ mod tests {
             ("tensor = \"x\"", "tensr = \"x\"", "unknown field `tensr`"),
             ("nchw", "chw", "unknown variant `chw`"),
             ("[output]", "[outputs]", "unknown field `outputs`"),
+            ("[0.485, 0.456, 0.406]", "[0.485, 0.456, 0.406, 0.5]", "it has 4 values, expected 3"),
+            ("[0.229, 0.224, 0.225]", "[0.229, 0.224]", "it has 2 values, expected 3"),
+            ("[192, 256]", "[192, 256, 3]", "it has 3 values, expected 2"),
         ] {
             let error = Sidecar::parse(&MIDAS_LIKE.replace(from, to)).unwrap_err();
             let SidecarError::Syntax { reason } = &error else { panic!("{error}") };

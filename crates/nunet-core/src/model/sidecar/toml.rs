@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use nunet_types::ImageSize;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
 use super::SidecarError;
 use crate::depth::{DepthRange, OutputScale};
@@ -30,10 +31,11 @@ pub(super) struct Input {
     dtype: Dtype,
     #[serde(default)]
     color: Color,
+    #[serde(deserialize_with = "exactly")]
     pub(super) size: [u32; 2],
-    #[serde(default)]
+    #[serde(default, deserialize_with = "exactly")]
     mean: [f32; 3],
-    #[serde(default = "ones")]
+    #[serde(default = "ones", deserialize_with = "exactly")]
     std: [f32; 3],
     #[serde(default = "one")]
     scale: f32,
@@ -62,6 +64,15 @@ enum Color {
     Bgr,
 }
 
+/// A list of `N` values. serde ignores those behind the last one.
+fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+    deserializer: D,
+) -> Result<[T; N], D::Error> {
+    let values = Vec::deserialize(deserializer)?;
+    let expected = |values: Vec<T>| D::Error::custom(format!("it has {} values, expected {N}", values.len()));
+    values.try_into().map_err(expected)
+}
+
 fn one() -> f32 {
     1.0
 }
@@ -73,7 +84,8 @@ fn ones() -> [f32; 3] {
 impl Input {
     pub(super) fn format(&self) -> Result<Option<TensorFormat>, SidecarError> {
         let finite = |values: &[f32; 3]| values.iter().all(|value| value.is_finite());
-        if !self.scale.is_finite() || !finite(&self.mean) || !finite(&self.std) || self.std.contains(&0.0) {
+        let sound = |factor: &f32| factor.is_finite() && *factor != 0.0;
+        if !sound(&self.scale) || !finite(&self.mean) || !self.std.iter().all(sound) {
             return Err(SidecarError::Normalization);
         }
         let unchanged = self.scale == 1.0 && self.mean == [0.0; 3] && self.std == ones();
@@ -137,7 +149,7 @@ impl CameraTable {
             fx: self.fx,
             fy: self.fy.unwrap_or(self.fx),
         };
-        if camera.is_plausible() { Ok(camera) } else { Err(SidecarError::Camera) }
+        camera.check().map(|()| camera).map_err(|error| SidecarError::Camera(error.into()))
     }
 }
 
