@@ -11,12 +11,14 @@
 //! | [`file_plan`] | no file is both read and written, or written twice |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
+//! | [`empty_depth`] | a warning of depth maps without a measurement |
 //! | [`mavlink`] | obstacles for an autopilot |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles something takes |
 //! | [`obstacle_record`] | obstacles as stored in shared memory |
 //! | [`obstacle_images`] | obstacles of one frame, as files |
 
 pub mod archive;
+pub mod empty_depth;
 pub mod file_plan;
 pub mod file_writer;
 pub mod frame_writer;

@@ -37,8 +37,8 @@ impl SensorRegion {
         [fx, skew, cx, fy, cy]: [f64; 5],
     ) -> Result<(ImageSize, [f64; 5]), RegionOutside> {
         let outside = RegionOutside { region: *self, size };
-        let x = Side::new(size.width, self.x_offset, self.width, self.binning_x).ok_or(outside)?;
-        let y = Side::new(size.height, self.y_offset, self.height, self.binning_y).ok_or(outside)?;
+        let x = RegionAxis::new(size.width, self.x_offset, self.width, self.binning_x).ok_or(outside)?;
+        let y = RegionAxis::new(size.height, self.y_offset, self.height, self.binning_y).ok_or(outside)?;
         let numbers = [fx / x.binning, skew / x.binning, x.center(cx), fy / y.binning, y.center(cy)];
         Ok((ImageSize::new(x.pixels, y.pixels), numbers))
     }
@@ -67,14 +67,14 @@ impl fmt::Display for RegionOutside {
 impl Error for RegionOutside {}
 
 /// Width or height of a region.
-struct Side {
+struct RegionAxis {
     offset: f64,
     binning: f64,
     /// Of the image.
     pixels: u32,
 }
 
-impl Side {
+impl RegionAxis {
     /// `None` for a region that reaches beyond the sensor.
     fn new(sensor: u32, offset: u32, size: u32, binning: u32) -> Option<Self> {
         let size = if (offset, size) == (0, 0) { sensor } else { size };
@@ -107,9 +107,9 @@ mod tests {
 
     #[test]
     fn binning_makes_one_pixel_of_a_block_of_the_region() {
-        let binned = SensorRegion { binning_x: 2, binning_y: 4, ..REGION };
+        let with_binning = SensorRegion { binning_x: 2, binning_y: 4, ..REGION };
         let numbers = [250.0, 0.5, 120.5 / 2.0 - 0.5, 127.5, 140.5 / 4.0 - 0.5];
-        assert_eq!(binned.captured(SENSOR, NUMBERS), Ok((ImageSize::new(160, 60), numbers)));
+        assert_eq!(with_binning.captured(SENSOR, NUMBERS), Ok((ImageSize::new(160, 60), numbers)));
     }
 
     #[test]

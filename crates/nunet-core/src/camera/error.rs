@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use nunet_types::Hint;
 
-use super::intrinsics::accepted_range;
+use super::accepted_range::accepted_range;
 use crate::error_kind::ErrorKind;
 
 /// What is wrong with a camera's numbers.

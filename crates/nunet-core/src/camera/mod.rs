@@ -1,5 +1,6 @@
 //! The camera: intrinsics in pixels at a stated size, lens distortion, and the table of rays computed from both.
 
+mod accepted_range;
 mod brown_conrady;
 mod calibration;
 mod coefficients;

@@ -18,6 +18,14 @@ pub enum ObstacleError {
         /// Its value.
         value: f64,
     },
+    /// An angle of the mount beyond a whole turn.
+    #[error("mount: {what} is {value}, expected -2π to 2π")]
+    MountAngle {
+        /// The angle.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
     /// A camera that is not above the floor.
     #[error("mount: the camera is {height_m} m above the floor, expected more than 0")]
     CameraBelowFloor {
@@ -72,6 +80,7 @@ impl ObstacleError {
 impl Hint for ObstacleError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
+            Self::MountAngle { .. } => Some("give angles in radians: 90 degrees are 1.571".into()),
             Self::CameraBelowFloor { .. } => {
                 Some("give z as the camera's height above the floor, in meters".into())
             }

@@ -56,7 +56,7 @@ mod voxels;
 
 pub use error::ObstacleError;
 pub use ground::Ground;
-pub use mount::Mount;
+pub use mount::{Mount, check_angles};
 pub use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 

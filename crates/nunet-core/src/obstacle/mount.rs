@@ -1,5 +1,7 @@
 //! Where the camera is on the robot.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::ObstacleError;
@@ -34,7 +36,7 @@ impl Mount {
     /// down.
     ///
     /// # Errors
-    /// Numbers that are not finite, a camera that is not above the floor, or one that looks up by more than 80 degrees.
+    /// Numbers that are not finite, angles beyond a turn, a camera that is not above the floor, or one that looks up by more than 80 degrees.
     pub fn new(position_m: [f64; 3], roll_pitch_yaw_rad: [f64; 3]) -> Result<Self, ObstacleError> {
         let [x, y, z] = position_m;
         let [roll, pitch, yaw] = roll_pitch_yaw_rad;
@@ -42,6 +44,7 @@ impl Mount {
         if let Some((what, value)) = named.into_iter().find(|(_, value)| !value.is_finite()) {
             return Err(ObstacleError::MountNotFinite { what, value });
         }
+        check_angles(roll_pitch_yaw_rad)?;
         if z <= 0.0 {
             return Err(ObstacleError::CameraBelowFloor { height_m: z });
         }
@@ -103,6 +106,18 @@ impl Mount {
     }
 }
 
+/// Checks that roll, pitch and yaw are within a turn of 2π. Larger numbers are degrees.
+///
+/// # Errors
+/// The first angle that is not.
+pub fn check_angles([roll, pitch, yaw]: [f64; 3]) -> Result<(), ObstacleError> {
+    let named = [("roll", roll), ("pitch", pitch), ("yaw", yaw)];
+    match named.into_iter().find(|(_, value)| value.abs() > TAU) {
+        Some((what, value)) => Err(ObstacleError::MountAngle { what, value }),
+        None => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,6 +150,11 @@ mod tests {
         assert!(matches!(kind([0.0, 0.0, 1.0], [0.0, -FRAC_PI_2, 0.0]), ObstacleError::LooksUp { .. }));
         // Pitch beyond straight down and upside down: what counts is where the axis points.
         assert!(matches!(kind([0.0, 0.0, 1.0], [PI, FRAC_PI_2 * 3.0, 0.0]), ObstacleError::LooksUp { .. }));
+        for degrees in [[15.0, 0.0, 0.0], [0.0, 15.0, 0.0], [0.0, 0.0, 90.0], [0.0, 0.0, -90.0]] {
+            let error = kind([0.0, 0.0, 1.0], degrees);
+            assert!(matches!(error, ObstacleError::MountAngle { .. }), "{error}");
+        }
+        assert!(Mount::new([0.0, 0.0, 1.0], [0.0, 0.0, -TAU]).is_ok(), "a whole turn");
         for index in 0..6 {
             let mut numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
             numbers[index] = f64::NAN;

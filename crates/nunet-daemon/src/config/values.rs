@@ -52,7 +52,10 @@ impl FromStr for MountOption {
             Ok(&[x, y, z, roll, pitch, yaw])
                 if [x, y, z, roll, pitch, yaw].iter().all(|number| number.is_finite()) =>
             {
-                Ok(Self { translation_m: [x, y, z], roll_pitch_yaw_rad: [roll, pitch, yaw] })
+                let roll_pitch_yaw_rad = [roll, pitch, yaw];
+                nunet_core::obstacle::check_angles(roll_pitch_yaw_rad)
+                    .map_err(|error| nunet_types::text_with_hint(&error))?;
+                Ok(Self { translation_m: [x, y, z], roll_pitch_yaw_rad })
             }
             _ => Err("expected six numbers `x,y,z,roll,pitch,yaw`: meters, then radians".to_owned()),
         }
@@ -81,5 +84,7 @@ mod tests {
         for wrong in ["", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,nan", "1,2,3,4,5,x"] {
             assert!(wrong.parse::<MountOption>().unwrap_err().starts_with("expected six numbers"), "{wrong}");
         }
+        let degrees = "0,0,0.3,0,15,90".parse::<MountOption>().unwrap_err();
+        assert!(degrees.contains("pitch is 15") && degrees.contains("radians"), "{degrees}");
     }
 }

@@ -8,6 +8,7 @@ use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_ipc::LATE_JOINER_PERIOD;
+use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, End, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread};
 use tracing::{debug, error, trace_span, warn};
@@ -39,6 +40,7 @@ pub(crate) struct StreamTask {
     /// The last frame, if missing results can still be computed from it.
     kept: Option<Frame>,
     lost: RateLimit,
+    empty_depth: EmptyDepthWarning,
     failures: u32,
     /// Why the stream cannot go on.
     failure: Option<anyhow::Error>,
@@ -78,6 +80,7 @@ impl StreamTask {
             served: Instant::now(),
             kept: None,
             lost: RateLimit::default(),
+            empty_depth: EmptyDepthWarning::default(),
             failures: 0,
             failure: None,
         }
@@ -274,6 +277,7 @@ impl StreamTask {
         let with_obstacles = wants.obstacles || self.publisher.has_obstacle_readers();
         let report = self.process(frame, &mut loans, with_obstacles)?;
         self.continuity.took(frame);
+        self.empty_depth.check(frame.sequence, &report, self.pipeline.size());
         let queue_micros = micros(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.publisher.publish(loans, frame, &report, queue_micros)?;

@@ -195,6 +195,7 @@ impl Work {
         // The images are independent.
         self.pipeline.forget();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
+        nunet_sink::empty_depth::EmptyDepthWarning::default().check(0, &report, self.pipeline.size());
         let done_nanos = MonotonicClock.nanos();
         write_results(folder, &self.results(&report))?;
         self.write_obstacles(folder)?;

@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
-use nunet_source::{CameraFile, Frame, IMAGE_EXTENSIONS, Numbers, decode, decode_numbers};
+use nunet_source::{CameraFile, Frame, IMAGE_EXTENSIONS, Numbers, SourceError, decode, decode_numbers};
 use nunet_types::ImageSize;
 use tempfile::TempDir;
 
@@ -126,7 +126,8 @@ impl Dataset {
     pub(crate) fn image(&self, id: &str, frame: &mut Frame) -> Result<(), EvalError> {
         let path = self.path("rgb", id, &IMAGE_EXTENSIONS);
         frame.camera = self.cameras.get(id).copied().or(self.camera);
-        decode(&path, frame).map_err(|source| EvalError::ReadImage { path, source })
+        let decoded = decode(&path, frame).and_then(|()| refuse_turned(frame));
+        decoded.map_err(|source| EvalError::ReadImage { path, source })
     }
 
     /// Reads what is known of an image, which must have the size `image` if that is given.
@@ -170,6 +171,15 @@ impl Dataset {
             }
         }
     }
+}
+
+/// An image that its file turns does not lie over its depth, whose file states no orientation.
+fn refuse_turned(frame: &Frame) -> Result<(), SourceError> {
+    if !frame.is_turned {
+        return Ok(());
+    }
+    Err(SourceError::bad_frame("its EXIF orientation turns it, but not its depth")
+        .with_hint("store image and depth upright, without an EXIF orientation"))
 }
 
 /// The ids of a folder's images. Warns about files of other kinds if `with_warning`.
@@ -240,6 +250,37 @@ mod tests {
         assert!(meters(&depth(8), DepthUnits::default()).is_none());
         let units = DepthUnits { scale: Some(0.1), offset: 0.0 };
         assert_eq!(meters(&depth(8), units).unwrap()[1], 150.0);
+    }
+
+    #[test]
+    fn an_image_that_is_turned_upright_does_not_belong_to_its_depth() {
+        let root = tempfile::tempdir().unwrap();
+        for folder in ["rgb", "depth"] {
+            std::fs::create_dir(root.path().join(folder)).unwrap();
+        }
+        let path = root.path().join("rgb/a.jpg");
+        image::RgbImage::new(8, 8).save(&path).unwrap();
+        image::ImageBuffer::<image::Luma<u16>, _>::new(8, 8).save(root.path().join("depth/a.png")).unwrap();
+        let plain = std::fs::read(&path).unwrap();
+        let read = || {
+            let dataset = Dataset::open(&EvalOptions::new(root.path()), &[], &mut |_| {}).unwrap();
+            dataset.image("a", &mut Frame::default())
+        };
+        for orientation in 1..=8 {
+            let exif = [
+                &b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..],
+                &[orientation],
+                &[0; 6],
+            ]
+            .concat();
+            std::fs::write(&path, [&plain[..2], &exif, &plain[2..]].concat()).unwrap();
+            match read() {
+                Ok(()) => assert_eq!(orientation, 1),
+                Err(error) => {
+                    assert!(orientation > 1 && matches!(error, EvalError::ReadImage { .. }), "{error}");
+                }
+            }
+        }
     }
 
     #[test]

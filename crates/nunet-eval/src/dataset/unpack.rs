@@ -13,7 +13,7 @@ use nunet_source::{
 use nunet_types::ImageSize;
 use tempfile::TempDir;
 
-use super::MAX_APART_NANOS;
+use super::{MAX_APART_NANOS, refuse_turned};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
 use crate::options::EvalOptions;
@@ -68,6 +68,7 @@ pub(super) fn unpack(options: &EvalOptions, on_event: OnEvent<'_>) -> Result<Unp
             Fill::Nothing => continue,
             _ => break,
         }
+        refuse_turned(&frame).map_err(|source| EvalError::ReadImage { path: path.clone(), source })?;
         camera = camera.or(frame.camera);
         match depths.nearest(frame.capture.unix_nanos, on_event) {
             Some(depth) => {

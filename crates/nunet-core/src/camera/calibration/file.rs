@@ -2,10 +2,9 @@
 
 use nunet_types::SensorRegion;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
+use super::yaml::parse_yaml;
 use super::{Calibration, CalibrationError, RosCameraInfo, kalibr, opencv, scale};
-use crate::text::shortened;
 
 /// Parses any of the formats.
 pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
@@ -17,13 +16,6 @@ pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
         parse_yaml::<CameraInfoFile>(&document)?.calibration(&document)?
     };
     Ok(Calibration { scale, ..calibration })
-}
-
-pub(super) fn parse_yaml<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
-    let options = serde_saphyr::options! { with_snippet: false };
-    serde_saphyr::from_str_with_options(text, options).map_err(|error| CalibrationError::Syntax {
-        reason: shortened(&error.render_with_formatter(&serde_saphyr::UserMessageFormatter)),
-    })
 }
 
 /// The first document with content, with its line numbers. `ros2 topic echo` ends each message with `---`, and OpenCV

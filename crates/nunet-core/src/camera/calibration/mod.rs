@@ -8,6 +8,7 @@ mod opencv;
 mod scale;
 #[cfg(test)]
 mod tests;
+mod yaml;
 
 use std::fmt;
 

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-use super::file::parse_yaml;
+use super::yaml::parse_yaml;
 use super::{Calibration, CalibrationError};
 use crate::camera::{Camera, Intrinsics, check_scale_factor};
 

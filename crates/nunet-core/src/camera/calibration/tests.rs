@@ -295,8 +295,8 @@ fn a_region_of_interest_and_binning_are_those_of_a_message() {
     };
     let cropped = with(roi).unwrap();
     assert_eq!(numbers(cropped), ([500.5, 501.25, 161.25, 118.75], [320, 240]));
-    let binned = with(&format!("binning_x: 2\nbinning_y: 2\n{roi}")).unwrap();
-    assert_eq!(numbers(binned), ([250.25, 250.625, 80.375, 59.125], [160, 120]));
+    let with_binning = with(&format!("binning_x: 2\nbinning_y: 2\n{roi}")).unwrap();
+    assert_eq!(numbers(with_binning), ([250.25, 250.625, 80.375, 59.125], [160, 120]));
     let outside = with(&roi.replace("160", "400")).unwrap_err();
     assert!(matches!(outside, CalibrationError::Region(_)), "{outside}");
 }

@@ -26,7 +26,7 @@ impl Unwired<'_> {
     }
 
     /// Width and height of the depth map. Networks of the contract give depth of the image's size; foreign ones may give
-    /// another size, with dimensions of 1 anywhere around it.
+    /// another size of the same aspect ratio, with dimensions of 1 anywhere around it.
     fn depth_size(&self, given: &TensorSpec, size: ImageSize) -> Result<ImageSize, WiringError> {
         let (width, height) = (i64::from(size.width), i64::from(size.height));
         let expected = [1, 1, height, width];
@@ -37,7 +37,9 @@ impl Unwired<'_> {
             Contract::Foreign { .. } => match without_ones(&given.shape)[..] {
                 _ if without_ones(&given.shape) == without_ones(&expected) => Some(size),
                 [height, width] => {
-                    u32::try_from(width).ok().zip(u32::try_from(height).ok()).map(ImageSize::from)
+                    let found =
+                        u32::try_from(width).ok().zip(u32::try_from(height).ok()).map(ImageSize::from);
+                    found.filter(|&found| shows_all_of(size, found))
                 }
                 _ => None,
             },
@@ -47,7 +49,9 @@ impl Unwired<'_> {
             _ => {
                 let expected = match self.contract {
                     Contract::Nunet => kind(ElementType::Float32, &expected),
-                    Contract::Foreign { .. } => "float32 with one height and one width".to_owned(),
+                    Contract::Foreign { .. } => {
+                        "float32 with one height and one width, of the image's aspect ratio".to_owned()
+                    }
                 };
                 Err(mismatch("depth", given, &expected, size))
             }
@@ -65,6 +69,18 @@ impl Wired {
     }
 }
 
+/// Whether depth of the size `depth` can be that of the whole image: its aspect ratio is the image's up to a pixel, or each
+/// side is reduced or enlarged by a whole factor. Another one is transposed or cropped.
+fn shows_all_of(image: ImageSize, depth: ImageSize) -> bool {
+    let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
+    let off = cross(depth.width, image.height).abs_diff(cross(image.width, depth.height));
+    let is_whole = |large: ImageSize, small: ImageSize| {
+        let whole = |large: u32, small: u32| large > 0 && large.is_multiple_of(small);
+        whole(large.width, small.width) && whole(large.height, small.height)
+    };
+    off < u64::from(image.width.max(image.height)) || is_whole(image, depth) || is_whole(depth, image)
+}
+
 fn mismatch(role: &'static str, given: &TensorSpec, expected: &str, size: ImageSize) -> WiringError {
     WiringError::Result {
         role,
@@ -73,5 +89,34 @@ fn mismatch(role: &'static str, given: &TensorSpec, expected: &str, size: ImageS
         expected: expected.into(),
         width: size.width,
         height: size.height,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_of_another_aspect_ratio_is_not_that_of_the_whole_image() {
+        let fits = |image: (u32, u32), depth: (u32, u32)| shows_all_of(image.into(), depth.into());
+        for (image, depth) in [
+            ((64, 48), (64, 48)),
+            ((64, 48), (32, 24)),
+            ((64, 48), (128, 96)),
+            ((64, 48), (64, 24)),
+            ((64, 48), (21, 16)),
+            ((640, 480), (46, 35)),
+        ] {
+            assert!(fits(image, depth), "{image:?} {depth:?}");
+        }
+        for (image, depth) in [
+            ((64, 48), (48, 64)),
+            ((64, 32), (32, 64)),
+            ((64, 48), (24, 32)),
+            ((640, 480), (640, 360)),
+            ((640, 480), (0, 480)),
+        ] {
+            assert!(!fits(image, depth), "{image:?} {depth:?}");
+        }
     }
 }
