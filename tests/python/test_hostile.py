@@ -58,7 +58,7 @@ source = "{ROOT}/models/clip/rgb/*.jpg"
 rate = 15.5
 loop = true
 publish = ["depth", "cloud"]
-every = ["segmentation=3"]
+every = ["network=3"]
 filter = ["holes", "spatial=alpha:0.4,delta:0.1"]
 intrinsics = "518.9,519.5,325.6,253.7@640x480"
 """

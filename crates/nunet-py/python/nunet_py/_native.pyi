@@ -498,6 +498,7 @@ def _camera(
     size: tuple[int, int],
     distortion: Sequence[float],
     distortion_model: str | None,
+    scale: float | None = None,
 ) -> Camera: ...
 def _cloud(points: NDArray[np.float32], labels: NDArray[np.uint8], colors: NDArray[np.uint8], units: str) -> Cloud: ...
 def _result(
