@@ -105,8 +105,9 @@ def test_a_label_that_is_no_class_is_refused(dataset, folder, value, expected, h
     Image.fromarray(labels).save(path)
     with pytest.raises(DataError) as raised:
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
-    said = f"`{path}` has the label {value}; expected {expected} for unknown; hint: "
-    assert str(raised.value).startswith(said + hint)
+    said = f"`{path}` has the label {value}; expected {expected} for unknown"
+    assert str(raised.value) == said
+    assert raised.value.hint.startswith(hint)
 
 
 def test_a_missing_file_is_named(dataset):
@@ -194,8 +195,9 @@ def test_depth_with_color_channels_is_refused(dataset):
 
 def test_depth_of_8_bits_needs_a_unit(dataset):
     Image.new("L", (128, 96), 100).save(dataset / "depth" / "0001.png")
-    with pytest.raises(DataError, match=r"0001\.png` has 8 bits, .*hint: `--depth-scale"):
+    with pytest.raises(DataError, match=r"0001\.png` has 8 bits, ") as raised:
         FolderPairs(dataset, ["0001"], units=DepthUnits())[0]
+    assert raised.value.hint.startswith("`--depth-scale")
     pair = FolderPairs(dataset, ["0001"], units=DepthUnits(0.04))[0]
     assert pair.depth_m[3, 3] == pytest.approx(4.0)
 
@@ -400,5 +402,6 @@ def test_another_epoch_draws_other_images(pairs, tmp_path):
 @pytest.mark.parametrize("option", ["--depth-scale=0.001", "--depth-offset=0.5"])
 def test_units_are_refused_where_depth_is_meters(dataset, option):
     name = option.partition("=")[0]
-    with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` contains meters; hint: omit"):
+    with pytest.raises(OptionError, match=rf"`{name} .*`.*nyu\.mat` contains meters") as raised:
         opened(dataset / "nyu.mat", option)
+    assert raised.value.hint.startswith("omit")

@@ -534,7 +534,7 @@ def test_a_network_of_another_camera_says_so_and_whose_images_they_are(dataset, 
 def test_defaults_of_camera_and_license_are_printed(dataset, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     unet = ("--architecture", "unet")
-    camera = "taken for NYU Depth V2's camera, of fx 518.858 pixels at 640x480"
+    camera = "assumed NYU Depth V2's camera, fx 518.858 pixels at 640x480"
     assert train(dataset, run, *unet, component="depth", epochs=1) == 0
     assert capsys.readouterr().err.count(camera) == 1
     known = (

@@ -5,7 +5,7 @@ import json
 import pytest
 import torch
 
-from nunet_models.errors import ConfigError
+from nunet_models.errors import ConfigError, with_hint
 from nunet_models.export.collections import TINY_ARCHITECTURES, tiny_spec
 from nunet_models.zoo import PAPER_DECODER, GraphSpec, SerialGraph, graph_spec
 from nunet_models.zoo.backbones import build_unet
@@ -87,7 +87,7 @@ def test_tasks_and_kept_sigmoids_are_the_caller_s():
     [
         (
             {"tasks": ("depth",)},
-            "`depth` do not fit `wnet` of 2 components; hint: a comma-separated list",
+            "`depth` do not fit `wnet` of 2 components",
         ),
         ({"tasks": ("color", "depth")}, "of segmentation or depth, one per component"),
         ({"tasks": ("depth", "segmentation")}, "must be of task `depth`"),
@@ -95,8 +95,9 @@ def test_tasks_and_kept_sigmoids_are_the_caller_s():
     ],
 )
 def test_tasks_and_sigmoids_that_do_not_fit_are_refused(changes, word):
-    with pytest.raises(ConfigError, match=word):
+    with pytest.raises(ConfigError) as raised:
         graph_spec("wnet", **changes)
+    assert word in with_hint(str(raised.value), raised.value.hint)
 
 
 @pytest.mark.parametrize(
@@ -105,13 +106,14 @@ def test_tasks_and_sigmoids_that_do_not_fit_are_refused(changes, word):
         ("znet", "tiny", "no architecture `znet`"),
         ("wnet", "tiny,tiny,tiny", "3 backbones"),
         ("unet", "resnet9000", "no backbone `resnet9000`"),
-        ("unet", "tu-nonsense", r"a U-Net from backbone `tu-nonsense`: .*; hint: "),
+        ("unet", "tu-nonsense", r"a U-Net from backbone `tu-nonsense`: "),
         ("unet", "vit_tiny_patch16_224", r"a U-Net from backbone `vit_tiny_patch16_224`: "),
     ],
 )
 def test_unknown_names_are_refused_with_a_hint(architecture, backbone, word):
-    with pytest.raises(ConfigError, match=word):
+    with pytest.raises(ConfigError, match=word) as raised:
         SerialGraph(graph_spec(architecture, backbone=backbone))
+    assert raised.value.hint
 
 
 def test_an_inner_size_that_does_not_divide_is_refused():

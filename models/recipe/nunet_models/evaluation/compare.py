@@ -58,7 +58,7 @@ class Comparison:
         try:
             metrics = self.add_depth(prediction.depth, pair.depth_m)
         except DataError as error:
-            raise DataError(f"image `{pair.id}`: {error}") from error
+            raise DataError(f"image `{pair.id}`: {error}", hint=error.hint) from error
         if self.labels is not None and pair.labels is not None and prediction.labels is not None:
             self.labels.add(prediction.labels, pair.labels)
         self.per_image.append({"id": pair.id, **metrics})

@@ -75,7 +75,8 @@ def graph_spec(
     if len(backbones) not in {1, len(components)}:
         raise ConfigError(
             f"`{backbone}` names {len(backbones)} backbones; `{architecture}` has "
-            f"{len(components)} components"
+            f"{len(components)} components",
+            hint="name one for all, or one per component, separated by commas",
         )
     if len(backbones) > 1:
         pairs = zip(components, backbones, strict=True)
