@@ -83,7 +83,7 @@ fn meters_follow_the_focal_length_at_the_networks_size() {
     let (assumed, report) = depth_of(&mut pipeline(&models::unet(SIZE), PipelineOptions::default()), &rgb);
     assert_eq!((assumed, report.scale_source), (own.clone(), ScaleSource::AssumedCamera));
 
-    let off = PipelineOptions { scale: ScaleMode::Off, ..with_camera(1000.0) };
+    let off = PipelineOptions { scale: ScaleMode::Off, ..with_camera(400.0) };
     let (kept, report) = depth_of(&mut pipeline(&models::unet(SIZE), off), &rgb);
     assert_eq!((kept, report.scale_source), (own, ScaleSource::Metric));
 }
