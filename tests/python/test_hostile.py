@@ -53,12 +53,12 @@ min_m = 0.1
 max_m = 20.0
 """
 ROOT = pathlib.Path(__file__).parents[2]
-CONFIG = f"""model = "{MODEL}"
+CONFIG = f"""model = "{MODEL.with_suffix(".toml")}"
 source = "{ROOT}/models/clip/rgb/*.jpg"
 rate = 15.5
 loop = true
 publish = ["depth", "cloud"]
-every = ["network=3"]
+every = ["segmentation=3"]
 filter = ["holes", "spatial=alpha:0.4,delta:0.1"]
 intrinsics = "518.9,519.5,325.6,253.7@640x480"
 """
