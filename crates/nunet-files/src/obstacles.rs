@@ -1,7 +1,7 @@
 //! Obstacles as images: from above, and on the camera's image.
 
 use image::{Rgb, RgbImage};
-use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
+use nunet_types::{ObstacleMap, SectorState};
 
 use crate::color::draw_text;
 
@@ -23,20 +23,9 @@ const REMEMBERED: Rgb<u8> = Rgb([140, 80, 160]);
 const DROP: Rgb<u8> = Rgb([240, 150, 30]);
 const RING: Rgb<u8> = Rgb([90, 90, 90]);
 
-/// What is drawn from above.
+/// Draws obstacles from above.
 #[derive(Debug, Clone, Copy)]
-pub struct BirdsEye<'a> {
-    /// Directions, counterclockwise.
-    pub sectors: &'a [ObstacleSector],
-    /// Points of obstacles.
-    pub points: &'a [ObstaclePoint],
-    /// The right boundary of the first sector, radians.
-    pub angle_min_rad: f32,
-    /// The width of a sector, radians.
-    pub angle_step_rad: f32,
-    /// How far obstacles were searched, meters.
-    pub max_range_m: f32,
-}
+pub struct BirdsEye<'a>(pub ObstacleMap<'a>);
 
 impl BirdsEye<'_> {
     /// The robot's surroundings from above: forward is up, left is left, the robot is in the middle of the lower edge (of
@@ -44,22 +33,22 @@ impl BirdsEye<'_> {
     /// A ring is one meter.
     #[must_use]
     pub fn draw(&self) -> RgbImage {
-        let radius = (self.max_range_m * PX_PER_M).round().clamp(1.0, 4000.0) as u32;
-        let end_rad = self.angle_min_rad + self.angle_step_rad * self.sectors.len() as f32;
+        let radius = (self.0.max_range_m * PX_PER_M).round().clamp(1.0, 4000.0) as u32;
+        let end_rad = self.0.angle_min_rad + self.0.angle_step_rad * self.0.sectors.len() as f32;
         let sees_behind =
-            self.angle_min_rad < -std::f32::consts::FRAC_PI_2 || end_rad > std::f32::consts::FRAC_PI_2;
+            self.0.angle_min_rad < -std::f32::consts::FRAC_PI_2 || end_rad > std::f32::consts::FRAC_PI_2;
         let height = if sees_behind { 2 * radius } else { radius };
         let mut image = RgbImage::from_fn(2 * radius, height, |column, row| {
             let x = (radius as f32 - row as f32 - 0.5) / PX_PER_M;
             let y = (radius as f32 - column as f32 - 0.5) / PX_PER_M;
             self.color(x, y)
         });
-        for point in self.points {
+        for point in self.0.points {
             let column = (radius as f32 - point.y * PX_PER_M) as i64;
             let row = (radius as f32 - point.x * PX_PER_M) as i64;
             mark(&mut image, column, row, 0, Rgb([60, 0, 0]));
         }
-        for meters in 1..=self.max_range_m as u32 {
+        for meters in 1..=self.0.max_range_m as u32 {
             let above = (meters as f32 * PX_PER_M) as u32;
             draw_text(&mut image, &format!("{meters} m"), radius + 2, radius.saturating_sub(above) + 2);
         }
@@ -70,7 +59,7 @@ impl BirdsEye<'_> {
     /// shown. [`BIRDS_EYE_LEGEND`] explains the characters.
     #[must_use]
     pub fn text(&self) -> String {
-        let cell_m = self.max_range_m / BIRDS_EYE_ROWS as f32;
+        let cell_m = self.0.max_range_m / BIRDS_EYE_ROWS as f32;
         let half_columns = (2.0 * BIRDS_EYE_ROWS as f32 * self.half_width()).ceil() as i32;
         let mut text = String::new();
         for row in (0..BIRDS_EYE_ROWS).rev() {
@@ -87,9 +76,9 @@ impl BirdsEye<'_> {
 
     /// Half of the width of what is in view, as a share of the range.
     fn half_width(&self) -> f32 {
-        let end_rad = self.angle_min_rad + self.angle_step_rad * self.sectors.len() as f32;
-        let reaches_side = self.angle_min_rad.abs().max(end_rad.abs()) > std::f32::consts::FRAC_PI_2;
-        if reaches_side { 1.0 } else { self.angle_min_rad.sin().abs().max(end_rad.sin().abs()) }
+        let end_rad = self.0.angle_min_rad + self.0.angle_step_rad * self.0.sectors.len() as f32;
+        let reaches_side = self.0.angle_min_rad.abs().max(end_rad.abs()) > std::f32::consts::FRAC_PI_2;
+        if reaches_side { 1.0 } else { self.0.angle_min_rad.sin().abs().max(end_rad.sin().abs()) }
     }
 
     /// The color of a place on the floor, meters forward and to the left.
@@ -112,11 +101,11 @@ impl BirdsEye<'_> {
     /// What is at a place on the floor, meters forward and to the left; the end of a sector is `end_m` thick on each side.
     fn place(&self, x: f32, y: f32, end_m: f32) -> Place {
         let range_m = x.hypot(y);
-        if range_m > self.max_range_m {
+        if range_m > self.0.max_range_m {
             return Place::TooFar;
         }
-        let turned = (y.atan2(x) - self.angle_min_rad).rem_euclid(std::f32::consts::TAU);
-        let Some(sector) = self.sectors.get((turned / self.angle_step_rad) as usize) else {
+        let turned = (y.atan2(x) - self.0.angle_min_rad).rem_euclid(std::f32::consts::TAU);
+        let Some(sector) = self.0.sectors.get((turned / self.0.angle_step_rad) as usize) else {
             return Place::OutsideView;
         };
         let at_end = (range_m - sector.range_m).abs() < end_m;
@@ -184,6 +173,8 @@ fn mark(image: &mut RgbImage, column: i64, row: i64, around: i64, color: Rgb<u8>
 
 #[cfg(test)]
 mod tests {
+    use nunet_types::ObstacleSector;
+
     use super::*;
 
     #[test]
@@ -198,13 +189,13 @@ mod tests {
             sector(SectorState::Free, 4.0),
             sector(SectorState::Unknown, 0.0),
         ];
-        let view = BirdsEye {
+        let view = BirdsEye(ObstacleMap {
             sectors: &sectors,
             points: &[],
             angle_min_rad: -0.6,
             angle_step_rad: 0.4,
             max_range_m: 4.0,
-        };
+        });
         let at = |angle: f32, range_m: f32| view.color(range_m * angle.cos(), range_m * angle.sin());
         assert_eq!((at(-0.4, 1.2), at(-0.4, 1.5), at(-0.4, 1.8)), (FREE, OCCUPIED, UNSEEN));
         assert_eq!((at(0.0, 3.8), at(0.4, 0.7), at(1.0, 0.7)), (FREE, UNSEEN, BEHIND));
@@ -223,13 +214,13 @@ mod tests {
             ObstacleSector { state: SectorState::Occupied.into(), range_m: 2.0, ..ObstacleSector::UNKNOWN };
         let free =
             ObstacleSector { state: SectorState::Free.into(), range_m: 4.0, ..ObstacleSector::UNKNOWN };
-        let view = BirdsEye {
+        let view = BirdsEye(ObstacleMap {
             sectors: &[occupied, free, ObstacleSector::UNKNOWN],
             points: &[],
             angle_min_rad: -0.6,
             angle_step_rad: 0.4,
             max_range_m: 4.0,
-        };
+        });
         let text = view.text();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), BIRDS_EYE_ROWS);

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use nunet_types::layout::bytemuck;
-use nunet_types::{ObstaclePoint, ObstacleSector};
+use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector};
 use serde_bytes::Bytes;
 
 use crate::messages::{Header, LaserScan, PointCloud2, PointField};
@@ -22,22 +22,14 @@ const POINT_FIELDS: [PointField; 6] = [
 pub struct ObstaclesRecord<'a> {
     /// The base's coordinate frame.
     pub frame_id: &'a str,
-    /// Directions, counterclockwise.
-    pub sectors: &'a [ObstacleSector],
-    /// Points of obstacles.
-    pub points: &'a [ObstaclePoint],
-    /// The right boundary of the first sector, radians.
-    pub angle_min_rad: f32,
-    /// The width of a sector, radians.
-    pub angle_step_rad: f32,
-    /// How far obstacles were searched, meters.
-    pub max_range_m: f32,
+    /// The obstacles.
+    pub map: ObstacleMap<'a>,
 }
 
 impl<'a> ObstaclesRecord<'a> {
     pub(crate) fn cloud(&self, header: Header<'a>) -> PointCloud2<'a> {
         const POINT_BYTES: u32 = size_of::<ObstaclePoint>() as u32;
-        let count = self.points.len() as u32;
+        let count = self.map.points.len() as u32;
         PointCloud2 {
             header,
             height: 1,
@@ -46,7 +38,7 @@ impl<'a> ObstaclesRecord<'a> {
             is_bigendian: false,
             point_step: POINT_BYTES,
             row_step: POINT_BYTES * count,
-            data: Bytes::new(bytemuck::cast_slice(self.points)),
+            data: Bytes::new(bytemuck::cast_slice(self.map.points)),
             is_dense: true,
         }
     }
@@ -57,15 +49,15 @@ impl<'a> ObstaclesRecord<'a> {
     /// that far; a sector whose floor was seen less far is NaN, like an unknown one. Remembered obstacles are NaN too: a
     /// scan cannot say that they are old.
     pub(crate) fn scan(&self, header: Header<'a>) -> LaserScan<'a> {
-        let range_max = ObstacleSector::scan_range_m(self.max_range_m);
-        let ranges: Vec<f32> = self.sectors.iter().map(|sector| sector.beam_m(range_max)).collect();
-        let last = self.sectors.len().saturating_sub(1) as f32;
-        let first_rad = self.angle_min_rad + 0.5 * self.angle_step_rad;
+        let range_max = ObstacleSector::scan_range_m(self.map.max_range_m);
+        let ranges: Vec<f32> = self.map.sectors.iter().map(|sector| sector.beam_m(range_max)).collect();
+        let last = self.map.sectors.len().saturating_sub(1) as f32;
+        let first_rad = self.map.angle_min_rad + 0.5 * self.map.angle_step_rad;
         LaserScan {
             header,
             angle_min: first_rad,
-            angle_max: first_rad + last * self.angle_step_rad,
-            angle_increment: self.angle_step_rad,
+            angle_max: first_rad + last * self.map.angle_step_rad,
+            angle_increment: self.map.angle_step_rad,
             time_increment: 0.0,
             scan_time: 0.0,
             range_min: 0.0,
@@ -99,11 +91,13 @@ mod tests {
         ];
         let record = ObstaclesRecord {
             frame_id: "base_link",
-            sectors: &sectors,
-            points: &[],
-            angle_min_rad: -0.25,
-            angle_step_rad: 0.1,
-            max_range_m: 5.0,
+            map: ObstacleMap {
+                sectors: &sectors,
+                points: &[],
+                angle_min_rad: -0.25,
+                angle_step_rad: 0.1,
+                max_range_m: 5.0,
+            },
         };
         let header = Header { stamp: Time::default(), frame_id: "base_link".into() };
         let scan = record.scan(header);

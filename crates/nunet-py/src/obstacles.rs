@@ -4,7 +4,8 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray1, PyArray2};
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
-use nunet_ipc::{ObstaclePoint, ObstacleRecord, ObstacleSector};
+use nunet_ipc::{ObstacleRecord, ObstacleSector};
+use nunet_types::ObstacleMap;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -74,10 +75,7 @@ const MOUNT_EXAMPLE: &str =
 
 /// What both sources of obstacles have.
 struct Parts<'a> {
-    sectors: &'a [ObstacleSector],
-    points: &'a [ObstaclePoint],
-    angle_min_rad: f32,
-    angle_step_rad: f32,
+    map: ObstacleMap<'a>,
     ground: (f32, f32, f32),
     ground_refined: bool,
     floor_fraction: f32,
@@ -90,10 +88,7 @@ impl Obstacles {
         Self::new(
             py,
             &Parts {
-                sectors: record.sectors(),
-                points: record.points(),
-                angle_min_rad: record.angle_min_rad,
-                angle_step_rad: record.angle_step_rad,
+                map: record.map(),
                 ground: (record.ground_slope_x, record.ground_slope_y, record.ground_height_m),
                 ground_refined: record.ground_refined != 0,
                 floor_fraction: record.floor_fraction,
@@ -117,10 +112,7 @@ impl Obstacles {
         Self::new(
             py,
             &Parts {
-                sectors: &found.sectors,
-                points: &found.points,
-                angle_min_rad: found.angle_min_rad,
-                angle_step_rad: found.angle_step_rad,
+                map: found.map(),
                 ground: (ground.slope_x, ground.slope_y, ground.height_m),
                 ground_refined: ground.is_refined,
                 floor_fraction: ground.floor_fraction,
@@ -130,13 +122,12 @@ impl Obstacles {
     }
 
     fn new(py: Python<'_>, parts: &Parts<'_>) -> PyResult<Self> {
-        let Parts { sectors, points, angle_min_rad, angle_step_rad, .. } = *parts;
-        let angle = |index: usize| angle_min_rad + (index as f32 + 0.5) * angle_step_rad;
+        let ObstacleMap { sectors, points, .. } = parts.map;
         let of_sectors = |value: fn(&ObstacleSector) -> f32| floats(py, sectors.iter().map(value));
         Ok(Self {
             states: PyTuple::new(py, sectors.iter().map(|sector| sector.state().name()))?.unbind(),
             ranges: of_sectors(|sector| sector.range_m),
-            angles: floats(py, (0..sectors.len()).map(angle)),
+            angles: floats(py, (0..sectors.len()).map(|index| parts.map.angle_rad(index))),
             obstacle_ranges: of_sectors(|sector| sector.obstacle_m),
             heights: table(py, sectors.iter().map(|sector| [sector.min_height_m, sector.max_height_m])),
             seen_from: of_sectors(|sector| sector.seen_from_m),

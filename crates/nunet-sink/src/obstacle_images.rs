@@ -61,22 +61,15 @@ pub const OBSTACLE_FILES: [&str; 3] = ["obstacles.json", "obstacles.png", "obsta
 /// A file cannot be written.
 pub fn write_obstacles(found: &Obstacles, folder: &Path) -> anyhow::Result<()> {
     write_json(&folder.join("obstacles.json"), &obstacles_json(found))?;
-    let birds_eye = BirdsEye {
-        sectors: &found.sectors,
-        points: &found.points,
-        angle_min_rad: found.angle_min_rad,
-        angle_step_rad: found.angle_step_rad,
-        max_range_m: found.max_range_m,
-    };
-    Ok(write_rgb(&folder.join("obstacles.png"), birds_eye.draw())?)
+    Ok(write_rgb(&folder.join("obstacles.png"), BirdsEye(found.map()).draw())?)
 }
 
 /// Numbers of JSON are finite: NaN is null.
 fn obstacles_json(found: &Obstacles) -> Value {
-    let angle = |index: usize| found.angle_min_rad + (index as f32 + 0.5) * found.angle_step_rad;
+    let map = found.map();
     let sectors = found.sectors.iter().enumerate().map(|(index, sector)| {
         json!({
-            "angle_rad": angle(index),
+            "angle_rad": map.angle_rad(index),
             "state": sector.state().name(),
             "range_m": sector.range_m,
             "obstacle_m": sector.obstacle_m,

@@ -129,14 +129,7 @@ impl Record {
     #[must_use]
     pub fn obstacles(&self) -> Option<ObstaclesRecord<'_>> {
         let found = self.obstacles.as_ref().filter(|_| self.has_obstacles)?;
-        Some(ObstaclesRecord {
-            frame_id: BASE_FRAME,
-            sectors: &found.sectors,
-            points: &found.points,
-            angle_min_rad: found.angle_min_rad,
-            angle_step_rad: found.angle_step_rad,
-            max_range_m: found.max_range_m,
-        })
+        Some(ObstaclesRecord { frame_id: BASE_FRAME, map: found.map() })
     }
 
     /// Points. Readers of ROS messages expect meters, so depth without a unit has no points.

@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use nunet_core::camera::{Camera, RayTable};
 use nunet_types::ImageSize;
-use nunet_view::{
-    CameraFeed, CameraStatus, DepthInfo, ObstacleMap, OnDemand, RayGrid, ViewFrame, ViewServer,
-};
+use nunet_view::{CameraFeed, CameraStatus, DepthInfo, OnDemand, RayGrid, ViewFrame, ViewServer};
 
 use crate::results::Results;
 use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Wants};
@@ -85,13 +83,7 @@ fn copy(published: &PublishedFrame<'_>, frame: &mut ViewFrame) {
     frame.set_depth(depth, DepthInfo { size, units: scale.units, scale_source: scale.source });
     frame.set_labels(labels.unwrap_or_default());
     if let Some(found) = obstacles {
-        frame.set_obstacles(&ObstacleMap {
-            sectors: &found.sectors,
-            points: &found.points,
-            angle_min_rad: found.angle_min_rad,
-            angle_step_rad: found.angle_step_rad,
-            max_range_m: found.max_range_m,
-        });
+        frame.set_obstacles(&found.map());
     }
 }
 

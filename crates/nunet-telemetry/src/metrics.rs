@@ -81,35 +81,26 @@ impl Families {
             stage: Family::new_with_constructor(histogram),
             messages: Family::default(),
         };
-        let Self {
-            up,
-            captured,
-            ended,
-            in_flight,
-            fps,
-            bytes_copied,
-            scale,
-            scale_age,
-            latency,
-            stage,
-            messages,
-        } = &families;
         let help = "1 while the source delivers frames, 0 while it is retried and after its end";
-        registry.register("camera_up", help, up.clone());
-        registry.register("frames_captured", "Frames that the source delivered", captured.clone());
-        registry.register("frames_ended", "Published, superseded and failed frames", ended.clone());
-        registry.register("frames_in_flight", "Frames that are not finished", in_flight.clone());
-        registry.register("frames_per_second", "Published frames per second since the start", fps.clone());
+        registry.register("camera_up", help, families.up.clone());
+        registry.register("frames_captured", "Frames that the source delivered", families.captured.clone());
+        registry.register("frames_ended", "Published, superseded and failed frames", families.ended.clone());
+        registry.register("frames_in_flight", "Frames that are not finished", families.in_flight.clone());
+        registry.register(
+            "frames_per_second",
+            "Published frames per second since the start",
+            families.fps.clone(),
+        );
         let help = "Mean bytes per frame copied between camera memory and network input";
-        registry.register("bytes_copied_per_frame", help, bytes_copied.clone());
+        registry.register("bytes_copied_per_frame", help, families.bytes_copied.clone());
         let help = "What the network's meters are multiplied by; 0 for depth without a unit";
-        registry.register("scale_factor", help, scale.clone());
+        registry.register("scale_factor", help, families.scale.clone());
         let help = "Time since the scale factor was measured; 0 for one that does not change";
-        registry.register_with_unit("scale_age", help, Unit::Seconds, scale_age.clone());
+        registry.register_with_unit("scale_age", help, Unit::Seconds, families.scale_age.clone());
         let help = "Time from the arrival of the image to the wake-up of the readers";
-        registry.register_with_unit("latency", help, Unit::Seconds, latency.clone());
-        registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, stage.clone());
-        registry.register("messages", "Messages to other machines by outcome", messages.clone());
+        registry.register_with_unit("latency", help, Unit::Seconds, families.latency.clone());
+        registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, families.stage.clone());
+        registry.register("messages", "Messages to other machines by outcome", families.messages.clone());
         families
     }
 }
@@ -157,32 +148,20 @@ impl Metrics {
         let labels = CameraLabels { camera: camera.to_owned() };
         let end = |end| EndLabels { camera: camera.to_owned(), end };
         let stage = |stage: &str| StageLabels { camera: camera.to_owned(), stage: stage.to_owned() };
-        let Families {
-            up,
-            captured,
-            ended,
-            in_flight,
-            fps,
-            bytes_copied,
-            scale,
-            scale_age,
-            latency,
-            stage: times,
-            ..
-        } = &*self.families;
+        let families = &self.families;
         let metrics = CameraMetrics {
-            up: up.get_or_create_owned(&labels),
-            captured: captured.get_or_create_owned(&labels),
-            published: ended.get_or_create_owned(&end("published")),
-            superseded: ended.get_or_create_owned(&end("superseded")),
-            failed: ended.get_or_create_owned(&end("failed")),
-            in_flight: in_flight.get_or_create_owned(&labels),
-            fps: fps.get_or_create_owned(&labels),
-            bytes_copied: bytes_copied.get_or_create_owned(&labels),
-            scale: scale.get_or_create_owned(&labels),
-            scale_age: scale_age.get_or_create_owned(&labels),
-            latency: latency.get_or_create_owned(&labels),
-            stages: stages.into_iter().map(|name| times.get_or_create_owned(&stage(name))).collect(),
+            up: families.up.get_or_create_owned(&labels),
+            captured: families.captured.get_or_create_owned(&labels),
+            published: families.ended.get_or_create_owned(&end("published")),
+            superseded: families.ended.get_or_create_owned(&end("superseded")),
+            failed: families.ended.get_or_create_owned(&end("failed")),
+            in_flight: families.in_flight.get_or_create_owned(&labels),
+            fps: families.fps.get_or_create_owned(&labels),
+            bytes_copied: families.bytes_copied.get_or_create_owned(&labels),
+            scale: families.scale.get_or_create_owned(&labels),
+            scale_age: families.scale_age.get_or_create_owned(&labels),
+            latency: families.latency.get_or_create_owned(&labels),
+            stages: stages.into_iter().map(|name| families.stage.get_or_create_owned(&stage(name))).collect(),
         };
         // A camera is up until its source says otherwise.
         metrics.set_up(true);

@@ -54,7 +54,9 @@ pub use depth::{Quality, ScaleSource, Units};
 pub use hint::{Hint, join_hint, split_hint, text_with_causes, text_with_hint};
 pub use image_size::{ImageSize, ImageSizeError, MAX_SIDE_PX};
 pub use message::{Clock, Encoding, Topic, Wake};
-pub use obstacle::{MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstaclePoint, ObstacleSector, SectorState};
+pub use obstacle::{
+    MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstacleMap, ObstaclePoint, ObstacleSector, SectorState,
+};
 pub use pixel_format::PixelFormat;
 pub use sensor_region::{RegionOutside, SensorRegion};
 pub use vocabulary::{UnknownValue, UnknownWord};

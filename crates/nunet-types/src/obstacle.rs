@@ -125,6 +125,29 @@ impl FieldType for ObstaclePoint {
     const KIND: &'static str = "nunet.v1.ObstaclePoint";
 }
 
+/// The obstacles of one frame, wherever they are kept, in the leveled base frame: x forward, y left.
+#[derive(Debug, Clone, Copy)]
+pub struct ObstacleMap<'a> {
+    /// Directions, counterclockwise.
+    pub sectors: &'a [ObstacleSector],
+    /// Points of obstacles.
+    pub points: &'a [ObstaclePoint],
+    /// The right boundary of the first sector, radians from forward.
+    pub angle_min_rad: f32,
+    /// The width of a sector, radians.
+    pub angle_step_rad: f32,
+    /// How far obstacles were searched, meters.
+    pub max_range_m: f32,
+}
+
+impl ObstacleMap<'_> {
+    /// The angle of the middle of sector `index`, radians from forward, counterclockwise.
+    #[must_use]
+    pub fn angle_rad(&self, index: usize) -> f32 {
+        self.angle_min_rad + (index as f32 + 0.5) * self.angle_step_rad
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

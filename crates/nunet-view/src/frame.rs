@@ -3,9 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
-use nunet_types::{ImageSize, PixelFormat, ScaleSource, Units};
+use nunet_types::{ImageSize, ObstacleMap, PixelFormat, ScaleSource, Units};
 
-use crate::obstacles::{ObstacleMap, pack_obstacles};
+use crate::obstacles::pack_obstacles;
 
 /// A frame for viewers. Its buffers are reused, so that a steady stream allocates nothing.
 #[derive(Debug, Default)]

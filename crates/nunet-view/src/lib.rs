@@ -60,7 +60,6 @@ pub use encode::{DepthMap, DepthMapError};
 pub use error::{ViewError, ViewErrorKind};
 pub use frame::{DepthInfo, RayGrid, ViewFrame};
 pub use http::MetricsText;
-pub use obstacles::ObstacleMap;
 pub use protocol::{FrameMessage, MessageError, PROTOCOL_VERSION, Request, RequestError, Section, Watch};
 pub use server::{MetricsServer, ViewConfig, ViewOptions, ViewServer, check_address};
 pub use token::{Token, UncheckedToken};

@@ -1,21 +1,6 @@
 //! Obstacles from above, as they are sent.
 
-use nunet_types::{ObstaclePoint, ObstacleSector};
-
-/// Obstacles of a frame, in the robot's base frame (x forward, y left).
-#[derive(Debug, Clone, Copy)]
-pub struct ObstacleMap<'a> {
-    /// Directions, counterclockwise.
-    pub sectors: &'a [ObstacleSector],
-    /// Points of obstacles.
-    pub points: &'a [ObstaclePoint],
-    /// The right boundary of the first sector, radians from forward.
-    pub angle_min_rad: f32,
-    /// The width of a sector, radians.
-    pub angle_step_rad: f32,
-    /// How far obstacles were searched, meters.
-    pub max_range_m: f32,
-}
+use nunet_types::ObstacleMap;
 
 /// More points than this are not distinguishable in a small view from above; of more, every n-th is sent.
 const MAX_POINTS: usize = 500;
@@ -44,7 +29,7 @@ pub(crate) fn pack_obstacles(map: &ObstacleMap<'_>, bytes: &mut Vec<u8>) {
 
 #[cfg(test)]
 mod tests {
-    use nunet_types::SectorState;
+    use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
 
     use super::*;
 

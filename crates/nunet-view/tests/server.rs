@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 use futures_util::{SinkExt as _, StreamExt as _};
-use nunet_types::{ImageSize, ObstacleSector, PixelFormat, ScaleSource, Units};
+use nunet_types::{ImageSize, ObstacleMap, ObstacleSector, PixelFormat, ScaleSource, Units};
 use nunet_view::{
-    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, ObstacleMap, OnDemand, RayGrid,
-    Section, Token, ViewErrorKind, ViewOptions, ViewServer,
+    CameraFeed, CameraStatus, DepthInfo, FrameMessage, MetricsServer, OnDemand, RayGrid, Section, Token,
+    ViewErrorKind, ViewOptions, ViewServer,
 };
 use serde_json::{Value, json};
 use tokio_tungstenite::WebSocketStream;

@@ -57,7 +57,7 @@ mod voxels;
 pub use error::ObstacleError;
 pub use ground::Ground;
 pub use mount::{Mount, check_angles};
-pub use nunet_types::{ObstaclePoint, ObstacleSector, SectorState};
+pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 
 use directions::{Hit, Memory};
@@ -98,6 +98,20 @@ pub struct Obstacles {
     pub max_range_m: f32,
     /// Whether labels identified floor and glass; if not, only geometry did.
     pub used_labels: bool,
+}
+
+impl Obstacles {
+    /// The sectors and points, for what draws or sends them.
+    #[must_use]
+    pub fn map(&self) -> ObstacleMap<'_> {
+        ObstacleMap {
+            sectors: &self.sectors,
+            points: &self.points,
+            angle_min_rad: self.angle_min_rad,
+            angle_step_rad: self.angle_step_rad,
+            max_range_m: self.max_range_m,
+        }
+    }
 }
 
 /// Finds obstacles in depth maps of one camera. Allocates everything once.

@@ -6,8 +6,8 @@
 //! attitude counts more.
 //!
 //! Only the attitude is trusted, not a fitted plane, because a fit locks onto tables. A surface above the floor is nearer
-//! than the floor behind it, so its ratio is larger. A wall's ratios grow with distance, floor's do not. If many ratios are smaller than the median, then the median lies on
-//! something above the floor, and the frame says nothing.
+//! than the floor behind it, so its ratio is larger. A wall's ratios grow with distance, floor's do not. If many ratios are
+//! smaller than the median, then the median is that of something above the floor, and the frame gives no ratio.
 
 use super::ScaleError;
 use crate::camera::{Camera, MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, RayTable};

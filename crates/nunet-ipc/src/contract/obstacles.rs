@@ -1,7 +1,9 @@
 //! What the topic `obstacles` carries.
 
 use bytemuck::Zeroable as _;
-use nunet_types::{MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstaclePoint, ObstacleSector, contract_struct};
+use nunet_types::{
+    MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstacleMap, ObstaclePoint, ObstacleSector, contract_struct,
+};
 
 use super::CONTRACT_VERSION;
 
@@ -73,6 +75,18 @@ impl ObstacleRecord {
     #[must_use]
     pub fn points(&self) -> &[ObstaclePoint] {
         &self.points[..(self.point_count as usize).min(MAX_OBSTACLE_POINTS)]
+    }
+
+    /// The sectors and points, for what draws or sends them.
+    #[must_use]
+    pub fn map(&self) -> ObstacleMap<'_> {
+        ObstacleMap {
+            sectors: self.sectors(),
+            points: self.points(),
+            angle_min_rad: self.angle_min_rad,
+            angle_step_rad: self.angle_step_rad,
+            max_range_m: self.max_range_m,
+        }
     }
 
     /// Sets the directions; those beyond [`MAX_SECTORS`] are dropped.

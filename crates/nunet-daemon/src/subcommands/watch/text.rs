@@ -131,18 +131,14 @@ pub(super) fn screen_of(
 
 /// The robot's surroundings from above, and the nearest thing in its way.
 fn birds_eye_of(record: &ObstacleRecord) -> String {
-    let view = BirdsEye {
-        sectors: record.sectors(),
-        points: record.points(),
-        angle_min_rad: record.angle_min_rad,
-        angle_step_rad: record.angle_step_rad,
-        max_range_m: record.max_range_m,
-    };
     let ends = record.sectors().iter().filter(|sector| is_end(sector.state()));
     let nearest = ends.map(|sector| sector.range_m).min_by(f32::total_cmp);
     let nearest = nearest.map_or_else(|| "none".to_owned(), |range_m| format!("{range_m:.2} m"));
     let range_m = record.max_range_m;
-    format!("{}obstacles up to {range_m:.1} m · nearest {nearest}\n{BIRDS_EYE_LEGEND}\n", view.text())
+    format!(
+        "{}obstacles up to {range_m:.1} m · nearest {nearest}\n{BIRDS_EYE_LEGEND}\n",
+        BirdsEye(record.map()).text()
+    )
 }
 
 fn is_end(state: SectorState) -> bool {
