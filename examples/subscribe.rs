@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use nunet_ipc::{CameraName, Frame, Reader, Topic, monotonic_nanos, unix_nanos};
+use nunet_ipc::{CameraName, Message, Reader, Topic, monotonic_nanos, unix_nanos};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn line(frame: &Frame) -> Result<String, Box<dyn std::error::Error>> {
+fn line(frame: &Message) -> Result<String, Box<dyn std::error::Error>> {
     let header = frame.header();
     let age = header.age_nanos(monotonic_nanos(), unix_nanos());
     let age =

@@ -14,14 +14,14 @@ const INSTALL: &str = "crates/nunet-c/install.sh";
 const STAGE: &str = "build/deb-dev";
 
 /// What differs between machines.
-struct Layout {
+struct DebianLayout {
     /// Debian's name of the machine, such as `amd64`.
     architecture: &'static str,
     /// Below `/usr`: `lib/x86_64-linux-gnu`.
     libraries: String,
 }
 
-impl Layout {
+impl DebianLayout {
     fn of(machine: &str) -> Self {
         let architecture = if machine == "aarch64" { "arm64" } else { "amd64" };
         Self { architecture, libraries: format!("lib/{machine}-linux-gnu") }
@@ -43,7 +43,7 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Builds the library and packs it with `dpkg-deb`.
 pub(crate) fn dev_package() -> Result<()> {
     run(&mut cargo(&["build", "--release", "--package", "nunet-c"]))?;
-    let layout = Layout::of(std::env::consts::ARCH);
+    let layout = DebianLayout::of(std::env::consts::ARCH);
     let stage = paths::root().join(STAGE);
     if stage.exists() {
         fs::remove_dir_all(&stage).with_context(|| format!("cannot empty `{STAGE}`"))?;
@@ -58,7 +58,7 @@ pub(crate) fn dev_package() -> Result<()> {
     Ok(())
 }
 
-fn fill(stage: &Path, layout: &Layout) -> Result<()> {
+fn fill(stage: &Path, layout: &DebianLayout) -> Result<()> {
     let mut install = Command::new("sh");
     install.arg(INSTALL).arg(paths::target()?.join("release")).args(["/usr", &layout.libraries]);
     run(install.env("DESTDIR", stage))?;
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn each_machine_has_its_own_folder_and_name() {
         for (machine, architecture) in [("x86_64", "amd64"), ("aarch64", "arm64")] {
-            let layout = Layout::of(machine);
+            let layout = DebianLayout::of(machine);
             assert_eq!(layout.libraries, format!("lib/{machine}-linux-gnu"));
             assert!(layout.control().contains(&format!("\nArchitecture: {architecture}\n")));
         }

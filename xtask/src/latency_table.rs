@@ -8,8 +8,8 @@ use serde::Deserialize;
 use serde::de::{MapAccess, Visitor};
 
 #[derive(Deserialize)]
-struct Stats {
-    latency_ms: Latencies,
+struct StatsFile {
+    latency_ms: LatencyTables,
     fps: f64,
     bytes_copied_per_frame: f64,
     /// `null` where a build does not count them.
@@ -18,13 +18,13 @@ struct Stats {
 }
 
 #[derive(Deserialize)]
-struct Latencies {
-    total: Summary,
+struct LatencyTables {
+    total: LatencyRow,
     stages: Stages,
 }
 
 #[derive(Deserialize)]
-struct Summary {
+struct LatencyRow {
     p50: f64,
     p90: f64,
     p99: f64,
@@ -41,7 +41,7 @@ struct Frames {
 }
 
 /// The stages in the order of the file, which a map of the standard library would lose.
-struct Stages(Vec<(String, Summary)>);
+struct Stages(Vec<(String, LatencyRow)>);
 
 impl<'de> Deserialize<'de> for Stages {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -70,7 +70,7 @@ const WAITING: &str = "queue";
 
 /// The table, one row per stage and the total last, and a line about the whole run.
 pub(crate) fn render(stats_json: &str) -> Result<String> {
-    let stats: Stats = serde_json::from_str(stats_json)?;
+    let stats: StatsFile = serde_json::from_str(stats_json)?;
     let stages: Vec<_> = stats.latency_ms.stages.0.iter().filter(|(name, _)| name != WAITING).collect();
     let widest =
         stages.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max("latency ms".len());
@@ -79,7 +79,7 @@ pub(crate) fn render(stats_json: &str) -> Result<String> {
     let total = ("total".to_owned(), &stats.latency_ms.total);
     let stages = stages.iter().map(|(name, row)| (name.clone(), row));
     for (name, row) in stages.chain([total]) {
-        let Summary { p50, p90, p99, max, mean } = row;
+        let LatencyRow { p50, p90, p99, max, mean } = row;
         writeln!(table, "{name:widest$}{p50:>9.2}{p90:>9.2}{p99:>9.2}{max:>9.2}{mean:>9.2}")?;
     }
     let Frames { captured, published, superseded, failed } = stats.frames;

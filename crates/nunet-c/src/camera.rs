@@ -155,7 +155,7 @@ fn set_lens(header: &mut FrameHeader, model: DistortionModel, coefficients: &[f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::Status;
+    use crate::status::StatusCode;
 
     #[test]
     fn images_have_the_bytes_that_their_encoding_needs() {
@@ -173,7 +173,7 @@ mod tests {
             [(Encoding::Rgb8, 0, 480), (Encoding::Rgb8, 640, 32_769), (Encoding::DepthF32, 640, 480)]
         {
             let failure = template(encoding, width, height).unwrap_err();
-            assert_eq!(failure.status, Status::BadArgument, "{}", failure.message);
+            assert_eq!(failure.status, StatusCode::BadArgument, "{}", failure.message);
             assert!(failure.hint.is_some(), "{}", failure.message);
         }
     }

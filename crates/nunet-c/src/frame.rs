@@ -5,12 +5,13 @@ use std::ffi::c_void;
 use std::mem::MaybeUninit;
 
 use nunet_ipc::{
-    CloudPoint, Frame, FrameHeader, IpcError, ObstacleRecord, StatsRecord, Topic, monotonic_nanos, unix_nanos,
+    CloudPoint, FrameHeader, IpcError, Message, ObstacleRecord, StatsRecord, Topic, monotonic_nanos,
+    unix_nanos,
 };
 
 use crate::argument::{fill, place, pointer_to};
 use crate::handle::{Table, locked};
-use crate::status::{Failure, Status, guard};
+use crate::status::{Failure, StatusCode, guard};
 
 /// One message in shared memory, read-only. Its memory does not change until it is released, also after its reader is
 /// closed and its publisher has ended. Any thread may read and release it.
@@ -29,7 +30,7 @@ impl Set {
     pub(crate) const EMPTY: Self = Self { frames: [std::ptr::null_mut(); Topic::ALL.len()] };
 }
 
-pub(crate) static FRAMES: Table<Frame> = Table::new("frame");
+pub(crate) static FRAMES: Table<Message> = Table::new("frame");
 
 /// The header of a frame.
 ///
@@ -40,7 +41,7 @@ pub(crate) static FRAMES: Table<Frame> = Table::new("frame");
 pub extern "C" fn nunet_frame_header(
     frame: *const FrameHandle,
     header: Option<&mut MaybeUninit<*const FrameHeader>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let header = place(header, "header", std::ptr::null())?;
         let frame = FRAMES.get(frame)?;
@@ -57,7 +58,7 @@ pub extern "C" fn nunet_frame_bytes(
     frame: *const FrameHandle,
     bytes: Option<&mut MaybeUninit<*const c_void>>,
     byte_count: Option<&mut MaybeUninit<usize>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let bytes = place(bytes, "bytes", std::ptr::null())?;
         let frame = FRAMES.get(frame)?;
@@ -77,7 +78,7 @@ pub extern "C" fn nunet_frame_bytes(
 pub extern "C" fn nunet_frame_age(
     frame: *const FrameHandle,
     age_nanos: Option<&mut MaybeUninit<i64>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let age_nanos = place(age_nanos, "age_nanos", i64::MIN)?;
         let frame = FRAMES.get(frame)?;
@@ -100,8 +101,8 @@ pub extern "C" fn nunet_frame_depth(
     depth: Option<&mut MaybeUninit<*const f32>>,
     width: Option<&mut MaybeUninit<u32>>,
     height: Option<&mut MaybeUninit<u32>>,
-) -> Status {
-    guard(|| grid(frame, place(depth, "depth", std::ptr::null())?, width, height, Frame::depth))
+) -> StatusCode {
+    guard(|| grid(frame, place(depth, "depth", std::ptr::null())?, width, height, Message::depth))
 }
 
 /// The class of each pixel: `height` rows from the top of `width` bytes. `nunetd inspect MODEL` names the classes.
@@ -113,8 +114,8 @@ pub extern "C" fn nunet_frame_labels(
     labels: Option<&mut MaybeUninit<*const u8>>,
     width: Option<&mut MaybeUninit<u32>>,
     height: Option<&mut MaybeUninit<u32>>,
-) -> Status {
-    guard(|| grid(frame, place(labels, "labels", std::ptr::null())?, width, height, Frame::labels))
+) -> StatusCode {
+    guard(|| grid(frame, place(labels, "labels", std::ptr::null())?, width, height, Message::labels))
 }
 
 /// A cloud: `height` rows from the top of `width` points in the camera's optical frame (x right, y down, z forward), in
@@ -127,8 +128,8 @@ pub extern "C" fn nunet_frame_points(
     points: Option<&mut MaybeUninit<*const CloudPoint>>,
     width: Option<&mut MaybeUninit<u32>>,
     height: Option<&mut MaybeUninit<u32>>,
-) -> Status {
-    guard(|| grid(frame, place(points, "points", std::ptr::null())?, width, height, Frame::points))
+) -> StatusCode {
+    guard(|| grid(frame, place(points, "points", std::ptr::null())?, width, height, Message::points))
 }
 
 /// The daemon's counts and latencies, from a frame of the topic `stats`.
@@ -140,7 +141,7 @@ pub extern "C" fn nunet_frame_points(
 pub extern "C" fn nunet_frame_stats(
     frame: *const FrameHandle,
     stats: Option<&mut MaybeUninit<*const StatsRecord>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let stats = place(stats, "stats", std::ptr::null())?;
         let frame = FRAMES.get(frame)?;
@@ -159,7 +160,7 @@ pub extern "C" fn nunet_frame_stats(
 pub extern "C" fn nunet_frame_obstacles(
     frame: *const FrameHandle,
     obstacles: Option<&mut MaybeUninit<*const ObstacleRecord>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let obstacles = place(obstacles, "obstacles", std::ptr::null())?;
         let frame = FRAMES.get(frame)?;
@@ -180,7 +181,7 @@ pub extern "C" fn nunet_frame_obstacles(
 ///
 /// Fails with `NUNET_CLOSED` when it was released before.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_frame_release(frame: *mut FrameHandle) -> Status {
+pub extern "C" fn nunet_frame_release(frame: *mut FrameHandle) -> StatusCode {
     guard(|| FRAMES.remove(frame).map(drop))
 }
 
@@ -189,7 +190,7 @@ pub extern "C" fn nunet_frame_release(frame: *mut FrameHandle) -> Status {
 ///
 /// Fails with `NUNET_CLOSED` when one of them was released before; the others are released anyway.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_set_release(set: Option<&mut Set>) -> Status {
+pub extern "C" fn nunet_set_release(set: Option<&mut Set>) -> StatusCode {
     guard(|| {
         let mut all = Ok(());
         for frame in set.into_iter().flat_map(|set| &mut set.frames) {
@@ -205,7 +206,7 @@ fn grid<T>(
     cells: &mut *const T,
     width: Option<&mut MaybeUninit<u32>>,
     height: Option<&mut MaybeUninit<u32>>,
-    view: impl FnOnce(&Frame) -> Result<&[T], IpcError>,
+    view: impl FnOnce(&Message) -> Result<&[T], IpcError>,
 ) -> Result<(), Failure> {
     let frame = FRAMES.get(frame)?;
     let frame = locked(&frame);

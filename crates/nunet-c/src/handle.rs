@@ -9,17 +9,17 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::status::{Failure, Status};
+use crate::status::{Failure, StatusCode};
 
 /// The open handles of one kind.
 #[derive(Debug)]
 pub(crate) struct Table<T> {
     kind: &'static str,
-    open: Mutex<BTreeMap<usize, Entry<T>>>,
+    open: Mutex<BTreeMap<usize, HandleEntry<T>>>,
 }
 
 #[derive(Debug)]
-struct Entry<T> {
+struct HandleEntry<T> {
     process: u32,
     value: Arc<Mutex<T>>,
 }
@@ -38,7 +38,7 @@ impl<T> Table<T> {
         // One counter for all tables: a handle of another kind is in none but its own.
         static NEXT: AtomicUsize = AtomicUsize::new(STEP);
         let number = NEXT.fetch_add(STEP, Ordering::Relaxed);
-        let entry = Entry { process: std::process::id(), value: Arc::new(Mutex::new(value)) };
+        let entry = HandleEntry { process: std::process::id(), value: Arc::new(Mutex::new(value)) };
         locked(&self.open).insert(number, entry);
         std::ptr::without_provenance_mut(number)
     }
@@ -80,7 +80,7 @@ impl<T> Table<T> {
 
     pub(crate) fn closed(&self) -> Failure {
         let kind = self.kind;
-        Failure::new(Status::Closed, format!("this {kind} is not open")).hint(
+        Failure::new(StatusCode::Closed, format!("this {kind} is not open")).hint(
             "do not use a handle after it was closed, released or sent, or where another kind is expected",
         )
     }
@@ -88,7 +88,7 @@ impl<T> Table<T> {
     fn forked(&self) -> Failure {
         let kind = self.kind;
         let message = format!("this {kind} belongs to the process that this one was forked from");
-        Failure::new(Status::Forked, message).hint("open one after the fork")
+        Failure::new(StatusCode::Forked, message).hint("open one after the fork")
     }
 }
 
@@ -109,15 +109,15 @@ mod tests {
         let handle: *mut u8 = TEXTS.insert("a");
         assert_eq!(*locked(&TEXTS.get(handle).unwrap()), "a");
         assert!(TEXTS.remove(handle).unwrap().is_some());
-        assert_eq!(TEXTS.get(handle).unwrap_err().status, Status::Closed);
-        assert_eq!(TEXTS.remove(handle).unwrap_err().status, Status::Closed);
+        assert_eq!(TEXTS.get(handle).unwrap_err().status, StatusCode::Closed);
+        assert_eq!(TEXTS.remove(handle).unwrap_err().status, StatusCode::Closed);
     }
 
     #[test]
     fn a_handle_of_another_kind_is_an_error() {
         let handle: *mut u8 = TEXTS.insert("b");
         let failure = OTHERS.get(handle).unwrap_err();
-        assert_eq!(failure.status, Status::Closed);
+        assert_eq!(failure.status, StatusCode::Closed);
         assert_eq!(failure.message, "this other is not open");
         assert!(failure.hint.is_some());
         assert!(TEXTS.remove(handle).unwrap().is_some());
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn null_is_refused_but_may_be_closed() {
-        assert_eq!(TEXTS.get::<u8>(std::ptr::null()).unwrap_err().status, Status::BadArgument);
+        assert_eq!(TEXTS.get::<u8>(std::ptr::null()).unwrap_err().status, StatusCode::BadArgument);
         assert!(TEXTS.remove::<u8>(std::ptr::null()).unwrap().is_none());
     }
 

@@ -10,7 +10,7 @@ use nunet_ipc::{FrameHeader, Loan};
 use crate::argument::{fill, place, word};
 use crate::camera::{ImagePublisher, PUBLISHERS};
 use crate::handle::{Table, locked};
-use crate::status::{Failure, Status, guard};
+use crate::status::{Failure, StatusCode, guard};
 
 /// The memory of an image that is not sent yet. Any thread may fill and send it.
 #[derive(Debug)]
@@ -56,7 +56,7 @@ impl OpenLoan {
 pub extern "C" fn nunet_loan_header(
     loan: *const LoanHandle,
     header: Option<&mut MaybeUninit<*mut FrameHeader>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let header = place(header, "header", std::ptr::null_mut())?;
         let loan = LOANS.get(loan)?;
@@ -76,7 +76,7 @@ pub extern "C" fn nunet_loan_bytes(
     loan: *const LoanHandle,
     bytes: Option<&mut MaybeUninit<*mut c_void>>,
     byte_count: Option<&mut MaybeUninit<usize>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let bytes = place(bytes, "bytes", std::ptr::null_mut())?;
         let loan = LOANS.get(loan)?;
@@ -97,7 +97,7 @@ pub extern "C" fn nunet_loan_bytes(
 ///
 /// Fails with `NUNET_CLOSED`, also when the publisher was closed before; `NUNET_SYSTEM`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nanos: i64) -> Status {
+pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nanos: i64) -> StatusCode {
     guard(|| {
         LOANS.refuse_null(loan)?;
         let open = LOANS.remove(loan)?.ok_or_else(|| LOANS.closed())?;
@@ -113,6 +113,6 @@ pub extern "C" fn nunet_loan_send(loan: *mut LoanHandle, clock: u32, capture_nan
 ///
 /// Fails with `NUNET_CLOSED` when it was sent or released before.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_loan_release(loan: *mut LoanHandle) -> Status {
+pub extern "C" fn nunet_loan_release(loan: *mut LoanHandle) -> StatusCode {
     guard(|| LOANS.remove(loan).map(drop))
 }

@@ -12,7 +12,7 @@ use crate::argument::{camera, place, slice, text, word};
 use crate::camera::{ImagePublisher, PUBLISHERS, template};
 use crate::handle::locked;
 use crate::loan::{LOANS, LoanHandle, OpenLoan};
-use crate::status::{Failure, Status, guard};
+use crate::status::{Failure, StatusCode, guard};
 
 /// The publisher of a camera's topic `rgb`. Calls with one publisher run one after the other, from any threads.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub unsafe extern "C" fn nunet_publisher_open(
     height: u32,
     max_readers: u32,
     publisher: Option<&mut MaybeUninit<*mut PublisherHandle>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let publisher = place(publisher, "publisher", std::ptr::null_mut())?;
         // SAFETY: the caller passes a text or NULL.
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
     distortion_model: u32,
     coefficients: *const f64,
     coefficient_count: usize,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes an array of that length or NULL.
@@ -88,7 +88,7 @@ pub unsafe extern "C" fn nunet_publisher_set_camera(
 pub unsafe extern "C" fn nunet_publisher_set_frame_id(
     publisher: *const PublisherHandle,
     frame_id: *const c_char,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes a text or NULL.
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn nunet_publisher_set_frame_id(
 pub extern "C" fn nunet_publisher_loan(
     publisher: *const PublisherHandle,
     loan: Option<&mut MaybeUninit<*mut LoanHandle>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let loan = place(loan, "loan", std::ptr::null_mut())?;
         let owned = PUBLISHERS.get(publisher)?;
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn nunet_publisher_publish(
     byte_count: usize,
     clock: u32,
     capture_nanos: i64,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let owned = PUBLISHERS.get(publisher)?;
         // SAFETY: the caller passes an array of that length or NULL.
@@ -158,7 +158,7 @@ pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle)
     guard(|| {
         read = locked(&*PUBLISHERS.get(publisher)?).publisher.has_readers(Topic::Rgb);
         Ok(())
-    }) == Status::Ok
+    }) == StatusCode::Ok
         && read
 }
 
@@ -167,7 +167,7 @@ pub extern "C" fn nunet_publisher_has_readers(publisher: *const PublisherHandle)
 ///
 /// Fails with `NUNET_SYSTEM`, `NUNET_CLOSED`, `NUNET_BAD_ARGUMENT`.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> Status {
+pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> StatusCode {
     guard(|| Ok(locked(&*PUBLISHERS.get(publisher)?).publisher.refresh()?))
 }
 
@@ -176,7 +176,7 @@ pub extern "C" fn nunet_publisher_refresh(publisher: *const PublisherHandle) -> 
 ///
 /// Fails with `NUNET_CLOSED` when it was closed before.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> Status {
+pub extern "C" fn nunet_publisher_close(publisher: *mut PublisherHandle) -> StatusCode {
     guard(|| PUBLISHERS.remove(publisher).map(drop))
 }
 
@@ -200,7 +200,7 @@ mod tests {
         let status = unsafe {
             nunet_publisher_open(name.as_ptr(), Encoding::Mono8.into(), 4, 4, 1, Some(&mut opened))
         };
-        assert_eq!(status, Status::Ok);
+        assert_eq!(status, StatusCode::Ok);
         // SAFETY: initialized above, and filled since.
         let publisher = unsafe { opened.assume_init() };
         let handle = publisher.addr();
@@ -227,6 +227,6 @@ mod tests {
         let camera = PUBLISHERS.get::<PublisherHandle>(publisher).unwrap();
         assert_eq!((lost, locked(&camera).template().fx), (0, f64::from(TURNS)));
         drop(camera);
-        assert_eq!(nunet_publisher_close(publisher), Status::Ok);
+        assert_eq!(nunet_publisher_close(publisher), StatusCode::Ok);
     }
 }

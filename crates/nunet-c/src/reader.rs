@@ -11,7 +11,7 @@ use nunet_ipc::{IpcError, Reader, Topic};
 use crate::argument::{camera, fill, place, timeout, topics, word};
 use crate::frame::{FRAMES, FrameHandle, Set};
 use crate::handle::{Table, locked};
-use crate::status::{Failure, Status, guard};
+use crate::status::{Failure, StatusCode, guard};
 
 /// A reader of some of a camera's topics. Calls with one reader run one after the other, from any threads.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ pub unsafe extern "C" fn nunet_reader_open(
     topic_bits: u32,
     timeout_ms: u32,
     reader: Option<&mut MaybeUninit<*mut ReaderHandle>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let reader = place(reader, "reader", std::ptr::null_mut())?;
         // SAFETY: the caller passes a text or NULL.
@@ -64,7 +64,7 @@ pub extern "C" fn nunet_reader_wait(
     reader: *const ReaderHandle,
     timeout_ms: u32,
     woken: Option<&mut MaybeUninit<bool>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let (timeout, start) = (timeout(timeout_ms), Instant::now());
         loop {
@@ -93,7 +93,7 @@ pub extern "C" fn nunet_reader_next(
     topic: u32,
     timeout_ms: u32,
     frame: Option<&mut MaybeUninit<*mut FrameHandle>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let frame = place(frame, "frame", std::ptr::null_mut())?;
         let topic: Topic = word(topic, "topic")?;
@@ -116,7 +116,7 @@ pub extern "C" fn nunet_reader_next_set(
     reader: *const ReaderHandle,
     timeout_ms: u32,
     set: Option<&mut MaybeUninit<Set>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let set = place(set, "set", Set::EMPTY)?;
         let mut found = wait_for(reader, timeout_ms, "complete set of frames", Reader::next_set)?;
@@ -140,7 +140,7 @@ pub extern "C" fn nunet_reader_publisher(
     topic: u32,
     pid: Option<&mut MaybeUninit<u32>>,
     alive: Option<&mut MaybeUninit<bool>>,
-) -> Status {
+) -> StatusCode {
     guard(|| {
         let reader = READERS.get(reader)?;
         let publisher = locked(&reader).publisher(word(topic, "topic")?)?;
@@ -160,7 +160,7 @@ pub extern "C" fn nunet_reader_is_connected(reader: *const ReaderHandle) -> bool
         let reader = READERS.get(reader)?;
         connected = locked(&reader).is_connected();
         Ok(())
-    }) == Status::Ok
+    }) == StatusCode::Ok
         && connected
 }
 
@@ -168,7 +168,7 @@ pub extern "C" fn nunet_reader_is_connected(reader: *const ReaderHandle) -> bool
 ///
 /// Fails with `NUNET_CLOSED` when it was closed before.
 #[unsafe(no_mangle)]
-pub extern "C" fn nunet_reader_close(reader: *mut ReaderHandle) -> Status {
+pub extern "C" fn nunet_reader_close(reader: *mut ReaderHandle) -> StatusCode {
     guard(|| READERS.remove(reader).map(drop))
 }
 
@@ -193,7 +193,7 @@ fn wait_for<T>(
             return Err(late(&reader, timeout, what));
         }
         if nap(&reader, left)? == Nap::Interrupted {
-            return Err(Failure::new(Status::Interrupted, "a signal came while waiting for a frame"));
+            return Err(Failure::new(StatusCode::Interrupted, "a signal came while waiting for a frame"));
         }
     }
 }
@@ -220,7 +220,7 @@ fn nap(reader: &Reader, left: Duration) -> Result<Nap, IpcError> {
 fn late(reader: &Reader, timeout: Duration, what: &str) -> Failure {
     let camera = reader.camera();
     if timeout.is_zero() {
-        return Failure::new(Status::Timeout, format!("no new {what} of camera `{camera}` yet"));
+        return Failure::new(StatusCode::Timeout, format!("no new {what} of camera `{camera}` yet"));
     }
     let hint = if reader.is_connected() {
         "wait longer: its publisher is alive, but slower than the timeout, or its source is paused"
@@ -228,5 +228,6 @@ fn late(reader: &Reader, timeout: Duration, what: &str) -> Failure {
         "start its publisher again: no process publishes the camera, and this reader will receive the frames of the next"
     };
     let seconds = timeout.as_secs_f64();
-    Failure::new(Status::Timeout, format!("no new {what} of camera `{camera}` after {seconds} s")).hint(hint)
+    Failure::new(StatusCode::Timeout, format!("no new {what} of camera `{camera}` after {seconds} s"))
+        .hint(hint)
 }

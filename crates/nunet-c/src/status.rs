@@ -13,7 +13,7 @@ use nunet_types::{Hint as _, text_with_causes};
 /// What a function returns. `NUNET_OK` is 0; `nunet_last_error()` describes everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
-pub enum Status {
+pub enum StatusCode {
     /// Success.
     Ok = 0,
     /// No frame arrived in time. `nunet_reader_is_connected()` returns whether the publisher still runs.
@@ -54,7 +54,7 @@ pub enum Status {
     Panic = 18,
 }
 
-impl Status {
+impl StatusCode {
     const NAMES: [&'static CStr; 19] = [
         c"ok",
         c"timeout",
@@ -81,18 +81,18 @@ impl Status {
 /// Why a call failed.
 #[derive(Debug)]
 pub(crate) struct Failure {
-    pub(crate) status: Status,
+    pub(crate) status: StatusCode,
     pub(crate) message: String,
     pub(crate) hint: Option<Cow<'static, str>>,
 }
 
 impl Failure {
-    pub(crate) fn new(status: Status, message: impl Into<String>) -> Self {
+    pub(crate) fn new(status: StatusCode, message: impl Into<String>) -> Self {
         Self { status, message: message.into(), hint: None }
     }
 
     pub(crate) fn argument(message: impl Into<String>) -> Self {
-        Self::new(Status::BadArgument, message)
+        Self::new(StatusCode::BadArgument, message)
     }
 
     /// What the caller can do about it.
@@ -108,7 +108,7 @@ impl Failure {
         }
     }
 
-    fn remember(self) -> Status {
+    fn remember(self) -> StatusCode {
         // A text for C ends at its first zero byte.
         let text = CString::new(self.text().replace('\0', "\\0")).unwrap_or_default();
         // Fails only while the thread ends, when no caller can ask any more.
@@ -121,20 +121,20 @@ impl From<IpcError> for Failure {
     fn from(error: IpcError) -> Self {
         use IpcErrorKind as Kind;
         let status = match error.kind() {
-            Kind::InvalidArgument => Status::BadArgument,
-            Kind::SharedMemory => Status::SharedMemory,
-            Kind::AlreadyPublished => Status::AlreadyPublished,
-            Kind::ContractVersion => Status::WrongContractVersion,
-            Kind::OtherLimits => Status::OtherLimits,
-            Kind::NobodyPublishes => Status::NobodyPublishes,
-            Kind::TooManyReaders => Status::TooManyReaders,
-            Kind::TooManyFramesHeld => Status::TooManyFramesHeld,
-            Kind::TooManyLoans => Status::TooManyLoans,
-            Kind::NoSuchTopic => Status::NoSuchTopic,
-            Kind::WrongEncoding => Status::WrongEncoding,
-            Kind::BadMessage => Status::BadMessage,
+            Kind::InvalidArgument => StatusCode::BadArgument,
+            Kind::SharedMemory => StatusCode::SharedMemory,
+            Kind::AlreadyPublished => StatusCode::AlreadyPublished,
+            Kind::ContractVersion => StatusCode::WrongContractVersion,
+            Kind::OtherLimits => StatusCode::OtherLimits,
+            Kind::NobodyPublishes => StatusCode::NobodyPublishes,
+            Kind::TooManyReaders => StatusCode::TooManyReaders,
+            Kind::TooManyFramesHeld => StatusCode::TooManyFramesHeld,
+            Kind::TooManyLoans => StatusCode::TooManyLoans,
+            Kind::NoSuchTopic => StatusCode::NoSuchTopic,
+            Kind::WrongEncoding => StatusCode::WrongEncoding,
+            Kind::BadMessage => StatusCode::BadMessage,
             // `Access`, `System`, and kinds that nunet-ipc may add.
-            _ => Status::System,
+            _ => StatusCode::System,
         };
         Self { status, message: text_with_causes(&error), hint: error.hint() }
     }
@@ -142,7 +142,7 @@ impl From<IpcError> for Failure {
 
 impl From<CameraNameError> for Failure {
     fn from(error: CameraNameError) -> Self {
-        Self { status: Status::BadArgument, message: error.to_string(), hint: error.hint() }
+        Self { status: StatusCode::BadArgument, message: error.to_string(), hint: error.hint() }
     }
 }
 
@@ -152,13 +152,13 @@ thread_local! {
 
 /// Runs the body of an exported function: its failure becomes a status and this thread's last error, and so does a
 /// panic, which must not unwind into C.
-pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> Status {
+pub(crate) fn guard(body: impl FnOnce() -> Result<(), Failure>) -> StatusCode {
     match catch_unwind(AssertUnwindSafe(body)) {
-        Ok(Ok(())) => Status::Ok,
+        Ok(Ok(())) => StatusCode::Ok,
         Ok(Err(failure)) => failure.remember(),
         Err(panic) => {
             let message = format!("bug in libnunet: {}", said(&*panic));
-            let failure = Failure::new(Status::Panic, message).hint("please report it");
+            let failure = Failure::new(StatusCode::Panic, message).hint("please report it");
             std::mem::forget(panic); // a payload's own end may panic again
             failure.remember()
         }
@@ -182,7 +182,7 @@ pub extern "C" fn nunet_last_error() -> *const c_char {
 /// The name of a status, such as `too many readers`; `unknown status` for any other number. A static string.
 #[unsafe(no_mangle)]
 pub extern "C" fn nunet_status_name(status: i32) -> *const c_char {
-    let name = usize::try_from(status).ok().and_then(|index| Status::NAMES.get(index).copied());
+    let name = usize::try_from(status).ok().and_then(|index| StatusCode::NAMES.get(index).copied());
     name.unwrap_or(c"unknown status").as_ptr()
 }
 
@@ -197,16 +197,16 @@ mod tests {
 
     #[test]
     fn a_panic_becomes_a_status_and_a_text() {
-        assert_eq!(guard(|| panic!("{} is odd", 3)), Status::Panic);
+        assert_eq!(guard(|| panic!("{} is odd", 3)), StatusCode::Panic);
         assert_eq!(last(), "bug in libnunet: 3 is odd\nhint: please report it");
-        assert_eq!(guard(|| std::panic::panic_any(7_u8)), Status::Panic);
+        assert_eq!(guard(|| std::panic::panic_any(7_u8)), StatusCode::Panic);
         assert!(last().contains("unknown panic"));
     }
 
     #[test]
     fn a_failure_stays_until_the_next_one_and_in_its_thread() {
-        assert_eq!(guard(|| Err(Failure::argument("a\0b"))), Status::BadArgument);
-        assert_eq!(guard(|| Ok(())), Status::Ok);
+        assert_eq!(guard(|| Err(Failure::argument("a\0b"))), StatusCode::BadArgument);
+        assert_eq!(guard(|| Ok(())), StatusCode::Ok);
         assert_eq!(last(), "a\\0b");
         assert_eq!(std::thread::spawn(last).join().unwrap(), "");
     }
@@ -215,7 +215,7 @@ mod tests {
     fn causes_precede_the_hint() {
         let error = IpcError::SharedMemoryMissing { source: std::io::Error::other("no such folder") };
         let failure = Failure::from(error);
-        assert_eq!(failure.status, Status::SharedMemory);
+        assert_eq!(failure.status, StatusCode::SharedMemory);
         assert_eq!(
             failure.text(),
             "cannot read the free space of /dev/shm: no such folder\nhint: mount a tmpfs there"
@@ -226,11 +226,11 @@ mod tests {
     fn every_status_has_a_name() {
         // SAFETY: static texts.
         let name = |status: i32| unsafe { CStr::from_ptr(nunet_status_name(status)) }.to_str().unwrap();
-        assert_eq!(name(Status::Ok as i32), "ok");
-        assert_eq!(name(Status::TooManyFramesHeld as i32), "too many frames held");
-        assert_eq!(name(Status::NoSuchTopic as i32), "no such topic");
-        assert_eq!(name(Status::Panic as i32), "panic");
-        assert_eq!(name(Status::Panic as i32 + 1), "unknown status");
+        assert_eq!(name(StatusCode::Ok as i32), "ok");
+        assert_eq!(name(StatusCode::TooManyFramesHeld as i32), "too many frames held");
+        assert_eq!(name(StatusCode::NoSuchTopic as i32), "no such topic");
+        assert_eq!(name(StatusCode::Panic as i32), "panic");
+        assert_eq!(name(StatusCode::Panic as i32 + 1), "unknown status");
         assert_eq!(name(-1), "unknown status");
     }
 }

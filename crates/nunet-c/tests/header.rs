@@ -7,7 +7,7 @@ use std::path::Path;
 
 use cbindgen::{Builder, Config, EnumConfig, ExportConfig, FunctionConfig, Language, RenameRule, Style};
 use nunet_ipc::contract::{
-    ENUM_DOCS, ENUMS, HEADER, Layout, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT, STATS,
+    ENUM_DOCS, ENUMS, HEADER, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT, STATS, StructLayout,
 };
 use nunet_ipc::{
     CONTRACT_VERSION, Field, MAX_COEFFICIENTS, MAX_OBSTACLE_POINTS, MAX_SECTORS, MAX_STAGES, NO_LABEL,
@@ -18,7 +18,7 @@ const ABOUT: &str = include_str!("header_about.h");
 
 /// Names in Rust, and the same in C.
 const NAMES: [(&str, &str); 19] = [
-    ("Status", "nunet_status_t"),
+    ("StatusCode", "nunet_status_t"),
     ("ReaderHandle", "nunet_reader_t"),
     ("FrameHandle", "nunet_frame_t"),
     ("Set", "nunet_set_t"),
@@ -164,7 +164,7 @@ fn enumerations() -> String {
     out
 }
 
-fn structure(layout: &Layout, name: &str, doc: &str) -> String {
+fn structure(layout: &StructLayout, name: &str, doc: &str) -> String {
     let mut out = format!(
         "/**\n * {}\n * `{}`, {} bytes.\n */\n",
         doc.replace('\n', "\n * "),
@@ -206,7 +206,7 @@ fn declaration(field: &Field) -> String {
 }
 
 /// A compiler that lays these structs out differently stops here.
-fn checks(layouts: &[(Layout, &str)]) -> String {
+fn checks(layouts: &[(StructLayout, &str)]) -> String {
     let mut out = String::from(
         "#if defined(__cplusplus)\n\
          #define NUNET_CHECK(name, holds) static_assert(holds, #name)\n\

@@ -29,7 +29,7 @@ use decoder::Decoder;
 pub use error::PipelineError;
 use floor::FloorScale;
 pub use frame::{FrameReport, Outputs};
-use input::Input;
+use input::GraphImage;
 use lens::Lens;
 pub use options::{MAX_RAY_ANGLE_RAD, PipelineOptions};
 use timer::StageTimer;
@@ -61,7 +61,7 @@ use timer::StageTimer;
 /// ```
 pub struct Pipeline {
     preprocessor: Preprocessor,
-    input: Input,
+    input: GraphImage,
     graph: SerialGraph,
     decoder: Decoder,
     lens: Lens,
@@ -82,7 +82,7 @@ impl Pipeline {
         let lens = Lens::new(&options, &mut graph)?;
         let mut pipeline = Self {
             preprocessor: Preprocessor::new(width, height),
-            input: Input::new(&graph),
+            input: GraphImage::new(&graph),
             decoder: Decoder::new(&graph, &options, &lens)?,
             lens,
             options,

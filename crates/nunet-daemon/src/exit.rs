@@ -106,8 +106,8 @@ impl Hint for WithHint {
 }
 
 /// One link of a chain of causes.
-type Cause = dyn StdError + 'static;
-type HintOf = fn(&Cause) -> Option<Cow<'static, str>>;
+type DynError = dyn StdError + 'static;
+type HintOf = fn(&DynError) -> Option<Cow<'static, str>>;
 
 /// The error types that can give hints. A library's new error type that implements [`Hint`] needs its line here.
 const HINTS: &[HintOf] = &[
@@ -126,7 +126,7 @@ const HINTS: &[HintOf] = &[
     hint_of::<nunet_mcap::RecordingError>,
 ];
 
-fn hint_of<E: StdError + Hint + 'static>(cause: &Cause) -> Option<Cow<'static, str>> {
+fn hint_of<E: StdError + Hint + 'static>(cause: &DynError) -> Option<Cow<'static, str>> {
     cause.downcast_ref::<E>()?.hint()
 }
 
@@ -153,7 +153,7 @@ const LOST: u8 = 3;
 
 /// Logs a mistake on the command line, as one JSON object, and returns the exit code.
 pub(crate) fn log_bad_arguments(text: &str, hint: Option<String>) -> u8 {
-    let report = Report { causes: vec![without_empty_lines(text)], hints: hint.into_iter().collect() };
+    let report = FailureReport { causes: vec![without_empty_lines(text)], hints: hint.into_iter().collect() };
     log_as_json(&report, BAD_ARGUMENTS);
     BAD_ARGUMENTS
 }
@@ -167,7 +167,7 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 
         Err(error) => {
             let code = if is_usage(&error) { BAD_ARGUMENTS } else { FAILURE };
             if is_json {
-                log_as_json(&Report::of(&error), code);
+                log_as_json(&FailureReport::of(&error), code);
             } else {
                 print_chain(&error);
             }
@@ -215,8 +215,8 @@ fn print_chain(error: &anyhow::Error) {
 }
 
 /// One JSON object among the other log lines, with the time and level that they have.
-fn log_as_json(report: &Report, exit_code: u8) {
-    let Report { causes, hints } = report;
+fn log_as_json(report: &FailureReport, exit_code: u8) {
+    let FailureReport { causes, hints } = report;
     let (message, because) =
         causes.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
     let (because, hint) = (because.join(": "), hints.join("; "));
@@ -224,13 +224,13 @@ fn log_as_json(report: &Report, exit_code: u8) {
 }
 
 /// A failure, split into what is printed.
-struct Report {
+struct FailureReport {
     /// The error, then what caused it.
     causes: Vec<String>,
     hints: Vec<String>,
 }
 
-impl Report {
+impl FailureReport {
     fn of(error: &anyhow::Error) -> Self {
         let (mut causes, mut hints) = (Vec::new(), Vec::new());
         let mut previous = String::new();
@@ -249,7 +249,7 @@ impl Report {
 
 /// The error and its causes, one per line, and the hints.
 pub(crate) fn message_and_hints(error: &anyhow::Error) -> (String, Vec<String>) {
-    let Report { causes, hints } = Report::of(error);
+    let FailureReport { causes, hints } = FailureReport::of(error);
     (causes.join("\n  because: "), hints)
 }
 

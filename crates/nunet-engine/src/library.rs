@@ -52,14 +52,14 @@ impl LibraryFile {
     }
 }
 
-fn not_found(places: &[Place]) -> EngineError {
-    let line = |place: &Place| format!("\n    {}: {}", place.name, place.folder.display());
+fn not_found(places: &[SearchFolder]) -> EngineError {
+    let line = |place: &SearchFolder| format!("\n    {}: {}", place.name, place.folder.display());
     EngineError::LibraryNotFound { places: places.iter().map(line).collect() }
 }
 
 /// Where the library is in a folder.
 #[derive(Debug, Clone, Copy)]
-enum Layout {
+enum FolderLayout {
     /// In the folder itself.
     Flat,
     /// In a package of the folder.
@@ -67,35 +67,35 @@ enum Layout {
 }
 
 #[derive(Debug)]
-struct Place {
+struct SearchFolder {
     name: &'static str,
     folder: PathBuf,
-    layout: Layout,
+    layout: FolderLayout,
 }
 
 const SYSTEM_FOLDERS: [&str; 5] =
     ["/usr/local/lib", "/usr/lib", "/usr/lib64", "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu"];
 
-fn places() -> Vec<Place> {
+fn places() -> Vec<SearchFolder> {
     let mut places = Vec::new();
-    let mut add = |name, folder: PathBuf, layout| places.push(Place { name, folder, layout });
+    let mut add = |name, folder: PathBuf, layout| places.push(SearchFolder { name, folder, layout });
     for folder in &installation().library_folders {
-        add("installation", folder.clone(), Layout::Flat);
+        add("installation", folder.clone(), FolderLayout::Flat);
     }
     for prefix in ["VIRTUAL_ENV", "CONDA_PREFIX"].into_iter().filter_map(std::env::var_os) {
         for folder in site_packages(Path::new(&prefix)) {
-            add("Python packages", folder, Layout::PythonPackages);
+            add("Python packages", folder, FolderLayout::PythonPackages);
         }
     }
     if let Some(cache) = cache_folder() {
         add(
             "cache of `cargo xtask setup`",
             cache.join(format!("onnxruntime-{ONNX_RUNTIME_VERSION}")),
-            Layout::Flat,
+            FolderLayout::Flat,
         );
     }
     for folder in SYSTEM_FOLDERS {
-        add("system", PathBuf::from(folder), Layout::Flat);
+        add("system", PathBuf::from(folder), FolderLayout::Flat);
     }
     places
 }
@@ -114,10 +114,10 @@ pub fn cache_folder() -> Option<PathBuf> {
     base.map(|base| base.join("nunet"))
 }
 
-fn library_in(folder: &Path, layout: Layout) -> Option<PathBuf> {
+fn library_in(folder: &Path, layout: FolderLayout) -> Option<PathBuf> {
     let pattern = match layout {
-        Layout::Flat => folder.join("libonnxruntime.so*"),
-        Layout::PythonPackages => folder.join("onnxruntime/capi/libonnxruntime.so*"),
+        FolderLayout::Flat => folder.join("libonnxruntime.so*"),
+        FolderLayout::PythonPackages => folder.join("onnxruntime/capi/libonnxruntime.so*"),
     };
     let mut found: Vec<_> = glob::glob(&pattern.to_string_lossy()).ok()?.flatten().collect();
     // The newest of several releases.
@@ -145,7 +145,7 @@ mod tests {
         for name in names {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
-        let found = library_in(folder.path(), Layout::Flat).unwrap();
+        let found = library_in(folder.path(), FolderLayout::Flat).unwrap();
         assert_eq!(found.file_name().unwrap(), "libonnxruntime.so.1.31.1");
     }
 

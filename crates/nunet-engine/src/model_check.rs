@@ -23,7 +23,7 @@ use crate::installation;
 use crate::library::LibraryFile;
 use crate::options::EngineOptions;
 use crate::text::hexadecimal;
-use crate::verdict::{Record, Verdict};
+use crate::verdict::{Verdict, VerdictRecord};
 
 /// Loading and one prediction on a slow board.
 const TIME_LIMIT: Duration = Duration::from_mins(2);
@@ -76,7 +76,7 @@ pub(crate) fn check(
     library: &LibraryFile,
     cancel: &AtomicBool,
 ) -> Result<Vec<[u8; 32]>, EngineError> {
-    let record = Record::of(model, options, library)?;
+    let record = VerdictRecord::of(model, options, library)?;
     let verdict = match record.stored() {
         Some(verdict) => verdict,
         None => {

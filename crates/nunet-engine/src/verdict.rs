@@ -25,14 +25,14 @@ pub(crate) enum Verdict {
 
 /// What a verdict depends on, and where it is stored.
 #[derive(Debug)]
-pub(crate) struct Record {
+pub(crate) struct VerdictRecord {
     /// `None` if this user has no cache folder: in a shared folder, another user could write a false verdict.
     pub(crate) path: Option<PathBuf>,
     /// SHA-256 of each file of the model.
     pub(crate) files: Vec<[u8; 32]>,
 }
 
-impl Record {
+impl VerdictRecord {
     /// The record for these model files, this library and these options.
     pub(crate) fn of(
         model: &Path,
@@ -86,14 +86,14 @@ mod tests {
         std::fs::write(&model_path, model).unwrap();
         std::fs::write(&library_path, library).unwrap();
         let library = LibraryFile { path: library_path, place: "test" };
-        Record::of(&model_path, &EngineOptions::default(), &library).unwrap().path
+        VerdictRecord::of(&model_path, &EngineOptions::default(), &library).unwrap().path
     }
 
     #[test]
     fn a_verdict_is_stored_and_read_back_and_a_partial_one_is_ignored() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deeper/verdict.json");
-        let record = Record { path: Some(path.clone()), files: Vec::new() };
+        let record = VerdictRecord { path: Some(path.clone()), files: Vec::new() };
         assert_eq!(record.stored(), None);
         record.store(&Verdict::Crashed("badly".into()));
         assert_eq!(record.stored(), Some(Verdict::Crashed("badly".into())));

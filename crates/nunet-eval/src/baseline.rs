@@ -13,7 +13,7 @@ use crate::comparison::{Comparison, DepthKind};
 use crate::dataset::{Dataset, read_ids};
 use crate::error::EvalError;
 use crate::event::{Event, OnEvent};
-use crate::mean_image::{MeanImage, Prediction, Scenes, have_scenes, scene};
+use crate::mean_image::{MeanImage, MeanPrediction, Scenes, have_scenes, scene};
 use crate::metrics::DepthMetrics;
 use crate::options::{BaselineChoice, EvalOptions, Protocol};
 
@@ -47,9 +47,9 @@ pub(crate) struct Baseline {
     pub(crate) of: BaselineSource,
     size: ImageSize,
     /// For every image whose scene has none of its own.
-    everywhere: Prediction,
+    everywhere: MeanPrediction,
     /// For the images of each scene.
-    each: BTreeMap<String, Prediction>,
+    each: BTreeMap<String, MeanPrediction>,
     /// In meters.
     pub(crate) metric: Comparison,
     minmax: Comparison,
@@ -59,8 +59,8 @@ impl Baseline {
     fn with(
         of: BaselineSource,
         size: ImageSize,
-        everywhere: Prediction,
-        each: BTreeMap<String, Prediction>,
+        everywhere: MeanPrediction,
+        each: BTreeMap<String, MeanPrediction>,
         rules: Rules,
     ) -> Self {
         let comparison = |kind| Comparison::new(rules.protocol, rules.cap_m, kind);
@@ -96,7 +96,7 @@ impl Baseline {
         if !meters.iter().all(|meters| meters.is_finite()) {
             return Err(wrong("not every pixel has a depth".to_owned()));
         }
-        let everywhere = Prediction { meters, stretched: None };
+        let everywhere = MeanPrediction { meters, stretched: None };
         Ok(Self::with(BaselineSource::File, size, everywhere, BTreeMap::new(), rules))
     }
 

@@ -18,10 +18,10 @@ use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
 use crate::metrics::LabelMetrics;
-use crate::obstacles::{ObstacleComparison, ObstacleEval, View};
+use crate::obstacles::{DepthAndLabels, ObstacleComparison, ObstacleEval};
 use crate::options::EvalOptions;
 use crate::report::{self, ImageRow, Measured, Report};
-use crate::sheet::{self, Row, chosen};
+use crate::sheet::{self, SheetRow, chosen};
 
 /// The files that [`Evaluation::write`] writes.
 pub const FILES: [&str; 4] = ["eval.json", "pictures.csv", "contact_sheet.png", "mean_image.npy"];
@@ -215,8 +215,8 @@ impl Evaluation {
         let ImageSize { width, height } = truth.size;
         let camera = self.pipeline.points_camera().scaled_to(width, height)?;
         let labels = (!predicted.labels.is_empty()).then_some(&predicted.labels[..]);
-        let truth = View { depth_m: &truth.depth_m, labels: truth.labels.as_deref() };
-        comparison.add(&camera, mounts.of(id)?, [truth, View { depth_m: &predicted.depth, labels }])
+        let truth = DepthAndLabels { depth_m: &truth.depth_m, labels: truth.labels.as_deref() };
+        comparison.add(&camera, mounts.of(id)?, [truth, DepthAndLabels { depth_m: &predicted.depth, labels }])
     }
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
@@ -310,7 +310,7 @@ impl Evaluation {
 
     fn strip(&mut self, id: &str, caption: String) -> Result<RgbImage, EvalError> {
         let (truth, prediction) = self.predict(id, &mut |_| {})?;
-        let row = Row {
+        let row = SheetRow {
             caption,
             size: truth.size,
             rgb: self.frame.view()?.bytes(),

@@ -71,8 +71,8 @@ impl MeanImage {
         Self { size: self.size, meters, stretched }
     }
 
-    pub(crate) fn prediction(&self) -> Prediction {
-        Prediction {
+    pub(crate) fn prediction(&self) -> MeanPrediction {
+        MeanPrediction {
             meters: self.meters.image(self.meters.overall()),
             stretched: Some(self.stretched.image(0.5)),
         }
@@ -81,7 +81,7 @@ impl MeanImage {
 
 /// The mean image as a prediction.
 #[derive(Debug)]
-pub(crate) struct Prediction {
+pub(crate) struct MeanPrediction {
     pub(crate) meters: Vec<f32>,
     /// `None` for a file: then it is `meters`, stretched as those of a network are.
     pub(crate) stretched: Option<Vec<f32>>,
@@ -120,7 +120,7 @@ impl Scenes {
     }
 
     /// For the images of each scene, the mean of the others.
-    pub(crate) fn predictions(&self) -> BTreeMap<String, Prediction> {
+    pub(crate) fn predictions(&self) -> BTreeMap<String, MeanPrediction> {
         let others = |mean: &MeanImage| self.all.without(mean).prediction();
         self.each.iter().map(|(name, mean)| (name.clone(), others(mean))).collect()
     }

@@ -27,7 +27,7 @@ pub struct ObstacleEval {
 
 /// Depth and labels of one image, `[H, W]`.
 #[derive(Clone, Copy)]
-pub(crate) struct View<'a> {
+pub(crate) struct DepthAndLabels<'a> {
     pub(crate) depth_m: &'a [f32],
     /// The network's classes; `None` where they are not known.
     pub(crate) labels: Option<&'a [u8]>,
@@ -38,12 +38,12 @@ pub(crate) struct View<'a> {
 pub(crate) struct ObstacleComparison {
     options: ObstacleOptions,
     classes: Vec<String>,
-    counts: Counts,
+    counts: ObstacleCounts,
 }
 
 impl ObstacleComparison {
     pub(crate) fn new(options: ObstacleOptions, classes: &[String]) -> Self {
-        Self { options, classes: classes.to_vec(), counts: Counts::default() }
+        Self { options, classes: classes.to_vec(), counts: ObstacleCounts::default() }
     }
 
     /// Adds an image of `camera`, at the size of both views.
@@ -51,10 +51,10 @@ impl ObstacleComparison {
         &mut self,
         camera: &Camera,
         mount: Mount,
-        [truth, predicted]: [View<'_>; 2],
+        [truth, predicted]: [DepthAndLabels<'_>; 2],
     ) -> Result<(), EvalError> {
         let mut detector = ObstacleDetector::new(camera, mount, &self.classes, self.options)?;
-        let mut find = |View { depth_m, labels }: View<'_>| {
+        let mut find = |DepthAndLabels { depth_m, labels }: DepthAndLabels<'_>| {
             detector.reset(); // what was seen in the one must not be remembered in the other
             let image = DepthImage { depth_m, labels, confidence: None };
             detector.detect(&image, 0).map(|found| found.sectors.clone())
@@ -71,7 +71,7 @@ impl ObstacleComparison {
 
 /// What was counted.
 #[derive(Debug, Default)]
-struct Counts {
+struct ObstacleCounts {
     by_distance: [Group; DISTANCES_M.len()],
     near: Group,
     /// Near obstacles, by class.
@@ -81,7 +81,7 @@ struct Counts {
     unknown: u64,
 }
 
-impl Counts {
+impl ObstacleCounts {
     fn add(&mut self, truth: &ObstacleSector, predicted: &ObstacleSector) {
         let true_m = truth.obstacle_m;
         if true_m.is_finite() {
@@ -238,7 +238,7 @@ mod tests {
     }
 
     fn counts(pairs: &[(ObstacleSector, ObstacleSector)]) -> ObstacleScores {
-        let mut counts = Counts::default();
+        let mut counts = ObstacleCounts::default();
         pairs.iter().for_each(|(truth, predicted)| counts.add(truth, predicted));
         counts.scores(&["chair".to_owned()])
     }

@@ -39,7 +39,7 @@ pub(crate) fn chosen(errors: &[f64]) -> Vec<(&'static str, usize)> {
 
 /// One row: everything `[H, W]` of one size.
 #[derive(Debug)]
-pub(crate) struct Row<'a> {
+pub(crate) struct SheetRow<'a> {
     pub(crate) caption: String,
     pub(crate) size: ImageSize,
     pub(crate) rgb: &'a [u8],
@@ -48,7 +48,7 @@ pub(crate) struct Row<'a> {
     pub(crate) metric: bool,
 }
 
-impl Row<'_> {
+impl SheetRow<'_> {
     /// The four images of the row side by side, its caption above them.
     pub(crate) fn strip(&self) -> RgbImage {
         let height = CELL_WIDTH * self.size.height / self.size.width;
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn a_row_shows_four_images() {
         let (truth, predicted) = ([1.0, 2.0], [1.0, f32::NAN]);
-        let row = Row {
+        let row = SheetRow {
             caption: "a".to_owned(),
             size: ImageSize::new(2, 1),
             rgb: &[10, 20, 30, 40, 50, 60],

@@ -11,7 +11,7 @@ use embedded_graphics::text::{Baseline, Text};
 use image::{Rgb, RgbImage};
 use nunet_types::ImageSize;
 
-use crate::results::Results;
+use crate::results::ResultArrays;
 
 /// Width of the scale's column beside the image, pixels.
 const SCALE_WIDTH: u32 = 84;
@@ -28,7 +28,7 @@ const OUTLIERS: f64 = 0.01;
 
 /// Depth in colors (near is red, far is blue, no measurement is gray) with a scale, `SCALE_WIDTH` wider than the depth map.
 #[must_use]
-pub fn depth_image(results: &Results<'_>) -> RgbImage {
+pub fn depth_image(results: &ResultArrays<'_>) -> RgbImage {
     let ImageSize { width, height } = results.size;
     let range = color_range(results.depth, None, None);
     let mut image = RgbImage::from_pixel(width + SCALE_WIDTH, height, PAPER);
@@ -145,8 +145,8 @@ impl DrawTarget for Canvas<'_> {
 mod tests {
     use super::*;
 
-    fn results(depth: &[f32], width: u32, height: u32) -> Results<'_> {
-        Results { size: ImageSize { width, height }, depth, metric: true, labels: None, cloud: None }
+    fn results(depth: &[f32], width: u32, height: u32) -> ResultArrays<'_> {
+        ResultArrays { size: ImageSize { width, height }, depth, metric: true, labels: None, cloud: None }
     }
 
     #[test]

@@ -14,12 +14,12 @@
 //!
 //! # Example: the results of one frame
 //! ```
-//! use nunet_files::{Results, write_results};
+//! use nunet_files::{ResultArrays, write_results};
 //! use nunet_types::ImageSize;
 //!
 //! # let folder = tempfile::tempdir()?;
 //! let depth_m = [1.0, 1.5, 2.0, f32::NAN, 3.0, 3.5];
-//! let results = Results {
+//! let results = ResultArrays {
 //!     size: ImageSize::new(3, 2),
 //!     depth: &depth_m,
 //!     metric: true,
@@ -54,6 +54,6 @@ pub use npy::{MAX_NPY_BYTES, read_npy, write_npy};
 pub use obstacles::{BIRDS_EYE_LEGEND, BIRDS_EYE_ROWS, BirdsEye, draw_obstacle_points};
 pub use ply::write_cloud;
 pub use png::{millimeters, write_depth_mm, write_rgb};
-pub use results::Results;
+pub use results::ResultArrays;
 pub use save::{RESULT_FILES, write_results};
 pub use whole::write_whole;

@@ -87,41 +87,41 @@ impl BirdsEye<'_> {
         let half_pixel = 0.5 / PX_PER_M;
         let is_ring = range_m > 0.5 && (range_m - range_m.round()).abs() < half_pixel;
         match self.place(x, y, 3.0 * half_pixel) {
-            Place::TooFar => Rgb([255, 255, 255]),
+            MapCell::TooFar => Rgb([255, 255, 255]),
             _ if is_ring => RING,
-            Place::OutsideView => BEHIND,
-            Place::Free => FREE,
-            Place::Unknown => UNSEEN,
-            Place::Occupied => OCCUPIED,
-            Place::Remembered => REMEMBERED,
-            Place::Drop => DROP,
+            MapCell::OutsideView => BEHIND,
+            MapCell::Free => FREE,
+            MapCell::Unknown => UNSEEN,
+            MapCell::Occupied => OCCUPIED,
+            MapCell::Remembered => REMEMBERED,
+            MapCell::Drop => DROP,
         }
     }
 
     /// What is at a place on the floor, meters forward and to the left; the end of a sector is `end_m` thick on each side.
-    fn place(&self, x: f32, y: f32, end_m: f32) -> Place {
+    fn place(&self, x: f32, y: f32, end_m: f32) -> MapCell {
         let range_m = x.hypot(y);
         if range_m > self.0.max_range_m {
-            return Place::TooFar;
+            return MapCell::TooFar;
         }
         let turned = (y.atan2(x) - self.0.angle_min_rad).rem_euclid(std::f32::consts::TAU);
         let Some(sector) = self.0.sectors.get((turned / self.0.angle_step_rad) as usize) else {
-            return Place::OutsideView;
+            return MapCell::OutsideView;
         };
         let at_end = (range_m - sector.range_m).abs() < end_m;
         match sector.state() {
-            SectorState::Occupied if at_end && sector.remembered != 0 => Place::Remembered,
-            SectorState::Occupied if at_end => Place::Occupied,
-            SectorState::Drop if at_end => Place::Drop,
-            _ if range_m < sector.range_m => Place::Free,
-            _ => Place::Unknown,
+            SectorState::Occupied if at_end && sector.remembered != 0 => MapCell::Remembered,
+            SectorState::Occupied if at_end => MapCell::Occupied,
+            SectorState::Drop if at_end => MapCell::Drop,
+            _ if range_m < sector.range_m => MapCell::Free,
+            _ => MapCell::Unknown,
         }
     }
 }
 
 /// What is drawn at a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum MapCell {
     TooFar,
     OutsideView,
     Free,
@@ -131,7 +131,7 @@ enum Place {
     Drop,
 }
 
-impl Place {
+impl MapCell {
     fn character(self) -> char {
         match self {
             Self::TooFar | Self::OutsideView => ' ',

@@ -4,7 +4,7 @@ use nunet_types::{CloudPoint, ImageSize};
 
 /// One frame's results.
 #[derive(Debug, Clone, Copy)]
-pub struct Results<'a> {
+pub struct ResultArrays<'a> {
     /// The size of `depth` and `labels`.
     pub size: ImageSize,
     /// `[H, W]`, rows from the top; meters if `metric`, NaN = no measurement.

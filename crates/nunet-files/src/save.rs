@@ -8,7 +8,7 @@ use crate::folder::make_folder;
 use crate::npy::write_npy;
 use crate::ply::write_cloud;
 use crate::png::{write_depth_mm, write_gray, write_rgb};
-use crate::results::Results;
+use crate::results::ResultArrays;
 
 /// The names of the files that [`write_results`] writes, all or some of them.
 pub const RESULT_FILES: [&str; 5] = ["depth.npy", "depth_mm.png", "depth.png", "labels.png", "cloud.ply"];
@@ -19,9 +19,9 @@ pub const RESULT_FILES: [&str; 5] = ["depth.npy", "depth_mm.png", "depth.png", "
 ///
 /// # Errors
 /// The folder or a file cannot be written.
-pub fn write_results(folder: &Path, results: &Results<'_>) -> Result<Vec<PathBuf>, FilesError> {
+pub fn write_results(folder: &Path, results: &ResultArrays<'_>) -> Result<Vec<PathBuf>, FilesError> {
     make_folder(folder)?;
-    let &Results { size, depth, metric, labels, cloud } = results;
+    let &ResultArrays { size, depth, metric, labels, cloud } = results;
     let mut files = Vec::new();
     let mut write = |name: &str, write: &dyn Fn(&Path) -> Result<(), FilesError>| {
         files.push(folder.join(name));
@@ -47,8 +47,8 @@ mod tests {
 
     use super::*;
 
-    fn results<'a>(depth: &'a [f32], metric: bool, cloud: &'a [CloudPoint]) -> Results<'a> {
-        Results { size: ImageSize::new(2, 1), depth, metric, labels: None, cloud: Some(cloud) }
+    fn results<'a>(depth: &'a [f32], metric: bool, cloud: &'a [CloudPoint]) -> ResultArrays<'a> {
+        ResultArrays { size: ImageSize::new(2, 1), depth, metric, labels: None, cloud: Some(cloud) }
     }
 
     #[test]

@@ -11,7 +11,7 @@
 //! | [`contract`], [`nunet_types`] | the bytes of a message, also as tables for other languages |
 //! | [`CameraName`], [`Limits`], [`Reservation`] | a camera's name, and how much memory it needs |
 //! | [`Publisher`], [`Loan`] | the publisher's side |
-//! | [`Reader`], [`Frame`], [`FrameSet`] | the reader's side |
+//! | [`Reader`], [`Message`], [`FrameSet`] | the reader's side |
 //! | [`cameras`] | which cameras are published |
 //! | [`access`] | which other users may read |
 //! | [`orphans`] | what killed processes left behind |
@@ -21,7 +21,7 @@
 //! - The publisher never waits for a reader, and a reader never waits for another one. The newest frame wins.
 //! - A late subscriber receives the last frame, also while the source is paused ([`Publisher::refresh`]).
 //! - Memory is computed, checked, reserved and backed with pages before the first frame ([`Reservation`]).
-//! - The memory of a frame does not change for as long as its [`Frame`] lives.
+//! - The memory of a frame does not change for as long as its [`Message`] lives.
 //! - After the first frames nothing is allocated on the heap, except one small piece of iceoryx2's own in each loan.
 //!
 //! # Example: publish a depth map and read it in the same process
@@ -76,7 +76,7 @@ pub use crate::name::{CameraName, CameraNameError, MAX_CAMERA_NAME_BYTES};
 pub use crate::plan::{Limits, Reservation, SHARED_MEMORY_FOLDER, TopicPlan, TopicReservation};
 pub use crate::process::Process;
 pub use crate::publisher::{LATE_JOINER_PERIOD, Loan, Publisher, free_shared_memory_bytes};
-pub use crate::reader::{Frame, FrameSet, Publishers, Reader};
+pub use crate::reader::{FrameSet, Message, Publishers, Reader};
 pub use crate::recovery::orphans;
 pub use nunet_types::layout::Field;
 pub use nunet_types::{

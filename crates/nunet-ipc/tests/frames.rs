@@ -7,7 +7,7 @@ mod support;
 use std::time::Duration;
 
 use nunet_ipc::{
-    CameraName, Frame, IpcError, Limits, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake, cameras,
+    CameraName, IpcError, Limits, Message, Publisher, Reader, StatsRecord, Topic, TopicPlan, Wake, cameras,
 };
 use support::{HEIGHT, TIMEOUT, WIDTH, camera, eventually, plan, publish_depth, publisher};
 
@@ -17,7 +17,7 @@ fn depth_reader(camera: &CameraName) -> Reader {
     Reader::open(camera, &[Topic::Depth], TIMEOUT).unwrap()
 }
 
-fn latest(reader: &Reader) -> Frame {
+fn latest(reader: &Reader) -> Message {
     eventually("a frame", || reader.latest(Topic::Depth).unwrap())
 }
 
@@ -36,7 +36,7 @@ fn a_published_frame_arrives_as_it_was_filled() {
 #[test]
 fn frames_and_readers_can_move_to_another_thread() {
     fn send<T: Send>() {}
-    send::<Frame>();
+    send::<Message>();
     send::<Reader>();
     send::<Publisher>();
     send::<nunet_ipc::Loan>();
@@ -104,7 +104,7 @@ proptest::proptest! {
         let camera = camera();
         let publisher = publisher(&camera, &[Topic::Depth]);
         let mut readers: [Option<Reader>; 4] = std::array::from_fn(|_| None);
-        let mut held: [Vec<Frame>; 4] = Default::default();
+        let mut held: [Vec<Message>; 4] = Default::default();
         for (sequence, (who, action)) in actions.into_iter().enumerate() {
             match (action, &readers[who]) {
                 (0, None) => readers[who] = Some(depth_reader(&camera)),

@@ -11,7 +11,7 @@ use rustix::fs::OFlags;
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 use crate::address::MavlinkAddress;
-use crate::messages::Messages;
+use crate::messages::MessageWriter;
 use crate::ring::DistanceRing;
 
 /// Autopilots take a computer for lost that is silent for some seconds.
@@ -37,7 +37,7 @@ pub enum LinkEvent {
 #[derive(Debug)]
 pub struct MavlinkLink {
     address: MavlinkAddress,
-    messages: Messages,
+    messages: MessageWriter,
     port: Option<Connection>,
     retry_at: Option<Instant>,
     heartbeat_at: Option<Instant>,
@@ -51,7 +51,7 @@ impl MavlinkLink {
     pub fn new(address: MavlinkAddress) -> Self {
         Self {
             address,
-            messages: Messages::default(),
+            messages: MessageWriter::default(),
             port: None,
             retry_at: None,
             heartbeat_at: None,

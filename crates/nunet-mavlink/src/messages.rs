@@ -13,11 +13,11 @@ const SYSTEM_ID: u32 = 1;
 
 /// Writes messages with consecutive numbers.
 #[derive(Debug, Default)]
-pub(crate) struct Messages {
+pub(crate) struct MessageWriter {
     sequence: u8,
 }
 
-impl Messages {
+impl MessageWriter {
     /// That this computer is alive.
     pub(crate) fn heartbeat(&mut self) -> Vec<u8> {
         self.bytes(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn messages_are_numbered_and_read_back() {
-        let mut messages = Messages::default();
+        let mut messages = MessageWriter::default();
         let (header, heartbeat) = read(&messages.heartbeat());
         assert_eq!((header.system_id, header.component_id, header.sequence), (1, 196, 0));
         let MavMessage::HEARTBEAT(heartbeat) = heartbeat else { panic!("{heartbeat:?}") };

@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ChannelKind {
     pub(crate) content: Content,
-    pub(crate) form: Form,
+    pub(crate) form: MessageFormat,
 }
 
 /// What a message describes.
@@ -17,7 +17,7 @@ pub(crate) enum Content {
 
 /// How a message is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Form {
+pub(crate) enum MessageFormat {
     /// `sensor_msgs` in CDR.
     Ros,
     /// `foxglove_msgs` in CDR.
@@ -35,17 +35,17 @@ impl ChannelKind {
         let (package, name) = schema.split_once(['/', '.'])?;
         let name = name.strip_prefix("msg/").or(name.strip_prefix("msg.")).unwrap_or(name);
         let form = match (package, encoding) {
-            ("sensor_msgs", "cdr") => Form::Ros,
-            ("foxglove_msgs", "cdr") => Form::FoxgloveCdr,
-            ("foxglove", "protobuf") => Form::FoxgloveProtobuf,
-            ("foxglove", "json") => Form::FoxgloveJson,
+            ("sensor_msgs", "cdr") => MessageFormat::Ros,
+            ("foxglove_msgs", "cdr") => MessageFormat::FoxgloveCdr,
+            ("foxglove", "protobuf") => MessageFormat::FoxgloveProtobuf,
+            ("foxglove", "json") => MessageFormat::FoxgloveJson,
             _ => return None,
         };
         let content = match (form, name) {
-            (Form::Ros, "Image") => Content::RawImage,
-            (Form::Ros, "CameraInfo") => Content::Camera,
+            (MessageFormat::Ros, "Image") => Content::RawImage,
+            (MessageFormat::Ros, "CameraInfo") => Content::Camera,
             (_, "CompressedImage") => Content::CompressedImage,
-            (Form::Ros, _) => return None,
+            (MessageFormat::Ros, _) => return None,
             (_, "RawImage") => Content::RawImage,
             (_, "CameraCalibration") => Content::Camera,
             _ => return None,
@@ -89,10 +89,13 @@ mod tests {
     #[test]
     fn a_kind_is_recognized_by_type_and_encoding_together() {
         let kind = |schema, encoding| ChannelKind::of(schema, encoding).map(|kind| (kind.content, kind.form));
-        assert_eq!(kind("sensor_msgs/msg/Image", "cdr"), Some((Content::RawImage, Form::Ros)));
-        let expected = Some((Content::CompressedImage, Form::FoxgloveCdr));
+        assert_eq!(kind("sensor_msgs/msg/Image", "cdr"), Some((Content::RawImage, MessageFormat::Ros)));
+        let expected = Some((Content::CompressedImage, MessageFormat::FoxgloveCdr));
         assert_eq!(kind("foxglove_msgs/msg/CompressedImage", "cdr"), expected);
-        assert_eq!(kind("foxglove.CameraCalibration", "json"), Some((Content::Camera, Form::FoxgloveJson)));
+        assert_eq!(
+            kind("foxglove.CameraCalibration", "json"),
+            Some((Content::Camera, MessageFormat::FoxgloveJson))
+        );
         for (schema, encoding) in [
             ("sensor_msgs/msg/Image", "json"),
             ("sensor_msgs/msg/RawImage", "cdr"),

@@ -85,7 +85,7 @@ impl Channels {
 
 /// The topics of a recording of one file or several.
 #[derive(Debug, Default)]
-pub(crate) struct Topics {
+pub(crate) struct RecordingTopics {
     channels: Vec<Channel>,
     counts: BTreeMap<String, u64>,
     /// Whether every file states its counts.
@@ -100,7 +100,7 @@ pub(crate) trait FirstImages {
     fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool>;
 }
 
-impl Topics {
+impl RecordingTopics {
     pub(crate) fn of_files<'a>(files: impl IntoIterator<Item = &'a Channels>) -> Self {
         let mut topics = Self { is_counted: true, ..Self::default() };
         for file in files {
@@ -238,10 +238,10 @@ mod tests {
 
     use super::*;
 
-    fn topics(all: &[(&str, &str, &str)]) -> Topics {
+    fn topics(all: &[(&str, &str, &str)]) -> RecordingTopics {
         let channels =
             all.iter().map(|(topic, schema, encoding)| Channel::new(topic, (*schema).to_owned(), encoding));
-        Topics { channels: channels.collect(), ..Topics::default() }
+        RecordingTopics { channels: channels.collect(), ..RecordingTopics::default() }
     }
 
     const IMAGE: &str = "sensor_msgs/msg/Image";

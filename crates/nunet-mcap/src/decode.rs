@@ -6,14 +6,14 @@ use nunet_types::ImageSize;
 
 use crate::camera::CameraDescription;
 use crate::cdr;
-use crate::channel::{ChannelKind, Content, Form};
+use crate::channel::{ChannelKind, Content, MessageFormat};
 use crate::foxglove_json as json;
 use crate::image::{Purpose, Raw, RecordedImage};
 use crate::messages::{self, CameraInfo, CompressedImage, Image};
 
 /// How the messages of a topic are to be read.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Reading {
+pub(crate) struct ReadMode {
     pub(crate) purpose: Purpose,
     /// Whether the images were rectified, as ROS' names say: their camera is the projection.
     pub(crate) rectified: bool,
@@ -23,14 +23,16 @@ pub(crate) struct Reading {
 pub(crate) fn image(
     kind: ChannelKind,
     data: &[u8],
-    reading: Reading,
+    reading: ReadMode,
     image: &mut RecordedImage,
 ) -> Result<(), String> {
     let purpose = reading.purpose;
     match (kind.content, kind.form) {
         (Content::Camera, _) => Err("it describes a camera".to_owned()),
-        (Content::RawImage, Form::Ros) => image.set_ros_image(&cdr::decode::<Image<'_>>(data)?, purpose),
-        (Content::CompressedImage, Form::Ros) => {
+        (Content::RawImage, MessageFormat::Ros) => {
+            image.set_ros_image(&cdr::decode::<Image<'_>>(data)?, purpose)
+        }
+        (Content::CompressedImage, MessageFormat::Ros) => {
             image.set_ros_compressed(&cdr::decode::<CompressedImage<'_>>(data)?, purpose)
         }
         (Content::RawImage, form) => raw_image(form, data, purpose, image),
@@ -38,27 +40,32 @@ pub(crate) fn image(
     }
 }
 
-fn raw_image(form: Form, data: &[u8], purpose: Purpose, out: &mut RecordedImage) -> Result<(), String> {
+fn raw_image(
+    form: MessageFormat,
+    data: &[u8],
+    purpose: Purpose,
+    out: &mut RecordedImage,
+) -> Result<(), String> {
     let mut set = |nanos, frame_id: &str, raw: &Raw<'_>| {
         out.set_header(nanos, frame_id);
         out.set_raw(raw, purpose)
     };
     match form {
-        Form::FoxgloveProtobuf => {
+        MessageFormat::FoxgloveProtobuf => {
             let message = protobuf::RawImage::decode(data).map_err(|error| error.to_string())?;
             let protobuf::RawImage { width, height, step, encoding, data, .. } = &message;
             let (width, height, step) = (*width, *height, *step);
             let raw = Raw { width, height, step, encoding, data, big_endian: false };
             set(nanos(message.timestamp), &message.frame_id, &raw)
         }
-        Form::FoxgloveJson => {
+        MessageFormat::FoxgloveJson => {
             let message: json::RawImage = json::decode(data)?;
             let json::RawImage { width, height, step, encoding, data, .. } = &message;
             let (width, height, step) = (*width, *height, *step);
             let raw = Raw { width, height, step, encoding, data: &data.0, big_endian: false };
             set(message.timestamp.unix_nanos(), &message.frame_id, &raw)
         }
-        Form::FoxgloveCdr | Form::Ros => {
+        MessageFormat::FoxgloveCdr | MessageFormat::Ros => {
             let message: messages::RawImage<'_> = cdr::decode(data)?;
             let messages::RawImage { width, height, step, encoding, data, .. } = &message;
             let (width, height, step) = (*width, *height, *step);
@@ -69,23 +76,23 @@ fn raw_image(form: Form, data: &[u8], purpose: Purpose, out: &mut RecordedImage)
 }
 
 fn compressed_image(
-    form: Form,
+    form: MessageFormat,
     data: &[u8],
     purpose: Purpose,
     out: &mut RecordedImage,
 ) -> Result<(), String> {
     match form {
-        Form::FoxgloveProtobuf => {
+        MessageFormat::FoxgloveProtobuf => {
             let message = protobuf::CompressedImage::decode(data).map_err(|error| error.to_string())?;
             out.set_header(nanos(message.timestamp), &message.frame_id);
             out.set_file(&message.data, &message.format, purpose)
         }
-        Form::FoxgloveJson => {
+        MessageFormat::FoxgloveJson => {
             let message: json::CompressedImage = json::decode(data)?;
             out.set_header(message.timestamp.unix_nanos(), &message.frame_id);
             out.set_file(&message.data.0, &message.format, purpose)
         }
-        Form::FoxgloveCdr | Form::Ros => {
+        MessageFormat::FoxgloveCdr | MessageFormat::Ros => {
             let message: messages::FoxgloveCompressedImage<'_> = cdr::decode(data)?;
             out.set_header(message.header.stamp.unix_nanos(), &message.header.frame_id);
             out.set_file(message.data, &message.format, purpose)
@@ -97,7 +104,7 @@ fn compressed_image(
 pub(crate) fn camera(
     kind: ChannelKind,
     data: &[u8],
-    reading: Reading,
+    reading: ReadMode,
 ) -> Result<Option<CameraDescription>, String> {
     let rectified = reading.rectified;
     let of = |(width, height), [k, r, p]: [&[f64]; 3], model: &str, d: Vec<f64>| {
@@ -112,18 +119,18 @@ pub(crate) fn camera(
         })
     };
     match kind.form {
-        Form::Ros => Ok(CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified)),
-        Form::FoxgloveCdr => {
+        MessageFormat::Ros => Ok(CameraDescription::of_ros(&cdr::decode::<CameraInfo<'_>>(data)?, rectified)),
+        MessageFormat::FoxgloveCdr => {
             let camera: messages::CameraCalibration<'_> = cdr::decode(data)?;
             let matrices = [&camera.k[..], &camera.r, &camera.p];
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
-        Form::FoxgloveProtobuf => {
+        MessageFormat::FoxgloveProtobuf => {
             let camera = protobuf::CameraCalibration::decode(data).map_err(|error| error.to_string())?;
             let matrices = [&camera.k[..], &camera.r, &camera.p];
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
         }
-        Form::FoxgloveJson => {
+        MessageFormat::FoxgloveJson => {
             let camera: json::CameraCalibration = json::decode(data)?;
             let matrices = [&camera.k[..], &camera.r, &camera.p];
             of((camera.width, camera.height), matrices, &camera.distortion_model, camera.d)
@@ -153,7 +160,7 @@ mod tests {
     use super::*;
     use crate::encoding::ImageEncoding;
 
-    const READING: Reading = Reading { purpose: Purpose::Color, rectified: false };
+    const READING: ReadMode = ReadMode { purpose: Purpose::Color, rectified: false };
 
     fn foxglove_image() -> protobuf::RawImage {
         protobuf::RawImage {
@@ -168,7 +175,7 @@ mod tests {
     }
 
     #[track_caller]
-    fn assert_read(form: Form, message: &[u8]) {
+    fn assert_read(form: MessageFormat, message: &[u8]) {
         let kind = ChannelKind { content: Content::RawImage, form };
         let mut read = RecordedImage::default();
         image(kind, message, READING, &mut read).unwrap();
@@ -180,8 +187,8 @@ mod tests {
     fn an_image_is_the_same_in_protobuf_json_and_cdr() {
         let mut message = Vec::new();
         foxglove_image().encode(&mut message).unwrap();
-        assert_read(Form::FoxgloveProtobuf, &message);
-        assert_read(Form::FoxgloveJson, &serde_json::to_vec(&foxglove_image()).unwrap());
+        assert_read(MessageFormat::FoxgloveProtobuf, &message);
+        assert_read(MessageFormat::FoxgloveJson, &serde_json::to_vec(&foxglove_image()).unwrap());
         // Field by field as `foxglove_msgs/msg/RawImage.msg` lists them.
         let cdr: Vec<u8> = [
             &[0, 1, 0, 0, 3, 0, 0, 0, 5, 0, 0, 0][..],
@@ -192,7 +199,7 @@ mod tests {
             &[2, 0, 0, 0, 7, 8],
         ]
         .concat();
-        assert_read(Form::FoxgloveCdr, &cdr);
+        assert_read(MessageFormat::FoxgloveCdr, &cdr);
     }
 
     #[test]
@@ -204,7 +211,7 @@ mod tests {
             &[5, 0, 0, 0, b'j', b'p', b'e', b'g', 0],
         ]
         .concat();
-        let kind = ChannelKind { content: Content::CompressedImage, form: Form::FoxgloveCdr };
+        let kind = ChannelKind { content: Content::CompressedImage, form: MessageFormat::FoxgloveCdr };
         let mut read = RecordedImage::default();
         image(kind, &cdr, READING, &mut read).unwrap();
         assert_eq!((read.data.len(), read.encoding), (4, Some(ImageEncoding::File)));
@@ -221,7 +228,7 @@ mod tests {
             ..protobuf::CameraCalibration::default()
         };
         let message = serde_json::to_vec(&calibration).unwrap();
-        let kind = ChannelKind { content: Content::Camera, form: Form::FoxgloveJson };
+        let kind = ChannelKind { content: Content::Camera, form: MessageFormat::FoxgloveJson };
         let read = camera(kind, &message, READING).unwrap().unwrap();
         assert_eq!(read.intrinsics, [500.0, 501.0, 320.0, 240.0]);
         assert_eq!((read.distortion_model.as_str(), read.coefficients.len()), ("plumb_bob", 5));
@@ -239,10 +246,10 @@ mod tests {
             let mut message = Vec::new();
             calibration.encode(&mut message).unwrap();
             let text = serde_json::to_vec(calibration).unwrap();
-            let reading = Reading { rectified, ..READING };
+            let reading = ReadMode { rectified, ..READING };
             let kind = |form| ChannelKind { content: Content::Camera, form };
-            let of_protobuf = camera(kind(Form::FoxgloveProtobuf), &message, reading);
-            assert_eq!(of_protobuf, camera(kind(Form::FoxgloveJson), &text, reading));
+            let of_protobuf = camera(kind(MessageFormat::FoxgloveProtobuf), &message, reading);
+            assert_eq!(of_protobuf, camera(kind(MessageFormat::FoxgloveJson), &text, reading));
             of_protobuf
         };
         assert!(read(&good, false).unwrap().is_some());
@@ -262,7 +269,12 @@ mod tests {
 
     #[test]
     fn random_bytes_are_an_error_in_every_form() {
-        for form in [Form::Ros, Form::FoxgloveCdr, Form::FoxgloveProtobuf, Form::FoxgloveJson] {
+        for form in [
+            MessageFormat::Ros,
+            MessageFormat::FoxgloveCdr,
+            MessageFormat::FoxgloveProtobuf,
+            MessageFormat::FoxgloveJson,
+        ] {
             for content in [Content::RawImage, Content::CompressedImage] {
                 let kind = ChannelKind { content, form };
                 assert!(image(kind, &[0xff; 9], READING, &mut RecordedImage::default()).is_err(), "{kind:?}");

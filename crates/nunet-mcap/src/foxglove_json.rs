@@ -67,13 +67,13 @@ impl<'de> Deserialize<'de> for Bytes {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(untagged)]
-        enum Form {
+        enum JsonBytes {
             Base64(String),
             Numbers(Vec<u8>),
         }
-        match Form::deserialize(deserializer)? {
-            Form::Numbers(bytes) => Ok(Self(bytes)),
-            Form::Base64(text) => {
+        match JsonBytes::deserialize(deserializer)? {
+            JsonBytes::Numbers(bytes) => Ok(Self(bytes)),
+            JsonBytes::Base64(text) => {
                 let decoded = base64_bytes(text);
                 decoded.map(Self).map_err(|error| D::Error::custom(format!("`data` is not base64: {error}")))
             }

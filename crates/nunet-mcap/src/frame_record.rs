@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::CameraDescription;
 use crate::messages::{Header, PointCloud2, PointField};
-use crate::mount::Mount;
+use crate::mount::CameraMount;
 use serde_bytes::Bytes;
 
 /// The cloud's points: 16 bytes, color and label where ROS' tools expect them.
@@ -25,7 +25,7 @@ pub struct WriterOptions {
     /// Coordinate frame of images, depth and cloud: the camera's optical frame.
     pub frame_id: String,
     /// Where the camera is mounted on the robot.
-    pub mount: Option<Mount>,
+    pub mount: Option<CameraMount>,
     /// Facts about the recording as a whole: model, provider, and so on.
     pub about: BTreeMap<String, String>,
     /// Overwrite an existing file.

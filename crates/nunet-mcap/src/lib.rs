@@ -82,7 +82,7 @@ pub use encoding::{BayerPattern, ImageEncoding};
 pub use error::{RecordingError, RecordingErrorKind};
 pub use frame_record::{CloudRecord, DepthRecord, EncodedImage, FrameRecord, ScaleRecord, WriterOptions};
 pub use image::RecordedImage;
-pub use mount::Mount;
+pub use mount::CameraMount;
 pub use obstacles::ObstaclesRecord;
 pub use other_files::{conversion_hint, recording_of_another_format};
 pub use parts::{files, is_recording};

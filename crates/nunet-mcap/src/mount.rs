@@ -4,14 +4,14 @@ use crate::messages::{Header, TransformStamped};
 
 /// A camera's place on the robot: the body frame (x forward, y left, z up) of the camera in the robot's `base_link`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mount {
+pub struct CameraMount {
     /// Meters.
     pub translation_m: [f64; 3],
     /// Radians about the fixed axes x, y and z, in this order.
     pub roll_pitch_yaw_rad: [f64; 3],
 }
 
-impl Mount {
+impl CameraMount {
     /// From the robot's base to the camera's optical frame (REP 103: x right, y down, z forward).
     pub(crate) fn transform<'a>(&self, header: &Header<'a>) -> TransformStamped<'a> {
         let [roll, pitch, yaw] = self.roll_pitch_yaw_rad;
@@ -56,7 +56,7 @@ mod tests {
     }
 
     fn forward(roll_pitch_yaw_rad: [f64; 3]) -> [f64; 3] {
-        let mount = Mount { translation_m: [0.0; 3], roll_pitch_yaw_rad };
+        let mount = CameraMount { translation_m: [0.0; 3], roll_pitch_yaw_rad };
         let header = Header { stamp: Time::default(), frame_id: "eye".into() };
         rotated(mount.transform(&header).rotation, [0.0, 0.0, 1.0])
     }
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn a_camera_without_rotation_looks_forward_and_its_rows_run_to_the_right() {
         assert_eq!(forward([0.0; 3]), [1.0, 0.0, 0.0]);
-        let mount = Mount { translation_m: [0.0; 3], roll_pitch_yaw_rad: [0.0; 3] };
+        let mount = CameraMount { translation_m: [0.0; 3], roll_pitch_yaw_rad: [0.0; 3] };
         let header = Header { stamp: Time::default(), frame_id: "eye".into() };
         let rotation = mount.transform(&header).rotation;
         assert_eq!(rotated(rotation, [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0], "right is -y of the body");

@@ -4,12 +4,12 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use crate::bag::{Bag, Part};
+use crate::bag::{Bag, RecordingFile};
 use crate::camera::CameraDescription;
 use crate::channel::Channel;
-use crate::channels::{Channels, FirstImages, Topics};
+use crate::channels::{Channels, FirstImages, RecordingTopics};
 use crate::damage::Damage;
-use crate::decode::{self, Reading};
+use crate::decode::{self, ReadMode};
 use crate::image::{Purpose, RecordedImage};
 use crate::record::Record;
 use crate::records::Records;
@@ -47,7 +47,7 @@ pub fn model_of_results(path: &Path) -> Option<String> {
 
 /// A recording that is read from its beginning; of a split bag, part after part.
 pub struct Recording {
-    parts: Vec<Part>,
+    parts: Vec<RecordingFile>,
     /// Parts that are missing, which are reported at the end.
     missing: Vec<RecordingError>,
     damage: Damage,
@@ -55,7 +55,7 @@ pub struct Recording {
     part: usize,
     topic: String,
     camera_topic: Option<String>,
-    reading: Reading,
+    reading: ReadMode,
     records: Records,
     channels: Channels,
     camera: Option<CameraDescription>,
@@ -99,7 +99,7 @@ impl Recording {
         given_up: &dyn Fn() -> bool,
     ) -> Result<Self, RecordingError> {
         let bag = Bag::open(path, given_up)?;
-        let topics = Topics::of_files(bag.parts.iter().map(|part| &part.channels));
+        let topics = RecordingTopics::of_files(bag.parts.iter().map(|part| &part.channels));
         let topic = topics.image_topic(path, topic, &Peek(&bag.parts))?;
         let infrared = TopicContent::of(&topic) == TopicContent::Infrared;
         let purpose = if infrared { Purpose::Infrared } else { Purpose::Color };
@@ -112,16 +112,21 @@ impl Recording {
     /// As [`Recording::open`].
     pub fn open_depth(path: &Path, topic: Option<&str>) -> Result<Self, RecordingError> {
         let bag = Bag::open(path, &|| false)?;
-        let topics = Topics::of_files(bag.parts.iter().map(|part| &part.channels));
+        let topics = RecordingTopics::of_files(bag.parts.iter().map(|part| &part.channels));
         let topic = topics.depth_topic(path, topic, &Peek(&bag.parts))?;
         Self::of_topic(bag, &topics, topic, Purpose::Depth)
     }
 
-    fn of_topic(bag: Bag, topics: &Topics, topic: String, purpose: Purpose) -> Result<Self, RecordingError> {
+    fn of_topic(
+        bag: Bag,
+        topics: &RecordingTopics,
+        topic: String,
+        purpose: Purpose,
+    ) -> Result<Self, RecordingError> {
         let rectified = topic.split('/').any(|part| part.starts_with("image_rect"));
         let mut recording = Self {
             camera_topic: topics.camera_topic(&topic),
-            reading: Reading { purpose, rectified },
+            reading: ReadMode { purpose, rectified },
             count: topics.count(&topic),
             topic,
             records: Records::open(&bag.parts[0].path)?,
@@ -190,13 +195,13 @@ impl Recording {
                     self.damage = Damage::of_chunk(path, reason);
                     continue;
                 }
-                Ok(Some(Step::Index(images))) => self.damage.count(*images),
+                Ok(Some(RecordOutcome::Index(images))) => self.damage.count(*images),
                 _ => self.damage.close(),
             }
             match step {
-                Ok(Some(Step::Image)) => return Next::Image,
-                Ok(Some(Step::Bad(error))) => return Next::Bad(error),
-                Ok(Some(Step::Index(_) | Step::Other)) => {}
+                Ok(Some(RecordOutcome::Image)) => return Next::Image,
+                Ok(Some(RecordOutcome::Bad(error))) => return Next::Bad(error),
+                Ok(Some(RecordOutcome::Index(_) | RecordOutcome::Other)) => {}
                 Ok(None) if self.damage.is_pending() => {}
                 Ok(None) if is_last => return self.missing.pop().map_or(Next::End, Next::Bad),
                 Err(error) if is_last => return Next::Cut(error),
@@ -214,7 +219,7 @@ impl Recording {
         Next::Nothing
     }
 
-    fn step(&mut self, image: &mut RecordedImage) -> Result<Option<Step>, RecordingError> {
+    fn step(&mut self, image: &mut RecordedImage) -> Result<Option<RecordOutcome>, RecordingError> {
         let Self { channels, topic, camera_topic, reading, camera, images, .. } = self;
         self.records.next(|record| {
             channels.learn(&record);
@@ -223,19 +228,21 @@ impl Recording {
                 channel.and_then(Channel::kind).is_some_and(|kind| !kind.is_camera())
             };
             if let Record::MessageIndex { channel_id, messages } = record {
-                return Step::Index(if is_image(channel_id) { messages } else { 0 });
+                return RecordOutcome::Index(if is_image(channel_id) { messages } else { 0 });
             }
-            let Record::Message { channel_id, log_time, data } = record else { return Step::Other };
-            let Some(channel) = channels.get(channel_id) else { return Step::Other };
-            let Some(kind) = channel.kind() else { return Step::Other };
+            let Record::Message { channel_id, log_time, data } = record else { return RecordOutcome::Other };
+            let Some(channel) = channels.get(channel_id) else { return RecordOutcome::Other };
+            let Some(kind) = channel.kind() else { return RecordOutcome::Other };
             if channel.topic == *topic && !kind.is_camera() {
                 *images += 1;
                 image.log_nanos = log_time;
                 return match decode::image(kind, data, *reading, image) {
-                    Ok(()) => Step::Image,
-                    Err(reason) => {
-                        Step::Bad(RecordingError::Message { topic: topic.clone(), number: *images, reason })
-                    }
+                    Ok(()) => RecordOutcome::Image,
+                    Err(reason) => RecordOutcome::Bad(RecordingError::Message {
+                        topic: topic.clone(),
+                        number: *images,
+                        reason,
+                    }),
                 };
             }
             if kind.is_camera() && Some(&channel.topic) == camera_topic.as_ref() {
@@ -246,7 +253,7 @@ impl Recording {
                     Err(_) => {}
                 }
             }
-            Step::Other
+            RecordOutcome::Other
         })
     }
 
@@ -278,7 +285,7 @@ impl Recording {
     }
 }
 
-enum Step {
+enum RecordOutcome {
     Image,
     Bad(RecordingError),
     /// As many images are in the chunk before.
@@ -287,7 +294,7 @@ enum Step {
 }
 
 /// Reads the first message of topics, to see whether they carry depth.
-struct Peek<'a>(&'a [Part]);
+struct Peek<'a>(&'a [RecordingFile]);
 
 impl FirstImages for Peek<'_> {
     fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {
@@ -318,7 +325,7 @@ fn peek(
             if !topics.contains(channel.topic.as_str()) || found.contains_key(&channel.topic) {
                 return;
             }
-            let reading = Reading { purpose: Purpose::Color, rectified: false };
+            let reading = ReadMode { purpose: Purpose::Color, rectified: false };
             let mut image = RecordedImage::default();
             let read = channel.kind().map(|kind| decode::image(kind, data, reading, &mut image));
             let is_depth = match read {

@@ -13,7 +13,7 @@ use crate::messages::{
     TF_MESSAGE, TfMessage,
 };
 pub use crate::messages::{Header, Time};
-use crate::mount::Mount;
+use crate::mount::CameraMount;
 use crate::obstacles::ObstaclesRecord;
 
 /// The content of one message, without its header.
@@ -32,7 +32,7 @@ pub enum RosMessage<'a> {
     /// `sensor_msgs/msg/LaserScan`
     Scan(&'a ObstaclesRecord<'a>),
     /// `tf2_msgs/msg/TFMessage`: from `base_link` to the frame of the header.
-    TfStatic(Mount),
+    TfStatic(CameraMount),
 }
 
 /// An image that is not compressed.

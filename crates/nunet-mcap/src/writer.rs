@@ -9,7 +9,7 @@ use crate::RecordingError;
 use crate::file_end::FileEnd;
 use crate::frame_record::{DepthRecord, FrameRecord, ScaleRecord, WriterOptions};
 use crate::messages::{Header, Schema, Time};
-use crate::mount::Mount;
+use crate::mount::CameraMount;
 use crate::obstacles::ObstaclesRecord;
 use crate::records::io;
 use crate::ros::{RawImage, RosMessage};
@@ -33,7 +33,7 @@ pub struct RecordingWriter {
     channels: BTreeMap<String, u16>,
     camera: String,
     frame_id: String,
-    mount: Option<Mount>,
+    mount: Option<CameraMount>,
     message: Vec<u8>,
     frames: u32,
     scale: ScaleRecord,

@@ -54,16 +54,16 @@ const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., siz
 /// Camera(fx=518.9, fy=519.5, cx=325.6, cy=253.7, size=(640, 480))
 #[pyclass(frozen, from_py_object, module = "nunet_py", name = "Camera")]
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) struct Camera(pub(crate) camera::Camera, pub(crate) Option<CalibratedScale>);
+pub(crate) struct PyCamera(pub(crate) camera::Camera, pub(crate) Option<CalibratedScale>);
 
 /// The arguments that restore a pickled camera: `fx, fy, cx, cy, size, distortion, distortion_model, scale`.
-type Parts = (f64, f64, f64, f64, (u32, u32), Vec<f64>, Option<&'static str>, Option<Scale>);
+type PickledCamera = (f64, f64, f64, f64, (u32, u32), Vec<f64>, Option<&'static str>, Option<ScaleArguments>);
 
 /// A factor, and the SHA-256 of the model that it is for.
-type Scale = (f32, Option<[u8; 32]>);
+type ScaleArguments = (f32, Option<[u8; 32]>);
 
 #[pymethods]
-impl Camera {
+impl PyCamera {
     #[new]
     #[pyo3(signature = (fx, fy, cx, cy, size, distortion = None, *, distortion_model = None, scale = None))]
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class")]
@@ -208,7 +208,7 @@ impl Camera {
         format!("Camera(fx={fx}, fy={fy}, cx={cx}, cy={cy}, size=({width}, {height}){lens}{scale})")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, PickledCamera)> {
         let this = slf.get();
         let rebuild = slf.py().import("nunet_py._native")?.getattr("_camera")?;
         let lens = (this.distortion(), this.distortion_model());
@@ -230,23 +230,23 @@ fn _camera(
     size: (u32, u32),
     distortion: Vec<f64>,
     distortion_model: Option<String>,
-    scale: Option<Scale>,
-) -> PyResult<Camera> {
+    scale: Option<ScaleArguments>,
+) -> PyResult<PyCamera> {
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, size.0, size.1).map_err(of_camera)?;
     let scale = scale.map(|(factor, model_hash)| CalibratedScale { factor, model_hash });
-    Ok(Camera(
+    Ok(PyCamera(
         camera::Camera { intrinsics, distortion: lens(&distortion, distortion_model.as_deref())? },
         scale,
     ))
 }
 
 /// The optional argument `camera`.
-pub(crate) fn camera_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<Camera>> {
+pub(crate) fn camera_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<PyCamera>> {
     taken("camera", object, "a Camera", EXAMPLE)
 }
 
 /// The optional argument `intrinsics`.
-pub(crate) fn intrinsics_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<Camera>> {
+pub(crate) fn intrinsics_argument(object: &Bound<'_, PyAny>) -> PyResult<Option<PyCamera>> {
     taken("intrinsics", object, "a Camera", EXAMPLE)
 }
 
@@ -303,6 +303,6 @@ fn fisheye() -> PyErr {
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Camera>()?;
+    module.add_class::<PyCamera>()?;
     module.add_function(wrap_pyfunction!(_camera, module)?)
 }

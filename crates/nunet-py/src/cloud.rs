@@ -17,7 +17,8 @@ use crate::error::{failure, hinted};
 pub(crate) const METRE: &str = "metre";
 
 /// The arrays of a pickled cloud, and its unit.
-type Parts<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<u8>>, Bound<'py, PyArray3<u8>>, String);
+type PickledCloud<'py> =
+    (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<u8>>, Bound<'py, PyArray3<u8>>, String);
 
 /// Points in the camera's optical frame (x right, y down, z forward), organized like the depth map: one point per pixel.
 ///
@@ -159,7 +160,7 @@ impl Cloud {
         Ok(module.getattr("to_open3d")?.call1((slf,))?.unbind())
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PickledCloud<'py>)> {
         let restore = py.import("nunet_py._native")?.getattr("_cloud")?;
         let arrays =
             (self.points.bind(py).clone(), self.labels.bind(py).clone(), self.colors.bind(py).clone());

@@ -20,12 +20,12 @@ const EXPECTED: &str = "a numpy array of uint8 (H, W, 3), a path or a PIL image"
 
 /// The order of the channels of an array.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum ChannelOrder {
+pub(crate) enum ColorOrder {
     Rgb,
     Bgr,
 }
 
-impl ChannelOrder {
+impl ColorOrder {
     /// The order by its name.
     ///
     /// # Errors
@@ -50,24 +50,24 @@ impl ChannelOrder {
 }
 
 /// An image of 8-bit RGB or BGR, rows from the top.
-pub(crate) enum Image<'py> {
+pub(crate) enum ImageArgument<'py> {
     /// An array of the caller, or a contiguous copy of it.
-    Array { pixels: PyReadonlyArray3<'py, u8>, order: ChannelOrder },
+    Array { pixels: PyReadonlyArray3<'py, u8>, order: ColorOrder },
     /// A decoded file, RGB.
     File { pixels: Vec<u8>, size: ImageSize },
 }
 
-impl<'py> Image<'py> {
+impl<'py> ImageArgument<'py> {
     /// Takes the argument called `name`. `order` is that of an array; files and PIL images know theirs.
     ///
     /// # Errors
     /// `TypeError` for anything that is not an image of 8 bits per channel, `ValueError` for another shape or size,
     /// `FileNotFoundError` and `NunetError` for a file that cannot be read.
-    pub(crate) fn take(name: &str, object: &Bound<'py, PyAny>, order: ChannelOrder) -> PyResult<Self> {
+    pub(crate) fn take(name: &str, object: &Bound<'py, PyAny>, order: ColorOrder) -> PyResult<Self> {
         let image = if let Some(path) = path(object)? {
             Self::open(object.py(), path)?
         } else if is_pil(object)? {
-            Self::array(name, &from_pil(name, object)?, ChannelOrder::Rgb)?
+            Self::array(name, &from_pil(name, object)?, ColorOrder::Rgb)?
         } else {
             Self::array(name, object, order)?
         };
@@ -81,7 +81,7 @@ impl<'py> Image<'py> {
         Ok(Self::File { pixels, size })
     }
 
-    fn array(name: &str, object: &Bound<'py, PyAny>, order: ChannelOrder) -> PyResult<Self> {
+    fn array(name: &str, object: &Bound<'py, PyAny>, order: ColorOrder) -> PyResult<Self> {
         let array = object.cast::<PyUntypedArray>().map_err(|_| not_an_image(name, object))?;
         check_channels_type(name, array)?;
         check_shape(name, array)?;

@@ -28,7 +28,7 @@ pub(crate) unsafe trait Memory {
 
 /// The layout of an array in a memory.
 #[derive(Debug, Clone)]
-pub(crate) struct Shape<const N: usize> {
+pub(crate) struct ArrayLayout<const N: usize> {
     pub(crate) lengths: [usize; N],
     /// Bytes from one element to the next, for each dimension.
     pub(crate) strides: [isize; N],
@@ -36,7 +36,7 @@ pub(crate) struct Shape<const N: usize> {
     pub(crate) offset: usize,
 }
 
-impl<const N: usize> Shape<N> {
+impl<const N: usize> ArrayLayout<N> {
     /// Elements of so many bytes, row after row without gaps.
     pub(crate) fn packed(lengths: [usize; N], element_bytes: usize) -> Self {
         let mut strides = [0; N];
@@ -82,7 +82,7 @@ impl<const N: usize> Shape<N> {
 pub(crate) fn array<'py, M, const N: usize>(
     owner: &Bound<'py, M>,
     element: Bound<'py, PyArrayDescr>,
-    shape: Shape<N>,
+    shape: ArrayLayout<N>,
 ) -> PyResult<Bound<'py, PyAny>>
 where
     M: Memory + PyClass<Frozen = pyo3::pyclass::boolean_struct::True> + Sync,

@@ -51,8 +51,8 @@ use crate::error::hinted;
 ///     The share of the image that shows floor.
 /// used_labels : bool
 ///     Whether labels identified floor and glass; if not, only geometry did.
-#[pyclass(frozen, get_all, module = "nunet_py")]
-pub(crate) struct Obstacles {
+#[pyclass(frozen, get_all, name = "Obstacles", module = "nunet_py")]
+pub(crate) struct PyObstacles {
     states: Py<PyTuple>,
     ranges: Py<PyArray1<f32>>,
     angles: Py<PyArray1<f32>>,
@@ -74,7 +74,7 @@ const MOUNT_EXAMPLE: &str =
     "pass (x, y, z, roll, pitch, yaw), meters and radians, such as (0.1, 0, 0.25, 0, -0.07, 0)";
 
 /// What both sources of obstacles have.
-struct Parts<'a> {
+struct ObstacleParts<'a> {
     map: ObstacleMap<'a>,
     ground: (f32, f32, f32),
     ground_refined: bool,
@@ -82,12 +82,12 @@ struct Parts<'a> {
     used_labels: bool,
 }
 
-impl Obstacles {
+impl PyObstacles {
     /// The obstacles of a message.
     pub(crate) fn of_record(py: Python<'_>, record: &ObstacleRecord) -> PyResult<Self> {
         Self::new(
             py,
-            &Parts {
+            &ObstacleParts {
                 map: record.map(),
                 ground: (record.ground_slope_x, record.ground_slope_y, record.ground_height_m),
                 ground_refined: record.ground_refined != 0,
@@ -111,7 +111,7 @@ impl Obstacles {
         let ground = found.ground;
         Self::new(
             py,
-            &Parts {
+            &ObstacleParts {
                 map: found.map(),
                 ground: (ground.slope_x, ground.slope_y, ground.height_m),
                 ground_refined: ground.is_refined,
@@ -121,7 +121,7 @@ impl Obstacles {
         )
     }
 
-    fn new(py: Python<'_>, parts: &Parts<'_>) -> PyResult<Self> {
+    fn new(py: Python<'_>, parts: &ObstacleParts<'_>) -> PyResult<Self> {
         let ObstacleMap { sectors, points, .. } = parts.map;
         let of_sectors = |value: fn(&ObstacleSector) -> f32| floats(py, sectors.iter().map(value));
         Ok(Self {
@@ -145,7 +145,7 @@ impl Obstacles {
 }
 
 #[pymethods]
-impl Obstacles {
+impl PyObstacles {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let states: Vec<String> = self.states.extract(py)?;
         let count = |state: &str| states.iter().filter(|found| *found == state).count();
@@ -202,5 +202,5 @@ pub(crate) fn mount(numbers: &[f64]) -> PyResult<Mount> {
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Obstacles>()
+    module.add_class::<PyObstacles>()
 }

@@ -34,7 +34,7 @@ pub(crate) struct Played {
 
 /// The outcome of [`Player::step`].
 #[derive(Debug)]
-pub(crate) enum Step {
+pub(crate) enum PlayerStep {
     /// The results of an image.
     Played(Box<Played>),
     /// An image that cannot be read. The next one may be good.
@@ -79,16 +79,18 @@ impl Player {
     ///
     /// # Errors
     /// The file is damaged or cut off at this point. All images before were returned.
-    pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<Step> {
+    pub(crate) fn step(&mut self, model: &mut Model) -> anyhow::Result<PlayerStep> {
         let sequence = |frame: &Frame| frame.sequence;
         match self.source.fill(&mut self.frame) {
             Fill::Frame => Ok(match self.process(model) {
-                Ok(played) => Step::Played(Box::new(played)),
-                Err(error) => Step::Lost { sequence: sequence(&self.frame), error },
+                Ok(played) => PlayerStep::Played(Box::new(played)),
+                Err(error) => PlayerStep::Lost { sequence: sequence(&self.frame), error },
             }),
-            Fill::Failed(error) => Ok(Step::Lost { sequence: sequence(&self.frame), error: error.into() }),
-            Fill::Nothing | Fill::Crowded => Ok(Step::Nothing),
-            Fill::End => Ok(Step::End),
+            Fill::Failed(error) => {
+                Ok(PlayerStep::Lost { sequence: sequence(&self.frame), error: error.into() })
+            }
+            Fill::Nothing | Fill::Crowded => Ok(PlayerStep::Nothing),
+            Fill::End => Ok(PlayerStep::End),
             Fill::Cut(error) | Fill::Broken(error) => Err(error.into()),
         }
     }

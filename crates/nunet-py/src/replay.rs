@@ -6,18 +6,18 @@ use std::sync::{Mutex, PoisonError};
 use pyo3::prelude::*;
 
 use crate::argument;
-use crate::camera::{Camera, camera_argument};
+use crate::camera::{PyCamera, camera_argument};
 use crate::error::{failure, warn};
-use crate::model::{Model, model_argument};
-use crate::player::{Player, Step};
+use crate::model::{PyModel, model_argument};
+use crate::player::{Player, PlayerStep};
 use crate::result::Result;
 
 /// An iterator over the results of a recording's images, returned by `replay`.
 ///
 /// Images are read and processed on demand.
-#[pyclass(frozen, module = "nunet_py")]
-pub(crate) struct Replay {
-    model: Py<Model>,
+#[pyclass(frozen, name = "Replay", module = "nunet_py")]
+pub(crate) struct PyReplay {
+    model: Py<PyModel>,
     /// `None` after the end of the recording.
     player: Mutex<Option<Player>>,
     #[pyo3(get)]
@@ -28,28 +28,28 @@ pub(crate) struct Replay {
 }
 
 /// The outcome of one step, without Python objects.
-enum Next {
-    Step(Step),
+enum ReplayStep {
+    Step(PlayerStep),
     Failed(anyhow::Error),
 }
 
-impl Replay {
+impl PyReplay {
     /// Reads and processes one image. The recording is closed at its end and where it is cut off.
-    fn step(&self, py: Python<'_>) -> PyResult<Next> {
+    fn step(&self, py: Python<'_>) -> PyResult<ReplayStep> {
         self.model.get().exclusive(py, |model| {
             let mut player = self.player.lock().unwrap_or_else(PoisonError::into_inner);
-            let Some(open) = player.as_mut() else { return Next::Step(Step::End) };
+            let Some(open) = player.as_mut() else { return ReplayStep::Step(PlayerStep::End) };
             let step = open.step(model);
-            if !matches!(step, Ok(Step::Played(_) | Step::Lost { .. } | Step::Nothing)) {
+            if !matches!(step, Ok(PlayerStep::Played(_) | PlayerStep::Lost { .. } | PlayerStep::Nothing)) {
                 *player = None;
             }
-            step.map_or_else(Next::Failed, Next::Step)
+            step.map_or_else(ReplayStep::Failed, ReplayStep::Step)
         })
     }
 }
 
 #[pymethods]
-impl Replay {
+impl PyReplay {
     fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
         slf
     }
@@ -57,18 +57,18 @@ impl Replay {
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Result>> {
         loop {
             match self.step(py)? {
-                Next::Step(Step::Played(played)) => {
+                ReplayStep::Step(PlayerStep::Played(played)) => {
                     let model = self.model.get();
                     model.warn_of_guesses(py, &played.inferred, played.frame_size)?;
                     return Result::of_recording(py, *played, self.topic.clone(), model.shared()).map(Some);
                 }
-                Next::Step(Step::Lost { sequence, error }) => {
+                ReplayStep::Step(PlayerStep::Lost { sequence, error }) => {
                     warn(py, &format!("cannot read image {sequence} of `{}`: {error:#}", self.path))?;
                 }
                 // Between images, so that Ctrl-C ends the wait.
-                Next::Step(Step::Nothing) => py.check_signals()?,
-                Next::Step(Step::End) => return Ok(None),
-                Next::Failed(error) => return Err(failure(&error)),
+                ReplayStep::Step(PlayerStep::Nothing) => py.check_signals()?,
+                ReplayStep::Step(PlayerStep::End) => return Ok(None),
+                ReplayStep::Failed(error) => return Err(failure(&error)),
             }
         }
     }
@@ -120,20 +120,20 @@ impl Replay {
 fn replay(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::path)] path: PathBuf,
-    #[pyo3(from_py_with = model_argument)] model: Py<Model>,
+    #[pyo3(from_py_with = model_argument)] model: Py<PyModel>,
     #[pyo3(from_py_with = argument::topic)] topic: Option<&str>,
-    #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
-) -> PyResult<Replay> {
+    #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
+) -> PyResult<PyReplay> {
     let factor = model.get().factor_of(camera)?;
     let camera = camera.map(|camera| camera.0);
     let player =
         py.detach(|| Player::open(&path, topic, (camera, factor))).map_err(|error| failure(&error))?;
     let (topic, images) = (player.topic().to_owned(), player.image_count());
     let path = path.display().to_string();
-    Ok(Replay { model, player: Mutex::new(Some(player)), topic, images, path })
+    Ok(PyReplay { model, player: Mutex::new(Some(player)), topic, images, path })
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Replay>()?;
+    module.add_class::<PyReplay>()?;
     module.add_function(wrap_pyfunction!(replay, module)?)
 }

@@ -7,9 +7,9 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nunet_core::depth::Scale;
-use nunet_mcap::Mount;
+use nunet_mcap::CameraMount;
 use nunet_mcap::ros::{Header, RosMessage, encode};
-use nunet_sink::record::Record;
+use nunet_sink::record::RecordedFrame;
 use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
 use nunet_source::{Mailbox, Reuse, Taken};
@@ -55,7 +55,7 @@ const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
 
 /// A copy of a frame on its way to the thread.
 #[derive(Default)]
-struct Copy(Record);
+struct Copy(RecordedFrame);
 
 impl Reuse for Copy {
     fn release(&mut self) {}
@@ -160,7 +160,7 @@ pub(crate) struct CameraThread {
     name: String,
     frame_id: String,
     classes: Vec<String>,
-    mount: Option<Mount>,
+    mount: Option<CameraMount>,
     about: Vec<(&'static str, String)>,
     message: Vec<u8>,
     failures: RateLimit,
@@ -244,7 +244,7 @@ impl CameraThread {
     }
 
     /// Sends all topics of a frame that something subscribes to.
-    fn send_frame(&mut self, record: &Record) {
+    fn send_frame(&mut self, record: &RecordedFrame) {
         let Self { shared, outputs, encoder, failures, .. } = self;
         let wanted = shared.wanted.load(Ordering::Relaxed) & !WITHOUT_FRAME;
         for (topic, publishers) in outputs.0.iter().filter(|(topic, _)| wanted & bit(*topic) != 0) {

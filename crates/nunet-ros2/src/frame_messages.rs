@@ -3,7 +3,7 @@
 use nunet_mcap::CameraDescription;
 use nunet_mcap::ros::{Header, RawImage, RosMessage, Time};
 use nunet_sink::image_encoder::ImageEncoder;
-use nunet_sink::record::{Record, describe};
+use nunet_sink::record::{RecordedFrame, describe};
 use nunet_types::Units;
 
 use crate::options::DepthFormat;
@@ -28,7 +28,7 @@ impl FrameEncoder {
     }
 
     /// The message of `topic`; `None` if the frame has none.
-    pub(crate) fn encode(&mut self, topic: Topic, record: &Record) -> anyhow::Result<Option<&[u8]>> {
+    pub(crate) fn encode(&mut self, topic: Topic, record: &RecordedFrame) -> anyhow::Result<Option<&[u8]>> {
         let Self { frame_id, depth, images, pixels, message } = self;
         let stamp = Time::from_unix_nanos(record.frame.capture.unix_nanos);
         let mut header = Header { stamp, frame_id: frame_id.as_str().into() };
@@ -63,7 +63,7 @@ impl FrameEncoder {
 
 /// Every `step`-th pixel of every `step`-th row. Depth without a unit stays as it is: it has no millimeters.
 fn depth_image<'a>(
-    record: &'a Record,
+    record: &'a RecordedFrame,
     step: usize,
     format: DepthFormat,
     pixels: &'a mut Vec<u8>,
@@ -94,7 +94,7 @@ fn millimeters(meters: f32) -> u16 {
     if (1.0..=f32::from(u16::MAX)).contains(&millimeters) { millimeters as u16 } else { 0 }
 }
 
-fn label_image<'a>(record: &Record, data: &'a [u8]) -> RawImage<'a> {
+fn label_image<'a>(record: &RecordedFrame, data: &'a [u8]) -> RawImage<'a> {
     let depth = record.depth();
     RawImage { width: depth.width, height: depth.height, encoding: "mono8", pixel_bytes: 1, data }
 }
@@ -114,8 +114,8 @@ mod tests {
 
     use super::*;
 
-    fn record(size: ImageSize, depth: &[f32]) -> Record {
-        let mut record = Record::default();
+    fn record(size: ImageSize, depth: &[f32]) -> RecordedFrame {
+        let mut record = RecordedFrame::default();
         record.copy_results(&Results {
             scale: Scale::unscaled(DepthEncoding::Metric),
             size,

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use nunet_mcap::Mount;
+use nunet_mcap::CameraMount;
 use nunet_telemetry::MessageCounts;
 
 use crate::environment::Environment;
@@ -164,7 +164,7 @@ pub struct CameraOptions<'a> {
     /// The names of the classes, in the order of their indices; empty without labels.
     pub classes: &'a [String],
     /// Where it is on the robot.
-    pub mount: Option<Mount>,
+    pub mount: Option<CameraMount>,
     /// Whether the model has labels.
     pub has_labels: bool,
     /// Whether obstacles are found.

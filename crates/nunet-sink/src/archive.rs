@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use tracing::error;
 
 use crate::queue::Writer;
-use crate::record::Record;
+use crate::record::RecordedFrame;
 
 /// The longest part that is lost if the process or the machine dies.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
@@ -22,7 +22,7 @@ pub trait Archive: Send + 'static {
     ///
     /// # Errors
     /// It could not be written.
-    fn write(&mut self, record: &Record) -> anyhow::Result<()>;
+    fn write(&mut self, record: &RecordedFrame) -> anyhow::Result<()>;
 
     /// Makes everything written so far durable.
     ///
@@ -109,9 +109,9 @@ impl ArchiveWriter {
 }
 
 impl Writer for ArchiveWriter {
-    type Item = Record;
+    type Item = RecordedFrame;
 
-    fn write(&mut self, record: &Record) {
+    fn write(&mut self, record: &RecordedFrame) {
         let Some(archive) = &mut self.archive else {
             self.lost += 1;
             return;
@@ -154,7 +154,7 @@ mod tests {
             Path::new("archive of a test")
         }
 
-        fn write(&mut self, _record: &Record) -> anyhow::Result<()> {
+        fn write(&mut self, _record: &RecordedFrame) -> anyhow::Result<()> {
             Ok(())
         }
 
@@ -174,8 +174,8 @@ mod tests {
         let mut writer = ArchiveWriter::new(Box::new(OneSync { used: false }), Arc::clone(&durable));
         let mut seen = Vec::new();
         for _ in 0..2 {
-            writer.write(&Record::default());
-            writer.write(&Record::default());
+            writer.write(&RecordedFrame::default());
+            writer.write(&RecordedFrame::default());
             seen.push(durable.load(Ordering::Relaxed));
             writer.sync();
             seen.push(durable.load(Ordering::Relaxed));

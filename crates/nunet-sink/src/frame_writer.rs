@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::pipeline::Pipeline;
 use nunet_ipc::Clock;
-use nunet_mcap::{FrameRecord, Mount, RecordingWriter, WriterOptions};
+use nunet_mcap::{CameraMount, FrameRecord, RecordingWriter, WriterOptions};
 
 use crate::archive::Archive;
 use crate::image_encoder::ImageEncoder;
-use crate::record::{Record, describe};
+use crate::record::{RecordedFrame, describe};
 
 /// The settings of a recording before its first frame.
 pub struct RecordingOptions<'a> {
@@ -17,7 +17,7 @@ pub struct RecordingOptions<'a> {
     /// The coordinate frame of images and depth.
     pub frame_id: &'a str,
     /// Where the camera is on the robot, if known.
-    pub mount: Option<Mount>,
+    pub mount: Option<CameraMount>,
     /// The model's file name.
     pub model: &'a str,
     /// The model file's SHA-256, hexadecimal.
@@ -80,7 +80,7 @@ impl FrameWriter {
     ///
     /// # Errors
     /// The image cannot be encoded, or the file cannot be written.
-    pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+    pub fn write(&mut self, record: &RecordedFrame) -> anyhow::Result<()> {
         let frame = &record.frame;
         let capture = frame.capture;
         // What was recorded before keeps its log time; a camera's frame is logged when it was taken.
@@ -126,7 +126,7 @@ impl Archive for FrameWriter {
         &self.path
     }
 
-    fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+    fn write(&mut self, record: &RecordedFrame) -> anyhow::Result<()> {
         Self::write(self, record)
     }
 

@@ -72,9 +72,9 @@ impl OwnedResults {
         }
     }
 
-    fn results(&self) -> nunet_files::Results<'_> {
+    fn results(&self) -> nunet_files::ResultArrays<'_> {
         let Self { size, depth, metric, labels, cloud, obstacles: _ } = self;
-        nunet_files::Results {
+        nunet_files::ResultArrays {
             size: *size,
             depth,
             metric: *metric,

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::obstacles::ObstacleConfig;
 
 /// What the images are drawn from.
-pub struct View<'a> {
+pub struct ObstacleView<'a> {
     /// The obstacles.
     pub found: &'a Obstacles,
     /// How they were found.
@@ -25,7 +25,7 @@ pub struct View<'a> {
     pub rgb: &'a [u8],
 }
 
-impl View<'_> {
+impl ObstacleView<'_> {
     /// Writes the files of [`write_obstacles`] and `obstacles_overlay.png` (on the image).
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use crate::results::Results;
 
 /// A frame as it is recorded.
 #[derive(Debug, Default)]
-pub struct Record {
+pub struct RecordedFrame {
     /// The image and its times.
     pub frame: Frame,
     /// The camera at the image's size.
@@ -30,7 +30,7 @@ pub struct Record {
     has_obstacles: bool,
 }
 
-impl Record {
+impl RecordedFrame {
     /// Takes a frame, and its camera at the image's size. Memory of another process is returned at once.
     pub fn take(&mut self, mut frame: Frame, camera: Option<Camera>) {
         if let Pixels::Shared(sample) = &frame.pixels {
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_longer_file_fits_into_the_memory_of_a_shorter_one() {
-        let mut record = Record::default();
+        let mut record = RecordedFrame::default();
         let file = |bytes| Frame { file: vec![1; bytes], size: ImageSize::new(640, 480), ..Frame::default() };
         record.copy_frame(&file(50_000), None);
         let memory = record.frame.file.as_ptr();
@@ -206,7 +206,7 @@ mod tests {
             max_range_m: 5.0,
             used_labels: true,
         };
-        let mut record = Record::default();
+        let mut record = RecordedFrame::default();
         record.copy_obstacles(Some(&found(3)));
         let memory = record.obstacles.as_ref().unwrap().points.as_ptr();
         for points in [100, 0, MAX_OBSTACLE_POINTS] {

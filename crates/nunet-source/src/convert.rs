@@ -37,7 +37,7 @@ pub(crate) enum RawLayout {
 
 /// An image in memory.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct RawImage<'a> {
+pub(crate) struct ImageView<'a> {
     pub(crate) layout: RawLayout,
     pub(crate) size: ImageSize,
     /// Bytes from row to row.
@@ -74,10 +74,10 @@ impl RawLayout {
 }
 
 /// Lays an image into `frame`. False if it has fewer bytes than its size takes.
-pub(crate) fn fill(frame: &mut Frame, image: RawImage<'_>) -> bool {
+pub(crate) fn fill(frame: &mut Frame, image: ImageView<'_>) -> bool {
     let needed = image.layout.byte_len(image.size, image.row_stride);
     let Some(bytes) = image.bytes.get(..needed) else { return false };
-    let image = RawImage { bytes, ..image };
+    let image = ImageView { bytes, ..image };
     match image.layout {
         RawLayout::Direct(format) => {
             image.lay(frame, format, image.row_stride, needed).copy_from_slice(bytes);
@@ -102,7 +102,7 @@ pub(crate) fn fill(frame: &mut Frame, image: RawImage<'_>) -> bool {
     true
 }
 
-impl RawImage<'_> {
+impl ImageView<'_> {
     /// Makes `frame` an image of this size in another format, and returns its bytes.
     fn lay<'f>(
         &self,
@@ -203,7 +203,7 @@ mod tests {
     fn filled(layout: RawLayout, size: impl Into<ImageSize>, row_stride: u32, bytes: &[u8]) -> Frame {
         let size = size.into();
         let mut frame = Frame::default();
-        assert!(fill(&mut frame, RawImage { layout, size, row_stride, bytes }));
+        assert!(fill(&mut frame, ImageView { layout, size, row_stride, bytes }));
         frame
     }
 
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn too_few_bytes_are_refused() {
         let mut frame = Frame::default();
-        let image = RawImage { layout: RawLayout::Uyvy, size: (2, 2).into(), row_stride: 4, bytes: &[0; 7] };
+        let image = ImageView { layout: RawLayout::Uyvy, size: (2, 2).into(), row_stride: 4, bytes: &[0; 7] };
         assert!(!fill(&mut frame, image));
     }
 }

@@ -13,9 +13,9 @@ use crate::error::{SourceError, SourceErrorKind};
 use crate::files::nothing_to_repeat;
 use crate::image_file::decode;
 use crate::listing::list;
-use crate::source::Ended;
+use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
-use crate::{Capture, Fill, Frame, OpenOptions, Source};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
 
 /// Folders of rendered images beside the models, the one that shows most first: `drive` is a robot's way, 0.25 m above the
 /// floor, with obstacles; the Python package brings only `clip`.
@@ -42,7 +42,7 @@ impl SourceType for Demo {
             SourceError::new(SourceErrorKind::Unavailable, message)
                 .with_hint("name a source: a folder of images, a recording, or a camera such as /dev/video0")
         })?;
-        Ok(Box::new(Ended::new(Clip::open(&folder)?)))
+        Ok(Box::new(Fused::new(Clip::open(&folder)?)))
     }
 }
 
@@ -106,7 +106,7 @@ impl Source for Clip {
             return Fill::Failed(error.context(format!("cannot read the image `{}`", path.display())));
         }
         let nanos = (frame.sequence as f64 * self.frame_nanos) as i64;
-        frame.capture = Capture { nanos, clock: Clock::Media, unix_nanos: unix_nanos() };
+        frame.capture = CaptureTime { nanos, clock: Clock::Media, unix_nanos: unix_nanos() };
         // A camera of another size would contradict the images.
         frame.camera = self.camera.fitted_to(frame.size.width, frame.size.height).ok();
         frame.stretch = self.stretch;

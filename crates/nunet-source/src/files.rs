@@ -7,9 +7,9 @@ use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::image_file::{decode, first_bytes};
 use crate::listing::{list, listed_files};
-use crate::source::Ended;
+use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
-use crate::{Capture, Fill, Frame, OpenOptions, Source};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
 
 /// A folder, a glob, or one image.
 pub(crate) struct ImageFiles;
@@ -29,7 +29,7 @@ impl SourceType for ImageFiles {
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        Ok(Box::new(Ended::new(Files::open(name, options.repeat)?)))
+        Ok(Box::new(Fused::new(Files::open(name, options.repeat)?)))
     }
 }
 
@@ -83,7 +83,7 @@ impl Source for Files {
             return Fill::Failed(error.context(format!("cannot read the image `{}`", path.display())));
         }
         let nanos = monotonic_nanos();
-        frame.capture = Capture { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
+        frame.capture = CaptureTime { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
         frame.camera = None;
         frame.stretch = self.stretch;
         self.any_good = true;

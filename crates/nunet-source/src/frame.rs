@@ -7,7 +7,7 @@ use nunet_types::ImageSize;
 
 /// Time of capture.
 #[derive(Debug, Clone, Copy)]
-pub struct Capture {
+pub struct CaptureTime {
     /// Nanoseconds of `clock`.
     pub nanos: i64,
     /// The frame's own clock.
@@ -16,7 +16,7 @@ pub struct Capture {
     pub unix_nanos: i64,
 }
 
-impl Default for Capture {
+impl Default for CaptureTime {
     /// An unknown time.
     fn default() -> Self {
         Self { nanos: 0, clock: Clock::Monotonic, unix_nanos: 0 }
@@ -29,7 +29,7 @@ pub enum Pixels {
     /// Memory that is reused for every image.
     Owned(Vec<u8>),
     /// A sample that stays valid until it is dropped.
-    Shared(nunet_ipc::Frame),
+    Shared(nunet_ipc::Message),
 }
 
 impl Default for Pixels {
@@ -56,7 +56,7 @@ pub struct Frame {
     /// Counts the source's frames from 0, readable or not.
     pub sequence: u64,
     /// Time of capture.
-    pub capture: Capture,
+    pub capture: CaptureTime,
     /// `CLOCK_MONOTONIC` nanoseconds when the source handed it over.
     pub ready_nanos: u64,
     /// The camera that took it, at the image's size, if the source knows it.

@@ -95,7 +95,7 @@ fn undecodable(error: ImageError) -> SourceError {
 
 /// An image of one channel as its numbers are: true depth, or labels.
 #[derive(Debug)]
-pub struct Numbers {
+pub struct SingleChannelImage {
     /// Width and height, pixels.
     pub size: ImageSize,
     /// Rows from the top.
@@ -108,17 +108,21 @@ pub struct Numbers {
 ///
 /// # Errors
 /// As [`decode`], and an image of several channels.
-pub fn decode_numbers(path: &Path) -> Result<Numbers> {
+pub fn decode_numbers(path: &Path) -> Result<SingleChannelImage> {
     let mut file = Vec::new();
     read(path, &mut file)?;
     let decoder = decoder_of(&file)?;
     check_memory(&decoder, false)?;
     let size = ImageSize::from(decoder.dimensions());
     match DynamicImage::from_decoder(decoder).map_err(undecodable)? {
-        DynamicImage::ImageLuma8(image) => {
-            Ok(Numbers { size, values: image.iter().map(|&value| value.into()).collect(), bits: 8 })
+        DynamicImage::ImageLuma8(image) => Ok(SingleChannelImage {
+            size,
+            values: image.iter().map(|&value| value.into()).collect(),
+            bits: 8,
+        }),
+        DynamicImage::ImageLuma16(image) => {
+            Ok(SingleChannelImage { size, values: image.into_raw(), bits: 16 })
         }
-        DynamicImage::ImageLuma16(image) => Ok(Numbers { size, values: image.into_raw(), bits: 16 }),
         other => {
             let channels = other.color().channel_count();
             Err(SourceError::bad_frame(format!("the image has {channels} channels, expected one")))

@@ -14,13 +14,13 @@ use nunet_types::{Hint as _, ImageSize, SensorRegion};
 use tracing::warn;
 
 use crate::bit_depth::BitDepthCheck;
-use crate::convert::{self, Bayer, RawImage, RawLayout};
+use crate::convert::{self, Bayer, ImageView, RawLayout};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::files::nothing_to_repeat;
 use crate::orientation::oriented_camera;
-use crate::source::Ended;
+use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
-use crate::{Capture, Fill, Frame, OpenOptions, Source, decode_file};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Source, decode_file};
 
 /// Orientation of an image that was not turned.
 const UPRIGHT: image::metadata::Orientation = image::metadata::Orientation::NoTransforms;
@@ -48,7 +48,7 @@ impl SourceType for RecordingFile {
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        Ok(Box::new(Ended::new(RecordingSource::open(Path::new(name), options)?)))
+        Ok(Box::new(Fused::new(RecordingSource::open(Path::new(name), options)?)))
     }
 }
 
@@ -152,7 +152,7 @@ impl RecordingSource {
     fn fill_frame(&mut self, frame: &mut Frame) -> Result<(), SourceError> {
         let image = &mut self.image;
         let log_nanos = i64::try_from(image.log_nanos).unwrap_or(i64::MAX);
-        frame.capture = Capture { nanos: log_nanos, clock: Clock::Unix, unix_nanos: image.unix_nanos() };
+        frame.capture = CaptureTime { nanos: log_nanos, clock: Clock::Unix, unix_nanos: image.unix_nanos() };
         frame.stretch = self.stretch;
         let mut orientation = UPRIGHT;
         if image.encoding == Some(ImageEncoding::File) {
@@ -166,7 +166,7 @@ impl RecordingSource {
                     .with_hint("name a topic with images")
             })?;
             let size = ImageSize::new(image.width, image.height);
-            let raw = RawImage { layout, size, row_stride: image.row_stride, bytes: &image.data };
+            let raw = ImageView { layout, size, row_stride: image.row_stride, bytes: &image.data };
             if let Some(maximum) = self.bit_depth.dim_maximum(&raw) {
                 let hint = "scale the values to 16 bits before recording: 10 bits by 64, 12 bits by 16";
                 warn!(

@@ -11,9 +11,9 @@ use nunet_types::ImageSize;
 use tracing::{info, warn};
 
 use crate::error::{SourceError, SourceErrorKind};
-use crate::source::Ended;
+use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
-use crate::{Capture, Fill, Frame, OpenOptions, Pixels, Source};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
@@ -37,7 +37,7 @@ impl SourceType for SharedMemoryCamera {
     }
 
     fn open(&self, name: &str, _options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        Ok(Box::new(Ended::new(SharedMemory::open(name.strip_prefix(PREFIX).unwrap_or(name))?)))
+        Ok(Box::new(Fused::new(SharedMemory::open(name.strip_prefix(PREFIX).unwrap_or(name))?)))
     }
 }
 
@@ -143,7 +143,7 @@ impl SharedMemory {
         }
     }
 
-    fn describe(&mut self, sample: nunet_ipc::Frame, frame: &mut Frame) -> Fill {
+    fn describe(&mut self, sample: nunet_ipc::Message, frame: &mut Frame) -> Fill {
         let header = sample.header();
         let format = header.encoding().ok().and_then(Encoding::pixel_format);
         frame.sequence = header.sequence;
@@ -157,7 +157,7 @@ impl SharedMemory {
         frame.format = format;
         frame.size = ImageSize::new(header.width, header.height);
         frame.row_stride = header.row_stride_bytes;
-        frame.capture = Capture {
+        frame.capture = CaptureTime {
             nanos: header.capture_nanos,
             clock: header.capture_clock().unwrap_or(Clock::Monotonic),
             // Not every publisher fills it, and the stamps of recordings are derived from it.
@@ -215,7 +215,7 @@ impl Source for SharedMemory {
     }
 }
 
-fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Frame>, IpcError> {
+fn latest_or_wait(reader: &Reader) -> Result<Option<nunet_ipc::Message>, IpcError> {
     if let Some(sample) = reader.latest(Topic::Rgb)? {
         return Ok(Some(sample));
     }

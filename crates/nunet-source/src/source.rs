@@ -101,15 +101,15 @@ impl OpenOptions<'_> {
 }
 
 /// Ends a source: all further calls return the end.
-pub(crate) struct Ended<S>(Option<S>);
+pub(crate) struct Fused<S>(Option<S>);
 
-impl<S: Source> Ended<S> {
+impl<S: Source> Fused<S> {
     pub(crate) fn new(source: S) -> Self {
         Self(Some(source))
     }
 }
 
-impl<S: Source> Source for Ended<S> {
+impl<S: Source> Source for Fused<S> {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         let Some(source) = &mut self.0 else { return Fill::End };
         let fill = source.fill(frame);

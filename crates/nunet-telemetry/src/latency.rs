@@ -10,7 +10,7 @@ const DIGITS: u8 = 3;
 
 /// Percentiles of a series of durations, in milliseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Summary {
+pub struct LatencySummary {
     /// Median.
     pub p50: f64,
     /// 90th percentile.
@@ -25,7 +25,7 @@ pub struct Summary {
 
 /// A histogram with exact sum and maximum. Computed from buckets, the mean could exceed the maximum.
 #[derive(Debug, Clone)]
-struct Series {
+struct LatencyHistogram {
     histogram: Histogram<u64>,
     max_micros: u64,
     sum_micros: u64,
@@ -34,15 +34,15 @@ struct Series {
 /// Histograms of the total latency and of each stage.
 #[derive(Debug, Clone)]
 pub struct Latencies {
-    total: Series,
-    stages: Vec<(String, Series)>,
+    total: LatencyHistogram,
+    stages: Vec<(String, LatencyHistogram)>,
 }
 
 impl Latencies {
     /// Empty histograms for these stages.
     pub fn new<'a>(stages: impl IntoIterator<Item = &'a str>) -> Self {
-        let stages = stages.into_iter().map(|name| (name.to_owned(), Series::default()));
-        Self { total: Series::default(), stages: stages.collect() }
+        let stages = stages.into_iter().map(|name| (name.to_owned(), LatencyHistogram::default()));
+        Self { total: LatencyHistogram::default(), stages: stages.collect() }
     }
 
     /// Adds one frame: its total, and the time of each stage in the order given to [`Latencies::new`].
@@ -65,17 +65,17 @@ impl Latencies {
     }
 
     /// From the source's hand-over to the wake-up of the readers.
-    pub fn total(&self) -> Summary {
+    pub fn total(&self) -> LatencySummary {
         self.total.summary()
     }
 
     /// Name and percentiles of each stage.
-    pub fn stages(&self) -> impl Iterator<Item = (&str, Summary)> {
+    pub fn stages(&self) -> impl Iterator<Item = (&str, LatencySummary)> {
         self.stages.iter().map(|(name, series)| (name.as_str(), series.summary()))
     }
 }
 
-impl Default for Series {
+impl Default for LatencyHistogram {
     fn default() -> Self {
         let histogram = Histogram::new_with_bounds(1, MAX_MICROS, DIGITS);
         let histogram = histogram.expect("constant bounds that the histogram accepts");
@@ -83,7 +83,7 @@ impl Default for Series {
     }
 }
 
-impl Series {
+impl LatencyHistogram {
     fn record(&mut self, micros: u64) {
         self.histogram.saturating_record(micros);
         self.max_micros = self.max_micros.max(micros);
@@ -97,13 +97,13 @@ impl Series {
     }
 
     /// Percentiles are upper edges of buckets; the last one may exceed the maximum.
-    fn summary(&self) -> Summary {
+    fn summary(&self) -> LatencySummary {
         if self.histogram.is_empty() {
-            return Summary::default();
+            return LatencySummary::default();
         }
         let ms = |micros: u64| micros as f64 / 1e3;
         let quantile = |part| ms(self.histogram.value_at_quantile(part).min(self.max_micros));
-        Summary {
+        LatencySummary {
             p50: quantile(0.5),
             p90: quantile(0.9),
             p99: quantile(0.99),
@@ -137,7 +137,7 @@ mod tests {
         let mut latencies = Latencies::new(["graph"]);
         latencies.record(109_889, [50_021]); // near the lower edge of a bucket of 64 us, and of 32 us
         for (summary, ms) in [(latencies.total(), 109.889), (latencies.stages().next().unwrap().1, 50.021)] {
-            let Summary { p50, p90, p99, max, mean } = summary;
+            let LatencySummary { p50, p90, p99, max, mean } = summary;
             assert_eq!([p50, p90, p99, max, mean], [ms; 5]);
         }
     }
@@ -158,14 +158,14 @@ mod tests {
 
     #[test]
     fn a_stream_without_frames_has_zeros() {
-        assert_eq!(Latencies::new([]).total(), Summary::default());
+        assert_eq!(Latencies::new([]).total(), LatencySummary::default());
     }
 
     #[test]
     fn a_time_beyond_the_range_counts_as_the_longest() {
         let mut latencies = Latencies::new([]);
         latencies.record(90_000_000, []);
-        let Summary { p50, max, mean, .. } = latencies.total();
+        let LatencySummary { p50, max, mean, .. } = latencies.total();
         assert_eq!((max, mean), (90_000.0, 90_000.0));
         assert!((59_000.0..=61_000.0).contains(&p50), "{p50}");
     }

@@ -39,7 +39,7 @@ impl Counts {
 
 /// How a frame ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
+pub enum FrameEnd {
     /// It was published.
     Published,
     /// A newer frame or a stop came first.
@@ -68,13 +68,13 @@ impl Ledger {
     ///
     /// # Panics
     /// If no frame is in flight: a frame was ended twice, which is a bug of the caller.
-    pub fn ended(&self, end: End) {
+    pub fn ended(&self, end: FrameEnd) {
         self.update(|counts| {
             counts.in_flight = counts.in_flight.checked_sub(1).expect("an entry is closed once");
             match end {
-                End::Published => counts.published += 1,
-                End::Superseded => counts.superseded += 1,
-                End::Failed => counts.failed += 1,
+                FrameEnd::Published => counts.published += 1,
+                FrameEnd::Superseded => counts.superseded += 1,
+                FrameEnd::Failed => counts.failed += 1,
             }
         });
     }
@@ -100,15 +100,15 @@ mod tests {
     #[derive(Debug, Clone, Copy)]
     enum Step {
         Capture,
-        End(End),
+        End(FrameEnd),
     }
 
     fn step() -> impl Strategy<Value = Step> {
         prop_oneof![
             2 => Just(Step::Capture),
-            1 => Just(Step::End(End::Published)),
-            1 => Just(Step::End(End::Superseded)),
-            1 => Just(Step::End(End::Failed)),
+            1 => Just(Step::End(FrameEnd::Published)),
+            1 => Just(Step::End(FrameEnd::Superseded)),
+            1 => Just(Step::End(FrameEnd::Failed)),
         ]
     }
 
@@ -138,8 +138,8 @@ mod tests {
     fn finishing_a_frame_twice_panics() {
         let ledger = Ledger::default();
         ledger.captured();
-        ledger.ended(End::Published);
-        ledger.ended(End::Published);
+        ledger.ended(FrameEnd::Published);
+        ledger.ended(FrameEnd::Published);
     }
 
     #[test]
@@ -150,7 +150,7 @@ mod tests {
                 scope.spawn(|| {
                     for _ in 0..10_000 {
                         ledger.captured();
-                        ledger.ended(End::Superseded);
+                        ledger.ended(FrameEnd::Superseded);
                     }
                 });
             }

@@ -16,13 +16,13 @@
 //!
 //! # Example: the counts and latencies of two frames
 //! ```
-//! use nunet_telemetry::{Counts, End, Latencies, Ledger};
+//! use nunet_telemetry::{Counts, FrameEnd, Latencies, Ledger};
 //!
 //! let (ledger, mut latencies) = (Ledger::default(), Latencies::new(["graph"]));
 //! for total_micros in [20_000, 30_000] {
 //!     ledger.captured();
 //!     latencies.record(total_micros, [total_micros - 1_000]);
-//!     ledger.ended(End::Published);
+//!     ledger.ended(FrameEnd::Published);
 //! }
 //! assert_eq!(ledger.counts(), Counts { captured: 2, published: 2, ..Counts::default() });
 //! assert_eq!(latencies.total().max, 30.0);
@@ -43,8 +43,8 @@ mod totals;
 
 pub use allocations::{Allocations, CountingAllocator, allocations_of_this_thread, foreign_allocations};
 pub use drain::{DrainTimeout, GivenUp};
-pub use latency::{Latencies, Summary};
-pub use ledger::{Counts, End, Ledger};
+pub use latency::{Latencies, LatencySummary};
+pub use ledger::{Counts, FrameEnd, Ledger};
 pub use machine::{peak_rss_mb, processor};
 pub use messages::MessageCounts;
 pub use metrics::{CameraMetrics, Metrics};

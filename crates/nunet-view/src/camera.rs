@@ -27,7 +27,7 @@ pub struct CameraStatus {
 
 /// A camera as clients and producer share it.
 #[derive(Debug)]
-pub(crate) struct Camera {
+pub(crate) struct SharedCamera {
     pub(crate) name: String,
     /// Names of the classes, by label.
     pub(crate) classes: Vec<String>,
@@ -42,7 +42,7 @@ pub(crate) struct Camera {
 /// A client's slot: it holds the newest frame, and only that one.
 pub(crate) type Slot = watch::Receiver<Option<Arc<ViewFrame>>>;
 
-impl Camera {
+impl SharedCamera {
     fn new(name: &str, classes: &[String], newest: Slot) -> Self {
         Self {
             name: name.to_owned(),
@@ -116,7 +116,7 @@ pub enum OnDemand {
 /// A client that shows a result.
 #[derive(Debug)]
 pub(crate) struct Demand {
-    camera: Arc<Camera>,
+    camera: Arc<SharedCamera>,
     result: OnDemand,
 }
 
@@ -128,13 +128,13 @@ impl Drop for Demand {
 
 /// All cameras of a server.
 #[derive(Debug, Default)]
-pub(crate) struct Cameras(RwLock<Vec<Arc<Camera>>>);
+pub(crate) struct Cameras(RwLock<Vec<Arc<SharedCamera>>>);
 
 impl Cameras {
     /// Adds a camera. One of the same name is replaced: its producer has begun again.
     pub(crate) fn add(&self, name: &str, classes: &[String]) -> CameraFeed {
         let (newest, slot) = watch::channel(None);
-        let camera = Arc::new(Camera::new(name, classes, slot));
+        let camera = Arc::new(SharedCamera::new(name, classes, slot));
         let mut cameras = self.0.write().unwrap_or_else(PoisonError::into_inner);
         cameras.retain(|other| other.name != name);
         cameras.push(Arc::clone(&camera));
@@ -142,12 +142,12 @@ impl Cameras {
     }
 
     /// The camera of a name.
-    pub(crate) fn find(&self, name: &str) -> Option<Arc<Camera>> {
+    pub(crate) fn find(&self, name: &str) -> Option<Arc<SharedCamera>> {
         self.all().into_iter().find(|camera| camera.name == name)
     }
 
     /// All of them, in the order in which they were added.
-    pub(crate) fn all(&self) -> Vec<Arc<Camera>> {
+    pub(crate) fn all(&self) -> Vec<Arc<SharedCamera>> {
         self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -155,7 +155,7 @@ impl Cameras {
 /// The producer's end of a camera. No function of it blocks.
 #[derive(Debug)]
 pub struct CameraFeed {
-    camera: Arc<Camera>,
+    camera: Arc<SharedCamera>,
     newest: watch::Sender<Option<Arc<ViewFrame>>>,
     /// Frames that were offered; those that no client holds any more are filled again.
     pool: Vec<Arc<ViewFrame>>,
@@ -205,7 +205,7 @@ impl CameraFeed {
 mod tests {
     use super::*;
 
-    fn feed() -> (Arc<Camera>, CameraFeed) {
+    fn feed() -> (Arc<SharedCamera>, CameraFeed) {
         let feed = Cameras::default().add("front", &[]);
         (Arc::clone(&feed.camera), feed)
     }

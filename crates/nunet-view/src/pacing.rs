@@ -6,13 +6,13 @@ use tokio::time::Instant;
 
 /// Spaces the frames of one client so that neither a rate of frames nor a rate of bits is exceeded on average.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pacer {
+pub(crate) struct ClientPacer {
     interval: Duration,
     seconds_per_byte: f64,
     due: Instant,
 }
 
-impl Pacer {
+impl ClientPacer {
     /// Both limits are positive.
     pub(crate) fn new(max_fps: f32, max_mbit_per_s: f32) -> Self {
         Self {
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     /// Frames sent within `seconds` from a source of `source_fps`.
-    fn sent(mut pacer: Pacer, source_fps: f64, bytes: usize, seconds: f64) -> u32 {
+    fn sent(mut pacer: ClientPacer, source_fps: f64, bytes: usize, seconds: f64) -> u32 {
         let start = pacer.due;
         let mut count = 0;
         for frame in 0..(seconds * source_fps) as u32 {
@@ -57,20 +57,20 @@ mod tests {
     #[test]
     fn a_source_of_the_permitted_rate_is_not_thinned() {
         // Rounded intervals may cost the first one.
-        let count = sent(Pacer::new(15.0, 1000.0), 15.0, 1000, 10.0);
+        let count = sent(ClientPacer::new(15.0, 1000.0), 15.0, 1000, 10.0);
         assert!((149..=150).contains(&count), "{count} frames in 10 s");
     }
 
     #[test]
     fn a_faster_source_is_thinned_to_the_permitted_rate() {
-        let count = sent(Pacer::new(15.0, 1000.0), 50.0, 1000, 10.0);
+        let count = sent(ClientPacer::new(15.0, 1000.0), 50.0, 1000, 10.0);
         assert!((145..=152).contains(&count), "{count} frames in 10 s");
     }
 
     #[test]
     fn large_frames_keep_to_the_permitted_bits() {
         // 40 kB per frame: 3 Mbit/s are 9.4 frames per second.
-        let count = sent(Pacer::new(30.0, 3.0), 100.0, 40_000, 10.0);
+        let count = sent(ClientPacer::new(30.0, 3.0), 100.0, 40_000, 10.0);
         assert!((90..=95).contains(&count), "{count} frames in 10 s");
     }
 }

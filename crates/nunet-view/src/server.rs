@@ -16,7 +16,7 @@ use tracing::debug;
 
 use crate::camera::{CameraFeed, Cameras};
 use crate::error::ViewError;
-use crate::http::{MAX_SOCKETS, MetricsText, Shared, metrics_only, router};
+use crate::http::{MAX_SOCKETS, MetricsText, ServerState, metrics_only, router};
 use crate::token::Token;
 
 /// A client that does not send a request within this time is disconnected.
@@ -62,7 +62,7 @@ impl ViewServer {
         check_address(address, token.is_some())?;
         let cameras = Arc::<Cameras>::default();
         let running = Running::start("view", address, |address| {
-            router(Shared {
+            router(ServerState {
                 cameras: Arc::clone(&cameras),
                 token,
                 metrics,

@@ -55,7 +55,7 @@ pub fn organized_cloud(
     check("points", out.len(), points)?;
 
     let max_squared = max_range_m * max_range_m;
-    let pixels = Pixels { depth_m, rays: rays.rays(), rgb: rgb.as_chunks().0, max_squared };
+    let pixels = CloudInput { depth_m, rays: rays.rays(), rgb: rgb.as_chunks().0, max_squared };
     match labels {
         Some(labels) => pixels.fill(width as usize, stride, out, |pixel| labels[pixel]),
         None => pixels.fill(width as usize, stride, out, |_| NO_LABEL),
@@ -64,7 +64,7 @@ pub fn organized_cloud(
 }
 
 /// What points are computed from, one element per pixel.
-struct Pixels<'a> {
+struct CloudInput<'a> {
     depth_m: &'a [f32],
     rays: &'a [[f32; 2]],
     rgb: &'a [[u8; 3]],
@@ -72,7 +72,7 @@ struct Pixels<'a> {
     max_squared: f32,
 }
 
-impl Pixels<'_> {
+impl CloudInput<'_> {
     /// Generic over the label, so that the loop has no branch for it.
     fn fill(&self, width: usize, stride: NonZeroU32, out: &mut [CloudPoint], label: impl Fn(usize) -> u8) {
         let step = stride.get() as usize;

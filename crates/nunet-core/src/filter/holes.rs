@@ -9,7 +9,7 @@ use super::{DepthFilter, FilterError, check_size};
 
 /// Which of the depths around fills a hole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Mode {
+enum FillMode {
     /// The left one.
     Left,
     /// The farthest: holes beside an edge are more often background.
@@ -19,7 +19,7 @@ enum Mode {
     Nearest,
 }
 
-impl Mode {
+impl FillMode {
     const ALL: [Self; 3] = [Self::Left, Self::Farthest, Self::Nearest];
 
     fn name(self) -> &'static str {
@@ -34,7 +34,7 @@ impl Mode {
 /// How holes are filled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HolesOptions {
-    mode: Mode,
+    mode: FillMode,
 }
 
 impl HolesOptions {
@@ -45,8 +45,8 @@ impl HolesOptions {
     pub(super) fn parse(text: &str) -> Result<Self, FilterError> {
         let settings = Settings::parse(Self::NAME, text, &["mode"], Some("mode"), Self::EXAMPLE)?;
         let Some(word) = settings.text("mode") else { return Ok(Self::default()) };
-        let meant = |(number, mode): &(usize, Mode)| mode.name() == word || number.to_string() == word;
-        let mode = Mode::ALL.into_iter().enumerate().find(meant);
+        let meant = |(number, mode): &(usize, FillMode)| mode.name() == word || number.to_string() == word;
+        let mode = FillMode::ALL.into_iter().enumerate().find(meant);
         mode.map(|(_, mode)| Self { mode }).ok_or_else(|| {
             let expected = "`left` (or 0), `farthest` (1) or `nearest` (2)";
             settings.refuse("mode", word, expected.to_owned())
@@ -89,9 +89,9 @@ impl HoleFilling {
         let depths = around.into_iter().flatten().map(|index| depth_m[index]);
         // Of NaN and a number, both `max` and `min` give the number.
         match self.options.mode {
-            Mode::Left => left(index).map_or(f32::NAN, |left| depth_m[left]),
-            Mode::Farthest => depths.fold(f32::NAN, f32::max),
-            Mode::Nearest => depths.fold(f32::NAN, f32::min),
+            FillMode::Left => left(index).map_or(f32::NAN, |left| depth_m[left]),
+            FillMode::Farthest => depths.fold(f32::NAN, f32::max),
+            FillMode::Nearest => depths.fold(f32::NAN, f32::min),
         }
     }
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use crate::graph::manifest::{MAX_TOML_BYTES, Manifest};
-use crate::graph::onnx::{Model, Runtime};
+use crate::graph::onnx::{OnnxModel, Runtime};
 use crate::graph::wiring::{Contract, Unwired, Wired};
 use crate::graph::{ElementType, GraphError, GraphOptions, ManifestError, Provider, Signature, trial};
 use crate::model::{ExtraInput, ModelDescription, ModelError, SelfTest, Sidecar, SidecarError, StateTensor};
@@ -22,7 +22,7 @@ const MAX_MODEL_BYTES: u64 = (1 << 31) - 1;
 pub(super) struct Loaded {
     pub(super) plan: Wired,
     /// The model of each stage, with the path of its file.
-    pub(super) models: Vec<(PathBuf, Model)>,
+    pub(super) models: Vec<(PathBuf, OnnxModel)>,
     pub(super) description: ModelDescription,
     pub(super) provider: Provider,
     /// The format of a foreign network's image.
@@ -124,7 +124,7 @@ impl<'a> Loader<'a> {
     fn foreign(
         &self,
         path: &Path,
-        model: Model,
+        model: OnnxModel,
         hash: [u8; 32],
         options: &GraphOptions,
     ) -> Result<Loaded, GraphError> {
@@ -137,7 +137,7 @@ impl<'a> Loader<'a> {
             size: sidecar.size,
         };
         let signature = trial::with_depth_size(path, &model, &sidecar)?;
-        let parts = Parts {
+        let parts = WiringInput {
             manifest,
             signatures: vec![signature],
             states: vec![Vec::new()],
@@ -180,11 +180,11 @@ impl<'a> Loader<'a> {
         self.wire(path, manifest, models, description, options)
     }
 
-    fn model(&self, path: &Path) -> Result<(Model, [u8; 32]), GraphError> {
+    fn model(&self, path: &Path) -> Result<(OnnxModel, [u8; 32]), GraphError> {
         let bytes = read(path, MAX_MODEL_BYTES)?;
         // Before ONNX Runtime reads anything of it.
         let hash = self.hash(path, &bytes)?;
-        let model = Model::load(&bytes, self.runtime, self.provider, self.threads)
+        let model = OnnxModel::load(&bytes, self.runtime, self.provider, self.threads)
             .map_err(|reason| GraphError::Model { path: path.to_owned(), reason })?;
         Ok((model, hash))
     }
@@ -220,7 +220,7 @@ impl<'a> Loader<'a> {
         &self,
         path: &Path,
         manifest: Manifest,
-        models: Vec<(PathBuf, Model)>,
+        models: Vec<(PathBuf, OnnxModel)>,
         description: ModelDescription,
         options: &GraphOptions,
     ) -> Result<Loaded, GraphError> {
@@ -228,7 +228,7 @@ impl<'a> Loader<'a> {
             StateTensor::list(model.metadata())
                 .map_err(|source| GraphError::Description { path: file.clone(), source })
         });
-        let parts = Parts {
+        let parts = WiringInput {
             manifest,
             signatures: models.iter().map(|(_, model)| model.signature().clone()).collect(),
             states: states.collect::<Result<_, _>>()?,
@@ -241,7 +241,7 @@ impl<'a> Loader<'a> {
 }
 
 /// What the wiring checks.
-struct Parts<'a> {
+struct WiringInput<'a> {
     manifest: Manifest,
     signatures: Vec<Signature>,
     states: Vec<Vec<StateTensor>>,
@@ -249,7 +249,7 @@ struct Parts<'a> {
     contract: Contract,
 }
 
-impl Parts<'_> {
+impl WiringInput<'_> {
     fn wire(mut self, path: &Path, options: &GraphOptions) -> Result<Wired, GraphError> {
         override_every(&mut self.manifest, options)?;
         let Self { manifest, signatures, states, extra_inputs, contract } = self;

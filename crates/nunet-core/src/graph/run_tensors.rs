@@ -3,8 +3,8 @@
 use crate::graph::GraphError;
 use crate::graph::io::GraphInput;
 use crate::graph::onnx::{CallerTensor, Lent, LentTensors, Session};
-use crate::graph::state::State;
-use crate::graph::wiring::{Source, Wired, WiredStage};
+use crate::graph::state::GraphState;
+use crate::graph::wiring::{InputSource, Wired, WiredStage};
 
 /// The memory of each tensor of one run.
 pub(super) struct RunTensors<'run> {
@@ -14,7 +14,7 @@ pub(super) struct RunTensors<'run> {
     pub(super) depth: Option<Lent<'run>>,
     pub(super) labels: Option<Lent<'run>>,
     pub(super) own: LentTensors<'run>,
-    pub(super) state: &'run State,
+    pub(super) state: &'run GraphState,
     pub(super) run: u64,
 }
 
@@ -22,10 +22,10 @@ impl RunTensors<'_> {
     /// Runs one stage.
     pub(super) fn run(&self, stage: &WiredStage, session: &mut Session) -> Result<(), GraphError> {
         let inputs = stage.inputs.iter().map(|&source| match source {
-            Source::Image => self.image,
-            Source::Tensor(index) => self.tensor(index),
-            Source::State(index) => self.own.get(self.state.current(index)),
-            Source::Extra(index) => self.own.get(State::extra_index(self.plan, index)),
+            InputSource::Image => self.image,
+            InputSource::Tensor(index) => self.tensor(index),
+            InputSource::State(index) => self.own.get(self.state.current(index)),
+            InputSource::Extra(index) => self.own.get(GraphState::extra_index(self.plan, index)),
         });
         session
             .run(inputs, stage.outputs.clone().map(|index| self.tensor(index)))

@@ -12,7 +12,7 @@ use crate::graph::io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, Stag
 use crate::graph::load::{Loaded, load};
 use crate::graph::onnx::{CallerTensor, OwnTensors, Session};
 use crate::graph::run_tensors::{RunTensors, copy_out, lend_image, lend_labels};
-use crate::graph::state::State;
+use crate::graph::state::GraphState;
 use crate::graph::wiring::{Wired, WiredExtra, WiredStage, is_due};
 use crate::graph::{GraphError, Provider, Runtime, TensorSpec};
 use crate::model::ModelDescription;
@@ -32,7 +32,7 @@ pub struct SerialGraph {
     depth_resize: Option<DepthResize>,
     labels: Option<CallerTensor>,
     own: OwnTensors,
-    state: State,
+    state: GraphState,
     /// Runs since the last reset; `every` counts in it.
     runs: u64,
     /// Whether the labels of the last run were written into the caller's memory.
@@ -98,8 +98,8 @@ impl SerialGraph {
             depth: CallerTensor::new("depth", depth_spec),
             depth_resize: is_resized.then(|| DepthResize::new(plan.depth_size, plan.size)),
             labels: plan.labels.map(|index| CallerTensor::new("labels", spec(index))),
-            own: OwnTensors::new(&State::with_buffers(&plan))?,
-            state: State::new(&plan),
+            own: OwnTensors::new(&GraphState::with_buffers(&plan))?,
+            state: GraphState::new(&plan),
             plan,
             runs: 0,
             labels_left: false,
@@ -126,7 +126,7 @@ impl SerialGraph {
         let is_fed = |extra: &WiredExtra| camera.is_some() || !extra.value.needs_camera();
         for (index, extra) in self.plan.extras.iter().enumerate().filter(|(_, extra)| is_fed(extra)) {
             if let Some(bytes) = extra.bytes(camera.unwrap_or(&placeholder)) {
-                self.own.write(State::extra_index(&self.plan, index), &bytes);
+                self.own.write(GraphState::extra_index(&self.plan, index), &bytes);
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::graph::onnx::OwnTensors;
 use crate::graph::wiring::{Wired, is_due};
 
 /// The state of all stages: which of the graph's own tensors are its buffers.
-pub(super) struct State(Vec<Pair>);
+pub(super) struct GraphState(Vec<Pair>);
 
 /// One state tensor.
 struct Pair {
@@ -22,8 +22,8 @@ struct Pair {
     every: u32,
 }
 
-impl State {
-    /// The state of a plan's stages, in the order in which [`crate::graph::wiring::Source::State`] counts.
+impl GraphState {
+    /// The state of a plan's stages, in the order in which [`crate::graph::wiring::InputSource::State`] counts.
     pub(super) fn new(plan: &Wired) -> Self {
         let pairs = plan.states.iter().enumerate().map(|(index, state)| Pair {
             tensor: state.output,

@@ -5,7 +5,7 @@ use std::path::Path;
 use nunet_types::ImageSize;
 
 use crate::camera::Intrinsics;
-use crate::graph::onnx::{Model, OwnTensors};
+use crate::graph::onnx::{OnnxModel, OwnTensors};
 use crate::graph::wiring::{WiredExtra, wired_extra};
 use crate::graph::{GraphError, Signature, TensorSpec};
 use crate::model::{ExtraInput, Sidecar};
@@ -20,7 +20,7 @@ use crate::model::{ExtraInput, Sidecar};
 /// A size at which the network does not run, or of which it cuts off a part.
 pub(super) fn with_depth_size(
     path: &Path,
-    model: &Model,
+    model: &OnnxModel,
     sidecar: &Sidecar,
 ) -> Result<Signature, GraphError> {
     let mut signature = model.signature().clone();
@@ -69,7 +69,7 @@ fn inputs(signature: &Signature, sidecar: &Sidecar) -> Option<Vec<WiredExtra>> {
 
 /// The shape of the depth for a black image.
 fn run(
-    model: &Model,
+    model: &OnnxModel,
     inputs: &[WiredExtra],
     depth: &TensorSpec,
     ImageSize { width, height }: ImageSize,

@@ -6,12 +6,12 @@ use crate::graph::{GraphInput, SerialGraph};
 use crate::preprocess::TensorFormat;
 
 /// The image as the graph takes it: unchanged, or as a foreign network's tensor in a buffer of its own.
-pub(super) enum Input {
+pub(super) enum GraphImage {
     Rgb,
     Float { format: TensorFormat, tensor: Vec<f32> },
 }
 
-impl Input {
+impl GraphImage {
     pub(super) fn new(graph: &SerialGraph) -> Self {
         let ImageSize { width, height } = graph.size();
         match graph.float_input() {

@@ -50,7 +50,7 @@ pub struct FloorRatio {
 
 /// A pixel that sees level floor.
 #[derive(Debug, Clone, Copy)]
-struct Sample {
+struct FloorPixel {
     pixel: u32,
     true_m: f32,
     log_true: f32,
@@ -59,7 +59,7 @@ struct Sample {
 
 /// Weighted sums for the line of a logarithm `y` over the logarithm `x` of distance.
 #[derive(Debug, Clone, Copy, Default)]
-struct Line {
+struct LineSums {
     weight: f32,
     x: f32,
     y: f32,
@@ -67,7 +67,7 @@ struct Line {
     xy: f32,
 }
 
-impl Line {
+impl LineSums {
     fn add(&mut self, x: f32, y: f32, weight: f32) {
         self.weight += weight;
         self.x += weight * x;
@@ -89,7 +89,7 @@ impl Line {
 pub struct FloorGauge {
     rays: RayTable,
     roles: Roles,
-    samples: Vec<Sample>,
+    samples: Vec<FloorPixel>,
     /// Every n-th column and row is looked at.
     stride: usize,
     looked_at: usize,
@@ -134,7 +134,7 @@ impl FloorGauge {
                     let pixel = (row * width + column) as u32;
                     let weight = error.powi(-2) * DEPTH_ERROR.powi(2);
                     let true_m = height_m / down;
-                    self.samples.push(Sample { pixel, true_m, log_true: true_m.ln(), weight });
+                    self.samples.push(FloorPixel { pixel, true_m, log_true: true_m.ln(), weight });
                 }
             }
         }
@@ -177,11 +177,11 @@ impl FloorGauge {
 
     /// Adds up the weights of the floor's ratios by their logarithm; returns how many samples show floor, and how their ratios
     /// grow with distance.
-    fn count(&mut self, image: &DepthImage<'_>, labels: &[u8]) -> (usize, Line) {
+    fn count(&mut self, image: &DepthImage<'_>, labels: &[u8]) -> (usize, LineSums) {
         let Self { samples, weights, roles, .. } = self;
         weights.fill(0.0);
-        let (mut floor, mut line) = (0, Line::default());
-        for &Sample { pixel, true_m, log_true, weight } in samples.iter() {
+        let (mut floor, mut line) = (0, LineSums::default());
+        for &FloorPixel { pixel, true_m, log_true, weight } in samples.iter() {
             let pixel = pixel as usize;
             let ratio = true_m / image.depth_m[pixel];
             // False for NaN.

@@ -13,7 +13,7 @@ use super::{DEFAULT_MODEL, DepthUnitArgs, EngineArgs, GeometryArgs, SourceArgs};
 use crate::config::MountOption;
 use crate::exit::BadArguments;
 use crate::source::SourceName;
-use crate::subcommands::calibrate::{Evidence, Options};
+use crate::subcommands::calibrate::{CalibrateOptions, Evidence};
 
 /// `nunetd calibrate`
 #[derive(Debug, Args, Clone)]
@@ -81,7 +81,7 @@ impl super::text::FromText for PixelArg {
 
 impl CalibrateArgs {
     /// As checked values. Opens nothing.
-    pub(crate) fn options(&self) -> anyhow::Result<Options> {
+    pub(crate) fn options(&self) -> anyhow::Result<CalibrateOptions> {
         let source = || -> anyhow::Result<_> {
             let source = self.pace.config(SourceName::parse(self.source.as_deref().unwrap_or("demo")));
             source.check()?;
@@ -103,7 +103,7 @@ impl CalibrateArgs {
                 Evidence::Frames(source()?, Reference::Floor(mount))
             }
         };
-        Ok(Options {
+        Ok(CalibrateOptions {
             evidence,
             geometry: self.geometry.options(),
             model: self.model.clone(),

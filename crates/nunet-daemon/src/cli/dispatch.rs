@@ -43,13 +43,13 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
 }
 
 impl InferArgs {
-    fn options(self) -> anyhow::Result<infer::Options> {
+    fn options(self) -> anyhow::Result<infer::InferOptions> {
         let (mount, engine) = (value(&self.mount), self.engine.options());
         let processing = self.processing.config(mount)?;
         let max_range_m = processing.pipeline.max_range_m;
         let obstacles = self.obstacle_options.config(mount, max_range_m, self.obstacles)?;
         let obstacles = obstacles.filter(|obstacles| obstacles.is_required);
-        Ok(infer::Options {
+        Ok(infer::InferOptions {
             images: self.images,
             out: self.out,
             model: self.model,
@@ -61,8 +61,8 @@ impl InferArgs {
 }
 
 impl FeedArgs {
-    fn options(&self) -> anyhow::Result<feed::Options> {
-        Ok(feed::Options {
+    fn options(&self) -> anyhow::Result<feed::FeedOptions> {
+        Ok(feed::FeedOptions {
             source: self.pace.config(SourceName::parse(&self.source)),
             camera: camera_name(&self.camera)?,
             geometry: self.geometry.options(),
@@ -71,15 +71,22 @@ impl FeedArgs {
 }
 
 impl BenchArgs {
-    fn options(self) -> bench::Options {
+    fn options(self) -> bench::BenchOptions {
         let (runs, engine) = (self.runs.0, self.engine.options());
-        bench::Options { models: self.model, image: self.image, runs, engine, json: self.json }
+        bench::BenchOptions { models: self.model, image: self.image, runs, engine, json: self.json }
     }
 }
 
 impl TuneArgs {
-    fn options(self) -> tune::Options {
+    fn options(self) -> tune::TuneOptions {
         let (runs, engine) = (self.runs.0, self.engine.options());
-        tune::Options { model: self.model, image: self.image, runs, engine, out: self.out, json: self.json }
+        tune::TuneOptions {
+            model: self.model,
+            image: self.image,
+            runs,
+            engine,
+            out: self.out,
+            json: self.json,
+        }
     }
 }

@@ -99,10 +99,10 @@ pub enum ProtocolArg {
 
 impl EvalArgs {
     /// As checked values.
-    pub(crate) fn options(&self) -> Result<eval::Options, BadArguments> {
+    pub(crate) fn options(&self) -> Result<eval::EvalCommandOptions, BadArguments> {
         let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters, value(&self.mount))?;
         let obstacles = self.obstacle_eval(pipeline.max_range_m)?;
-        Ok(eval::Options {
+        Ok(eval::EvalCommandOptions {
             evaluation: EvalOptions { obstacles, ..self.evaluation(geometry) },
             model: self.model.clone(),
             pipeline,

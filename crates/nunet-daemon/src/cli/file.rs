@@ -22,7 +22,7 @@ const SECTIONS_HINT: &str =
     "write a `[[camera]]` section for each of several cameras, or `camera = \"NAME\"` for one";
 
 /// The settings of a file, by the long names of flags.
-pub(super) struct File {
+pub(super) struct ConfigFile {
     /// Above the sections.
     pub(super) shared: Table,
     /// Of each camera; empty if the file has no sections.
@@ -30,18 +30,18 @@ pub(super) struct File {
 }
 
 /// Checks a value of a key.
-type Check<'a> = dyn Fn(&str, &Value) -> Result<(), BadArguments> + 'a;
+type ValueCheck<'a> = dyn Fn(&str, &Value) -> Result<(), BadArguments> + 'a;
 
-impl File {
+impl ConfigFile {
     /// Reads a file whose keys are the flags of `run`.
     ///
     /// # Errors
     /// The message, with the file's name and the line where there is one.
-    pub(super) fn read(path: &Path, run: &Command, check: &Check<'_>) -> Result<Self, BadArguments> {
+    pub(super) fn read(path: &Path, run: &Command, check: &ValueCheck<'_>) -> Result<Self, BadArguments> {
         let in_file = |message: &str| format!("`{}`{}", path.display(), shortened(message));
         let text =
             text_of_file(path).map_err(|message| BadArguments::new(in_file(&format!(": {message}"))))?;
-        let reader = Reader { text: &text, run, check, own: stream_flags() };
+        let reader = ConfigParser { text: &text, run, check, own: stream_flags() };
         reader.file().map_err(|Mistake { line, error }| {
             let place = line.map(|line| format!(", line {line}")).unwrap_or_default();
             error.map_message(|message| in_file(&format!("{place}: {message}")))
@@ -72,22 +72,22 @@ impl From<BadArguments> for Mistake {
     }
 }
 
-struct Reader<'a> {
+struct ConfigParser<'a> {
     text: &'a str,
     run: &'a Command,
-    check: &'a Check<'a>,
+    check: &'a ValueCheck<'a>,
     /// The flags of one camera.
     own: Vec<String>,
 }
 
-impl Reader<'_> {
-    fn file(&self) -> Result<File, Mistake> {
+impl ConfigParser<'_> {
+    fn file(&self) -> Result<ConfigFile, Mistake> {
         let document = DeTable::parse(self.text).map_err(|error| syntax_error(&error))?;
         let document = document.into_inner();
         let sections = sections_of(&document)?;
         let top = document.iter().filter(|(key, _)| sections.is_none() || key.get_ref() != "camera");
         let shared = self.table(top, |key| self.shared_flag(key))?;
-        let Some(sections) = sections else { return Ok(File { shared, sections: Vec::new() }) };
+        let Some(sections) = sections else { return Ok(ConfigFile { shared, sections: Vec::new() }) };
         if let Some(own) = OF_ONE_CAMERA.into_iter().find(|own| shared.contains_key(*own)) {
             let error = BadArguments::new(format!("`{own}` stands above the `[[camera]]` sections"));
             return Err(error.with_hint("set it in each section").into());
@@ -95,7 +95,7 @@ impl Reader<'_> {
         let sections = sections.into_iter().enumerate();
         let sections =
             sections.map(|(index, section)| self.section(index, section)).collect::<Result<_, _>>()?;
-        Ok(File { shared, sections })
+        Ok(ConfigFile { shared, sections })
     }
 
     fn section(&self, index: usize, section: &DeTable<'_>) -> Result<Table, Mistake> {

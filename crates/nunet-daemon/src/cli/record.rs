@@ -86,8 +86,8 @@ pub struct ReplayArgs {
 
 impl ReplayArgs {
     /// As checked values.
-    pub(crate) fn options(self) -> anyhow::Result<replay::Options> {
-        Ok(replay::Options {
+    pub(crate) fn options(self) -> anyhow::Result<replay::ReplayOptions> {
+        Ok(replay::ReplayOptions {
             camera: camera_name(&self.camera)?,
             frame_id: value(&self.frame_id).map(|FrameId(name)| name),
             mount: value(&self.mount.mount),

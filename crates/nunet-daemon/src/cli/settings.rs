@@ -14,7 +14,7 @@ use nunet_types::text_with_hint;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-use super::file::File;
+use super::file::ConfigFile;
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
 use super::{Cli, LogArgs, RunArgs, StreamArgs};
 use crate::config::{CameraConfig, Config};
@@ -36,12 +36,12 @@ pub struct RunCommand {
     #[command(flatten)]
     pub line: RunArgs,
     #[arg(skip)]
-    pub settings: Settings,
+    pub settings: SettingLayers,
 }
 
 /// The layers.
 #[derive(Debug, Clone, Default)]
-pub struct Settings {
+pub struct SettingLayers {
     defaults: Table,
     environment: Table,
     /// Flags and file together, a table for each camera.
@@ -65,7 +65,7 @@ pub(super) fn complete(
     };
     let Some(run) = cli.subcommand.run_mut() else { return unmet(&flags).map_err(refused) };
     let (defaults, environment) = (ValueSource::DefaultValue, ValueSource::EnvVariable);
-    run.settings = Settings {
+    run.settings = SettingLayers {
         defaults: table_of(&subcommand, matches, defaults),
         environment: table_of(&subcommand, matches, environment),
         cameras: vec![flags.clone()],
@@ -91,7 +91,7 @@ fn in_file(mistake: BadArguments) -> clap::Error {
     clap::Error::raw(ErrorKind::ValueValidation, text_with_hint(&mistake) + "\n")
 }
 
-impl Settings {
+impl SettingLayers {
     /// Flags and file together, for each camera.
     fn with_file(&self, path: &Path, run: &Command, flags: &Table) -> Result<Vec<Table>, BadArguments> {
         let check = |key: &str, value: &Value| {
@@ -99,7 +99,7 @@ impl Settings {
             one.insert(key.to_owned(), value.clone());
             self.parse::<RunArgs>(&one).and(self.parse::<LogArgs>(&one)).map(drop)
         };
-        let File { shared, sections } = File::read(path, run, &check)?;
+        let ConfigFile { shared, sections } = ConfigFile::read(path, run, &check)?;
         if sections.is_empty() {
             return Ok(vec![overlay(run, flags, &shared)]);
         }
@@ -188,7 +188,7 @@ impl RunCommand {
 
     /// A setting as a line of the file.
     fn line_of(&self, key: &str, table: &Table, camera: &CameraConfig, config: &Config) -> String {
-        let Settings { defaults, environment, .. } = &self.settings;
+        let SettingLayers { defaults, environment, .. } = &self.settings;
         let value = [table, environment, defaults].into_iter().find_map(|layer| layer.get(key)).cloned();
         match value.or_else(|| dependent_default(key, camera, config).map(Value::String)) {
             Some(value) => format!("{key} = {value}{}\n", self.settings.mark(table, key)),

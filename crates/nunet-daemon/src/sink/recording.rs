@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nunet_mcap::Mount;
+use nunet_mcap::CameraMount;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
 use nunet_sink::output_file::check_output;
 use nunet_sink::recorder::record_into;
@@ -31,8 +31,8 @@ pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
 }
 
 /// The mount as a recording's `/tf_static` has it.
-pub(crate) fn mount(mount: MountOption) -> Mount {
-    Mount { translation_m: mount.translation_m, roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad }
+pub(crate) fn mount(mount: MountOption) -> CameraMount {
+    CameraMount { translation_m: mount.translation_m, roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad }
 }
 
 /// Refuses an output that exists, before any work is done.

@@ -76,9 +76,9 @@ pub(crate) struct ShmPublisher {
 #[derive(Debug, Default)]
 struct Last {
     report: Option<FrameReport>,
-    depth: Option<Message<f32>>,
-    labels: Option<Message<u8>>,
-    cloud: Option<Message<CloudPoint>>,
+    depth: Option<PublishedPayload<f32>>,
+    labels: Option<PublishedPayload<u8>>,
+    cloud: Option<PublishedPayload<CloudPoint>>,
     has_obstacles: bool,
 }
 
@@ -91,13 +91,13 @@ impl Last {
 
 /// The location of the payload of a published message: an address, not a pointer, so that it can move between threads.
 #[derive(Debug)]
-struct Message<T> {
+struct PublishedPayload<T> {
     address: usize,
     count: usize,
     of: PhantomData<fn() -> T>,
 }
 
-impl<T> Message<T> {
+impl<T> PublishedPayload<T> {
     /// Notes the payload of a loan before it is sent.
     fn of(payload: &mut [T]) -> Self {
         Self { address: payload.as_mut_ptr().expose_provenance(), count: payload.len(), of: PhantomData }
@@ -224,7 +224,7 @@ impl ShmPublisher {
         self.last = Last::default();
         self.send_beside_depth(labels, cloud, report)?;
         self.send_obstacles(obstacles)?;
-        let message = Message::of(depth.slice_mut()?);
+        let message = PublishedPayload::of(depth.slice_mut()?);
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
         self.last.depth = Some(message);
         self.last.report = Some(*report);
@@ -252,13 +252,13 @@ impl ShmPublisher {
         report: &FrameReport,
     ) -> anyhow::Result<()> {
         if let Some(mut loan) = labels {
-            let message = Message::of(loan.bytes_mut());
+            let message = PublishedPayload::of(loan.bytes_mut());
             let header = self.shaped(Encoding::LabelsU8, self.size, report.camera);
             send(loan, FrameHeader { units: Units::None.into(), ..header })?;
             self.last.labels = Some(message);
         }
         if let Some(mut loan) = cloud {
-            let message = Message::of(loan.slice_mut()?);
+            let message = PublishedPayload::of(loan.slice_mut()?);
             let camera = report.camera.map(|camera| camera.subsampled(self.cloud_stride));
             send(loan, self.shaped(Encoding::Points, self.cloud_size, camera))?;
             self.last.cloud = Some(message);

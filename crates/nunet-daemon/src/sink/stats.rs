@@ -4,7 +4,7 @@ use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
-use nunet_telemetry::{Counts, Latencies, MessageCounts, Summary, Totals};
+use nunet_telemetry::{Counts, Latencies, LatencySummary, MessageCounts, Totals};
 
 /// The stats of a camera, or of several together.
 #[derive(Debug, Serialize)]
@@ -35,7 +35,7 @@ pub(crate) struct Stats {
     pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
     /// What became of its ROS 2 messages, if it publishes any.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) ros2: Option<Messages>,
+    pub(crate) ros2: Option<MessageStats>,
     /// Why its source failed, if it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) error: Option<String>,
@@ -46,13 +46,13 @@ pub(crate) struct Stats {
 
 /// Messages to other machines, and frames that were replaced before they became messages.
 #[derive(Debug, Serialize)]
-pub(crate) struct Messages {
+pub(crate) struct MessageStats {
     sent: u64,
     not_taken: u64,
     superseded: u64,
 }
 
-impl From<&MessageCounts> for Messages {
+impl From<&MessageCounts> for MessageStats {
     fn from(counts: &MessageCounts) -> Self {
         Self { sent: counts.sent(), not_taken: counts.not_taken(), superseded: counts.superseded() }
     }
@@ -121,13 +121,13 @@ impl Stats {
 /// Milliseconds, from the source's hand-over to the wake-up of the readers.
 #[derive(Debug, Serialize)]
 pub(crate) struct LatencyMs {
-    pub(crate) total: Summary,
+    pub(crate) total: LatencySummary,
     /// In the order in which a frame passes them.
     #[serde(serialize_with = "as_map")]
-    pub(crate) stages: Vec<(String, Summary)>,
+    pub(crate) stages: Vec<(String, LatencySummary)>,
 }
 
-fn as_map<S: Serializer>(stages: &[(String, Summary)], serializer: S) -> Result<S::Ok, S::Error> {
+fn as_map<S: Serializer>(stages: &[(String, LatencySummary)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(stages.iter().map(|(name, summary)| (name, summary)))
 }
 

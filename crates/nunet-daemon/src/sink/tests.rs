@@ -18,7 +18,7 @@ use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
 use nunet_sink::mavlink::mavlink_sink;
 use nunet_sink::metrics::metrics_sink;
-use nunet_sink::record::Record;
+use nunet_sink::record::RecordedFrame;
 use nunet_sink::recorder::record_into;
 use nunet_sink::view::view_sink;
 use nunet_telemetry::MessageCounts;
@@ -81,7 +81,7 @@ impl Archive for Lines {
         &self.path
     }
 
-    fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+    fn write(&mut self, record: &RecordedFrame) -> anyhow::Result<()> {
         match self.backend {
             // After its release it goes on.
             Backend::Hanging => drop(self.released.recv_timeout(TIMEOUT)),

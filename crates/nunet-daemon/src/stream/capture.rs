@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use nunet_core::clock::Clock as _;
 use nunet_engine::MonotonicClock;
-use nunet_telemetry::End;
+use nunet_telemetry::FrameEnd;
 use tracing::info;
 
 use super::drive::{FrameHandler, Pace, SourceEnd, drive};
@@ -24,18 +24,18 @@ pub(crate) fn capture(source: &mut dyn Source, pace: Pace, state: &StreamState) 
     let _camera = state.span.enter();
     let _closed = CloseOnDrop(state);
     let latest_wins = source.is_live() || pace.rate != Rate::Max;
-    let end = drive(source, pace, &state.stop, &mut Capture { state, latest_wins })?;
+    let end = drive(source, pace, &state.stop, &mut MailboxFiller { state, latest_wins })?;
     supersede_when_stopped(state);
     Ok(end)
 }
 
-struct Capture<'a> {
+struct MailboxFiller<'a> {
     state: &'a StreamState,
     /// Whether a newer frame replaces the waiting one; otherwise the source waits.
     latest_wins: bool,
 }
 
-impl FrameHandler for Capture<'_> {
+impl FrameHandler for MailboxFiller<'_> {
     fn buffer(&mut self) -> Frame {
         self.state.mailbox.used().unwrap_or_default()
     }
@@ -51,14 +51,14 @@ impl FrameHandler for Capture<'_> {
             mailbox.put_waiting(frame, || stop.requested())
         };
         if put != Put::Accepted {
-            ledger.ended(End::Superseded);
+            ledger.ended(FrameEnd::Superseded);
         }
         Ok(if put == Put::Refused { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 
     fn on_lost(&mut self, frame: Frame) {
         self.state.ledger.captured();
-        self.state.ledger.ended(End::Failed);
+        self.state.ledger.ended(FrameEnd::Failed);
         self.state.mailbox.give_back(frame);
     }
 
@@ -68,7 +68,7 @@ impl FrameHandler for Capture<'_> {
         let StreamState { mailbox, ledger, stop, .. } = self.state;
         mailbox.give_back(frame);
         match is_crowded {
-            true if mailbox.recall() => ledger.ended(End::Superseded),
+            true if mailbox.recall() => ledger.ended(FrameEnd::Superseded),
             true => stop.sleep(CROWDED_PAUSE),
             false => {}
         }
@@ -88,7 +88,7 @@ fn supersede_when_stopped(state: &StreamState) {
     if state.stop.requested() {
         info!("stopping");
         if state.mailbox.close_and_empty() {
-            state.ledger.ended(End::Superseded);
+            state.ledger.ended(FrameEnd::Superseded);
         }
     }
 }
@@ -138,7 +138,7 @@ mod tests {
             while let Taken::Item(frame) = state.mailbox.take(Duration::from_secs(60)) {
                 seen.push(frame.sequence);
                 std::thread::sleep(per_frame);
-                state.ledger.ended(End::Published);
+                state.ledger.ended(FrameEnd::Published);
                 state.mailbox.give_back(frame);
             }
         });

@@ -42,7 +42,7 @@ pub(crate) struct Stream {
 }
 
 /// A camera after its end.
-pub(crate) struct Ended {
+pub(crate) struct StreamEnd {
     pub(crate) counts: Counts,
     pub(crate) summary: StreamSummary,
     /// How its source ended, or why the camera failed.
@@ -51,7 +51,7 @@ pub(crate) struct Ended {
 
 /// Runs each stream until its source ends, its pace's limit is reached, or `stop` is requested. Returns when all have
 /// ended, in their order. If one fails, the others go on. Sinks notify `notify` when they have room again.
-pub(crate) fn run(streams: Vec<Stream>, notify: &Arc<Notify>, stop: &Stop) -> anyhow::Result<Vec<Ended>> {
+pub(crate) fn run(streams: Vec<Stream>, notify: &Arc<Notify>, stop: &Stop) -> anyhow::Result<Vec<StreamEnd>> {
     let (mut sources, mut tasks, mut states) = (Vec::new(), Vec::new(), Vec::new());
     for Stream { source, pace, task, span } in streams {
         sources.push((source, pace));
@@ -79,7 +79,7 @@ pub(crate) fn run(streams: Vec<Stream>, notify: &Arc<Notify>, stop: &Stop) -> an
     })?;
     let ended = states.iter().zip(summaries).zip(ends).map(|((state, mut summary), source)| {
         let source = summary.failure.take().map_or(source, Err);
-        Ended { counts: state.ledger.counts(), summary, source }
+        StreamEnd { counts: state.ledger.counts(), summary, source }
     });
     Ok(ended.collect())
 }

@@ -1,7 +1,7 @@
 //! The inference thread: one frame of each camera in turn.
 
 use nunet_ipc::LATE_JOINER_PERIOD;
-use nunet_telemetry::{End, Supervisor};
+use nunet_telemetry::{FrameEnd, Supervisor};
 
 use super::state::StreamState;
 use crate::source::Notify;
@@ -25,7 +25,7 @@ pub(super) trait RoundRobinTask: Sized {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Poll {
     /// It processed a frame.
-    Frame(End),
+    Frame(FrameEnd),
     /// It had no frame.
     Idle,
     /// It will get no more frames.
@@ -52,7 +52,7 @@ pub(super) fn run_round_robin<T: RoundRobinTask>(
             match slot.as_mut().map(|task| task.poll(state)) {
                 Some(Poll::Frame(end)) => {
                     is_idle = false;
-                    if end == End::Published {
+                    if end == FrameEnd::Published {
                         supervisor.frame_done();
                     }
                 }
@@ -127,7 +127,7 @@ mod tests {
         (log.take(), summaries)
     }
 
-    const FRAME: Poll = Poll::Frame(End::Published);
+    const FRAME: Poll = Poll::Frame(FrameEnd::Published);
 
     #[test]
     fn cameras_that_always_have_a_frame_take_turns() {
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_failed_frame_is_a_turn_too_and_an_ended_camera_is_not_polled_again() {
-        let failing = vec![Poll::Frame(End::Failed); 3];
+        let failing = vec![Poll::Frame(FrameEnd::Failed); 3];
         let (log, summaries) = run(&[('a', Vec::new()), ('b', failing), ('c', vec![FRAME; 2])]);
         assert_eq!(log, "bcbcb");
         assert_eq!(summaries, ['A', 'B', 'C']);

@@ -10,7 +10,9 @@ use nunet_engine::MonotonicClock;
 use nunet_ipc::LATE_JOINER_PERIOD;
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
-use nunet_telemetry::{Counts, End, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread};
+use nunet_telemetry::{
+    Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread,
+};
 use tracing::{debug, error, trace_span, warn};
 
 use super::round_robin::{Poll, RoundRobinTask};
@@ -162,7 +164,7 @@ impl StreamTask {
         // Checked first: a closed mailbox takes no more frames.
         let closed = state.mailbox.wait_closed(Duration::ZERO);
         if state.mailbox.recall() {
-            state.ledger.ended(End::Superseded);
+            state.ledger.ended(FrameEnd::Superseded);
         }
         if closed {
             return Poll::Ended;
@@ -195,7 +197,7 @@ impl StreamTask {
         self.sinks.iter_mut().for_each(|sink| sink.on_status(&status));
     }
 
-    fn handle_frame(&mut self, frame: Frame, state: &StreamState) -> End {
+    fn handle_frame(&mut self, frame: Frame, state: &StreamState) -> FrameEnd {
         let before = allocations_of_this_thread();
         let end = self.process_frame(&frame);
         state.ledger.ended(end);
@@ -203,7 +205,7 @@ impl StreamTask {
         if self.failure.is_some() {
             state.mailbox.close();
         }
-        if end == End::Published && self.can_serve_late_readers() {
+        if end == FrameEnd::Published && self.can_serve_late_readers() {
             self.kept = Some(frame);
         } else {
             state.mailbox.give_back(frame);
@@ -236,16 +238,16 @@ impl StreamTask {
     }
 
     /// One span per frame. A failure is logged here and nowhere else.
-    fn process_frame(&mut self, frame: &Frame) -> End {
+    fn process_frame(&mut self, frame: &Frame) -> FrameEnd {
         let _span = trace_span!("frame", sequence = frame.sequence).entered();
         match self.try_process_frame(frame) {
             Ok(()) => {
                 self.failures = 0;
-                End::Published
+                FrameEnd::Published
             }
             Err(error) => {
                 self.fail(frame, error);
-                End::Failed
+                FrameEnd::Failed
             }
         }
     }

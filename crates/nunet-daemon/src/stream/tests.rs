@@ -11,7 +11,7 @@ use nunet_core::pipeline::{Pipeline, PipelineOptions};
 use nunet_ipc::{CameraName, Limits, Reader, Topic, monotonic_nanos};
 use nunet_sink::archive::Archive;
 use nunet_sink::last_frame::last_frame_into;
-use nunet_sink::record::Record;
+use nunet_sink::record::RecordedFrame;
 use nunet_sink::recorder::record_into;
 use nunet_testkit::models;
 use nunet_types::ImageSize;
@@ -92,7 +92,7 @@ impl Archive for OnDisk {
         Path::new("disk of a test")
     }
 
-    fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+    fn write(&mut self, record: &RecordedFrame) -> anyhow::Result<()> {
         self.0.set(|state| state.asked = true);
         anyhow::ensure!(self.0.wait(|state| state.free), "nobody let the disk go");
         self.0.set(|state| state.written.push(record.frame.sequence));
@@ -197,7 +197,7 @@ fn a_stalled_disk_delays_only_its_own_camera_and_drops_no_frame() {
         ended.join().unwrap()
     });
     assert_eq!(disk.state.lock().unwrap().written, (0..FRAMES).collect::<Vec<_>>());
-    let Ended { counts, mut summary, source } = ended.remove(0);
+    let StreamEnd { counts, mut summary, source } = ended.remove(0);
     assert_eq!((counts.captured, counts.published), (FRAMES, FRAMES));
     assert_eq!(source.unwrap(), SourceEnd::Complete);
     let recorded = summary.sinks.remove(0).wait(&mut DrainTimeout::new(&|| false));
@@ -221,7 +221,7 @@ fn a_stop_ends_a_run_whose_disk_stalls_and_unwritten_frames_count_as_dropped() {
         wait_for_frame(&reader, UNDER_WAY - 1);
         stop.request();
         let mut ended = ended.recv_timeout(TIMEOUT).expect("the stop was not seen");
-        let Ended { counts, mut summary, source } = ended.remove(0);
+        let StreamEnd { counts, mut summary, source } = ended.remove(0);
         assert_eq!((counts.published, counts.failed, counts.in_flight), (UNDER_WAY, 0, 0));
         assert_eq!(counts.captured, UNDER_WAY + counts.superseded, "nothing is lost from the ledger");
         assert_ne!(source.unwrap(), SourceEnd::Truncated);
@@ -264,7 +264,7 @@ fn a_camera_whose_last_frame_cannot_be_written_delays_no_other() {
         wait_for_frame(&reader, now + TURNS);
         stop.request();
         let mut ended = ended.recv_timeout(TIMEOUT).expect("the stop was not seen");
-        let Ended { counts, mut summary, .. } = ended.remove(0);
+        let StreamEnd { counts, mut summary, .. } = ended.remove(0);
         assert_eq!((counts.captured, counts.published), (3, 3));
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, TIMEOUT);
         let error = summary.sinks.remove(0).wait(&mut timeout).unwrap_err();
@@ -284,7 +284,7 @@ fn a_camera_that_fits_no_frame_ends_its_stream_at_the_first_one() {
     let stream = stream(&camera("misfit"), source, Vec::new());
     let task = stream.task.with_camera(CameraResolver::new(&geometry).unwrap());
     let mut ended = run(vec![Stream { task, ..stream }], &notify, &stop).unwrap();
-    let Ended { counts, source, .. } = ended.remove(0);
+    let StreamEnd { counts, source, .. } = ended.remove(0);
     let error = source.unwrap_err();
     assert!(crate::exit::is_usage(&error), "{error:#}");
     assert_eq!((counts.published, counts.failed, counts.in_flight), (0, 1, 0), "{counts:?}");

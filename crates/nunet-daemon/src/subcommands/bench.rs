@@ -24,7 +24,7 @@ use nunet_telemetry::{SERIES_HEAD, Series, peak_rss_mb};
 pub(super) const WARM_UP_RUNS: u32 = 3;
 
 /// The options.
-pub(crate) struct Options {
+pub(crate) struct BenchOptions {
     pub(crate) models: Vec<PathBuf>,
     /// The image to predict from; `None` for the first of the demo scene.
     pub(crate) image: Option<PathBuf>,
@@ -34,7 +34,7 @@ pub(crate) struct Options {
 }
 
 /// Measures the models interleaved, so that a disturbance affects all of them.
-pub(crate) fn bench(options: &Options) -> anyhow::Result<Outcome> {
+pub(crate) fn bench(options: &BenchOptions) -> anyhow::Result<Outcome> {
     let frame = image_or_demo(options.image.as_deref())?;
     let engine = Engine::start(options.engine.clone())?;
     let mut subjects = Vec::new();
@@ -77,7 +77,7 @@ pub(super) fn image_or_demo(image: Option<&Path>) -> anyhow::Result<Frame> {
 }
 
 /// The value of `--threads`, else the default of the graph: one per core.
-fn threads(options: &Options) -> usize {
+fn threads(options: &BenchOptions) -> usize {
     let cores = std::thread::available_parallelism().ok();
     options.engine.threads.or(cores).map_or(1, std::num::NonZero::get)
 }
@@ -146,7 +146,7 @@ impl Subject {
         networks.map(|(_, &micros)| f64::from(micros)).sum()
     }
 
-    fn json(&self, engine: &Engine, options: &Options) -> Value {
+    fn json(&self, engine: &Engine, options: &BenchOptions) -> Value {
         let stages: serde_json::Map<_, _> = self
             .pipeline
             .stage_names()
@@ -171,7 +171,7 @@ impl Subject {
         })
     }
 
-    fn text(&self, options: &Options) -> String {
+    fn text(&self, options: &BenchOptions) -> String {
         let mut text = format!(
             "{} ({}), {} predictions, provider {}\n  {}\n",
             self.name,

@@ -37,7 +37,7 @@ pub(crate) enum Evidence {
 }
 
 /// The options.
-pub(crate) struct Options {
+pub(crate) struct CalibrateOptions {
     pub(crate) evidence: Evidence,
     pub(crate) geometry: CameraGeometry,
     pub(crate) model: PathBuf,
@@ -49,7 +49,7 @@ pub(crate) struct Options {
 }
 
 /// Measures the factor, prints it, and writes it into the calibration file.
-pub(crate) fn calibrate(options: &Options) -> anyhow::Result<Outcome> {
+pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     let resolver = CameraResolver::new(&options.geometry)?;
     let loaded = load(&Engine::start(options.engine.clone())?, &options.model)?;
@@ -111,7 +111,7 @@ fn take_frames(
 
 /// Writes the calibration file, if one is wanted: the named calibration with the factor, else the known intrinsics.
 fn write<'a>(
-    options: &'a Options,
+    options: &'a CalibrateOptions,
     calibrator: &Calibrator,
     found: &Agreement,
     model: &ModelName,
@@ -141,7 +141,7 @@ fn write<'a>(
 }
 
 fn report(
-    options: &Options,
+    options: &CalibrateOptions,
     found: &Agreement,
     model: &ModelName,
     written: Option<&Path>,

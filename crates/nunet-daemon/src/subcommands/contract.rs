@@ -3,7 +3,7 @@
 use std::io::Write as _;
 
 use nunet_core::model::METADATA_KEYS;
-use nunet_ipc::contract::{self, Layout};
+use nunet_ipc::contract::{self, StructLayout};
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
@@ -39,7 +39,7 @@ fn contract_json() -> Value {
     })
 }
 
-fn layout_json(layout: &Layout) -> Value {
+fn layout_json(layout: &StructLayout) -> Value {
     let fields: Vec<_> = layout
         .fields
         .iter()

@@ -18,7 +18,7 @@ use crate::exit::warn_of_unknown_camera;
 use crate::exit::{BadArguments, WithHint};
 
 /// The options.
-pub(crate) struct Options {
+pub(crate) struct EvalCommandOptions {
     pub(crate) evaluation: EvalOptions,
     pub(crate) model: PathBuf,
     pub(crate) pipeline: PipelineOptions,
@@ -29,7 +29,7 @@ pub(crate) struct Options {
 }
 
 /// Measures every image; one that cannot be read is named and counted.
-pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
+pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     file_plan(&options).check().map_err(|error| BadArguments::of(&error))?;
     let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
     if let Some(out) = &options.out {
@@ -60,7 +60,7 @@ pub(crate) fn eval(options: Options) -> anyhow::Result<Outcome> {
     Ok(Outcome::Lost)
 }
 
-fn file_plan(options: &Options) -> FilePlan {
+fn file_plan(options: &EvalCommandOptions) -> FilePlan {
     let (evaluation, mut files) = (&options.evaluation, FilePlan::default());
     evaluation.files().into_iter().for_each(|file| files.read("an input", file));
     find_model(&options.model).iter().for_each(|model| files.read_model(model));

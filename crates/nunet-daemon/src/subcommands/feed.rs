@@ -22,14 +22,14 @@ use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, drive};
 
 /// What is published.
-pub(crate) struct Options {
+pub(crate) struct FeedOptions {
     pub(crate) source: SourceConfig,
     pub(crate) camera: CameraName,
     pub(crate) geometry: CameraGeometry,
 }
 
 /// Publishes until the source ends, `--frames` are sent, or a stop is requested.
-pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
+pub(crate) fn feed(options: &FeedOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     if options.source.name.properties().is_shared_memory {
         bail!(
@@ -60,7 +60,7 @@ pub(crate) fn feed(options: &Options) -> anyhow::Result<Outcome> {
 /// Sends the last image to readers that join while `feed` waits for the next one. It runs on its own thread, because a
 /// pipe can block and a slow pace sleeps.
 fn serving_late_joiners(
-    images: &OnceLock<ImagePublisher>,
+    images: &OnceLock<RgbPublisher>,
     feed: impl FnOnce() -> anyhow::Result<SourceEnd>,
 ) -> anyhow::Result<SourceEnd> {
     std::thread::scope(|scope| {
@@ -84,7 +84,7 @@ fn serving_late_joiners(
 struct Feeder<'a> {
     camera: CameraName,
     resolver: CameraResolver,
-    images: &'a OnceLock<ImagePublisher>,
+    images: &'a OnceLock<RgbPublisher>,
     stop: Stop,
     /// The memory of the next frame.
     frame: Frame,
@@ -94,7 +94,7 @@ struct Feeder<'a> {
 }
 
 /// The publisher of the `rgb` topic.
-struct ImagePublisher {
+struct RgbPublisher {
     publisher: Publisher,
     size: ImageSize,
     /// The bytes that fit into a message.
@@ -105,7 +105,7 @@ impl<'a> Feeder<'a> {
     fn new(
         camera: CameraName,
         resolver: CameraResolver,
-        images: &'a OnceLock<ImagePublisher>,
+        images: &'a OnceLock<RgbPublisher>,
         stop: &Stop,
     ) -> Self {
         let (frame, lost) = (Frame::default(), RateLimit::default());
@@ -125,7 +125,7 @@ impl<'a> Feeder<'a> {
         };
         let images = match self.images.get() {
             Some(images) => images,
-            None => match ImagePublisher::open(&self.camera, frame, &self.stop) {
+            None => match RgbPublisher::open(&self.camera, frame, &self.stop) {
                 Err(_) if self.stop.requested() => return Ok(ControlFlow::Break(())),
                 opened => {
                     let opened = opened?;
@@ -172,7 +172,7 @@ impl FrameHandler for Feeder<'_> {
     }
 }
 
-impl ImagePublisher {
+impl RgbPublisher {
     fn open(camera: &CameraName, frame: &Frame, stop: &Stop) -> anyhow::Result<Self> {
         let room = frame.view()?.bytes().len();
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: room };

@@ -9,9 +9,9 @@ use nunet_core::depth::Units;
 use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions, find_model};
-use nunet_files::{Results, check_folder, write_json, write_results};
+use nunet_files::{ResultArrays, check_folder, write_json, write_results};
 use nunet_sink::file_plan::FilePlan;
-use nunet_sink::obstacle_images::View;
+use nunet_sink::obstacle_images::ObstacleView;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_telemetry::{Counts, Latencies, Totals};
 use tracing::{error, info};
@@ -26,7 +26,7 @@ use crate::source::{CameraResolver, Frame, decode, glance, list, listed_files};
 use crate::stream::{Stop, Stopped};
 
 /// The options of `infer`.
-pub(crate) struct Options {
+pub(crate) struct InferOptions {
     /// Files, folders and globs.
     pub(crate) images: Vec<PathBuf>,
     pub(crate) out: PathBuf,
@@ -38,7 +38,7 @@ pub(crate) struct Options {
 }
 
 /// Processes the images in order; a bad one does not end it. A stop finishes the current image.
-pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
+pub(crate) fn infer(options: &InferOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match infer_unless(options, &stop) {
         Err(error) if error.is::<Stopped>() => {
@@ -49,7 +49,7 @@ pub(crate) fn infer(options: &Options) -> anyhow::Result<Outcome> {
     }
 }
 
-fn infer_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
+fn infer_unless(options: &InferOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let images: Vec<PathBuf> = named_images(&options.images)?;
     let folders = result_folders(&images, &options.out)?;
     file_plan(options, &images, &folders).check().map_err(|error| BadArguments::of(&error))?;
@@ -156,7 +156,7 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
     Ok(folders)
 }
 
-fn file_plan(options: &Options, images: &[PathBuf], folders: &[PathBuf]) -> FilePlan {
+fn file_plan(options: &InferOptions, images: &[PathBuf], folders: &[PathBuf]) -> FilePlan {
     let mut files = FilePlan::default();
     let named = options.images.iter().flat_map(|name| listed_files(name));
     named.chain(images.iter().cloned()).for_each(|image| files.read("an image", image));
@@ -211,11 +211,11 @@ impl Work {
         let found = stage.detect(self.pipeline.points_camera(), results, 0)?;
         let image = self.frame.view()?;
         let rgb = self.pipeline.network_image(&image);
-        View { found, config: &config, pipeline: &self.pipeline, rgb }.write(folder)
+        ObstacleView { found, config: &config, pipeline: &self.pipeline, rgb }.write(folder)
     }
 
-    fn results(&self, report: &FrameReport) -> Results<'_> {
-        Results {
+    fn results(&self, report: &FrameReport) -> ResultArrays<'_> {
+        ResultArrays {
             size: self.pipeline.size(),
             depth: self.buffers.depth(),
             metric: report.units == Units::Metre,

@@ -8,7 +8,7 @@ use nunet_engine::{Engine, EngineOptions, find_model, hexadecimal};
 use nunet_ipc::CameraName;
 use nunet_sink::file_plan::FilePlan;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
-use nunet_sink::record::Record;
+use nunet_sink::record::RecordedFrame;
 use nunet_telemetry::RateLimit;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
@@ -34,7 +34,7 @@ use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 const SYNC_FRAMES: u64 = 50;
 
 /// The options of `replay`.
-pub(crate) struct Options {
+pub(crate) struct ReplayOptions {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
     pub(crate) model: PathBuf,
@@ -54,7 +54,7 @@ pub(crate) struct Options {
 }
 
 /// Replays until the recording ends, is truncated, or a stop is requested.
-pub(crate) fn replay(options: &Options) -> anyhow::Result<Outcome> {
+pub(crate) fn replay(options: &ReplayOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match replay_unless(options, &stop) {
         Err(error) if error.is::<Stopped>() => {
@@ -65,7 +65,7 @@ pub(crate) fn replay(options: &Options) -> anyhow::Result<Outcome> {
     }
 }
 
-fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
+fn replay_unless(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     file_plan(options).check().map_err(|error| BadArguments::of(&error))?;
     refuse_output(&options.output, options.force)?;
     let resolver = CameraResolver::new(&options.processing.geometry)?;
@@ -102,7 +102,7 @@ fn replay_unless(options: &Options, stop: &Stop) -> anyhow::Result<Outcome> {
     replay.finish(options)
 }
 
-fn file_plan(options: &Options) -> FilePlan {
+fn file_plan(options: &ReplayOptions) -> FilePlan {
     let mut files = FilePlan::default();
     nunet_mcap::files(&options.input).into_iter().for_each(|file| files.read("the input", file));
     find_model(&options.model).iter().for_each(|model| files.read_model(model));
@@ -128,7 +128,7 @@ struct Replay {
     camera: CameraResolver,
     continuity: Continuity,
     buffers: Buffers,
-    record: Record,
+    record: RecordedFrame,
     writer: FrameWriter,
     labels: bool,
     cloud: bool,
@@ -199,7 +199,7 @@ impl Replay {
             pipeline,
             camera,
             continuity: Continuity::default(),
-            record: Record::default(),
+            record: RecordedFrame::default(),
             writer,
             labels: publish.contains(&Publish::Labels),
             cloud: publish.contains(&Publish::Cloud),
@@ -275,7 +275,7 @@ impl Replay {
         Ok(report)
     }
 
-    fn finish(self, options: &Options) -> anyhow::Result<Outcome> {
+    fn finish(self, options: &ReplayOptions) -> anyhow::Result<Outcome> {
         let Self { frames, failed, cut, .. } = self;
         self.writer.finish()?;
         let hash = file_sha256(&options.output)?;

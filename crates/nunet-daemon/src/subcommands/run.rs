@@ -17,7 +17,7 @@ use nunet_telemetry::Counts;
 use tracing::{error, info};
 
 use self::camera::span_of;
-use self::outputs::Outputs;
+use self::outputs::OutputPaths;
 use self::servers::Servers;
 use super::load::load_unless;
 use crate::Outcome;
@@ -25,7 +25,7 @@ use crate::config::{AccessConfig, Config};
 use crate::exit::BadArguments;
 use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{Notify, SourceName};
-use crate::stream::{self, Ended, SourceEnd, Stop, Stopped, StreamSummary};
+use crate::stream::{self, SourceEnd, Stop, Stopped, StreamEnd, StreamSummary};
 use nunet_telemetry::DrainTimeout;
 
 /// Runs until all sources have ended, `--frames` of each are captured, or a stop is requested.
@@ -44,7 +44,7 @@ pub(crate) fn run(config: &Config) -> anyhow::Result<Outcome> {
 fn start(config: &Config, stop: &Stop) -> anyhow::Result<Outcome> {
     share(config.outputs.access.as_ref())?;
     let cameras = camera::prepare(camera::plans(config)?, stop, SourceName::open)?;
-    let outputs = Outputs::of(&cameras, config.outputs.stats_json.as_deref());
+    let outputs = OutputPaths::of(&cameras, config.outputs.stats_json.as_deref());
     outputs.check()?;
 
     stop.check()?;
@@ -89,7 +89,7 @@ pub(super) fn check(config: &Config) -> anyhow::Result<()> {
     access(config.outputs.access.as_ref())?;
     config.engine.check()?;
     let cameras = camera::prepare(camera::plans(config)?, &stop, camera::probe_source)?;
-    Outputs::of(&cameras, config.outputs.stats_json.as_deref()).check()?;
+    OutputPaths::of(&cameras, config.outputs.stats_json.as_deref()).check()?;
     let (_, pipelines) = load_pipelines(config, &stop)?;
     let several = cameras.len() > 1;
     cameras.into_iter().zip(pipelines).try_for_each(|(camera, pipeline)| camera.check(pipeline, several))
@@ -108,7 +108,7 @@ fn access(config: Option<&AccessConfig>) -> Result<Option<Access>, BadArguments>
 }
 
 /// A camera after its end.
-struct End<'a> {
+struct CameraEnd<'a> {
     camera: &'a str,
     counts: Counts,
     error: Option<String>,
@@ -118,7 +118,7 @@ struct End<'a> {
 /// Logs how each camera ended, writes the stats, and waits for the sinks; also if all cameras failed.
 fn finish(
     names: &[String],
-    ended: Vec<Ended>,
+    ended: Vec<StreamEnd>,
     common: Common<'_>,
     stats_json: Option<&Path>,
     timeout: &mut DrainTimeout<'_>,
@@ -127,7 +127,7 @@ fn finish(
     let written = stats_json.map_or(Ok(()), |path| write_stats(path, stats(&ends, common)?, timeout));
     let mut results = vec![written.map(|()| Outcome::Done)];
     let several = names.len() > 1;
-    for End { camera, summary, .. } in ends {
+    for CameraEnd { camera, summary, .. } in ends {
         let _camera = span_of(camera, several).entered();
         // Wait for all of them before returning an error: writes that are not awaited are lost.
         results.extend(summary.sinks.into_iter().map(|sink| sink.wait(timeout)));
@@ -160,11 +160,11 @@ fn write_stats(path: &Path, stats: Stats, timeout: &mut DrainTimeout<'_>) -> any
 }
 
 /// Logs how each camera ended. If one fails, the others went on; if all failed, that is the failure of the run.
-fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Result<Outcome>) {
+fn conclude(names: &[String], ended: Vec<StreamEnd>) -> (Vec<CameraEnd<'_>>, anyhow::Result<Outcome>) {
     let several = names.len() > 1;
     let all_failed = ended.iter().all(|ended| ended.source.is_err());
     let (mut ends, mut outcome, mut failure) = (Vec::new(), Outcome::Done, None);
-    for (camera, Ended { counts, summary, source }) in names.iter().zip(ended) {
+    for (camera, StreamEnd { counts, summary, source }) in names.iter().zip(ended) {
         let _camera = span_of(camera, several).entered();
         let (source, reason) = match source {
             Ok(end) => (end, None),
@@ -179,7 +179,7 @@ fn conclude(names: &[String], ended: Vec<Ended>) -> (Vec<End<'_>>, anyhow::Resul
             Some(reason) => error!("camera `{camera}` failed: {reason:#}"),
             None => {}
         }
-        ends.push(End { camera, counts, error, summary });
+        ends.push(CameraEnd { camera, counts, error, summary });
     }
     (ends, failure.map_or(Ok(outcome), Err))
 }
@@ -196,8 +196,8 @@ fn log_counts(counts: &Counts, source: SourceEnd) -> Outcome {
 }
 
 /// The stats of the camera, or of all together if there are several.
-fn stats(ends: &[End<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
-    let of = |End { camera, counts, error, summary }: &End<'_>| {
+fn stats(ends: &[CameraEnd<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
+    let of = |CameraEnd { camera, counts, error, summary }: &CameraEnd<'_>| {
         let StreamSummary { scale, totals, latencies, messages, .. } = summary;
         let stats = Stats::new((*camera).to_owned(), common, *scale, *counts, totals, latencies);
         Stats { ros2: messages.as_ref().map(Into::into), error: error.clone(), ..stats }
@@ -226,7 +226,7 @@ mod tests {
     use super::*;
     use crate::sink::FinishingSink;
 
-    fn broken(published: u64, why: &'static str) -> Ended {
+    fn broken(published: u64, why: &'static str) -> StreamEnd {
         let summary = StreamSummary {
             scale: Scale { units: Units::Metre, source: ScaleSource::Metric, factor: 1.0, age_nanos: 0 },
             totals: Totals::default(),
@@ -236,13 +236,13 @@ mod tests {
             failure: None,
         };
         let counts = Counts { captured: published + 1, published, failed: 1, ..Counts::default() };
-        Ended { counts, summary, source: Err(anyhow!(why)) }
+        StreamEnd { counts, summary, source: Err(anyhow!(why)) }
     }
 
     /// As `run` has it, without a stop.
     fn finished(
         names: &[&str],
-        ended: Vec<Ended>,
+        ended: Vec<StreamEnd>,
         common: Common<'_>,
         path: &Path,
     ) -> anyhow::Result<Outcome> {
@@ -296,7 +296,7 @@ mod tests {
             let ended = broken(7, "");
             let sink = FinishingSink::new(move |timeout| writing?.end(timeout).map(|()| Outcome::Done));
             let summary = StreamSummary { sinks: vec![sink], ..ended.summary };
-            Ended { summary, source: Ok(SourceEnd::Complete), ..ended }
+            StreamEnd { summary, source: Ok(SourceEnd::Complete), ..ended }
         });
         let mut timeout = DrainTimeout::with(&|| true, Duration::ZERO, Duration::from_secs(60));
         let names = ["front".to_owned(), "rear".to_owned()];

@@ -22,7 +22,7 @@ use crate::exit::{BadArguments, WithHint};
 const AS_FAST: f64 = 1.05;
 
 /// The options.
-pub(crate) struct Options {
+pub(crate) struct TuneOptions {
     pub(crate) model: PathBuf,
     /// The image to predict from; `None` for the first of the demo scene.
     pub(crate) image: Option<PathBuf>,
@@ -36,7 +36,7 @@ pub(crate) struct Options {
 }
 
 /// Measures all combinations interleaved, so that a disturbance affects all of them.
-pub(crate) fn tune(options: &Options) -> anyhow::Result<Outcome> {
+pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
     refuse_existing(options.out.as_deref())?;
     find_model(&options.model)?;
     let frame = image_or_demo(options.image.as_deref())?;
@@ -91,7 +91,7 @@ struct Combination {
 }
 
 impl Combination {
-    fn load((provider, threads): (Provider, NonZeroUsize), options: &Options) -> anyhow::Result<Self> {
+    fn load((provider, threads): (Provider, NonZeroUsize), options: &TuneOptions) -> anyhow::Result<Self> {
         let engine = EngineOptions { provider, threads: Some(threads), ..options.engine.clone() };
         let load = || -> anyhow::Result<Subject> {
             let loaded = load(&Engine::start(engine.clone())?, &options.model)?;

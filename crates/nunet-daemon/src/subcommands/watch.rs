@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use console::Term;
-use nunet_ipc::{CameraName, Frame, IpcError, ObstacleRecord, Reader, StatsRecord, Topic, cameras};
+use nunet_ipc::{CameraName, IpcError, Message, ObstacleRecord, Reader, StatsRecord, Topic, cameras};
 
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
@@ -36,7 +36,7 @@ pub(crate) fn watch(
     let stop = Stop::on_signals()?;
     let timeout = Duration::try_from_secs_f64(timeout_s)
         .map_err(|_| BadArguments::new(format!("--timeout `{timeout_s:?}` is not a number of seconds")))?;
-    let mut view = View::choose(json);
+    let mut view = WatchOutput::choose(json);
     let Some(reader) = open(camera, &view, timeout, &stop)? else { return Ok(Outcome::Done) };
     let mut watcher = Watcher { reader, stats: None, obstacles: None, timeout, last: Instant::now() };
     let mut left = frames.map_or(u64::MAX, NonZeroU64::get);
@@ -50,7 +50,12 @@ pub(crate) fn watch(
 }
 
 /// Waits for the camera in short steps; `None` if a stop was requested.
-fn open(camera: &CameraName, view: &View, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
+fn open(
+    camera: &CameraName,
+    view: &WatchOutput,
+    timeout: Duration,
+    stop: &Stop,
+) -> anyhow::Result<Option<Reader>> {
     let start = Instant::now();
     while !stop.requested() {
         let turn = GLANCE.min(timeout.saturating_sub(start.elapsed()));
@@ -84,14 +89,14 @@ struct Watcher {
     reader: Reader,
     stats: Option<StatsRecord>,
     /// The newest obstacles, if they are read.
-    obstacles: Option<Frame>,
+    obstacles: Option<Message>,
     timeout: Duration,
     last: Instant,
 }
 
 impl Watcher {
     /// The next frame; `None` if none arrived in time.
-    fn next(&mut self) -> anyhow::Result<Option<Frame>> {
+    fn next(&mut self) -> anyhow::Result<Option<Message>> {
         let mut frame = self.reader.next(Topic::Depth)?;
         if frame.is_none() {
             self.reader.wait(GLANCE)?;
@@ -136,18 +141,18 @@ impl Watcher {
     }
 
     fn obstacles(&self) -> anyhow::Result<Option<&ObstacleRecord>> {
-        Ok(self.obstacles.as_ref().map(Frame::obstacles).transpose()?)
+        Ok(self.obstacles.as_ref().map(Message::obstacles).transpose()?)
     }
 }
 
 /// The output format.
-enum View {
+enum WatchOutput {
     Json,
     Lines,
     Screen { term: Term, drawn: Option<Instant>, lines: usize },
 }
 
-impl View {
+impl WatchOutput {
     fn choose(json: bool) -> Self {
         if json {
             Self::Json
@@ -168,7 +173,7 @@ impl View {
         topics
     }
 
-    fn show(&mut self, camera: &CameraName, frame: &Frame, watcher: &Watcher) -> anyhow::Result<()> {
+    fn show(&mut self, camera: &CameraName, frame: &Message, watcher: &Watcher) -> anyhow::Result<()> {
         let stats = &watcher.stats.unwrap_or_default();
         match self {
             Self::Json => writeln!(std::io::stdout(), "{}", json_of(frame, stats)?)?,

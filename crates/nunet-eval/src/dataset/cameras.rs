@@ -14,7 +14,7 @@ const FILE: &str = "intrinsics.csv";
 
 /// A row: pixels of an image of this size. Further columns are ignored.
 #[derive(Deserialize)]
-struct Row {
+struct CameraRow {
     id: String,
     fx: f64,
     fy: f64,
@@ -31,7 +31,7 @@ pub(super) fn read(root: &Path) -> Result<BTreeMap<String, Camera>, EvalError> {
     cameras.map_err(EvalError::read(&path))
 }
 
-fn camera(Row { id, fx, fy, cx, cy, width, height }: Row) -> Result<(String, Camera), Cause> {
+fn camera(CameraRow { id, fx, fy, cx, cy, width, height }: CameraRow) -> Result<(String, Camera), Cause> {
     let intrinsics = Intrinsics::new(fx, fy, cx, cy, width, height);
     let intrinsics = intrinsics.map_err(|error| format!("image `{id}`: {error}"))?;
     Ok((id, Camera::pinhole(intrinsics)))

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nunet_source::Numbers;
+use nunet_source::SingleChannelImage;
 use nunet_types::NYU13_CLASSES;
 
 use crate::error::EvalError;
@@ -52,7 +52,7 @@ impl LabelFolder {
     }
 
     /// The network's class of each label. `path` is the file, for errors.
-    pub(super) fn classes(&self, labels: &Numbers, path: &Path) -> Result<Vec<u8>, EvalError> {
+    pub(super) fn classes(&self, labels: &SingleChannelImage, path: &Path) -> Result<Vec<u8>, EvalError> {
         let class = |&label: &u16| match self.table.get(usize::from(label)) {
             Some(&Some(class)) => Ok(class),
             _ => Err(EvalError::UnknownLabel {
@@ -75,7 +75,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join(folder)).unwrap();
         let labels = LabelFolder::find(root.path(), names).unwrap();
-        labels.classes(&Numbers { size: (1, 1).into(), values: vec![label], bits: 8 }, Path::new("a.png"))
+        labels.classes(
+            &SingleChannelImage { size: (1, 1).into(), values: vec![label], bits: 8 },
+            Path::new("a.png"),
+        )
     }
 
     #[test]

@@ -12,7 +12,9 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 use nunet_core::camera::Camera;
-use nunet_source::{CameraFile, Frame, IMAGE_EXTENSIONS, Numbers, SourceError, decode, decode_numbers};
+use nunet_source::{
+    CameraFile, Frame, IMAGE_EXTENSIONS, SingleChannelImage, SourceError, decode, decode_numbers,
+};
 use nunet_types::ImageSize;
 use tempfile::TempDir;
 
@@ -147,7 +149,7 @@ impl Dataset {
         Ok(Truth { size, depth_m, labels })
     }
 
-    fn numbers(&self, folder: &str, id: &str) -> Result<(PathBuf, Numbers), EvalError> {
+    fn numbers(&self, folder: &str, id: &str) -> Result<(PathBuf, SingleChannelImage), EvalError> {
         let path = self.path(folder, self.partners.get(id).map_or(id, String::as_str), &NUMBER_ENDINGS);
         match decode_numbers(&path) {
             Ok(numbers) => Ok((path, numbers)),
@@ -217,7 +219,7 @@ fn same_size(path: &Path, got: ImageSize, expected: ImageSize) -> Result<(), Eva
 }
 
 /// `(value + offset) * scale`, NaN = none. `None` if the unit is not known.
-fn meters(depth: &Numbers, units: DepthUnits) -> Option<Vec<f32>> {
+fn meters(depth: &SingleChannelImage, units: DepthUnits) -> Option<Vec<f32>> {
     let scale = units.scale.or((depth.bits == 16).then_some(MILLIMETER_M))?;
     let zero_is_none = units.offset == 0.0;
     let is_none = |value: u16| (value == 0 && zero_is_none) || value == NO_DEPTH;
@@ -229,8 +231,8 @@ fn meters(depth: &Numbers, units: DepthUnits) -> Option<Vec<f32>> {
 mod tests {
     use super::*;
 
-    fn depth(bits: u8) -> Numbers {
-        Numbers { size: (3, 1).into(), values: vec![0, 1500, 65535], bits }
+    fn depth(bits: u8) -> SingleChannelImage {
+        SingleChannelImage { size: (3, 1).into(), values: vec![0, 1500, 65535], bits }
     }
 
     #[test]

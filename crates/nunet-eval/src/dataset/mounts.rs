@@ -14,7 +14,7 @@ const FILE: &str = "mounts.csv";
 
 /// A row: meters and radians, as in `--mount`.
 #[derive(Deserialize)]
-struct Row {
+struct MountRow {
     id: String,
     x: f64,
     y: f64,
@@ -56,7 +56,7 @@ fn read(root: &Path) -> Result<BTreeMap<String, Mount>, EvalError> {
     mounts.map_err(|error| EvalError::Mounts { path, reason: error.to_string() })
 }
 
-fn mount(Row { id, x, y, z, roll, pitch, yaw }: Row) -> Result<(String, Mount), Cause> {
+fn mount(MountRow { id, x, y, z, roll, pitch, yaw }: MountRow) -> Result<(String, Mount), Cause> {
     let mount = Mount::new([x, y, z], [roll, pitch, yaw]);
     Ok((id.clone(), mount.map_err(|error| format!("image `{id}`: {error}"))?))
 }

@@ -25,7 +25,7 @@ pub const CONTRACT_ATTRIBUTE: &str = "nunet.contract";
 
 /// A struct of the contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Layout {
+pub struct StructLayout {
     /// The name under which other languages know it (iceoryx2's type name, where it has one).
     pub type_name: &'static str,
     /// Its size.
@@ -37,7 +37,7 @@ pub struct Layout {
 }
 
 /// The user header of every message.
-pub const HEADER: Layout = Layout {
+pub const HEADER: StructLayout = StructLayout {
     type_name: HEADER_TYPE_NAME,
     bytes: size_of::<FrameHeader>(),
     alignment: align_of::<FrameHeader>(),
@@ -45,11 +45,11 @@ pub const HEADER: Layout = Layout {
 };
 
 /// The element of every payload's slice.
-pub const BLOCK: Layout =
-    Layout { type_name: BLOCK_TYPE_NAME, bytes: BLOCK_BYTES, alignment: BLOCK_BYTES, fields: &[] };
+pub const BLOCK: StructLayout =
+    StructLayout { type_name: BLOCK_TYPE_NAME, bytes: BLOCK_BYTES, alignment: BLOCK_BYTES, fields: &[] };
 
 /// The payload of `stats`.
-pub const STATS: Layout = Layout {
+pub const STATS: StructLayout = StructLayout {
     type_name: STATS_TYPE_NAME,
     bytes: size_of::<StatsRecord>(),
     alignment: align_of::<StatsRecord>(),
@@ -57,7 +57,7 @@ pub const STATS: Layout = Layout {
 };
 
 /// The payload of `cloud`: one per pixel.
-pub const POINT: Layout = Layout {
+pub const POINT: StructLayout = StructLayout {
     type_name: "nunet.v1.Point",
     bytes: size_of::<CloudPoint>(),
     alignment: align_of::<CloudPoint>(),
@@ -65,7 +65,7 @@ pub const POINT: Layout = Layout {
 };
 
 /// The payload of `obstacles`.
-pub const OBSTACLES: Layout = Layout {
+pub const OBSTACLES: StructLayout = StructLayout {
     type_name: OBSTACLES_TYPE_NAME,
     bytes: size_of::<ObstacleRecord>(),
     alignment: align_of::<ObstacleRecord>(),
@@ -73,7 +73,7 @@ pub const OBSTACLES: Layout = Layout {
 };
 
 /// One direction of an obstacle record.
-pub const OBSTACLE_SECTOR: Layout = Layout {
+pub const OBSTACLE_SECTOR: StructLayout = StructLayout {
     type_name: <ObstacleSector as FieldType>::KIND,
     bytes: size_of::<ObstacleSector>(),
     alignment: align_of::<ObstacleSector>(),
@@ -81,7 +81,7 @@ pub const OBSTACLE_SECTOR: Layout = Layout {
 };
 
 /// One point of an obstacle record.
-pub const OBSTACLE_POINT: Layout = Layout {
+pub const OBSTACLE_POINT: StructLayout = StructLayout {
     type_name: <ObstaclePoint as FieldType>::KIND,
     bytes: size_of::<ObstaclePoint>(),
     alignment: align_of::<ObstaclePoint>(),

@@ -1,6 +1,6 @@
 //! The reader's side: opens what a publisher created and reads its frames in place.
 
-mod frame;
+mod message;
 mod open;
 mod set;
 
@@ -19,9 +19,9 @@ use crate::name::CameraName;
 use crate::process::Process;
 use crate::service::{TopicService, publisher_of};
 
-pub use frame::{Frame, FrameSet};
+pub use message::{FrameSet, Message};
 
-use frame::TopicSubscriber;
+use message::TopicSubscriber;
 use open::deadline_after;
 
 /// iceoryx2 hands the time to the socket in microseconds, and there 0 means for ever.
@@ -51,7 +51,7 @@ pub struct Reader {
     camera: CameraName,
     listener: Listener<Iceoryx>,
     topics: Vec<ReadTopic>,
-    joining: [Option<Frame>; Topic::ALL.len()],
+    joining: [Option<Message>; Topic::ALL.len()],
 }
 
 #[derive(Debug)]
@@ -131,10 +131,10 @@ impl Reader {
     /// # Errors
     /// [`IpcError::TooManyFramesHeld`] when there is one but this reader holds as many as it may,
     /// [`IpcError::NoSuchTopic`], [`IpcError::BadMessage`].
-    pub fn next(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
+    pub fn next(&self, topic: Topic) -> Result<Option<Message>, IpcError> {
         let opened = self.topic(topic)?;
         match opened.port.receive() {
-            Ok(Some(sample)) => Frame::new(sample, Arc::clone(&opened.port), topic).map(Some),
+            Ok(Some(sample)) => Message::new(sample, Arc::clone(&opened.port), topic).map(Some),
             Ok(None) => Ok(None),
             Err(ReceiveError::ExceedsMaxBorrows) => {
                 let limit = opened.service.static_config().subscriber_max_borrowed_samples();
@@ -148,7 +148,7 @@ impl Reader {
     ///
     /// # Errors
     /// Those of [`next`](Self::next).
-    pub fn latest(&self, topic: Topic) -> Result<Option<Frame>, IpcError> {
+    pub fn latest(&self, topic: Topic) -> Result<Option<Message>, IpcError> {
         let mut newest = None;
         while self.has_more(topic)? {
             drop(newest.take()); // first: a reader may hold few frames

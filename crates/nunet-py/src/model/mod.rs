@@ -21,12 +21,12 @@ use self::run::Setting;
 use self::warnings::Warnings;
 use crate::argument;
 use crate::array::import_numpy;
-use crate::camera::{Camera, camera_argument};
+use crate::camera::{PyCamera, camera_argument};
 use crate::error::{failure, warn};
-use crate::image::{ChannelOrder, Image};
+use crate::image::{ColorOrder, ImageArgument};
 use crate::obstacles::optional_mount_argument;
 use crate::own::Own;
-use crate::result::{Result, Shared};
+use crate::result::{Result, ResultContext};
 
 /// A network that runs in this process, like `nunetd infer`.
 ///
@@ -80,12 +80,12 @@ use crate::result::{Result, Shared};
 /// >>> model = nunet.Model("wnet_c.onnx")
 /// >>> model.size
 /// (640, 480)
-#[pyclass(frozen, module = "nunet_py")]
-pub(crate) struct Model {
+#[pyclass(frozen, name = "Model", module = "nunet_py")]
+pub(crate) struct PyModel {
     // The threads of ONNX Runtime do not exist in a fork, and dropping it there would wait for them.
     inner: Own<Mutex<nunet_engine::Model>>,
     about: About,
-    shared: Arc<Shared>,
+    shared: Arc<ResultContext>,
     warnings: Warnings,
     /// The place of the camera, if the scale comes from the floor.
     mount: Option<Mount>,
@@ -93,7 +93,7 @@ pub(crate) struct Model {
 }
 
 #[pymethods]
-impl Model {
+impl PyModel {
     #[new]
     #[pyo3(signature = (
         name_or_path, *, provider = "auto", threads = None, filters = None, scale = None, mount = None
@@ -123,7 +123,7 @@ impl Model {
             warn(py, &format!("`{path}` has no self-test: its outputs on this machine are unverified"))?;
         }
         let class_names = PyTuple::new(py, &description.classes)?.unbind();
-        let shared = Arc::new(Shared::new(class_names, model.pipeline().stage_names().to_vec()));
+        let shared = Arc::new(ResultContext::new(class_names, model.pipeline().stage_names().to_vec()));
         let (about, warnings) = (About::of(&model), Warnings::new(model.pipeline().graph().size()));
         let mount = if let ScaleMode::Floor(mount) = scale { Some(mount) } else { None };
         let inner = Own::new(Mutex::new(model));
@@ -188,12 +188,12 @@ impl Model {
         &self,
         py: Python<'_>,
         rgb: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
         attitude: Option<(f64, f64)>,
     ) -> PyResult<Result> {
-        let image = Image::take("rgb", rgb, ChannelOrder::named(color)?)?;
+        let image = ImageArgument::take("rgb", rgb, ColorOrder::named(color)?)?;
         self.infer_one(py, &image, Setting { camera, keep_state, attitude })
     }
 
@@ -203,7 +203,7 @@ impl Model {
         &self,
         py: Python<'_>,
         rgb: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
         attitude: Option<(f64, f64)>,
@@ -241,14 +241,14 @@ impl Model {
         &self,
         py: Python<'_>,
         images: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::color)] color: &str,
         keep_state: bool,
     ) -> PyResult<Vec<Result>> {
-        let order = ChannelOrder::named(color)?;
+        let order = ColorOrder::named(color)?;
         let mut results = Vec::new();
         for (index, image) in batch::images(images)?.enumerate() {
-            let result = Image::take("rgb", &image?, order).and_then(|image| {
+            let result = ImageArgument::take("rgb", &image?, order).and_then(|image| {
                 self.infer_one(
                     py,
                     &image,
@@ -318,7 +318,7 @@ impl Model {
 }
 
 /// The argument `model`.
-pub(crate) fn model_argument(object: &Bound<'_, PyAny>) -> PyResult<Py<Model>> {
+pub(crate) fn model_argument(object: &Bound<'_, PyAny>) -> PyResult<Py<PyModel>> {
     argument::taken(
         "model",
         object,
@@ -328,5 +328,5 @@ pub(crate) fn model_argument(object: &Bound<'_, PyAny>) -> PyResult<Py<Model>> {
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Model>()
+    module.add_class::<PyModel>()
 }

@@ -8,13 +8,13 @@ use nunet_types::ImageSize;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::{Model, scale};
-use crate::camera::Camera;
+use super::{PyModel, scale};
+use crate::camera::PyCamera;
 use crate::error::{failure, hinted, of_camera};
-use crate::image::Image;
-use crate::result::{Result, Shared};
+use crate::image::ImageArgument;
+use crate::result::{Result, ResultContext};
 
-impl Model {
+impl PyModel {
     /// Runs `work` with exclusive access to the model and without the GIL.
     ///
     /// # Errors
@@ -29,7 +29,7 @@ impl Model {
         Ok(py.detach(|| work(&mut inner.lock().unwrap_or_else(PoisonError::into_inner))))
     }
 
-    pub(crate) fn shared(&self) -> Arc<Shared> {
+    pub(crate) fn shared(&self) -> Arc<ResultContext> {
         Arc::clone(&self.shared)
     }
 
@@ -46,13 +46,13 @@ impl Model {
     pub(super) fn infer_one(
         &self,
         py: Python<'_>,
-        image: &Image<'_>,
+        image: &ImageArgument<'_>,
         Setting { camera, keep_state, attitude }: Setting,
     ) -> PyResult<Result> {
         let frame = image.view()?;
         let size = frame.size();
         let factor = self.factor_of(camera)?;
-        let fitted = |camera: Camera| camera.0.fitted_to(size.width, size.height).map_err(of_camera);
+        let fitted = |camera: PyCamera| camera.0.fitted_to(size.width, size.height).map_err(of_camera);
         let camera = camera.map(fitted).transpose()?;
         let mount = attitude.map(|attitude| scale::with_attitude(self.mount, attitude)).transpose()?;
         let inferred = self.exclusive(py, |model| {
@@ -70,18 +70,18 @@ impl Model {
 /// How an image is taken.
 #[derive(Clone, Copy)]
 pub(super) struct Setting {
-    pub(super) camera: Option<Camera>,
+    pub(super) camera: Option<PyCamera>,
     pub(super) keep_state: bool,
     /// Roll and pitch of the camera, radians.
     pub(super) attitude: Option<(f64, f64)>,
 }
 
-impl Model {
+impl PyModel {
     /// The factor of a camera's calibration.
     ///
     /// # Errors
     /// The model has a factor too.
-    pub(crate) fn factor_of(&self, camera: Option<Camera>) -> PyResult<Option<CalibratedScale>> {
+    pub(crate) fn factor_of(&self, camera: Option<PyCamera>) -> PyResult<Option<CalibratedScale>> {
         match camera.and_then(|camera| camera.1) {
             Some(scale) if self.has_factor => Err(hinted::<PyValueError>(
                 format!("the camera has the scale {}, and the model has one too", scale.factor),

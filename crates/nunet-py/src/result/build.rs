@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::memory::array;
-use super::{Origin, Result, Shared};
-use crate::camera::Camera;
+use super::{Origin, Result, ResultContext};
+use crate::camera::PyCamera;
 use crate::player::Played;
 
 impl Result {
@@ -18,7 +18,7 @@ impl Result {
         py: Python<'_>,
         inferred: Inferred,
         image_size: ImageSize,
-        shared: Arc<Shared>,
+        shared: Arc<ResultContext>,
     ) -> PyResult<Self> {
         Self::new(py, inferred, image_size, Origin::default(), shared)
     }
@@ -28,7 +28,7 @@ impl Result {
         py: Python<'_>,
         played: Played,
         topic: String,
-        shared: Arc<Shared>,
+        shared: Arc<ResultContext>,
     ) -> PyResult<Self> {
         let origin = Origin {
             topic: Some(topic),
@@ -44,7 +44,7 @@ impl Result {
         inferred: Inferred,
         image_size: ImageSize,
         origin: Origin,
-        shared: Arc<Shared>,
+        shared: Arc<ResultContext>,
     ) -> PyResult<Self> {
         let Inferred { depth, labels, rgb, report, points_camera, total_nanos } = inferred;
         let (width, height) = (points_camera.intrinsics.width, points_camera.intrinsics.height);
@@ -65,7 +65,7 @@ impl Result {
             timings: timings.unbind(),
             invalid_pixels: report.invalid_pixels,
             quality: report.quality.name().to_owned(),
-            camera: report.camera.map(|camera| Camera(camera, None)),
+            camera: report.camera.map(|camera| PyCamera(camera, None)),
             origin,
             points_camera,
             image_size,

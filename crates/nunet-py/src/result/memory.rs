@@ -5,7 +5,7 @@ use numpy::{Element, PyArrayDescr, dtype};
 use nunet_engine::Pooled;
 use pyo3::prelude::*;
 
-use crate::memory::{self, Memory, Shape};
+use crate::memory::{self, ArrayLayout, Memory};
 
 /// Owns the memory of one array: the array's `base`.
 #[pyclass(frozen, module = "nunet_py")]
@@ -13,22 +13,22 @@ struct ResultMemory {
     address: usize,
     bytes: usize,
     /// Held for its memory alone.
-    _values: Kept,
+    _values: PooledValues,
 }
 
 /// One of the kinds of values that results consist of.
-pub(super) enum Kept {
+pub(super) enum PooledValues {
     Numbers { _values: Pooled<f32> },
     Bytes { _values: Pooled<u8> },
 }
 
-impl From<Pooled<f32>> for Kept {
+impl From<Pooled<f32>> for PooledValues {
     fn from(values: Pooled<f32>) -> Self {
         Self::Numbers { _values: values }
     }
 }
 
-impl From<Pooled<u8>> for Kept {
+impl From<Pooled<u8>> for PooledValues {
     fn from(values: Pooled<u8>) -> Self {
         Self::Bytes { _values: values }
     }
@@ -54,10 +54,10 @@ pub(super) fn array<T: Element, const N: usize>(
     lengths: [usize; N],
 ) -> PyResult<Bound<'_, PyAny>>
 where
-    Kept: From<Pooled<T>>,
+    PooledValues: From<Pooled<T>>,
 {
     let (address, bytes) = (values.as_mut_ptr().expose_provenance(), size_of_val(&*values));
     let owner = Bound::new(py, ResultMemory { address, bytes, _values: values.into() })?;
     let element: Bound<'_, PyArrayDescr> = dtype::<T>(py);
-    memory::array(&owner, element, Shape::packed(lengths, size_of::<T>()))
+    memory::array(&owner, element, ArrayLayout::packed(lengths, size_of::<T>()))
 }

@@ -16,11 +16,11 @@ use nunet_types::ImageSize;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-pub(crate) use self::shared::Shared;
+pub(crate) use self::shared::ResultContext;
 use crate::argument;
-use crate::camera::{Camera, camera_argument};
+use crate::camera::{PyCamera, camera_argument};
 use crate::cloud::Cloud;
-use crate::obstacles::{self, Obstacles};
+use crate::obstacles::{self, PyObstacles};
 
 /// The message of a recording that held the image.
 #[derive(Clone, Default)]
@@ -88,11 +88,11 @@ pub(crate) struct Result {
     #[pyo3(get)]
     quality: String,
     #[pyo3(get)]
-    camera: Option<Camera>,
+    camera: Option<PyCamera>,
     origin: Origin,
     points_camera: camera::Camera,
     image_size: ImageSize,
-    shared: Arc<Shared>,
+    shared: Arc<ResultContext>,
 }
 
 #[pymethods]
@@ -148,7 +148,7 @@ impl Result {
     fn cloud(
         &self,
         py: Python<'_>,
-        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::cloud_range)] max_range: f32,
     ) -> PyResult<Cloud> {
         Cloud::of_points(py, &self.points(py, camera, max_range)?, self.size(), &self.units)
@@ -189,12 +189,12 @@ impl Result {
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = obstacles::mount_argument)] mount: Vec<f64>,
-        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
         #[pyo3(from_py_with = argument::clearance)] clearance: f32,
         #[pyo3(from_py_with = argument::robot_height)] robot_height: f32,
         #[pyo3(from_py_with = argument::sectors)] sectors: u32,
         #[pyo3(from_py_with = argument::max_range)] max_range: f32,
-    ) -> PyResult<Obstacles> {
+    ) -> PyResult<PyObstacles> {
         let options = ObstacleOptions {
             clearance_m: clearance,
             robot_height_m: robot_height,
@@ -234,7 +234,7 @@ impl Result {
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
-        #[pyo3(from_py_with = camera_argument)] camera: Option<Camera>,
+        #[pyo3(from_py_with = camera_argument)] camera: Option<PyCamera>,
     ) -> PyResult<Vec<PathBuf>> {
         let cloud = self.points(py, camera, f32::INFINITY)?;
         self.write(py, &folder, &cloud)

@@ -6,13 +6,13 @@ use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::{Origin, Result, Shared};
-use crate::camera::Camera;
+use super::{Origin, Result, ResultContext};
+use crate::camera::PyCamera;
 
 /// A result without its arrays.
 #[derive(FromPyObject, IntoPyObject)]
 #[pyo3(from_item_all)]
-pub(super) struct State {
+pub(super) struct PickledResult {
     class_names: Py<PyTuple>,
     units: String,
     scale_source: String,
@@ -20,8 +20,8 @@ pub(super) struct State {
     quality: String,
     timings: Py<PyDict>,
     invalid_pixels: u32,
-    camera: Option<Camera>,
-    points_camera: Camera,
+    camera: Option<PyCamera>,
+    points_camera: PyCamera,
     image_size: (u32, u32),
     topic: Option<String>,
     frame_id: Option<String>,
@@ -31,12 +31,12 @@ pub(super) struct State {
 
 /// The function that restores a result, and its arguments.
 pub(super) type Reduced<'py> =
-    (Bound<'py, PyAny>, (Py<PyArray2<f32>>, Option<Py<PyArray2<u8>>>, Py<PyArray3<u8>>, State));
+    (Bound<'py, PyAny>, (Py<PyArray2<f32>>, Option<Py<PyArray2<u8>>>, Py<PyArray3<u8>>, PickledResult));
 
 /// What pickle stores of a result.
 pub(super) fn reduce<'py>(py: Python<'py>, result: &Result) -> PyResult<Reduced<'py>> {
     let Origin { topic, frame_id, sequence, capture_nanos } = result.origin.clone();
-    let state = State {
+    let state = PickledResult {
         class_names: result.shared.class_names.clone_ref(py),
         units: result.units.clone(),
         scale_source: result.scale_source.clone(),
@@ -45,7 +45,7 @@ pub(super) fn reduce<'py>(py: Python<'py>, result: &Result) -> PyResult<Reduced<
         timings: result.timings.clone_ref(py),
         invalid_pixels: result.invalid_pixels,
         camera: result.camera,
-        points_camera: Camera(result.points_camera, None),
+        points_camera: PyCamera(result.points_camera, None),
         image_size: (result.image_size.width, result.image_size.height),
         topic,
         frame_id,
@@ -63,9 +63,9 @@ pub(super) fn _result(
     depth: Py<PyArray2<f32>>,
     labels: Option<Py<PyArray2<u8>>>,
     rgb: Py<PyArray3<u8>>,
-    state: State,
+    state: PickledResult,
 ) -> Result {
-    let State { topic, frame_id, sequence, capture_nanos, .. } = state;
+    let PickledResult { topic, frame_id, sequence, capture_nanos, .. } = state;
     Result {
         depth,
         labels,
@@ -80,6 +80,6 @@ pub(super) fn _result(
         origin: Origin { topic, frame_id, sequence, capture_nanos },
         points_camera: state.points_camera.0,
         image_size: state.image_size.into(),
-        shared: Arc::new(Shared::new(state.class_names, Vec::new())),
+        shared: Arc::new(ResultContext::new(state.class_names, Vec::new())),
     }
 }

@@ -8,16 +8,16 @@ use nunet_core::camera;
 use nunet_core::cloud::{CloudOptions, CloudPoint, organized_cloud};
 use nunet_core::filter::Appearance;
 use nunet_core::obstacle::{DepthImage, ObstacleOptions};
-use nunet_files::{Results, write_results};
+use nunet_files::{ResultArrays, write_results};
 use nunet_types::ImageSize;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::Result;
-use crate::camera::Camera;
+use crate::camera::PyCamera;
 use crate::cloud::METRE;
 use crate::error::{NunetError, failure, hinted, of_camera};
-use crate::obstacles::{self, Obstacles};
+use crate::obstacles::{self, PyObstacles};
 
 impl Result {
     /// Width and height of `depth`.
@@ -27,8 +27,8 @@ impl Result {
 
     /// The camera of the points, at the size of `depth`. A given camera may have the size of the image or any other of its
     /// aspect ratio.
-    pub(super) fn camera_for_points(&self, camera: Option<Camera>) -> PyResult<camera::Camera> {
-        let Some(Camera(camera, _)) = camera else { return Ok(self.points_camera) };
+    pub(super) fn camera_for_points(&self, camera: Option<PyCamera>) -> PyResult<camera::Camera> {
+        let Some(PyCamera(camera, _)) = camera else { return Ok(self.points_camera) };
         let (image, own) = (self.image_size, self.size());
         let fitted = camera
             .fitted_to(image.width, image.height)
@@ -40,7 +40,7 @@ impl Result {
     pub(super) fn points(
         &self,
         py: Python<'_>,
-        camera: Option<Camera>,
+        camera: Option<PyCamera>,
         max_range_m: f32,
     ) -> PyResult<Vec<CloudPoint>> {
         let camera = self.camera_for_points(camera)?;
@@ -68,7 +68,7 @@ impl Result {
     ) -> PyResult<Vec<PathBuf>> {
         let depth = self.depth.bind(py).try_readonly()?;
         let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
-        let results = Results {
+        let results = ResultArrays {
             size: self.size(),
             depth: depth.as_slice()?,
             metric: self.units == METRE,
@@ -83,9 +83,9 @@ impl Result {
         &self,
         py: Python<'_>,
         mount: &[f64],
-        camera: Option<Camera>,
+        camera: Option<PyCamera>,
         options: ObstacleOptions,
-    ) -> PyResult<Obstacles> {
+    ) -> PyResult<PyObstacles> {
         if self.units != METRE {
             let text = format!("obstacles need depth in meters; this result is `{}`", self.units);
             return Err(hinted::<PyValueError>(text, "take a model with metric depth"));
@@ -97,6 +97,6 @@ impl Result {
         let labels = self.labels.as_ref().map(|labels| labels.bind(py).try_readonly()).transpose()?;
         let labels = labels.as_ref().map(|labels| labels.as_slice()).transpose()?;
         let image = DepthImage { depth_m: depth.as_slice()?, labels, confidence: None };
-        Obstacles::of_depth(py, &image, (&camera, mount), &classes, options)
+        PyObstacles::of_depth(py, &image, (&camera, mount), &classes, options)
     }
 }

@@ -8,14 +8,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 /// Names from the model file, and the rays of the last cloud.
-pub(crate) struct Shared {
+pub(crate) struct ResultContext {
     pub(crate) class_names: Py<PyTuple>,
     pub(crate) stage_names: Vec<String>,
     /// Kept so that they are computed once for a stream.
     rays: Mutex<Option<(Camera, Arc<RayTable>)>>,
 }
 
-impl Shared {
+impl ResultContext {
     pub(crate) fn new(class_names: Py<PyTuple>, stage_names: Vec<String>) -> Self {
         Self { class_names, stage_names, rays: Mutex::default() }
     }

@@ -13,12 +13,12 @@ use crate::error::hinted;
 /// may run meanwhile.
 #[derive(Debug)]
 pub(super) struct SharedFeed {
-    state: Mutex<State>,
+    state: Mutex<FeedState>,
     returned: Condvar,
 }
 
 #[derive(Debug)]
-struct State {
+struct FeedState {
     feed: Option<Feed>,
     /// For callers that ask while a thread uses the feed. Dropped on closing, because it keeps the topics open.
     publishers: Option<Publishers>,
@@ -40,7 +40,7 @@ pub(super) struct Arrival {
 }
 
 /// The outcome of [`SharedFeed::take`].
-pub(super) enum Taken {
+pub(super) enum TakenFeed {
     Feed(Box<Feed>),
     /// Another thread uses it.
     Busy,
@@ -50,7 +50,7 @@ pub(super) enum Taken {
 impl SharedFeed {
     pub(super) fn new(feed: Feed) -> Self {
         let publishers = Some(feed.reader.publishers());
-        let state = State { feed: Some(feed), publishers, closed: false };
+        let state = FeedState { feed: Some(feed), publishers, closed: false };
         Self { state: Mutex::new(state), returned: Condvar::new() }
     }
 
@@ -64,21 +64,21 @@ impl SharedFeed {
         self.state().publishers.clone()
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, FeedState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Takes the feed. Waits up to `timeout` for another thread that has it.
-    pub(super) fn take(&self, timeout: Duration) -> Taken {
-        let waits = |state: &mut State| !state.closed && state.feed.is_none();
+    pub(super) fn take(&self, timeout: Duration) -> TakenFeed {
+        let waits = |state: &mut FeedState| !state.closed && state.feed.is_none();
         let (mut state, _) = self
             .returned
             .wait_timeout_while(self.state(), timeout, waits)
             .unwrap_or_else(PoisonError::into_inner);
         if state.closed {
-            return Taken::Closed;
+            return TakenFeed::Closed;
         }
-        state.feed.take().map_or(Taken::Busy, |feed| Taken::Feed(Box::new(feed)))
+        state.feed.take().map_or(TakenFeed::Busy, |feed| TakenFeed::Feed(Box::new(feed)))
     }
 
     /// Closes it. A thread that uses the feed drops it soon.

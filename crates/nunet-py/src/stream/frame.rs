@@ -6,13 +6,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use super::header::{FrameHeader, VIOLATION, unknown};
-use super::sample::{Grid, Sample, element, plane};
-use super::stats::Stats;
-use crate::camera::Camera;
+use super::sample::{Grid, TopicMessage, element, plane};
+use super::stats::PyStats;
+use crate::camera::PyCamera;
 use crate::cloud::Cloud;
 use crate::error::{NunetError, failure, hinted};
-use crate::memory::{Shape, array};
-use crate::obstacles::Obstacles;
+use crate::memory::{ArrayLayout, array};
+use crate::obstacles::PyObstacles;
 
 /// One frame of a camera: the subscribed topics, all with the same sequence number and capture time.
 ///
@@ -25,24 +25,24 @@ use crate::obstacles::Obstacles;
 /// a copy: `jax.numpy.from_dlpack(frame)`.
 ///
 /// Frames and their arrays can be passed to other threads. A forked process must not use them.
-#[pyclass(frozen, module = "nunet_py")]
+#[pyclass(frozen, name = "Frame", module = "nunet_py")]
 #[derive(Debug)]
-pub(crate) struct Frame {
-    samples: Vec<Py<Sample>>,
-    stats: Option<Stats>,
+pub(crate) struct PyFrame {
+    samples: Vec<Py<TopicMessage>>,
+    stats: Option<PyStats>,
     topics: Vec<Topic>,
 }
 
-impl Frame {
-    pub(super) fn new(samples: Vec<Py<Sample>>, stats: Option<Stats>, topics: Vec<Topic>) -> Self {
+impl PyFrame {
+    pub(super) fn new(samples: Vec<Py<TopicMessage>>, stats: Option<PyStats>, topics: Vec<Topic>) -> Self {
         Self { samples, stats, topics }
     }
 
-    fn find(&self, topic: Topic) -> Option<&Py<Sample>> {
+    fn find(&self, topic: Topic) -> Option<&Py<TopicMessage>> {
         self.samples.iter().find(|sample| sample.get().topic() == topic)
     }
 
-    fn sample<'py>(&self, py: Python<'py>, topic: Topic) -> PyResult<&Bound<'py, Sample>> {
+    fn sample<'py>(&self, py: Python<'py>, topic: Topic) -> PyResult<&Bound<'py, TopicMessage>> {
         self.find(topic).map(|sample| sample.bind(py)).ok_or_else(|| self.missing(topic))
     }
 
@@ -52,7 +52,7 @@ impl Frame {
         py: Python<'py>,
         topic: Topic,
         expected: Encoding,
-    ) -> PyResult<&Bound<'py, Sample>> {
+    ) -> PyResult<&Bound<'py, TopicMessage>> {
         let sample = self.sample(py, topic)?;
         let found = sample.get().header().encoding().map_err(unknown)?;
         if found == expected {
@@ -83,7 +83,7 @@ impl Frame {
 }
 
 #[pymethods]
-impl Frame {
+impl PyFrame {
     /// float32 (H, W): depth in `header.units`, rows from the top; NaN where there is no depth. A read-only view of shared
     /// memory.
     #[getter]
@@ -146,14 +146,14 @@ impl Frame {
 
     /// The obstacles around the robot, copied from shared memory.
     #[getter]
-    fn obstacles(&self, py: Python<'_>) -> PyResult<Obstacles> {
+    fn obstacles(&self, py: Python<'_>) -> PyResult<PyObstacles> {
         let sample = self.encoded(py, Topic::Obstacles, Encoding::ObstacleRecord)?.get();
         let record = ObstacleRecord::of_payload(sample.payload()).ok_or_else(|| {
             let (got, expected) = (sample.payload().len(), size_of::<ObstacleRecord>());
             let text = format!("a message of topic `obstacles` has {got} bytes, expected {expected}");
             hinted::<NunetError>(text, VIOLATION)
         })?;
-        Obstacles::of_record(py, record)
+        PyObstacles::of_record(py, record)
     }
 
     /// uint8 (H, W, 3): the camera's image as RGB. A read-only view of shared memory for the encodings `rgb8`, `bgr8` (with
@@ -200,7 +200,11 @@ impl Frame {
                 let (rows, columns) = message.size();
                 let grid = message.cells(rows, columns.next_multiple_of(2), 2)?;
                 let lengths = [grid.rows, grid.columns, 2];
-                array(sample, element::<u8>(py), Shape { lengths, strides: [grid.stride, 2, 1], offset: 0 })
+                array(
+                    sample,
+                    element::<u8>(py),
+                    ArrayLayout { lengths, strides: [grid.stride, 2, 1], offset: 0 },
+                )
             }
             other => {
                 let text = format!("topic `rgb` has the encoding `{other}`, which is not one of images");
@@ -211,7 +215,7 @@ impl Frame {
 
     /// The daemon's statistics when the frame arrived. They may not include the frame itself.
     #[getter]
-    fn stats(&self) -> PyResult<Stats> {
+    fn stats(&self) -> PyResult<PyStats> {
         self.stats.clone().ok_or_else(|| self.missing(Topic::Stats))
     }
 
@@ -234,10 +238,10 @@ impl Frame {
 
     /// The camera at the size of `header`; `None` if it is unknown.
     #[getter]
-    fn camera(&self) -> PyResult<Option<Camera>> {
+    fn camera(&self) -> PyResult<Option<PyCamera>> {
         Ok(embed::camera_of(self.lead()?)
             .map_err(|error| failure(&error))?
-            .map(|camera| Camera(camera, None)))
+            .map(|camera| PyCamera(camera, None)))
     }
 
     /// The subscribed topics.

@@ -11,11 +11,11 @@ use pyo3::types::PyTuple;
 use super::sample::element;
 use crate::array::{check_order, check_type, read, shape_text, untyped};
 use crate::error::hinted;
-use crate::memory::{Memory, Shape, array};
+use crate::memory::{ArrayLayout, Memory, array};
 
 /// The memory layout of a camera's images.
 #[derive(Debug, Clone)]
-pub(super) struct Layout {
+pub(super) struct ImageLayout {
     pub(super) encoding: Encoding,
     pub(super) size: ImageSize,
     pub(super) row_bytes: u32,
@@ -23,7 +23,7 @@ pub(super) struct Layout {
     pub(super) lengths: Vec<usize>,
 }
 
-impl Layout {
+impl ImageLayout {
     pub(super) fn new(size: ImageSize, encoding: &str) -> PyResult<Self> {
         let format: PixelFormat = encoding.parse().map_err(|_| {
             let choices: Vec<_> = PixelFormat::ALL.iter().map(|known| format!("`{known}`")).collect();
@@ -59,8 +59,10 @@ impl Layout {
     {
         let bytes = element::<u8>(owner.py());
         match self.lengths[..] {
-            [rows, columns, channels] => array(owner, bytes, Shape::packed([rows, columns, channels], 1)),
-            _ => array(owner, bytes, Shape::packed([self.lengths[0], self.lengths[1]], 1)),
+            [rows, columns, channels] => {
+                array(owner, bytes, ArrayLayout::packed([rows, columns, channels], 1))
+            }
+            _ => array(owner, bytes, ArrayLayout::packed([self.lengths[0], self.lengths[1]], 1)),
         }
     }
 

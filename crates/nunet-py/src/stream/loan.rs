@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::port::{Anchor, Capture, ImageTopic};
+use super::port::{Anchor, ImageStamp, ImageTopic};
 use crate::error::{NunetError, hinted};
 use crate::memory::{Memory, references};
 use crate::own::Own;
@@ -30,18 +30,18 @@ const EXPECTED_REFERENCES: isize = 2;
 /// after the block changes what subscribers see.
 ///
 /// If the block ends with an exception, nothing is sent.
-#[pyclass(frozen, module = "nunet_py")]
+#[pyclass(frozen, name = "Loan", module = "nunet_py")]
 #[derive(Debug)]
-pub(crate) struct Loan {
+pub(crate) struct PyLoan {
     port: Arc<ImageTopic>,
-    capture: Mutex<Capture>,
-    open: Mutex<Option<Open>>,
+    capture: Mutex<ImageStamp>,
+    open: Mutex<Option<OpenArrays>>,
 }
 
 /// The arrays of a block.
 #[derive(Debug)]
-struct Open {
-    chunk: Py<Chunk>,
+struct OpenArrays {
+    chunk: Py<LoanChunk>,
     // The base of `image` and of all of its views, so that its references count the views.
     root: Py<PyAny>,
     image: Py<PyAny>,
@@ -50,23 +50,23 @@ struct Open {
 /// The chunk under the arrays of a block.
 #[pyclass(frozen, name = "_Chunk", module = "nunet_py")]
 #[derive(Debug)]
-struct Chunk {
+struct LoanChunk {
     address: usize,
     len: usize,
     // A fork must not release it. The chunk is dropped before what keeps it mapped.
-    kept: Own<Kept>,
+    kept: Own<KeptLoan>,
 }
 
 #[derive(Debug)]
-struct Kept {
+struct KeptLoan {
     loan: Mutex<Option<nunet_ipc::Loan>>,
     _anchor: Anchor,
 }
 
 // SAFETY: the loan borrows the chunk that `address` and `len` describe, so no other image is written to it. When the loan
-// is sent, arrays are read-only and no view is left (`Loan::settle`). The anchor is a chunk of the same mapping and keeps
+// is sent, arrays are read-only and no view is left (`PyLoan::settle`). The anchor is a chunk of the same mapping and keeps
 // it mapped.
-unsafe impl Memory for Chunk {
+unsafe impl Memory for LoanChunk {
     const WRITEABLE: bool = true;
 
     fn bytes(&self) -> (*mut u8, usize) {
@@ -74,11 +74,11 @@ unsafe impl Memory for Chunk {
     }
 }
 
-impl Chunk {
+impl LoanChunk {
     fn new(mut loan: nunet_ipc::Loan, anchor: Anchor) -> Self {
         let bytes = loan.bytes_mut();
         let (address, len) = (bytes.as_mut_ptr().expose_provenance(), bytes.len());
-        let kept = Kept { loan: Mutex::new(Some(loan)), _anchor: anchor };
+        let kept = KeptLoan { loan: Mutex::new(Some(loan)), _anchor: anchor };
         Self { address, len, kept: Own::new(kept) }
     }
 
@@ -92,11 +92,11 @@ enum Settled {
     /// No array can write to it.
     Free(nunet_ipc::Loan),
     /// An array may write to it, so it stays on loan until the array is dropped.
-    Shared(Py<Chunk>),
+    Shared(Py<LoanChunk>),
 }
 
-impl Loan {
-    pub(super) fn new(port: Arc<ImageTopic>, capture: Capture) -> Self {
+impl PyLoan {
+    pub(super) fn new(port: Arc<ImageTopic>, capture: ImageStamp) -> Self {
         Self { port, capture: Mutex::new(capture), open: Mutex::new(None) }
     }
 
@@ -104,7 +104,7 @@ impl Loan {
     ///
     /// A reference to the array does not tell whether it is a variable, which cannot write any more, or a buffer that kept
     /// the right to write. One reference is taken for the variable of the block; more mean that the image is copied.
-    fn settle(py: Python<'_>, open: &Open) -> PyResult<Settled> {
+    fn settle(py: Python<'_>, open: &OpenArrays) -> PyResult<Settled> {
         for array in [&open.image, &open.root] {
             array.call_method1(py, "setflags", (false,))?; // write=False
         }
@@ -131,12 +131,12 @@ impl Loan {
 }
 
 #[pymethods]
-impl Loan {
+impl PyLoan {
     /// Borrow memory and return its array: uint8 of the publisher's shape, with the pixels of an earlier image.
     fn __enter__(slf: &Bound<'_, Self>) -> PyResult<Py<PyAny>> {
         let py = slf.py();
         let this = slf.get();
-        let chunk = Bound::new(py, Chunk::new(this.port.chunk()?, this.port.anchor()?))?;
+        let chunk = Bound::new(py, LoanChunk::new(this.port.chunk()?, this.port.anchor()?))?;
         let root = this.port.source.layout.array(&chunk)?;
         let image = root.call_method0("view")?;
         let given = image.clone().unbind();
@@ -145,7 +145,7 @@ impl Loan {
         if open.is_some() {
             return Err(hinted::<NunetError>("this loan is already open", "make a loan for each image"));
         }
-        *open = Some(Open { chunk: chunk.unbind(), root: root.unbind(), image: image.unbind() });
+        *open = Some(OpenArrays { chunk: chunk.unbind(), root: root.unbind(), image: image.unbind() });
         Ok(given)
     }
 

@@ -20,8 +20,8 @@ use pyo3::prelude::*;
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     subscribe::register(module)?;
     publisher::register(module)?;
-    module.add_class::<frame::Frame>()?;
+    module.add_class::<frame::PyFrame>()?;
     module.add_class::<header::FrameHeader>()?;
-    module.add_class::<stats::Stats>()?;
-    module.add_class::<loan::Loan>()
+    module.add_class::<stats::PyStats>()?;
+    module.add_class::<loan::PyLoan>()
 }

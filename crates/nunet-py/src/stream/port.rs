@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 
 use super::errors::ipc_error;
 use super::late::Served;
-use super::layout::Layout;
+use super::layout::ImageLayout;
 use crate::error::{NunetError, hinted};
 use crate::own::Own;
 
@@ -27,9 +27,9 @@ pub(super) type Anchor = Arc<Mutex<nunet_ipc::Loan>>;
 
 /// The description of a camera, which travels with every image.
 #[derive(Debug)]
-pub(super) struct Source {
+pub(super) struct ImageOrigin {
     pub(super) camera: CameraName,
-    pub(super) layout: Layout,
+    pub(super) layout: ImageLayout,
     pub(super) camera_info: Option<Camera>,
     pub(super) clock: Clock,
     pub(super) frame_id: String,
@@ -38,13 +38,13 @@ pub(super) struct Source {
 /// The topic `rgb` of a camera, and a count of copies.
 #[derive(Debug)]
 pub(super) struct ImageTopic {
-    pub(super) source: Source,
+    pub(super) source: ImageOrigin,
     copied: AtomicU64,
-    open: Own<Served<Open>>,
+    open: Own<Served<OpenTopic>>,
 }
 
 #[derive(Debug)]
-struct Open {
+struct OpenTopic {
     // Dropped before the publisher, unless an array still needs it.
     anchor: Anchor,
     publisher: nunet_ipc::Publisher,
@@ -53,7 +53,7 @@ struct Open {
 
 /// Capture time and number of an image; `None` for the current time and for the next number.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Capture {
+pub(super) struct ImageStamp {
     pub(super) nanos: Option<i64>,
     pub(super) sequence: Option<u64>,
 }
@@ -63,25 +63,25 @@ impl ImageTopic {
     ///
     /// # Errors
     /// `NunetError` if the camera is published already or memory is short.
-    pub(super) fn create(py: Python<'_>, source: Source, readers: u32) -> PyResult<Self> {
+    pub(super) fn create(py: Python<'_>, source: ImageOrigin, readers: u32) -> PyResult<Self> {
         let plan = TopicPlan { topic: Topic::Rgb, payload_bytes: source.layout.bytes() };
         let limits = Limits { max_readers: readers as usize, max_loans: MAX_LOANS, ..Limits::default() };
         let publisher = py
             .detach(|| nunet_ipc::Publisher::create(&source.camera, &[plan], &limits))
             .map_err(ipc_error)?;
         let anchor = publisher.loan(Topic::Rgb).map_err(ipc_error)?;
-        let open = Open { anchor: Arc::new(Mutex::new(anchor)), publisher, sequence: 0 };
+        let open = OpenTopic { anchor: Arc::new(Mutex::new(anchor)), publisher, sequence: 0 };
         // An error is reported when the next image is sent, because sending does the same.
         let open = Served::start(open, |open| drop(open.publisher.refresh()))?;
         Ok(Self { source, copied: AtomicU64::new(0), open: Own::new(open) })
     }
 
-    fn open(&self) -> PyResult<MutexGuard<'_, Option<Open>>> {
+    fn open(&self) -> PyResult<MutexGuard<'_, Option<OpenTopic>>> {
         Ok(self.open.get(NAME)?.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Runs `action` on the open topic. No Python code may run meanwhile.
-    fn with<T>(&self, action: impl FnOnce(&mut Open) -> Result<T, IpcError>) -> PyResult<T> {
+    fn with<T>(&self, action: impl FnOnce(&mut OpenTopic) -> Result<T, IpcError>) -> PyResult<T> {
         let mut open = self.open()?;
         let camera = &self.source.camera;
         let open = open.as_mut().ok_or_else(|| {
@@ -114,7 +114,7 @@ impl ImageTopic {
     }
 
     /// Sends a filled chunk and wakes the readers. Returns the image's number.
-    pub(super) fn send(&self, mut loan: nunet_ipc::Loan, capture: Capture) -> PyResult<u64> {
+    pub(super) fn send(&self, mut loan: nunet_ipc::Loan, capture: ImageStamp) -> PyResult<u64> {
         self.with(|open| {
             let sequence = capture.sequence.unwrap_or(open.sequence);
             self.source.describe(loan.header_mut(), capture, sequence);
@@ -126,7 +126,7 @@ impl ImageTopic {
     }
 
     /// Sends a copy of an image that arrays can still write to.
-    pub(super) fn send_copy(&self, image: &[u8], capture: Capture) -> PyResult<u64> {
+    pub(super) fn send_copy(&self, image: &[u8], capture: ImageStamp) -> PyResult<u64> {
         let mut copy = self.chunk()?;
         copy.bytes_mut().copy_from_slice(image);
         self.copied.fetch_add(1, Ordering::Relaxed);
@@ -158,9 +158,9 @@ impl ImageTopic {
     }
 }
 
-impl Source {
+impl ImageOrigin {
     /// Fills the header of an image.
-    fn describe(&self, header: &mut FrameHeader, capture: Capture, sequence: u64) {
+    fn describe(&self, header: &mut FrameHeader, capture: ImageStamp, sequence: u64) {
         *header = FrameHeader::default();
         header.sequence = sequence;
         let (monotonic, unix) = (monotonic_nanos(), unix_nanos());

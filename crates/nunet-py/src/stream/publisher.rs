@@ -8,19 +8,19 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::errors::camera_name;
-use super::layout::Layout;
-use super::loan::Loan;
-use super::port::{Capture, ImageTopic, Source};
+use super::layout::ImageLayout;
+use super::loan::PyLoan;
+use super::port::{ImageOrigin, ImageStamp, ImageTopic};
 use crate::argument;
 use crate::array::import_numpy;
-use crate::camera::{Camera, intrinsics_argument, whole_size};
+use crate::camera::{PyCamera, intrinsics_argument, whole_size};
 use crate::error::{hinted, of_camera};
 
 // The default of `readers`: a literal, because Python shows it.
 const _: () = assert!(Limits::DEFAULT.max_readers == 4);
 
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Publisher>()?;
+    module.add_class::<PyPublisher>()?;
     module.add_function(wrap_pyfunction!(publisher, module)?)
 }
 
@@ -77,20 +77,20 @@ fn publisher(
     #[pyo3(from_py_with = argument::camera_name)] camera: &str,
     size: &Bound<'_, PyAny>,
     #[pyo3(from_py_with = argument::encoding)] encoding: &str,
-    #[pyo3(from_py_with = intrinsics_argument)] intrinsics: Option<Camera>,
+    #[pyo3(from_py_with = intrinsics_argument)] intrinsics: Option<PyCamera>,
     #[pyo3(from_py_with = argument::clock)] clock: &str,
     #[pyo3(from_py_with = argument::frame_id)] frame_id: &str,
     #[pyo3(from_py_with = argument::readers)] readers: u32,
-) -> PyResult<Publisher> {
+) -> PyResult<PyPublisher> {
     import_numpy(py)?;
     let camera = camera_name(camera)?;
     let size = whole_size(size)?;
-    let layout = Layout::new(size, encoding)?;
+    let layout = ImageLayout::new(size, encoding)?;
     let camera_info = intrinsics.map(|camera| camera.0.fitted_to(size.width, size.height)).transpose();
     let camera_info = camera_info.map_err(of_camera)?;
     let clock = clock_of(clock)?;
-    let source = Source { camera, layout, camera_info, clock, frame_id: frame_id.to_owned() };
-    Ok(Publisher { port: Arc::new(ImageTopic::create(py, source, readers)?) })
+    let source = ImageOrigin { camera, layout, camera_info, clock, frame_id: frame_id.to_owned() };
+    Ok(PyPublisher { port: Arc::new(ImageTopic::create(py, source, readers)?) })
 }
 
 /// The clock by its name.
@@ -108,14 +108,14 @@ fn clock_of(name: &str) -> PyResult<Clock> {
 /// receives the last image.
 ///
 /// Several threads may share a publisher. A forked process must make its own, under another name.
-#[pyclass(frozen, module = "nunet_py")]
+#[pyclass(frozen, name = "Publisher", module = "nunet_py")]
 #[derive(Debug)]
-pub(crate) struct Publisher {
+pub(crate) struct PyPublisher {
     port: Arc<ImageTopic>,
 }
 
 #[pymethods]
-impl Publisher {
+impl PyPublisher {
     /// Send an image. It is copied once, into shared memory; `loan` avoids the copy.
     ///
     /// Parameters
@@ -150,7 +150,7 @@ impl Publisher {
         let image = self.port.source.layout.check(image)?;
         let mut chunk = self.port.chunk()?;
         chunk.bytes_mut().copy_from_slice(image.as_slice()?);
-        self.port.send(chunk, Capture { nanos: capture_nanos, sequence })
+        self.port.send(chunk, ImageStamp { nanos: capture_nanos, sequence })
     }
 
     /// Write an image directly into shared memory: nothing is copied.
@@ -173,9 +173,9 @@ impl Publisher {
     /// NunetError
     ///     This publisher is closed; on entering also: arrays of earlier loans hold all memory.
     #[pyo3(signature = (capture_nanos = None, *, sequence = None))]
-    fn loan(&self, capture_nanos: Option<i64>, sequence: Option<u64>) -> PyResult<Loan> {
+    fn loan(&self, capture_nanos: Option<i64>, sequence: Option<u64>) -> PyResult<PyLoan> {
         self.port.check_open()?;
-        Ok(Loan::new(Arc::clone(&self.port), Capture { nanos: capture_nanos, sequence }))
+        Ok(PyLoan::new(Arc::clone(&self.port), ImageStamp { nanos: capture_nanos, sequence }))
     }
 
     /// Send the last image to late subscribers now. Sending an image does the same, and so does a thread a few times per

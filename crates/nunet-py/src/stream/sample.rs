@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use super::header::VIOLATION;
 use crate::error::{NunetError, hinted};
-use crate::memory::{Memory, Shape, array};
+use crate::memory::{ArrayLayout, Memory, array};
 use crate::own::Own;
 
 /// Bytes of a float, the largest array element here.
@@ -19,19 +19,19 @@ const ELEMENT: usize = size_of::<f32>();
 /// subscriber, the daemon and the frame are gone.
 #[pyclass(frozen, name = "_Sample", module = "nunet_py")]
 #[derive(Debug)]
-pub(super) struct Sample {
+pub(super) struct TopicMessage {
     // A copy, because the sender could change the original after it was checked.
     header: Box<nunet_ipc::FrameHeader>,
     address: usize,
     len: usize,
     topic: Topic,
     // A fork must not release it. The lock is never taken: it makes the frame `Sync`.
-    _frame: Own<Mutex<nunet_ipc::Frame>>,
+    _frame: Own<Mutex<nunet_ipc::Message>>,
 }
 
 // SAFETY: `_frame` borrows the chunk that `address` and `len` describe, and keeps it mapped and unchanged until it is
 // dropped with this object. A fork never drops it, and inherits the mapping.
-unsafe impl Memory for Sample {
+unsafe impl Memory for TopicMessage {
     const WRITEABLE: bool = false;
 
     fn bytes(&self) -> (*mut u8, usize) {
@@ -39,8 +39,8 @@ unsafe impl Memory for Sample {
     }
 }
 
-impl Sample {
-    pub(super) fn new(frame: nunet_ipc::Frame) -> Self {
+impl TopicMessage {
+    pub(super) fn new(frame: nunet_ipc::Message) -> Self {
         let bytes = frame.bytes();
         Self {
             header: Box::new(*frame.header()),
@@ -113,13 +113,17 @@ pub(super) struct Grid {
 
 impl Grid {
     /// One element per cell, `offset` bytes into it.
-    pub(super) fn plane(self, cell_bytes: isize, offset: usize) -> Shape<2> {
-        Shape { lengths: [self.rows, self.columns], strides: [self.stride, cell_bytes], offset }
+    pub(super) fn plane(self, cell_bytes: isize, offset: usize) -> ArrayLayout<2> {
+        ArrayLayout { lengths: [self.rows, self.columns], strides: [self.stride, cell_bytes], offset }
     }
 
     /// Three elements per cell, the first of them `offset` bytes into it, `step` bytes apart.
-    pub(super) fn triples(self, cell_bytes: isize, offset: usize, step: isize) -> Shape<3> {
-        Shape { lengths: [self.rows, self.columns, 3], strides: [self.stride, cell_bytes, step], offset }
+    pub(super) fn triples(self, cell_bytes: isize, offset: usize, step: isize) -> ArrayLayout<3> {
+        ArrayLayout {
+            lengths: [self.rows, self.columns, 3],
+            strides: [self.stride, cell_bytes, step],
+            offset,
+        }
     }
 }
 
@@ -130,7 +134,7 @@ pub(super) fn element<T: numpy::Element>(py: Python<'_>) -> Bound<'_, PyArrayDes
 
 /// An array with one element per cell.
 pub(super) fn plane<'py, T: numpy::Element>(
-    sample: &Bound<'py, Sample>,
+    sample: &Bound<'py, TopicMessage>,
     cell_bytes: usize,
     offset: usize,
 ) -> PyResult<Bound<'py, PyAny>> {

@@ -8,9 +8,9 @@ use pyo3::types::PyDict;
 /// Statistics of the daemon: counts of frames, rates and latencies. A copy, not a view.
 ///
 /// `captured == published + superseded + failed + in_flight` at any time.
-#[pyclass(frozen, module = "nunet_py")]
+#[pyclass(frozen, name = "Stats", module = "nunet_py")]
 #[derive(Debug, Clone)]
-pub(crate) struct Stats {
+pub(crate) struct PyStats {
     /// Frames delivered by the source.
     #[pyo3(get)]
     captured: u64,
@@ -53,7 +53,7 @@ type Times = [f64; 5];
 
 const TIME_NAMES: [&str; 5] = ["p50", "p90", "p99", "max", "mean"];
 
-impl Stats {
+impl PyStats {
     pub(super) fn read(record: &StatsRecord) -> Self {
         let stages = record.stage_names().enumerate().map(|(index, name)| {
             let times = [
@@ -90,7 +90,7 @@ impl Stats {
 }
 
 #[pymethods]
-impl Stats {
+impl PyStats {
     /// Milliseconds from the image's arrival at the daemon to publication: `p50`, `p90`, `p99`, `max`, `mean`.
     #[getter]
     fn total_ms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -8,10 +8,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::errors::{camera_name, ipc_error};
-use super::feed::{Arrival, BorrowedFeed, Feed, SharedFeed, Taken};
-use super::frame::Frame;
-use super::sample::Sample;
-use super::stats::Stats;
+use super::feed::{Arrival, BorrowedFeed, Feed, SharedFeed, TakenFeed};
+use super::frame::PyFrame;
+use super::sample::TopicMessage;
+use super::stats::PyStats;
 use super::topics::{TOPICS, topics_of};
 use super::wait::{self, Deadline, MAX_WAIT};
 use crate::argument;
@@ -105,7 +105,7 @@ pub(crate) struct Subscriber {
 
 impl Subscriber {
     /// Waits for a frame; `None` if the subscriber is closed.
-    fn wait(&self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Option<Frame>> {
+    fn wait(&self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Option<PyFrame>> {
         let shared = self.feed.get(NAME)?;
         let deadline = Deadline::after(timeout);
         let Some(mut borrowed) = self.borrow(py, shared, deadline)? else { return Ok(None) };
@@ -136,44 +136,44 @@ impl Subscriber {
         loop {
             let over = deadline.is_over();
             match py.detach(|| shared.take(deadline.next_wait())) {
-                Taken::Feed(feed) => return Ok(Some(BorrowedFeed::new(shared, feed))),
-                Taken::Closed => return Ok(None),
-                Taken::Busy if over => {
+                TakenFeed::Feed(feed) => return Ok(Some(BorrowedFeed::new(shared, feed))),
+                TakenFeed::Closed => return Ok(None),
+                TakenFeed::Busy if over => {
                     let camera = &self.camera;
                     return Err(hinted::<PyTimeoutError>(
                         format!("another thread waits for frames of this subscriber of camera `{camera}`"),
                         "make a subscriber for each thread",
                     ));
                 }
-                Taken::Busy => py.check_signals()?,
+                TakenFeed::Busy => py.check_signals()?,
             }
         }
     }
 
     /// A frame that arrives within `timeout`, which another thread may take up, or `None`.
-    fn poll(&self, py: Python<'_>, timeout: Duration) -> PyResult<Option<Frame>> {
+    fn poll(&self, py: Python<'_>, timeout: Duration) -> PyResult<Option<PyFrame>> {
         let shared = self.feed.get(NAME)?;
         let mut borrowed = match py.detach(|| shared.take(timeout)) {
-            Taken::Feed(feed) => BorrowedFeed::new(shared, feed),
-            Taken::Busy => return Ok(None),
-            Taken::Closed => return Err(self.closed_error()),
+            TakenFeed::Feed(feed) => BorrowedFeed::new(shared, feed),
+            TakenFeed::Busy => return Ok(None),
+            TakenFeed::Closed => return Err(self.closed_error()),
         };
         let Some(feed) = borrowed.feed.as_mut() else { return Ok(None) };
         let found = py.detach(|| feed.look(timeout)).map_err(ipc_error)?;
         found.map(|arrival| self.frame(py, arrival)).transpose()
     }
 
-    fn frame(&self, py: Python<'_>, arrival: Arrival) -> PyResult<Frame> {
+    fn frame(&self, py: Python<'_>, arrival: Arrival) -> PyResult<PyFrame> {
         let mut samples = Vec::with_capacity(self.topics.len());
         if let Some(mut set) = arrival.set {
             for topic in &self.topics {
                 if let Some(frame) = set.take(*topic) {
-                    samples.push(Py::new(py, Sample::new(frame))?);
+                    samples.push(Py::new(py, TopicMessage::new(frame))?);
                 }
             }
         }
-        let stats = arrival.stats.as_ref().map(Stats::read);
-        Ok(Frame::new(samples, stats, self.topics.clone()))
+        let stats = arrival.stats.as_ref().map(PyStats::read);
+        Ok(PyFrame::new(samples, stats, self.topics.clone()))
     }
 
     fn closed_error(&self) -> PyErr {
@@ -204,7 +204,7 @@ impl Subscriber {
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::timeout)] timeout: Option<f64>,
-    ) -> PyResult<Frame> {
+    ) -> PyResult<PyFrame> {
         let timeout = match timeout {
             None => self.timeout,
             given => wait::timeout(given)?,
@@ -218,12 +218,12 @@ impl Subscriber {
     /// ------
     /// NunetError
     ///     This subscriber is closed, or earlier frames hold as many messages as one subscriber may.
-    fn latest(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
+    fn latest(&self, py: Python<'_>) -> PyResult<Option<PyFrame>> {
         self.poll(py, Duration::ZERO)
     }
 
     /// One step of `async for`: a frame that arrives within `seconds`, or `None`.
-    fn _poll(&self, py: Python<'_>, seconds: f64) -> PyResult<Option<Frame>> {
+    fn _poll(&self, py: Python<'_>, seconds: f64) -> PyResult<Option<PyFrame>> {
         self.poll(py, wait::timeout(Some(seconds))?.unwrap_or(MAX_WAIT))
     }
 
@@ -292,7 +292,7 @@ impl Subscriber {
         slf.py().import("nunet_py._asynchronous")?.call_method1("frames", (slf,))
     }
 
-    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<PyFrame>> {
         self.wait(py, self.timeout)
     }
 

@@ -10,7 +10,7 @@ pub(super) fn segment(file: &[u8], place: usize) -> Option<&[u8]> {
 
 /// A component's blocks.
 #[derive(Debug)]
-pub(super) struct Component {
+pub(super) struct FrameComponent {
     pub(super) id: u8,
     /// Blocks of an MCU in x and y.
     pub(super) sampling: (usize, usize),
@@ -31,7 +31,7 @@ pub(super) struct JpegFrame {
     size: (usize, usize),
     /// MCUs in x and y.
     pub(super) mcus: (usize, usize),
-    pub(super) components: Vec<Component>,
+    pub(super) components: Vec<FrameComponent>,
 }
 
 impl JpegFrame {
@@ -59,7 +59,7 @@ impl JpegFrame {
             let blocks =
                 ((width * x).div_ceil(most_x).div_ceil(8), (height * y).div_ceil(most_y).div_ceil(8));
             let stride = mcus.0 * x;
-            Component { id, sampling: (x, y), blocks, stride, nonzero: Vec::new(), known_to: [None; 64] }
+            FrameComponent { id, sampling: (x, y), blocks, stride, nonzero: Vec::new(), known_to: [None; 64] }
         };
         let components = described.iter().map(component).collect();
         Ok(Self { progressive, size: (width, height), mcus, components })
@@ -72,7 +72,7 @@ impl JpegFrame {
     /// A progressive image comes in scans of more and more detail: those at the end may be missing without any block of the
     /// others being so.
     pub(super) fn check_complete(&self) -> Result<(), JpegError> {
-        let is_missing = |component: &Component| {
+        let is_missing = |component: &FrameComponent| {
             let known = &component.known_to;
             known[0].is_none() || known.iter().flatten().any(|&bit| bit != 0)
         };

@@ -11,7 +11,7 @@ mod standard_tables;
 
 use self::bits::HuffmanTable;
 use self::frame::{JpegFrame, segment};
-use self::scan::Scan;
+use self::scan::ScanHeader;
 pub(crate) use self::standard_tables::with_tables;
 
 const MARKER: u8 = 0xff;
@@ -50,7 +50,7 @@ pub(crate) enum JpegError {
 
 /// What was read so far.
 #[derive(Default)]
-struct Image {
+struct DecoderState {
     frame: Option<JpegFrame>,
     dc: [Option<HuffmanTable>; 4],
     ac: [Option<HuffmanTable>; 4],
@@ -63,7 +63,7 @@ struct Image {
 /// # Errors
 /// Data that are missing, damaged or too many.
 pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
-    let (mut image, mut place) = (Image::default(), 2);
+    let (mut image, mut place) = (DecoderState::default(), 2);
     loop {
         let Some((marker, after)) = next_marker(file, place) else {
             let frame = image.frame.as_ref().ok_or(JpegError::NoEnd)?;
@@ -112,7 +112,7 @@ fn restart_interval(body: &[u8]) -> Result<u32, JpegError> {
     Ok(u16::from_be_bytes(*bytes).into())
 }
 
-impl Image {
+impl DecoderState {
     fn read_tables(&mut self, mut body: &[u8]) -> Result<(), JpegError> {
         let broken = JpegError::Header { what: "a Huffman table is broken" };
         while let Some((&class_and_place, rest)) = body.split_first() {
@@ -131,7 +131,7 @@ impl Image {
         if frame.pixels() > MAX_PIXELS {
             return Ok(0);
         }
-        let scan = Scan::parse(header, frame, dc, ac)?;
+        let scan = ScanHeader::parse(header, frame, dc, ac)?;
         let length = scan.walk(frame, *restart_interval, data)?;
         scan.note(frame);
         Ok(length)

@@ -12,22 +12,22 @@ const MAX_ZEROS_BEFORE_PADDING: usize = 2;
 type Tables = [Option<HuffmanTable>; 4];
 
 /// A component in a scan, with its tables.
-struct Part<'a> {
+struct ScanComponent<'a> {
     component: usize,
     dc: Option<&'a HuffmanTable>,
     ac: Option<&'a HuffmanTable>,
 }
 
 /// A scan header.
-pub(super) struct Scan<'a> {
-    parts: Vec<Part<'a>>,
+pub(super) struct ScanHeader<'a> {
+    parts: Vec<ScanComponent<'a>>,
     /// First and last coefficient.
     band: (usize, usize),
     /// Bit position before and after the scan (T.81: Ah, Al).
     approximation: (u8, u8),
 }
 
-impl<'a> Scan<'a> {
+impl<'a> ScanHeader<'a> {
     pub(super) fn parse(
         header: &[u8],
         frame: &JpegFrame,
@@ -42,9 +42,9 @@ impl<'a> Scan<'a> {
             let component = frame.components.iter().position(|component| component.id == id)?;
             let table =
                 |tables: &'a Tables, place: u8| tables.get(usize::from(place)).and_then(Option::as_ref);
-            Some(Part { component, dc: table(dc, tables >> 4), ac: table(ac, tables & 15) })
+            Some(ScanComponent { component, dc: table(dc, tables >> 4), ac: table(ac, tables & 15) })
         };
-        let parts: Vec<Part<'a>> =
+        let parts: Vec<ScanComponent<'a>> =
             parts.as_chunks().0.iter().map(part).collect::<Option<_>>().ok_or(broken.clone())?;
         let band = if frame.progressive { (first.into(), last.into()) } else { (0, 63) };
         if parts.is_empty() || band.0 > band.1 || band.1 > 63 || (band.0 > 0 && parts.len() > 1) {
@@ -96,7 +96,7 @@ impl<'a> Scan<'a> {
                 (columns * rows, 1)
             }
             parts => {
-                let blocks = |part: &Part<'_>| {
+                let blocks = |part: &ScanComponent<'_>| {
                     let (x, y) = frame.components[part.component].sampling;
                     (x * y) as u64
                 };
@@ -127,7 +127,7 @@ impl<'a> Scan<'a> {
     fn block(
         &self,
         frame: &mut JpegFrame,
-        part: &Part<'a>,
+        part: &ScanComponent<'a>,
         place: usize,
         walk: &mut Walk<'_>,
     ) -> Result<(), ScanEnd> {

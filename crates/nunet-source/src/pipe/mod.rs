@@ -12,9 +12,9 @@ use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 use nunet_types::{ImageSize, PixelFormat};
 
 use crate::error::{SourceError, SourceErrorKind};
-use crate::source::Ended;
+use crate::source::Fused;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
-use crate::{Capture, Fill, Frame, OpenOptions, Pixels, Source};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
@@ -57,7 +57,7 @@ pub fn open_pipe(
     options: OpenOptions<'_>,
 ) -> Result<Box<dyn Source>, SourceError> {
     let layout = options.size.zip(options.format).map(|(size, format)| RawFormat { size, format });
-    Ok(Box::new(Ended::new(Pipe::open(input, layout)?)))
+    Ok(Box::new(Fused::new(Pipe::open(input, layout)?)))
 }
 
 /// What raw images on standard input are.
@@ -88,7 +88,7 @@ impl Default for Shot {
 
 /// What comes out of a pipe.
 #[derive(Debug)]
-enum Message {
+enum PipeMessage {
     Shot(Shot),
     /// The pipe ended between two images.
     End,
@@ -104,7 +104,7 @@ trait Shots: Send {
 
 /// A pipe. It is read on a thread of its own: reading may block forever, and a stop must be noticed.
 struct Pipe {
-    messages: Receiver<Message>,
+    messages: Receiver<PipeMessage>,
     used: Sender<Shot>,
     sequence: u64,
 }
@@ -119,7 +119,7 @@ impl Pipe {
             None => match y4m::Y4mShots::open(input) {
                 Ok(mut shots) => pass_on(&mut shots, &send, &shelf),
                 // The source is gone, so it does not matter.
-                Err(error) => drop(send.send(Message::Cut(error))),
+                Err(error) => drop(send.send(PipeMessage::Cut(error))),
             },
         };
         std::thread::Builder::new().name("stdin".into()).spawn(read).map_err(|error| {
@@ -140,7 +140,7 @@ impl Pipe {
             Some(nanos) => (Clock::Media, nanos),
             None => (Clock::Monotonic, monotonic_nanos()),
         };
-        frame.capture = Capture { nanos, clock, unix_nanos: unix_nanos() };
+        frame.capture = CaptureTime { nanos, clock, unix_nanos: unix_nanos() };
         let bytes = std::mem::replace(&mut frame.pixels, Pixels::Owned(shot.bytes));
         if let Pixels::Owned(bytes) = bytes {
             // If the thread has ended, it needs no memory.
@@ -152,21 +152,21 @@ impl Pipe {
 impl Source for Pipe {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         match self.messages.recv_timeout(POLL_TIMEOUT) {
-            Ok(Message::Shot(shot)) => {
+            Ok(PipeMessage::Shot(shot)) => {
                 self.take(shot, frame);
                 Fill::Frame
             }
-            Ok(Message::Cut(error)) if self.sequence == 0 => Fill::Broken(error),
-            Ok(Message::Cut(error)) => Fill::Cut(error),
+            Ok(PipeMessage::Cut(error)) if self.sequence == 0 => Fill::Broken(error),
+            Ok(PipeMessage::Cut(error)) => Fill::Cut(error),
             Err(RecvTimeoutError::Timeout) => Fill::Nothing,
-            Ok(Message::End) if self.sequence == 0 => Fill::Broken(
+            Ok(PipeMessage::End) if self.sequence == 0 => Fill::Broken(
                 SourceError::new(
                     SourceErrorKind::NothingReadable,
                     "standard input ended before its first image",
                 )
                 .with_hint("check the program that should have written it"),
             ),
-            Ok(Message::End) => Fill::End,
+            Ok(PipeMessage::End) => Fill::End,
             Err(RecvTimeoutError::Disconnected) => {
                 let message = "the thread for standard input has failed";
                 Fill::Broken(SourceError::new(SourceErrorKind::Unavailable, message))
@@ -176,15 +176,15 @@ impl Source for Pipe {
 }
 
 /// Reads until the end; the channel has room for one image, so the writer of the pipe has to wait.
-fn pass_on(shots: &mut dyn Shots, send: &SyncSender<Message>, shelf: &Receiver<Shot>) {
+fn pass_on(shots: &mut dyn Shots, send: &SyncSender<PipeMessage>, shelf: &Receiver<Shot>) {
     loop {
         let mut shot = shelf.try_recv().unwrap_or_default();
         let message = match shots.next(&mut shot) {
-            Ok(true) => Message::Shot(shot),
-            Ok(false) => Message::End,
-            Err(error) => Message::Cut(error),
+            Ok(true) => PipeMessage::Shot(shot),
+            Ok(false) => PipeMessage::End,
+            Err(error) => PipeMessage::Cut(error),
         };
-        let over = !matches!(message, Message::Shot(_));
+        let over = !matches!(message, PipeMessage::Shot(_));
         if send.send(message).is_err() || over {
             return;
         }

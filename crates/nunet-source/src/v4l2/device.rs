@@ -40,7 +40,7 @@ pub(super) trait Device: Send {
     fn intervals(&mut self, format: FourCc, size: ImageSize) -> Result<Vec<Intervals>>;
 
     /// Asks for a format and size, and returns what the driver made of it.
-    fn set_format(&mut self, format: FourCc, size: ImageSize) -> Result<Layout>;
+    fn set_format(&mut self, format: FourCc, size: ImageSize) -> Result<BufferFormat>;
 
     /// Asks for a time between frames, and returns what the driver made of it; `None` where it knows no rates.
     fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>>;
@@ -162,7 +162,7 @@ pub(super) enum Intervals {
 
 /// How images lie in buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct BufferFormat {
     /// The format.
     pub(super) format: FourCc,
     /// Width and height, pixels.

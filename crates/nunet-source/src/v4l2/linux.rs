@@ -22,7 +22,7 @@ use super::abi::{
     StreamParameters,
 };
 use super::device::{
-    Buffer, Capability, Device, Errno, FourCc, Host, Interval, Intervals, Layout, Now, Result, Sizes,
+    Buffer, BufferFormat, Capability, Device, Errno, FourCc, Host, Interval, Intervals, Now, Result, Sizes,
 };
 
 const QUERY_CAPABILITIES: Opcode = opcode::read::<Capabilities>(b'V', 0);
@@ -58,7 +58,7 @@ impl Host for Linux {
             return Err(Errno::NOTTY);
         }
         let file = rustix::fs::open(path, OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
-        Ok(Box::new(VideoDevice { buffers: Vec::new(), file }))
+        Ok(Box::new(LinuxDevice { buffers: Vec::new(), file }))
     }
 
     fn nodes(&self) -> Vec<PathBuf> {
@@ -80,12 +80,12 @@ impl Host for Linux {
 }
 
 /// An open device. The buffers come first: they are unmapped before the device is closed.
-struct VideoDevice {
+struct LinuxDevice {
     buffers: Vec<Mapping>,
     file: OwnedFd,
 }
 
-impl VideoDevice {
+impl LinuxDevice {
     /// One request, whose answer overwrites the argument.
     fn control<const OPCODE: Opcode, T: Pod>(&self, argument: &mut T) -> Result<()> {
         const { assert!((OPCODE >> 16) as usize & 0x1fff == size_of::<T>(), "an argument of another request") };
@@ -103,7 +103,7 @@ impl VideoDevice {
     }
 }
 
-impl Device for VideoDevice {
+impl Device for LinuxDevice {
     fn capability(&mut self) -> Result<Capability> {
         let mut answer = Capabilities::ZERO;
         self.control::<QUERY_CAPABILITIES, _>(&mut answer)?;
@@ -159,11 +159,11 @@ impl Device for VideoDevice {
         })
     }
 
-    fn set_format(&mut self, format: FourCc, ImageSize { width, height }: ImageSize) -> Result<Layout> {
+    fn set_format(&mut self, format: FourCc, ImageSize { width, height }: ImageSize) -> Result<BufferFormat> {
         let mut answer = ImageFormat { width, height, format: format.0, ..ImageFormat::ZERO };
         self.control::<SET_FORMAT, _>(&mut answer)?;
         let ImageFormat { width, height, format, row_stride, .. } = answer;
-        Ok(Layout { format: FourCc(format), size: ImageSize { width, height }, row_stride })
+        Ok(BufferFormat { format: FourCc(format), size: ImageSize { width, height }, row_stride })
     }
 
     fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>> {
@@ -240,7 +240,7 @@ impl Device for VideoDevice {
     }
 }
 
-impl Drop for VideoDevice {
+impl Drop for LinuxDevice {
     fn drop(&mut self) {
         // A device that is gone has no stream to end; nothing is left to do about another failure.
         let _ = self.control::<STREAM_OFF, _>(&mut (abi::CAPTURE as i32));
@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn a_file_that_supports_no_request_returns_errors() {
         let (file, _other) = std::io::pipe().unwrap();
-        let mut device = VideoDevice { buffers: Vec::new(), file: file.into() };
+        let mut device = LinuxDevice { buffers: Vec::new(), file: file.into() };
         assert_eq!(device.capability(), Err(Errno::NOTTY));
         assert_eq!(device.formats(), Ok(vec![]));
         assert_eq!(device.set_interval(Interval::of_hz(30.0)), Ok(None));
@@ -360,7 +360,7 @@ mod tests {
         let file = OwnedFd::from(file);
         let mut mapping = Mapping::of(&file, 0, 4096).unwrap();
         mapping.ours = true;
-        let mut device = VideoDevice { buffers: vec![mapping], file };
+        let mut device = LinuxDevice { buffers: vec![mapping], file };
         let buffer = Buffer { index: 0, used: 5, flawed: false, taken_nanos: None };
         assert_eq!(device.bytes(&buffer), [7; 5]);
         assert_eq!(device.queue(buffer), Err(Errno::NOTTY), "a file takes no buffers back");

@@ -24,13 +24,13 @@ use self::fault::CameraFault;
 use self::health::Health;
 use self::linux::Linux;
 pub use self::list::{CameraReport, cameras};
-use self::negotiate::{Coding, Mode, RequestedMode, choose, set};
-use crate::convert::{self, RawImage};
+use self::negotiate::{CaptureMode, Coding, RequestedMode, choose, set};
+use crate::convert::{self, ImageView};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::rate::MAX_HZ;
-use crate::source::Ended;
+use crate::source::Fused;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
-use crate::{Capture, Fill, Frame, OpenOptions, Rate, Source, decode_file};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Rate, Source, decode_file};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
@@ -45,20 +45,20 @@ const STALL_FRAMES: f64 = 5.0;
 const MAX_AGE_NANOS: i64 = 10_000_000_000;
 
 /// A camera. Once it has been opened, it is waited for whenever it goes away.
-struct Video<H> {
+struct V4l2Camera<H> {
     host: H,
     path: PathBuf,
     requested: RequestedMode,
-    stream: Option<Stream>,
+    stream: Option<StartedDevice>,
     health: Health,
     sequence: u64,
     stretch: u64,
 }
 
 /// A device that was started.
-struct Stream {
+struct StartedDevice {
     device: Box<dyn Device>,
-    mode: Mode,
+    mode: CaptureMode,
     /// The camera's own name.
     name: String,
     /// `CLOCK_MONOTONIC` of the last buffer; `None` before we asked for any.
@@ -89,11 +89,11 @@ impl SourceType for VideoDevice {
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
-        Ok(Box::new(Ended::new(Video::open(Linux, Path::new(name), requested(options))?)))
+        Ok(Box::new(Fused::new(V4l2Camera::open(Linux, Path::new(name), requested(options))?)))
     }
 
     fn stand_in(&self, name: &str, options: OpenOptions<'_>, _error: SourceError) -> Box<dyn Source> {
-        Box::new(Ended::new(Video::lost(Linux, Path::new(name), requested(options))))
+        Box::new(Fused::new(V4l2Camera::lost(Linux, Path::new(name), requested(options))))
     }
 }
 
@@ -106,14 +106,14 @@ fn requested(options: OpenOptions<'_>) -> RequestedMode {
     RequestedMode { size: options.size.unwrap_or(usual.size), hz }
 }
 
-impl<H: Host> Video<H> {
+impl<H: Host> V4l2Camera<H> {
     fn lost(host: H, path: &Path, requested: RequestedMode) -> Self {
         let path = path.to_owned();
         Self { host, path, requested, stream: None, health: Health::default(), sequence: 0, stretch: 0 }
     }
 
     fn open(mut host: H, path: &Path, requested: RequestedMode) -> Result<Self, SourceError> {
-        let stream = Stream::open(&mut host, path, requested).map_err(|fault| {
+        let stream = StartedDevice::open(&mut host, path, requested).map_err(|fault| {
             let error = SourceError::new(SourceErrorKind::Unavailable, fault.to_string());
             let error = match fault.hint_on(&host) {
                 Some(hint) => error.with_hint(hint),
@@ -126,8 +126,8 @@ impl<H: Host> Video<H> {
         Ok(Self { stream: Some(stream), ..video })
     }
 
-    fn tell(&self, stream: &Stream, how: &str) {
-        let (path, Stream { mode, name, .. }) = (self.path.display(), stream);
+    fn tell(&self, stream: &StartedDevice, how: &str) {
+        let (path, StartedDevice { mode, name, .. }) = (self.path.display(), stream);
         if mode.fulfils(self.requested) {
             info!("camera `{path}` ({name}){how}: {mode}");
         } else {
@@ -170,7 +170,7 @@ impl<H: Host> Video<H> {
             self.host.pause(wait.min(POLL_TIMEOUT));
             return Ok(false);
         }
-        self.stream = Some(Stream::open(&mut self.host, &self.path, self.requested)?);
+        self.stream = Some(StartedDevice::open(&mut self.host, &self.path, self.requested)?);
         self.stretch += 1;
         Ok(true)
     }
@@ -195,7 +195,7 @@ impl<H: Host> Video<H> {
     }
 }
 
-impl<H: Host> Source for Video<H> {
+impl<H: Host> Source for V4l2Camera<H> {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         self.try_fill(frame).unwrap_or_else(|fault| {
             self.lose(&fault);
@@ -212,7 +212,7 @@ impl<H: Host> Source for Video<H> {
     }
 }
 
-impl Stream {
+impl StartedDevice {
     fn open(host: &mut dyn Host, path: &Path, requested: RequestedMode) -> Result<Self, CameraFault> {
         let mut device = host.open(path).map_err(CameraFault::at("open it"))?;
         let name = list::name_of_camera(device.as_mut())?;
@@ -259,14 +259,14 @@ fn newest(device: &mut dyn Device) -> device::Result<Option<(Buffer, u64)>> {
 }
 
 /// The driver's time if it is possible, else that of arrival.
-fn capture(buffer: &Buffer, now: Now) -> Capture {
+fn capture(buffer: &Buffer, now: Now) -> CaptureTime {
     let arrived = now.monotonic_nanos;
     let is_sensible = |taken: &i64| (0..=MAX_AGE_NANOS).contains(&arrived.saturating_sub(*taken));
     let nanos = buffer.taken_nanos.filter(is_sensible).unwrap_or(arrived);
-    Capture { nanos, clock: Clock::Monotonic, unix_nanos: now.unix_nanos - (arrived - nanos) }
+    CaptureTime { nanos, clock: Clock::Monotonic, unix_nanos: now.unix_nanos - (arrived - nanos) }
 }
 
-impl Mode {
+impl CaptureMode {
     /// Copies a buffer's image into `frame`, once: the buffer goes back to the driver.
     fn copy(&self, bytes: &[u8], flawed: bool, frame: &mut Frame) -> Result<(), SourceError> {
         if flawed {
@@ -279,7 +279,7 @@ impl Mode {
         match self.coding {
             Coding::Jpeg => frame.file.extend_from_slice(bytes),
             Coding::Raw(layout) => {
-                let image = RawImage { layout, size: self.size, row_stride: self.row_stride, bytes };
+                let image = ImageView { layout, size: self.size, row_stride: self.row_stride, bytes };
                 if !convert::fill(frame, image) {
                     let expected = layout.byte_len(self.size, self.row_stride);
                     let message = format!("it has {} bytes; {self} takes {expected}", bytes.len());

@@ -4,7 +4,7 @@ use std::fmt;
 
 use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
 
-use super::device::{Device, FourCc, Interval, Intervals, Layout, Sizes};
+use super::device::{BufferFormat, Device, FourCc, Interval, Intervals, Sizes};
 use super::fault::CameraFault;
 use crate::convert::{Bayer, RawLayout};
 use crate::rate::MAX_HZ;
@@ -191,7 +191,7 @@ fn nearest_interval(intervals: &[Intervals], requested_hz: f64) -> Option<Interv
 
 /// What a camera is set to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Mode {
+pub(super) struct CaptureMode {
     pub(super) format: FourCc,
     pub(super) coding: Coding,
     pub(super) size: ImageSize,
@@ -209,7 +209,7 @@ pub(super) fn set(
     device: &mut dyn Device,
     choice: Choice,
     requested: RequestedMode,
-) -> Result<Mode, CameraFault> {
+) -> Result<CaptureMode, CameraFault> {
     let Choice { format, coding, size, interval } = choice;
     let layout = device.set_format(format, size).map_err(CameraFault::at("set its format"))?;
     if layout.format != format {
@@ -219,11 +219,11 @@ pub(super) fn set(
     let interval = device
         .set_interval(interval.unwrap_or(Interval::of_hz(requested.hz)))
         .map_err(CameraFault::at("set its rate"))?;
-    Ok(Mode { format, coding, size: layout.size, row_stride, hz: interval.and_then(Interval::hz) })
+    Ok(CaptureMode { format, coding, size: layout.size, row_stride, hz: interval.and_then(Interval::hz) })
 }
 
-fn row_stride(layout: Layout, coding: Coding) -> Result<u32, CameraFault> {
-    let Layout { size: ImageSize { width, height }, row_stride, .. } = layout;
+fn row_stride(layout: BufferFormat, coding: Coding) -> Result<u32, CameraFault> {
+    let BufferFormat { size: ImageSize { width, height }, row_stride, .. } = layout;
     let sides = 1..=MAX_SIDE_PX;
     let least = match coding {
         Coding::Raw(format) => format.min_stride(width),
@@ -237,14 +237,14 @@ fn row_stride(layout: Layout, coding: Coding) -> Result<u32, CameraFault> {
     }
 }
 
-impl Mode {
+impl CaptureMode {
     /// Whether the user gets what was requested.
     pub(super) fn fulfils(&self, requested: RequestedMode) -> bool {
         self.size == requested.size && self.hz.is_none_or(|hz| (hz - requested.hz).abs() < 0.1)
     }
 }
 
-impl fmt::Display for Mode {
+impl fmt::Display for CaptureMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         show(f, self.format, self.size, self.hz)
     }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use image::{Rgb, RgbImage};
 use nunet_core::frame::PixelFormat;
 
-use super::device::{Capability, Errno, FourCc, Interval, Intervals, Layout, Sizes};
+use super::device::{BufferFormat, Capability, Errno, FourCc, Interval, Intervals, Sizes};
 use super::*;
 
 const MS: i64 = 1_000_000;
@@ -43,7 +43,7 @@ struct World {
     refuses_open: Option<Errno>,
     refuses_start: Option<Errno>,
     /// What the driver makes of the format asked for, where it does not obey.
-    chooses: Option<Layout>,
+    chooses: Option<BufferFormat>,
     filled: VecDeque<Shot>,
     asked: Option<(FourCc, ImageSize, Interval)>,
     /// The times at which the camera was opened.
@@ -83,12 +83,12 @@ impl FakeHost {
         self.0.lock().unwrap()
     }
 
-    fn open(&self) -> Video<Self> {
+    fn open(&self) -> V4l2Camera<Self> {
         self.try_open(REQUESTED).unwrap()
     }
 
-    fn try_open(&self, requested: RequestedMode) -> Result<Video<Self>, SourceError> {
-        Video::open(self.clone(), Path::new(PATH), requested)
+    fn try_open(&self, requested: RequestedMode) -> Result<V4l2Camera<Self>, SourceError> {
+        V4l2Camera::open(self.clone(), Path::new(PATH), requested)
     }
 
     /// Fills a buffer now.
@@ -186,8 +186,8 @@ impl Device for FakeDevice {
         Ok(fitting.flat_map(|(_, intervals)| intervals.clone()).collect())
     }
 
-    fn set_format(&mut self, format: FourCc, size: ImageSize) -> device::Result<Layout> {
-        let chosen = self.alive()?.chooses.unwrap_or(Layout { format, size, row_stride: 0 });
+    fn set_format(&mut self, format: FourCc, size: ImageSize) -> device::Result<BufferFormat> {
+        let chosen = self.alive()?.chooses.unwrap_or(BufferFormat { format, size, row_stride: 0 });
         self.set = Some((chosen.format, chosen.size));
         Ok(chosen)
     }
@@ -241,7 +241,7 @@ impl Device for FakeDevice {
 }
 
 /// The next image's bytes, or what came instead.
-fn next(video: &mut Video<FakeHost>) -> Result<Vec<u8>, Fill> {
+fn next(video: &mut V4l2Camera<FakeHost>) -> Result<Vec<u8>, Fill> {
     let mut frame = Frame::default();
     match video.fill(&mut frame) {
         Fill::Frame => Ok(frame.view().unwrap().bytes().to_vec()),
@@ -250,7 +250,7 @@ fn next(video: &mut Video<FakeHost>) -> Result<Vec<u8>, Fill> {
 }
 
 /// A camera that has been asked for an image already, so that nothing counts as old any more.
-fn awake(host: &FakeHost) -> Video<FakeHost> {
+fn awake(host: &FakeHost) -> V4l2Camera<FakeHost> {
     let mut video = host.open();
     assert!(matches!(next(&mut video), Err(Fill::Nothing)));
     video
@@ -297,7 +297,7 @@ fn raw_images_are_passed_on_unchanged() {
 #[test]
 fn rows_with_padding_stay_as_they_are() {
     let host = FakeHost::of(GREY);
-    host.world().chooses = Some(Layout { format: GREY, size: SIZE, row_stride: 6 });
+    host.world().chooses = Some(BufferFormat { format: GREY, size: SIZE, row_stride: 6 });
     let mut video = awake(&host);
     host.shoot([1, 2, 3, 4, 0, 0, 5, 6, 7, 8]);
     assert_eq!(next(&mut video).unwrap(), [1, 2, 3, 4, 0, 0, 5, 6, 7, 8], "the last row needs no padding");
@@ -468,7 +468,7 @@ fn a_camera_that_comes_back_busy_or_without_rights_or_formats_is_tried_until_it_
     let host = FakeHost::of(GREY);
     let mut video = awake(&host);
     host.unplug();
-    let wait = |video: &mut Video<FakeHost>, seconds: i64| {
+    let wait = |video: &mut V4l2Camera<FakeHost>, seconds: i64| {
         let until = host.world().now_nanos + seconds * SECOND;
         while host.world().now_nanos < until {
             assert!(matches!(next(video), Err(Fill::Nothing)));
@@ -535,7 +535,7 @@ fn a_device_of_another_kind_and_a_camera_of_unknown_formats_are_refused_by_name(
 fn a_driver_that_chooses_what_cannot_be_read_is_refused() {
     let host = FakeHost::of(GREY);
     let refused = |format, size, row_stride| {
-        host.world().chooses = Some(Layout { format, size, row_stride });
+        host.world().chooses = Some(BufferFormat { format, size, row_stride });
         refusal(&host)
     };
     assert!(refused(YUYV, SIZE, 8).contains("asked for GREY, its driver chose YUYV"));

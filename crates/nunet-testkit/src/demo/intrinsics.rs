@@ -2,7 +2,7 @@
 
 /// Focal lengths and principal point, pixels at the stated size.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Intrinsics {
+pub struct RoomIntrinsics {
     /// Focal length along rows.
     pub fx_px: f64,
     /// Focal length along columns.
@@ -17,7 +17,7 @@ pub struct Intrinsics {
     pub height: u32,
 }
 
-impl Intrinsics {
+impl RoomIntrinsics {
     /// The Kinect of NYU Depth V2, which most networks for rooms were trained on, for images of another size.
     pub(super) fn nyu(width: u32, height: u32) -> Self {
         let (scale_x, scale_y) = (f64::from(width) / 640.0, f64::from(height) / 480.0);

@@ -14,7 +14,7 @@ mod solid;
 mod texture;
 mod vector;
 
-pub use intrinsics::Intrinsics;
+pub use intrinsics::RoomIntrinsics;
 use light::LightMap;
 use render::Renderer;
 use solid::Solid;
@@ -42,7 +42,7 @@ mod class {
 /// A room with a camera in it.
 pub struct DemoScene {
     seed: u64,
-    intrinsics: Intrinsics,
+    intrinsics: RoomIntrinsics,
     solids: Vec<Solid>,
     light: LightMap,
     renderer: Renderer,
@@ -58,7 +58,7 @@ impl DemoScene {
     #[must_use]
     pub fn new(seed: u64, width: u32, height: u32) -> Self {
         assert!(width > 0 && height > 0, "an image has pixels");
-        let intrinsics = Intrinsics::nyu(width, height);
+        let intrinsics = RoomIntrinsics::nyu(width, height);
         let solids = room::furnished(seed);
         let light = LightMap::new(&solids);
         let renderer = Renderer::new(intrinsics, solids.len());
@@ -67,7 +67,7 @@ impl DemoScene {
 
     /// The camera's intrinsics, at the size of its images; it has no distortion.
     #[must_use]
-    pub fn intrinsics(&self) -> Intrinsics {
+    pub fn intrinsics(&self) -> RoomIntrinsics {
         self.intrinsics
     }
 

@@ -1,6 +1,6 @@
 //! Renders the camera's view: first the surface and depth of each pixel, then its color.
 
-use super::intrinsics::Intrinsics;
+use super::intrinsics::RoomIntrinsics;
 
 use super::light::LightMap;
 use super::path::Pose;
@@ -14,14 +14,14 @@ const NEAREST_M: f32 = 0.05;
 ///
 /// A ray's length along the optical axis is 1, so that `t` is the depth.
 #[derive(Debug, Clone, Copy)]
-struct Rays {
+struct RayBasis {
     origin: Vec3,
     base: Vec3,
     per_column: Vec3,
     per_row: Vec3,
 }
 
-impl Rays {
+impl RayBasis {
     #[inline]
     fn direction(&self, column: usize, row: usize) -> Vec3 {
         self.base + self.per_column * column as f32 + self.per_row * row as f32
@@ -32,15 +32,15 @@ impl Rays {
 pub(super) struct Renderer {
     width: usize,
     height: usize,
-    intrinsics: Intrinsics,
-    rays: Vec<Rays>,
+    intrinsics: RoomIntrinsics,
+    rays: Vec<RayBasis>,
     depth_m: Vec<f32>,
     /// Number of the solid times [`FACES`] plus the face.
     surfaces: Vec<u16>,
 }
 
 impl Renderer {
-    pub(super) fn new(intrinsics: Intrinsics, solids: usize) -> Self {
+    pub(super) fn new(intrinsics: RoomIntrinsics, solids: usize) -> Self {
         let (width, height) = (intrinsics.width as usize, intrinsics.height as usize);
         Self {
             width,
@@ -77,8 +77,14 @@ impl Renderer {
     }
 
     #[inline]
-    fn meet(&mut self, window: Window, rays: &Rays, number: usize, meet: impl Fn(Vec3, Vec3) -> (f32, u8)) {
-        let Window { columns: (left, right), rows: (top, bottom) } = window;
+    fn meet(
+        &mut self,
+        window: PixelWindow,
+        rays: &RayBasis,
+        number: usize,
+        meet: impl Fn(Vec3, Vec3) -> (f32, u8),
+    ) {
+        let PixelWindow { columns: (left, right), rows: (top, bottom) } = window;
         for row in top..bottom {
             let pixels = row * self.width + left..row * self.width + right;
             let depths = &mut self.depth_m[pixels.clone()];
@@ -121,12 +127,12 @@ impl Renderer {
         }
     }
 
-    fn rays_in(&self, solid: &Solid, pose: &Pose) -> Rays {
-        let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
+    fn rays_in(&self, solid: &Solid, pose: &Pose) -> RayBasis {
+        let RoomIntrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
         let per_column = pose.right * (1.0 / fx_px) as f32;
         let per_row = pose.down * (1.0 / fy_px) as f32;
         let base = pose.forward - per_column * cx_px as f32 - per_row * cy_px as f32;
-        Rays {
+        RayBasis {
             origin: solid.own_point(pose.position),
             base: solid.own_direction(base),
             per_column: solid.own_direction(per_column),
@@ -135,8 +141,8 @@ impl Renderer {
     }
 
     /// The pixels that may show a solid: the rectangle around the corners of the cuboid around it.
-    fn window(&self, solid: &Solid, pose: &Pose) -> Option<Window> {
-        let whole = Window { columns: (0, self.width), rows: (0, self.height) };
+    fn window(&self, solid: &Solid, pose: &Pose) -> Option<PixelWindow> {
+        let whole = PixelWindow { columns: (0, self.width), rows: (0, self.height) };
         if matches!(solid.shape, Shape::Hollow { .. }) {
             return Some(whole);
         }
@@ -155,7 +161,7 @@ impl Renderer {
             (top, bottom) = (top.min(row), bottom.max(row));
         }
         match behind {
-            0 => Some(Window {
+            0 => Some(PixelWindow {
                 columns: pixels_between(left, right, self.width),
                 rows: pixels_between(top, bottom, self.height),
             }),
@@ -167,7 +173,7 @@ impl Renderer {
 
 /// First and one past the last of columns and rows.
 #[derive(Clone, Copy)]
-struct Window {
+struct PixelWindow {
     columns: (usize, usize),
     rows: (usize, usize),
 }

@@ -6,7 +6,7 @@
 use super::class;
 use super::noise::unit;
 use super::solid::{FACES, Finish, Shape, Solid};
-use super::texture::{Color, Material};
+use super::texture::{Material, Reflectance};
 use super::vector::Vec3;
 
 /// Width (x), depth (y) and height (z) of the room, meters.
@@ -21,10 +21,10 @@ pub(super) const WINDOW_SIZE: (f32, f32) = (1.9, 1.3);
 pub(super) const LAMP: Vec3 = Vec3::new(2.9, 3.5, 2.3);
 pub(super) const LAMP_RADIUS: f32 = 0.22;
 
-const OAK: Material = Material::Wood(Color::new(0.42, 0.26, 0.13));
-const WALNUT: Material = Material::Wood(Color::new(0.20, 0.11, 0.06));
-const WHITE_PAINT: Material = Material::Paint(Color::new(0.75, 0.74, 0.70));
-const BLACK_PAINT: Material = Material::Paint(Color::new(0.04, 0.04, 0.045));
+const OAK: Material = Material::Wood(Reflectance::new(0.42, 0.26, 0.13));
+const WALNUT: Material = Material::Wood(Reflectance::new(0.20, 0.11, 0.06));
+const WHITE_PAINT: Material = Material::Paint(Reflectance::new(0.75, 0.74, 0.70));
+const BLACK_PAINT: Material = Material::Paint(Reflectance::new(0.04, 0.04, 0.045));
 
 /// All solids of the room; the room itself is the first.
 pub(super) fn furnished(seed: u64) -> Vec<Solid> {
@@ -44,9 +44,12 @@ pub(super) fn furnished(seed: u64) -> Vec<Solid> {
 }
 
 fn walls() -> Solid {
-    let wall = |r, g, b| Finish { label: class::WALL, material: Material::Plaster(Color::new(r, g, b)) };
-    let floor = Finish { label: class::FLOOR, material: Material::Boards(Color::new(0.36, 0.21, 0.11)) };
-    let ceiling = Finish { label: class::CEILING, material: Material::Plaster(Color::new(0.80, 0.80, 0.77)) };
+    let wall =
+        |r, g, b| Finish { label: class::WALL, material: Material::Plaster(Reflectance::new(r, g, b)) };
+    let floor =
+        Finish { label: class::FLOOR, material: Material::Boards(Reflectance::new(0.36, 0.21, 0.11)) };
+    let ceiling =
+        Finish { label: class::CEILING, material: Material::Plaster(Reflectance::new(0.80, 0.80, 0.77)) };
     let half = SIZE * 0.5;
     Solid {
         shape: Shape::Hollow { half },
@@ -65,17 +68,17 @@ fn walls() -> Solid {
 
 /// The origin of a piece of furniture; its parts are relative to it.
 #[derive(Clone, Copy)]
-struct Place {
+struct FurniturePlace {
     at: Vec3,
     turn: (f32, f32),
 }
 
 /// A place on the floor.
-fn at(x: f32, y: f32) -> Place {
-    Place { at: Vec3::new(x, y, 0.0), turn: (1.0, 0.0) }
+fn at(x: f32, y: f32) -> FurniturePlace {
+    FurniturePlace { at: Vec3::new(x, y, 0.0), turn: (1.0, 0.0) }
 }
 
-impl Place {
+impl FurniturePlace {
     /// Turned to the left by twice the angle of this tangent: sine and cosine without either function.
     fn turned(self, half_angle_tangent: f32) -> Self {
         let square = half_angle_tangent * half_angle_tangent;
@@ -99,12 +102,12 @@ impl Room {
     }
 
     /// A color that differs a little from seed to seed.
-    fn dyed(&self, what: u32, r: f32, g: f32, b: f32) -> Color {
+    fn dyed(&self, what: u32, r: f32, g: f32, b: f32) -> Reflectance {
         let by = |i| 1.0 + 0.25 * self.chance(100 + 3 * what + i);
-        Color::new(r * by(0), g * by(1), b * by(2))
+        Reflectance::new(r * by(0), g * by(1), b * by(2))
     }
 
-    fn put(&mut self, place: Place, shape: Shape, x: f32, y: f32, z: f32, faces: [Finish; FACES]) {
+    fn put(&mut self, place: FurniturePlace, shape: Shape, x: f32, y: f32, z: f32, faces: [Finish; FACES]) {
         let mut solid = Solid { shape, center: place.at, turn: place.turn, faces };
         solid.center = solid.room_point(Vec3::new(x, y, z));
         self.solids.push(solid);
@@ -113,7 +116,7 @@ impl Room {
     /// A cuboid over the rectangle from `min` to `max`, between two heights.
     fn block(
         &mut self,
-        place: Place,
+        place: FurniturePlace,
         min: (f32, f32),
         max: (f32, f32),
         height: (f32, f32),
@@ -124,12 +127,12 @@ impl Room {
         self.put(place, Shape::Cuboid { half }, x, y, (height.0 + height.1) * 0.5, faces);
     }
 
-    fn post(&mut self, place: Place, at: (f32, f32), height: (f32, f32), radius: f32, of: Finish) {
+    fn post(&mut self, place: FurniturePlace, at: (f32, f32), height: (f32, f32), radius: f32, of: Finish) {
         let shape = Shape::Cylinder { radius, half_height: (height.1 - height.0) * 0.5 };
         self.put(place, shape, at.0, at.1, (height.0 + height.1) * 0.5, [of; FACES]);
     }
 
-    fn ball(&mut self, place: Place, at: (f32, f32, f32), radius: f32, of: Finish) {
+    fn ball(&mut self, place: FurniturePlace, at: (f32, f32, f32), radius: f32, of: Finish) {
         self.put(place, Shape::Ball { radius }, at.0, at.1, at.2, [of; FACES]);
     }
 
@@ -145,7 +148,7 @@ impl Room {
     }
 
     fn ceiling_lamp(&mut self) {
-        let glass = finish(class::OBJECTS, Material::Glow(Color::new(1.0, 0.93, 0.78)));
+        let glass = finish(class::OBJECTS, Material::Glow(Reflectance::new(1.0, 0.93, 0.78)));
         let cord = finish(class::OBJECTS, BLACK_PAINT);
         let lamp = at(LAMP.x, LAMP.y);
         self.post(lamp, (0.0, 0.0), (LAMP.z + 0.08, SIZE.z), 0.012, cord);
@@ -156,8 +159,8 @@ impl Room {
         let place = at(0.12, 4.15 + 0.1 * self.chance(1));
         let frame = [finish(class::BED, WALNUT); FACES];
         let blanket = [finish(class::BED, Material::Fabric(self.dyed(1, 0.16, 0.24, 0.46))); FACES];
-        let sheet = [finish(class::BED, Material::Fabric(Color::new(0.66, 0.64, 0.60))); FACES];
-        let pillow = [finish(class::OBJECTS, Material::Fabric(Color::new(0.74, 0.70, 0.62))); FACES];
+        let sheet = [finish(class::BED, Material::Fabric(Reflectance::new(0.66, 0.64, 0.60))); FACES];
+        let pillow = [finish(class::OBJECTS, Material::Fabric(Reflectance::new(0.74, 0.70, 0.62))); FACES];
         self.block(place, (0.0, 0.0), (1.45, 1.92), (0.06, 0.30), frame);
         self.block(place, (0.0, 1.86), (1.45, 1.92), (0.30, 0.95), frame);
         self.block(place, (0.03, 0.03), (1.42, 1.85), (0.30, 0.50), sheet);
@@ -234,16 +237,16 @@ impl Room {
 
     fn table(&mut self) {
         let place = at(2.35 + 0.1 * self.chance(6), 3.55 + 0.1 * self.chance(7)).turned(0.06);
-        let rug = Material::Stripes(self.dyed(6, 0.46, 0.40, 0.30), Color::new(0.16, 0.20, 0.24));
+        let rug = Material::Stripes(self.dyed(6, 0.46, 0.40, 0.30), Reflectance::new(0.16, 0.20, 0.24));
         self.block(place, (-1.1, -0.85), (1.1, 0.85), (0.0, 0.012), [finish(class::FLOOR, rug); FACES]);
         let oak = finish(class::TABLE, OAK);
         self.block(place, (-0.65, -0.42), (0.65, 0.42), (0.70, 0.74), [oak; FACES]);
         for (x, y) in [(-0.58, -0.35), (0.58, -0.35), (-0.58, 0.35), (0.58, 0.35)] {
             self.post(place, (x, y), (0.012, 0.70), 0.03, oak);
         }
-        let china = finish(class::OBJECTS, Material::Paint(Color::new(0.20, 0.36, 0.50)));
-        let orange = finish(class::OBJECTS, Material::Paint(Color::new(0.80, 0.34, 0.04)));
-        let mug = finish(class::OBJECTS, Material::Paint(Color::new(0.58, 0.06, 0.07)));
+        let china = finish(class::OBJECTS, Material::Paint(Reflectance::new(0.20, 0.36, 0.50)));
+        let orange = finish(class::OBJECTS, Material::Paint(Reflectance::new(0.80, 0.34, 0.04)));
+        let mug = finish(class::OBJECTS, Material::Paint(Reflectance::new(0.58, 0.06, 0.07)));
         self.post(place, (0.30, 0.10), (0.74, 0.98), 0.055, china);
         self.ball(place, (0.30, 0.10, 1.02), 0.085, finish(class::OBJECTS, Material::Leaves));
         self.ball(place, (-0.15, 0.05, 0.785), 0.045, orange);
@@ -261,7 +264,7 @@ impl Room {
     }
 
     /// A chair whose back is towards its place's -y.
-    fn chair(&mut self, place: Place, wood: Material, cloth: Material) {
+    fn chair(&mut self, place: FurniturePlace, wood: Material, cloth: Material) {
         let (wood, cloth) = (finish(class::CHAIR, wood), finish(class::CHAIR, cloth));
         self.block(place, (-0.22, -0.22), (0.22, 0.22), (0.42, 0.47), [cloth; FACES]);
         self.block(place, (-0.22, -0.24), (0.22, -0.20), (0.62, 0.92), [wood; FACES]);
@@ -274,7 +277,7 @@ impl Room {
 
     fn plant(&mut self) {
         let place = at(0.45, 1.75 + 0.1 * self.chance(10));
-        let pot = finish(class::OBJECTS, Material::Paint(Color::new(0.48, 0.20, 0.10)));
+        let pot = finish(class::OBJECTS, Material::Paint(Reflectance::new(0.48, 0.20, 0.10)));
         let leaves = finish(class::OBJECTS, Material::Leaves);
         self.post(place, (0.0, 0.0), (0.0, 0.34), 0.17, pot);
         self.post(place, (0.0, 0.0), (0.34, 0.70), 0.02, finish(class::OBJECTS, WALNUT));
@@ -287,7 +290,7 @@ impl Room {
     fn floor_lamp(&mut self) {
         let place = at(4.05 + 0.1 * self.chance(11), 5.75);
         let metal = finish(class::OBJECTS, BLACK_PAINT);
-        let shade = finish(class::OBJECTS, Material::Glow(Color::new(0.93, 0.70, 0.38)));
+        let shade = finish(class::OBJECTS, Material::Glow(Reflectance::new(0.93, 0.70, 0.38)));
         self.post(place, (0.0, 0.0), (0.0, 0.03), 0.14, metal);
         self.post(place, (0.0, 0.0), (0.03, 1.35), 0.012, metal);
         self.post(place, (0.0, 0.0), (1.35, 1.62), 0.16, shade);

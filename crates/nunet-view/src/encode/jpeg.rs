@@ -2,7 +2,7 @@
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 
-use super::pixels::{Pixels, pixels, shrink};
+use super::pixels::{PackedPixels, pixels, shrink};
 use crate::frame::ViewFrame;
 
 /// Good enough for a look, at about 0.7 bits per pixel.
@@ -11,7 +11,7 @@ const QUALITY: u8 = 60;
 /// The image of a frame, averaged over blocks of `stride` x `stride` pixels; empty if there is none.
 pub(crate) fn image_jpeg(frame: &ViewFrame, stride: u32) -> Vec<u8> {
     let Some((image, bytes)) = frame.image() else { return Vec::new() };
-    let Pixels { size, channels, is_bgr, bytes } = shrink(pixels(image, bytes), stride);
+    let PackedPixels { size, channels, is_bgr, bytes } = shrink(pixels(image, bytes), stride);
     let color = match (channels, is_bgr) {
         (1, _) => ColorType::Luma,
         (_, true) => ColorType::Bgr,

@@ -15,7 +15,7 @@ const FITS: &str = "the image was checked and the buffer sized for it";
 
 /// Packed pixels.
 #[derive(Debug, PartialEq)]
-pub(super) struct Pixels<'a> {
+pub(super) struct PackedPixels<'a> {
     pub(super) size: ImageSize,
     /// 1 (gray) or 3.
     pub(super) channels: usize,
@@ -25,7 +25,7 @@ pub(super) struct Pixels<'a> {
 }
 
 /// The image at its own size. `bytes` hold it, as [`crate::frame::ViewFrame::set_image`] checks.
-pub(super) fn pixels(image: ImageInfo, bytes: &[u8]) -> Pixels<'_> {
+pub(super) fn pixels(image: ImageInfo, bytes: &[u8]) -> PackedPixels<'_> {
     let ImageInfo { size, format, .. } = image;
     let packed = pack(image, bytes);
     let channels = if format == PixelFormat::Mono8 { 1 } else { 3 };
@@ -34,7 +34,7 @@ pub(super) fn pixels(image: ImageInfo, bytes: &[u8]) -> Pixels<'_> {
         PixelFormat::Yuyv => Cow::Owned(yuyv_to_rgb(&packed, size)),
         PixelFormat::Nv12 => Cow::Owned(nv12_to_rgb(&packed, size)),
     };
-    Pixels { size, channels, is_bgr: format == PixelFormat::Bgr8, bytes }
+    PackedPixels { size, channels, is_bgr: format == PixelFormat::Bgr8, bytes }
 }
 
 /// The rows without padding.
@@ -65,7 +65,7 @@ fn nv12_to_rgb(bytes: &[u8], ImageSize { width, height }: ImageSize) -> Vec<u8> 
 
 /// The mean of each whole block of `stride` x `stride` pixels; pixels that fill no block are skipped. An image smaller
 /// than a block stays as it is.
-pub(super) fn shrink(pixels: Pixels<'_>, stride: u32) -> Pixels<'_> {
+pub(super) fn shrink(pixels: PackedPixels<'_>, stride: u32) -> PackedPixels<'_> {
     let size = ImageSize::new(pixels.size.width / stride, pixels.size.height / stride);
     if stride == 1 || size.pixel_count() == 0 {
         return pixels;
@@ -82,7 +82,7 @@ pub(super) fn shrink(pixels: Pixels<'_>, stride: u32) -> Pixels<'_> {
         }
         bytes.extend(sums.iter().map(|sum| ((sum + count / 2) / count) as u8));
     }
-    Pixels { size, bytes: Cow::Owned(bytes), ..pixels }
+    PackedPixels { size, bytes: Cow::Owned(bytes), ..pixels }
 }
 
 /// Adds the pixels of a row to the sums of their blocks.

@@ -6,7 +6,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 
-use super::{Shared, page, text};
+use super::{ServerState, page, text};
 use crate::token::Token;
 
 /// The page runs its own scripts and styles only, and reaches no other host.
@@ -22,7 +22,7 @@ const HEADERS: [(header::HeaderName, &str); 4] = [
 ];
 
 /// Refuses requests without access, and sets the headers of all responses.
-pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+pub(super) async fn check(State(shared): State<ServerState>, request: Request, next: Next) -> Response {
     let refused = match &shared.token {
         None => foreign_name(request.headers(), request.uri()),
         Some(token) => without_token(token, &request, shared.port),

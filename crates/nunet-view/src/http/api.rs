@@ -5,8 +5,8 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
-use super::Shared;
-use crate::camera::{Camera, CameraStatus};
+use super::ServerState;
+use crate::camera::{CameraStatus, SharedCamera};
 
 #[derive(Serialize)]
 struct List<'a> {
@@ -43,7 +43,7 @@ impl From<nunet_types::ImageSize> for Size {
     }
 }
 
-fn item(camera: &Camera) -> Item<'_> {
+fn item(camera: &SharedCamera) -> Item<'_> {
     let newest = camera.newest();
     let frame = newest.as_deref();
     let depth = frame.and_then(|frame| frame.depth()).map(|(info, _)| info);
@@ -62,7 +62,7 @@ fn item(camera: &Camera) -> Item<'_> {
 }
 
 /// All cameras and the state of their streams.
-pub(super) async fn cameras(State(shared): State<Shared>) -> Response {
+pub(super) async fn cameras(State(shared): State<ServerState>) -> Response {
     let cameras = shared.cameras.all();
     let list = List {
         contract: nunet_types::CONTRACT_VERSION,

@@ -6,7 +6,7 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
-use super::{MetricsText, Shared, text};
+use super::{MetricsText, ServerState, text};
 
 const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
@@ -18,7 +18,7 @@ pub(crate) fn metrics_only(metrics: MetricsText) -> Router {
 }
 
 /// The metrics beside the page.
-pub(super) async fn metrics(State(shared): State<Shared>) -> Response {
+pub(super) async fn metrics(State(shared): State<ServerState>) -> Response {
     match &shared.metrics {
         Some(metrics) => answer(metrics),
         None => text(StatusCode::NOT_FOUND, "there are no metrics\n"),

@@ -11,11 +11,11 @@ use bytes::Bytes;
 use tokio::time::Instant;
 
 use super::parameters::VideoQuery;
-use super::{Shared, text, unknown_camera};
-use crate::camera::{Camera, Slot};
+use super::{ServerState, text, unknown_camera};
+use crate::camera::{SharedCamera, Slot};
 use crate::encode::{auto_range, colorize, image_jpeg, rgb_jpeg, stride_for};
 use crate::frame::{Encoded, ViewFrame};
-use crate::pacing::Pacer;
+use crate::pacing::ClientPacer;
 use crate::protocol::Watch;
 
 const CONTENT_TYPE: &str = "multipart/x-mixed-replace; boundary=nunet-frame";
@@ -27,7 +27,7 @@ type Encode = Box<dyn FnMut(&ViewFrame) -> Bytes + Send>;
 
 /// The image.
 pub(super) async fn image(
-    State(shared): State<Shared>,
+    State(shared): State<ServerState>,
     Path(camera): Path<String>,
     query: VideoParameters,
 ) -> Response {
@@ -42,7 +42,7 @@ pub(super) async fn image(
 
 /// Depth in colors.
 pub(super) async fn depth(
-    State(shared): State<Shared>,
+    State(shared): State<ServerState>,
     Path(camera): Path<String>,
     query: VideoParameters,
 ) -> Response {
@@ -57,7 +57,7 @@ pub(super) async fn depth(
 }
 
 fn respond(
-    shared: &Shared,
+    shared: &ServerState,
     name: &str,
     query: VideoParameters,
     encoder: impl FnOnce(&VideoQuery, &Watch) -> Encode,
@@ -72,10 +72,10 @@ fn respond(
         Err(error) => return text(StatusCode::BAD_REQUEST, format!("{error}\n")),
     };
     let encode = encoder(&query, &watch);
-    let pacer = Pacer::new(watch.max_fps, watch.max_mbit_per_s);
+    let pacer = ClientPacer::new(watch.max_fps, watch.max_mbit_per_s);
     // The frame that is kept comes first, also if the source is paused.
     let slot = camera.slot();
-    let video = Video { camera, slot, pacer, encode };
+    let video = MjpegStream { camera, slot, pacer, encode };
     let parts = futures_util::stream::unfold(video, |mut video| async move {
         let part = video.next().await?;
         Some((Ok::<_, std::convert::Infallible>(part), video))
@@ -84,14 +84,14 @@ fn respond(
 }
 
 /// The video of one client.
-struct Video {
-    camera: Arc<Camera>,
+struct MjpegStream {
+    camera: Arc<SharedCamera>,
     slot: Slot,
-    pacer: Pacer,
+    pacer: ClientPacer,
     encode: Encode,
 }
 
-impl Video {
+impl MjpegStream {
     /// The next part of the answer; `None` once the camera is gone. It is not asked for while the client takes nothing.
     async fn next(&mut self) -> Option<Bytes> {
         loop {

@@ -29,7 +29,7 @@ pub(crate) const MAX_SOCKETS: usize = 32;
 
 /// What all answers are made from.
 #[derive(Clone)]
-pub(crate) struct Shared {
+pub(crate) struct ServerState {
     pub(crate) cameras: Arc<Cameras>,
     pub(crate) token: Option<Token>,
     pub(crate) metrics: Option<MetricsText>,
@@ -39,7 +39,7 @@ pub(crate) struct Shared {
 }
 
 /// The page and everything beside it.
-pub(crate) fn router(shared: Shared) -> Router {
+pub(crate) fn router(shared: ServerState) -> Router {
     Router::new()
         .route("/", get(page::index))
         .route("/page/{file}", get(page::asset))

@@ -9,8 +9,8 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use nunet_types::Units;
 
-use super::{Shared, text, unknown_camera};
-use crate::camera::Camera;
+use super::{ServerState, text, unknown_camera};
+use crate::camera::SharedCamera;
 use crate::encode::{depth_png, image_jpeg};
 use crate::frame::{Encoded, ViewFrame};
 
@@ -18,7 +18,7 @@ use crate::frame::{Encoded, ViewFrame};
 const NEXT_FRAME_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The newest image, JPEG.
-pub(super) async fn image(State(shared): State<Shared>, Path(camera): Path<String>) -> Response {
+pub(super) async fn image(State(shared): State<ServerState>, Path(camera): Path<String>) -> Response {
     let frame = match newest(&shared, &camera).await {
         Ok(frame) => frame,
         Err(response) => return response,
@@ -27,7 +27,7 @@ pub(super) async fn image(State(shared): State<Shared>, Path(camera): Path<Strin
 }
 
 /// The newest depth map, 16-bit PNG in millimeters.
-pub(super) async fn depth(State(shared): State<Shared>, Path(camera): Path<String>) -> Response {
+pub(super) async fn depth(State(shared): State<ServerState>, Path(camera): Path<String>) -> Response {
     let frame = match newest(&shared, &camera).await {
         Ok(frame) => frame,
         Err(response) => return response,
@@ -39,13 +39,13 @@ pub(super) async fn depth(State(shared): State<Shared>, Path(camera): Path<Strin
 }
 
 /// The next frame, or the last one if the source is paused.
-async fn newest(shared: &Shared, name: &str) -> Result<Arc<ViewFrame>, Response> {
+async fn newest(shared: &ServerState, name: &str) -> Result<Arc<ViewFrame>, Response> {
     let camera = shared.cameras.find(name).ok_or_else(|| unknown_camera(name, &shared.cameras))?;
     let frame = next(&camera).await.or_else(|| camera.newest());
     frame.ok_or_else(|| text(StatusCode::SERVICE_UNAVAILABLE, "the camera has not given a frame yet\n"))
 }
 
-async fn next(camera: &Camera) -> Option<Arc<ViewFrame>> {
+async fn next(camera: &SharedCamera) -> Option<Arc<ViewFrame>> {
     let mut slot = camera.slot();
     slot.mark_unchanged();
     tokio::time::timeout(NEXT_FRAME_TIMEOUT, camera.next(&mut slot)).await.ok().flatten()

@@ -12,16 +12,17 @@ use nunet_types::text_with_causes;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tracing::debug;
 
-use super::{Shared, text};
-use crate::camera::{Camera, CameraStatus, Demand, OnDemand, Slot};
+use super::{ServerState, text};
+use crate::camera::{CameraStatus, Demand, OnDemand, SharedCamera, Slot};
 use crate::encode::{
     auto_range, encode_depth, encode_labels, image_jpeg, levels_of, palette, stride_for, subsample,
     subsampled,
 };
 use crate::frame::{Encoded, RayGrid, ViewFrame};
-use crate::pacing::Pacer;
+use crate::pacing::ClientPacer;
 use crate::protocol::{
-    FrameParts, MAX_REQUEST_BYTES, PROTOCOL_VERSION, Probe, Rays, Report, Request, Section, Watch, encode,
+    FrameParts, MAX_REQUEST_BYTES, PROTOCOL_VERSION, Probe, RaysJson, Request, Section, ServerMessage, Watch,
+    encode,
 };
 
 /// How often the state of the stream is looked at.
@@ -33,7 +34,7 @@ const SILENCE_TIMEOUT: Duration = Duration::from_secs(45);
 
 /// Opens a WebSocket.
 pub(super) async fn open(
-    State(shared): State<Shared>,
+    State(shared): State<ServerState>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
     let upgrade = match upgrade {
@@ -55,7 +56,7 @@ pub(super) async fn open(
 /// One viewer.
 struct Client {
     socket: WebSocket,
-    shared: Shared,
+    shared: ServerState,
     watching: Option<Watching>,
     /// The last frame that was sent, which its user sees.
     shown: Option<Arc<ViewFrame>>,
@@ -65,10 +66,10 @@ struct Client {
 
 /// The camera that a viewer watches.
 struct Watching {
-    camera: Arc<Camera>,
+    camera: Arc<SharedCamera>,
     slot: Slot,
     watch: Watch,
-    pacer: Pacer,
+    pacer: ClientPacer,
     is_paused: bool,
     /// What is computed for this viewer.
     demands: Vec<Demand>,
@@ -78,7 +79,7 @@ struct Watching {
 }
 
 /// What a viewer waits for.
-enum Event {
+enum SocketEvent {
     Message(Option<Result<Message, axum::Error>>),
     Frame(Option<Arc<ViewFrame>>),
     Tick,
@@ -86,16 +87,16 @@ enum Event {
 
 /// Whether the connection goes on.
 #[derive(PartialEq)]
-enum Next {
+enum AfterMessage {
     Continue,
     Close,
 }
 
 impl Watching {
-    fn new(camera: Arc<Camera>, watch: Watch) -> Self {
+    fn new(camera: Arc<SharedCamera>, watch: Watch) -> Self {
         Self {
             slot: camera.slot(),
-            pacer: Pacer::new(watch.max_fps, watch.max_mbit_per_s),
+            pacer: ClientPacer::new(watch.max_fps, watch.max_mbit_per_s),
             is_paused: false,
             demands: demands(&camera, &watch),
             rays: None,
@@ -123,7 +124,7 @@ impl Watching {
     fn status(&mut self) -> Option<String> {
         let status = self.camera.status();
         let is_news = self.status.replace(status) != Some(status);
-        is_news.then(|| Report::Status { camera: &self.camera.name, status }.to_json())
+        is_news.then(|| ServerMessage::Status { camera: &self.camera.name, status }.to_json())
     }
 
     /// The report about the camera, if it changed.
@@ -132,14 +133,14 @@ impl Watching {
             return None;
         }
         let rays = frame.rays.as_deref();
-        let rays = rays.map(|grid| Rays { columns: grid.columns, rows: grid.rows, rays: &grid.rays });
-        let Camera { name, classes, .. } = &*self.camera;
-        Some(Report::Camera { camera: name, classes, rays }.to_json())
+        let rays = rays.map(|grid| RaysJson { columns: grid.columns, rows: grid.rows, rays: &grid.rays });
+        let SharedCamera { name, classes, .. } = &*self.camera;
+        Some(ServerMessage::Camera { camera: name, classes, rays }.to_json())
     }
 }
 
 /// The results that are computed only because this viewer shows them.
-fn demands(camera: &Arc<Camera>, watch: &Watch) -> Vec<Demand> {
+fn demands(camera: &Arc<SharedCamera>, watch: &Watch) -> Vec<Demand> {
     let wanted = [(watch.labels, OnDemand::Labels), (watch.obstacles, OnDemand::Obstacles)];
     wanted.into_iter().filter(|(is_wanted, _)| *is_wanted).map(|(_, result)| camera.demand(result)).collect()
 }
@@ -153,7 +154,7 @@ async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
 }
 
 impl Client {
-    fn new(socket: WebSocket, shared: Shared) -> Self {
+    fn new(socket: WebSocket, shared: ServerState) -> Self {
         let now = Instant::now();
         Self { socket, shared, watching: None, shown: None, heard: now, pinged: now }
     }
@@ -164,36 +165,36 @@ impl Client {
         let cameras = self.shared.cameras.all();
         let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();
         let palette = palette().as_flattened().to_vec();
-        self.say(&Report::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await?;
+        self.say(&ServerMessage::Hello { protocol: PROTOCOL_VERSION, cameras, palette }).await?;
         let mut ticks = interval(STATUS_PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             let event = tokio::select! {
-                message = self.socket.recv() => Event::Message(message),
-                frame = next_frame(&mut self.watching) => Event::Frame(frame),
-                _ = ticks.tick() => Event::Tick,
+                message = self.socket.recv() => SocketEvent::Message(message),
+                frame = next_frame(&mut self.watching) => SocketEvent::Frame(frame),
+                _ = ticks.tick() => SocketEvent::Tick,
             };
-            if self.handle(event).await? == Next::Close {
+            if self.handle(event).await? == AfterMessage::Close {
                 return Ok(());
             }
         }
     }
 
-    async fn handle(&mut self, event: Event) -> Result<Next, axum::Error> {
+    async fn handle(&mut self, event: SocketEvent) -> Result<AfterMessage, axum::Error> {
         match event {
-            Event::Message(None) => Ok(Next::Close),
-            Event::Message(Some(message)) => self.take_message(message?).await,
-            Event::Frame(Some(frame)) => self.show(frame).await,
+            SocketEvent::Message(None) => Ok(AfterMessage::Close),
+            SocketEvent::Message(Some(message)) => self.take_message(message?).await,
+            SocketEvent::Frame(Some(frame)) => self.show(frame).await,
             // The camera has ended; its last frame stays.
-            Event::Frame(None) => {
+            SocketEvent::Frame(None) => {
                 self.watching.iter_mut().for_each(Watching::pause);
-                Ok(Next::Continue)
+                Ok(AfterMessage::Continue)
             }
-            Event::Tick => self.tick().await,
+            SocketEvent::Tick => self.tick().await,
         }
     }
 
-    async fn take_message(&mut self, message: Message) -> Result<Next, axum::Error> {
+    async fn take_message(&mut self, message: Message) -> Result<AfterMessage, axum::Error> {
         self.heard = Instant::now();
         match message {
             Message::Text(text) => match Request::parse(&text) {
@@ -204,12 +205,12 @@ impl Client {
                 let message = "requests are JSON text, not binary messages".to_owned();
                 self.refuse(close_code::UNSUPPORTED, message).await
             }
-            Message::Close(_) => Ok(Next::Close),
-            Message::Ping(_) | Message::Pong(_) => Ok(Next::Continue),
+            Message::Close(_) => Ok(AfterMessage::Close),
+            Message::Ping(_) | Message::Pong(_) => Ok(AfterMessage::Continue),
         }
     }
 
-    async fn answer(&mut self, request: Request) -> Result<Next, axum::Error> {
+    async fn answer(&mut self, request: Request) -> Result<AfterMessage, axum::Error> {
         match request {
             Request::Watch(watch) => match self.shared.cameras.find(&watch.camera) {
                 Some(camera) => self.watching = Some(Watching::new(camera, watch)),
@@ -221,23 +222,23 @@ impl Client {
             Request::Pause => self.watching.iter_mut().for_each(Watching::pause),
             Request::Probe { u, v } => {
                 if let Some(probe) = self.shown.as_deref().and_then(|frame| probe(frame, u, v)) {
-                    self.say(&Report::Probe(probe)).await?;
+                    self.say(&ServerMessage::Probe(probe)).await?;
                 }
             }
         }
-        Ok(Next::Continue)
+        Ok(AfterMessage::Continue)
     }
 
     /// Reports an error and closes.
-    async fn refuse(&mut self, code: u16, message: String) -> Result<Next, axum::Error> {
-        self.say(&Report::Error { message }).await?;
+    async fn refuse(&mut self, code: u16, message: String) -> Result<AfterMessage, axum::Error> {
+        self.say(&ServerMessage::Error { message }).await?;
         let close = CloseFrame { code, reason: "the request was refused".into() };
         self.socket.send(Message::Close(Some(close))).await?;
-        Ok(Next::Close)
+        Ok(AfterMessage::Close)
     }
 
-    async fn show(&mut self, frame: Arc<ViewFrame>) -> Result<Next, axum::Error> {
-        let Some(watching) = &mut self.watching else { return Ok(Next::Continue) };
+    async fn show(&mut self, frame: Arc<ViewFrame>) -> Result<AfterMessage, axum::Error> {
+        let Some(watching) = &mut self.watching else { return Ok(AfterMessage::Continue) };
         let description = watching.description(&frame);
         let message = encode(&parts(&frame, &watching.watch));
         watching.pacer.sent(message.len(), Instant::now());
@@ -246,24 +247,24 @@ impl Client {
         }
         self.shown = Some(frame);
         self.socket.send(Message::Binary(message.into())).await?;
-        Ok(Next::Continue)
+        Ok(AfterMessage::Continue)
     }
 
-    async fn tick(&mut self) -> Result<Next, axum::Error> {
+    async fn tick(&mut self) -> Result<AfterMessage, axum::Error> {
         if let Some(status) = self.watching.as_mut().and_then(Watching::status) {
             self.socket.send(Message::Text(status.into())).await?;
         }
         if self.heard.elapsed() > SILENCE_TIMEOUT {
-            return Ok(Next::Close);
+            return Ok(AfterMessage::Close);
         }
         if self.pinged.elapsed() > PING_PERIOD {
             self.pinged = Instant::now();
             self.socket.send(Message::Ping(bytes::Bytes::new())).await?;
         }
-        Ok(Next::Continue)
+        Ok(AfterMessage::Continue)
     }
 
-    async fn say(&mut self, report: &Report<'_>) -> Result<(), axum::Error> {
+    async fn say(&mut self, report: &ServerMessage<'_>) -> Result<(), axum::Error> {
         self.socket.send(Message::Text(report.to_json().into())).await
     }
 }

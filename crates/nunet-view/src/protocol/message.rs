@@ -156,9 +156,9 @@ pub enum MessageError {
 }
 
 /// Numbers one after the other from bytes that are long enough.
-struct Numbers<'a>(&'a [u8]);
+struct ByteReader<'a>(&'a [u8]);
 
-impl Numbers<'_> {
+impl ByteReader<'_> {
     fn take<const N: usize>(&mut self) -> [u8; N] {
         let (number, rest) = self.0.split_first_chunk().unwrap_or((&[0; N], &[]));
         self.0 = rest;
@@ -198,7 +198,7 @@ impl<'a> FrameMessage<'a> {
         if bytes < HEADER_BYTES {
             return Err(MessageError::Truncated { bytes, part: "header" });
         }
-        let numbers = &mut Numbers(&message[MAGIC.len()..]);
+        let numbers = &mut ByteReader(&message[MAGIC.len()..]);
         let version = numbers.short();
         if version != PROTOCOL_VERSION {
             return Err(MessageError::Version { version });
@@ -209,7 +209,7 @@ impl<'a> FrameMessage<'a> {
         Ok(Self::from_header(numbers, sections))
     }
 
-    fn from_header(numbers: &mut Numbers<'_>, sections: Vec<(u32, &'a [u8])>) -> Self {
+    fn from_header(numbers: &mut ByteReader<'_>, sections: Vec<(u32, &'a [u8])>) -> Self {
         let sequence = u64::from_le_bytes(numbers.take());
         let capture_unix_nanos = i64::from_le_bytes(numbers.take());
         let total_micros = numbers.word();
@@ -262,7 +262,7 @@ fn sections(mut content: &[u8]) -> Option<Vec<(u32, &[u8])>> {
     let mut sections = Vec::new();
     while !content.is_empty() {
         let (head, rest) = content.split_first_chunk::<8>()?;
-        let numbers = &mut Numbers(head);
+        let numbers = &mut ByteReader(head);
         let (kind, length) = (numbers.word(), numbers.word() as usize);
         sections.push((kind, rest.get(..length)?));
         content = rest.get(length.checked_next_multiple_of(4)?..)?;

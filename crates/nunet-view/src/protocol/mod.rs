@@ -6,6 +6,6 @@ mod request;
 
 pub use message::{FrameMessage, MessageError, PROTOCOL_VERSION, Section};
 pub(crate) use message::{FrameParts, encode};
-pub(crate) use report::{Probe, Rays, Report};
+pub(crate) use report::{Probe, RaysJson, ServerMessage};
 pub(crate) use request::MAX_REQUEST_BYTES;
 pub use request::{Request, RequestError, Watch};

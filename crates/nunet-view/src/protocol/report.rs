@@ -7,7 +7,7 @@ use crate::camera::CameraStatus;
 /// A report to one client.
 #[derive(Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-pub(crate) enum Report<'a> {
+pub(crate) enum ServerMessage<'a> {
     /// The first message.
     Hello {
         protocol: u16,
@@ -16,7 +16,7 @@ pub(crate) enum Report<'a> {
         palette: Vec<u8>,
     },
     /// Before the first frame of a camera, and after its rays or its classes changed.
-    Camera { camera: &'a str, classes: &'a [String], rays: Option<Rays<'a>> },
+    Camera { camera: &'a str, classes: &'a [String], rays: Option<RaysJson<'a>> },
     /// A few times per second, if something changed.
     Status { camera: &'a str, status: CameraStatus },
     /// The answer to a probe.
@@ -27,7 +27,7 @@ pub(crate) enum Report<'a> {
 
 /// The grid of rays; `null` is a node without a ray.
 #[derive(Debug, Serialize)]
-pub(crate) struct Rays<'a> {
+pub(crate) struct RaysJson<'a> {
     pub(crate) columns: u32,
     pub(crate) rows: u32,
     pub(crate) rays: &'a [[f32; 2]],
@@ -44,7 +44,7 @@ pub(crate) struct Probe {
     pub(crate) label: Option<u8>,
 }
 
-impl Report<'_> {
+impl ServerMessage<'_> {
     pub(crate) fn to_json(&self) -> String {
         // Strings, numbers and lists are always JSON; numbers that are not finite become `null`.
         serde_json::to_string(self).unwrap_or_default()

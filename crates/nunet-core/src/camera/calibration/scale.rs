@@ -36,12 +36,12 @@ pub struct ScaleNote {
 }
 
 #[derive(Deserialize)]
-struct File {
-    nunet_scale: Option<Entry>,
+struct ScaleFile {
+    nunet_scale: Option<ScaleEntry>,
 }
 
 #[derive(Deserialize)]
-struct Entry {
+struct ScaleEntry {
     factor: Option<f64>,
     model_sha256: Option<String>,
 }
@@ -52,7 +52,7 @@ pub(super) fn parse(text: &str) -> Result<Option<CalibratedScale>, CalibrationEr
     if !text.lines().any(is_start) {
         return Ok(None);
     }
-    let Some(entry) = parse_yaml::<File>(text)?.nunet_scale else { return Ok(None) };
+    let Some(entry) = parse_yaml::<ScaleFile>(text)?.nunet_scale else { return Ok(None) };
     let missing = || CalibrationError::Missing { key: format!("{KEY}: factor") };
     let factor = check_scale_factor(entry.factor.ok_or_else(missing)?)?;
     let model_hash = entry.model_sha256.map(|text| hash(&text)).transpose()?;

@@ -12,7 +12,7 @@ mod session;
 mod tensor;
 
 pub use error::RuntimeError;
-pub(super) use model::Model;
+pub(super) use model::OnnxModel;
 pub use runtime::Runtime;
 pub(super) use session::Session;
 pub(super) use tensor::{CallerTensor, Lent, LentTensors, OwnTensors};

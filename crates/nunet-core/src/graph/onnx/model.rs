@@ -12,13 +12,13 @@ use super::session::{Session, SharedSession};
 use crate::graph::{ElementType, Provider, Signature, TensorSpec};
 
 /// A loaded model file, before its outputs are chosen.
-pub(in crate::graph) struct Model {
+pub(in crate::graph) struct OnnxModel {
     session: SharedSession,
     signature: Signature,
     metadata: BTreeMap<String, String>,
 }
 
-impl Model {
+impl OnnxModel {
     /// Loads a model from the bytes of its file, not by path, so that the hashed bytes are those that run.
     ///
     /// `provider` is resolved, not `auto`.

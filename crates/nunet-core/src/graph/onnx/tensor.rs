@@ -188,11 +188,11 @@ impl CallerTensor {
 /// 64 bytes, so that our memory is aligned as ONNX Runtime aligns its own.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Line([u8; 64]);
+struct AlignedBlock([u8; 64]);
 
 /// A tensor in our own memory.
 struct OwnTensor {
-    memory: NonNull<[Line]>,
+    memory: NonNull<[AlignedBlock]>,
     bytes: usize,
     value: Value,
 }
@@ -203,7 +203,7 @@ unsafe impl Send for OwnTensor {}
 impl OwnTensor {
     fn new(spec: &TensorSpec) -> Result<Self, String> {
         let bytes = spec.bytes().ok_or("its size is not known")?;
-        let lines: Box<[Line]> = vec![Line([0; 64]); bytes.div_ceil(64).max(1)].into();
+        let lines: Box<[AlignedBlock]> = vec![AlignedBlock([0; 64]); bytes.div_ceil(64).max(1)].into();
         let memory = NonNull::from(Box::leak(lines));
         // Created before the value, so that the memory is freed if that fails.
         let guard = OwnedLines(memory);
@@ -220,7 +220,7 @@ impl Drop for OwnTensor {
 }
 
 /// Frees leaked lines.
-struct OwnedLines(NonNull<[Line]>);
+struct OwnedLines(NonNull<[AlignedBlock]>);
 
 impl Drop for OwnedLines {
     fn drop(&mut self) {

@@ -109,7 +109,7 @@ pub(crate) struct WiredStage {
     /// It runs each n-th frame; never 0.
     pub(crate) every: u32,
     /// Where each input of the file comes from, in the file's order.
-    pub(crate) inputs: Vec<Source>,
+    pub(crate) inputs: Vec<InputSource>,
     /// Its outputs in [`Wired::tensors`], in the file's order.
     pub(crate) outputs: Range<usize>,
     /// Its state tensors.
@@ -118,7 +118,7 @@ pub(crate) struct WiredStage {
 
 /// Where an input comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Source {
+pub(crate) enum InputSource {
     /// The image.
     Image,
     /// A tensor of an earlier stage.
@@ -185,7 +185,7 @@ impl Unwired<'_> {
     /// A stage whose outputs are not used would cost its time in every frame.
     fn check_all_used(&self, plan: &Wired) -> Result<(), WiringError> {
         let is_read = |index: &usize| {
-            let source = Source::Tensor(*index);
+            let source = InputSource::Tensor(*index);
             plan.stages.iter().any(|stage| stage.inputs.contains(&source))
                 || *index == plan.depth
                 || Some(*index) == plan.labels
@@ -224,12 +224,12 @@ impl Unwired<'_> {
         input: &TensorSpec,
         state: &[StateTensor],
         plan: &Wired,
-    ) -> Result<Source, WiringError> {
+    ) -> Result<InputSource, WiringError> {
         if let Some(place) = state.iter().position(|tensor| tensor.input == input.name) {
-            return Ok(Source::State(plan.states.len() + place));
+            return Ok(InputSource::State(plan.states.len() + place));
         }
         if let Some(place) = plan.extras.iter().position(|extra| extra.spec.name == input.name) {
-            return Ok(Source::Extra(place));
+            return Ok(InputSource::Extra(place));
         }
         let Some(source) = stage.inputs.get(&input.name) else {
             return Err(WiringError::Unbound {
@@ -240,12 +240,12 @@ impl Unwired<'_> {
             });
         };
         if source == IMAGE {
-            return Ok(Source::Image);
+            return Ok(InputSource::Image);
         }
         let index = self.find(&format!("stage `{}`", stage.name), source, plan)?;
         let given = &plan.tensors[index];
         if given.element == input.element && agree(&input.shape, &given.shape) {
-            return Ok(Source::Tensor(index));
+            return Ok(InputSource::Tensor(index));
         }
         let (from, tensor) = split(source);
         Err(WiringError::Mismatch {

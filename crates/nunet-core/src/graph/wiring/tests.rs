@@ -86,7 +86,7 @@ fn stages_that_fit_become_a_plan() {
     assert_eq!(names, ["segmentation.logits", "segmentation.labels", "depth.depth"]);
     assert_eq!((plan.depth, plan.labels), (2, Some(1)));
     assert_eq!(plan.stages[0].outputs, 0..2);
-    assert_eq!(plan.stages[1].inputs, [Source::Image, Source::Tensor(0)]);
+    assert_eq!(plan.stages[1].inputs, [InputSource::Image, InputSource::Tensor(0)]);
 }
 
 #[test]
@@ -339,7 +339,7 @@ const F32: ElementType = ElementType::Float32;
 fn a_stage_reads_its_own_state() {
     let plan =
         with_state((F32, CELL), (F32, CELL), SEES_IMAGE, &[state("cell_in", "cell_out", CELL)]).unwrap();
-    assert_eq!(plan.stages[0].inputs, [Source::Image, Source::State(0)]);
+    assert_eq!(plan.stages[0].inputs, [InputSource::Image, InputSource::State(0)]);
     assert_eq!(plan.states, [WiredState { output: 1, every: 1 }]);
 }
 

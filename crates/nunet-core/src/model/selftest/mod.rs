@@ -82,7 +82,7 @@ impl SelfTest {
     /// # Errors
     /// What is wrong, as text for [`super::ModelError::Invalid`].
     pub(super) fn parse(text: &str) -> Result<Self, String> {
-        let file: File = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let file: SelftestFile = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if file.version != VERSION || file.image != IMAGE {
             return Err(format!("expected version {VERSION} of the image `{IMAGE}`"));
         }
@@ -153,8 +153,8 @@ impl SelfTest {
         Err(SelfTestMismatch::Depth {
             row,
             column,
-            got: Cell(got.depth[row][column]),
-            expected: Cell(self.answer.depth[row][column]),
+            got: CellDepth(got.depth[row][column]),
+            expected: CellDepth(self.answer.depth[row][column]),
             tolerance,
         })
     }
@@ -190,7 +190,7 @@ struct Worst {
 }
 
 #[derive(Deserialize)]
-struct File {
+struct SelftestFile {
     version: u32,
     /// The name of the test image.
     #[serde(rename = "picture")]
@@ -203,12 +203,12 @@ struct File {
 
 /// A cell's depth for messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cell(
+pub struct CellDepth(
     /// `None` if nothing was measured.
     pub Option<f32>,
 );
 
-impl std::fmt::Display for Cell {
+impl std::fmt::Display for CellDepth {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.0 {
             Some(depth) => write!(f, "{depth}"),
@@ -224,7 +224,7 @@ impl std::fmt::Display for Cell {
 pub enum SelfTestMismatch {
     /// A cell's depth differs by more than the tolerance; the cell that differs most.
     #[error("depth of cell (row {row}, column {column}) is {got}, expected {expected} within {tolerance}")]
-    Depth { row: usize, column: usize, got: Cell, expected: Cell, tolerance: f32 },
+    Depth { row: usize, column: usize, got: CellDepth, expected: CellDepth, tolerance: f32 },
     /// More cells than allowed have another label; the first of them.
     #[error(
         "{cells} cells have another label, at most {allowed} may; the first is (row {row}, column {column}) with {got}, \
@@ -286,7 +286,7 @@ mod tests {
         let mut grid = answer().answer;
         grid.depth[1][2] = Some(2.5);
         grid.depth[4][5] = Some(1.0);
-        let (got, expected) = (Cell(Some(1.0)), Cell(Some(2.0)));
+        let (got, expected) = (CellDepth(Some(1.0)), CellDepth(Some(2.0)));
         let mismatch = SelfTestMismatch::Depth { row: 4, column: 5, got, expected, tolerance: 0.01 };
         assert_eq!(answer().compare(&grid), Err(mismatch));
     }
@@ -295,7 +295,7 @@ mod tests {
     fn a_cell_without_measurement_differs_from_one_with() {
         let mut grid = answer().answer;
         grid.depth[0][7] = None;
-        let (got, expected) = (Cell(None), Cell(Some(2.0)));
+        let (got, expected) = (CellDepth(None), CellDepth(Some(2.0)));
         let mismatch = SelfTestMismatch::Depth { row: 0, column: 7, got, expected, tolerance: 0.01 };
         assert_eq!(answer().compare(&grid), Err(mismatch));
     }

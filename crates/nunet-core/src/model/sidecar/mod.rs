@@ -44,7 +44,7 @@ impl Sidecar {
     /// # Errors
     /// Text that is not TOML, unknown or missing keys, values out of range.
     pub fn parse(text: &str) -> Result<Self, SidecarError> {
-        let file: toml::File = ::toml::from_str(text)
+        let file: toml::SidecarFile = ::toml::from_str(text)
             .map_err(|error| SidecarError::Syntax { reason: shortened(&error.to_string()) })?;
         let [height, width] = file.input.size;
         if ![height, width].iter().all(|side| (1..=MAX_SIDE_PX).contains(side)) {

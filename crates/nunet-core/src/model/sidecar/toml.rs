@@ -14,23 +14,23 @@ use crate::text::shortened;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct File {
-    pub(super) input: Input,
+pub(super) struct SidecarFile {
+    pub(super) input: InputTable,
     #[serde(default)]
     pub(super) inputs: BTreeMap<String, toml::Value>,
-    pub(super) output: Output,
+    pub(super) output: OutputTable,
     pub(super) camera: Option<CameraTable>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Input {
+pub(super) struct InputTable {
     pub(super) tensor: String,
-    layout: Layout,
+    layout: LayoutName,
     #[serde(default)]
     dtype: Dtype,
     #[serde(default)]
-    color: Color,
+    color: ColorName,
     #[serde(deserialize_with = "exactly")]
     pub(super) size: [u32; 2],
     #[serde(default, deserialize_with = "exactly")]
@@ -43,7 +43,7 @@ pub(super) struct Input {
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
-enum Layout {
+enum LayoutName {
     Nchw,
     Nhwc,
 }
@@ -58,7 +58,7 @@ enum Dtype {
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Default)]
 #[serde(rename_all = "lowercase")]
-enum Color {
+enum ColorName {
     #[default]
     Rgb,
     Bgr,
@@ -81,7 +81,7 @@ fn ones() -> [f32; 3] {
     [1.0; 3]
 }
 
-impl Input {
+impl InputTable {
     pub(super) fn format(&self) -> Result<Option<TensorFormat>, SidecarError> {
         let finite = |values: &[f32; 3]| values.iter().all(|value| value.is_finite());
         let sound = |factor: &f32| factor.is_finite() && *factor != 0.0;
@@ -91,13 +91,15 @@ impl Input {
         let unchanged = self.scale == 1.0 && self.mean == [0.0; 3] && self.std == ones();
         match self.dtype {
             Dtype::Float32 => Ok(Some(TensorFormat {
-                layout: if self.layout == Layout::Nchw { TensorLayout::Nchw } else { TensorLayout::Nhwc },
-                channels: if self.color == Color::Rgb { ChannelOrder::Rgb } else { ChannelOrder::Bgr },
+                layout: if self.layout == LayoutName::Nchw { TensorLayout::Nchw } else { TensorLayout::Nhwc },
+                channels: if self.color == ColorName::Rgb { ChannelOrder::Rgb } else { ChannelOrder::Bgr },
                 scale: self.scale,
                 mean: self.mean,
                 std: self.std,
             })),
-            Dtype::Uint8 if self.layout == Layout::Nhwc && self.color == Color::Rgb && unchanged => Ok(None),
+            Dtype::Uint8 if self.layout == LayoutName::Nhwc && self.color == ColorName::Rgb && unchanged => {
+                Ok(None)
+            }
             Dtype::Uint8 => Err(SidecarError::Uint8),
         }
     }
@@ -105,7 +107,7 @@ impl Input {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Output {
+pub(super) struct OutputTable {
     pub(super) depth: String,
     pub(super) encoding: String,
     min_m: Option<f32>,
@@ -116,7 +118,7 @@ pub(super) struct Output {
     shift: f32,
 }
 
-impl Output {
+impl OutputTable {
     pub(super) fn range(&self) -> Result<DepthRange, SidecarError> {
         let min_m = self.min_m.unwrap_or(unlimited().min_m());
         let max_m = self.max_m.unwrap_or(unlimited().max_m());

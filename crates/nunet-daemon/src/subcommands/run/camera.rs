@@ -26,28 +26,28 @@ use crate::stream::{Pace, Stop, Stream, StreamTask};
 use crate::subcommands::load::obstacle_stage;
 
 /// A camera's configuration, with its paths resolved on this machine.
-pub(super) struct Plan<'a> {
+pub(super) struct CameraPlan<'a> {
     pub(super) config: &'a CameraConfig,
     /// The file that is recorded into.
     pub(super) record: Option<PathBuf>,
 }
 
 /// Plans all cameras. Nothing is created yet.
-pub(super) fn plans(config: &Config) -> Result<Vec<Plan<'_>>, BadArguments> {
+pub(super) fn plans(config: &Config) -> Result<Vec<CameraPlan<'_>>, BadArguments> {
     let folders = config.cameras.iter().filter_map(|camera| camera.out.as_deref()).map(place);
     let folders: Vec<_> = folders.collect();
-    let plans: Vec<_> = config.cameras.iter().map(|camera| Plan::new(camera, &folders)).collect();
+    let plans: Vec<_> = config.cameras.iter().map(|camera| CameraPlan::new(camera, &folders)).collect();
     refuse_shared(&plans)?;
     file_plan(config, &plans).check().map_err(|error| BadArguments::of(&error))?;
     Ok(plans)
 }
 
 /// Every file that is read or will be written.
-fn file_plan(config: &Config, plans: &[Plan<'_>]) -> FilePlan {
+fn file_plan(config: &Config, plans: &[CameraPlan<'_>]) -> FilePlan {
     let mut files = FilePlan::default();
     config.file.iter().for_each(|file| files.read("the configuration", file));
     find_model(&config.model.path).iter().for_each(|model| files.read_model(model));
-    for Plan { config: camera, record } in plans {
+    for CameraPlan { config: camera, record } in plans {
         camera.source.name.files().into_iter().for_each(|file| files.read("the source", file));
         camera.processing.geometry.calibration.iter().for_each(|file| files.read("the calibration", file));
         camera.out.iter().for_each(|folder| files.write_results(folder));
@@ -57,7 +57,7 @@ fn file_plan(config: &Config, plans: &[Plan<'_>]) -> FilePlan {
     files
 }
 
-impl<'a> Plan<'a> {
+impl<'a> CameraPlan<'a> {
     /// `folders` are those that will be created.
     fn new(config: &'a CameraConfig, folders: &[PathBuf]) -> Self {
         let record = config.record.as_ref().map(|record| {
@@ -74,7 +74,7 @@ impl<'a> Plan<'a> {
 }
 
 /// Refuses cameras that share something exclusive.
-fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
+fn refuse_shared(plans: &[CameraPlan<'_>]) -> Result<(), BadArguments> {
     for (index, plan) in plans.iter().enumerate() {
         for (earlier, other) in plans.iter().enumerate().take(index) {
             if plan.name() == other.name() {
@@ -92,7 +92,7 @@ fn refuse_shared(plans: &[Plan<'_>]) -> Result<(), BadArguments> {
     Ok(())
 }
 
-fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
+fn shared_between(one: &CameraPlan<'_>, other: &CameraPlan<'_>) -> Option<String> {
     let same_file = |a: &Option<PathBuf>, b: &Option<PathBuf>| {
         a.as_deref().zip(b.as_deref()).is_some_and(|(a, b)| place(a) == place(b))
     };
@@ -113,8 +113,8 @@ fn shared_between(one: &Plan<'_>, other: &Plan<'_>) -> Option<String> {
 }
 
 /// A camera that is ready to start.
-pub(super) struct Prepared<'a> {
-    pub(super) plan: Plan<'a>,
+pub(super) struct PreparedCamera<'a> {
+    pub(super) plan: CameraPlan<'a>,
     source: Box<dyn Source>,
     camera: CameraResolver,
 }
@@ -124,10 +124,10 @@ pub(super) struct Prepared<'a> {
 ///
 /// With `open` of [`probe_source`] nothing is read from cameras and pipes: `nunetd config` refuses what `run` would.
 pub(super) fn prepare<'a>(
-    plans: Vec<Plan<'a>>,
+    plans: Vec<CameraPlan<'a>>,
     stop: &Stop,
     open: impl Fn(&SourceName, OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>,
-) -> anyhow::Result<Vec<Prepared<'a>>> {
+) -> anyhow::Result<Vec<PreparedCamera<'a>>> {
     let several = plans.len() > 1;
     let (model_folders, mut opened) = (nunet_engine::model_folders(), Vec::new());
     for plan in plans {
@@ -159,7 +159,7 @@ pub(super) fn prepare<'a>(
     for (plan, source, camera) in opened {
         let config = &plan.config.source;
         let source = source.unwrap_or_else(|error| config.name.stand_in(config.open_options(), error));
-        cameras.push(Prepared { plan, source, camera });
+        cameras.push(PreparedCamera { plan, source, camera });
     }
     Ok(cameras)
 }
@@ -191,7 +191,7 @@ pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedCamera<'a> {
     /// Checks whether the obstacles fit the model, and the camera the first image of files.
     pub(super) fn check(self, mut pipeline: Pipeline, several: bool) -> anyhow::Result<()> {
         let Self { plan, mut source, mut camera } = self;
@@ -244,7 +244,7 @@ impl<'a> Prepared<'a> {
 
 /// A camera with its shared memory.
 pub(super) struct Opened<'a> {
-    prepared: Prepared<'a>,
+    prepared: PreparedCamera<'a>,
     pipeline: Pipeline,
     publisher: ShmPublisher,
     obstacles: Option<ObstacleStage>,
@@ -260,7 +260,7 @@ impl Opened<'_> {
         notify: &Arc<Notify>,
     ) -> anyhow::Result<Stream> {
         let Self { prepared, pipeline, publisher, obstacles, span } = self;
-        let Prepared { plan: Plan { config, record }, source, camera } = prepared;
+        let PreparedCamera { plan: CameraPlan { config, record }, source, camera } = prepared;
         let entered = span.clone().entered();
         let notify = Arc::clone(notify);
         let context = SinkContext {
@@ -283,7 +283,7 @@ impl Opened<'_> {
 }
 
 /// Refuses a recording that would replace a file, before any work is done.
-fn refuse_recording(plan: &Plan<'_>) -> anyhow::Result<()> {
+fn refuse_recording(plan: &CameraPlan<'_>) -> anyhow::Result<()> {
     let Some(path) = &plan.record else { return Ok(()) };
     refuse_output(path, plan.config.record.as_ref().is_some_and(|record| record.force))
 }

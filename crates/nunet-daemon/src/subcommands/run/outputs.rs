@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use nunet_files::{check_folder, check_writable, make_folder};
 use nunet_sink::file_plan::place;
 
-use super::camera::Prepared;
+use super::camera::PreparedCamera;
 use crate::exit::in_camera;
 
 /// The output paths of a run.
-pub(super) struct Outputs {
+pub(super) struct OutputPaths {
     cameras: Vec<CameraOutputs>,
     stats_json: Option<PathBuf>,
 }
@@ -20,9 +20,9 @@ struct CameraOutputs {
     record: Option<PathBuf>,
 }
 
-impl Outputs {
-    pub(super) fn of(cameras: &[Prepared<'_>], stats_json: Option<&Path>) -> Self {
-        let camera = |Prepared { plan, .. }: &Prepared<'_>| CameraOutputs {
+impl OutputPaths {
+    pub(super) fn of(cameras: &[PreparedCamera<'_>], stats_json: Option<&Path>) -> Self {
+        let camera = |PreparedCamera { plan, .. }: &PreparedCamera<'_>| CameraOutputs {
             name: plan.config.name.to_string(),
             folder: plan.config.out.clone(),
             record: plan.record.clone(),

@@ -2,7 +2,7 @@
 
 use nunet_files::{BIRDS_EYE_LEGEND, BirdsEye};
 use nunet_ipc::{
-    CameraName, Frame, FrameHeader, ObstacleRecord, SectorState, StatsRecord, Units, monotonic_nanos,
+    CameraName, FrameHeader, Message, ObstacleRecord, SectorState, StatsRecord, Units, monotonic_nanos,
     unix_nanos,
 };
 use serde_json::{Map, Value, json};
@@ -17,14 +17,14 @@ fn age_of(header: &FrameHeader) -> String {
 }
 
 /// Depth at the center of the image; `None` if there is no measurement.
-fn depth_center(frame: &Frame) -> anyhow::Result<Option<f32>> {
+fn depth_center(frame: &Message) -> anyhow::Result<Option<f32>> {
     let (width, height) = (frame.header().width as usize, frame.header().height as usize);
     let depth = frame.depth()?.get(height / 2 * width + width / 2).copied();
     Ok(depth.filter(|value| value.is_finite()))
 }
 
 /// One object per frame, for scripts.
-pub(super) fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Value> {
+pub(super) fn json_of(frame: &Message, stats: &StatsRecord) -> anyhow::Result<Value> {
     let header = frame.header();
     let metric = header.units()? == Units::Metre;
     let stages: Map<_, _> =
@@ -53,13 +53,13 @@ pub(super) fn json_of(frame: &Frame, stats: &StatsRecord) -> anyhow::Result<Valu
     }))
 }
 
-fn center_of(frame: &Frame) -> anyhow::Result<String> {
+fn center_of(frame: &Message) -> anyhow::Result<String> {
     let unit = if frame.header().units()? == Units::Metre { " m" } else { " (no unit)" };
     Ok(depth_center(frame)?.map_or_else(|| "none".to_owned(), |depth| format!("{depth:.3}{unit}")))
 }
 
 /// One line per frame.
-pub(super) fn line_of(frame: &Frame) -> anyhow::Result<String> {
+pub(super) fn line_of(frame: &Message) -> anyhow::Result<String> {
     let header = frame.header();
     Ok(format!(
         "frame {} age {} center {} quality {}",
@@ -85,7 +85,7 @@ fn scale_of(header: &FrameHeader) -> anyhow::Result<String> {
 /// The view of a terminal.
 pub(super) fn screen_of(
     camera: &CameraName,
-    frame: &Frame,
+    frame: &Message,
     stats: &StatsRecord,
     obstacles: Option<&ObstacleRecord>,
 ) -> anyhow::Result<String> {

@@ -16,7 +16,7 @@ use crate::iceoryx::Iceoryx;
 /// It does not change for as long as this value lives, also after the reader and the publisher have ended, and keeps its
 /// reader's place in the service until then. `Send`: it may be handed to another thread.
 #[derive(Debug)]
-pub struct Frame {
+pub struct Message {
     // Given back before the port may end: the order of the fields.
     sample: Sample<Iceoryx, [Block64], FrameHeader>,
     // When a port ends, the publisher takes back every chunk that went through it, whether or not a sample still points
@@ -30,7 +30,7 @@ pub struct Frame {
 /// Where frames of a topic come in.
 pub(crate) type TopicSubscriber = Subscriber<Iceoryx, [Block64], FrameHeader>;
 
-impl Frame {
+impl Message {
     pub(crate) fn new(
         sample: Sample<Iceoryx, [Block64], FrameHeader>,
         port: Arc<TopicSubscriber>,
@@ -146,23 +146,23 @@ impl Frame {
 /// Frames of several topics that belong together: all of one sequence number and one time of capture.
 #[derive(Debug)]
 pub struct FrameSet {
-    pub(crate) frames: [Option<Frame>; Topic::ALL.len()],
+    pub(crate) frames: [Option<Message>; Topic::ALL.len()],
 }
 
 impl FrameSet {
     /// The frame of a topic; `None` for one that the reader did not open.
     #[must_use]
-    pub fn get(&self, topic: Topic) -> Option<&Frame> {
+    pub fn get(&self, topic: Topic) -> Option<&Message> {
         self.frames[topic as usize].as_ref()
     }
 
     /// Takes the frame of a topic out, to keep it longer than the rest.
-    pub fn take(&mut self, topic: Topic) -> Option<Frame> {
+    pub fn take(&mut self, topic: Topic) -> Option<Message> {
         self.frames[topic as usize].take()
     }
 
     /// The frames that are (still) in it, in the order of their topics.
-    pub fn iter(&self) -> impl Iterator<Item = &Frame> {
+    pub fn iter(&self) -> impl Iterator<Item = &Message> {
         self.frames.iter().flatten()
     }
 }
