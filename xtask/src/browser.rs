@@ -1,13 +1,12 @@
 //! `cargo xtask test --browser`: the live view in the system's Chromium.
 
 use std::path::PathBuf;
-use std::process::Command;
 
 use anyhow::{Result, bail};
 
 use crate::hinted::Hinted;
-use crate::run::{cargo, run, run_all};
-use crate::{paths, python, setup};
+use crate::python;
+use crate::run::run_all;
 
 /// The environment variable with the browser's path.
 const CHROMIUM: &str = "CHROMIUM";
@@ -15,12 +14,8 @@ const CHROMIUM: &str = "CHROMIUM";
 /// Builds nunetd and opens its page.
 pub(crate) fn test() -> Result<()> {
     let chromium = chromium()?;
-    setup::onnxruntime()?;
-    // A test among the targets makes cargo choose the features that `cargo test --workspace` has.
-    run(&mut cargo(&["build", "--workspace", "--bins", "--test", "structure"]))?;
-    let mut pytest = Command::new(python::browser_environment()?);
-    pytest.args(["-m", "pytest", "-q", "-rs", "-s", "-p", "no:cacheprovider", "tests/browser"]);
-    pytest.current_dir(paths::root()).env("NUNETD", paths::nunetd("debug")?).env(CHROMIUM, chromium);
+    let mut pytest = python::tests_of_nunetd(&python::browser_environment()?, "tests/browser")?;
+    pytest.env(CHROMIUM, chromium);
     run_all("test --browser", &mut [("browser", pytest)])
 }
 

@@ -13,6 +13,7 @@ mod package;
 mod paper_models;
 mod paths;
 mod python;
+mod rerun;
 mod ros2;
 mod run;
 mod setup;
@@ -30,6 +31,7 @@ usage: cargo xtask COMMAND
   check          format, lints, documentation, structure of the source; needs no root
   test           all tests, Rust and Python; those that need root say so and are skipped without it
   test --ros2    ROS 2 topics, received by rclpy from the package index; needs CPython 3.11
+  test --rerun   a recording, opened by Rerun from the package index
   test --browser the live view in Chromium, with screenshots in target/browser/
   package        build the Python package for the tests; prints the interpreter that has it
   bundle         copy the models of the Python package from models/
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         ["check"] => check::check(),
         ["test"] => test::test(),
         ["test", "--browser"] => browser::test(),
+        ["test", "--rerun"] => rerun::test(),
         ["test", "--ros2"] => ros2::test(),
         ["package"] => package::package(),
         ["bundle"] => bundle::bundle(),

@@ -12,8 +12,8 @@ use anyhow::{Context as _, Result};
 
 use crate::hinted::Hinted;
 use crate::interpreter::{self, IDENTITY};
-use crate::run::{output, run, say};
-use crate::{paths, wheels};
+use crate::run::{cargo, output, run, say};
+use crate::{paths, setup, wheels};
 
 /// Says that an environment is complete; written last.
 const STAMP: &str = "complete";
@@ -44,6 +44,22 @@ pub(crate) fn browser_environment() -> Result<PathBuf> {
 /// The environment of the tests in `tests/ros2`: ROS 2 itself.
 pub(crate) fn ros2_environment() -> Result<PathBuf> {
     required_by_with(&interpreter::python311()?, "ros2", "tests/ros2/requirements.txt")
+}
+
+/// The environment of the tests in `tests/rerun`.
+pub(crate) fn rerun_environment() -> Result<PathBuf> {
+    required_by("rerun", "tests/rerun/requirements.txt")
+}
+
+/// Builds nunetd; pytest for a folder of tests that run it.
+pub(crate) fn tests_of_nunetd(python: &Path, folder: &str) -> Result<Command> {
+    setup::onnxruntime()?;
+    // A test among the targets makes cargo choose the features that `cargo test --workspace` has.
+    run(&mut cargo(&["build", "--workspace", "--bins", "--test", "structure"]))?;
+    let mut pytest = Command::new(python);
+    pytest.args(["-m", "pytest", "-q", "-rs", "-s", "-p", "no:cacheprovider", folder]);
+    pytest.current_dir(paths::root()).env("NUNETD", paths::nunetd("debug")?);
+    Ok(pytest)
 }
 
 /// An environment with what a file of the repository lists.
