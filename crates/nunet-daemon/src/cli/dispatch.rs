@@ -80,13 +80,7 @@ impl BenchArgs {
 impl TuneArgs {
     fn options(self) -> tune::TuneOptions {
         let (runs, engine) = (self.runs.0, self.engine.options());
-        tune::TuneOptions {
-            model: self.model,
-            image: self.image,
-            runs,
-            engine,
-            out: self.out,
-            json: self.json,
-        }
+        let Self { model, image, out, json, .. } = self;
+        tune::TuneOptions { model, image, runs, engine, out, json }
     }
 }

@@ -1,8 +1,8 @@
 //! `--ros2 dds`: the results as topics of ROS 2.
 
-use nunet_mcap::CameraMount;
 use nunet_ros2::{CameraOptions, Ros2Node, Ros2Options};
 
+use super::recording::mount;
 use super::{Sink, SinkContext};
 use crate::exit::WithHint;
 
@@ -31,10 +31,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         // Nothing is published before it passes.
         ("self-test", "passed".to_owned()),
     ];
-    let mount = config.mount.map(|mount| CameraMount {
-        translation_m: mount.translation_m,
-        roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad,
-    });
+    let mount = config.mount.map(mount);
     let sink = node.add_camera(&CameraOptions {
         name,
         frame_id: &config.frame_id,

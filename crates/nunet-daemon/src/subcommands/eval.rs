@@ -14,8 +14,7 @@ use tracing::{error, warn};
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::exit::warn_of_unknown_camera;
-use crate::exit::{BadArguments, WithHint};
+use crate::exit::{BadArguments, WithHint, warn_of_unknown_camera};
 
 /// The options.
 pub(crate) struct EvalCommandOptions {

@@ -23,7 +23,7 @@ const FIRST_STATS: Duration = Duration::from_millis(500);
 const FIRST_STATS_PERIOD: Duration = Duration::from_millis(5);
 /// The most cameras that an error lists.
 const MOST_NAMES: usize = 8;
-/// How often the view is redrawn.
+/// How often the display is redrawn.
 const REDRAW: Duration = Duration::from_millis(200);
 
 /// Follows the camera until `--frames` are seen, a stop is requested, or no frame arrives within `--timeout`.
@@ -36,30 +36,25 @@ pub(crate) fn watch(
     let stop = Stop::on_signals()?;
     let timeout = Duration::try_from_secs_f64(timeout_s)
         .map_err(|_| BadArguments::new(format!("--timeout `{timeout_s:?}` is not a number of seconds")))?;
-    let mut view = WatchOutput::choose(json);
-    let Some(reader) = open(camera, &view, timeout, &stop)? else { return Ok(Outcome::Done) };
+    let mut out = Output::choose(json);
+    let Some(reader) = open(camera, &out, timeout, &stop)? else { return Ok(Outcome::Done) };
     let mut watcher = Watcher { reader, stats: None, obstacles: None, timeout, last: Instant::now() };
     let mut left = frames.map_or(u64::MAX, NonZeroU64::get);
     while left > 0 && !stop.requested() {
         if let Some(frame) = watcher.next()? {
             left -= 1;
-            view.show(camera, &frame, &watcher)?;
+            out.show(camera, &frame, &watcher)?;
         }
     }
     Ok(Outcome::Done)
 }
 
 /// Waits for the camera in short steps; `None` if a stop was requested.
-fn open(
-    camera: &CameraName,
-    view: &WatchOutput,
-    timeout: Duration,
-    stop: &Stop,
-) -> anyhow::Result<Option<Reader>> {
+fn open(camera: &CameraName, out: &Output, timeout: Duration, stop: &Stop) -> anyhow::Result<Option<Reader>> {
     let start = Instant::now();
     while !stop.requested() {
         let turn = GLANCE.min(timeout.saturating_sub(start.elapsed()));
-        match Reader::open(camera, &view.topics(camera), turn) {
+        match Reader::open(camera, &out.topics(camera), turn) {
             Ok(reader) => return Ok(Some(reader)),
             Err(IpcError::NobodyPublishes { .. }) if start.elapsed() < timeout => {}
             Err(IpcError::NobodyPublishes { service, .. }) => {
@@ -146,13 +141,13 @@ impl Watcher {
 }
 
 /// The output format.
-enum WatchOutput {
+enum Output {
     Json,
     Lines,
     Screen { term: Term, drawn: Option<Instant>, lines: usize },
 }
 
-impl WatchOutput {
+impl Output {
     fn choose(json: bool) -> Self {
         if json {
             Self::Json
