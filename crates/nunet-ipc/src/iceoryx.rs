@@ -1,4 +1,4 @@
-//! The names, paths and settings that this crate uses iceoryx2 with.
+//! The names, paths and settings of iceoryx2 in this crate.
 
 use std::fmt;
 use std::os::unix::ffi::OsStrExt as _;
@@ -21,7 +21,7 @@ pub(crate) type Iceoryx = ipc_threadsafe::Service;
 /// The environment variable that names the folder of [`use_root`].
 pub const ROOT_VARIABLE: &str = "NUNET_IPC_ROOT";
 
-/// The longest root: sockets for wake-ups lie in it, and Linux limits the path of a socket to 107 bytes.
+/// The longest root: it contains the sockets for wake-ups, and Linux limits the path of a socket to 107 bytes.
 const MAX_ROOT_BYTES: usize = 40;
 
 static ROOT: OnceLock<PathBuf> = OnceLock::new();
@@ -125,8 +125,8 @@ pub fn shared_memory_prefix() -> String {
     config().global.prefix.to_string()
 }
 
-/// iceoryx2 logs to stdout and stderr by itself. Our errors say everything; `IOX2_LOG_LEVEL` turns the log on again. Only
-/// once, so that a program may set its own level afterwards.
+/// iceoryx2 logs to stdout and stderr by itself. The errors of this crate report every failure, so the log is off by
+/// default; `IOX2_LOG_LEVEL` turns it on. It is set only once, so that a program may set its own level afterwards.
 fn silence_logs() {
     static SILENCED: Once = Once::new();
     SILENCED.call_once(|| iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal));
@@ -149,7 +149,7 @@ pub(crate) fn pid_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 
-/// What the attributes of a service must be, and are set to where the service is created.
+/// The attributes that a service must have. A new service is created with them.
 pub(crate) fn contract_attribute() -> Result<AttributeVerifier, IpcError> {
     let failed = |cause: &dyn fmt::Debug| IpcError::iceoryx("define a service attribute", cause);
     let key = CONTRACT_ATTRIBUTE.try_into().map_err(|cause| failed(&cause))?;

@@ -1,28 +1,29 @@
-//! The shared-memory contract of `nunetd`: the bytes of a frame, and how a publisher hands it to its readers.
+//! The shared-memory contract of `nunetd`: the bytes of a message, and how readers receive it from a publisher.
 //!
-//! A camera is a few iceoryx2 services, `nunet/CAMERA/TOPIC`, each with one publisher and some readers, and an event
-//! service, `nunet/CAMERA/wake`. A message is a [`FrameHeader`] of 1024 bytes and a payload aligned to 64 bytes. The
-//! [`Publisher`] fills both in place and each [`Reader`] looks at the same memory: nothing is copied.
+//! Each topic of a camera is an iceoryx2 service, `nunet/CAMERA/TOPIC`, with one publisher and several readers. An
+//! event service, `nunet/CAMERA/wake`, wakes the readers. A message is a [`FrameHeader`] of 1024 bytes and a payload
+//! aligned to 64 bytes. The [`Publisher`] fills both in place, and each [`Reader`] reads the same memory: nothing is
+//! copied.
 //!
 //! A program that only reads depth needs no other crate of nunet.
 //!
-//! | module | what it contains |
-//! |--------|------|
+//! | item | content |
+//! |------|---------|
 //! | [`contract`], [`nunet_types`] | the bytes of a message, also as tables for other languages |
 //! | [`CameraName`], [`Limits`], [`Reservation`] | a camera's name, and how much memory it needs |
 //! | [`Publisher`], [`Loan`] | the publisher's side |
 //! | [`Reader`], [`Message`], [`FrameSet`] | the reader's side |
 //! | [`cameras`] | which cameras are published |
 //! | [`access`] | which other users may read |
-//! | [`orphans`] | what killed processes left behind |
+//! | [`orphans`] | files of killed processes |
 //! | [`use_root`] | a private folder instead of the machine-wide `/tmp/iceoryx2` |
 //!
 //! # Guarantees
 //! - The publisher never waits for a reader, and a reader never waits for another one. The newest frame wins.
 //! - A late subscriber receives the last frame, also while the source is paused ([`Publisher::refresh`]).
 //! - Memory is computed, checked, reserved and backed with pages before the first frame ([`Reservation`]).
-//! - The memory of a frame does not change for as long as its [`Message`] lives.
-//! - After the first frames nothing is allocated on the heap, except one small piece of iceoryx2's own in each loan.
+//! - The memory of a message does not change until its [`Message`] is dropped.
+//! - After the first frames, each loan makes one small heap allocation inside iceoryx2. There are no others.
 //!
 //! # Example: publish a depth map and read it in the same process
 //! ```

@@ -30,7 +30,7 @@ pub enum CameraNameError {
         /// How many there are.
         bytes: usize,
     },
-    /// A character that is not allowed where it stands.
+    /// A character that is not allowed at its position.
     #[error(
         "camera name `{}` has {character:?} at character {position}, expected {expected}",
         name.escape_debug()
@@ -102,7 +102,7 @@ impl CameraName {
         format!("nunet/{self}/{topic}")
     }
 
-    /// The event service that says something new is there: `nunet/CAMERA/wake`.
+    /// The event service that wakes readers: `nunet/CAMERA/wake`.
     #[must_use]
     pub fn wake_service(&self) -> String {
         format!("nunet/{self}/wake")

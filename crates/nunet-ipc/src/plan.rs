@@ -28,15 +28,15 @@ pub struct TopicPlan {
     pub payload_bytes: usize,
 }
 
-/// How many may read, and how much each may hold. Memory is reserved for all of them at once, so that no reader,
-/// however slow, can take a chunk that the publisher or another reader needs.
+/// The number of readers, and of frames that each may hold. Memory is reserved for all of them, so that a slow
+/// reader never takes a chunk that the publisher or another reader needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Readers of each topic other than the cloud.
     pub max_readers: usize,
     /// Readers of the cloud, by far the largest payload.
     pub max_cloud_readers: usize,
-    /// Frames of a topic that one reader may hold at a time: the one it works on and the one that comes next.
+    /// Frames of a topic that one reader may hold at a time: the one that it processes and the next one.
     pub max_held_frames: usize,
     /// Frames of a topic that the publisher may fill at a time.
     pub max_loans: usize,
@@ -78,7 +78,7 @@ impl Default for Limits {
 pub struct TopicReservation {
     /// The topic and its largest payload.
     pub plan: TopicPlan,
-    /// How many payloads there is room for.
+    /// The number of payloads that fit.
     pub chunks: usize,
     /// Bytes of `/dev/shm`, iceoryx2's own records included.
     pub bytes: u64,

@@ -29,8 +29,8 @@ pub const HEADER_TYPE_NAME: &str = "nunet.v1.FrameHeader";
 contract_struct! {
     /// The header of a message.
     ///
-    /// Plain numbers in native byte order, so that C, Python and recordings read it directly. Words are numbers here
-    /// ([`nunet_types`]): read them through the methods, which refuse numbers without a meaning.
+    /// Plain numbers in native byte order, so that C, Python and recordings read it directly. Enumerations are stored
+    /// as numbers ([`nunet_types`]): read them through the methods, which return an error for an unknown number.
     FrameHeader, 1024 bytes {
         /// [`CONTRACT_VERSION`].
         pub contract_version: u32,
@@ -141,13 +141,13 @@ impl Default for FrameHeader {
     }
 }
 
-// The getter refuses what the setter could not have written.
+// The getter returns an error for a number that the setter cannot have written.
 macro_rules! word {
     ($getter:ident, $setter:ident, $field:ident, $kind:ident) => {
         #[doc = concat!("The field `", stringify!($field), "` as a word.")]
         ///
         /// # Errors
-        /// [`UnknownValue`] when the sender wrote a number that this contract gives no meaning.
+        /// [`UnknownValue`] when the sender wrote a number that this contract does not define.
         pub fn $getter(&self) -> Result<$kind, UnknownValue> {
             $kind::try_from(self.$field)
         }
@@ -168,7 +168,7 @@ impl FrameHeader {
     word!(distortion_model, set_distortion_model, distortion_model, DistortionModel);
     word!(quality, set_quality, quality, Quality);
 
-    /// The name of the camera's coordinate frame; what is not UTF-8 is replaced.
+    /// The name of the camera's coordinate frame; invalid UTF-8 is replaced.
     #[must_use]
     pub fn frame_id(&self) -> Cow<'_, str> {
         text(&self.frame_id)
@@ -195,15 +195,15 @@ impl FrameHeader {
         }
     }
 
-    /// What the messages of one frame have in common and those of others have not: `sequence` and `capture_nanos`. Not the
-    /// number alone: not every publisher counts, and one that begins again counts from 0.
+    /// Identifies the frame that a message belongs to: `sequence` and `capture_nanos`. The number alone is not enough,
+    /// because some publishers do not count, and a restarted one counts from 0 again.
     #[must_use]
     pub fn key(&self) -> (u64, i64) {
         (self.sequence, self.capture_nanos)
     }
 
-    /// The capture time in nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or where that is 0, what
-    /// `capture_clock` says. A position in a recording says nothing about the time of day: it is now.
+    /// The capture time in nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or if that is 0, `capture_nanos`
+    /// converted from `capture_clock`. A position in a recording cannot be converted; the result is `now_unix` then.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
     /// [`unix_nanos`](crate::unix_nanos).
@@ -217,8 +217,8 @@ impl FrameHeader {
         }
     }
 
-    /// Nanoseconds since capture: by the monotonic clock where the camera uses it, because that clock is never set, otherwise
-    /// by the time of day. `None` where neither is known.
+    /// Nanoseconds since capture: by the monotonic clock if the camera uses it, because that clock is never adjusted,
+    /// otherwise by the time of day. `None` where neither is known.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
     /// [`unix_nanos`](crate::unix_nanos).

@@ -1,7 +1,7 @@
 //! The bytes of a message, and the whole contract as tables.
 //!
-//! The tables are what `nunetd contract --json` prints and what other languages are checked against. They are taken from
-//! the types themselves: offsets from `offset_of!`, numbers from the enumerations.
+//! `nunetd contract --json` prints these tables, and bindings for other languages are checked against them. They are
+//! taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
 
 mod block;
 mod header;
@@ -26,7 +26,7 @@ pub const CONTRACT_ATTRIBUTE: &str = "nunet.contract";
 /// A struct of the contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StructLayout {
-    /// The name under which other languages know it (iceoryx2's type name, where it has one).
+    /// The name of the type in other languages (iceoryx2's type name, if there is one).
     pub type_name: &'static str,
     /// Its size.
     pub bytes: usize,
@@ -104,7 +104,7 @@ pub const ENUMS: &[Enumeration] = &[
     (SectorState::FIELD, SectorState::NUMBERS),
 ];
 
-/// What the words of [`ENUMS`] mean, in the same order: for headers and documents in other languages.
+/// The descriptions of the values of [`ENUMS`], in the same order, for headers and documents in other languages.
 pub const ENUM_DOCS: &[&[&str]] = &[
     Topic::DOCS,
     Encoding::DOCS,
@@ -117,7 +117,8 @@ pub const ENUM_DOCS: &[&[&str]] = &[
     SectorState::DOCS,
 ];
 
-/// Every service, with `CAMERA` standing for the camera's name: publish-subscribe, but for `wake`, an event.
+/// Every service; `CAMERA` is the camera's name. All are publish-subscribe services, except `wake`, which is an event
+/// service.
 pub const SERVICES: &[&str] = &[
     "nunet/CAMERA/rgb",
     "nunet/CAMERA/depth",

@@ -1,4 +1,4 @@
-//! What the topic `obstacles` carries.
+//! The payload of the topic `obstacles`.
 
 use bytemuck::Zeroable as _;
 use nunet_types::{
@@ -52,7 +52,7 @@ contract_struct! {
 }
 
 impl Default for ObstacleRecord {
-    /// No sectors and no points. The record is large: where memory is given, write to it instead.
+    /// No sectors and no points. The record is large: if memory for it exists already, write to that instead.
     fn default() -> Self {
         Self { contract_version: CONTRACT_VERSION, ..Self::zeroed() }
     }
@@ -77,7 +77,7 @@ impl ObstacleRecord {
         &self.points[..(self.point_count as usize).min(MAX_OBSTACLE_POINTS)]
     }
 
-    /// The sectors and points, for what draws or sends them.
+    /// The sectors and points, to draw or send them.
     #[must_use]
     pub fn map(&self) -> ObstacleMap<'_> {
         ObstacleMap {

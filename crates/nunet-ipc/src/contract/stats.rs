@@ -138,7 +138,7 @@ impl StatsRecord {
         text(&self.provider)
     }
 
-    /// Sets what the network runs on, cut to 32 bytes.
+    /// Sets the execution provider, cut to 32 bytes.
     pub fn set_provider(&mut self, name: &str) {
         set_text(&mut self.provider, name);
     }

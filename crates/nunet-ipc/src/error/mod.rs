@@ -1,4 +1,4 @@
-//! What can go wrong between a publisher and its readers.
+//! The errors of publishers and readers.
 
 mod hint;
 mod kind;
@@ -15,7 +15,7 @@ use crate::process::Process;
 
 pub use kind::IpcErrorKind;
 
-/// Everything that can go wrong in this crate, except what has its own small type
+/// The errors of this crate, except those with a type of their own
 /// ([`CameraNameError`](crate::CameraNameError), [`UnknownValue`](crate::UnknownValue)).
 ///
 /// The text says what failed; [`kind`](Self::kind) is for programs; [`Hint`](nunet_types::Hint) says what to do about it.

@@ -3,11 +3,11 @@
 use crate::error::IpcError;
 use crate::plan::{Limits, Reservation, SHARED_MEMORY_FOLDER, TopicPlan};
 
-/// No limit may be larger: anything more is a typing error.
+/// The largest limit; a larger value is probably a typing error.
 const MAX_LIMIT: usize = 64;
 
 impl Limits {
-    /// Refuses limits under which nothing would work.
+    /// Checks that each limit is 1 to [`MAX_LIMIT`].
     pub(crate) fn check(&self) -> Result<(), IpcError> {
         let limits = [
             ("max_readers", self.max_readers),
@@ -28,7 +28,7 @@ impl Reservation {
     /// Compares the needed memory with the free memory.
     ///
     /// # Errors
-    /// [`IpcError::SharedMemoryTooSmall`] with the ways out.
+    /// [`IpcError::SharedMemoryTooSmall`].
     pub fn check(&self, free_bytes: u64) -> Result<(), IpcError> {
         if self.total_bytes() <= free_bytes {
             return Ok(());

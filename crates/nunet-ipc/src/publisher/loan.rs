@@ -2,7 +2,7 @@
     unsafe_code,
     reason = "the chunk's bytes come from the kernel, which Rust cannot know to be initialized"
 )]
-//! A frame that is being filled.
+//! A message that is being filled.
 
 use std::mem::MaybeUninit;
 
@@ -39,8 +39,8 @@ impl Loan {
         Self { sample, topic, payload_bytes }
     }
 
-    /// The header. `topic`, `payload_bytes` and `contract_version` are filled in, and are filled in again when it is published;
-    /// everything else is as [`FrameHeader::default`] says.
+    /// The header. `topic`, `payload_bytes` and `contract_version` are set, and are set again when it is published; all
+    /// other fields have the values of [`FrameHeader::default`].
     pub fn header_mut(&mut self) -> &mut FrameHeader {
         self.sample.user_header_mut()
     }

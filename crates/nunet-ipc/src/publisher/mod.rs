@@ -43,7 +43,7 @@ const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct Publisher {
     camera: CameraName,
-    // The order of the fields is the order of their end: ports, then services, then the node inside of them.
+    // Fields are dropped in this order: ports, then services, then the node inside of them.
     notifier: Notifier<Iceoryx>,
     topics: Vec<OwnedTopic>,
     reservation: Reservation,
@@ -116,8 +116,8 @@ impl Publisher {
         let wake = services::create_wake(&lock, &node, camera)?;
         share_services(camera, &services, &wake)?;
         drop(lock);
-        // Only the records of the services exist so far. Checked after the publishers: for a camera that is already published
-        // that is the error, not that its memory does not fit twice.
+        //         // Only the records of the services exist so far. This is checked after the publishers: if the camera
+        // is already published, that is the error to report, not that its memory does not fit twice.
         reservation.check(free_bytes)?;
         let topics = services
             .into_iter()
@@ -150,7 +150,7 @@ impl Publisher {
         self.owned(topic).is_some_and(|owned| owned.service.dynamic_config().number_of_subscribers() > 0)
     }
 
-    /// Borrows a chunk for a frame of the planned size. Its bytes are those of some earlier frame.
+    /// Borrows a chunk for a frame of the planned size. It contains the bytes of an earlier frame.
     ///
     /// # Errors
     /// [`IpcError::NoSuchTopic`], and [`IpcError::TooManyLoans`] when [`Limits::max_loans`] are open. While fewer

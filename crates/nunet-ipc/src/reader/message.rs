@@ -1,4 +1,4 @@
-//! A frame as its reader sees it.
+//! Messages as a reader receives them.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use crate::iceoryx::Iceoryx;
 
 /// One message, in shared memory, read-only.
 ///
-/// It does not change for as long as this value lives, also after the reader and the publisher have ended, and keeps its
-/// reader's place in the service until then. `Send`: it may be handed to another thread.
+/// It does not change until this value is dropped, even if the reader and the publisher end earlier. It keeps its
+/// reader's place in the service until then. `Send`: it may be moved to another thread.
 #[derive(Debug)]
 pub struct Message {
-    // Given back before the port may end: the order of the fields.
+    // Dropped before the port: fields are dropped in this order.
     sample: Sample<Iceoryx, [Block64], FrameHeader>,
     // When a port ends, the publisher takes back every chunk that went through it, whether or not a sample still points
-    // there. So each frame keeps its port.
+    // there. So each message keeps its port.
     _port: Arc<TopicSubscriber>,
     topic: Topic,
-    // As it was when it was checked: the header's own is the sender's to change.
+    // The checked value: the sender may change the header's field later.
     payload_bytes: usize,
 }
 
-/// Where frames of a topic come in.
+/// The port that receives the messages of a topic.
 pub(crate) type TopicSubscriber = Subscriber<Iceoryx, [Block64], FrameHeader>;
 
 impl Message {
@@ -53,13 +53,13 @@ impl Message {
         Ok(Self { sample, _port: port, topic, payload_bytes })
     }
 
-    /// The topic it came on.
+    /// The topic that it was received on.
     #[must_use]
     pub fn topic(&self) -> Topic {
         self.topic
     }
 
-    /// What it says about itself.
+    /// Its header.
     #[must_use]
     pub fn header(&self) -> &FrameHeader {
         self.sample.user_header()
@@ -74,7 +74,7 @@ impl Message {
     /// The depth map: `[height, width]`, rows from the top, in the header's units; NaN where there is none.
     ///
     /// # Errors
-    /// [`IpcError::WrongEncoding`] when it is something else, [`IpcError::BadMessage`] when its size is not that of
+    /// [`IpcError::WrongEncoding`] when the payload is not depth, [`IpcError::BadMessage`] when its size contradicts
     /// its header.
     pub fn depth(&self) -> Result<&[f32], IpcError> {
         self.grid(Encoding::DepthF32)
@@ -143,25 +143,25 @@ impl Message {
     }
 }
 
-/// Frames of several topics that belong together: all of one sequence number and one time of capture.
+/// The messages of one frame in several topics: they have the same sequence number and capture time.
 #[derive(Debug)]
 pub struct FrameSet {
     pub(crate) frames: [Option<Message>; Topic::ALL.len()],
 }
 
 impl FrameSet {
-    /// The frame of a topic; `None` for one that the reader did not open.
+    /// The message of a topic; `None` for one that the reader did not open.
     #[must_use]
     pub fn get(&self, topic: Topic) -> Option<&Message> {
         self.frames[topic as usize].as_ref()
     }
 
-    /// Takes the frame of a topic out, to keep it longer than the rest.
+    /// Takes the message of a topic out, to keep it longer than the others.
     pub fn take(&mut self, topic: Topic) -> Option<Message> {
         self.frames[topic as usize].take()
     }
 
-    /// The frames that are (still) in it, in the order of their topics.
+    /// The messages that were not taken out, in the order of their topics.
     pub fn iter(&self) -> impl Iterator<Item = &Message> {
         self.frames.iter().flatten()
     }

@@ -24,7 +24,7 @@ pub use message::{FrameSet, Message};
 use message::TopicSubscriber;
 use open::deadline_after;
 
-/// iceoryx2 hands the time to the socket in microseconds, and there 0 means for ever.
+/// iceoryx2 passes the timeout to the socket in microseconds, and 0 means no timeout there.
 const SHORTEST_SLEEP: Duration = Duration::from_micros(10);
 
 /// A reader of some of a camera's topics.
@@ -70,7 +70,7 @@ pub struct Publishers {
 }
 
 impl Publishers {
-    /// As [`Reader::is_connected`].
+    /// The same as [`Reader::is_connected`].
     #[must_use]
     pub fn are_all_alive(&self) -> bool {
         self.services.iter().all(|service| publisher_of(service).is_some_and(|publisher| publisher.alive))
@@ -89,9 +89,9 @@ impl Reader {
         self.topics.iter().map(|opened| opened.topic)
     }
 
-    /// Sleeps until a publisher of the topics sends something, starts or ends, a signal interrupts it, or the time is over.
-    /// Returns whether a publisher woke it. Only a hint: look for frames whatever it returns, and keep the timeout short
-    /// enough for the frame that a late subscriber receives without a wake-up.
+    /// Sleeps until a publisher of the topics sends something, starts or ends, a signal interrupts it, or the timeout
+    /// expires. Returns whether a publisher woke it. Only a hint: look for frames whatever it returns, and keep the
+    /// timeout short enough for the frame that a late subscriber receives without a wake-up.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].
@@ -166,7 +166,7 @@ impl Reader {
         Ok(publisher_of(&self.topic(topic)?.service))
     }
 
-    /// Whether a living process publishes each of the topics. As costly as [`publisher`](Self::publisher).
+    /// Whether a living process publishes each of the topics. It costs as much as [`publisher`](Self::publisher).
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.publishers().are_all_alive()

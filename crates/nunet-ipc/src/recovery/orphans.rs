@@ -1,4 +1,4 @@
-//! What killed processes left behind.
+//! Files of killed processes.
 //!
 //! A process that is killed leaves its shared memory and its places in services. The next process that creates a
 //! publisher or a reader cleans up after it. These functions list the dead processes (`nunetd doctor`) and clean up at
@@ -15,7 +15,7 @@ use crate::iceoryx::{Iceoryx, check_root, config};
 pub struct Orphan {
     /// Its id.
     pub pid: u32,
-    /// The file name of its program; empty when it was killed before it wrote it down.
+    /// The file name of its program; empty when it was killed before it wrote the name.
     pub executable: String,
 }
 
