@@ -1,4 +1,4 @@
-//! Counts heap allocations by thread, so that `allocations_per_frame` is measured and not claimed.
+//! Counts heap allocations by thread, for `allocations_per_frame`.
 #![expect(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -10,8 +10,8 @@ thread_local! {
     static FOREIGN: Cell<u64> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting. A binary installs it with `#[global_allocator]`; memory that ONNX Runtime
-/// takes by itself does not pass through here.
+/// The system's allocator, counting. A binary installs it with `#[global_allocator]`; allocations inside ONNX
+/// Runtime are not counted.
 #[derive(Debug)]
 pub struct CountingAllocator;
 

@@ -6,8 +6,8 @@ use tracing::warn;
 
 use crate::stall::StallDetector;
 
-/// For all pending writes together, after a stop. A service manager kills after 10 s (`TimeoutStopSec` in the unit), and
-/// the frame in work and the stats take some of them.
+/// The time for all pending writes together after a stop. A service manager kills the process after 10 s
+/// (`TimeoutStopSec` in the unit), and the current frame and the stats need a part of them.
 const AFTER_STOP: Duration = Duration::from_secs(5);
 /// Without a stop, a slow disk may take any time, unless it makes no progress for this long.
 const STALLED: Duration = Duration::from_secs(60);

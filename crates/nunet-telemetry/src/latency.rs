@@ -64,7 +64,7 @@ impl Latencies {
         }
     }
 
-    /// From the source's hand-over to the wake-up of the readers.
+    /// From the delivery by the source to the wake-up of the readers.
     pub fn total(&self) -> LatencySummary {
         self.total.summary()
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// The counts of a stream at one moment.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Frames the source handed over, readable or not.
+    /// Frames that the source delivered, readable or not.
     pub captured: u64,
     /// Published frames.
     pub published: u64,
@@ -15,7 +15,7 @@ pub struct Counts {
     pub superseded: u64,
     /// Frames without a result: unreadable, or refused by the pipeline.
     pub failed: u64,
-    /// Frames on their way.
+    /// Frames that have not ended yet.
     pub in_flight: u64,
 }
 
@@ -70,7 +70,7 @@ impl Ledger {
     /// If no frame is in flight: a frame was ended twice, which is a bug of the caller.
     pub fn ended(&self, end: FrameEnd) {
         self.update(|counts| {
-            counts.in_flight = counts.in_flight.checked_sub(1).expect("an entry is closed once");
+            counts.in_flight = counts.in_flight.checked_sub(1).expect("a frame ends once");
             match end {
                 FrameEnd::Published => counts.published += 1,
                 FrameEnd::Superseded => counts.superseded += 1,

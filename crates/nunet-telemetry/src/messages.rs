@@ -1,8 +1,8 @@
-//! What became of the messages of an output that sends them to other machines.
+//! Counts of the messages that an output sends to other machines.
 
 use prometheus_client::metrics::counter::Counter;
 
-/// Messages and frames of one camera, by what became of them. Copies count together.
+/// Counts of the messages and frames of one camera, by outcome. Copies share their counts.
 #[derive(Debug, Clone, Default)]
 pub struct MessageCounts {
     pub(crate) sent: Counter,

@@ -93,7 +93,7 @@ impl Families {
         );
         let help = "Mean bytes per frame copied between camera memory and network input";
         registry.register("bytes_copied_per_frame", help, families.bytes_copied.clone());
-        let help = "What the network's meters are multiplied by; 0 for depth without a unit";
+        let help = "Factor by which the network's meters are multiplied; 0 for relative depth";
         registry.register("scale_factor", help, families.scale.clone());
         let help = "Time since the scale factor was measured; 0 for one that does not change";
         registry.register_with_unit("scale_age", help, Unit::Seconds, families.scale_age.clone());
@@ -105,7 +105,7 @@ impl Families {
     }
 }
 
-/// The metrics of all cameras. Copies count together.
+/// The metrics of all cameras. Copies share their values.
 #[derive(Debug, Clone)]
 pub struct Metrics {
     families: Arc<Families>,
@@ -121,7 +121,7 @@ impl Default for Metrics {
 }
 
 impl Metrics {
-    /// All of them as Prometheus reads them: the text format `OpenMetrics`.
+    /// All metrics in the text format that Prometheus reads, `OpenMetrics`.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -163,7 +163,7 @@ impl Metrics {
             latency: families.latency.get_or_create_owned(&labels),
             stages: stages.into_iter().map(|name| families.stage.get_or_create_owned(&stage(name))).collect(),
         };
-        // A camera is up until its source says otherwise.
+        // A camera is up until its source reports otherwise.
         metrics.set_up(true);
         metrics
     }
@@ -214,7 +214,7 @@ impl CameraMetrics {
         self.scale_age.set(age_s);
     }
 
-    /// Whether the source gives frames: false while it is waited for, and after its end.
+    /// Sets whether the source delivers frames: false while it is waited for, and after its end.
     pub fn set_up(&self, is_up: bool) {
         self.up.set(i64::from(is_up));
     }

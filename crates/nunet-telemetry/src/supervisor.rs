@@ -47,18 +47,18 @@ impl Supervisor {
         }
     }
 
-    /// No camera has a frame. If all sources report that they wait (`waiting`), the watchdog is fed as well, because a
-    /// restart does not plug a camera in. `captured` counts the frames of all cameras: while it grows and no frame is
-    /// published, the watchdog is not fed. Returns whether it was.
+    /// No camera has a frame. If all sources report that they wait (`waiting`), the watchdog is fed as well,
+    /// because a restart would not bring a camera back. `captured` counts the frames of all cameras: while it
+    /// grows and no frame is published, the watchdog is not fed. Returns whether it was.
     pub fn idle(&mut self, waiting: bool, captured: u64) -> bool {
-        let fed = self.waits_well(waiting, captured, Instant::now());
+        let fed = self.is_waiting(waiting, captured, Instant::now());
         if fed {
             notify(&[NotifyState::Watchdog]);
         }
         fed
     }
 
-    fn waits_well(&mut self, waiting: bool, captured: u64, now: Instant) -> bool {
+    fn is_waiting(&mut self, waiting: bool, captured: u64, now: Instant) -> bool {
         let Some(period) = self.period else { return false };
         let quiet = self.captured.stalled_for(captured, true, now);
         waiting && quiet >= period && self.is_due(now)
@@ -106,25 +106,25 @@ mod tests {
         let mut supervisor = Supervisor::new(Some(Duration::from_secs(8)));
         let start = Instant::now();
         let fed: Vec<u32> =
-            (0..100).filter(|&look| supervisor.waits_well(true, 7, start + LOOK * look)).collect();
+            (0..100).filter(|&look| supervisor.is_waiting(true, 7, start + LOOK * look)).collect();
         assert_eq!(fed, [20, 40, 60, 80]);
-        assert!(!supervisor.waits_well(false, 7, start + 200 * LOOK), "nobody says that it waits");
+        assert!(!supervisor.is_waiting(false, 7, start + 200 * LOOK), "nobody says that it waits");
     }
 
     #[test]
     fn sources_that_say_that_they_wait_while_frames_come_do_not_feed_the_watchdog() {
         let mut supervisor = Supervisor::new(Some(Duration::from_secs(8)));
         let start = Instant::now();
-        // A damaged image each 1.5 s, from a camera that is not well again before a good one.
-        let fed = (0..100).any(|look| supervisor.waits_well(true, u64::from(look) / 15, start + LOOK * look));
+        // A damaged image each 1.5 s, from a camera that counts as waiting until a good one.
+        let fed = (0..100).any(|look| supervisor.is_waiting(true, u64::from(look) / 15, start + LOOK * look));
         assert!(!fed);
-        let fed = (100..200).find(|look| supervisor.waits_well(true, 6, start + LOOK * *look));
+        let fed = (100..200).find(|look| supervisor.is_waiting(true, 6, start + LOOK * *look));
         assert_eq!(fed, Some(110), "it has been quiet since look 90");
     }
 
     #[test]
     fn without_a_watchdog_nothing_is_sent() {
         assert!(!Supervisor::new(None).is_due(Instant::now()));
-        assert!(!Supervisor::new(None).waits_well(true, 0, Instant::now()));
+        assert!(!Supervisor::new(None).is_waiting(true, 0, Instant::now()));
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::allocations::{Allocations, allocations_of_this_thread};
 
-/// Frames at the start that are not counted for allocations: buffers are seen for the first time.
+/// Allocations of so many frames at the start are not counted, because buffers are allocated then.
 const FIRST_FRAMES: u64 = 16;
 
 /// Sums over the published frames of a stream.
@@ -66,12 +66,13 @@ impl Totals {
         self.bytes_copied as f64 / self.frames.max(1) as f64
     }
 
-    /// Mean of nunet's crates over the frames after the first; `None` without such frames, or with another allocator.
+    /// Mean heap allocations of nunet's crates, over the frames after the first 16; `None` without such
+    /// frames, or with another allocator.
     pub fn allocations_per_frame(&self) -> Option<f64> {
         self.per_steady_frame(self.steady_allocations.own)
     }
 
-    /// The same of iceoryx2, which takes a few bytes for each message.
+    /// Mean heap allocations of iceoryx2, which allocates a few bytes for each message.
     pub fn foreign_allocations_per_frame(&self) -> Option<f64> {
         self.per_steady_frame(self.steady_allocations.foreign)
     }
