@@ -10,14 +10,14 @@ use tokio::sync::watch;
 
 use crate::frame::ViewFrame;
 
-/// While no client waits, one frame is kept per such period, so that a client that comes while the source is paused sees
-/// the scene.
+/// While no client waits, one frame is kept per such period, so that a client that connects while the source
+/// is paused receives a frame.
 const KEEP_PERIOD: Duration = Duration::from_secs(1);
 
 /// The state of a camera's stream.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct CameraStatus {
-    /// Whether the source gives frames.
+    /// Whether the source delivers frames.
     pub up: bool,
     /// How its frames ended.
     pub frames: Counts,
@@ -25,13 +25,13 @@ pub struct CameraStatus {
     pub fps: f64,
 }
 
-/// A camera as clients and producer share it.
+/// A camera, shared by its producer and its clients.
 #[derive(Debug)]
 pub(crate) struct SharedCamera {
     pub(crate) name: String,
     /// Names of the classes, by label.
     pub(crate) classes: Vec<String>,
-    /// Never read itself, so that each clone of it sees the frame that is kept as a new one.
+    /// Its read position never advances, so that the kept frame is new for each clone.
     newest: Slot,
     waiting: AtomicUsize,
     /// Clients that show each result of [`OnDemand`].
@@ -76,7 +76,7 @@ impl SharedCamera {
         }
     }
 
-    /// Asks for a result as long as the returned value lives.
+    /// Requests a result until the returned value is dropped.
     pub(crate) fn demand(self: &Arc<Self>, result: OnDemand) -> Demand {
         self.demands[result as usize].fetch_add(1, Ordering::AcqRel);
         Demand { camera: Arc::clone(self), result }
@@ -88,7 +88,7 @@ impl SharedCamera {
     }
 }
 
-/// Counts a client in as long as it lives.
+/// Increments a counter until it is dropped.
 struct Interest<'a>(&'a AtomicUsize);
 
 impl<'a> Interest<'a> {
@@ -131,7 +131,7 @@ impl Drop for Demand {
 pub(crate) struct Cameras(RwLock<Vec<Arc<SharedCamera>>>);
 
 impl Cameras {
-    /// Adds a camera. One of the same name is replaced: its producer has begun again.
+    /// Adds a camera. One of the same name is replaced: its producer was restarted.
     pub(crate) fn add(&self, name: &str, classes: &[String]) -> CameraFeed {
         let (newest, slot) = watch::channel(None);
         let camera = Arc::new(SharedCamera::new(name, classes, slot));
@@ -163,7 +163,8 @@ pub struct CameraFeed {
 }
 
 impl CameraFeed {
-    /// Whether the next frame is to be offered: a client waits for it, or the one that is kept is a second old.
+    /// Whether the next frame should be offered: a client waits for it, or the kept frame is at least a
+    /// second old.
     #[must_use]
     pub fn is_wanted(&self) -> bool {
         self.camera.waiting.load(Ordering::Acquire) > 0
@@ -176,7 +177,7 @@ impl CameraFeed {
         self.camera.demands[result as usize].load(Ordering::Acquire) > 0
     }
 
-    /// Lets `fill` copy a frame, and hands it to the clients that wait. Nothing is encoded here.
+    /// Calls `fill` to copy a frame, and passes it to the clients that wait. Nothing is encoded here.
     pub fn offer(&mut self, fill: impl FnOnce(&mut ViewFrame)) {
         let mut frame = self.free_frame();
         // The frame is free: this is the only reference to it.

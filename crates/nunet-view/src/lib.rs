@@ -11,7 +11,7 @@
 //! | `/CAMERA/frame.jpg` | the newest image |
 //! | `/CAMERA/depth.png` | the newest depth map, 16 bit, millimeters, 0 = no measurement |
 //! | `/ws` | WebSocket: JSON requests, binary frames ([`FrameMessage`]) |
-//! | `/metrics` | text for Prometheus, if the caller gives one |
+//! | `/metrics` | text for Prometheus, if the caller provides it |
 //!
 //! Three rules keep viewers from disturbing the producer:
 //!

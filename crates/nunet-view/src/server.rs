@@ -196,7 +196,7 @@ async fn accept(listener: tokio::net::TcpListener, routes: Router, mut stopped: 
 }
 
 async fn serve(stream: TcpStream, routes: Router) -> Result<(), hyper::Error> {
-    // Frames are small and late ones are worthless; if it cannot be set, they are a little later.
+    // Without TCP_NODELAY, small frames are delayed. If it cannot be set, latency is a little higher.
     let _ = stream.set_nodelay(true);
     let mut stream = TimeoutStream::new(stream);
     stream.set_write_timeout(Some(WRITE_TIMEOUT));

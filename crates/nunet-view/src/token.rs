@@ -6,7 +6,7 @@ use subtle::ConstantTimeEq as _;
 
 use crate::error::ViewError;
 
-/// No token is longer.
+/// The longest token that is accepted.
 const MAX_TOKEN_BYTES: usize = 256;
 
 /// A secret that viewers present in a cookie, in the header `Authorization: Bearer`, or as `?token=` in the address.

@@ -1,8 +1,9 @@
 //! Depth maps and labels in few bytes: depth in 0.4 % steps, each value as its difference to a prediction, deflated.
 //!
 //! Depth from a network is smooth, so that most differences are 0, 1 or -1 steps and a map of 320x240 takes 10 to 20 kB.
-//! A browser unpacks it with `DecompressionStream` and a loop of ten lines. JPEG would be smaller still, but it rounds
-//! edges: points between an object and the wall behind it, and values where there was no measurement.
+//! A browser unpacks it with `DecompressionStream` and a loop of ten lines. JPEG would be smaller, but it
+//! blurs edges. That creates points between an object and the wall behind it, and values where there was no
+//! measurement.
 
 use std::io::{Read as _, Write as _};
 
@@ -11,11 +12,11 @@ use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use nunet_types::{ImageSize, Units};
 
-/// Steps of metric depth: half a step is less than a network's error by far.
+/// Relative step of metric depth. Half a step, 0.2 %, is far below a network's error.
 const LOG_STEP: f32 = 0.004;
 /// Steps between the smallest and the largest value of a depth map that is not metric, or not positive.
 const LINEAR_LEVELS: f32 = 4095.0;
-/// No map takes more, unpacked: 8192x8192 codes. A few kilobytes may otherwise unpack to gigabytes.
+/// The largest unpacked map, 8192x8192 codes. Without this limit, a few kilobytes could unpack to gigabytes.
 const MAX_MAP_BYTES: usize = 2 << 26;
 /// Code of no measurement.
 const NONE: u16 = 0;
@@ -109,7 +110,7 @@ pub(crate) fn encode_labels(labels: &[u8]) -> Vec<u8> {
     deflate(labels)
 }
 
-/// What a code probably is, from its neighbors to the left, above, and between both: the median edge detector of LOCO-I.
+/// Predicts a code from its neighbors to the left, above, and above left: the median edge detector of LOCO-I.
 /// Outside the map, neighbors are 0.
 fn prediction(codes: &[u16], index: usize, width: usize) -> u16 {
     let has_left = !index.is_multiple_of(width);
@@ -140,7 +141,7 @@ fn unzigzag(number: u16) -> u16 {
 
 fn deflate(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-    // A vector takes all bytes.
+    // Writing to a vector cannot fail.
     let written = encoder.write_all(bytes);
     written.and_then(|()| encoder.finish()).unwrap_or_default()
 }

@@ -9,7 +9,7 @@ use crate::frame::ViewFrame;
 
 /// Colors of the table.
 const COLORS: usize = 256;
-/// No measurement: a gray that the color map has not; the one of `nunet-files`.
+/// No measurement: a gray that is not in the color map, the same as in `nunet-files`.
 const NONE: [u8; 3] = [150, 150, 150];
 /// The color range is taken from about so many columns of the map.
 const RANGE_COLUMNS: u32 = 160;
@@ -26,13 +26,13 @@ pub(crate) fn palette() -> &'static [[u8; 3]; COLORS] {
     })
 }
 
-/// The first and the last percentile of a frame's depth, from every n-th pixel. For a relative depth map, where farther is
-/// larger too, the same.
+/// The first and the last percentile of a frame's depth, from every n-th pixel. Relative depth is treated the
+/// same, because it is also larger for farther points.
 pub(crate) fn auto_range(frame: &ViewFrame) -> (f32, f32) {
     let Some((info, depth)) = frame.depth() else { return (0.0, 1.0) };
     let stride = stride_for(info.size.width, RANGE_COLUMNS);
     let (near, far) = nunet_files::color_range(&subsample(depth, info.size, stride), None, None);
-    // A wall at one distance is not to be stretched to all colors.
+    // A wall at one distance must not be stretched to all colors.
     let least = if info.units == Units::Metre { 0.1 } else { f32::EPSILON };
     (near, far.max(near + least))
 }

@@ -5,7 +5,7 @@ use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use super::pixels::{PackedPixels, pixels, shrink};
 use crate::frame::ViewFrame;
 
-/// Good enough for a look, at about 0.7 bits per pixel.
+/// Sufficient for viewing, at about 0.7 bits per pixel.
 const QUALITY: u8 = 60;
 
 /// The image of a frame, averaged over blocks of `stride` x `stride` pixels; empty if there is none.
@@ -29,7 +29,7 @@ fn encode(bytes: &[u8], width: u32, height: u32, color: ColorType) -> Vec<u8> {
     let mut jpeg = Vec::new();
     let mut encoder = Encoder::new(&mut jpeg, QUALITY);
     encoder.set_sampling_factor(SamplingFactor::F_2_2);
-    // Sides are at most 32768, and the bytes are as many as the sides say: nothing is left that could fail.
+    // Sides are at most 32768 and the buffer has the size of the image, so encoding cannot fail.
     let side = |side: u32| u16::try_from(side).unwrap_or(u16::MAX);
     let encoded = encoder.encode(bytes, side(width), side(height), color);
     if encoded.is_err() {

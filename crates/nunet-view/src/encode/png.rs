@@ -13,7 +13,7 @@ pub(crate) fn depth_png(frame: &ViewFrame) -> Vec<u8> {
     let mut png = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Up);
     let (width, height) = (info.size.width, info.size.height);
-    // There are as many bytes as the sides say, and a vector takes them all.
+    // The buffer has the size of the image, and writing to a vector cannot fail.
     match encoder.write_image(&bytes, width, height, ExtendedColorType::L16) {
         Ok(()) => png,
         Err(_) => Vec::new(),

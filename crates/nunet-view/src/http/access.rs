@@ -13,7 +13,7 @@ use crate::token::Token;
 const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'";
 
-/// Set on every answer.
+/// Set on every response.
 const HEADERS: [(header::HeaderName, &str); 4] = [
     (header::CONTENT_SECURITY_POLICY, CONTENT_SECURITY_POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -38,8 +38,9 @@ pub(super) async fn check(State(shared): State<ServerState>, request: Request, n
     response
 }
 
-/// Without a token, only this machine can connect. A page of another site could still reach the server under a name of its
-/// own that it lets point to this machine, so only addresses and `localhost` are answered.
+/// Without a token, only this machine can connect. A page of another site could still reach the server under
+/// its own host name if that resolves to this machine (DNS rebinding), so only addresses and `localhost` are
+/// accepted.
 fn foreign_name(headers: &HeaderMap, uri: &Uri) -> Option<Response> {
     let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).or_else(|| uri.host())?;
     let name = host_name(host);
@@ -58,7 +59,7 @@ fn host_name(host: &str) -> &str {
     }
 }
 
-/// A script of another site may open a WebSocket to any host; browsers say where it comes from.
+/// A script of another site may open a WebSocket to any host; browsers send its origin.
 fn foreign_origin(headers: &HeaderMap) -> Option<Response> {
     let origin = headers.get(header::ORIGIN)?.to_str().unwrap_or_default();
     let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
@@ -96,8 +97,8 @@ fn bearer_token(headers: &HeaderMap) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then_some(token.trim())
 }
 
-/// The response to a request without the token. A browser with the token in the address receives a cookie and forgets the
-/// address.
+/// The response to a request without the token. A browser with the token in the address receives a cookie and
+/// is redirected to the address without it.
 fn without_token(token: &Token, request: &Request, port: u16) -> Option<Response> {
     let (headers, uri) = (request.headers(), request.uri());
     let in_query = query_token(uri).is_some_and(|presented| token.matches(&presented));

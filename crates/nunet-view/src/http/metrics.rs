@@ -17,7 +17,7 @@ pub(crate) fn metrics_only(metrics: MetricsText) -> Router {
         .fallback(|| async { text(StatusCode::NOT_FOUND, "metrics are at /metrics\n") })
 }
 
-/// The metrics beside the page.
+/// The metrics, at the address of the page.
 pub(super) async fn metrics(State(shared): State<ServerState>) -> Response {
     match &shared.metrics {
         Some(metrics) => answer(metrics),

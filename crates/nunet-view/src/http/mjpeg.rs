@@ -1,4 +1,4 @@
-//! `image.mjpeg` and `depth.mjpeg`: one JPEG after the other in an answer that does not end.
+//! `image.mjpeg` and `depth.mjpeg`: one JPEG after the other in a response that does not end.
 
 use std::sync::Arc;
 
@@ -92,7 +92,8 @@ struct MjpegStream {
 }
 
 impl MjpegStream {
-    /// The next part of the answer; `None` once the camera is gone. It is not asked for while the client takes nothing.
+    /// The next part of the response; `None` once the camera is gone. It is not called while the client reads
+    /// nothing.
     async fn next(&mut self) -> Option<Bytes> {
         loop {
             self.pacer.ready().await;

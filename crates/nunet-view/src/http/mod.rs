@@ -1,4 +1,4 @@
-//! What the server answers.
+//! The routes of the HTTP server.
 
 mod access;
 mod api;
@@ -27,7 +27,7 @@ pub type MetricsText = Arc<dyn Fn() -> String + Send + Sync>;
 /// More clients with a WebSocket are refused.
 pub(crate) const MAX_SOCKETS: usize = 32;
 
-/// What all answers are made from.
+/// The state that all handlers share.
 #[derive(Clone)]
 pub(crate) struct ServerState {
     pub(crate) cameras: Arc<Cameras>,
@@ -38,7 +38,7 @@ pub(crate) struct ServerState {
     pub(crate) sockets: Arc<Semaphore>,
 }
 
-/// The page and everything beside it.
+/// All routes of the live view.
 pub(crate) fn router(shared: ServerState) -> Router {
     Router::new()
         .route("/", get(page::index))
@@ -57,13 +57,13 @@ pub(crate) fn router(shared: ServerState) -> Router {
         .with_state(shared)
 }
 
-/// An answer of one line.
+/// A response of one line.
 fn text(status: StatusCode, message: impl Into<String>) -> Response {
     let kind = (header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
     (status, [kind], message.into()).into_response()
 }
 
-/// No camera has the name.
+/// The response for a camera that does not exist.
 fn unknown_camera(name: &str, cameras: &Cameras) -> Response {
     let names: Vec<_> = cameras.all().iter().map(|camera| format!("`{}`", camera.name)).collect();
     let message = format!("there is no camera `{name}`, expected one of: {}\n", names.join(", "));

@@ -14,7 +14,7 @@ use crate::camera::SharedCamera;
 use crate::encode::{depth_png, image_jpeg};
 use crate::frame::{Encoded, ViewFrame};
 
-/// If no new frame comes for so long, the last one is sent.
+/// If no new frame arrives within this time, the last one is sent.
 const NEXT_FRAME_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The newest image, JPEG.
@@ -42,7 +42,7 @@ pub(super) async fn depth(State(shared): State<ServerState>, Path(camera): Path<
 async fn newest(shared: &ServerState, name: &str) -> Result<Arc<ViewFrame>, Response> {
     let camera = shared.cameras.find(name).ok_or_else(|| unknown_camera(name, &shared.cameras))?;
     let frame = next(&camera).await.or_else(|| camera.newest());
-    frame.ok_or_else(|| text(StatusCode::SERVICE_UNAVAILABLE, "the camera has not given a frame yet\n"))
+    frame.ok_or_else(|| text(StatusCode::SERVICE_UNAVAILABLE, "the camera has not delivered a frame yet\n"))
 }
 
 async fn next(camera: &SharedCamera) -> Option<Arc<ViewFrame>> {
@@ -53,7 +53,7 @@ async fn next(camera: &SharedCamera) -> Option<Arc<ViewFrame>> {
 
 fn file(frame: &ViewFrame, kind: &'static str, bytes: Bytes) -> Response {
     if bytes.is_empty() {
-        return text(StatusCode::SERVICE_UNAVAILABLE, "the newest frame does not have this\n");
+        return text(StatusCode::SERVICE_UNAVAILABLE, "the newest frame has no such image\n");
     }
     let number = |number: String| HeaderValue::try_from(number).unwrap_or(HeaderValue::from_static("0"));
     let headers = [

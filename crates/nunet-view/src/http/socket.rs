@@ -25,9 +25,9 @@ use crate::protocol::{
     encode,
 };
 
-/// How often the state of the stream is looked at.
+/// How often the state of the stream is checked.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// How often a client must show that it is there: browsers answer pings by themselves.
+/// How often a client is pinged; browsers answer pings by themselves.
 const PING_PERIOD: Duration = Duration::from_secs(15);
 /// A client without a message for this long counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(45);
@@ -58,7 +58,7 @@ struct Client {
     socket: WebSocket,
     shared: ServerState,
     watching: Option<Watching>,
-    /// The last frame that was sent, which its user sees.
+    /// The last frame that was sent.
     shown: Option<Arc<ViewFrame>>,
     heard: Instant,
     pinged: Instant,
@@ -85,7 +85,7 @@ enum SocketEvent {
     Tick,
 }
 
-/// Whether the connection goes on.
+/// Whether the connection continues.
 #[derive(PartialEq)]
 enum AfterMessage {
     Continue,
@@ -145,7 +145,7 @@ fn demands(camera: &Arc<SharedCamera>, watch: &Watch) -> Vec<Demand> {
     wanted.into_iter().filter(|(is_wanted, _)| *is_wanted).map(|(_, result)| camera.demand(result)).collect()
 }
 
-/// The next frame of what is watched; never, if nothing is.
+/// The next frame of the watched camera. Waits forever if none is watched.
 async fn next_frame(watching: &mut Option<Watching>) -> Option<Arc<ViewFrame>> {
     match watching {
         Some(watching) => watching.next().await,
@@ -159,8 +159,8 @@ impl Client {
         Self { socket, shared, watching: None, shown: None, heard: now, pinged: now }
     }
 
-    /// Serves the viewer until one side closes. Nothing is read while a frame is being sent: a viewer that takes nothing is
-    /// disconnected by the write timeout of its connection.
+    /// Serves the viewer until one side closes. Nothing is read while a frame is being sent. A viewer that
+    /// reads nothing is disconnected by the write timeout of its connection.
     async fn run(mut self) -> Result<(), axum::Error> {
         let cameras = self.shared.cameras.all();
         let cameras = cameras.iter().map(|camera| camera.name.as_str()).collect();

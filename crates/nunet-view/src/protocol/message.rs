@@ -32,7 +32,7 @@ use crate::frame::DepthInfo;
 pub const PROTOCOL_VERSION: u16 = 1;
 const MAGIC: [u8; 4] = *b"NUVF";
 const HEADER_BYTES: usize = 64;
-/// No message is longer: an image of 32768 pixels a side would be, and is refused.
+/// The longest message that is accepted. An image of 32768x32768 pixels would exceed it.
 const MAX_MESSAGE_BYTES: usize = 256 << 20;
 
 /// What a section contains.
@@ -121,7 +121,7 @@ pub struct FrameMessage<'a> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MessageError {
-    /// It does not begin as a frame does.
+    /// It does not begin with the bytes of a frame message.
     #[error("the message does not begin with `NUVF`")]
     Magic,
     /// It is of another version.
@@ -155,7 +155,7 @@ pub enum MessageError {
     },
 }
 
-/// Numbers one after the other from bytes that are long enough.
+/// Reads little-endian numbers in sequence. The caller checks the length; missing bytes read as 0.
 struct ByteReader<'a>(&'a [u8]);
 
 impl ByteReader<'_> {

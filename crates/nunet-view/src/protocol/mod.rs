@@ -1,4 +1,4 @@
-//! The WebSocket's messages: requests and reports as JSON text, frames as bytes.
+//! The WebSocket's messages: requests and other messages as JSON text, frames as bytes.
 
 mod message;
 mod report;

@@ -1,10 +1,10 @@
-//! The server's reports beside frames, as JSON text.
+//! The server's messages other than frames, as JSON text.
 
 use serde::Serialize;
 
 use crate::camera::CameraStatus;
 
-/// A report to one client.
+/// A message to one client.
 #[derive(Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(crate) enum ServerMessage<'a> {

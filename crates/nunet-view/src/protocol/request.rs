@@ -2,14 +2,14 @@
 
 use serde::Deserialize;
 
-/// No request is longer.
+/// The longest request that is accepted.
 pub(crate) const MAX_REQUEST_BYTES: usize = 4096;
 
 /// A request, as JSON text: `{"type": "watch", "camera": "front"}`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Request {
-    /// Sends frames of a camera from now on, instead of what was sent before.
+    /// Sends frames of a camera from now on, instead of those of the previous `watch`.
     Watch(Watch),
     /// Sends no frames until the next `watch`. The last one is kept, so that probes read it.
     Pause,
