@@ -1,4 +1,4 @@
-//! Where the autopilot is.
+//! The address of the autopilot.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -7,7 +7,8 @@ use std::str::FromStr;
 
 use nunet_types::Hint;
 
-/// Where the autopilot is: `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:DEVICE:BAUD`, as other MAVLink programs write it.
+/// The address of the autopilot: `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:DEVICE:BAUD`, as other
+/// MAVLink programs write it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MavlinkAddress {
     /// Datagrams to a host and port.
@@ -23,7 +24,7 @@ pub enum MavlinkAddress {
     },
 }
 
-/// A text that is no address.
+/// A text that is not an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not a MAVLink address")]
 pub struct AddressError(String);

@@ -2,10 +2,10 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `address` | where the autopilot is: [`MavlinkAddress`] |
+//! | `address` | the address of the autopilot: [`MavlinkAddress`] |
 //! | `ring` | sectors as 72 distances around the vehicle: [`DistanceRing`] |
 //! | `messages` | the bytes of messages |
-//! | `link` | a connection that is opened again after a failure: [`MavlinkLink`] |
+//! | `link` | a connection that is reopened after a failure: [`MavlinkLink`] |
 //!
 //! # Example: an obstacle to the right
 //! ```

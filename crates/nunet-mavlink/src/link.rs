@@ -14,11 +14,11 @@ use crate::address::MavlinkAddress;
 use crate::messages::MessageWriter;
 use crate::ring::DistanceRing;
 
-/// Autopilots take a computer for lost that is silent for some seconds.
+/// Autopilots consider a computer lost that sends nothing for a few seconds.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// At most 15 distances per second.
 const MIN_PERIOD: Duration = Duration::from_micros(66_000);
-/// How long a lost connection rests before it is opened again.
+/// The pause before a lost connection is reopened.
 const RETRY: Duration = Duration::from_secs(2);
 /// How long opening a connection, or a write, may take.
 const TIMEOUT: Duration = Duration::from_secs(1);
@@ -28,7 +28,8 @@ const TIMEOUT: Duration = Duration::from_secs(1);
 pub enum LinkEvent {
     /// It was opened.
     Opened,
-    /// It could not be opened, or a write failed. It is opened again; failures until then are not reported.
+    /// It could not be opened, or a write failed. It is retried; further failures are not reported until it
+    /// is open again.
     Lost(String),
 }
 
@@ -46,7 +47,8 @@ pub struct MavlinkLink {
 }
 
 impl MavlinkLink {
-    /// Opens nothing yet.
+    /// Stores the address. The connection is opened by the first call of [`Self::send`] or
+    /// [`Self::keep_alive`].
     #[must_use]
     pub fn new(address: MavlinkAddress) -> Self {
         Self {
@@ -60,7 +62,7 @@ impl MavlinkLink {
         }
     }
 
-    /// Where the autopilot is.
+    /// The address of the autopilot.
     #[must_use]
     pub fn address(&self) -> &MavlinkAddress {
         &self.address
@@ -149,7 +151,7 @@ impl Connection {
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
-            // Nobody listens yet, or the buffer is full: like a lost datagram.
+            // No program listens yet, or the buffer is full: treat it as a lost datagram.
             Self::Udp(socket) => match socket.send(bytes) {
                 Err(error)
                     if matches!(
@@ -170,7 +172,7 @@ impl Connection {
     }
 }
 
-/// What the autopilot sends is not read. A full buffer would stop it.
+/// Discards what the autopilot sends. If the buffer filled up, the autopilot could not send anymore.
 fn discard_input(stream: &mut TcpStream) {
     const MOST: usize = 16;
     let mut buffer = [0; 4096];
@@ -186,7 +188,7 @@ fn resolved(address: &str) -> io::Result<SocketAddr> {
     address.to_socket_addrs()?.next().ok_or_else(unknown)
 }
 
-/// A serial line without any processing of bytes. A line whose buffer is full fails instead of blocking.
+/// Opens a serial line in raw mode. A write fails instead of blocking if the buffer is full.
 fn serial(device: &Path, baud: u32) -> io::Result<File> {
     let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits();
     let line = OpenOptions::new().read(true).write(true).custom_flags(flags.cast_signed()).open(device)?;

@@ -18,7 +18,7 @@ pub(crate) struct MessageWriter {
 }
 
 impl MessageWriter {
-    /// That this computer is alive.
+    /// A `HEARTBEAT`: this computer is alive.
     pub(crate) fn heartbeat(&mut self) -> Vec<u8> {
         self.bytes(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             mavtype: MavType::MAV_TYPE_ONBOARD_CONTROLLER,
@@ -51,7 +51,7 @@ impl MessageWriter {
         let mut bytes = Vec::with_capacity(280); // the longest message
         match mavlink::write_v2_msg(&mut bytes, header, message) {
             Ok(_) => bytes,
-            // Writing into memory does not fail.
+            // Writing to memory cannot fail.
             Err(_) => Vec::new(),
         }
     }

@@ -4,7 +4,7 @@ use nunet_types::ObstacleSector;
 
 /// Distances of a message.
 pub const BINS: usize = 72;
-/// The distance of a direction of which nothing is known.
+/// The distance of an unknown direction.
 pub const UNKNOWN_CM: u16 = u16::MAX;
 
 pub(crate) const BIN_DEG: f32 = 5.0;
@@ -18,7 +18,7 @@ const TOUCH_DEG: f32 = 0.01;
 pub struct DistanceRing {
     /// Centimeters; `max_cm + 1` is free, [`UNKNOWN_CM`] is unknown or outside of the view.
     pub distances_cm: [u16; BINS],
-    /// The largest distance that is searched, centimeters.
+    /// The largest distance at which obstacles are detected, centimeters.
     pub max_cm: u16,
 }
 
@@ -32,7 +32,8 @@ impl DistanceRing {
     /// Fills the ring from sectors, counterclockwise: sector `i` begins at `angle_min + i * angle_step` radians, 0 = forward.
     /// `max_range_m` is the range within which obstacles were searched.
     ///
-    /// A direction has its nearest obstacle or drop. It is free only if all of it is in view and free.
+    /// A direction has the distance of its nearest obstacle or drop. It is free only if all of it is in view
+    /// and free.
     pub fn fill(&mut self, sectors: &[ObstacleSector], [angle_min, angle_step]: [f32; 2], max_range_m: f32) {
         let range_m = ObstacleSector::scan_range_m(max_range_m);
         self.max_cm = centimeters(range_m);
@@ -91,7 +92,7 @@ impl Bin {
     }
 }
 
-/// Rounded down, so that nothing seems farther than it is.
+/// Rounded down, so that no obstacle appears farther away than it is.
 fn centimeters(meters: f32) -> u16 {
     (100.0 * meters + 0.01) as u16
 }
