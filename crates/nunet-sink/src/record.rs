@@ -10,7 +10,7 @@ use nunet_types::{ImageSize, MAX_OBSTACLE_POINTS};
 use crate::obstacle_record::BASE_FRAME;
 use crate::results::Results;
 
-/// A frame as it is recorded.
+/// A copy of a frame for a recording.
 #[derive(Debug, Default)]
 pub struct RecordedFrame {
     /// The image and its times.
@@ -25,7 +25,7 @@ pub struct RecordedFrame {
     labels: Vec<u8>,
     cloud_size: ImageSize,
     cloud: Vec<u8>,
-    /// Those of the last frame that had some; their memory is reused.
+    /// The obstacles of the last frame that had some; their memory is reused.
     obstacles: Option<Obstacles>,
     has_obstacles: bool,
 }
@@ -43,7 +43,8 @@ impl RecordedFrame {
     /// Copies a frame, and its camera at the size of the image. If the image came as a file, the file is enough.
     pub fn copy_frame(&mut self, frame: &Frame, camera: Option<Camera>) {
         let own = &mut self.frame;
-        // Files differ in length. Room for the raw image holds each of them, so that a longer one allocates nothing later.
+        // The length of files varies. Room for the raw image is enough for all of them, so that later frames
+        // allocate nothing.
         own.file.clear();
         own.file.reserve(frame.file.len().max(raw_bytes(frame.size)));
         own.file.extend_from_slice(&frame.file);
@@ -55,7 +56,7 @@ impl RecordedFrame {
         own.is_turned = frame.is_turned;
         (own.size, own.row_stride, own.format) = (frame.size, frame.row_stride, frame.format);
         (own.sequence, own.capture, own.ready_nanos) = (frame.sequence, frame.capture, frame.ready_nanos);
-        (own.camera, own.stretch, own.in_real_time) = (frame.camera, frame.stretch, frame.in_real_time);
+        (own.camera, own.segment, own.in_real_time) = (frame.camera, frame.segment, frame.in_real_time);
         self.camera = camera;
     }
 
@@ -82,7 +83,8 @@ impl RecordedFrame {
         match (&mut self.obstacles, found) {
             (_, None) => {}
             (Some(own), Some(found)) => {
-                // Field by field, so that the memory is reused; all of them are named, so that none is forgotten.
+                // Field by field, so that the memory is reused. The pattern names all fields, so that a new
+                // field is not forgotten.
                 let Obstacles {
                     ground,
                     sectors,
@@ -99,7 +101,8 @@ impl RecordedFrame {
             }
             (own @ None, Some(found)) => {
                 let own = own.insert(found.clone());
-                // Frames differ in points. Room for the most that there can be, so that more of them allocate nothing later.
+                // The number of points varies. Room for the largest number is reserved, so that later frames
+                // allocate nothing.
                 own.points.reserve_exact(MAX_OBSTACLE_POINTS.saturating_sub(own.points.len()));
             }
         }
@@ -112,7 +115,7 @@ impl RecordedFrame {
         self.depth_camera = None;
     }
 
-    /// Depth as it is recorded.
+    /// Depth in the form of a recording.
     #[must_use]
     pub fn depth(&self) -> DepthRecord<'_> {
         let ImageSize { width, height } = self.size;

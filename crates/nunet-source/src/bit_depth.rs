@@ -1,14 +1,14 @@
 //! Recognizes 16-bit images that use only the lower bits.
 //!
 //! Drivers store 10 and 12 bits of a sensor in `mono16` and `bayer_*16` without shifting them. As in ROS's `cv_bridge`, 65535
-//! is white here, so such an image is almost black. Stretching it by its own range would change the brightness of the same
-//! wall from frame to frame.
+//! is white here, so such an image is almost black. It is not stretched by its own range, because that would
+//! change the brightness of the same wall from frame to frame.
 
 use crate::convert::{ImageView, RawLayout};
 
-/// Values below are black, whatever the bits.
+/// Values below this are black at any bit depth.
 const BLACK: u16 = 32;
-/// An image that is not black and stays below this uses only the lower bits.
+/// An image that is not black and whose values are all below this uses only the lower bits.
 const DIM: u16 = u16::MAX / 8;
 
 /// Looks at the images of a source until one is not black.

@@ -3,7 +3,7 @@
 use nunet_core::camera::{Camera, CameraError, Intrinsics};
 use serde::Deserialize;
 
-/// What `camera.json` states: a pinhole in pixels, at an image size.
+/// The content of `camera.json`: pinhole intrinsics in pixels, and the image size that they are for.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct CameraFile {
     width: u32,
@@ -21,7 +21,7 @@ impl CameraFile {
     /// The camera.
     ///
     /// # Errors
-    /// Numbers that no camera has.
+    /// Invalid intrinsics.
     pub fn camera(&self) -> Result<Camera, CameraError> {
         let intrinsics = Intrinsics::new(self.fx, self.fy, self.cx, self.cy, self.width, self.height)?;
         Ok(Camera::pinhole(intrinsics))

@@ -24,11 +24,11 @@ pub struct CameraGeometry {
     pub factor: Option<f32>,
 }
 
-/// The camera of a stream's frames, followed from frame to frame.
+/// Determines the camera of each frame of a stream.
 #[derive(Debug, Default)]
 pub struct CameraResolver {
     named: Option<Named>,
-    /// What the pipeline's camera was made from.
+    /// The inputs of the pipeline's current camera.
     current: Option<Key>,
     has_reported: bool,
     /// The named camera, if any, fitted a frame.
@@ -97,7 +97,7 @@ impl CameraResolver {
         Ok(named.or(frame.camera))
     }
 
-    /// The same, for a stream of frames.
+    /// As [`CameraResolver::camera_of`], for a stream of frames.
     ///
     /// # Errors
     /// [`BadArguments`](crate::SourceErrorKind::BadArguments) if the camera that the user named does not fit the first frame:
@@ -112,8 +112,8 @@ impl CameraResolver {
         Ok(camera)
     }
 
-    /// Passes the camera to the pipeline if it changed. If the camera is unknown, returns once what is assumed instead:
-    /// "points assume the training camera".
+    /// Passes the camera to the pipeline if it changed. If the camera is unknown, the first call returns the
+    /// assumption that replaces it: "points assume the training camera".
     ///
     /// # Errors
     /// As [`CameraResolver::resolve`], or [`BadFrame`](crate::SourceErrorKind::BadFrame) if the camera does not fit the
@@ -190,7 +190,7 @@ pub fn read_calibration(path: &Path) -> Result<Calibration, SourceError> {
 /// Reads at most one byte more than a calibration may have. The parser rejects text that is not UTF-8.
 fn read_start(path: &Path) -> io::Result<String> {
     let Some(mut file) = plain_file::open(path, Calibration::MAX_BYTES as u64 + 1)? else {
-        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a plain file"));
+        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
     };
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes)?;

@@ -1,5 +1,5 @@
-//! Finds discontinuities in a stream. A recurrent network takes each frame as the successor of the last one. After a
-//! discontinuity its state describes another place or time, which is worse than no state.
+//! Finds discontinuities in a stream. A recurrent network treats each frame as the successor of the last one.
+//! After a discontinuity its state describes another place or time, which gives worse depth than no state.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use crate::frame::Frame;
 /// camera that drops some frames stays far below it.
 const MAX_GAP_NANOS: i64 = 1_000_000_000;
 
-/// Follows a stream from one frame that the network took to the next.
+/// Compares each frame with the last one that the network processed.
 #[derive(Debug, Default)]
 pub struct Continuity {
     last: Option<Seen>,
@@ -22,7 +22,7 @@ pub struct Continuity {
 /// The properties of a frame that are compared.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
-    stretch: u64,
+    segment: u64,
     sequence: u64,
     size: ImageSize,
     camera: Option<Camera>,
@@ -35,7 +35,7 @@ struct Seen {
 pub enum Discontinuity {
     /// The source restarted from its beginning (`--loop`).
     Repeated,
-    /// The sequence number went back: another process publishes now.
+    /// The sequence number decreased: another process publishes now.
     Restarted,
     /// The image size changed.
     Size,
@@ -50,16 +50,16 @@ pub enum Discontinuity {
 }
 
 impl Continuity {
-    /// Why `frame` does not follow the last frame that the network took; `None` if it does, and for the first frame.
-    ///
-    /// Frames that were superseded or failed in between change nothing: the network has not seen them, and their time
-    /// counts.
+    /// Why `frame` does not follow the last frame that the network processed; `None` if it does, and for the
+    /// first frame.
+    ///     /// Frames in between that were superseded or failed are ignored, because the network has not
+    /// processed them. Their time is part of the gap.
     #[must_use]
     pub fn discontinuity_to(&self, frame: &Frame) -> Option<Discontinuity> {
         let (last, next) = (self.last?, Seen::of(frame));
         let gap_nanos = next.nanos.saturating_sub(last.nanos);
         let candidates = [
-            (next.stretch != last.stretch, Discontinuity::Repeated),
+            (next.segment != last.segment, Discontinuity::Repeated),
             // Equal numbers are not a discontinuity: not every publisher counts.
             (next.sequence < last.sequence, Discontinuity::Restarted),
             (next.size != last.size, Discontinuity::Size),
@@ -71,14 +71,14 @@ impl Continuity {
         candidates.into_iter().find_map(|(applies, reason)| applies.then_some(reason))
     }
 
-    /// The network took `frame`: the next one is compared with it.
+    /// Records that the network processed `frame`: the next one is compared with it.
     pub fn took(&mut self, frame: &Frame) {
         self.last = Some(Seen::of(frame));
     }
 }
 
-/// Whether a gap in capture time is a gap in the scene. An image file that waits for the network is stamped when
-/// it is read; an image of a recording carries the camera's time, however fast it is read.
+/// Whether a gap in capture time is a gap in the scene. The capture time of an image file is when it was
+/// read; that of an image in a recording is the camera's, at any replay speed.
 fn is_in_camera_time(frame: &Frame) -> bool {
     frame.in_real_time || frame.capture.clock != Clock::Monotonic
 }
@@ -86,7 +86,7 @@ fn is_in_camera_time(frame: &Frame) -> bool {
 impl Seen {
     fn of(frame: &Frame) -> Self {
         Self {
-            stretch: frame.stretch,
+            segment: frame.segment,
             sequence: frame.sequence,
             size: frame.size,
             camera: frame.camera,
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_source_that_begins_again_is_a_discontinuity() {
-        assert_eq!(after(|next| next.stretch += 1), Some(Discontinuity::Repeated));
+        assert_eq!(after(|next| next.segment += 1), Some(Discontinuity::Repeated));
         assert_eq!(after(|next| next.sequence = 0), Some(Discontinuity::Restarted));
     }
 
@@ -196,7 +196,7 @@ mod tests {
         };
         assert_eq!(waiting(|next| next.capture.nanos += 60 * SECOND), None);
         assert_eq!(waiting(|next| next.capture.nanos -= 1), Some(Discontinuity::Backwards));
-        assert_eq!(waiting(|next| next.stretch += 1), Some(Discontinuity::Repeated));
+        assert_eq!(waiting(|next| next.segment += 1), Some(Discontinuity::Repeated));
         assert_eq!(waiting(|next| next.size = ImageSize::new(320, 240)), Some(Discontinuity::Size));
     }
 

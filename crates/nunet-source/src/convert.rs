@@ -1,11 +1,12 @@
-//! Layouts of cameras and recordings that the pipeline does not take, as one that it does.
+//! Converts pixel layouts of cameras and recordings to those that the pipeline reads.
 
 use nunet_core::frame::PixelFormat;
 use nunet_types::ImageSize;
 
 use crate::Frame;
 
-/// Where the four colors of a Bayer mosaic are: row and column of red, and of blue; green is at the other two.
+/// The pattern of a Bayer mosaic, by the row and column of red. Blue is diagonal to it; green is at the other
+/// two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Bayer {
     pub(crate) red: (usize, usize),
@@ -21,7 +22,7 @@ impl Bayer {
 /// How the bytes of an image are laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RawLayout {
-    /// As the pipeline takes it.
+    /// A layout that the pipeline reads.
     Direct(PixelFormat),
     /// Channels of 8 or 16 bits (little-endian, of which the upper byte counts), of which the first ones are the format's.
     Channels { format: PixelFormat, channels: usize, bytes: usize },
@@ -73,7 +74,7 @@ impl RawLayout {
     }
 }
 
-/// Lays an image into `frame`. False if it has fewer bytes than its size takes.
+/// Converts an image into `frame`. Returns false if it has fewer bytes than its size needs.
 pub(crate) fn fill(frame: &mut Frame, image: ImageView<'_>) -> bool {
     let needed = image.layout.byte_len(image.size, image.row_stride);
     let Some(bytes) = image.bytes.get(..needed) else { return false };
@@ -103,7 +104,7 @@ pub(crate) fn fill(frame: &mut Frame, image: ImageView<'_>) -> bool {
 }
 
 impl ImageView<'_> {
-    /// Makes `frame` an image of this size in another format, and returns its bytes.
+    /// Sets the size and format of `frame`, and returns its buffer.
     fn lay<'f>(
         &self,
         frame: &'f mut Frame,
@@ -127,8 +128,8 @@ impl ImageView<'_> {
         self.bytes.chunks(self.row_stride.max(1) as usize)
     }
 
-    /// Of 16 bits the upper byte, as ROS' `cv_bridge` scales: whatever stretched an image by its own range would make the
-    /// same wall brighter beside a darker thing.
+    ///     /// Of 16 bits, the upper byte is kept, as `cv_bridge` of ROS does. Stretching an image by its own
+    /// range would change the brightness of a wall when a darker object comes into view.
     fn pick_channels(&self, frame: &mut Frame, format: PixelFormat, channels: usize, bytes: usize) {
         let width = self.size.width as usize;
         let out = self.lay_packed(frame, format);
@@ -163,8 +164,8 @@ impl ImageView<'_> {
         }
     }
 
-    /// Each missing color is the mean of its neighbors that have it (bilinear). Networks see a resized image, in which finer
-    /// methods make no difference.
+    /// Each missing color is the mean of its neighbors that have it (bilinear). The network's image is
+    /// resized, so better methods would make no difference.
     fn demosaic(&self, frame: &mut Frame, pattern: Bayer, bytes: usize) {
         let (width, height) = (self.size.width as usize, self.size.height as usize);
         let stride = self.row_stride as usize;

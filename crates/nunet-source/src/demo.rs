@@ -1,7 +1,7 @@
-//! The demo: rendered rooms that come with the models, as a camera would show them.
+//! The demo: images of rendered rooms that are installed with the models.
 //!
 //! A folder has `rgb/ID.jpg` and `camera.json` (size, intrinsics, frames per second). It is played in a loop, with the times
-//! of its own frame rate. An `ID` is a scene and a number; another scene is another stretch.
+//! of its own frame rate. An `ID` is a scene and a number; another scene is another segment.
 
 use std::path::{Path, PathBuf};
 
@@ -17,8 +17,8 @@ use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
 
-/// Folders of rendered images beside the models, the one that shows most first: `drive` is a robot's way, 0.25 m above the
-/// floor, with obstacles; the Python package brings only `clip`.
+/// Folders of rendered images beside the models, in the order in which they are searched: `drive` is a
+/// robot's path, 0.25 m above the floor, with obstacles; the Python package contains only `clip`.
 const NAMES: [&str; 2] = ["drive", "clip"];
 const DEFAULT_HZ: f64 = 30.0;
 
@@ -59,7 +59,7 @@ pub(crate) struct Clip {
     camera: Camera,
     frame_nanos: f64,
     sequence: u64,
-    stretch: u64,
+    segment: u64,
     scene: String,
     any_good: bool,
 }
@@ -78,7 +78,7 @@ impl Clip {
         let images = list(&folder.join("rgb"))?;
         let scene = images.first().map(|path| scene(path)).ok_or_else(|| failed("it has no images"))?;
         let hz = file.frames_per_second.filter(|&hz| hz > 0.0).unwrap_or(DEFAULT_HZ);
-        Ok(Self { images, camera, frame_nanos: 1e9 / hz, sequence: 0, stretch: 0, scene, any_good: false })
+        Ok(Self { images, camera, frame_nanos: 1e9 / hz, sequence: 0, segment: 0, scene, any_good: false })
     }
 }
 
@@ -97,7 +97,7 @@ impl Source for Clip {
         let path = &self.images[place];
         let scene = scene(path);
         if scene != self.scene || (place == 0 && self.sequence > 0) {
-            self.stretch += 1;
+            self.segment += 1;
             self.scene = scene;
         }
         frame.sequence = self.sequence;
@@ -109,7 +109,7 @@ impl Source for Clip {
         frame.capture = CaptureTime { nanos, clock: Clock::Media, unix_nanos: unix_nanos() };
         // A camera of another size would contradict the images.
         frame.camera = self.camera.fitted_to(frame.size.width, frame.size.height).ok();
-        frame.stretch = self.stretch;
+        frame.segment = self.segment;
         self.any_good = true;
         Fill::Frame
     }
@@ -142,7 +142,7 @@ mod tests {
         let mut seen = Vec::new();
         for _ in 0..5 {
             assert!(matches!(source.fill(&mut frame), Fill::Frame));
-            seen.push((frame.sequence, frame.stretch, frame.capture.nanos / 1_000_000));
+            seen.push((frame.sequence, frame.segment, frame.capture.nanos / 1_000_000));
             assert_eq!(frame.camera.unwrap().intrinsics.fx_px, 5.0);
         }
         assert_eq!(seen, [(0, 0, 0), (1, 0, 100), (2, 1, 200), (3, 2, 300), (4, 2, 400)]);

@@ -1,4 +1,4 @@
-//! What can be wrong with a source or with one of its frames.
+//! Errors of sources and of their frames.
 
 use std::borrow::Cow;
 use std::error::Error;
@@ -6,19 +6,19 @@ use std::fmt;
 
 use nunet_types::{Hint, text_with_causes};
 
-/// What sort of error a [`SourceError`] is.
+/// The kind of a [`SourceError`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SourceErrorKind {
     /// The name of the source or its options are wrong: other arguments would help.
     BadArguments,
-    /// The source cannot be opened or read on.
+    /// The source cannot be opened, or reading it failed.
     Unavailable,
     /// One frame cannot be read.
     BadFrame,
     /// The source ended before it should have.
     CutOff,
-    /// The source never gave a frame that can be read.
+    /// The source never delivered a readable frame.
     NothingReadable,
 }
 
@@ -50,24 +50,24 @@ impl SourceError {
         Self::new(SourceErrorKind::BadFrame, message)
     }
 
-    /// The same error with what a user can do about it: one imperative sentence.
+    /// Adds a hint: one imperative sentence on how to fix the error.
     #[must_use]
     pub fn with_hint(self, hint: impl Into<Cow<'static, str>>) -> Self {
         Self { hint: Some(hint.into()), ..self }
     }
 
-    /// The same error with what caused it.
+    /// Adds the cause.
     #[must_use]
     pub fn with_cause(self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self { cause: Some(cause.into()), ..self }
     }
 
-    /// The same error as the cause of what was being done; the hint stays with it.
+    /// Wraps the error: `message` says what failed, and this error becomes its cause and keeps its hint.
     pub(crate) fn context(self, message: impl Into<String>) -> Self {
         Self { kind: self.kind, message: message.into(), hint: None, cause: Some(Box::new(self)) }
     }
 
-    /// What sort of error it is.
+    /// The kind of the error.
     #[must_use]
     pub fn kind(&self) -> SourceErrorKind {
         self.kind

@@ -15,7 +15,7 @@ use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
 pub(crate) struct ImageFiles;
 
 impl SourceType for ImageFiles {
-    /// Whatever no other kind takes.
+    /// All names that no other kind of source accepts.
     fn is_named(&self, _name: &str) -> bool {
         true
     }
@@ -39,14 +39,14 @@ pub(crate) struct Files {
     paths: Vec<PathBuf>,
     next: usize,
     sequence: u64,
-    stretch: u64,
+    segment: u64,
     repeat: bool,
     /// Whether any image of this round could be read.
     any_good: bool,
 }
 
 impl Files {
-    /// Lists the images; they are decoded one at a time, when their turn comes.
+    /// Lists the images; each is decoded when it is requested.
     pub(crate) fn open(pattern: &str, repeat: bool) -> Result<Self, SourceError> {
         let path = Path::new(pattern);
         refuse_other_file(path)?;
@@ -54,13 +54,13 @@ impl Files {
         if paths.is_empty() {
             return Err(no_images(path));
         }
-        Ok(Self { paths, next: 0, sequence: 0, stretch: 0, repeat, any_good: false })
+        Ok(Self { paths, next: 0, sequence: 0, segment: 0, repeat, any_good: false })
     }
 }
 
-/// Rounds without an image would only fill the log, as fast as it takes lines.
+/// Ends a loop in which no image can be read: it would only write errors to the log, without a pause.
 pub(crate) fn nothing_to_repeat() -> Fill {
-    let message = "a whole round gave no image that can be read, and would be repeated forever";
+    let message = "no image could be read in a whole round, and the loop would repeat forever";
     let error = SourceError::new(SourceErrorKind::NothingReadable, message);
     Fill::Broken(error.with_hint("check whether the images still exist; the errors above name them"))
 }
@@ -73,7 +73,7 @@ impl Source for Files {
             }
             self.any_good = false;
             self.next = 0;
-            self.stretch += 1;
+            self.segment += 1;
         }
         let Some(path) = self.paths.get(self.next) else { return Fill::End };
         self.next += 1;
@@ -85,14 +85,14 @@ impl Source for Files {
         let nanos = monotonic_nanos();
         frame.capture = CaptureTime { nanos, clock: Clock::Monotonic, unix_nanos: unix_nanos() };
         frame.camera = None;
-        frame.stretch = self.stretch;
+        frame.segment = self.segment;
         self.any_good = true;
         Fill::Frame
     }
 }
 
-/// A file that is named alone is an image, or a mistake that is reported before anything is prepared. Among several one may
-/// be bad.
+/// Checks a file that is the only source: if it is not an image, that is reported before anything else is
+/// prepared. Among several files, one may be unreadable.
 fn refuse_other_file(path: &Path) -> Result<(), SourceError> {
     if !path.is_file() {
         return Ok(());
@@ -111,7 +111,7 @@ fn refuse_other_file(path: &Path) -> Result<(), SourceError> {
     Err(SourceError::bad_arguments(format!("`{shown}` is not a source: {what}")).with_hint(hint))
 }
 
-/// What a file is that is no image, where that is known, and what to do with it.
+/// The type of a file that is not an image, if it is known, and a hint.
 fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
     let shown = path.display();
     #[cfg(feature = "mcap")]
@@ -136,7 +136,8 @@ fn other_file(path: &Path, start: &[u8]) -> (Option<&'static str>, String) {
     (None, hint)
 }
 
-/// By its first bytes if it is MP4 or alike, which HEIC and AVIF images are too, else by its ending.
+/// Decided by the first bytes for MP4 and related containers, which HEIC and AVIF images also use, otherwise
+/// by the extension.
 fn is_video(path: &Path, start: &[u8]) -> bool {
     const IMAGES: [&[u8]; 5] = [b"heic", b"heix", b"mif1", b"avif", b"avis"];
     const VIDEOS: [&str; 16] = [

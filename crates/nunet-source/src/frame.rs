@@ -5,14 +5,14 @@ use nunet_core::frame::{FrameError, ImageView, PixelFormat};
 use nunet_ipc::{Clock, FrameHeader};
 use nunet_types::ImageSize;
 
-/// Time of capture.
+/// When an image was captured.
 #[derive(Debug, Clone, Copy)]
 pub struct CaptureTime {
     /// Nanoseconds of `clock`.
     pub nanos: i64,
     /// The frame's own clock.
     pub clock: Clock,
-    /// Nanoseconds since 1970, for everything that ROS reads.
+    /// Nanoseconds since 1970-01-01 UTC, for ROS messages.
     pub unix_nanos: i64,
 }
 
@@ -23,12 +23,12 @@ impl Default for CaptureTime {
     }
 }
 
-/// An image's bytes: our own, or a view into another process' shared memory.
+/// An image's bytes: owned, or in shared memory of another process.
 #[derive(Debug)]
 pub enum Pixels {
     /// Memory that is reused for every image.
     Owned(Vec<u8>),
-    /// A sample that stays valid until it is dropped.
+    /// A message in shared memory, valid until it is dropped.
     Shared(nunet_ipc::Message),
 }
 
@@ -45,7 +45,7 @@ pub struct Frame {
     pub pixels: Pixels,
     /// The JPEG or PNG file that the image came in, for recordings; empty if it came raw.
     pub file: Vec<u8>,
-    /// Whether the image came as a file that is not in `file`, because EXIF turned the image.
+    /// Whether the image came as a file that is not in `file`, because the image was rotated by EXIF.
     pub is_turned: bool,
     /// Width and height, pixels.
     pub size: ImageSize,
@@ -57,20 +57,20 @@ pub struct Frame {
     pub sequence: u64,
     /// Time of capture.
     pub capture: CaptureTime,
-    /// `CLOCK_MONOTONIC` nanoseconds when the source handed it over.
+    /// When the source delivered it, nanoseconds of `CLOCK_MONOTONIC`.
     pub ready_nanos: u64,
     /// The camera that took it, at the image's size, if the source knows it.
     pub camera: Option<Camera>,
-    /// Counts the stretches of a source that begins again: the first frame of a stretch does not follow the last one
-    /// of the stretch before.
-    pub stretch: u64,
-    /// Whether a gap in capture time is a gap in the scene. False for images from disk that are taken as
-    /// fast as they are processed: their capture time is when they were read.
+    /// Counts the stretches of a source that begins again: the first frame of a segment does not follow the last one
+    /// of the segment before.
+    pub segment: u64,
+    /// Whether a gap in capture time is a gap in the scene. False for images from disk that are read as fast
+    /// as they are processed: their capture time is when they were read.
     pub in_real_time: bool,
 }
 
 impl Frame {
-    /// Gives another process its memory back; our own is kept for the next image.
+    /// Releases memory of another process; owned memory is kept for the next image.
     pub fn release(&mut self) {
         if let Pixels::Shared(_) = self.pixels {
             self.pixels = Pixels::default();
@@ -87,7 +87,7 @@ impl Frame {
         ImageView::new(self.bytes(), width, height, self.row_stride, format)
     }
 
-    /// Says in a header which frame it is, and when it was taken.
+    /// Sets the sequence number and the capture time in a header.
     pub fn identify(&self, header: &mut FrameHeader) {
         header.sequence = self.sequence;
         header.capture_nanos = self.capture.nanos;
@@ -95,7 +95,7 @@ impl Frame {
         header.set_capture_clock(self.capture.clock);
     }
 
-    /// Our own buffer, `bytes` long, with whatever it held before.
+    /// The owned buffer, `bytes` long. Its content is unspecified.
     pub fn buffer(&mut self, bytes: usize) -> &mut [u8] {
         let mut buffer = match std::mem::take(&mut self.pixels) {
             Pixels::Owned(buffer) => buffer,
@@ -110,7 +110,7 @@ impl Frame {
         }
     }
 
-    /// Lays a packed RGB image of `size` into the frame, and returns its buffer to be filled.
+    /// Makes the frame a packed RGB image of `size`, and returns the buffer to fill.
     pub fn rgb_buffer(&mut self, size: ImageSize) -> &mut [u8] {
         let ImageSize { width, height } = size;
         self.size = size;

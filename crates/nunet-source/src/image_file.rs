@@ -1,8 +1,8 @@
 //! JPEG and PNG files as frames.
 //!
-//! An image is turned upright as its EXIF orientation states, from whatever source it comes. What a source says of its
-//! camera describes the image as the sensor gave it, and is turned with it ([`turn`](crate::turn)). What the user says of
-//! the camera describes the image as it is processed, upright.
+//! Images of all sources are rotated upright by their EXIF orientation. The camera that a source states
+//! describes the stored image and is rotated with it (`orientation.rs`). The camera that the user states
+//! describes the upright image.
 
 use std::borrow::Cow;
 use std::io::{Cursor, Read as _};
@@ -20,18 +20,19 @@ use crate::{Frame, jpeg};
 
 /// Extensions of image files; cameras write them in capitals too.
 pub const IMAGE_EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
-/// The most bytes of an image file.
+/// The largest image file, bytes.
 const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The most memory that decoding one image may take, bytes: a 16-bit RGBA image of 48 megapixels and its RGB.
 const MAX_DECODE_BYTES: u64 = 512 * 1024 * 1024;
 /// The hint for images beyond the limits.
 const SMALLER: &str = "make it smaller: networks use some hundred pixels a side";
-/// As many bytes of a file as tell what it is.
+/// The number of bytes that identify a file's format.
 const MAGIC_BYTES: u64 = 32;
 
 type Result<T> = std::result::Result<T, SourceError>;
 
-/// Decodes one JPEG or PNG as RGB, turned upright, into the frame's own memory; the file stays in the frame too.
+/// Decodes one JPEG or PNG as RGB, rotated upright, into the frame's own memory; the file is kept in the
+/// frame.
 ///
 /// # Errors
 /// No such file, neither JPEG nor PNG, damaged, incomplete, or larger than the limits.
@@ -43,7 +44,7 @@ pub fn decode(path: &Path, frame: &mut Frame) -> Result<()> {
     decode_file(frame).map(drop)
 }
 
-/// Decodes the file in the frame, and returns how the image was turned.
+/// Decodes the file in the frame, and returns how the image was rotated.
 ///
 /// # Errors
 /// As [`decode`].
@@ -54,7 +55,7 @@ pub fn decode_file(frame: &mut Frame) -> Result<Orientation> {
     }
     let decoded = decode_bytes(&mut file, frame);
     frame.file = file;
-    // An image that was turned differs from its file, which readers show as it is.
+    // The rotated image differs from its file, which readers do not rotate.
     if !matches!(decoded, Ok(Orientation::NoTransforms)) {
         frame.file.clear();
         frame.is_turned = decoded.is_ok();
@@ -93,7 +94,7 @@ fn undecodable(error: ImageError) -> SourceError {
     SourceError::bad_frame(format!("the image cannot be decoded: {error}"))
 }
 
-/// An image of one channel as its numbers are: true depth, or labels.
+/// The values of an image of one channel, unscaled: true depth, or labels.
 #[derive(Debug)]
 pub struct SingleChannelImage {
     /// Width and height, pixels.
@@ -143,7 +144,8 @@ fn read(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file looks like an image, without decoding it. What is no regular file passes: reading a pipe would empty it.
+/// Checks the format of a file without decoding it. A file that is not a regular file passes, because reading
+/// would empty a pipe.
 ///
 /// # Errors
 /// It cannot be read, or is neither JPEG nor PNG.
@@ -154,7 +156,7 @@ pub fn glance(path: &Path) -> Result<()> {
     start.map_or(Ok(()), |start| format_of(&start).map(drop))
 }
 
-/// What tells a file's format; `None` for what is no regular file.
+/// The first bytes of a file; `None` if it is not a regular file.
 pub(crate) fn first_bytes(path: &Path) -> std::io::Result<Option<Vec<u8>>> {
     let Some(mut file) = plain_file::open(path, MAGIC_BYTES)? else { return Ok(None) };
     let mut start = Vec::new();
@@ -162,7 +164,7 @@ pub(crate) fn first_bytes(path: &Path) -> std::io::Result<Option<Vec<u8>>> {
     Ok(Some(start))
 }
 
-/// What a file is, by its first bytes.
+/// The format of a file, by its first bytes.
 fn format_of(file: &[u8]) -> Result<ImageFormat> {
     let (what, hint): (Cow<'_, str>, _) = match image::guess_format(file) {
         Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png)) => return Ok(format),
@@ -196,7 +198,7 @@ fn decoder_of(file: &[u8]) -> Result<impl ImageDecoder + '_> {
     })
 }
 
-/// What the header states for an image that the decoder refuses.
+/// The size in the header of an image that the decoder refuses.
 fn claimed_size(file: &[u8]) -> Option<ImageSize> {
     let side = |at: usize| Some(u32::from_be_bytes(file.get(at..at + 4)?.try_into().ok()?));
     match format_of(file).ok()? {
@@ -210,7 +212,7 @@ fn claimed_size(file: &[u8]) -> Option<ImageSize> {
     }
 }
 
-/// Before anything of the image's size is allocated.
+/// Checks the memory for decoding before it is allocated.
 fn check_memory(decoder: &impl ImageDecoder, as_it_is: bool) -> Result<()> {
     let (width, height) = decoder.dimensions();
     let rgb = 3 * u64::from(width) * u64::from(height);

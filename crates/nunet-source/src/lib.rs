@@ -1,8 +1,9 @@
-//! Where frames come from: images on disk, pipes, recordings, V4L2 cameras, shared memory.
+//! Sources of frames: images on disk, pipes, recordings, V4L2 cameras, shared memory.
 //!
-//! [`SourceName::parse`] chooses a kind of source, [`SourceName::open`] opens it, and [`Source::fill`] gives one [`Frame`]
-//! after the other. Adding a source takes a file of its own and a line in the registry (`registry.rs`). A [`Mailbox`] passes
-//! frames from the thread that reads a source to the one that processes them.
+//! [`SourceName::parse`] chooses a kind of source, [`SourceName::open`] opens it, and [`Source::fill`] reads
+//! one [`Frame`] after the other. Adding a source takes a file of its own and a line in the registry
+//! (`registry.rs`). A [`Mailbox`] passes frames from the thread that reads a source to the one that processes
+//! them.
 //!
 //! # Example: the images of a folder
 //! ```

@@ -23,7 +23,7 @@ pub fn list(path: &Path) -> Result<Vec<PathBuf>, SourceError> {
     Ok(paths)
 }
 
-/// What [`list`] reads: the folder as a whole, or each file.
+/// The paths that [`list`] reads: the folder as a whole, or each file.
 #[must_use]
 pub fn listed_files(path: &Path) -> Vec<PathBuf> {
     if path.is_dir() { vec![path.to_owned()] } else { list(path).unwrap_or_default() }
@@ -46,7 +46,7 @@ fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     Ok(paths)
 }
 
-/// macOS leaves `._a.jpg`, which is no image, beside `a.jpg`.
+/// Hidden files are skipped: macOS writes `._a.jpg`, which is not an image, next to `a.jpg`.
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }

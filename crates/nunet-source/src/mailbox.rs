@@ -1,4 +1,4 @@
-//! The one place where frames wait: room for a single frame between the source and the inference thread.
+//! The mailbox between the source and the inference thread. It holds one frame.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -20,9 +20,9 @@ impl Reuse for Frame {
 
 /// A mailbox with room for one item, and a pool of used items that can be filled again.
 ///
-/// A queue would only add latency: of two waiting frames a robot wants the newer one. The sender decides whether the older
-/// one is replaced ([`Mailbox::put_latest`]) or the sender waits ([`Mailbox::put_waiting`]).
-/// Used items return to the sender, so that a steady stream allocates nothing.
+/// A longer queue would only add latency, because a robot needs the newest frame. The sender decides whether
+/// the older one is replaced ([`Mailbox::put_latest`]) or the sender waits ([`Mailbox::put_waiting`]). Used
+/// items return to the sender, so that a steady stream allocates nothing.
 #[derive(Debug)]
 pub struct Mailbox<T> {
     state: Mutex<MailboxState<T>>,
@@ -48,7 +48,7 @@ pub enum Put {
     Refused,
 }
 
-/// What the receiver finds.
+/// The outcome of [`Mailbox::take`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum Taken<T> {
     /// An item.
@@ -59,7 +59,7 @@ pub enum Taken<T> {
     Closed,
 }
 
-/// How many used items are kept: one being filled, one waiting, one in work.
+/// How many used items are kept: one being filled, one waiting, one being processed.
 const POOL_SIZE: usize = 3;
 /// How often a waiting sender checks whether it must stop.
 const POLL_PERIOD: Duration = Duration::from_millis(50);
@@ -71,7 +71,8 @@ impl<T: Reuse> Default for Mailbox<T> {
 }
 
 impl<T: Reuse> Mailbox<T> {
-    /// One of several mailboxes of a receiver that waits for `notify`, which is notified of every change.
+    /// Creates one of several mailboxes of a receiver that waits for `notify`, which is notified of every
+    /// change.
     pub fn with_notify(notify: Arc<Notify>) -> Self {
         let state = MailboxState { waiting: None, used: Vec::with_capacity(POOL_SIZE), closed: false };
         Self { state: Mutex::new(state), changed: Condvar::new(), notify }
@@ -152,7 +153,7 @@ impl<T: Reuse> Mailbox<T> {
         self.lock().used.pop()
     }
 
-    /// Refuses further items; the receiver still gets the waiting one.
+    /// Refuses further items; the receiver can still take the waiting one.
     pub fn close(&self) {
         self.lock().closed = true;
         self.notify_all();

@@ -1,13 +1,13 @@
-//! A camera turned with its image.
-//!
-//! EXIF says how the sensor was held. The image is turned upright, so the camera that the sensor's messages describe is
-//! turned the same way: its sides and focal lengths may swap, the principal point moves, and the lens is mirrored.
+//! Rotates a camera together with its image.
+//! EXIF states how the camera was held. The image is rotated upright, so the camera that the source
+//! states is rotated the same way: its sides and focal lengths may swap, the principal point moves, and the
+//! lens is mirrored.
 
 use image::metadata::Orientation;
 use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics};
 
-/// How columns and rows of the turned image come from those of the stored one: for `swap` they are exchanged first, then
-/// each runs backwards where its flag is set.
+/// How the stored image becomes the upright one: with `swap`, columns and rows are exchanged first; then
+/// each axis with its flag set is reversed.
 struct ImageTransform {
     swap: bool,
     backwards_x: bool,
@@ -36,10 +36,10 @@ impl ImageTransform {
     }
 }
 
-/// The camera of an image that was turned as `orientation` states; `camera` describes the image before.
+/// The camera of an image that was rotated by `orientation`; `camera` describes the stored image.
 ///
 /// # Errors
-/// A lens whose sensor is tilted: its coefficients cannot be turned.
+/// A lens with a tilted sensor: its coefficients cannot be rotated.
 pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Result<Camera, String> {
     if orientation == Orientation::NoTransforms {
         return Ok(*camera);
@@ -58,14 +58,14 @@ pub(crate) fn oriented_camera(camera: &Camera, orientation: Orientation) -> Resu
     Ok(Camera { intrinsics, distortion: oriented_lens(&camera.distortion, &transform)? })
 }
 
-/// Rings stay as they are. Tangential coefficients (`p2 p1`) and those of the thin prism (`s1 s3`, `s2 s4`) are vectors of
-/// the image plane.
+/// Radial coefficients do not change. Tangential coefficients (`p2 p1`) and those of the thin prism (`s1 s3`,
+/// `s2 s4`) are vectors of the image plane.
 fn oriented_lens(lens: &Distortion, transform: &ImageTransform) -> Result<Distortion, String> {
     let Distortion::BrownConrady(lens) = lens else { return Ok(*lens) };
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tilt_x, tilt_y] = *lens.coefficients();
     if (tilt_x, tilt_y) != (0.0, 0.0) {
         return Err(
-            "its image is turned by EXIF, and a lens with a tilted sensor cannot be turned".to_owned()
+            "its image is rotated by EXIF, and a lens with a tilted sensor cannot be rotated".to_owned()
         );
     }
     let [p2, p1] = transform.vector([p2, p1]);

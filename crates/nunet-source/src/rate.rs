@@ -1,4 +1,4 @@
-//! How fast a source that has all its frames hands them over.
+//! The rate at which a source that is not live delivers its frames.
 
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 /// The rate at which frames are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rate {
-    /// Every frame, as fast as it goes.
+    /// Every frame, as fast as possible.
     Max,
     /// Frames a second, like a camera: the latest wins.
     Hz(f64),
 }
 
-/// A rate above this is a mistake: no camera is that fast.
+/// The highest rate. No camera is that fast, so a higher one is a typing error.
 pub(crate) const MAX_HZ: f64 = 10_000.0;
 /// One frame in three hours: longer periods could overflow a [`Duration`].
 const MIN_HZ: f64 = 0.0001;
@@ -31,7 +31,7 @@ impl FromStr for Rate {
     }
 }
 
-/// Keeps to a rate by a schedule that does not drift.
+/// Schedules frames at a fixed rate, without drift.
 #[derive(Debug)]
 pub struct Pacer {
     start: Instant,

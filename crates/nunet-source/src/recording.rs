@@ -22,7 +22,7 @@ use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Source, decode_file};
 
-/// Orientation of an image that was not turned.
+/// The orientation of an image that was not rotated.
 const UPRIGHT: image::metadata::Orientation = image::metadata::Orientation::NoTransforms;
 
 /// An MCAP file, or the folder of a bag.
@@ -52,12 +52,12 @@ impl SourceType for RecordingFile {
     }
 }
 
-/// A recording that is played. Its log time is the clock, its messages' stamps are unix time.
+/// Reads a recording. The capture clock is its log time; the messages' stamps are the unix time.
 pub struct RecordingSource {
     recording: Recording,
     image: RecordedImage,
     sequence: u64,
-    stretch: u64,
+    segment: u64,
     repeat: bool,
     /// Whether any image of this round could be read.
     any_good: bool,
@@ -69,7 +69,8 @@ impl RecordingSource {
     /// Opens a recording.
     ///
     /// # Errors
-    /// Not a recording, no topic with images or several, or no camera as asked for.
+    /// Not a recording, no topic with images, several of them without a choice, or no topic of the requested
+    /// name.
     pub fn open(path: &Path, options: OpenOptions<'_>) -> Result<Self, SourceError> {
         let recording = Recording::open_unless(path, options.topic, &|| options.is_given_up())
             .map_err(from_recording_error)?;
@@ -77,7 +78,7 @@ impl RecordingSource {
             recording,
             image: RecordedImage::default(),
             sequence: 0,
-            stretch: 0,
+            segment: 0,
             repeat: options.repeat,
             any_good: false,
             cameras: CameraCache::default(),
@@ -116,7 +117,7 @@ impl RecordingSource {
             return nothing_to_repeat();
         }
         self.any_good = false;
-        self.stretch += 1;
+        self.segment += 1;
         match self.recording.rewind().map(|()| self.take(frame)) {
             // Another file has replaced the recording.
             Ok(Fill::End) => nothing_to_repeat(),
@@ -153,7 +154,7 @@ impl RecordingSource {
         let image = &mut self.image;
         let log_nanos = i64::try_from(image.log_nanos).unwrap_or(i64::MAX);
         frame.capture = CaptureTime { nanos: log_nanos, clock: Clock::Unix, unix_nanos: image.unix_nanos() };
-        frame.stretch = self.stretch;
+        frame.segment = self.segment;
         let mut orientation = UPRIGHT;
         if image.encoding == Some(ImageEncoding::File) {
             std::mem::swap(&mut frame.file, &mut image.data);
@@ -200,7 +201,7 @@ struct CameraCache {
 }
 
 impl CameraCache {
-    /// The camera at the image's size. One that makes no sense is reported once and not used.
+    /// The camera at the image's size. An invalid one is reported once and not used.
     fn camera(
         &mut self,
         recording: &Recording,
@@ -223,7 +224,7 @@ impl CameraCache {
     }
 }
 
-/// Separates errors that other arguments would fix from errors of the file.
+/// Converts an error, and separates errors that other arguments would fix from errors of the file.
 #[must_use]
 pub fn from_recording_error(error: RecordingError) -> SourceError {
     let kind = match (error.kind(), &error) {
@@ -286,7 +287,8 @@ fn layout(encoding: Option<ImageEncoding>) -> Option<RawLayout> {
     }
 }
 
-/// The camera of an image of `size` that was turned as `orientation` states. The description is of the image before.
+/// The camera of an image of `size` that was turned as `orientation` states. The description is that of the
+/// stored image.
 fn camera(
     described: &CameraDescription,
     size: ImageSize,

@@ -8,7 +8,7 @@ use crate::error::SourceError;
 use crate::source_type::{Properties, SizeUse, SourceType};
 use crate::{OpenOptions, Source};
 
-/// Every kind of source, in the order in which names are compared. Images take every name that is left.
+/// Every kind of source, in the order in which names are compared. Image files accept every remaining name.
 const REGISTRY: &[&dyn SourceType] = &[
     &crate::demo::Demo,
     &crate::pipe::StandardInput,
@@ -59,7 +59,7 @@ impl SourceName {
         Path::new(&self.name)
     }
 
-    /// What its kind is and takes.
+    /// The properties of its kind.
     #[must_use]
     pub fn properties(&self) -> Properties {
         self.kind.properties()
@@ -87,7 +87,7 @@ impl SourceName {
             }
             (SizeUse::Requested, _, Some(_)) => {
                 return bad(
-                    "a format is for raw images on standard input: of a camera, the format that fits best is taken"
+                    "a format is for raw images on standard input; for a camera, the best format is chosen"
                         .to_owned(),
                 );
             }
@@ -116,7 +116,7 @@ impl SourceName {
         self.kind.open(&self.name, options)
     }
 
-    /// The placeholder for this source after it could not be opened beside others that could.
+    /// The placeholder for this source if it cannot be opened, but others can.
     #[must_use]
     pub fn stand_in(&self, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
         self.kind.stand_in(&self.name, options, error)

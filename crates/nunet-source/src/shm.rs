@@ -17,9 +17,9 @@ use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
-/// A connected camera that sends nothing for so long counts as away.
+/// A connected camera that sends nothing for this long is reported as missing.
 const SILENCE: Duration = Duration::from_secs(5);
-/// How often the user is reminded that the camera is away.
+/// How often the warning about a missing camera is repeated.
 const REMINDER: Duration = Duration::from_secs(10);
 
 /// Another process publishes frames in shared memory under a camera's name.
@@ -46,7 +46,7 @@ fn unavailable(error: IpcError) -> SourceError {
         .with_cause(error)
 }
 
-/// The camera's `rgb` topic. A camera that is not there yet, or goes away, is waited for.
+/// The camera's `rgb` topic. If its publisher does not exist yet or ends, the source waits for it.
 #[derive(Debug)]
 pub(crate) struct SharedMemory {
     camera: CameraName,
@@ -55,7 +55,7 @@ pub(crate) struct SharedMemory {
     bad_camera: bool,
 }
 
-/// How long no frame has arrived, and when that was last reported.
+/// Since when no frame has arrived, and when that was last reported.
 #[derive(Debug, Default)]
 struct Silence {
     /// The last frame, or when the camera was connected to.
@@ -65,7 +65,7 @@ struct Silence {
 }
 
 impl Silence {
-    /// A camera that was just connected had no time to send yet.
+    /// Starts the time without frames, when the camera is connected.
     fn begins(&mut self, now: Instant) {
         self.since = Some(now);
     }
@@ -79,7 +79,7 @@ impl Silence {
         self.since.is_none_or(|since| now.duration_since(since) >= SILENCE)
     }
 
-    /// Records that the camera is away. Returns whether to report it, which is once per interval.
+    /// Records that the camera is missing. Returns whether to report it, which is once per [`REMINDER`].
     fn is_news(&mut self, now: Instant) -> bool {
         self.waiting = true;
         let news = self.reminded.is_none_or(|last| now.duration_since(last) >= REMINDER);
@@ -102,7 +102,7 @@ impl SharedMemory {
 
     fn try_fill(&mut self, frame: &mut Frame) -> Result<Fill, IpcError> {
         let Some(reader) = self.connect()? else { return Ok(Fill::Nothing) };
-        // The event is only a hint: a frame that came before we listened has no event any more.
+        // The event is only a hint: a frame that arrived before this reader listened has no event.
         if let Some(sample) = latest_or_wait(reader)? {
             self.silence.ends(Instant::now());
             return Ok(self.describe(sample, frame));
@@ -160,7 +160,7 @@ impl SharedMemory {
         frame.capture = CaptureTime {
             nanos: header.capture_nanos,
             clock: header.capture_clock().unwrap_or(Clock::Monotonic),
-            // Not every publisher fills it, and the stamps of recordings are derived from it.
+            // Some publishers do not set it, and the stamps of recordings are derived from it.
             unix_nanos: header.unix_of_capture(monotonic_nanos(), unix_nanos()),
         };
         frame.camera = self.camera_of(header);
@@ -183,7 +183,7 @@ impl SharedMemory {
 /// The camera that a message describes; `None` if its sender does not know it.
 ///
 /// # Errors
-/// Numbers that no camera has, or a lens model without a meaning.
+/// Invalid intrinsics, or an unknown lens model.
 pub fn camera_in(header: &FrameHeader) -> Result<Option<Camera>, SourceError> {
     let info = header.camera().map_err(|error| SourceError::bad_frame(error.to_string()))?;
     let camera = info.as_ref().map(Camera::try_from).transpose();

@@ -14,9 +14,9 @@ pub enum Fill {
     Frame,
     /// There was a frame, but it cannot be read; the next one may be good.
     Failed(SourceError),
-    /// Nothing yet; ask again.
+    /// There is no frame yet; call again.
     Nothing,
-    /// The source lends its memory and has no more to lend: give frames back first.
+    /// All memory that the source lends is in use: release frames first.
     Crowded,
     /// There will be no more frames.
     End,
@@ -27,7 +27,7 @@ pub enum Fill {
 }
 
 impl Fill {
-    /// Whether there was a frame, readable or not: what a schedule of frames counts.
+    /// Whether there was a frame, readable or not. A schedule counts these.
     #[must_use]
     pub fn had_frame(&self) -> bool {
         matches!(self, Self::Frame | Self::Failed(_))
@@ -40,22 +40,22 @@ impl Fill {
 pub trait Source: Send {
     /// Fills `frame` with the next image and reuses its memory.
     ///
-    /// Returns within a fraction of a second even if nothing comes, so that a stop is noticed.
+    /// Returns within a fraction of a second even if there is no frame, so that a stop is handled in time.
     fn fill(&mut self, frame: &mut Frame) -> Fill;
 
-    /// Whether frames come by themselves (a camera). Of a live source the latest frame wins; of any other source every
-    /// frame is taken, unless a rate is asked for.
+    ///     /// Whether frames arrive at their own pace, as from a camera. The newest frame of a live source
+    /// replaces older ones. Every frame of another source is processed, unless a rate is requested.
     fn is_live(&self) -> bool {
         false
     }
 
-    /// Whether the source waits for a device or a publisher that is away.
+    /// Whether the source waits for a missing device or publisher.
     fn is_waiting(&self) -> bool {
         false
     }
 }
 
-/// The first frame that can be read; `None` if there is none, or not soon.
+/// The first readable frame; `None` if there is none within 100 calls.
 ///
 /// # Errors
 /// The source fails.
@@ -76,7 +76,7 @@ pub fn first_frame(source: &mut dyn Source) -> Result<Option<Frame>, SourceError
 /// How a source is opened.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OpenOptions<'a> {
-    /// Frames of files and recordings begin again at the end.
+    /// Whether files and recordings are repeated.
     pub repeat: bool,
     /// The recording's topic, if several carry images.
     pub topic: Option<&'a str>,
@@ -86,7 +86,7 @@ pub struct OpenOptions<'a> {
     pub format: Option<PixelFormat>,
     /// The requested rate of a camera; the caller keeps the rate of other sources.
     pub rate: Option<Rate>,
-    /// Set when the caller no longer wants the source: opening may take long.
+    /// Set when the caller no longer wants the source: opening may take a long time.
     pub stopped: Option<&'a AtomicBool>,
     /// Folders with the models and the images of the demo.
     pub model_folders: &'a [PathBuf],
@@ -100,7 +100,7 @@ impl OpenOptions<'_> {
     }
 }
 
-/// Ends a source: all further calls return the end.
+/// Wraps a source so that all calls after its end return [`Fill::End`], like `Iterator::fuse`.
 pub(crate) struct Fused<S>(Option<S>);
 
 impl<S: Source> Fused<S> {

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use crate::error::SourceError;
 use crate::{Fill, Frame, OpenOptions, Source};
 
-/// A kind of source: how it is named, what it takes, and how it is opened.
+/// A kind of source: its names, its options, and how it is opened.
 pub trait SourceType: Sync {
-    /// Whether a name means this kind.
+    /// Whether `name` is a source of this kind.
     fn is_named(&self, name: &str) -> bool;
 
-    /// What this kind is and takes.
+    /// The properties of this kind.
     fn properties(&self) -> Properties;
 
     /// Opens a source.
@@ -19,21 +19,21 @@ pub trait SourceType: Sync {
     /// Nothing of that name, or nothing that can be read.
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>;
 
-    /// The files and folders that are read, as far as they exist; none of what is no file.
+    /// The existing files and folders that are read; none if the source is not a file.
     fn files(&self, name: &str) -> Vec<PathBuf> {
         let _ = name;
         Vec::new()
     }
 
-    /// The placeholder for a source that could not be opened because of `error`, beside others that could: it fails when it is
-    /// asked for its first frame. A camera may be plugged in later and is waited for instead.
+    ///     /// The placeholder for a source that cannot be opened because of `error`, if others can. It fails
+    /// at its first frame. For a camera, the placeholder waits until it is plugged in.
     fn stand_in(&self, name: &str, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
         let _ = (name, options);
         Box::new(Unopened(Some(error)))
     }
 }
 
-/// What a kind of source is and takes.
+/// The properties of a kind of source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Properties {
@@ -45,9 +45,9 @@ pub struct Properties {
     pub is_shared_memory: bool,
     /// Whether it has topics to choose from.
     pub has_topics: bool,
-    /// What a size and a format are good for.
+    /// The use of a size and a format.
     pub size: SizeUse,
-    /// Why it cannot begin again at its end; `None` if it can.
+    /// Why it cannot be repeated; `None` if it can.
     pub no_repeat: Option<&'static str>,
     /// The usual name of the camera.
     pub camera: &'static str,
@@ -57,7 +57,7 @@ pub struct Properties {
     pub default_rate: Option<&'static str>,
 }
 
-/// What two cameras of one process cannot share.
+/// A resource that two cameras of one process cannot share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exclusive {
     /// Standard input.
@@ -66,10 +66,10 @@ pub enum Exclusive {
     Device,
 }
 
-/// What a size is good for.
+/// The use of a size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SizeUse {
-    /// Nothing: the source states it itself.
+    /// None: the source states its size.
     #[default]
     None,
     /// It describes raw images, together with a format.

@@ -70,7 +70,7 @@ fn each_round_of_a_loop_is_its_own_segment() {
     let mut seen = Vec::new();
     while seen.len() < 5 {
         if let Fill::Frame = source.fill(&mut frame) {
-            seen.push((frame.sequence, frame.stretch));
+            seen.push((frame.sequence, frame.segment));
         }
     }
     assert_eq!(seen, [(0, 0), (2, 0), (3, 1), (5, 1), (6, 2)]);
@@ -93,7 +93,7 @@ fn a_loop_ends_after_a_round_without_an_image() {
         assert!(matches!(source.fill(&mut frame), Fill::Failed(_)), "the rest of a round, and a whole one");
     }
     let Fill::Broken(error) = source.fill(&mut frame) else { panic!("there is nothing to repeat") };
-    assert!(error.to_string().starts_with("a whole round gave no image that can be read"), "{error}");
+    assert!(error.to_string().starts_with("no image could be read in a whole round"), "{error}");
 }
 
 #[test]

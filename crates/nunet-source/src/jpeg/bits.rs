@@ -5,10 +5,10 @@
 /// coefficients.
 const MAX_ZERO_BYTES: usize = 40;
 
-/// Codes of up to so many bits are looked up at once.
+/// Codes of up to this many bits are decoded by one table lookup.
 const LOOKUP_BITS: u32 = 9;
 
-/// Why no number can be read.
+/// Why no bits can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ScanEnd {
     /// The segment has no more bits.
@@ -40,17 +40,17 @@ impl HuffmanTable {
             lengths: [(0, 0, 0); 17],
             symbols: symbols.to_vec(),
         };
-        let (mut code, mut place) = (0_u32, 0);
+        let (mut code, mut offset) = (0_u32, 0);
         for (length, &count) in (1_u32..).zip(counts) {
             let count = u32::from(count);
             if code + count > 1 << length {
                 return None;
             }
-            table.lengths[length as usize] = (code, count, place);
+            table.lengths[length as usize] = (code, count, offset);
             for index in 0..count {
-                table.fill_lookup(code + index, length, symbols[place + index as usize]);
+                table.fill_lookup(code + index, length, symbols[offset + index as usize]);
             }
-            place += count as usize;
+            offset += count as usize;
             code = (code + count) << 1;
         }
         Some((table, rest))
@@ -70,9 +70,9 @@ impl HuffmanTable {
             return Some((length.into(), symbol));
         }
         (LOOKUP_BITS + 1..=16).find_map(|length| {
-            let (first, count, place) = self.lengths[length as usize];
+            let (first, count, offset) = self.lengths[length as usize];
             let index = (bits >> (16 - length)).checked_sub(first).filter(|&index| index < count)?;
-            Some((length, self.symbols[place + index as usize]))
+            Some((length, self.symbols[offset + index as usize]))
         })
     }
 }
@@ -81,30 +81,30 @@ impl HuffmanTable {
 pub(super) struct Bits<'a> {
     data: &'a [u8],
     /// The next byte to take.
-    place: usize,
+    offset: usize,
     held: u64,
     count: u32,
-    /// Zero bytes up to `place`, without another one between them.
+    /// Consecutive zero bytes before `offset`.
     zero_bytes: usize,
 }
 
 impl<'a> Bits<'a> {
     pub(super) fn new(data: &'a [u8]) -> Self {
-        Self { data, place: 0, held: 0, count: 0, zero_bytes: 0 }
+        Self { data, offset: 0, held: 0, count: 0, zero_bytes: 0 }
     }
 
     fn fill(&mut self) {
         while self.count <= 56 {
-            let Some(&byte) = self.data.get(self.place) else { return };
+            let Some(&byte) = self.data.get(self.offset) else { return };
             let mut length = 1;
             if byte == 0xff {
-                match self.data.get(self.place + 1) {
+                match self.data.get(self.offset + 1) {
                     Some(0) => length = 2,
                     // A marker, perhaps behind fill bytes.
                     _ => return,
                 }
             }
-            self.place += length;
+            self.offset += length;
             self.zero_bytes = if byte == 0 { self.zero_bytes + 1 } else { 0 };
             self.held = self.held << 8 | u64::from(byte);
             self.count += 8;
@@ -147,7 +147,8 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// Whole bytes that were not taken before the marker, and whether they are more than padding.
+    /// The number of whole bytes before the marker that were not read, and whether they are more than
+    /// padding.
     pub(super) fn rest(&mut self) -> (usize, bool) {
         let mut rest: Vec<u8> = (0..self.count / 8).map(|byte| (self.held >> (8 * byte)) as u8).collect();
         self.count = 0;
@@ -162,23 +163,23 @@ impl<'a> Bits<'a> {
         (rest.len(), rest.iter().any(|&byte| byte != 0 && byte != 0xff))
     }
 
-    /// Passes over a restart marker, which must be the next one.
+    /// Skips a restart marker, which must have the next number.
     pub(super) fn restart(&mut self, number: u8) -> bool {
         (self.held, self.count, self.zero_bytes) = (0, 0, 0);
-        let mut place = self.place;
-        while self.data.get(place + 1) == Some(&0xff) {
-            place += 1;
+        let mut offset = self.offset;
+        while self.data.get(offset + 1) == Some(&0xff) {
+            offset += 1;
         }
         let is_there =
-            self.data.get(place) == Some(&0xff) && self.data.get(place + 1) == Some(&(0xd0 + number));
+            self.data.get(offset) == Some(&0xff) && self.data.get(offset + 1) == Some(&(0xd0 + number));
         if is_there {
-            self.place = place + 2;
+            self.offset = offset + 2;
         }
         is_there
     }
 
-    /// Where the marker is.
-    pub(super) fn place(&self) -> usize {
-        self.place
+    /// The offset of the marker.
+    pub(super) fn offset(&self) -> usize {
+        self.offset
     }
 }

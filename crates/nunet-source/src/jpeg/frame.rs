@@ -2,10 +2,10 @@
 
 use super::JpegError;
 
-/// The body of the segment whose length is at `place`.
-pub(super) fn segment(file: &[u8], place: usize) -> Option<&[u8]> {
-    let length = usize::from(u16::from_be_bytes(*file.get(place..)?.first_chunk()?));
-    file.get(place + 2..place + length.max(2))
+/// The body of the segment whose length is at `offset`.
+pub(super) fn segment(file: &[u8], offset: usize) -> Option<&[u8]> {
+    let length = usize::from(u16::from_be_bytes(*file.get(offset..)?.first_chunk()?));
+    file.get(offset + 2..offset + length.max(2))
 }
 
 /// A component's blocks.
@@ -18,9 +18,9 @@ pub(super) struct FrameComponent {
     pub(super) blocks: (usize, usize),
     /// Blocks from one row to the next, where scans interleave.
     pub(super) stride: usize,
-    /// Of a progressive image: which coefficients of each block are not zero, a bit each.
+    /// In a progressive image, a bit for each coefficient of each block: whether it is not zero.
     pub(super) nonzero: Vec<u64>,
-    /// The bit down to which each coefficient is known.
+    /// The lowest known bit of each coefficient.
     pub(super) known_to: [Option<u8>; 64],
 }
 
@@ -69,8 +69,8 @@ impl JpegFrame {
         self.size.0 as u64 * self.size.1 as u64
     }
 
-    /// A progressive image comes in scans of more and more detail: those at the end may be missing without any block of the
-    /// others being so.
+    ///     /// A progressive image has several scans of increasing detail. The last ones may be missing
+    /// although all blocks of the others are complete.
     pub(super) fn check_complete(&self) -> Result<(), JpegError> {
         let is_missing = |component: &FrameComponent| {
             let known = &component.known_to;

@@ -1,8 +1,9 @@
-//! Whether a JPEG is complete, which its decoder does not tell: it fills what is missing with gray.
+//! Checks that a JPEG is complete. Its decoder does not report missing data, but fills it with gray.
 //!
-//! The entropy-coded data are walked block by block, without computing a pixel. Every block must be there, every restart
-//! marker in its place, and no more data than the blocks need. Baseline and progressive images are walked; what the decoder
-//! refuses anyway (lossless, arithmetic coding) is left to it. Source: ITU T.81, annexes B, F.2.2 and G.2.
+//! The entropy-coded data are read block by block, without computing pixels. Every block must be present,
+//! every restart marker at its position, and no more data than the blocks need. Baseline and progressive
+//! images are walked; what the decoder refuses anyway (lossless, arithmetic coding) is left to it. Source:
+//! ITU T.81, annexes B, F.2.2 and G.2.
 
 mod bits;
 mod frame;
@@ -27,7 +28,7 @@ pub(crate) const END: [u8; 2] = [MARKER, END_OF_IMAGE];
 /// Larger images are refused by the decoder's limits.
 const MAX_PIXELS: u64 = 256 << 20;
 
-/// What is wrong with a JPEG.
+/// Why a JPEG is incomplete or damaged.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum JpegError {
     #[error("the JPEG is cut off before its end-of-image marker")]
@@ -48,7 +49,7 @@ pub(crate) enum JpegError {
     ScansMissing { component: usize },
 }
 
-/// What was read so far.
+/// The headers and tables that were read so far.
 #[derive(Default)]
 struct DecoderState {
     frame: Option<JpegFrame>,
@@ -57,35 +58,35 @@ struct DecoderState {
     restart_interval: u32,
 }
 
-/// Checks a JPEG and returns where it ends: behind it may be anything, such as a phone's video. An image that has all its
-/// blocks needs no end-of-image marker; libjpeg accepts it too.
+/// Checks a JPEG and returns its length. Other data may follow it, such as a phone's video. An image that has
+/// all its blocks needs no end-of-image marker; libjpeg accepts it too.
 ///
 /// # Errors
-/// Data that are missing, damaged or too many.
+/// Missing, damaged or surplus data.
 pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
-    let (mut image, mut place) = (DecoderState::default(), 2);
+    let (mut image, mut offset) = (DecoderState::default(), 2);
     loop {
-        let Some((marker, after)) = next_marker(file, place) else {
+        let Some((marker, after)) = next_marker(file, offset) else {
             let frame = image.frame.as_ref().ok_or(JpegError::NoEnd)?;
-            return frame.check_complete().map(|()| place);
+            return frame.check_complete().map(|()| offset);
         };
-        place = after;
+        offset = after;
         match marker {
             END_OF_IMAGE => {
                 image.frame.as_ref().map_or(Ok(()), JpegFrame::check_complete)?;
-                return Ok(place);
+                return Ok(offset);
             }
             // Markers without a segment.
             START_OF_IMAGE | 0x01 | 0xd0..=0xd7 => continue,
             _ => {}
         }
-        let body = segment(file, place).ok_or(JpegError::NoEnd)?;
-        place += 2 + body.len();
+        let body = segment(file, offset).ok_or(JpegError::NoEnd)?;
+        offset += 2 + body.len();
         match marker {
             0xc0..=0xc2 => image.frame = Some(JpegFrame::parse(body, marker == 0xc2)?),
             TABLES => image.read_tables(body)?,
             RESTART_INTERVAL => image.restart_interval = restart_interval(body)?,
-            START_OF_SCAN => place += image.check_scan(body, &file[place..])?,
+            START_OF_SCAN => offset += image.check_scan(body, &file[offset..])?,
             // A frame that the decoder does not know.
             0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf => return Ok(file.len()),
             _ => {}
@@ -93,16 +94,16 @@ pub(crate) fn check(file: &[u8]) -> Result<usize, JpegError> {
     }
 }
 
-/// The next marker and the place behind it. Fill bytes before it are allowed (B.1.1.2), and other bytes are passed over, as
-/// decoders do.
-fn next_marker(file: &[u8], mut place: usize) -> Option<(u8, usize)> {
+/// The next marker and the offset behind it. Fill bytes before it are allowed (B.1.1.2), and other bytes are
+/// skipped, as decoders do.
+fn next_marker(file: &[u8], mut offset: usize) -> Option<(u8, usize)> {
     loop {
-        place += file.get(place..)?.iter().position(|&byte| byte == MARKER)?;
-        let kind = *file.get(place + 1)?;
+        offset += file.get(offset..)?.iter().position(|&byte| byte == MARKER)?;
+        let kind = *file.get(offset + 1)?;
         match kind {
-            MARKER => place += 1,
-            0 => place += 2,
-            kind => return Some((kind, place + 2)),
+            MARKER => offset += 1,
+            0 => offset += 2,
+            kind => return Some((kind, offset + 2)),
         }
     }
 }
@@ -124,7 +125,7 @@ impl DecoderState {
         Ok(())
     }
 
-    /// Walks a scan and returns how many bytes it has.
+    /// Reads a scan and returns its length in bytes.
     fn check_scan(&mut self, header: &[u8], data: &[u8]) -> Result<usize, JpegError> {
         let Self { frame, dc, ac, restart_interval } = self;
         let frame = frame.as_mut().ok_or(JpegError::Header { what: "it has a scan before its frame" })?;

@@ -1,12 +1,12 @@
-//! One scan of a JPEG, walked block by block.
+//! Reads one scan of a JPEG block by block.
 
 use super::JpegError;
 use super::bits::{Bits, HuffmanTable, ScanEnd};
 use super::frame::JpegFrame;
 
-/// Some cameras write a few bytes more; their images are whole.
+/// Some cameras write a few surplus bytes; their images are complete.
 const MAX_EXTRA_BYTES: usize = 16;
-/// The last blocks of a flat image may end in as many zero bytes.
+/// The last blocks of a flat image may end in up to this many zero bytes.
 const MAX_ZEROS_BEFORE_PADDING: usize = 2;
 
 type Tables = [Option<HuffmanTable>; 4];
@@ -41,7 +41,7 @@ impl<'a> ScanHeader<'a> {
         let part = |&[id, tables]: &[u8; 2]| {
             let component = frame.components.iter().position(|component| component.id == id)?;
             let table =
-                |tables: &'a Tables, place: u8| tables.get(usize::from(place)).and_then(Option::as_ref);
+                |tables: &'a Tables, offset: u8| tables.get(usize::from(offset)).and_then(Option::as_ref);
             Some(ScanComponent { component, dc: table(dc, tables >> 4), ac: table(ac, tables & 15) })
         };
         let parts: Vec<ScanComponent<'a>> =
@@ -54,7 +54,7 @@ impl<'a> ScanHeader<'a> {
         Ok(Self { parts, band, approximation })
     }
 
-    /// Walks the scan's data and returns how many bytes they have.
+    /// Reads the scan's data and returns their length in bytes.
     pub(super) fn walk(
         &self,
         frame: &mut JpegFrame,
@@ -85,7 +85,7 @@ impl<'a> ScanHeader<'a> {
             self.mcu(frame, mcu, &mut walk).map_err(|stop| stopped(stop, walk.read))?;
         }
         walk.check_rest(expected)?;
-        Ok(walk.bits.place())
+        Ok(walk.bits.offset())
     }
 
     /// MCUs of the scan, and blocks of each.
@@ -128,11 +128,11 @@ impl<'a> ScanHeader<'a> {
         &self,
         frame: &mut JpegFrame,
         part: &ScanComponent<'a>,
-        place: usize,
+        offset: usize,
         walk: &mut Walk<'_>,
     ) -> Result<(), ScanEnd> {
         let table = |table: Option<&'a HuffmanTable>| table.ok_or(ScanEnd::Invalid);
-        let nonzero = frame.components[part.component].nonzero.get_mut(place);
+        let nonzero = frame.components[part.component].nonzero.get_mut(offset);
         match (self.band, self.approximation.0, nonzero) {
             (_, _, None) => {
                 walk.first_dc(table(part.dc)?)?;
@@ -147,7 +147,7 @@ impl<'a> ScanHeader<'a> {
         Ok(())
     }
 
-    /// Notes which coefficients are known now.
+    /// Records which coefficients are known now.
     pub(super) fn note(&self, frame: &mut JpegFrame) {
         for part in &self.parts {
             frame.components[part.component].known_to[self.band.0..=self.band.1]
@@ -156,7 +156,7 @@ impl<'a> ScanHeader<'a> {
     }
 }
 
-/// Where a walk is.
+/// The state of reading a scan.
 struct Walk<'a> {
     bits: Bits<'a>,
     /// Blocks whose band has ended.
@@ -175,8 +175,8 @@ impl Walk<'_> {
         Err(JpegError::NoRestart { expected: number, read: self.read })
     }
 
-    /// Checks what follows the last block. A few zeros are padding. Zeros that begin within the blocks and go on behind
-    /// them replaced lost data.
+    /// Checks what follows the last block. A few zeros are padding. Zeros that begin within the blocks and
+    /// continue after them replaced lost data.
     fn check_rest(&mut self, expected: u64) -> Result<(), JpegError> {
         let began_before = self.bits.zero_bytes_taken() > MAX_ZEROS_BEFORE_PADDING;
         let (bytes, is_more_than_padding) = self.bits.rest();
@@ -196,20 +196,20 @@ impl Walk<'_> {
     }
 
     fn baseline_ac(&mut self, table: &HuffmanTable) -> Result<(), ScanEnd> {
-        let mut place = 1;
-        while place < 64 {
+        let mut offset = 1;
+        while offset < 64 {
             let symbol = self.bits.symbol(table)?;
             let (run, size) = (symbol >> 4, symbol & 15);
             match (run, size) {
-                (15, 0) => place += 16,
+                (15, 0) => offset += 16,
                 (_, 0) => break,
                 (run, size) => {
-                    place += u32::from(run) + 1;
+                    offset += u32::from(run) + 1;
                     self.bits.coefficient(size.into())?;
                 }
             }
         }
-        if place > 64 { Err(ScanEnd::Invalid) } else { Ok(()) }
+        if offset > 64 { Err(ScanEnd::Invalid) } else { Ok(()) }
     }
 
     /// Figure G.3.
@@ -223,40 +223,40 @@ impl Walk<'_> {
             self.end_of_band_run -= 1;
             return Ok(());
         }
-        let mut place = first;
-        while place <= last {
+        let mut offset = first;
+        while offset <= last {
             let symbol = self.bits.symbol(table)?;
             let (run, size) = (symbol >> 4, symbol & 15);
             match (run, size) {
-                (15, 0) => place += 16,
+                (15, 0) => offset += 16,
                 (run, 0) => {
                     self.end_of_band_run = (1 << run) - 1 + self.bits.take(run.into())?;
                     return Ok(());
                 }
                 (run, size) => {
-                    place += usize::from(run);
-                    if place > last {
+                    offset += usize::from(run);
+                    if offset > last {
                         return Err(ScanEnd::Invalid);
                     }
                     self.bits.coefficient(size.into())?;
-                    *nonzero |= 1 << place;
-                    place += 1;
+                    *nonzero |= 1 << offset;
+                    offset += 1;
                 }
             }
         }
         Ok(())
     }
 
-    /// Figure G.7: each coefficient that is not zero yet takes a bit of correction when it is passed.
+    /// Figure G.7: each nonzero coefficient that is skipped is followed by a correction bit.
     fn refine_ac(
         &mut self,
         table: &HuffmanTable,
         (first, last): (usize, usize),
         nonzero: &mut u64,
     ) -> Result<(), ScanEnd> {
-        let mut place = first;
+        let mut offset = first;
         if self.end_of_band_run == 0 {
-            while place <= last {
+            while offset <= last {
                 let symbol = self.bits.symbol(table)?;
                 let (run, size) = (symbol >> 4, symbol & 15);
                 match (run, size) {
@@ -268,36 +268,36 @@ impl Walk<'_> {
                     (_, 1) => drop(self.bits.take(1)?),
                     _ => return Err(ScanEnd::Invalid),
                 }
-                place = self.pass(run, place, last, *nonzero)?;
+                offset = self.pass(run, offset, last, *nonzero)?;
                 if size == 1 {
-                    if place > last {
+                    if offset > last {
                         return Err(ScanEnd::Invalid);
                     }
-                    *nonzero |= 1 << place;
+                    *nonzero |= 1 << offset;
                 }
-                place += 1;
+                offset += 1;
             }
         }
         if self.end_of_band_run > 0 {
-            self.pass(u8::MAX, place, last, *nonzero)?;
+            self.pass(u8::MAX, offset, last, *nonzero)?;
             self.end_of_band_run -= 1;
         }
         Ok(())
     }
 
-    /// Passes `zeros` coefficients that are zero, and stops at the next one.
-    fn pass(&mut self, zeros: u8, mut place: usize, last: usize, nonzero: u64) -> Result<usize, ScanEnd> {
+    /// Skips `zeros` zero coefficients, and stops at the next one.
+    fn pass(&mut self, zeros: u8, mut offset: usize, last: usize, nonzero: u64) -> Result<usize, ScanEnd> {
         let mut left = zeros;
-        while place <= last {
-            if nonzero >> place & 1 == 1 {
+        while offset <= last {
+            if nonzero >> offset & 1 == 1 {
                 self.bits.take(1)?;
             } else if left == 0 {
                 break;
             } else {
                 left -= 1;
             }
-            place += 1;
+            offset += 1;
         }
-        Ok(place)
+        Ok(offset)
     }
 }

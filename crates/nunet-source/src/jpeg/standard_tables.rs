@@ -1,4 +1,4 @@
-//! Motion JPEG leaves out the Huffman tables that all of its images share; a JPEG file must have them.
+//! Motion JPEG omits the Huffman tables that all of its images share; a JPEG file must have them.
 
 use super::{MARKER, START_OF_IMAGE, START_OF_SCAN, TABLES};
 
@@ -42,16 +42,16 @@ const STANDARD_TABLES: [u8; 420] = [
     0xf2, 0xf3, 0xf4, 0xf5, 0xf6, 0xf7, 0xf8, 0xf9, 0xfa,
 ];
 
-/// The image with the tables that it lacks, if it lacks them; `None` for an image that has them, and for what is no
-/// JPEG.
+/// The image with the standard tables added; `None` for an image that has tables, and for data that is
+/// not a JPEG.
 pub(crate) fn with_tables(image: &[u8]) -> Option<Vec<u8>> {
-    let (head, rest) = image.split_at(place_for_tables(image)?);
+    let (head, rest) = image.split_at(offset_for_tables(image)?);
     Some([head, &STANDARD_TABLES, rest].concat())
 }
 
-/// Where the first scan begins, of an image without tables before it; `None` for an image with tables, and for what is
-/// no JPEG (the decoder says what it is).
-fn place_for_tables(image: &[u8]) -> Option<usize> {
+/// The offset of the first scan, if there are no tables before it; `None` for an image with tables, and
+/// for data that is not a JPEG (the decoder reports that).
+fn offset_for_tables(image: &[u8]) -> Option<usize> {
     let mut rest = image.strip_prefix(&[MARKER, START_OF_IMAGE])?;
     loop {
         let &[MARKER, kind, high, low, ..] = rest else { return None };

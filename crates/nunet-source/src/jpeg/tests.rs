@@ -51,12 +51,12 @@ fn whole_files_of_every_kind_and_size_pass() {
 
 /// Where the entropy-coded data of the first scan begin.
 fn first_scan(file: &[u8]) -> usize {
-    let mut place = 2;
+    let mut offset = 2;
     loop {
-        let (marker, after) = next_marker(file, place).unwrap();
-        place = after + 2 + segment(file, after).unwrap().len();
+        let (marker, after) = next_marker(file, offset).unwrap();
+        offset = after + 2 + segment(file, after).unwrap().len();
         if marker == START_OF_SCAN {
-            return place;
+            return offset;
         }
     }
 }
@@ -80,8 +80,8 @@ fn bytes_that_were_lost_anywhere_in_the_middle_are_noticed() {
         let lost = 40.max(file.len() / 10);
         let mut passed = 0;
         let places: Vec<usize> = (start..file.len() - lost - 4).step_by(1 + file.len() / 60).collect();
-        for &place in &places {
-            passed += usize::from(check(&[&file[..place], &file[place + lost..]].concat()).is_ok());
+        for &offset in &places {
+            passed += usize::from(check(&[&file[..offset], &file[offset + lost..]].concat()).is_ok());
         }
         assert_eq!(passed, 0, "{kind}: of {} places", places.len());
     }
@@ -165,10 +165,10 @@ fn a_whole_image_needs_no_end_marker() {
 #[test]
 fn no_damage_panics() {
     for (_, file) in files() {
-        for place in 2..file.len().min(700) {
+        for offset in 2..file.len().min(700) {
             for value in [0, 1, 0x7f, 0xff] {
                 let mut damaged = file.clone();
-                damaged[place] = value;
+                damaged[offset] = value;
                 let _ = check(&damaged);
             }
         }

@@ -60,7 +60,7 @@ pub fn open_pipe(
     Ok(Box::new(Fused::new(Pipe::open(input, layout)?)))
 }
 
-/// What raw images on standard input are.
+/// The size and format of raw images on standard input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct RawFormat {
     size: ImageSize,
@@ -70,42 +70,42 @@ struct RawFormat {
 
 /// An image from the pipe, in memory that is returned and reused.
 #[derive(Debug)]
-struct Shot {
+struct PipeImage {
     bytes: Vec<u8>,
     size: ImageSize,
     row_stride: u32,
     format: Option<PixelFormat>,
-    /// Nanoseconds of the stream's own clock, where it has one.
+    /// Nanoseconds of the stream's own clock, if it has one.
     media_nanos: Option<i64>,
 }
 
-impl Default for Shot {
+impl Default for PipeImage {
     fn default() -> Self {
         let size = ImageSize { width: 0, height: 0 };
         Self { bytes: Vec::new(), size, row_stride: 0, format: None, media_nanos: None }
     }
 }
 
-/// What comes out of a pipe.
+/// A message from the thread that reads the pipe.
 #[derive(Debug)]
 enum PipeMessage {
-    Shot(Shot),
+    Image(PipeImage),
     /// The pipe ended between two images.
     End,
-    /// The pipe ended in the middle of something, or what it carries cannot be read.
+    /// The pipe ended within an image, or its data cannot be read.
     Cut(SourceError),
 }
 
-/// Something that reads images, one after the other.
-trait Shots: Send {
-    /// Reads the next image into `shot`; false at the end.
-    fn next(&mut self, shot: &mut Shot) -> Result<bool, SourceError>;
+/// Reads images one after the other.
+trait ImageReader: Send {
+    /// Reads the next image into `image`; false at the end.
+    fn next(&mut self, image: &mut PipeImage) -> Result<bool, SourceError>;
 }
 
-/// A pipe. It is read on a thread of its own: reading may block forever, and a stop must be noticed.
+/// A pipe. It is read on a thread of its own: reading may block forever, but a stop must be handled in time.
 struct Pipe {
     messages: Receiver<PipeMessage>,
-    used: Sender<Shot>,
+    used: Sender<PipeImage>,
     sequence: u64,
 }
 
@@ -113,12 +113,12 @@ impl Pipe {
     /// Begins to read. The thread ends with the pipe or with the process.
     fn open(input: impl Read + Send + 'static, layout: Option<RawFormat>) -> Result<Self, SourceError> {
         let (send, messages) = sync_channel(1);
-        let (used, shelf) = channel();
+        let (used, returned) = channel();
         let read = move || match layout {
-            Some(layout) => pass_on(&mut raw::RawShots::new(input, layout), &send, &shelf),
-            None => match y4m::Y4mShots::open(input) {
-                Ok(mut shots) => pass_on(&mut shots, &send, &shelf),
-                // The source is gone, so it does not matter.
+            Some(layout) => pass_on(&mut raw::RawReader::new(input, layout), &send, &returned),
+            None => match y4m::Y4mReader::open(input) {
+                Ok(mut reader) => pass_on(&mut reader, &send, &returned),
+                // An error here means that the source was dropped.
                 Err(error) => drop(send.send(PipeMessage::Cut(error))),
             },
         };
@@ -129,22 +129,22 @@ impl Pipe {
         Ok(Self { messages, used, sequence: 0 })
     }
 
-    fn take(&mut self, shot: Shot, frame: &mut Frame) {
+    fn take(&mut self, image: PipeImage, frame: &mut Frame) {
         frame.sequence = self.sequence;
         self.sequence += 1;
-        frame.size = shot.size;
-        frame.row_stride = shot.row_stride;
-        frame.format = shot.format;
+        frame.size = image.size;
+        frame.row_stride = image.row_stride;
+        frame.format = image.format;
         frame.camera = None;
-        let (clock, nanos) = match shot.media_nanos {
+        let (clock, nanos) = match image.media_nanos {
             Some(nanos) => (Clock::Media, nanos),
             None => (Clock::Monotonic, monotonic_nanos()),
         };
         frame.capture = CaptureTime { nanos, clock, unix_nanos: unix_nanos() };
-        let bytes = std::mem::replace(&mut frame.pixels, Pixels::Owned(shot.bytes));
+        let bytes = std::mem::replace(&mut frame.pixels, Pixels::Owned(image.bytes));
         if let Pixels::Owned(bytes) = bytes {
-            // If the thread has ended, it needs no memory.
-            let _ = self.used.send(Shot { bytes, ..Shot::default() });
+            // If the thread has ended, the memory is not needed.
+            let _ = self.used.send(PipeImage { bytes, ..PipeImage::default() });
         }
     }
 }
@@ -152,8 +152,8 @@ impl Pipe {
 impl Source for Pipe {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         match self.messages.recv_timeout(POLL_TIMEOUT) {
-            Ok(PipeMessage::Shot(shot)) => {
-                self.take(shot, frame);
+            Ok(PipeMessage::Image(image)) => {
+                self.take(image, frame);
                 Fill::Frame
             }
             Ok(PipeMessage::Cut(error)) if self.sequence == 0 => Fill::Broken(error),
@@ -176,25 +176,27 @@ impl Source for Pipe {
 }
 
 /// Reads until the end; the channel has room for one image, so the writer of the pipe has to wait.
-fn pass_on(shots: &mut dyn Shots, send: &SyncSender<PipeMessage>, shelf: &Receiver<Shot>) {
+fn pass_on(reader: &mut dyn ImageReader, send: &SyncSender<PipeMessage>, returned: &Receiver<PipeImage>) {
     loop {
-        let mut shot = shelf.try_recv().unwrap_or_default();
-        let message = match shots.next(&mut shot) {
-            Ok(true) => PipeMessage::Shot(shot),
+        let mut image = returned.try_recv().unwrap_or_default();
+        let message = match reader.next(&mut image) {
+            Ok(true) => PipeMessage::Image(image),
             Ok(false) => PipeMessage::End,
             Err(error) => PipeMessage::Cut(error),
         };
-        let over = !matches!(message, PipeMessage::Shot(_));
+        let over = !matches!(message, PipeMessage::Image(_));
         if send.send(message).is_err() || over {
             return;
         }
     }
 }
 
-/// As much memory is taken at once for an image: a stated size alone takes none.
+/// Memory for an image is allocated in steps of this size, as its bytes arrive: a large stated size alone
+/// allocates nothing.
 const GROWTH_BYTES: usize = 16 << 20;
 
-/// Reads up to `length` bytes into `bytes`, which grow as they come; how many came before the end.
+/// Reads up to `length` bytes into `bytes`, which grows as they arrive. Returns the number of bytes before
+/// the end.
 fn read_growing(input: &mut impl Read, bytes: &mut Vec<u8>, length: usize) -> std::io::Result<usize> {
     bytes.truncate(length);
     let mut filled = 0;
@@ -219,7 +221,7 @@ fn too_large(size: ImageSize) -> SourceError {
         .with_hint("make it smaller: networks use some hundred pixels a side")
 }
 
-/// Fills `bytes` from `input`; how many came before its end.
+/// Fills `bytes` from `input`. Returns the number of bytes before its end.
 fn read_up_to(input: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<usize> {
     let mut filled = 0;
     while let Some(rest) = bytes.get_mut(filled..).filter(|rest| !rest.is_empty()) {

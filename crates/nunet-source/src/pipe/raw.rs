@@ -4,34 +4,35 @@ use std::io::{ErrorKind, Read};
 
 use nunet_types::ImageSize;
 
-use super::{RawFormat, Shot, Shots, read_growing, too_large};
+use super::{ImageReader, PipeImage, RawFormat, read_growing, too_large};
 use crate::error::{SourceError, SourceErrorKind};
 
 /// Images of one size and format, one after the other.
-pub(super) struct RawShots<R> {
+pub(super) struct RawReader<R> {
     input: R,
     layout: RawFormat,
 }
 
-impl<R: Read + Send> RawShots<R> {
+impl<R: Read + Send> RawReader<R> {
     pub(super) fn new(input: R, layout: RawFormat) -> Self {
         Self { input, layout }
     }
 }
 
-impl<R: Read + Send> Shots for RawShots<R> {
-    fn next(&mut self, shot: &mut Shot) -> Result<bool, SourceError> {
+impl<R: Read + Send> ImageReader for RawReader<R> {
+    fn next(&mut self, image: &mut PipeImage) -> Result<bool, SourceError> {
         let RawFormat { size: ImageSize { width, height }, format } = self.layout;
-        shot.size = self.layout.size;
-        shot.format = Some(format);
-        shot.row_stride = format.min_stride(width);
-        let expected = format.byte_len(width, height, shot.row_stride);
+        image.size = self.layout.size;
+        image.format = Some(format);
+        image.row_stride = format.min_stride(width);
+        let expected = format.byte_len(width, height, image.row_stride);
         let cut_off = |message: String| SourceError::new(SourceErrorKind::CutOff, message);
-        let read =
-            read_growing(&mut self.input, &mut shot.bytes, expected).map_err(|error| match error.kind() {
-                ErrorKind::OutOfMemory => too_large(shot.size),
-                _ => cut_off("standard input cannot be read".to_owned()).with_cause(error),
-            })?;
+        let read = read_growing(&mut self.input, &mut image.bytes, expected).map_err(|error| match error
+            .kind()
+        {
+            ErrorKind::OutOfMemory => too_large(image.size),
+            _ => cut_off("standard input cannot be read".to_owned()).with_cause(error),
+        })?;
         match read {
             0 => Ok(false),
             read if read < expected => {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
 use y4m::{Colorspace, Decoder};
 
-use super::{Shot, Shots};
+use super::{ImageReader, PipeImage};
 use crate::error::{SourceError, SourceErrorKind};
 
 /// The longest header that is read.
@@ -16,7 +16,7 @@ const MAGIC: &[u8] = b"YUV4MPEG2";
 const NANOS_PER_SEC: u128 = 1_000_000_000;
 
 /// A stream of images with a header.
-pub(super) struct Y4mShots<R: Read> {
+pub(super) struct Y4mReader<R: Read> {
     decoder: Decoder<Counted<Chain<Cursor<Vec<u8>>, R>>>,
     frames: u64,
     read_before: Arc<AtomicU64>,
@@ -36,7 +36,7 @@ impl<R: Read> Read for Counted<R> {
     }
 }
 
-impl<R: Read + Send> Y4mShots<R> {
+impl<R: Read + Send> Y4mReader<R> {
     /// Reads the header.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl<R: Read + Send> Y4mShots<R> {
     }
 }
 
-/// What the header states; 0 for a side that it does not.
+/// The size in the header; 0 for a side that is missing.
 fn stated_size(header: &[u8]) -> ImageSize {
     let text = String::from_utf8_lossy(header);
     let side = |name: char| {
@@ -66,7 +66,7 @@ fn stated_size(header: &[u8]) -> ImageSize {
     ImageSize::new(side('W'), side('H'))
 }
 
-/// The decoder does not ask whether there is memory.
+/// Checks that there is memory for an image, because the decoder does not.
 fn check_memory(size: ImageSize) -> Result<(), SourceError> {
     // Three bytes a pixel at most, in the decoder and in the frame.
     let bytes = size.pixel_count().saturating_mul(2 * 3);
@@ -100,7 +100,7 @@ fn header(input: &mut impl Read) -> Result<Vec<u8>, SourceError> {
 const HINT: &str = "pipe in Y4M, as `ffmpeg -i ... -f yuv4mpegpipe -pix_fmt yuv420p -` writes it, or state size and format of \
                     raw images";
 
-/// What the decoder would not notice, or misread.
+/// Checks the parameters that the decoder would ignore or misread.
 fn check(header: &[u8]) -> Result<(), SourceError> {
     let text = String::from_utf8_lossy(header);
     text.split_ascii_whitespace().skip(1).try_for_each(|parameter| check_parameter(parameter, &text))
@@ -117,9 +117,9 @@ fn check_parameter(parameter: &str, header: &str) -> Result<(), SourceError> {
             let error = states(": interlaced images show two moments at once");
             Err(error.with_hint("deinterlace it: `ffmpeg -vf yadif`"))
         }
-        // Gray is taken as it is.
+        // Gray images are read as full range.
         "X" if value == "COLORRANGE=FULL" && !header.contains(" Cmono") => {
-            let error = states(": full range would be read as limited, too dark and too bright");
+            let error = states(": full range would be read as limited range, with wrong brightness");
             Err(error.with_hint("convert it: `ffmpeg -vf scale=out_range=tv -pix_fmt yuv420p`"))
         }
         "C" if !KNOWN.contains(&value) => {
@@ -131,8 +131,8 @@ fn check_parameter(parameter: &str, header: &str) -> Result<(), SourceError> {
 
 const KNOWN: [&str; 7] = ["420", "420jpeg", "420paldv", "420mpeg2", "422", "444", "mono"];
 
-impl<R: Read + Send> Shots for Y4mShots<R> {
-    fn next(&mut self, shot: &mut Shot) -> Result<bool, SourceError> {
+impl<R: Read + Send> ImageReader for Y4mReader<R> {
+    fn next(&mut self, image: &mut PipeImage) -> Result<bool, SourceError> {
         let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
         let before = count(&self.read_before);
         let (width, height) = (self.decoder.get_width(), self.decoder.get_height());
@@ -144,18 +144,18 @@ impl<R: Read + Send> Shots for Y4mShots<R> {
         };
         let planes =
             Planes { width, height, y: frame.get_y_plane(), u: frame.get_u_plane(), v: frame.get_v_plane() };
-        shot.bytes.clear();
-        shot.format = Some(match colors {
-            Colorspace::Cmono => planes.gray(&mut shot.bytes),
-            Colorspace::C422 => planes.yuyv(1, &mut shot.bytes),
-            Colorspace::C444 => planes.yuyv(2, &mut shot.bytes),
-            _ => planes.nv12(&mut shot.bytes),
+        image.bytes.clear();
+        image.format = Some(match colors {
+            Colorspace::Cmono => planes.gray(&mut image.bytes),
+            Colorspace::C422 => planes.yuyv(1, &mut image.bytes),
+            Colorspace::C444 => planes.yuyv(2, &mut image.bytes),
+            _ => planes.nv12(&mut image.bytes),
         });
         // Both were checked with the header.
-        shot.size = ImageSize { width: width as u32, height: height as u32 };
-        shot.row_stride = shot.format.map_or(0, |format| format.min_stride(shot.size.width));
+        image.size = ImageSize { width: width as u32, height: height as u32 };
+        image.row_stride = image.format.map_or(0, |format| format.min_stride(image.size.width));
         let nanos = u128::from(self.frames) * rate.den as u128 * NANOS_PER_SEC / (rate.num as u128).max(1);
-        shot.media_nanos = Some(i64::try_from(nanos).unwrap_or(i64::MAX));
+        image.media_nanos = Some(i64::try_from(nanos).unwrap_or(i64::MAX));
         self.frames += 1;
         Ok(true)
     }
@@ -214,15 +214,15 @@ impl Planes<'_> {
 mod tests {
     use super::*;
 
-    fn read(input: &[u8]) -> Result<Vec<Shot>, SourceError> {
-        let mut shots = Y4mShots::open(Cursor::new(input.to_vec()))?;
+    fn read(input: &[u8]) -> Result<Vec<PipeImage>, SourceError> {
+        let mut reader = Y4mReader::open(Cursor::new(input.to_vec()))?;
         let mut all = Vec::new();
         loop {
-            let mut shot = Shot::default();
-            if !shots.next(&mut shot)? {
+            let mut image = PipeImage::default();
+            if !reader.next(&mut image)? {
                 return Ok(all);
             }
-            all.push(shot);
+            all.push(image);
         }
     }
 
@@ -255,7 +255,7 @@ mod tests {
     #[test]
     fn the_streams_own_clock_follows_from_its_rate() {
         let frames = read(&stream("YUV4MPEG2 W1 H1 F30000:1001 Cmono", &[&[1], &[2], &[3]])).unwrap();
-        let nanos: Vec<_> = frames.iter().map(|shot| shot.media_nanos.unwrap()).collect();
+        let nanos: Vec<_> = frames.iter().map(|image| image.media_nanos.unwrap()).collect();
         assert_eq!(nanos, [0, 33_366_666, 66_733_333]);
     }
 

@@ -1,5 +1,5 @@
-//! The kernel's structures (`linux/videodev2.h`), as a 64-bit kernel lays them out. Where the kernel has a union, only
-//! the member that is used here is named.
+//! The kernel's structures (`linux/videodev2.h`), in the layout of a 64-bit kernel. Of a union, only the
+//! member that is used here is named.
 
 use std::mem::{offset_of, size_of};
 
@@ -32,7 +32,8 @@ pub(super) const CLOCK_MASK: u32 = 0xe000;
 /// `V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC`
 pub(super) const CLOCK_MONOTONIC: u32 = 0x2000;
 
-// What a request reads and writes: numbers alone without padding, any bits of which are valid. The derive checks both.
+// The structures that a request reads and writes: only numbers, without padding, so that all bits are valid.
+// The derive checks both.
 macro_rules! plain {
     ($($name:ident is $kernel:literal, $bytes:literal bytes { $($field:ident: $kind:ty = $zero:expr,)* })+) => { $(
         #[doc = concat!("`struct ", $kernel, "`")]
@@ -132,7 +133,7 @@ plain! {
 }
 
 const _: () = {
-    assert!(size_of::<usize>() == 8, "a 32-bit kernel lays `v4l2_format` and `v4l2_buffer` out otherwise");
+    assert!(size_of::<usize>() == 8, "a 32-bit kernel has another layout of `v4l2_format` and `v4l2_buffer`");
     assert!(offset_of!(Capabilities, capabilities) == 84);
     assert!(offset_of!(Description, format) == 44);
     assert!(offset_of!(FrameSize, sides) == 12);

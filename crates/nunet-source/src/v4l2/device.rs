@@ -1,4 +1,4 @@
-//! Traits for a video device and its machine, which tests implement too.
+//! Traits for a video device and its machine. Tests implement them with simulated cameras.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -33,16 +33,16 @@ pub(super) trait Device: Send {
     /// The formats that it offers, in its own order.
     fn formats(&mut self) -> Result<Vec<FourCc>>;
 
-    /// The sizes of a format; none where the driver does not tell.
+    /// The sizes of a format; none if the driver does not list them.
     fn sizes(&mut self, format: FourCc) -> Result<Vec<Sizes>>;
 
-    /// The times between frames of a format and size; none where the driver does not tell.
+    /// The frame intervals of a format and size; none if the driver does not list them.
     fn intervals(&mut self, format: FourCc, size: ImageSize) -> Result<Vec<Intervals>>;
 
-    /// Asks for a format and size, and returns what the driver made of it.
+    /// Requests a format and size, and returns what the driver set.
     fn set_format(&mut self, format: FourCc, size: ImageSize) -> Result<BufferFormat>;
 
-    /// Asks for a time between frames, and returns what the driver made of it; `None` where it knows no rates.
+    /// Requests a frame interval, and returns what the driver set; `None` if it does not support rates.
     fn set_interval(&mut self, interval: Interval) -> Result<Option<Interval>>;
 
     /// Gives the driver about `buffers` buffers to fill and starts the stream.
@@ -51,7 +51,7 @@ pub(super) trait Device: Send {
     /// Waits until a buffer is filled; false after `timeout`.
     fn wait(&mut self, timeout: Duration) -> Result<bool>;
 
-    /// Takes the oldest filled buffer from the driver; `None` where none is filled.
+    /// Takes the oldest filled buffer from the driver; `None` if none is filled.
     fn dequeue(&mut self) -> Result<Option<Buffer>>;
 
     /// The content of a taken buffer; empty after it was given back.
@@ -61,7 +61,7 @@ pub(super) trait Device: Send {
     fn queue(&mut self, buffer: Buffer) -> Result<()>;
 }
 
-/// One moment on two clocks.
+/// The same time on two clocks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Now {
     /// `CLOCK_MONOTONIC`.
@@ -70,20 +70,20 @@ pub(super) struct Now {
     pub(super) unix_nanos: i64,
 }
 
-/// What a device is.
+/// A device's name and abilities.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Capability {
     /// The camera's name.
     pub(super) name: String,
     /// Whether it captures images, each in one buffer.
     pub(super) captures: bool,
-    /// Whether it captures images whose planes lie in separate buffers.
+    /// Whether it captures images with each plane in a buffer of its own.
     pub(super) captures_planes: bool,
     /// Whether it fills mapped buffers.
     pub(super) streams: bool,
 }
 
-/// The four letters by which V4L2 names a format.
+/// The four-character code of a format in V4L2.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct FourCc(pub(super) u32);
 
@@ -94,7 +94,7 @@ impl FourCc {
 }
 
 impl fmt::Display for FourCc {
-    /// Of a number that is no letters, the letters that it has.
+    /// Characters that are not printable become `.`; trailing ones are omitted.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shown = |byte: u8| if byte.is_ascii_graphic() { char::from(byte) } else { '.' };
         let letters: String = self.0.to_le_bytes().into_iter().map(shown).collect();
@@ -108,18 +108,18 @@ impl fmt::Debug for FourCc {
     }
 }
 
-/// One size, or many.
+/// One size, or a range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sizes {
     /// Width and height, pixels.
     One(ImageSize),
-    /// Everything between two sizes, in steps.
+    /// All sizes of a range, in steps.
     Range {
         /// The smallest.
         least: ImageSize,
         /// The largest.
         most: ImageSize,
-        /// From one to the next.
+        /// The difference of consecutive sizes.
         step: ImageSize,
     },
 }
@@ -127,14 +127,14 @@ pub(super) enum Sizes {
 /// The time from frame to frame, as a fraction of seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Interval {
-    /// Above the line.
+    /// The numerator, seconds.
     pub(super) numerator: u32,
-    /// Below the line.
+    /// The denominator.
     pub(super) denominator: u32,
 }
 
 impl Interval {
-    /// To a thousandth of a frame a second.
+    /// The interval of a rate, exact to 0.001 Hz.
     pub(super) fn of_hz(hz: f64) -> Self {
         Self { numerator: 1000, denominator: ((hz * 1000.0).round() as u32).max(1) }
     }
@@ -146,12 +146,12 @@ impl Interval {
     }
 }
 
-/// One time between frames, or many.
+/// One frame interval, or a range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Intervals {
-    /// This one.
+    /// One interval.
     One(Interval),
-    /// Everything between two.
+    /// All intervals of a range.
     Range {
         /// The fastest.
         shortest: Interval,
@@ -160,27 +160,28 @@ pub(super) enum Intervals {
     },
 }
 
-/// How images lie in buffers.
+/// The format and layout of images in buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct BufferFormat {
     /// The format.
     pub(super) format: FourCc,
     /// Width and height, pixels.
     pub(super) size: ImageSize,
-    /// Bytes from row to row; 0 of a compressed format, and where the driver does not tell.
+    /// Bytes from row to row; 0 for a compressed format, and if the driver does not state it.
     pub(super) row_stride: u32,
 }
 
-/// A filled buffer, ours until it is given back.
+/// A filled buffer, taken from the driver until it is given back.
 #[derive(Debug)]
 pub(super) struct Buffer {
-    /// Its place among the device's buffers.
+    /// Its index among the device's buffers.
     pub(super) index: u32,
     /// Bytes that were filled.
     pub(super) used: usize,
-    /// The driver says that the image is damaged.
+    /// Whether the driver reports that the image is damaged.
     pub(super) flawed: bool,
-    /// When the image was taken, `CLOCK_MONOTONIC`; `None` where the driver uses another clock or does not tell.
+    /// When the image was taken, `CLOCK_MONOTONIC`; `None` if the driver uses another clock or does not state
+    /// it.
     pub(super) taken_nanos: Option<i64>,
 }
 

@@ -1,4 +1,4 @@
-//! What can be wrong with a camera.
+//! Errors of a camera.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -57,7 +57,7 @@ impl Hint for CameraFault {
 }
 
 impl CameraFault {
-    /// What an error means, whatever step it came from.
+    /// Converts an error of the system; `step` is what failed.
     pub(super) fn at(step: &'static str) -> impl Fn(Errno) -> Self {
         move |errno| match errno {
             Errno::NOENT | Errno::NODEV | Errno::NXIO => Self::Missing,
@@ -69,7 +69,7 @@ impl CameraFault {
         }
     }
 
-    /// What the user can do about it at the start.
+    /// The hint for an error at startup.
     pub(super) fn hint_on(&self, host: &dyn Host) -> Option<Cow<'static, str>> {
         match self {
             Self::Missing | Self::NoVideo => Some(what_is_there(&host.nodes()).into()),
@@ -86,7 +86,7 @@ fn what_is_there(nodes: &[PathBuf]) -> String {
     format!("the devices are {}; `nunetd doctor` lists those that are cameras", shown.join(", "))
 }
 
-/// Formats in a sentence.
+/// Formats, separated by commas.
 struct Letters<'a>(&'a [FourCc]);
 
 impl std::fmt::Display for Letters<'_> {

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 /// The wait before the first retry. Each further wait is twice as long.
 const FIRST_WAIT: Duration = Duration::from_millis(200);
-/// The longest wait: short for a user who plugs the camera in again, long enough to cost nothing.
+/// The longest wait: short enough for a user who plugs the camera in again, long enough to use hardly any CPU
+/// time.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
 /// Whether the camera delivers images. Only a good image makes it healthy again: opening the device is not enough.
@@ -31,12 +32,12 @@ impl Health {
         is_new
     }
 
-    /// Whether no good image has come since something was wrong.
+    /// Whether no good image has arrived since the last failure.
     pub(super) fn is_bad(&self) -> bool {
         self.reported.is_some()
     }
 
-    /// How long until the next try.
+    /// The time until the next try.
     pub(super) fn wait(&self, now_nanos: i64) -> Duration {
         Duration::from_nanos(self.due_nanos.saturating_sub(now_nanos).max(0).unsigned_abs())
     }

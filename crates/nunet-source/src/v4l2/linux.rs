@@ -1,4 +1,4 @@
-//! Video devices of the Linux kernel: its requests and its buffers in our memory, without any policy.
+//! Video devices of the Linux kernel: its requests and memory-mapped buffers, without any policy.
 #![expect(
     unsafe_code,
     reason = "ioctl hands the kernel a pointer, and a driver's buffers are mapped into our memory"
@@ -41,9 +41,9 @@ const DESCRIBE_INTERVAL: Opcode = opcode::read_write::<FrameInterval>(b'V', 75);
 
 /// All devices of V4L2 have this major number. Others are not even opened: opening a watchdog starts it.
 const VIDEO_MAJOR: u32 = 81;
-/// The most entries of a list that are read, should a driver's never end.
+/// The most entries of a list that are read, in case a driver's list never ends.
 const MAX_ENTRIES: u32 = 256;
-/// The most buffers that are mapped; a driver may want more than it is asked for.
+/// The most buffers that are mapped; a driver may allocate more than requested.
 const MAX_BUFFERS: u32 = 32;
 
 /// This machine.
@@ -86,15 +86,21 @@ struct LinuxDevice {
 }
 
 impl LinuxDevice {
-    /// One request, whose answer overwrites the argument.
+    /// Sends a request (`ioctl`). The reply overwrites the argument.
     fn control<const OPCODE: Opcode, T: Pod>(&self, argument: &mut T) -> Result<()> {
-        const { assert!((OPCODE >> 16) as usize & 0x1fff == size_of::<T>(), "an argument of another request") };
+        const {
+            assert!(
+                (OPCODE >> 16) as usize & 0x1fff == size_of::<T>(),
+                "the argument must have the size of the request"
+            )
+        };
         loop {
             // SAFETY: the opcodes of this file are V4L2's, and carry the size of the structure that the kernel reads
             // and writes (asserted above); plain data stays valid whatever the kernel writes.
             let request = unsafe { Updater::<OPCODE, T>::new(argument) };
-            // SAFETY: the device is one of V4L2 (its major number was asked), so it knows these opcodes. None of the
-            // arguments holds a pointer: buffers are the driver's, and formats those of images in one buffer.
+            // SAFETY: the device is one of V4L2 (its major number was checked), so it knows these opcodes.
+            // None of the arguments holds a pointer: buffers are the driver's, and formats those of images in
+            // one buffer.
             match unsafe { ioctl(&self.file, request) } {
                 Err(Errno::INTR) => {}
                 result => return result,
@@ -205,7 +211,7 @@ impl Device for LinuxDevice {
         if file.revents().contains(PollFlags::IN) {
             return Ok(true);
         }
-        // An unplugged device answers no request, which says more than the error that poll reports.
+        // An unplugged device fails the next request, whose error is more specific than that of poll.
         self.capability()?;
         Err(Errno::IO)
     }
@@ -242,25 +248,25 @@ impl Device for LinuxDevice {
 
 impl Drop for LinuxDevice {
     fn drop(&mut self) {
-        // A device that is gone has no stream to end; nothing is left to do about another failure.
+        // An unplugged device has no stream to end, and other failures cannot be handled here.
         let _ = self.control::<STREAM_OFF, _>(&mut (abi::CAPTURE as i32));
     }
 }
 
-/// A driver's buffer in our memory.
+/// A memory-mapped buffer of the driver.
 struct Mapping {
     start: NonNull<u8>,
     bytes: usize,
-    /// The driver has handed it over and does not write into it.
+    /// Whether the driver has returned it and does not write into it.
     ours: bool,
 }
 
-// SAFETY: the mapping belongs to the process, not to a thread, and this value alone knows where it lies.
+// SAFETY: the mapping belongs to the process, not to a thread, and only this value has its address.
 unsafe impl Send for Mapping {}
 
 impl Mapping {
     fn of(file: &OwnedFd, offset: u32, bytes: usize) -> Result<Self> {
-        // SAFETY: the kernel chooses a free place, so no memory in use changes.
+        // SAFETY: the kernel chooses a free address range, so no memory in use changes.
         let start = unsafe {
             mmap(ptr::null_mut(), bytes, ProtFlags::READ, MapFlags::SHARED, file, u64::from(offset))
         }?;
@@ -268,7 +274,7 @@ impl Mapping {
         Ok(Self { start, bytes, ours: false })
     }
 
-    /// What it holds, while it is ours.
+    /// Its content; `None` while the driver owns it.
     fn bytes(&self) -> Option<&[u8]> {
         // SAFETY: the range stays mapped for as long as `self` lives. The driver fills only buffers that are queued,
         // and queueing this one clears `ours` through an exclusive borrow, when no slice of it is left.
@@ -284,7 +290,7 @@ impl Drop for Mapping {
     }
 }
 
-/// The entries of one of the driver's lists; a driver that keeps no such list has none.
+/// The entries of one of the driver's lists; empty if the driver has no such list.
 fn list<T>(mut entry: impl FnMut(u32) -> Result<T>) -> Result<Vec<T>> {
     let mut entries = Vec::new();
     for index in 0..MAX_ENTRIES {

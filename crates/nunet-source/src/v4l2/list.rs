@@ -10,12 +10,12 @@ use nunet_types::Hint as _;
 use super::fault::CameraFault;
 use super::negotiate::{RequestedMode, choose, is_readable};
 
-/// A camera that was found.
+/// A camera of this machine.
 #[derive(Debug)]
 pub struct CameraReport {
     /// Its device.
     pub path: PathBuf,
-    /// What it offers, or why that is unknown, with a hint.
+    /// Its formats and sizes, or why they are unknown, with a hint.
     pub offer: Result<String, (String, Option<Cow<'static, str>>)>,
 }
 
@@ -30,7 +30,7 @@ pub(super) fn cameras_of(host: &mut dyn Host) -> Vec<CameraReport> {
     for path in host.nodes() {
         let offer = match describe(host, &path) {
             Err(CameraFault::NoCapture { .. } | CameraFault::NoVideo | CameraFault::Missing) => continue,
-            // Nothing is wrong with this machine: the camera is of another kind.
+            // This is not a failure: the device is of another kind.
             Err(fault @ CameraFault::OtherCapture { .. }) => {
                 Ok(format!("{fault}; {}", fault.hint().unwrap_or_default()))
             }

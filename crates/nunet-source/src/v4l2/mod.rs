@@ -1,7 +1,7 @@
-//! A camera of this machine, by V4L2.
+//! Cameras of this machine, through V4L2.
 //!
-//! Requests and mapped memory are in [`linux`], behind the trait [`Device`]. This file is the policy: which mode is chosen,
-//! that the newest image wins, which images are bad, and that a lost camera is waited for.
+//! Requests and mapped memory are in [`linux`], behind the trait [`Device`]. This file contains the policy:
+//! it chooses the mode, takes the newest image, rejects bad images, and waits for a lost camera.
 
 mod abi;
 mod device;
@@ -34,17 +34,18 @@ use crate::{CaptureTime, Fill, Frame, OpenOptions, Rate, Source, decode_file};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
-/// One is read, one is filled, and two are between: more would only make images older.
+/// One is read, one is filled, and two wait. More would only add latency.
 const BUFFERS: u32 = 4;
 /// How many filled buffers are searched for the newest, in case a driver never runs out of them.
 const MAX_WAITING: u64 = 32;
-/// A camera without an image for so long is opened again; slow ones have time for as many frames.
+/// A camera without an image for this long is reopened. Slow cameras have the time of [`STALL_FRAMES`]
+/// frames.
 const STALL: Duration = Duration::from_secs(3);
 const STALL_FRAMES: f64 = 5.0;
 /// A time stamp older than this is not a time of capture.
 const MAX_AGE_NANOS: i64 = 10_000_000_000;
 
-/// A camera. Once it has been opened, it is waited for whenever it goes away.
+/// A camera. After it was opened once, the source waits for it whenever it is lost.
 struct V4l2Camera<H> {
     host: H,
     path: PathBuf,
@@ -52,7 +53,7 @@ struct V4l2Camera<H> {
     stream: Option<StartedDevice>,
     health: Health,
     sequence: u64,
-    stretch: u64,
+    segment: u64,
 }
 
 /// A device that was started.
@@ -61,7 +62,7 @@ struct StartedDevice {
     mode: CaptureMode,
     /// The camera's own name.
     name: String,
-    /// `CLOCK_MONOTONIC` of the last buffer; `None` before we asked for any.
+    /// `CLOCK_MONOTONIC` of the last buffer; `None` before the first request.
     last_nanos: Option<i64>,
 }
 
@@ -109,7 +110,7 @@ fn requested(options: OpenOptions<'_>) -> RequestedMode {
 impl<H: Host> V4l2Camera<H> {
     fn lost(host: H, path: &Path, requested: RequestedMode) -> Self {
         let path = path.to_owned();
-        Self { host, path, requested, stream: None, health: Health::default(), sequence: 0, stretch: 0 }
+        Self { host, path, requested, stream: None, health: Health::default(), sequence: 0, segment: 0 }
     }
 
     fn open(mut host: H, path: &Path, requested: RequestedMode) -> Result<Self, SourceError> {
@@ -148,11 +149,11 @@ impl<H: Host> V4l2Camera<H> {
         stream.last_nanos = Some(now.monotonic_nanos);
         self.sequence += count;
         frame.sequence = self.sequence - 1;
-        frame.stretch = self.stretch;
+        frame.segment = self.segment;
         frame.capture = capture(&buffer, now);
         frame.camera = None;
         let copied = stream.mode.copy(stream.device.bytes(&buffer), buffer.flawed, frame);
-        // Before the slow work: the driver needs it.
+        // Before decoding, because the driver needs the buffer.
         stream.device.queue(buffer).map_err(CameraFault::at("give a buffer back"))?;
         Ok(match copied.and_then(|()| stream.mode.decode(frame)) {
             Ok(()) => {
@@ -163,7 +164,8 @@ impl<H: Host> V4l2Camera<H> {
         })
     }
 
-    /// Opens a lost camera when it is time to; it may be another one by now. Returns false while it is not.
+    /// Reopens a lost camera when the wait is over. Returns false before that. It may be another camera by
+    /// then.
     fn try_again(&mut self) -> Result<bool, CameraFault> {
         let wait = self.health.wait(self.host.now().monotonic_nanos);
         if !wait.is_zero() {
@@ -171,7 +173,7 @@ impl<H: Host> V4l2Camera<H> {
             return Ok(false);
         }
         self.stream = Some(StartedDevice::open(&mut self.host, &self.path, self.requested)?);
-        self.stretch += 1;
+        self.segment += 1;
         Ok(true)
     }
 
@@ -184,7 +186,7 @@ impl<H: Host> V4l2Camera<H> {
     }
 
     fn lose(&mut self, fault: &CameraFault) {
-        // Closed first: as long as it is open, a camera that is plugged in again gets another path.
+        // Closed first: while it is open, a camera that is plugged in again gets another path.
         self.stream = None;
         let (path, now) = (self.path.display(), self.host.now());
         if self.health.fails(&fault.to_string(), now.monotonic_nanos) {
@@ -222,11 +224,11 @@ impl StartedDevice {
         Ok(Self { device, mode, name, last_nanos: None })
     }
 
-    /// The newest image and how many there were with it, or nothing within [`POLL_TIMEOUT`].
+    /// The newest image and the number of filled buffers, or `None` after [`POLL_TIMEOUT`].
     fn next(&mut self, now: Now) -> Result<Option<(Buffer, u64)>, CameraFault> {
         let failed = CameraFault::at("take an image");
         if self.last_nanos.is_none() {
-            // What was filled while the model loaded shows the past.
+            // Buffers that were filled while the model was loaded are outdated.
             self.last_nanos = Some(now.monotonic_nanos);
             if let Some((stale, _)) = newest(self.device.as_mut()).map_err(&failed)? {
                 self.device.queue(stale).map_err(&failed)?;
@@ -245,7 +247,7 @@ impl StartedDevice {
     }
 }
 
-/// The newest filled buffer, and how many were filled; older ones go back to the driver unread.
+/// The newest filled buffer, and the number of filled ones. Older ones are returned to the driver unread.
 fn newest(device: &mut dyn Device) -> device::Result<Option<(Buffer, u64)>> {
     let Some(mut newest) = device.dequeue()? else { return Ok(None) };
     let mut count = 1;
@@ -258,7 +260,7 @@ fn newest(device: &mut dyn Device) -> device::Result<Option<(Buffer, u64)>> {
     Ok(Some((newest, count)))
 }
 
-/// The driver's time if it is possible, else that of arrival.
+/// The driver's time stamp if it is plausible, else the time of arrival.
 fn capture(buffer: &Buffer, now: Now) -> CaptureTime {
     let arrived = now.monotonic_nanos;
     let is_sensible = |taken: &i64| (0..=MAX_AGE_NANOS).contains(&arrived.saturating_sub(*taken));
@@ -267,7 +269,7 @@ fn capture(buffer: &Buffer, now: Now) -> CaptureTime {
 }
 
 impl CaptureMode {
-    /// Copies a buffer's image into `frame`, once: the buffer goes back to the driver.
+    /// Copies a buffer's image into `frame`, because the buffer is returned to the driver.
     fn copy(&self, bytes: &[u8], flawed: bool, frame: &mut Frame) -> Result<(), SourceError> {
         if flawed {
             return Err(SourceError::bad_frame("the driver reports that it is damaged"));
@@ -290,7 +292,7 @@ impl CaptureMode {
         Ok(())
     }
 
-    /// What is left to do after the buffer was given back.
+    /// Decodes the copied image, after the buffer was returned.
     fn decode(&self, frame: &mut Frame) -> Result<(), SourceError> {
         if self.coding == Coding::Jpeg {
             let orientation = decode_file(frame)?;

@@ -1,4 +1,4 @@
-//! Which of a camera's formats, sizes and rates is taken: the nearest to what is requested.
+//! Chooses the camera's format, size and rate that are nearest to the requested ones.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use super::fault::CameraFault;
 use crate::convert::{Bayer, RawLayout};
 use crate::rate::MAX_HZ;
 
-/// What the user requests of a camera.
+/// The mode that the user requests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RequestedMode {
     /// Width and height, pixels.
@@ -19,7 +19,7 @@ pub(super) struct RequestedMode {
 }
 
 impl Default for RequestedMode {
-    /// As small as the networks are, as fast as most cameras.
+    /// The size of the networks, and the rate of most cameras.
     fn default() -> Self {
         Self { size: ImageSize::new(640, 480), hz: 30.0 }
     }
@@ -29,7 +29,7 @@ impl fmt::Display for RequestedMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ImageSize { width, height } = self.size;
         if self.hz >= MAX_HZ {
-            return write!(f, "{width}x{height} as fast as it goes");
+            return write!(f, "{width}x{height} at the highest rate");
         }
         write!(f, "{width}x{height} at {} Hz", self.hz)
     }
@@ -52,8 +52,9 @@ const fn mosaic(pattern: Bayer) -> Coding {
     Coding::Raw(RawLayout::Mosaic { pattern, bytes: 1 })
 }
 
-/// What is read, the best first: raw images need no decoding and have no artifacts, and the first ones are taken without a
-/// conversion. A mosaic has a third of the resolution, and gray images lack what the networks were trained on.
+/// The readable formats, the best first. Raw images need no decoding and have no artifacts; the first
+/// ones need no conversion. A mosaic has a third of the resolution, and gray images lack the color that the
+/// networks were trained with.
 const READABLE: [(FourCc, Coding); 16] = [
     (FourCc::new(b"NV12"), direct(PixelFormat::Nv12)),
     (FourCc::new(b"YUYV"), direct(PixelFormat::Yuyv)),
@@ -93,24 +94,24 @@ pub(super) fn is_readable(format: FourCc) -> bool {
     READABLE.iter().any(|(known, _)| *known == format)
 }
 
-/// What is asked of the driver.
+/// The mode that is requested from the driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Choice {
     pub(super) format: FourCc,
     pub(super) coding: Coding,
     pub(super) size: ImageSize,
-    /// `None` where the driver does not tell its rates.
+    /// `None` if the driver does not list its rates.
     pub(super) interval: Option<Interval>,
 }
 
-/// How far a choice is from the requested; the first difference decides. A rate cannot make up for
-/// a size that is further off, and neither is preferred over color.
+/// The distance of a choice from the requested mode: whether it is gray, then the size, the rate, and the
+/// order of [`READABLE`]. The first difference decides.
 type Cost = (bool, f64, f64, usize);
 
-/// The nearest that the camera offers.
+/// The nearest mode that the camera offers.
 ///
 /// # Errors
-/// No format that is read here, or the device fails.
+/// The camera has no readable format, or the device fails.
 pub(super) fn choose(device: &mut dyn Device, requested: RequestedMode) -> Result<Choice, CameraFault> {
     let offered = device.formats().map_err(CameraFault::at("list its formats"))?;
     let mut best: Option<(Cost, Choice)> = None;
@@ -135,13 +136,14 @@ pub(super) fn choose(device: &mut dyn Device, requested: RequestedMode) -> Resul
     Ok(choice)
 }
 
-/// Halves and doubles are equally far off, in width and height alike.
+/// The distance of two sizes on a logarithmic scale: half and double the width are equally far.
 fn size_distance(size: ImageSize, requested: ImageSize) -> f64 {
     let octaves = |side: u32, requested: u32| (f64::from(side) / f64::from(requested)).log2().abs();
     octaves(size.width, requested.width) + octaves(size.height, requested.height)
 }
 
-/// In tenths: 333333/10000000 s and 1/30 s are one rate. An unknown rate counts as the requested one.
+/// The distance of two rates, rounded to 0.1 Hz: 333333/10000000 s and 1/30 s are the same rate. An unknown
+/// rate counts as the requested one.
 fn hz_distance(interval: Option<Interval>, requested_hz: f64) -> f64 {
     let hz = interval.and_then(Interval::hz).unwrap_or(requested_hz);
     ((hz - requested_hz).abs() * 10.0).round()
@@ -189,13 +191,13 @@ fn nearest_interval(intervals: &[Intervals], requested_hz: f64) -> Option<Interv
         .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
 }
 
-/// What a camera is set to.
+/// The mode that a camera is set to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CaptureMode {
     pub(super) format: FourCc,
     pub(super) coding: Coding,
     pub(super) size: ImageSize,
-    /// Bytes from row to row; of no use where images are JPEGs.
+    /// Bytes from row to row; unused for JPEG.
     pub(super) row_stride: u32,
     /// Frames per second, if the driver states them.
     pub(super) hz: Option<f64>,
@@ -204,7 +206,7 @@ pub(super) struct CaptureMode {
 /// Sets the camera to a choice.
 ///
 /// # Errors
-/// The driver chose another format or a layout that makes no sense, or fails.
+/// The driver chose another format or an invalid layout, or fails.
 pub(super) fn set(
     device: &mut dyn Device,
     choice: Choice,
@@ -238,7 +240,7 @@ fn row_stride(layout: BufferFormat, coding: Coding) -> Result<u32, CameraFault> 
 }
 
 impl CaptureMode {
-    /// Whether the user gets what was requested.
+    /// Whether the mode is the requested one.
     pub(super) fn fulfils(&self, requested: RequestedMode) -> bool {
         self.size == requested.size && self.hz.is_none_or(|hz| (hz - requested.hz).abs() < 0.1)
     }
@@ -258,7 +260,7 @@ impl fmt::Display for Choice {
 
 fn show(f: &mut fmt::Formatter<'_>, format: FourCc, size: ImageSize, hz: Option<f64>) -> fmt::Result {
     write!(f, "{format} {size}")?;
-    // Two decimals tell 29.97 from 30; more would show how the driver counts.
+    // Two decimals distinguish 29.97 from 30; more would show rounding errors of the driver.
     hz.map_or(Ok(()), |hz| write!(f, " at {} Hz", (hz * 100.0).round() / 100.0))
 }
 

@@ -361,7 +361,7 @@ fn each_bad_image_is_an_error_and_the_next_good_one_is_taken() {
     host.shoot([9; 8]);
     let mut frame = Frame::default();
     assert!(matches!(video.fill(&mut frame), Fill::Frame));
-    assert_eq!((frame.sequence, frame.stretch), (3, 0), "bad ones count, and the stream goes on");
+    assert_eq!((frame.sequence, frame.segment), (3, 0), "bad ones count, and the stream goes on");
     let world = host.world();
     assert_eq!((world.held, world.tries.len()), (0, 1));
 }
@@ -430,7 +430,7 @@ fn an_unplugged_camera_is_retried_with_growing_pauses_until_it_is_back() {
         (ImageSize::new(8, 2), Some(PixelFormat::Yuyv)),
         "another camera, configured again"
     );
-    assert_eq!((frame.sequence, frame.stretch), (1, 1), "it does not follow the last one");
+    assert_eq!((frame.sequence, frame.segment), (1, 1), "it does not follow the last one");
 }
 
 #[test]
