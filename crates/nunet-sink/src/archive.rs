@@ -10,12 +10,12 @@ use tracing::error;
 use crate::queue::Writer;
 use crate::record::RecordedFrame;
 
-/// The longest part that is lost if the process or the machine dies.
+/// At most this much of a recording is lost if the process or the machine dies.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
 
 /// What a recorder writes to.
 pub trait Archive: Send + 'static {
-    /// Where it is.
+    /// The path of the file.
     fn path(&self) -> &Path;
 
     /// Adds a frame.
@@ -30,7 +30,7 @@ pub trait Archive: Send + 'static {
     /// The disk did not confirm it.
     fn sync(&mut self) -> anyhow::Result<()>;
 
-    /// Adds nothing more.
+    /// Writes the end of the file.
     ///
     /// # Errors
     /// The end could not be written.
@@ -46,7 +46,7 @@ pub struct ArchiveWriter {
     failed: bool,
     synced: Instant,
     since_sync: u64,
-    /// Frames that are durable, visible to the other threads also while the disk hangs.
+    /// The number of durable frames. Other threads can read it even while the disk hangs.
     durable: Arc<AtomicU64>,
 }
 
@@ -95,7 +95,8 @@ impl ArchiveWriter {
         }
     }
 
-    /// The first failure is logged and ends the recording; the stream goes on. Frames after the last sync are lost.
+    /// Logs the first failure and ends the recording; the stream continues. Frames after the last sync are
+    /// lost.
     fn succeeded(&mut self, result: anyhow::Result<()>) -> bool {
         let Err(failure) = result else { return true };
         error!("the recording ends here: {failure:#}");

@@ -1,4 +1,4 @@
-//! Warns of depth maps without a measurement.
+//! Warns about depth maps without valid depth.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use nunet_telemetry::RateLimit;
 use nunet_types::ImageSize;
 use tracing::warn;
 
-/// Warns of depth maps without a measurement, with a rate limit.
+/// Warns about depth maps without valid depth, with a rate limit.
 #[derive(Debug, Default)]
 pub struct EmptyDepthWarning {
     limit: RateLimit,

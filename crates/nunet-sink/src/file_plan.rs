@@ -1,4 +1,4 @@
-//! The files that a command reads and those that it will write: none may be both, and none may be written twice.
+//! The files that a subcommand reads and writes. No file may be both read and written, or written twice.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -22,7 +22,7 @@ pub enum FilePlanError {
     Shared {
         /// The output.
         path: PathBuf,
-        /// What it is already.
+        /// Its other use.
         one: &'static str,
         /// What would be written.
         other: &'static str,
@@ -47,14 +47,14 @@ impl Hint for FilePlanError {
     }
 }
 
-/// A file or a folder, and what it is for.
+/// A file or a folder, and its role.
 #[derive(Debug)]
 struct Use {
     path: PathBuf,
     role: &'static str,
 }
 
-/// The inputs and outputs of a command.
+/// The inputs and outputs of a subcommand.
 #[derive(Debug, Default)]
 pub struct FilePlan {
     inputs: Vec<Use>,
@@ -145,7 +145,7 @@ impl FilePlan {
     }
 }
 
-/// Takes note of `output`; the use that was there before, if there is one.
+/// Records `output`. Returns the earlier use of the same file, if there is one.
 fn insert<'a, K>(entry: Entry<'_, K, &'a Use>, output: &'a Use) -> Option<&'a Use> {
     match entry {
         Entry::Occupied(earlier) => Some(earlier.get()),
@@ -173,7 +173,7 @@ fn identity(path: &Path) -> Option<Identity> {
     (found.is_file() || found.is_dir()).then(|| (found.dev(), found.ino()))
 }
 
-/// One form for paths that can be written in several ways: absolute, with links resolved as far as the path exists.
+/// The canonical form of a path: absolute, with links resolved as far as the path exists.
 #[must_use]
 pub fn place(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());

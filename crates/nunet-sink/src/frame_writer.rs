@@ -16,7 +16,7 @@ pub struct RecordingOptions<'a> {
     pub camera: &'a str,
     /// The coordinate frame of images and depth.
     pub frame_id: &'a str,
-    /// Where the camera is on the robot, if known.
+    /// The pose of the camera on the robot, if known.
     pub mount: Option<CameraMount>,
     /// The model's file name.
     pub model: &'a str,
@@ -50,7 +50,8 @@ impl RecordingOptions<'_> {
     }
 }
 
-/// How depth is made beside the model: the filters in their order, and the stages that do not run for each frame.
+/// The settings besides the model that change depth: the filters in their order, and the stages that do not
+/// run for each frame.
 #[must_use]
 pub fn settings(pipeline: &Pipeline) -> [(&'static str, String); 2] {
     let filters: Vec<_> = pipeline.filters().specs().map(|filter| filter.to_string()).collect();
@@ -59,7 +60,7 @@ pub fn settings(pipeline: &Pipeline) -> [(&'static str, String); 2] {
     [("filters", filters.join(" ")), ("every", every.join(" "))]
 }
 
-/// A file that takes records.
+/// An MCAP file that is being written.
 pub struct FrameWriter {
     path: PathBuf,
     writer: RecordingWriter,
@@ -83,7 +84,7 @@ impl FrameWriter {
     pub fn write(&mut self, record: &RecordedFrame) -> anyhow::Result<()> {
         let frame = &record.frame;
         let capture = frame.capture;
-        // What was recorded before keeps its log time; a camera's frame is logged when it was taken.
+        // A replayed frame keeps its log time; the log time of a camera's frame is its capture time.
         let log_nanos = if capture.clock == Clock::Unix { capture.nanos } else { capture.unix_nanos };
         let camera = record.camera.as_ref().map(describe);
         let depth_camera = record.depth_camera.as_ref().map(describe);

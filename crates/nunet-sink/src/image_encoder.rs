@@ -1,5 +1,6 @@
-//! Images as files: files as they came, raw images as JPEG or PNG, images that EXIF turned as PNG: their readers would not
-//! turn them, and JPEG would lose something a second time.
+//! Images as files. Files are kept unchanged, and raw images become JPEG or PNG. Images that were rotated
+//! by EXIF become PNG: readers would not rotate the original, and a second JPEG compression would lose
+//! detail.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -10,7 +11,8 @@ use nunet_source::Frame;
 use nunet_types::ImageSize;
 use tracing::info;
 
-/// For raw images: lower qualities become visible, and the file is a tenth of the raw image.
+/// The quality for raw images. Artifacts of lower qualities are visible; at this one, a file has a tenth of
+/// the raw size.
 const JPEG_QUALITY: u8 = 92;
 
 /// Encodes images.
@@ -30,7 +32,7 @@ impl ImageEncoder {
         Self { lossless, ..Self::default() }
     }
 
-    /// For images that are sent and not replayed: JPEG needs no note.
+    /// For images that are sent and not replayed: JPEG is not mentioned in the log.
     #[must_use]
     pub fn for_network() -> Self {
         Self { has_noted_jpeg: true, ..Self::default() }
@@ -48,7 +50,7 @@ impl ImageEncoder {
         let lossless = self.lossless || frame.is_turned;
         if !lossless && !std::mem::replace(&mut self.has_noted_jpeg, true) {
             info!(
-                "raw images are recorded as JPEG (quality {JPEG_QUALITY}): a replay sees slightly different images; \
+                "raw images are recorded as JPEG (quality {JPEG_QUALITY}): a replay uses slightly different images; \
                  lossless recordings use PNG"
             );
         }

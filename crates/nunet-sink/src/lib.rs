@@ -1,19 +1,20 @@
-//! The outputs of `nunetd` besides shared memory, and what they share.
+//! The outputs of `nunetd` besides shared memory, and their common parts.
 //!
-//! | module | what it contains |
+//! | module | content |
 //! |---|---|
 //! | [`sink`] | the trait of all outputs, and what the stream passes to it |
 //! | [`queue`] | a thread behind a bounded queue, for outputs that write to disks or networks |
-//! | [`results`] | what outputs take of a frame |
+//! | [`results`] | the results of a frame that outputs receive |
 //! | [`record`], [`archive`] | a copy of a frame with its results, and the thread that writes copies to a disk |
 //! | [`recorder`], [`frame_writer`], [`output_file`] | recordings in MCAP files |
 //! | [`image_encoder`] | images as JPEG or PNG |
-//! | [`file_plan`] | no file is both read and written, or written twice |
+//! | [`file_plan`] | checks that no file is both read and written, or written twice |
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
-//! | [`empty_depth`] | a warning of depth maps without a measurement |
+//! | [`empty_depth`] | a warning about depth maps without valid depth |
 //! | [`mavlink`] | obstacles for an autopilot |
-//! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles something takes |
+//! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles a reader or a sink needs
+//! |
 //! | [`obstacle_record`] | obstacles as stored in shared memory |
 //! | [`obstacle_images`] | obstacles of one frame, as files |
 

@@ -9,7 +9,7 @@ use crate::queue::{OnRoom, SinkQueue, Writer};
 use crate::results::Results;
 use crate::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Wants};
 
-/// Messages that wait: a newer one makes them worthless.
+/// The number of messages that wait. It is small, because a newer message replaces their content.
 const CAPACITY: usize = 2;
 
 /// Sends the obstacles of one camera to an autopilot.
@@ -40,7 +40,7 @@ impl Sink for MavlinkSink {
         });
     }
 
-    /// An autopilot needs no old distances, so nothing is waited for but the one on its way.
+    /// An autopilot needs no old distances, so only the message that is being sent is waited for.
     fn finish(self: Box<Self>, _last: Option<&Results<'_>>) -> FinishingSink {
         let closed = self.queue.close();
         FinishingSink::new(move |timeout| {
@@ -66,7 +66,7 @@ impl LinkWriter {
         match event {
             Some(LinkEvent::Opened) => info!("sending obstacles to `{address}`"),
             Some(LinkEvent::Lost(reason)) => {
-                warn!("cannot send obstacles to `{address}`: {reason}; trying again");
+                warn!("cannot send obstacles to `{address}`: {reason}; retrying");
             }
             None => {}
         }
@@ -81,7 +81,7 @@ impl Writer for LinkWriter {
         self.report(event);
     }
 
-    /// Heartbeats go on while the camera gives no images.
+    /// Heartbeats continue while the camera delivers no images.
     fn flush_if_due(&mut self) {
         let event = self.link.keep_alive(Instant::now());
         self.report(event);

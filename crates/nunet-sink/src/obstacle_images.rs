@@ -13,13 +13,13 @@ use serde_json::{Value, json};
 
 use crate::obstacles::ObstacleConfig;
 
-/// What the images are drawn from.
+/// The data that the images are drawn from.
 pub struct ObstacleView<'a> {
     /// The obstacles.
     pub found: &'a Obstacles,
-    /// How they were found.
+    /// The settings of their detection.
     pub config: &'a ObstacleConfig,
-    /// What computed depth.
+    /// The pipeline that computed depth.
     pub pipeline: &'a Pipeline,
     /// The network's image, RGB.
     pub rgb: &'a [u8],
@@ -64,7 +64,7 @@ pub fn write_obstacles(found: &Obstacles, folder: &Path) -> anyhow::Result<()> {
     Ok(write_rgb(&folder.join("obstacles.png"), BirdsEye(found.map()).draw())?)
 }
 
-/// Numbers of JSON are finite: NaN is null.
+/// JSON has no NaN; it becomes `null`.
 fn obstacles_json(found: &Obstacles) -> Value {
     let map = found.map();
     let sectors = found.sectors.iter().enumerate().map(|(index, sector)| {

@@ -6,7 +6,7 @@ use nunet_ipc::{CONTRACT_VERSION, ObstacleRecord};
 /// The coordinate frame of obstacles, and the parent of the camera's in `/tf_static`.
 pub const BASE_FRAME: &str = "base_link";
 
-/// Fills a record, whose bytes are those of some earlier frame.
+/// Fills a record, which still contains an earlier frame.
 pub fn fill_record(record: &mut ObstacleRecord, found: &Obstacles, options: &ObstacleOptions) {
     record.contract_version = CONTRACT_VERSION;
     record.ground_refined = found.ground.is_refined.into();

@@ -1,4 +1,5 @@
-//! The stage that finds obstacles: after the pipeline, and only for frames whose obstacles something takes.
+//! The stage that finds obstacles. It runs after the pipeline, only for frames whose obstacles a reader or a
+//! sink needs.
 
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleError, ObstacleOptions, Obstacles};
@@ -6,17 +7,18 @@ use nunet_core::pipeline::Pipeline;
 use nunet_types::Units;
 use tracing::{info, warn};
 
-/// Below this share of floor in the image, a direction is hardly ever free.
+/// If the image shows less floor than this share, hardly any direction is free.
 const LITTLE_FLOOR: f32 = 0.02;
 
 /// How obstacles are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObstacleConfig {
-    /// Where the camera is on the robot.
+    /// The pose of the camera on the robot.
     pub mount: Mount,
     /// What counts as an obstacle.
     pub options: ObstacleOptions,
-    /// Whether the user asked for obstacles; if not, a model without meters only turns them off.
+    /// Whether the user requested obstacles. If not, a model without metric depth turns them off without an
+    /// error.
     pub is_required: bool,
 }
 
@@ -26,7 +28,7 @@ pub struct ObstacleStage {
     classes: Vec<String>,
     /// For the camera of the last frame.
     detector: Option<(Camera, ObstacleDetector)>,
-    /// The labels of frames whose labels nothing else takes.
+    /// Memory for labels that no reader and no sink needs.
     labels: Vec<u8>,
 }
 
@@ -40,7 +42,7 @@ impl ObstacleStage {
         let graph = pipeline.graph();
         let labels = if graph.has_labels() { pipeline.size().pixel_count() } else { 0 };
         if labels == 0 {
-            info!("the model has no labels: floor is known by geometry alone, and glass is not known");
+            info!("the model has no labels: floor is detected by geometry only, and glass is not detected");
         }
         let classes = graph.description().classes.clone();
         Some(Self { config, classes, detector: None, labels: vec![0; labels] })
@@ -52,7 +54,7 @@ impl ObstacleStage {
         &self.config
     }
 
-    /// Memory for labels, if the network makes any.
+    /// Memory for labels, if the network has labels.
     pub fn spare_labels(&mut self) -> Option<&mut [u8]> {
         (!self.labels.is_empty()).then_some(&mut self.labels)
     }
@@ -64,7 +66,7 @@ impl ObstacleStage {
     /// Buffers of another size than the camera's image.
     ///
     /// # Panics
-    /// Never: the detector is made first.
+    /// Never: the detector is created first.
     pub fn detect(
         &mut self,
         camera: &Camera,
@@ -75,7 +77,7 @@ impl ObstacleStage {
         if !is_known {
             self.detector = Some((*camera, self.new_detector(camera)?));
         }
-        let (_, detector) = self.detector.as_mut().expect("made above");
+        let (_, detector) = self.detector.as_mut().expect("created above");
         let labels = labels.or((!self.labels.is_empty()).then_some(&self.labels));
         detector.detect(&DepthImage { depth_m, labels, confidence: None }, capture_nanos)
     }
@@ -86,14 +88,14 @@ impl ObstacleStage {
         let percent = 100.0 * detector.floor_in_view();
         if detector.floor_in_view() < LITTLE_FLOOR {
             warn!(
-                "with this mount, only {percent:.1} % of the image looks at floor within {} m: most directions will be unknown",
+                "with this mount, only {percent:.1} % of the image shows floor within {} m: most directions will be unknown",
                 options.max_range_m
             );
         }
         Ok(detector)
     }
 
-    /// The obstacles of the last frame that was given.
+    /// The obstacles of the last frame.
     #[must_use]
     pub fn last(&self) -> Option<&Obstacles> {
         self.detector.as_ref().map(|(_, detector)| detector.last())

@@ -16,7 +16,8 @@ pub fn check_output(output: &Path, overwrite: bool) -> Result<(), RecordingError
     }
 }
 
-/// The file of a recording: `path` itself, or in a folder one that is named by camera and time.
+/// The file of a recording: `path` itself, or if it is a folder, a file in it that is named by camera and
+/// time.
 #[must_use]
 pub fn recording_path(path: &Path, is_folder: bool, camera: &str, unix_nanos: i64) -> PathBuf {
     if is_folder { path.join(format!("{camera}_{}.mcap", utc(unix_nanos))) } else { path.to_owned() }

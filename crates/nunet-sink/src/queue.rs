@@ -1,5 +1,5 @@
-//! A thread behind a bounded queue, for sinks that write to disks or networks: however slow they are, inference does not
-//! wait for them.
+//! A thread behind a bounded queue, for sinks that write to disks or networks: inference never waits for
+//! them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,7 +14,7 @@ use nunet_telemetry::{DrainTimeout, GivenUp, StallDetector};
 /// Called from the queue's thread when there is room again.
 pub type OnRoom = Arc<dyn Fn() + Send + Sync>;
 
-/// If nothing is written for so long while items wait, the user is warned. A disk that is only slow writes some.
+/// The user is warned if nothing is written for this long while items wait. A slow disk still makes progress.
 const STALLED: Duration = Duration::from_secs(5);
 /// How often [`Writer::flush_if_due`] is called while the queue is empty.
 pub const FLUSH_CHECK_PERIOD: Duration = Duration::from_millis(250);
@@ -24,7 +24,7 @@ pub trait Writer: Send + 'static {
     /// What is written; used items are filled again, so that a steady stream allocates nothing.
     type Item: Default + Send;
 
-    /// Writes an item. Failures are the writer's to count.
+    /// Writes an item. The writer counts its failures.
     fn write(&mut self, item: &Self::Item);
 
     /// Called after each write, and every [`FLUSH_CHECK_PERIOD`] without one.
@@ -53,7 +53,7 @@ struct Progress {
 }
 
 impl Progress {
-    /// Items in the queue and the one in work.
+    /// Items in the queue and the one that is being written.
     fn waiting(&self) -> u64 {
         // An item may be counted as written before it is counted as queued.
         self.queued.load(Ordering::Relaxed).saturating_sub(self.written())
@@ -65,14 +65,14 @@ impl Progress {
 }
 
 impl<W: Writer> SinkQueue<W> {
-    /// Starts the thread. `capacity` is the number of items in the queue and in work; `on_room` is called after each item.
+    /// Starts the thread. `capacity` is the number of items in the queue and being written; `on_room` is called after each item.
     ///
     /// # Errors
     /// The thread cannot be started.
     pub fn start(name: &str, capacity: usize, writer: W, on_room: OnRoom) -> anyhow::Result<Self> {
         let (items, waiting) = sync_channel(capacity);
         let (give_back, used) = sync_channel(capacity + 1);
-        // Each item is filled once among the first frames; later ones find its memory and allocate nothing.
+        // Each item is filled once by the first frames; later frames reuse its memory and allocate nothing.
         (0..=capacity).filter_map(|_| give_back.try_send(W::Item::default()).err()).for_each(drop);
         let progress = Arc::new(Progress::default());
         let (seen, thread) = (Arc::clone(&progress), std::thread::Builder::new().name(name.into()));
@@ -88,7 +88,7 @@ impl<W: Writer> SinkQueue<W> {
         self.progress.waiting() < self.capacity || self.thread.is_finished()
     }
 
-    /// Lets `fill` fill an item and queues it, or drops and counts it if there is no room.
+    /// Calls `fill` to fill an item and queues it. If there is no room, the item is dropped and counted.
     pub fn offer(&mut self, fill: impl FnOnce(&mut W::Item)) {
         if self.progress.waiting() >= self.capacity || self.thread.is_finished() {
             self.dropped += 1;
@@ -103,19 +103,19 @@ impl<W: Writer> SinkQueue<W> {
         }
     }
 
-    /// For how long nothing was written although items wait; once per stall.
+    /// The time without a write while items wait, reported once per stall.
     pub fn stall_warning(&mut self) -> Option<Duration> {
         let (written, is_expected) = (self.progress.written(), self.progress.waiting() > 0);
         self.stall.warning(written, is_expected, STALLED, Instant::now())
     }
 
-    /// Items in the queue and the one in work.
+    /// Items in the queue and the one that is being written.
     #[must_use]
     pub fn waiting(&self) -> u64 {
         self.progress.waiting()
     }
 
-    /// No more items; those in the queue are still written.
+    /// Accepts no more items; those in the queue are still written.
     pub fn close(self) -> ClosedQueue<W> {
         let Self { progress, thread, dropped, .. } = self;
         ClosedQueue { progress, thread, dropped }
@@ -126,7 +126,7 @@ impl<W: Writer> SinkQueue<W> {
 pub struct ClosedQueue<W: Writer> {
     progress: Arc<Progress>,
     thread: JoinHandle<W>,
-    /// Items that found no room.
+    /// Items that were dropped because the queue was full.
     pub dropped: u64,
 }
 

@@ -1,11 +1,11 @@
-//! A recording beside a running stream. However slow the disk is, inference does not wait for it.
+//! The recording of a running stream. Inference never waits for the disk.
 //!
 //! ```text
 //! inference thread --copy of frame and results--> bounded queue --> recording thread: encodes, writes, syncs
 //! ```
 //!
-//! A live frame that finds the queue full is dropped and counted. A source that has all its frames is asked for the next
-//! one when there is room for it.
+//! A live frame that finds the queue full is dropped and counted. A source that is not live, such as a
+//! folder, delivers the next frame only when there is room for it.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ struct Recorder {
     path: PathBuf,
     durable: Arc<AtomicU64>,
     offered: u64,
-    /// The source has all its frames and waits for room.
+    /// The source is not live and waits for room.
     source_waits: bool,
 }
 

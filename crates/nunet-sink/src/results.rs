@@ -1,4 +1,4 @@
-//! The results of a frame as outputs take them.
+//! The results of a frame that outputs receive.
 
 use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;

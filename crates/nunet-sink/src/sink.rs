@@ -1,4 +1,4 @@
-//! The trait of all outputs, and what the stream passes to it.
+//! The trait of all outputs, and the data that the stream passes to it.
 
 use nunet_core::camera::Camera;
 use nunet_source::Frame;
@@ -6,7 +6,7 @@ use nunet_telemetry::{Counts, DrainTimeout, MessageCounts, Totals};
 
 use crate::results::Results;
 
-/// The outcome of something that did not fail.
+/// The outcome of an operation that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything was done.
@@ -15,10 +15,10 @@ pub enum Outcome {
     Lost,
 }
 
-/// Takes the results of one camera. All its functions run on the inference thread and must not block: a sink that writes
-/// copies what it needs into a queue of its own ([`SinkQueue`](crate::queue::SinkQueue)).
+/// Receives the results of one camera. All its functions run on the inference thread and must not block: a
+/// sink that writes copies what it needs into a queue of its own ([`SinkQueue`](crate::queue::SinkQueue)).
 pub trait Sink: Send {
-    /// The results that it takes. A result that no sink and no reader takes is not computed; depth always is.
+    /// The results that it needs. A result that no sink and no reader needs is not computed, except depth.
     fn wants(&self) -> Wants;
 
     /// Takes a frame that was just published. If it has no room, it drops the frame and counts it.
@@ -27,13 +27,13 @@ pub trait Sink: Send {
     /// Takes the counts, after each frame and about five times per second while the source is paused.
     fn on_status(&mut self, _status: &Status<'_>) {}
 
-    /// Whether the next frame may be processed. While it returns false, a source that has all its frames waits. It must
-    /// return true for a live source, whose frames are dropped instead.
+    /// Whether the next frame may be processed. While it returns false, a source that is not live waits. It
+    /// must return true for a live source, whose frames are dropped instead.
     fn has_room(&mut self) -> bool {
         true
     }
 
-    /// What becomes of its messages, if it sends them to other machines.
+    /// The counts of its messages, if it sends messages to other machines.
     fn messages(&self) -> Option<MessageCounts> {
         None
     }
@@ -43,7 +43,7 @@ pub trait Sink: Send {
     fn finish(self: Box<Self>, last: Option<&Results<'_>>) -> FinishingSink;
 }
 
-/// The results that a sink takes of each frame beside depth.
+/// The results that a sink needs of each frame besides depth.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Wants {
     /// Class labels.
@@ -55,7 +55,7 @@ pub struct Wants {
 }
 
 impl Wants {
-    /// What either takes.
+    /// The results that either of two sinks needs.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self {
@@ -102,7 +102,7 @@ impl Timings<'_> {
 
 /// The state of a stream.
 pub struct Status<'a> {
-    /// Whether the source gives frames: false while it waits, and at the end.
+    /// Whether the source delivers frames: false while it waits, and at the end.
     pub is_up: bool,
     /// Frames by outcome.
     pub counts: &'a Counts,

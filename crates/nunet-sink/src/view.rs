@@ -10,10 +10,10 @@ use nunet_view::{CameraFeed, CameraStatus, DepthInfo, OnDemand, RayGrid, ViewFra
 use crate::results::Results;
 use crate::sink::{FinishingSink, PublishedFrame, Sink, Status, Wants};
 
-/// Nodes of the grid of rays. A lens is smooth: between them, the page interpolates.
+/// Nodes of the grid of rays. The page interpolates between them, because lens models are smooth.
 const GRID: ImageSize = ImageSize::new(32, 24);
 
-/// One camera of `server`.
+/// Adds a camera to `server`.
 #[must_use]
 pub fn view_sink(server: &ViewServer, camera: &str, classes: &[String]) -> Box<dyn Sink> {
     Box::new(ViewSink { feed: server.add_camera(camera, classes), grid: None })
@@ -27,7 +27,7 @@ struct ViewSink {
 }
 
 impl Sink for ViewSink {
-    /// The cloud is made in the browser.
+    /// The browser computes the cloud.
     fn wants(&self) -> Wants {
         Wants {
             labels: self.feed.wants(OnDemand::Labels),
@@ -52,7 +52,7 @@ impl Sink for ViewSink {
         self.feed.set_status(CameraStatus { up, frames, fps: totals.fps() });
     }
 
-    /// Frames that are not on their way to a viewer yet are not waited for.
+    /// Does not wait for frames that are not being sent yet.
     fn finish(self: Box<Self>, _last: Option<&Results<'_>>) -> FinishingSink {
         FinishingSink::done()
     }
