@@ -14,7 +14,7 @@ use crate::error::hinted;
 /// no numpy) would be a panic.
 ///
 /// # Errors
-/// Whatever the import raises.
+/// The exception of the import.
 pub(crate) fn import_numpy(py: Python<'_>) -> PyResult<()> {
     py.import("numpy").map(drop)
 }

@@ -1,4 +1,4 @@
-//! The camera as Python sees it.
+//! The Python class `Camera`.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ use crate::argument::{self, shown, taken};
 use crate::array::import_numpy;
 use crate::error::{PyCameraError, failure, hinted, of_camera};
 
-/// How a camera is written, for hints.
+/// The hint for a missing or wrong camera.
 const EXAMPLE: &str = "pass `nunet_py.Camera(fx=..., fy=..., cx=..., cy=..., size=(width, height))`";
 
 /// A camera: focal lengths and principal point in pixels, the image size that they are for, and the lens distortion.

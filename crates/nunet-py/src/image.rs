@@ -1,4 +1,4 @@
-//! Images for the network: arrays, files and PIL images, and what is wrong with anything else.
+//! Images for the network: arrays, files and PIL images, and the errors for other arguments.
 
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
 use crate::array::{check_type, holds, read, shape_text, type_name};
 use crate::error::{exception, failure, hinted, with_hint};
 
-/// What an image may be.
+/// The accepted types of images, for messages.
 const EXPECTED: &str = "a numpy array of uint8 (H, W, 3), a path or a PIL image";
 
 /// The order of the channels of an array.
@@ -58,7 +58,8 @@ pub(crate) enum ImageArgument<'py> {
 }
 
 impl<'py> ImageArgument<'py> {
-    /// Takes the argument called `name`. `order` is that of an array; files and PIL images know theirs.
+    /// Takes the argument called `name`. `order` is the channel order of an array; files and PIL images are
+    /// always RGB.
     ///
     /// # Errors
     /// `TypeError` for anything that is not an image of 8 bits per channel, `ValueError` for another shape or size,

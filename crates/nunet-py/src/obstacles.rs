@@ -73,7 +73,7 @@ pub(crate) struct PyObstacles {
 const MOUNT_EXAMPLE: &str =
     "pass (x, y, z, roll, pitch, yaw), meters and radians, such as (0.1, 0, 0.25, 0, -0.07, 0)";
 
-/// What both sources of obstacles have.
+/// The common fields of obstacles in a message and obstacles of a depth map.
 struct ObstacleParts<'a> {
     map: ObstacleMap<'a>,
     ground: (f32, f32, f32),
@@ -187,7 +187,7 @@ pub(crate) fn optional_mount_argument(object: &Bound<'_, PyAny>) -> PyResult<Opt
     taken("mount", object, "six numbers", MOUNT_EXAMPLE)
 }
 
-/// The camera's place, from six numbers.
+/// The camera's pose, from six numbers.
 ///
 /// # Errors
 /// `ValueError` for another length, and for a camera that is not above the floor or looks straight up.

@@ -1,11 +1,11 @@
-//! What a model says about itself.
+//! The constant properties of a model.
 
 use std::path::PathBuf;
 
 use nunet_engine::Model;
 use nunet_types::ImageSize;
 
-/// What never changes, so that reading it does not wait for an image to be done.
+/// The properties that never change. Reading them does not wait for inference.
 pub(super) struct About {
     pub(super) path: PathBuf,
     pub(super) size: ImageSize,

@@ -87,7 +87,7 @@ pub(crate) struct PyModel {
     about: About,
     shared: Arc<ResultContext>,
     warnings: Warnings,
-    /// The place of the camera, if the scale comes from the floor.
+    /// The pose of the camera, if the scale comes from the floor.
     mount: Option<Mount>,
     has_factor: bool,
 }

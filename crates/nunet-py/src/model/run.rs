@@ -1,4 +1,4 @@
-//! A model that takes an image.
+//! Inference of one image.
 
 use std::sync::{Arc, PoisonError};
 
@@ -33,7 +33,7 @@ impl PyModel {
         Arc::clone(&self.shared)
     }
 
-    /// Warns, once for a model, of a missing camera and of images with another aspect ratio.
+    /// Warns, once for a model, about a missing camera and images with another aspect ratio.
     pub(crate) fn warn_of_guesses(
         &self,
         py: Python<'_>,
@@ -67,7 +67,7 @@ impl PyModel {
     }
 }
 
-/// How an image is taken.
+/// The settings of one inference.
 #[derive(Clone, Copy)]
 pub(super) struct Setting {
     pub(super) camera: Option<PyCamera>,

@@ -1,4 +1,4 @@
-//! Where a model's scale of depth comes from.
+//! The scale mode of a model.
 
 use nunet_core::camera::check_scale_factor;
 use nunet_core::obstacle::Mount;

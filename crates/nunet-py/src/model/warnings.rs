@@ -1,4 +1,4 @@
-//! What a model warns of, once: depth that rests on a guess.
+//! Warnings about depth that relies on assumptions. A model issues each of them once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -24,7 +24,7 @@ impl Warnings {
         Self { network_size, no_camera: false.into(), aspect: false.into(), factor: false.into() }
     }
 
-    /// Warns of a missing camera, and of an image that is stretched.
+    /// Warns about a missing camera and a stretched image.
     pub(super) fn issue(&self, py: Python<'_>, scale: ScaleSource, image_size: ImageSize) -> PyResult<()> {
         if scale == ScaleSource::AssumedCamera && first(&self.no_camera) {
             warn_with_hint(
@@ -46,7 +46,7 @@ impl Warnings {
         Ok(())
     }
 
-    /// Warns of a factor that is not used, because it was measured with another model.
+    /// Warns about a factor that is ignored because it was measured with another model.
     pub(super) fn issue_of_factor(&self, py: Python<'_>, is_used: bool) -> PyResult<()> {
         if !is_used && first(&self.factor) {
             warn_with_hint(

@@ -12,7 +12,7 @@ use crate::memory::{self, ArrayLayout, Memory};
 struct ResultMemory {
     address: usize,
     bytes: usize,
-    /// Held for its memory alone.
+    /// Never read; it keeps the memory alive.
     _values: PooledValues,
 }
 

@@ -1,4 +1,4 @@
-//! What a model and its results have in common.
+//! Data that a model shares with its results.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
