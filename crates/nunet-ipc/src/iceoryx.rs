@@ -21,7 +21,8 @@ pub(crate) type Iceoryx = ipc_threadsafe::Service;
 /// The environment variable that names the folder of [`use_root`].
 pub const ROOT_VARIABLE: &str = "NUNET_IPC_ROOT";
 
-/// The longest root: it contains the sockets for wake-ups, and Linux limits the path of a socket to 107 bytes.
+/// The longest root: it contains the sockets for wake-ups, and Linux limits the path of a socket to 107
+/// bytes.
 const MAX_ROOT_BYTES: usize = 40;
 
 static ROOT: OnceLock<PathBuf> = OnceLock::new();
@@ -125,8 +126,9 @@ pub fn shared_memory_prefix() -> String {
     config().global.prefix.to_string()
 }
 
-/// iceoryx2 logs to stdout and stderr by itself. The errors of this crate report every failure, so the log is off by
-/// default; `IOX2_LOG_LEVEL` turns it on. It is set only once, so that a program may set its own level afterwards.
+/// iceoryx2 logs to stdout and stderr by itself. The errors of this crate report every failure, so the log is
+/// off by default; `IOX2_LOG_LEVEL` turns it on. It is set only once, so that a program may set its own level
+/// afterwards.
 fn silence_logs() {
     static SILENCED: Once = Once::new();
     SILENCED.call_once(|| iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal));

@@ -1,9 +1,10 @@
-//! The shared-memory contract of `nunetd`: the bytes of a message, and how readers receive it from a publisher.
+//! The shared-memory contract of `nunetd`: the bytes of a message, and how readers receive it from a
+//! publisher.
 //!
-//! Each topic of a camera is an iceoryx2 service, `nunet/CAMERA/TOPIC`, with one publisher and several readers. An
-//! event service, `nunet/CAMERA/wake`, wakes the readers. A message is a [`FrameHeader`] of 1024 bytes and a payload
-//! aligned to 64 bytes. The [`Publisher`] fills both in place, and each [`Reader`] reads the same memory: nothing is
-//! copied.
+//! Each topic of a camera is an iceoryx2 service, `nunet/CAMERA/TOPIC`, with one publisher and several
+//! readers. An event service, `nunet/CAMERA/wake`, wakes the readers. A message is a [`FrameHeader`] of 1024
+//! bytes and a payload aligned to 64 bytes. The [`Publisher`] fills both in place, and each [`Reader`] reads
+//! the same memory: nothing is copied.
 //!
 //! A program that only reads depth needs no other crate of nunet.
 //!

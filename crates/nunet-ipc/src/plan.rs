@@ -28,8 +28,8 @@ pub struct TopicPlan {
     pub payload_bytes: usize,
 }
 
-/// The number of readers, and of frames that each may hold. Memory is reserved for all of them, so that a slow
-/// reader never takes a chunk that the publisher or another reader needs.
+/// The number of readers, and of frames that each may hold. Memory is reserved for all of them, so that a
+/// slow reader never takes a chunk that the publisher or another reader needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Readers of each topic other than the cloud.

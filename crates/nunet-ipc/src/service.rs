@@ -77,8 +77,8 @@ pub(crate) fn refuse_other_contract(name: &str, pattern: MessagingPattern) -> Re
     }
 }
 
-/// Whether a service exists with all its parts and may be read. It only checks files, so it is cheap to repeat: if
-/// there is no service, it makes one system call.
+/// Whether a service exists with all its parts and may be read. It only checks files, so it is cheap to
+/// repeat: if there is no service, it makes one system call.
 pub(crate) fn is_complete(name: &str, pattern: MessagingPattern) -> Result<bool, IpcError> {
     if !record_of(name, pattern)?.exists() {
         return Ok(false);

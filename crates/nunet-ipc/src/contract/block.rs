@@ -7,7 +7,8 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// Bytes in a [`Block64`], and the alignment of every payload: a cache line, and the alignment of AVX-512 loads.
+/// Bytes in a [`Block64`], and the alignment of every payload: a cache line, and the alignment of AVX-512
+/// loads.
 pub const BLOCK_BYTES: usize = 64;
 
 /// 64 bytes, aligned to 64: a payload is a slice of `ceil(payload_bytes / 64)` of them.

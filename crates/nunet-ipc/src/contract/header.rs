@@ -29,8 +29,9 @@ pub const HEADER_TYPE_NAME: &str = "nunet.v1.FrameHeader";
 contract_struct! {
     /// The header of a message.
     ///
-    /// Plain numbers in native byte order, so that C, Python and recordings read it directly. Enumerations are stored
-    /// as numbers ([`nunet_types`]): read them through the methods, which return an error for an unknown number.
+    /// Plain numbers in native byte order, so that C, Python and recordings read it directly. Enumerations
+    /// are stored as numbers ([`nunet_types`]): read them through the methods, which return an error for an
+    /// unknown number.
     FrameHeader, 1024 bytes {
         /// [`CONTRACT_VERSION`].
         pub contract_version: u32,
@@ -195,15 +196,16 @@ impl FrameHeader {
         }
     }
 
-    /// Identifies the frame that a message belongs to: `sequence` and `capture_nanos`. The number alone is not enough,
-    /// because some publishers do not count, and a restarted one counts from 0 again.
+    /// Identifies the frame that a message belongs to: `sequence` and `capture_nanos`. The number alone is
+    /// not enough, because some publishers do not count, and a restarted one counts from 0 again.
     #[must_use]
     pub fn key(&self) -> (u64, i64) {
         (self.sequence, self.capture_nanos)
     }
 
-    /// The capture time in nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or if that is 0, `capture_nanos`
-    /// converted from `capture_clock`. A position in a recording cannot be converted; the result is `now_unix` then.
+    /// The capture time in nanoseconds since 1970-01-01 UTC: `capture_unix_nanos`, or if that is 0,
+    /// `capture_nanos` converted from `capture_clock`. A position in a recording cannot be converted; the
+    /// result is `now_unix` then.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
     /// [`unix_nanos`](crate::unix_nanos).
@@ -217,8 +219,8 @@ impl FrameHeader {
         }
     }
 
-    /// Nanoseconds since capture: by the monotonic clock if the camera uses it, because that clock is never adjusted,
-    /// otherwise by the time of day. `None` where neither is known.
+    /// Nanoseconds since capture: by the monotonic clock if the camera uses it, because that clock is never
+    /// adjusted, otherwise by the time of day. `None` where neither is known.
     ///
     /// `now_monotonic`, `now_unix`: [`monotonic_nanos`](crate::monotonic_nanos) and
     /// [`unix_nanos`](crate::unix_nanos).

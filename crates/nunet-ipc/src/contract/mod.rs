@@ -1,7 +1,7 @@
 //! The bytes of a message, and the whole contract as tables.
 //!
-//! `nunetd contract --json` prints these tables, and bindings for other languages are checked against them. They are
-//! taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
+//! `nunetd contract --json` prints these tables, and bindings for other languages are checked against them.
+//! They are taken from the types themselves: offsets from `offset_of!`, numbers from the enumerations.
 
 mod block;
 mod header;
@@ -104,7 +104,8 @@ pub const ENUMS: &[Enumeration] = &[
     (SectorState::FIELD, SectorState::NUMBERS),
 ];
 
-/// The descriptions of the values of [`ENUMS`], in the same order, for headers and documents in other languages.
+/// The descriptions of the values of [`ENUMS`], in the same order, for headers and documents in other
+/// languages.
 pub const ENUM_DOCS: &[&[&str]] = &[
     Topic::DOCS,
     Encoding::DOCS,
@@ -117,8 +118,8 @@ pub const ENUM_DOCS: &[&[&str]] = &[
     SectorState::DOCS,
 ];
 
-/// Every service; `CAMERA` is the camera's name. All are publish-subscribe services, except `wake`, which is an event
-/// service.
+/// Every service; `CAMERA` is the camera's name. All are publish-subscribe services, except `wake`, which is
+/// an event service.
 pub const SERVICES: &[&str] = &[
     "nunet/CAMERA/rgb",
     "nunet/CAMERA/depth",

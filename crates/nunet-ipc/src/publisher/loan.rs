@@ -39,8 +39,8 @@ impl Loan {
         Self { sample, topic, payload_bytes }
     }
 
-    /// The header. `topic`, `payload_bytes` and `contract_version` are set, and are set again when it is published; all
-    /// other fields have the values of [`FrameHeader::default`].
+    /// The header. `topic`, `payload_bytes` and `contract_version` are set, and are set again when it is
+    /// published; all other fields have the values of [`FrameHeader::default`].
     pub fn header_mut(&mut self) -> &mut FrameHeader {
         self.sample.user_header_mut()
     }

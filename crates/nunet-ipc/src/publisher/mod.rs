@@ -116,7 +116,7 @@ impl Publisher {
         let wake = services::create_wake(&lock, &node, camera)?;
         share_services(camera, &services, &wake)?;
         drop(lock);
-        //         // Only the records of the services exist so far. This is checked after the publishers: if the camera
+        // Only the records of the services exist so far. This is checked after the publishers: if the camera
         // is already published, that is the error to report, not that its memory does not fit twice.
         reservation.check(free_bytes)?;
         let topics = services

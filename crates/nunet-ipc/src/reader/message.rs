@@ -13,14 +13,14 @@ use crate::iceoryx::Iceoryx;
 
 /// One message, in shared memory, read-only.
 ///
-/// It does not change until this value is dropped, even if the reader and the publisher end earlier. It keeps its
-/// reader's place in the service until then. `Send`: it may be moved to another thread.
+/// It does not change until this value is dropped, even if the reader and the publisher end earlier. It keeps
+/// its reader's place in the service until then. `Send`: it may be moved to another thread.
 #[derive(Debug)]
 pub struct Message {
     // Dropped before the port: fields are dropped in this order.
     sample: Sample<Iceoryx, [Block64], FrameHeader>,
-    // When a port ends, the publisher takes back every chunk that went through it, whether or not a sample still points
-    // there. So each message keeps its port.
+    // When a port ends, the publisher takes back every chunk that went through it, whether or not a sample
+    // still points there. So each message keeps its port.
     _port: Arc<TopicSubscriber>,
     topic: Topic,
     // The checked value: the sender may change the header's field later.
@@ -74,8 +74,8 @@ impl Message {
     /// The depth map: `[height, width]`, rows from the top, in the header's units; NaN where there is none.
     ///
     /// # Errors
-    /// [`IpcError::WrongEncoding`] when the payload is not depth, [`IpcError::BadMessage`] when its size contradicts
-    /// its header.
+    /// [`IpcError::WrongEncoding`] when the payload is not depth, [`IpcError::BadMessage`] when its size
+    /// contradicts its header.
     pub fn depth(&self) -> Result<&[f32], IpcError> {
         self.grid(Encoding::DepthF32)
     }

@@ -89,9 +89,10 @@ impl Reader {
         self.topics.iter().map(|opened| opened.topic)
     }
 
-    /// Sleeps until a publisher of the topics sends something, starts or ends, a signal interrupts it, or the timeout
-    /// expires. Returns whether a publisher woke it. Only a hint: look for frames whatever it returns, and keep the
-    /// timeout short enough for the frame that a late subscriber receives without a wake-up.
+    /// Sleeps until a publisher of the topics sends something, starts or ends, a signal interrupts it, or the
+    /// timeout expires. Returns whether a publisher woke it. Only a hint: look for frames whatever it
+    /// returns, and keep the timeout short enough for the frame that a late subscriber receives without a
+    /// wake-up.
     ///
     /// # Errors
     /// [`IpcError::Iceoryx`].
@@ -166,7 +167,8 @@ impl Reader {
         Ok(publisher_of(&self.topic(topic)?.service))
     }
 
-    /// Whether a living process publishes each of the topics. It costs as much as [`publisher`](Self::publisher).
+    /// Whether a living process publishes each of the topics. It costs as much as
+    /// [`publisher`](Self::publisher).
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.publishers().are_all_alive()

@@ -1,7 +1,7 @@
 //! Cleanup after killed processes.
 //!
-//! iceoryx2 0.10 cleans up after dead nodes, and creating a node starts that. This module adds two repairs that
-//! iceoryx2 does not do:
+//! iceoryx2 0.10 cleans up after dead nodes, and creating a node starts that. This module adds two repairs
+//! that iceoryx2 does not do:
 //!
 //! - A process that dies between the first and the last file of a service leaves half of it, which no process can open or
 //!   create again. [`lock`] finds and removes such services.
