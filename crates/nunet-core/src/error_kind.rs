@@ -1,6 +1,6 @@
-//! What kind of thing is wrong, for front ends that map errors to exit codes and exceptions.
+//! The kinds of errors, for front ends that map errors to exit codes and exceptions.
 
-/// What an error of this crate is about. Every error type has a method `kind`.
+/// The kind of an error of this crate. Every error type has a method `kind`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {

@@ -105,7 +105,7 @@ impl<'a> ImageView<'a> {
     }
 }
 
-/// What is wrong with the bytes of an image.
+/// Why bytes are not an image.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {

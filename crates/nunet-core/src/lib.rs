@@ -1,8 +1,10 @@
-//! From an image to metric depth and a point cloud.
+//! Computes metric depth and a point cloud from an image.
 //!
-//! The modules read in the order in which a frame passes them: [`frame`] -> [`preprocess`] -> [`graph`] -> [`depth`] -> [`filter`] ->
-//! [`cloud`], called in turn by [`pipeline`]; [`obstacle`] follows on demand, and [`scale`] measures the scale of depth on the floor. A later module may import an earlier one, never the reverse. Nothing here starts
-//! threads, opens sockets, prints, or reads a clock, and every large buffer is the caller's.
+//! [`pipeline`] calls the modules in the order in which they process a frame: [`frame`] -> [`preprocess`] ->
+//! [`graph`] -> [`depth`] -> [`filter`] -> [`cloud`]. [`obstacle`] follows on demand, and [`scale`] measures
+//! the scale of depth on the floor. A later module may import an earlier one, never the reverse. This crate
+//! starts no threads, opens no sockets, prints nothing and reads no clock. The caller provides every large
+//! buffer.
 //!
 //! # Example: depth, labels and points of one image
 //! ```no_run
@@ -38,7 +40,7 @@
 //! # }
 //! ```
 //!
-//! Errors have a `kind` ([`ErrorKind`]), and what to do about them is a text of its own ([`hint_of`]).
+//! Errors have a `kind` ([`ErrorKind`]) and may have a hint ([`hint_of`]).
 
 pub mod camera;
 pub mod clock;

@@ -1,4 +1,4 @@
-//! All stages of a frame, in one short function: [`Pipeline::process`].
+//! The pipeline. [`Pipeline::process`] calls all stages of a frame in order.
 
 use std::num::NonZeroU32;
 
@@ -119,20 +119,20 @@ impl Pipeline {
     /// focal lengths.
     ///
     /// # Errors
-    /// A factor that no camera needs, or depth without a unit.
+    /// A factor out of range, or relative depth.
     pub fn set_calibrated_factor(&mut self, calibrated_factor: Option<f32>) -> Result<(), PipelineError> {
         self.set_options(PipelineOptions { calibrated_factor, ..self.options })
     }
 
-    /// Computes what depends on the options and the lens.
+    /// Sets the options, and computes the values that depend on them and the lens.
     fn set_options(&mut self, options: PipelineOptions) -> Result<(), PipelineError> {
         self.decoder = Decoder::new(&self.graph, &options, &self.lens)?;
         self.options = options;
         Ok(())
     }
 
-    /// Takes another mount from the next frame on, such as the attitude of an inertial sensor. Only the scale from the
-    /// floor uses it.
+    /// Sets the mount for the next frames, for example with the attitude of an inertial sensor. Only the
+    /// scale from the floor uses it.
     pub fn set_mount(&mut self, mount: Mount) {
         if let Some(floor) = &mut self.decoder.floor {
             floor.set_mount(mount);
@@ -222,8 +222,9 @@ impl Pipeline {
         self.graph.is_stateless() && self.options.filters.temporal.is_none() && self.mount().is_none()
     }
 
-    /// Marks a discontinuity: the next frame does not follow the earlier ones. State starts with zeros, every stage runs,
-    /// and the temporal filter starts again. The scale from the floor is kept, because the camera is the same.
+    /// Marks a discontinuity: the next frame does not continue the stream. State starts with zeros, every
+    /// stage runs, and the temporal filter starts again. The scale from the floor is kept, because the camera
+    /// is the same.
     ///
     /// The caller decides when a discontinuity occurs.
     pub fn reset(&mut self) {
@@ -237,8 +238,9 @@ impl Pipeline {
         self.decoder.forget_floor();
     }
 
-    /// Computes depth, labels and cloud of one frame. A recurrent network takes it as the successor of the last frame
-    /// ([`Self::reset`]); a frame that fails in the network does not change the state.
+    /// Computes depth, labels and cloud of one frame. A recurrent network treats it as the successor of the
+    /// last frame, unless [`Self::reset`] was called; a frame that fails in the network does not change the
+    /// state.
     ///
     /// Nothing is allocated on the Rust side once the frame's size and each buffer's address have been seen.
     ///
@@ -260,7 +262,7 @@ impl Pipeline {
             let image = self.preprocessor.prepare(frame);
             (image, self.input.fill(image.rgb))
         });
-        // With decimation the network's own results stay inside.
+        // With decimation, the network's results are kept in internal buffers.
         let (network_depth, mut network_labels) = match &mut self.decimation {
             None => (&mut *depth_m, labels.as_deref_mut()),
             Some(decimation) => (decimation.network_depth(), None),
@@ -306,11 +308,11 @@ impl Pipeline {
         }
     }
 
-    /// Runs the self-test image and compares the answer with the one in the model file. Also warms up the network. State is
-    /// reset before and after. Only the network is tested, not the filters.
+    /// Runs the self-test image and compares the outputs with those in the model file. Also warms up the
+    /// network. State is reset before and after. Only the network is tested, not the filters.
     ///
     /// # Errors
-    /// An answer that differs by more than the tolerance, and ONNX Runtime's errors.
+    /// Outputs that differ by more than the tolerance, and ONNX Runtime's errors.
     pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
         let ImageSize { width, height } = self.graph.size();
         let pixels = self.graph.size().pixel_count();

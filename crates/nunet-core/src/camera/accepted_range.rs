@@ -1,4 +1,4 @@
-//! The intrinsics that a camera can have.
+//! The accepted range of intrinsics.
 
 use std::ops::RangeInclusive;
 

@@ -8,7 +8,7 @@ pub const MAX_COEFFICIENTS: usize = 14;
 /// Rational models reach some hundreds. Beyond this, powers of a coefficient would overflow.
 const MAX_COEFFICIENT: f64 = 1e6;
 
-/// A sensor tilted by 90 degrees (1.571) would see nothing.
+/// The largest tilt. At 90 degrees (1.571) there is no image.
 const MAX_TILT_RAD: f64 = 1.5;
 
 /// Checks the coefficients of a model that has one of `counts` coefficients, called `names`, and fills them up with zeros.

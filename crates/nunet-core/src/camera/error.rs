@@ -1,4 +1,4 @@
-//! What is wrong with a camera's numbers.
+//! The errors of intrinsics and lens coefficients.
 
 use std::borrow::Cow;
 
@@ -7,7 +7,7 @@ use nunet_types::Hint;
 use super::accepted_range::accepted_range;
 use crate::error_kind::ErrorKind;
 
-/// What is wrong with a camera's numbers.
+/// Why intrinsics or lens coefficients are invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CameraError {
@@ -49,7 +49,7 @@ pub enum CameraError {
         /// The value, pixels.
         value: f64,
     },
-    /// A factor of depth that no camera needs.
+    /// A factor of depth out of range.
     #[error("the scale factor is {factor}, expected {min} to {max}")]
     ScaleFactor {
         /// The factor.
@@ -59,7 +59,7 @@ pub enum CameraError {
         /// The largest one.
         max: f32,
     },
-    /// No lens has this number at this image size.
+    /// An intrinsic out of range for this image size.
     #[error(
         "intrinsic `{name}` is {value} px, expected {} to {} for an image side of {side} px",
         accepted_range(name, *side).0,
@@ -73,7 +73,7 @@ pub enum CameraError {
         /// The image side along it, pixels.
         side: u32,
     },
-    /// Focal lengths that differ too much to be of one camera.
+    /// Focal lengths that differ too much.
     #[error("focal lengths `fx` = {fx_px} and `fy` = {fy_px} px differ by more than a factor of {max}")]
     FocalRatio {
         /// Pixels.
@@ -107,7 +107,7 @@ pub enum CameraError {
         /// Its value.
         value: f64,
     },
-    /// No lens has this coefficient.
+    /// A coefficient out of range.
     #[error("lens coefficient `{name}` is `{value}`, expected a number between -{limit} and {limit}")]
     Coefficient {
         /// Its name.
@@ -161,7 +161,7 @@ impl Hint for CameraError {
                     .into()
             }
             Self::ScaleFactor { .. } => {
-                "give what the network's meters are multiplied by, such as 0.83".into()
+                "pass the factor by which the network's meters are multiplied, such as 0.83".into()
             }
             Self::FocalRatio { .. } => "check both; most cameras have square pixels, so fx and fy are almost equal".into(),
             Self::CoefficientCount { .. } => "write all coefficients of the model, unused ones as 0".into(),

@@ -1,4 +1,4 @@
-//! A camera as the plain numbers that messages carry, and back.
+//! Converts a camera to the plain numbers of messages, and back.
 
 use nunet_types::{CameraInfo, DistortionModel, ImageSize};
 

@@ -34,8 +34,8 @@ impl Intrinsics {
     /// Checked intrinsics for an image of `width` x `height` pixels.
     ///
     /// # Errors
-    /// A number that is not finite, focal lengths that are not positive or that no lens has, a principal point far outside
-    /// the image, a side of 0 pixels.
+    /// A number that is not finite, focal lengths that are not positive or out of range, a principal point
+    /// far outside the image, a side of 0 pixels.
     pub fn new(
         fx_px: f64,
         fy_px: f64,
@@ -153,7 +153,7 @@ fn check_range(name: &'static str, value: f64, side: u32) -> Result<(), CameraEr
     if (min..=max).contains(&value) { Ok(()) } else { Err(CameraError::OutOfRange { name, value, side }) }
 }
 
-/// Checks that both focal lengths can be of one camera.
+/// Checks the ratio of the focal lengths.
 pub(super) fn check_ratio(fx_px: f64, fy_px: f64) -> Result<(), CameraError> {
     if fx_px.max(fy_px) <= MAX_FOCAL_RATIO * fx_px.min(fy_px) {
         Ok(())

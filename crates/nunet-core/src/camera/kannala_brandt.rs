@@ -1,4 +1,4 @@
-//! The fisheye: the angle to the axis becomes the distance from the image center.
+//! The fisheye model: the distance from the image center is a function of the angle to the axis.
 
 use std::f64::consts::FRAC_PI_2;
 

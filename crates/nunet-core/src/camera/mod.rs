@@ -35,7 +35,7 @@ use nalgebra::Point2;
 
 /// Lens distortion: where a point appears, compared with a pinhole camera.
 ///
-/// Not `non_exhaustive`, so that code which passes lenses on does not compile until it handles a new model.
+/// Not `non_exhaustive`: code that converts lenses must not compile until it handles a new model.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Distortion {
     /// A pinhole camera: straight lines stay straight.
@@ -77,7 +77,7 @@ impl Distortion {
     }
 }
 
-/// A calibrated camera: which direction each pixel sees.
+/// A calibrated camera: intrinsics and lens distortion, which give the viewing ray of each pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Focal lengths and principal point, pixels at the stated size.

@@ -1,4 +1,4 @@
-//! The direction that each pixel sees: the table that turns depth into points.
+//! The viewing ray of each pixel: the table that turns depth into points.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{Camera, Intrinsics};
 
-/// For each pixel the direction it sees, as the point of its ray at depth 1: `[x / z, y / z]`.
+/// The viewing ray of each pixel, as its point at depth 1: `[x / z, y / z]`.
 ///
 /// `[height][width]`, camera's optical frame (x right, y down, z forward). A pixel without a ray has NaN: it sees a point
 /// at or beyond the largest angle (90 degrees or less), or the lens model is not defined there. Lens distortion is in the

@@ -54,7 +54,7 @@ impl Distortion {
         })
     }
 
-    /// The ROS name of the lens model, and as many coefficients as ROS tools expect of it.
+    /// The ROS name of the lens model, and the number of coefficients that ROS tools expect.
     #[must_use]
     pub fn to_ros(&self) -> (&'static str, Vec<f64>) {
         let all = self.coefficients();

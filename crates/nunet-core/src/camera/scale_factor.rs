@@ -2,15 +2,15 @@
 
 use super::CameraError;
 
-/// The smallest factor of depth that a camera can need. Smaller ones are a mistake of units.
+/// The smallest accepted factor of depth. Smaller ones are caused by wrong units.
 pub const MIN_SCALE_FACTOR: f32 = 0.05;
-/// The largest factor of depth that a camera can need.
+/// The largest accepted factor of depth.
 pub const MAX_SCALE_FACTOR: f32 = 20.0;
 
 /// Checks a factor of depth, which a calibration gives.
 ///
 /// # Errors
-/// A factor that is not finite or that no camera needs.
+/// A factor that is not finite or out of range.
 pub fn check_scale_factor(factor: f64) -> Result<f32, CameraError> {
     let within = f64::from(MIN_SCALE_FACTOR)..=f64::from(MAX_SCALE_FACTOR);
     if within.contains(&factor) {

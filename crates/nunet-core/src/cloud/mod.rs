@@ -1,4 +1,4 @@
-//! From depth to points: the organized cloud in the camera's optical frame.
+//! Computes the organized cloud in the camera's optical frame.
 
 use std::num::NonZeroU32;
 
@@ -17,7 +17,7 @@ pub fn cloud_size(size: ImageSize, stride: NonZeroU32) -> ImageSize {
     ImageSize { width: width.div_ceil(stride.get()), height: height.div_ceil(stride.get()) }
 }
 
-/// Which points a cloud has.
+/// The options of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CloudOptions {
     /// Each n-th column and row.
@@ -63,7 +63,7 @@ pub fn organized_cloud(
     Ok(())
 }
 
-/// What points are computed from, one element per pixel.
+/// The inputs of points, one element per pixel.
 struct CloudInput<'a> {
     depth_m: &'a [f32],
     rays: &'a [[f32; 2]],
@@ -98,7 +98,7 @@ impl CloudInput<'_> {
     }
 }
 
-/// What is wrong with the buffers of a cloud.
+/// Why the buffers of a cloud are invalid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CloudError {

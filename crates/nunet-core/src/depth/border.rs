@@ -4,21 +4,21 @@ use nunet_types::ImageSize;
 
 /// How many of a network's outermost pixels are replaced on each side.
 ///
-/// Convolutions pad the image with zeros, and trained networks answer that with depth that is too near. Measured on the
-/// rendered rooms of `models/clip` with `wnet_c.onnx`, relative to the inside: 0.56, 0.66, 0.85 at the three leftmost columns,
-/// 0.85, 0.87, 0.92 at the top, 0.80, 0.86, 0.97 at the bottom, and 0.97 or more from the fourth pixel on. `unet.onnx` and the
-/// float network are the same within 0.03. These are the weights of 2026-11-22; `wnet_c.onnx` of 2026-11-29 has 0.87, 0.89,
-/// 0.93 at the left and 0.81, 0.83, 0.88 at the bottom.
+/// Convolutions pad the image with zeros, which makes depth at the border too near. Measured on the rendered
+/// rooms of `models/clip` with `wnet_c.onnx`, relative to the inside: 0.56, 0.66, 0.85 at the three leftmost
+/// columns, 0.85, 0.87, 0.92 at the top, 0.80, 0.86, 0.97 at the bottom, and 0.97 or more from the fourth
+/// pixel on. `unet.onnx` and the float network are the same within 0.03. These are the weights of 2026-11-22;
+/// `wnet_c.onnx` of 2026-11-29 has 0.87, 0.89, 0.93 at the left and 0.81, 0.83, 0.88 at the bottom.
 const BORDER_PX: usize = 3;
 
-/// Sides from which on the ring is replaced. Smaller networks were not measured.
+/// The smallest image side at which the ring is replaced. Smaller networks were not measured.
 const MIN_SIDE_PX: usize = 128;
 
 /// Replaces the outermost pixels of a network's output by the nearest pixel inside.
 ///
-/// A planner sees a border that is too near as a fence. Replacing was chosen over NaN, which would cost 2 % of the image:
-/// on `models/clip` the mean relative error of the ring falls from 0.175 to 0.093 (the next twelve pixels have 0.107), and the
-/// part of it that is more than 20 % too near from 27 % to 3 %.
+/// A border that is too near looks like a fence to a planner. Replacing was chosen over NaN, which would cost
+/// 2 % of the image: on `models/clip` the mean relative error of the ring falls from 0.175 to 0.093 (the next
+/// twelve pixels have 0.107), and the part of it that is more than 20 % too near from 27 % to 3 %.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BorderFill {
     width: usize,

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use super::DepthError;
 
-/// What a network's output value `v` means.
+/// The meaning of a network's output value `v`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum DepthEncoding {
     /// Meters: z = v.
@@ -46,7 +46,7 @@ impl DepthEncoding {
         matches!(self, Self::Metric | Self::Inverse | Self::Log)
     }
 
-    /// Decodes network outputs to depth in place, and returns how many are not a measurement (NaN).
+    /// Decodes network outputs to depth in place, and returns the number of invalid values (NaN).
     ///
     /// `output` is applied first. For the metric encodings a depth outside `range` is not a measurement; valid depth is
     /// multiplied by `focal_factor`. The range is the network's, so it is checked before the factor. The other encodings
@@ -177,7 +177,7 @@ impl DepthRange {
 
     /// Replaces each value by its depth times `factor`, or by NaN if the depth is out of range.
     ///
-    /// The two comparisons are also false for NaN, infinity, and depths that are not positive.
+    /// Both comparisons are false for NaN, infinity, and depths that are not positive.
     fn apply(self, values: &mut [f32], factor: f32, depth_m: impl Fn(f32) -> f32) -> u32 {
         let nearest_m = self.min_m.max(f32::MIN_POSITIVE);
         replace_each(values, |v| {

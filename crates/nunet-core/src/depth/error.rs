@@ -1,4 +1,4 @@
-//! What is wrong with the description of a network's depth.
+//! The errors in the description of a network's depth.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use nunet_types::Hint;
 
 use crate::error_kind::ErrorKind;
 
-/// What is wrong with the description of a network's depth.
+/// Why the description of a network's depth is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DepthError {
@@ -16,7 +16,7 @@ pub enum DepthError {
         /// The text.
         text: String,
     },
-    /// A range that holds no depth.
+    /// An empty range.
     #[error("depth range `{min_m}` to `{max_m}` m is not finite, starts below 0, or is empty")]
     Range {
         /// The smallest depth, meters.
@@ -24,7 +24,7 @@ pub enum DepthError {
         /// The largest depth, meters.
         max_m: f32,
     },
-    /// A map that loses the output.
+    /// A scale of 0, or numbers that are not finite.
     #[error("output scale `{scale}` and shift `{shift}` must be finite, and the scale not 0")]
     OutputScale {
         /// The factor.

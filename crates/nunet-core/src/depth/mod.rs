@@ -1,4 +1,4 @@
-//! From network outputs to depth: encodings, the valid range, and the scale.
+//! Decodes network outputs to depth: encodings, the valid range, and the scale.
 
 mod border;
 mod decode;

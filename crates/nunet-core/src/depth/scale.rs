@@ -9,9 +9,9 @@ use super::DepthEncoding;
 pub struct Scale {
     /// The unit of the depth map.
     pub units: Units,
-    /// Where its scale comes from.
+    /// The source of its scale.
     pub source: ScaleSource,
-    /// What the network's meters are multiplied by.
+    /// The factor by which the network's meters are multiplied.
     pub factor: f32,
     /// Nanoseconds since the factor was measured; 0 for one that does not change.
     pub age_nanos: i64,

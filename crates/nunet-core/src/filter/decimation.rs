@@ -1,4 +1,4 @@
-//! Fewer, larger pixels: each block of the network's depth map becomes one.
+//! Decimation: each block of pixels of the network's depth map becomes one pixel.
 
 use std::fmt;
 use std::num::NonZeroU32;
@@ -19,7 +19,7 @@ const MEAN_FACTOR: usize = 4;
 /// Pixels of the largest block.
 const MAX_BLOCK: usize = (*FACTOR.end() * *FACTOR.end()) as usize;
 
-/// How much smaller a depth map becomes.
+/// The options of decimation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DecimationOptions {
     factor: NonZeroU32,
@@ -42,8 +42,8 @@ impl DecimationOptions {
         self.factor
     }
 
-    /// The number of whole blocks along both sides. Columns at the right and rows at the bottom that do not fill a block are
-    /// cut off: the center of a smaller block would not be where the camera's intrinsics put it.
+    /// The number of whole blocks along both sides. Columns at the right and rows at the bottom that do not
+    /// fill a block are cut off, because the intrinsics would not hold for the center of a smaller block.
     #[must_use]
     pub fn reduced(self, ImageSize { width, height }: ImageSize) -> ImageSize {
         ImageSize { width: width / self.factor, height: height / self.factor }
@@ -156,7 +156,7 @@ impl Decimation {
     }
 }
 
-/// How a large image is cut into blocks, one for each pixel of the small one.
+/// The division of an image into blocks, one for each pixel of the decimated image.
 #[derive(Clone, Copy)]
 struct Blocks {
     /// Pixels on each side of a block.

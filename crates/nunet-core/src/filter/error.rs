@@ -1,4 +1,4 @@
-//! What is wrong with a filter's text or buffers.
+//! The errors of filters.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use nunet_types::Hint;
 
 use crate::error_kind::ErrorKind;
 
-/// What is wrong with a filter's text or buffers.
+/// Why a filter's text or buffers are invalid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FilterError {
@@ -89,7 +89,7 @@ pub enum FilterError {
 }
 
 impl FilterError {
-    /// What the error is about.
+    /// The kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {

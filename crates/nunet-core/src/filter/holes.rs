@@ -1,4 +1,4 @@
-//! Fills holes with depth from around them.
+//! Fills holes with the depth of neighbors.
 
 use std::fmt;
 
@@ -7,12 +7,12 @@ use nunet_types::ImageSize;
 use super::settings::Settings;
 use super::{DepthFilter, FilterError, check_size};
 
-/// Which of the depths around fills a hole.
+/// The neighbor that fills a hole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum FillMode {
     /// The left one.
     Left,
-    /// The farthest: holes beside an edge are more often background.
+    /// The farthest, because holes next to an edge are usually background.
     #[default]
     Farthest,
     /// The nearest: for robots that should stop too early rather than too late.
@@ -31,7 +31,7 @@ impl FillMode {
     }
 }
 
-/// How holes are filled.
+/// The options of hole filling.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HolesOptions {
     mode: FillMode,
@@ -60,11 +60,12 @@ impl fmt::Display for HolesOptions {
     }
 }
 
-/// Fills each pixel without depth with a depth from around it.
+/// Fills each pixel without depth with the depth of a neighbor.
 ///
-/// As librealsense's code does, from the left neighbor, or from the farthest or nearest of five: above, above left,
-/// left, below left and below. Pixels are filled row by row from the left, and what was filled fills the next, so that a
-/// hole of any size is filled. What has nothing to its left (nor above or below) stays without depth.
+/// As librealsense's code does, from the left neighbor, or from the farthest or nearest of five: above, above
+/// left, left, below left and below. Pixels are filled row by row from the left, and filled pixels fill the
+/// next ones, so that holes of any size are filled. A pixel without any neighbor with depth stays without
+/// depth.
 #[derive(Debug)]
 pub struct HoleFilling {
     options: HolesOptions,

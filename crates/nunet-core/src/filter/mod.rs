@@ -4,11 +4,12 @@
 //! decimation first because the others are then cheaper, hole filling last because filled depth must not be smoothed into
 //! measured depth.
 //!
-//! Parameters and defaults are those of librealsense's
-//! [post-processing filters](https://github.com/IntelRealSense/librealsense/blob/master/doc/post-processing-filters.md)
-//! where they mean the same. Only `delta` has another unit: librealsense counts steps of the depth image, by default
-//! millimeters of a D400, so its 20 is 0.02 m here. (In its disparity domain 20 is 2 cm at 1 m as well, and grows with the
-//! square of the distance; here it does not.) For a network whose depth has no unit, `delta` is in the network's unit.
+//! Parameters and defaults are those of librealsense's [post-processing
+//! filters](https://github.com/IntelRealSense/librealsense/blob/master/doc/post-processing-filters.md) where
+//! they have the same meaning. Only `delta` has another unit: librealsense counts steps of the depth image,
+//! by default millimeters of a D400, so its 20 is 0.02 m here. (In its disparity domain 20 is 2 cm at 1 m as
+//! well, and grows with the square of the distance; here it does not.) For a network whose depth has no unit,
+//! `delta` is in the network's unit.
 
 mod decimation;
 mod error;

@@ -7,7 +7,7 @@ use super::{DecimationOptions, FilterError, HolesOptions, SpatialOptions, Tempor
 
 /// One filter with its settings.
 ///
-/// # Example: what is not written keeps its default
+/// # Example: omitted settings have their defaults
 /// ```
 /// # use nunet_core::filter::{FilterError, FilterSpec};
 /// let filter: FilterSpec = "spatial=alpha:0.4".parse()?;
@@ -16,13 +16,13 @@ use super::{DecimationOptions, FilterError, HolesOptions, SpatialOptions, Tempor
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FilterSpec {
-    /// Fewer, larger pixels.
+    /// Decimation.
     Decimation(DecimationOptions),
     /// Smoothing within surfaces.
     Spatial(SpatialOptions),
     /// Smoothing over time.
     Temporal(TemporalOptions),
-    /// Holes filled with depth from around them.
+    /// Hole filling.
     Holes(HolesOptions),
 }
 
@@ -84,10 +84,10 @@ pub struct FilterOptions {
 }
 
 impl FilterOptions {
-    /// The filters that were asked for; their order does not matter.
+    /// The requested filters; their order does not matter.
     ///
     /// # Errors
-    /// A filter that is asked for twice.
+    /// A filter that is given twice.
     pub fn new(specs: &[FilterSpec]) -> Result<Self, FilterError> {
         let mut options = Self::default();
         for &spec in specs {
@@ -104,7 +104,7 @@ impl FilterOptions {
         Ok(options)
     }
 
-    /// The decimation that is asked for.
+    /// The decimation, if it is on.
     #[must_use]
     pub fn decimation(&self) -> Option<DecimationOptions> {
         self.decimation

@@ -41,7 +41,7 @@ impl<'a> Settings<'a> {
         Ok(Self { filter, pairs })
     }
 
-    /// What was written for a setting.
+    /// The text of a setting.
     pub(super) fn text(&self, key: &'static str) -> Option<&'a str> {
         self.pairs.iter().find(|(name, _)| *name == key).map(|(_, value)| *value)
     }

@@ -19,7 +19,7 @@ const FILL: RangeInclusive<usize> = 0..=5;
 /// How many pixels `fill` 0 to 5 fills from each side of a hole.
 const FILL_PX: [usize; 6] = [0, 2, 4, 8, 16, usize::MAX];
 
-/// How depth is smoothed within surfaces.
+/// The options of spatial smoothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialOptions {
     magnitude: u32,

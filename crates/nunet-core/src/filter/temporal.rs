@@ -1,4 +1,4 @@
-//! Smoothing over time: each pixel with its own past.
+//! Smoothing over time, for each pixel separately.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -36,7 +36,7 @@ const RULES: [Rule; 9] = [
     Rule { frames: 0, measured: 0 },           // always
 ];
 
-/// How depth is smoothed over time.
+/// The options of temporal smoothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TemporalOptions {
     alpha: f32,

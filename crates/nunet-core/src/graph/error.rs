@@ -1,4 +1,4 @@
-//! What is wrong with a graph: its files, their wiring, or a run.
+//! The errors of a graph: its files, their wiring, or a run.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use crate::error_kind::ErrorKind;
 use crate::graph::{ElementType, ManifestError, Provider, WiringError};
 use crate::model::ModelError;
 
-/// What is wrong with a graph: its files, their wiring, or a run.
+/// Why a graph cannot be loaded or run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GraphError {
@@ -33,7 +33,7 @@ pub enum GraphError {
         /// The file.
         path: PathBuf,
     },
-    /// A small text that Git LFS leaves where it has not fetched the file.
+    /// A Git LFS pointer instead of the file.
     #[error("`{}` is a pointer of Git LFS, not the file itself", path.display())]
     LfsPointer {
         /// The file.
@@ -185,7 +185,7 @@ pub enum GraphError {
 }
 
 impl GraphError {
-    /// What the error is about.
+    /// The kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
@@ -218,7 +218,7 @@ impl Hint for GraphError {
     }
 }
 
-/// What to do about the most frequent messages of ONNX Runtime.
+/// The hints for the most frequent messages of ONNX Runtime.
 fn hint_of_load(reason: &str) -> Option<&'static str> {
     if reason.contains("rotobuf") || reason.contains("ModelProto") {
         Some("the file is damaged or is not an ONNX model; download or export it again")

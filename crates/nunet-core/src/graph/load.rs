@@ -166,7 +166,7 @@ impl<'a> Loader<'a> {
             hash.update(file_hash);
             models.push((file, model));
         }
-        // The stage that gives the depth carries the description of the whole graph.
+        // The stage of the depth output contains the description of the whole graph.
         let depth_stage = manifest.outputs.depth.split('.').next().unwrap_or_default();
         let speaker =
             manifest.stages.iter().position(|stage| stage.name == depth_stage).unwrap_or(models.len() - 1);
@@ -240,7 +240,7 @@ impl<'a> Loader<'a> {
     }
 }
 
-/// What the wiring checks.
+/// The input of the wiring.
 struct WiringInput<'a> {
     manifest: Manifest,
     signatures: Vec<Signature>,

@@ -138,7 +138,7 @@ fn check_model(stage: &ManifestStage) -> Result<(), ManifestError> {
     }
 }
 
-/// What is wrong with a manifest.
+/// Why a manifest is invalid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ManifestError {

@@ -1,4 +1,4 @@
-//! Which memory each tensor of a run has: the caller's or the graph's own.
+//! Assigns memory to each tensor of a run: the caller's or the graph's own.
 
 use crate::graph::GraphError;
 use crate::graph::io::GraphInput;
@@ -10,7 +10,7 @@ use crate::graph::wiring::{InputSource, Wired, WiredStage};
 pub(super) struct RunTensors<'run> {
     pub(super) plan: &'run Wired,
     pub(super) image: Lent<'run>,
-    /// `None` if depth stays inside.
+    /// `None` if depth is kept in the graph's own memory.
     pub(super) depth: Option<Lent<'run>>,
     pub(super) labels: Option<Lent<'run>>,
     pub(super) own: LentTensors<'run>,
@@ -61,7 +61,7 @@ pub(super) fn lend_image<'run>(
     }
 }
 
-/// Lends memory for labels to a run, if the caller wants them.
+/// Lends memory for labels to a run, if the caller requested them.
 pub(super) fn lend_labels<'run>(
     tensor: Option<&'run mut CallerTensor>,
     memory: Option<&'run mut [u8]>,

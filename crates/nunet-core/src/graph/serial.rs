@@ -28,7 +28,7 @@ pub struct SerialGraph {
     sessions: Vec<Session>,
     image: CallerTensor,
     depth: CallerTensor,
-    /// For depth of another size than the image, which stays inside.
+    /// Resizes depth of another size than the image, which is kept in the graph's own memory.
     depth_resize: Option<DepthResize>,
     labels: Option<CallerTensor>,
     own: OwnTensors,
@@ -121,8 +121,7 @@ impl SerialGraph {
 
     /// Writes the extra inputs: all of them for a camera, the constants without one.
     fn feed_extra_inputs(&mut self, camera: Option<&Intrinsics>) {
-        let placeholder =
-            Intrinsics::new(1.0, 1.0, 0.0, 0.0, 1, 1).expect("these numbers are those of a camera");
+        let placeholder = Intrinsics::new(1.0, 1.0, 0.0, 0.0, 1, 1).expect("valid intrinsics");
         let is_fed = |extra: &WiredExtra| camera.is_some() || !extra.value.needs_camera();
         for (index, extra) in self.plan.extras.iter().enumerate().filter(|(_, extra)| is_fed(extra)) {
             if let Some(bytes) = extra.bytes(camera.unwrap_or(&placeholder)) {

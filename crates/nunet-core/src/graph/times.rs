@@ -1,4 +1,4 @@
-//! How long each stage of a frame took, in a list that never allocates.
+//! The time of each stage of a frame, in a list that never allocates.
 
 use crate::graph::MAX_STAGES;
 

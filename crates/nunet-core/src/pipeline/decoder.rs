@@ -1,4 +1,4 @@
-//! From network outputs to depth.
+//! Decodes network outputs to depth.
 
 use super::{FloorScale, Lens, PipelineError, PipelineOptions};
 use crate::camera::check_scale_factor;
@@ -11,11 +11,11 @@ pub(super) struct Decoder {
     encoding: DepthEncoding,
     output: OutputScale,
     range: DepthRange,
-    /// Not for untrained and foreign networks, whose borders were not measured.
+    /// `None` for untrained and foreign networks, whose borders were not measured.
     border: Option<BorderFill>,
-    /// Before the floor corrects it.
+    /// The scale before the correction by the floor.
     own_scale: Scale,
-    /// Of the last frame.
+    /// The scale of the last frame.
     pub(super) scale: Scale,
     pub(super) floor: Option<FloorScale>,
     max_range_m: Option<f32>,
@@ -51,7 +51,8 @@ impl Decoder {
         self.max_range_m.unwrap_or_else(of_model)
     }
 
-    /// Decodes to depth, in place, and lets the floor correct it; returns how many pixels are not a measurement.
+    /// Decodes to depth, in place, and applies the correction by the floor. Returns the number of invalid
+    /// pixels.
     pub(super) fn decode(&mut self, depth: &mut [f32], labels: Option<&[u8]>) -> u32 {
         if let Some(border) = self.border {
             border.apply(depth);
@@ -63,7 +64,7 @@ impl Decoder {
         invalid
     }
 
-    /// Forgets what was measured on the floor.
+    /// Discards the measurements of the floor.
     pub(super) fn forget_floor(&mut self) {
         self.floor.iter_mut().for_each(FloorScale::forget);
         self.scale = self.own_scale;

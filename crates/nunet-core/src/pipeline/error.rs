@@ -1,4 +1,4 @@
-//! What is wrong with a pipeline or a frame.
+//! The errors of a pipeline.
 
 use std::borrow::Cow;
 
@@ -12,7 +12,7 @@ use crate::graph::GraphError;
 use crate::model::SelfTestMismatch;
 use crate::scale::ScaleError;
 
-/// What is wrong with a pipeline or a frame.
+/// Why a pipeline cannot be built, or a frame cannot be processed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PipelineError {
@@ -28,16 +28,16 @@ pub enum PipelineError {
     /// A buffer of the cloud has the wrong size.
     #[error(transparent)]
     Cloud(#[from] CloudError),
-    /// A scale that does not go with the network.
+    /// A scale that does not fit the network.
     #[error(transparent)]
     Scale(#[from] ScaleError),
-    /// The model computes something else than when it was exported.
+    /// The self-test failed: outputs differ from those recorded at export.
     #[error("self-test failed: outputs differ from those recorded at export")]
     SelfTest(#[from] SelfTestMismatch),
 }
 
 impl PipelineError {
-    /// What the error is about.
+    /// The kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {

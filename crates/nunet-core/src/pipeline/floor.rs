@@ -38,7 +38,7 @@ impl FloorScale {
         self.gauge.set_mount(mount);
     }
 
-    /// Forgets the factor.
+    /// Discards the factor.
     pub(super) fn forget(&mut self) {
         self.tracker.reset();
     }

@@ -1,22 +1,22 @@
-//! What goes in and out of a frame's processing.
+//! The output buffers and the report of a frame.
 
 use crate::camera::Camera;
 use crate::cloud::CloudPoint;
 use crate::depth::{Scale, ScaleSource, Units};
 use crate::graph::{Quality, StageTimes};
 
-/// Memory of the caller into which a frame's results are written.
+/// Buffers of the caller for the results of a frame.
 #[derive(Debug)]
 pub struct Outputs<'a> {
     /// `[H, W]` at [`super::Pipeline::size`]: meters (or no unit, see [`FrameReport::units`]), NaN where nothing was measured.
     pub depth_m: &'a mut [f32],
-    /// `[H, W]`: class indices; `None` if they are not wanted.
+    /// `[H, W]`: class indices; `None` if they are not needed.
     pub labels: Option<&'a mut [u8]>,
-    /// [`super::Pipeline::cloud_size`] points; `None` if they are not wanted.
+    /// [`super::Pipeline::cloud_size`] points; `None` if they are not needed.
     pub cloud: Option<&'a mut [CloudPoint]>,
 }
 
-/// What happened to a frame.
+/// The report of a processed frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameReport {
     /// The time of each stage, in the order of [`super::Pipeline::stage_names`]; 0 for one that did not run.
@@ -25,7 +25,7 @@ pub struct FrameReport {
     pub quality: Quality,
     /// The unit of the depth map.
     pub units: Units,
-    /// Where its scale comes from.
+    /// The source of its scale.
     pub scale_source: ScaleSource,
     /// Factor by which the network's meters were multiplied; 0 for depth without a unit.
     pub scale_factor: f32,

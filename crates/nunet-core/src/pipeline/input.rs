@@ -5,7 +5,7 @@ use nunet_types::ImageSize;
 use crate::graph::{GraphInput, SerialGraph};
 use crate::preprocess::TensorFormat;
 
-/// The image as the graph takes it: unchanged, or as a foreign network's tensor in a buffer of its own.
+/// The image for the graph: unchanged, or converted to a foreign network's tensor in a separate buffer.
 pub(super) enum GraphImage {
     Rgb,
     Float { format: TensorFormat, tensor: Vec<f32> },

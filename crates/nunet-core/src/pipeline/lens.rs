@@ -30,7 +30,7 @@ pub(super) struct Lens {
 }
 
 impl Lens {
-    /// Also feeds the camera to the graph's inputs that depend on it.
+    /// Also sets the graph's inputs that depend on the camera.
     pub(super) fn new(options: &PipelineOptions, graph: &mut SerialGraph) -> Result<Self, CameraError> {
         let ImageSize { width, height } = graph.size();
         let known = options.camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
@@ -54,7 +54,7 @@ impl Lens {
         })
     }
 
-    /// Fills a cloud, if one is wanted. Points farther than `max_range_m` have no coordinates.
+    /// Fills a cloud, if one was requested. Points farther than `max_range_m` have no coordinates.
     pub(super) fn fill_cloud(
         &self,
         depth_m: &[f32],

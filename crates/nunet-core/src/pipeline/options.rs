@@ -1,4 +1,4 @@
-//! How a pipeline is built.
+//! The options of a pipeline.
 
 use std::num::NonZeroU32;
 
@@ -10,13 +10,13 @@ use crate::scale::ScaleMode;
 /// a point's position depends mostly on the error of the calibration: at 89.9 degrees a depth of 1 m is 573 m away.
 pub const MAX_RAY_ANGLE_RAD: f64 = 85.0 / 180.0 * std::f64::consts::PI;
 
-/// How a pipeline is built.
+/// The options of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PipelineOptions {
     /// The camera; without one, points and meters are those of an assumed camera
     /// ([`Pipeline::set_camera`](super::Pipeline::set_camera)).
     pub camera: Option<Camera>,
-    /// What the network's meters are multiplied by.
+    /// The source of the factor by which the network's meters are multiplied.
     pub scale: ScaleMode,
     /// The factor that was measured for this camera and model ([`Pipeline::set_calibrated_factor`](super::Pipeline)).
     pub calibrated_factor: Option<f32>,

@@ -1,4 +1,4 @@
-//! What prevents depth from being scaled.
+//! The errors of scaling depth.
 
 use std::borrow::Cow;
 
@@ -6,14 +6,14 @@ use nunet_types::Hint;
 
 use crate::error_kind::ErrorKind;
 
-/// What prevents depth from being scaled.
+/// Why depth cannot be scaled.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScaleError {
     /// A scale for depth that has no unit.
     #[error("the model's depth has no unit, so that no factor makes meters of it")]
     NoUnit,
-    /// A scale from the floor, and a model that does not know floor.
+    /// A scale from the floor for a model without a floor class.
     #[error("the model has no class for floor, so that the floor cannot give the scale")]
     NoFloorClass,
 }

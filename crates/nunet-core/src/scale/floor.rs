@@ -1,4 +1,4 @@
-//! The scale that the floor of one frame says.
+//! Measures the scale of depth on the floor of one frame.
 //!
 //! The mount gives the camera's height and attitude, so the true depth of each pixel that shows level floor is known. Each
 //! pixel labeled floor gives a ratio: true depth over measured depth. The frame's ratio is their weighted median, taken
@@ -13,14 +13,15 @@ use super::ScaleError;
 use crate::camera::{Camera, MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, RayTable};
 use crate::obstacle::{DepthImage, Mount, Role, Roles};
 
-/// Pixels that are looked at, at most: about 0.1 ms.
+/// The largest number of pixels that are used: about 0.1 ms.
 const MAX_SAMPLES: usize = 8192;
 /// Error of the attitude that weights assume, radians (0.5 degrees), and of depth, as a share.
 const ATTITUDE_ERROR_RAD: f32 = 0.0087;
 const DEPTH_ERROR: f32 = 0.03;
 /// Floor whose true depth is less certain than this share is not used.
 const MAX_ERROR: f32 = 0.2;
-/// The floor must cover this share of the image. With less, it is often only a carpet, or what a chair leaves visible.
+/// The floor must cover this share of the image. Smaller floor areas are often only a carpet, or floor
+/// between the legs of a chair.
 const MIN_FLOOR: f32 = 0.09;
 /// Ratios within this logarithm of the median agree with it (35 %). Networks need this much: theirs differ from near to far.
 const AGREEMENT: f32 = 0.3;
@@ -28,8 +29,8 @@ const AGREEMENT: f32 = 0.3;
 const MIN_AGREEING: f32 = 0.6;
 /// The share of ratios that may be smaller: they would be below the floor.
 const MAX_BELOW: f32 = 0.2;
-/// How steeply ratios may grow with distance, as the exponent: 0 for floor, 1 for an upright wall. Networks that draw near
-/// things too far have up to 0.6.
+/// How steeply ratios may grow with distance, as the exponent: 0 for floor, 1 for an upright wall. Networks
+/// that estimate near objects too far have up to 0.6.
 const MAX_GROWTH: f32 = 0.75;
 /// Growth is known if the logarithm of distance has this variance.
 const MIN_VARIANCE: f32 = 0.01;
@@ -37,10 +38,10 @@ const MIN_VARIANCE: f32 = 0.01;
 const BIN: f32 = 0.005;
 const BINS: usize = 1200;
 
-/// The ratio that one frame says.
+/// The ratio of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FloorRatio {
-    /// What the frame's depth must be multiplied by.
+    /// The factor by which the frame's depth must be multiplied.
     pub ratio: f32,
     /// Half of the ratios differ from `ratio` by less than this share of it.
     pub spread: f32,
@@ -90,7 +91,7 @@ pub struct FloorGauge {
     rays: RayTable,
     roles: Roles,
     samples: Vec<FloorPixel>,
-    /// Every n-th column and row is looked at.
+    /// Every n-th column and row is used.
     stride: usize,
     looked_at: usize,
     weights: Vec<f32>,
@@ -116,7 +117,7 @@ impl FloorGauge {
         Ok(gauge)
     }
 
-    /// Takes another mount from the next frame on, such as the attitude of an inertial sensor.
+    /// Sets the mount for the next frames, for example with the attitude of an inertial sensor.
     pub fn set_mount(&mut self, mount: Mount) {
         let height_m = mount.height_m() as f32;
         let width = self.rays.width() as usize;
@@ -146,8 +147,8 @@ impl FloorGauge {
         self.samples.len() as f32 / self.looked_at.max(1) as f32
     }
 
-    /// The ratio that a frame says; `None` without enough floor, if its ratios do not agree, or without labels. Allocates
-    /// nothing. Buffers of another size than the camera's image say nothing.
+    /// The ratio of a frame; `None` without labels or enough floor, if its ratios do not agree, or if
+    /// buffers have another size than the camera's image. Allocates nothing.
     pub fn measure(&mut self, image: &DepthImage<'_>) -> Option<FloorRatio> {
         let labels = image.labels?;
         let pixels = self.rays.rays().len();

@@ -1,7 +1,8 @@
-//! The scale of depth: what the network's meters are multiplied by.
+//! The scale of depth: the factor by which the network's meters are multiplied.
 //!
-//! Depth from one image has an uncertain scale. [`ScaleMode`] says where the factor comes from: the focal length, a
-//! calibration, or the floor. [`FloorGauge`] measures it on the floor of one frame, [`ScaleTracker`] follows it over time.
+//! Depth from one image has an uncertain scale. [`ScaleMode`] selects the source of the factor: the focal
+//! length, a calibration, or the floor. [`FloorGauge`] measures it on the floor of one frame,
+//! [`ScaleTracker`] follows it over time.
 
 mod error;
 mod floor;

@@ -1,8 +1,8 @@
-//! Where the factor comes from.
+//! The source of the factor.
 
 use crate::obstacle::Mount;
 
-/// Where the factor comes from.
+/// The source of the factor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum ScaleMode {
     /// The calibrated factor, else the ratio of this camera's focal length to the training camera's, else 1.

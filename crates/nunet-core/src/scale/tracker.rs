@@ -1,4 +1,4 @@
-//! The factor over time: smooth, slow, and kept while nothing is measured.
+//! Tracks the factor over time: it changes slowly, and is kept while nothing is measured.
 
 /// Measurements at the start that are averaged; after them the factor is followed slowly.
 const FIRST_MEASUREMENTS: u32 = 10;
@@ -8,7 +8,7 @@ const TIME_CONSTANT_S: f32 = 2.0;
 const MAX_RATE: f32 = 0.05;
 /// A measurement that differs by more than this logarithm (20 %) is an outlier, unless it lasts.
 const OUTLIER: f32 = 0.18;
-/// Outliers in a row from which on they are the new truth, such as after the camera was moved.
+/// After this many outliers in a row, they are accepted, for example after the camera was moved.
 const MAX_OUTLIERS: u32 = 20;
 /// Time from frame to frame if frames have no time, seconds.
 const UNKNOWN_PERIOD_S: f32 = 0.1;
@@ -35,8 +35,8 @@ pub struct ScaleTracker {
 }
 
 impl ScaleTracker {
-    /// Takes a frame: the factor measured in it, if any, and its time, if known. Returns the factor to use; `None` before
-    /// the first measurement.
+    /// Adds a frame: the factor measured in it, if any, and its time, if known. Returns the factor to use;
+    /// `None` before the first measurement.
     pub fn update(&mut self, measured: Option<f32>, time_nanos: Option<i64>) -> Option<TrackedScale> {
         let (period_s, passed_nanos) = self.advance(time_nanos);
         self.age_nanos = self.age_nanos.saturating_add(passed_nanos);
@@ -53,7 +53,7 @@ impl ScaleTracker {
         (self.measurements > 0).then_some(scale)
     }
 
-    /// Forgets everything: the next frame is of another camera, or independent.
+    /// Discards all measurements: the next frame is from another camera, or independent.
     pub fn reset(&mut self) {
         *self = Self::default();
     }

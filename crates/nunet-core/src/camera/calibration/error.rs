@@ -1,4 +1,4 @@
-//! What is wrong with a calibration.
+//! The errors of a calibration.
 
 use std::borrow::Cow;
 
@@ -8,11 +8,11 @@ use super::{MAX_BYTES, MAX_IGNORED_SKEW};
 use crate::camera::CameraError;
 use crate::error_kind::ErrorKind;
 
-/// What is wrong with a calibration.
+/// Why a calibration cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
-    /// More text than any calibration has.
+    /// Too much text for a calibration.
     #[error("the file has more than {MAX_BYTES} bytes")]
     TooLong,
     /// No text.
@@ -91,7 +91,7 @@ pub enum CalibrationError {
         /// The name as written.
         model: String,
     },
-    /// Numbers that no camera has.
+    /// Invalid intrinsics.
     #[error("the camera matrix does not fit an image of {width}x{height}")]
     Intrinsics {
         /// Image width, pixels.
@@ -107,7 +107,7 @@ pub enum CalibrationError {
         /// The text.
         text: String,
     },
-    /// Coefficients that no lens has, or a factor of depth that no camera needs.
+    /// Coefficients or a factor of depth out of range.
     #[error(transparent)]
     Lens(#[from] CameraError),
 }

@@ -20,12 +20,12 @@ pub struct CalibratedScale {
     pub model_hash: Option<[u8; 32]>,
 }
 
-/// A measured factor as it is written into a calibration file.
+/// A measured factor for a calibration file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScaleNote {
     /// What the network's meters are multiplied by.
     pub factor: f64,
-    /// By which share single observations differ from it (1.4826 times the median deviation).
+    /// The relative spread of the observations (1.4826 times the median deviation).
     pub spread: f64,
     /// How many observations agreed.
     pub agreeing: usize,
@@ -48,7 +48,7 @@ struct ScaleEntry {
 
 /// The factor in a calibration file.
 pub(super) fn parse(text: &str) -> Result<Option<CalibratedScale>, CalibrationError> {
-    // The other keys are another parser's; a file without this one is not read twice.
+    // Another parser reads the other keys. A file without this key is not parsed twice.
     if !text.lines().any(is_start) {
         return Ok(None);
     }
@@ -73,7 +73,7 @@ fn is_start(line: &str) -> bool {
 }
 
 impl ScaleNote {
-    /// The text of a calibration file with this factor. Everything else in it stays as it is.
+    /// The text of a calibration file with this factor. The rest of the text does not change.
     #[must_use]
     pub fn written_into(&self, text: &str) -> String {
         let (head, tail) = split(text);

@@ -1,4 +1,4 @@
-#![expect(unsafe_code, reason = "asks a shared library who it is before it is trusted")]
+#![expect(unsafe_code, reason = "checks a shared library before it is used")]
 
 //! Checks whether a shared library is ONNX Runtime, and which version.
 //!
@@ -14,7 +14,8 @@ type GetApiBase = unsafe extern "C" fn() -> *const ort::sys::OrtApiBase;
 /// The version of the ONNX Runtime at `path`, an absolute path to a plain file.
 ///
 /// # Errors
-/// A file that is no shared library, a library of something else, and one too old for the interface we are built for.
+/// A file that is not a shared library, a library other than ONNX Runtime, and one that is too old for the
+/// interface of this build.
 pub(super) fn version(path: &Path) -> Result<String, RuntimeError> {
     // SAFETY: loading runs the library's initializers, which is what the user asked for by naming it; it stays loaded
     // for the whole of this function, and everything read from it is copied.

@@ -66,15 +66,17 @@ impl OnnxModel {
 /// frame's model hash would not identify the model.
 const NO_FOLDER: (&str, &str) = ("session.model_external_initializers_file_folder_path", "/dev/null");
 
-/// Threads sleep as soon as a run ends. Spinning between two frames would burn the cores that the rest of the robot needs.
+/// Threads sleep as soon as a run ends. Spinning between two frames would use CPU time that the rest of the
+/// robot needs.
 const SLEEP_AFTER_RUN: (&str, &str) = ("session.force_spinning_stop", "1");
 
 /// Within a run a thread that waits for another one spins for 50 us, then sleeps.
 ///
-/// Most of the 160 operators of a network end within that, so threads are rarely woken. Without a limit, the thread whose
-/// partner has lost its core to another process spins until it is back. `wnet_c.onnx` on two cores, median in ms, quiet and
-/// with another process on one core: unlimited 27.1 and 80.8, 50 us 27.3 and 47.4, 20 us 27.7 and 46.6, no spinning 30.4 and
-/// 46.2, one thread 45.7 and 45.4. Before ONNX Runtime 1.31 the option does not exist and is ignored.
+/// Most of the 160 operators of a network end within that, so threads are rarely woken. Without a limit, a
+/// thread spins for as long as the thread that it waits for has lost its core to another process.
+/// `wnet_c.onnx` on two cores, median in ms, quiet and with another process on one core: unlimited 27.1 and
+/// 80.8, 50 us 27.3 and 47.4, 20 us 27.7 and 46.6, no spinning 30.4 and 46.2, one thread 45.7 and 45.4.
+/// Before ONNX Runtime 1.31 the option does not exist and is ignored.
 const SPIN_DURATION: (&str, &str) = ("session.intra_op.spin_duration_us", "50");
 
 /// Keeps the provider of each node for [`Session::node_assignment`]: a few names per node.

@@ -9,7 +9,8 @@ use ort::session::builder::SessionBuilder;
 use crate::graph::Provider;
 
 impl Provider {
-    /// What `auto` tries, best first. Not TensorRT, which builds an engine for minutes before the first frame.
+    /// The providers that `auto` tries, best first. Not TensorRT, which builds an engine for minutes before
+    /// the first frame.
     pub(super) const AUTOMATIC: [Self; 3] = [Self::Cuda, Self::OpenVino, Self::Cpu];
 
     /// `self`, or the best provider for [`Provider::Auto`].

@@ -24,10 +24,10 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// Loads the library at `library`, or gives another handle to it where it is loaded already.
+    /// Loads the library at `library`, or returns another handle to it if it is loaded already.
     ///
-    /// A process can have one ONNX Runtime for its life: the library cannot be unloaded while threads of its own run.
-    /// A load that fails leaves nothing behind, so that another path can be tried.
+    /// A process can have one ONNX Runtime for its life: the library cannot be unloaded while threads of its
+    /// own run. After a failed load, another path can be tried.
     ///
     /// # Errors
     /// A path that is missing or not a plain file, a file that is no shared library, a shared library that is not
@@ -48,7 +48,7 @@ impl Runtime {
 
     fn start(library: PathBuf, version: String) -> Result<Self, RuntimeError> {
         let failed = |reason: String| RuntimeError::Start { library: library.clone(), reason };
-        // ONNX Runtime writes to stderr by default; what matters of it comes back as an error as well.
+        // ONNX Runtime logs to stderr by default; errors are also returned.
         let environment = ort::init_from(&library)
             .map_err(|error| failed(error.to_string()))?
             .with_name("nunet")
@@ -73,7 +73,7 @@ impl Runtime {
             .collect()
     }
 
-    /// What [`Provider::Auto`] means with this library on this machine.
+    /// The provider that [`Provider::Auto`] selects with this library on this machine.
     #[must_use]
     pub fn best_provider(&self) -> Provider {
         self.resolve(Provider::Auto, NonZeroUsize::MIN).unwrap_or(Provider::Cpu)

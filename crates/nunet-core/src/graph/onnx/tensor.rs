@@ -3,7 +3,7 @@
     reason = "lends memory of ours and of the caller to ONNX Runtime, through its C interface"
 )]
 
-//! Memory as ONNX Runtime sees it.
+//! Tensors over memory of this crate and of the caller.
 //!
 //! An `OrtValue` over memory that it does not own holds an address, a type and a shape; creating or keeping one reads
 //! nothing. Memory is accessed only during a run with the value. The rule that keeps this sound: **a run takes only
@@ -185,7 +185,7 @@ impl CallerTensor {
     }
 }
 
-/// 64 bytes, so that our memory is aligned as ONNX Runtime aligns its own.
+/// 64 bytes, the alignment that ONNX Runtime uses for its own memory.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct AlignedBlock([u8; 64]);

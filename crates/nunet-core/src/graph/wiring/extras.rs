@@ -35,7 +35,7 @@ pub(in crate::graph) fn wired_extra(
     let spec = TensorSpec { shape: closed_shape(&input.shape, value), ..input.clone() };
     let extra = WiredExtra { spec, value: value.clone() };
     // Not whole numbers, so that values of a camera are refused for an input of integers.
-    let camera = Intrinsics::new(1.5, 1.5, 0.25, 0.25, 1, 1).expect("these numbers are those of a camera");
+    let camera = Intrinsics::new(1.5, 1.5, 0.25, 0.25, 1, 1).expect("valid intrinsics");
     match extra.bytes(&camera) {
         Some(_) => Ok(extra),
         None => Err(WiringError::ExtraInput {

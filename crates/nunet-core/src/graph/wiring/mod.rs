@@ -39,7 +39,7 @@ pub(crate) struct Unwired<'a> {
     pub(crate) signatures: Vec<Signature>,
     /// The state tensors of each stage's file, in the same order.
     pub(crate) states: Vec<Vec<StateTensor>>,
-    /// What the sidecar feeds to other inputs than the image.
+    /// The values of the sidecar for inputs other than the image.
     pub(crate) extra_inputs: &'a BTreeMap<String, ExtraInput>,
     /// What the whole graph must take and return.
     pub(crate) contract: Contract,
@@ -98,7 +98,7 @@ pub(crate) struct WiredState {
 pub(crate) struct WiredExtra {
     /// Name, type, and shape without open dimensions.
     pub(crate) spec: TensorSpec,
-    /// What it is fed with.
+    /// Its value.
     pub(crate) value: ExtraInput,
 }
 
@@ -116,14 +116,14 @@ pub(crate) struct WiredStage {
     pub(crate) state: Vec<StateTensor>,
 }
 
-/// Where an input comes from.
+/// The source of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum InputSource {
     /// The image.
     Image,
     /// A tensor of an earlier stage.
     Tensor(usize),
-    /// What the stage itself left in its last run: an index into [`Wired::states`].
+    /// The state of the stage after its last run: an index into [`Wired::states`].
     State(usize),
     /// A value that the sidecar feeds: an index into [`Wired::extras`].
     Extra(usize),
