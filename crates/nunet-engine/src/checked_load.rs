@@ -1,4 +1,4 @@
-//! What the child process of the model check does.
+//! The child process of the model check.
 
 use std::path::Path;
 
@@ -16,10 +16,11 @@ const MEMORY_BASE: u64 = 4 << 30;
 /// Address space for each byte of the model: optimized and packed copies of the weights.
 const MEMORY_PER_MODEL_BYTE: u64 = 8;
 
-/// What the child process does: limits itself, loads the model if its files have these hashes, and runs its self-test.
+/// Runs the model check in this process: sets limits, loads the model if its files have these hashes, and
+/// runs its self-test.
 ///
 /// # Errors
-/// The reason to refuse the model.
+/// Why the model is refused.
 pub fn check_model_in_this_process(
     model: &Path,
     hashes: Vec<[u8; 32]>,

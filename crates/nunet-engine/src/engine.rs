@@ -1,4 +1,4 @@
-//! From options to a pipeline that has passed its self-test.
+//! Loads ONNX Runtime and models, up to a pipeline that has passed its self-test.
 
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use crate::telemetry::Telemetry;
 use crate::text::hexadecimal;
 use crate::{huge_pages, model_check, models};
 
-/// ONNX Runtime, loaded, and how networks are run in it.
+/// The loaded ONNX Runtime, and the options for running networks.
 ///
 /// # Example: a pipeline for a stream of frames
 /// ```no_run
@@ -74,7 +74,7 @@ impl Engine {
 
     /// Finds a model by path or name, checks it in a child process if it is new on this machine, and loads it.
     ///
-    /// `every`: stages that run only each n-th frame, whatever the manifest says. `cancel` ends a model check.
+    /// `every`: stages that run only each n-th frame, overriding the manifest. `cancel` ends a model check.
     ///
     /// # Errors
     /// No such model, a file that is refused, a stage that the model does not have; [`EngineError::Stopped`] if `cancel`
@@ -114,7 +114,7 @@ impl Engine {
     }
 }
 
-/// Which model computed something, for statistics and reports.
+/// The name and hash of a model, for statistics and reports.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ModelName {
     /// The file's name.
@@ -148,7 +148,7 @@ impl LoadedModel {
         hexadecimal(&self.graph.description().hash)
     }
 
-    /// Both.
+    /// Name and hash.
     #[must_use]
     pub fn model_name(&self) -> ModelName {
         ModelName { name: self.name(), hash: self.hash() }
@@ -160,11 +160,11 @@ impl LoadedModel {
         &self.graph
     }
 
-    /// One pipeline, self-tested, and the test's report. Logs nothing and leaves the memory's pages alone: for programs
-    /// that are hosts of their own.
+    /// One pipeline, self-tested, and the test's report. Logs nothing and does not change the memory's pages:
+    /// for programs that embed this crate.
     ///
     /// # Errors
-    /// Options that do not go with the network's size; a self-test that fails.
+    /// Options that do not fit the network's size; a self-test that fails.
     pub fn into_pipeline(self, options: PipelineOptions) -> Result<(Pipeline, SelfTestReport), EngineError> {
         let mut pipeline = Pipeline::new(self.graph, options)?;
         let report = pipeline.selftest(&MonotonicClock);
@@ -172,7 +172,7 @@ impl LoadedModel {
         Ok((pipeline, report))
     }
 
-    /// One pipeline per camera, at least one. They run the same sessions, so weights are in memory once and tested once.
+    /// One pipeline per camera, at least one. They share the sessions, so weights are loaded and tested once.
     /// The state of networks, filters and skipped stages belongs to each pipeline.
     ///
     /// Afterwards this process's memory is moved into huge pages, and what was loaded is logged.

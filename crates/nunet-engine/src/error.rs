@@ -1,4 +1,4 @@
-//! What can go wrong between a model's name and a pipeline that has passed its self-test.
+//! The errors of opening and running a model.
 
 use std::borrow::Cow;
 use std::error::Error as StdError;
@@ -29,7 +29,7 @@ pub enum EngineError {
         is_bare: bool,
         /// The bundled models, by name.
         bundled: Vec<String>,
-        /// Where they were looked up.
+        /// The folders that were searched.
         folders: Vec<PathBuf>,
     },
     /// The library that was named does not exist.
@@ -49,12 +49,12 @@ pub enum EngineError {
     TooManyThreads {
         /// What was asked for.
         threads: NonZeroUsize,
-        /// What the process may use.
+        /// The number of cores that the process may use.
         cores: NonZeroUsize,
-        /// What is allowed.
+        /// The largest number.
         most: usize,
     },
-    /// Filters that do not go together.
+    /// Filters that cannot be combined.
     #[error(transparent)]
     Filter(#[from] FilterError),
     /// The library is not usable.
@@ -66,12 +66,13 @@ pub enum EngineError {
     /// The pipeline around a model could not be made, or did not run.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// The model computes something else on this machine than where it was exported, or does not run at all.
+    /// The self-test failed: the outputs on this machine differ from those at export, or the model does not
+    /// run.
     #[error("cannot use `{}`: the self-test failed", path.display())]
     SelfTest {
         /// The model.
         path: PathBuf,
-        /// What differed.
+        /// The difference.
         source: PipelineError,
     },
     /// The model crashed the child process that loaded it first, now or at an earlier start.
@@ -91,7 +92,7 @@ pub enum EngineError {
         kind: EngineErrorKind,
         /// The error and its causes, one a line.
         message: String,
-        /// What to do about it.
+        /// The hint.
         hint: Option<String>,
     },
     /// The child process took too long.
@@ -102,7 +103,7 @@ pub enum EngineError {
         /// The limit.
         seconds: u64,
     },
-    /// The child process was ended by something else than the model.
+    /// The child process was ended from outside.
     #[error("the child process of the model check was ended from outside ({status})")]
     CheckInterrupted {
         /// Exit code or signal.
@@ -114,10 +115,10 @@ pub enum EngineError {
     /// A shutdown was requested before the model was loaded.
     #[error("stopped before the first frame")]
     Stopped,
-    /// The system refused something.
+    /// An operation of the system failed.
     #[error("{action}")]
     System {
-        /// What was tried: `cannot ...`.
+        /// The failed operation: `cannot ...`.
         action: String,
         /// Why it failed.
         source: io::Error,
@@ -197,7 +198,7 @@ impl Hint for EngineError {
     }
 }
 
-/// What to do about a model that was not found.
+/// The hint for a model that was not found.
 fn model_hint(is_bare: bool, bundled: &[String], folders: &[PathBuf]) -> String {
     if !is_bare {
         return "pass an existing path, or the bare name of a bundled model, such as `wnet_c.onnx`"
@@ -214,7 +215,7 @@ fn model_hint(is_bare: bool, bundled: &[String], folders: &[PathBuf]) -> String 
 }
 
 impl EngineErrorKind {
-    /// The kind of one error, if it is one of the engine's or the pipeline's. Its causes are not looked at.
+    /// The kind of one error, if it is one of the engine's or the pipeline's. Its causes are not checked.
     #[must_use]
     pub fn of(error: &(dyn StdError + 'static)) -> Option<Self> {
         if let Some(error) = error.downcast_ref::<EngineError>() {

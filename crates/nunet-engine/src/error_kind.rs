@@ -1,4 +1,4 @@
-//! What kind of failure an error is, for programs that tell failures apart by type: exit codes, Python's exceptions.
+//! The kinds of errors, for exit codes and Python's exceptions.
 
 use nunet_core::graph::GraphError;
 use nunet_core::pipeline::PipelineError;
@@ -15,13 +15,13 @@ pub enum EngineErrorKind {
     Model,
     /// Stages of a graph that do not fit together.
     Wiring,
-    /// Intrinsics or a lens that no camera has, or that do not fit the image.
+    /// Intrinsics or a lens that are invalid or do not fit the image.
     Camera,
-    /// ONNX Runtime's library: missing, unusable, or without the execution provider asked for.
+    /// ONNX Runtime's library: missing, unusable, or without the requested execution provider.
     Library,
     /// A shutdown was requested before the model was loaded.
     Stopped,
-    /// Everything else: the system refused something.
+    /// Everything else: an operation of the system failed.
     Other,
 }
 

@@ -2,10 +2,11 @@
 
 //! Huge pages for the memory that a network works in.
 //!
-//! A network walks through its weights and activations for each frame: tens of megabytes, tens of thousands of 4 KiB
-//! pages. In a virtual machine, looking up those pages costs 5 % of a frame, and a third of it on a busy host. Most
-//! distributions give huge pages on request only, and ONNX Runtime does not ask. So this asks once, after the first run
-//! has shown what is used. It is advice: if the kernel does not follow it, everything works as before.
+//! A network reads its weights and activations for each frame: tens of megabytes, tens of thousands of 4 KiB
+//! pages. In a virtual machine, looking up those pages costs 5 % of a frame, and a third of it on a busy
+//! host. Most distributions use huge pages only on request, and ONNX Runtime does not request them. This
+//! module does, once, after the first run has touched the memory that is used. It is only advice: if the
+//! kernel does not follow it, nothing else changes.
 
 use std::fs;
 use std::ops::Range;
@@ -15,7 +16,8 @@ use tracing::debug;
 /// A huge page of x86-64, and of aarch64 with pages of 4 KiB.
 const HUGE: usize = 2 << 20;
 
-/// `MADV_COLLAPSE` of Linux 6.1: at once, and whatever `/sys/kernel/mm/transparent_hugepage/enabled` says.
+/// `MADV_COLLAPSE` of Linux 6.1: synchronous, and independent of
+/// `/sys/kernel/mm/transparent_hugepage/enabled`.
 const COLLAPSE: libc::c_int = 25;
 
 /// Moves the private memory of this process that is in use into huge pages. No page is added.

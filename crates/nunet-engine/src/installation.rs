@@ -1,7 +1,8 @@
-//! Where this program is installed: the command that runs a model check, and the folders that came with it.
+//! The installation of this program: the command that runs a model check, and the folders of models and
+//! libraries.
 //!
-//! `nunetd` finds everything beside its executable. Inside another program (the Python package) the executable is the
-//! interpreter, so the package describes where its files are, once, before anything is looked up.
+//! `nunetd` finds its files next to its executable. In the Python package the executable is the interpreter,
+//! so the package describes where its files are, once, before any lookup.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

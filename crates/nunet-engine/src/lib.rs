@@ -1,8 +1,7 @@
-//! A trusted depth model, opened: the model and ONNX Runtime's library are found, a new file is first loaded in a child
-//! process with limits, and nothing is computed before the self-test has passed.
-//!
-//! [`Model`] runs images in this process; it is what the Python package wraps. [`Engine`] gives the pipelines that
-//! `nunetd` runs over streams of frames. Errors have a [kind](EngineError::kind) and a [hint](nunet_types::Hint).
+//! Opens a depth model: finds the model and ONNX Runtime's library, first loads a new file in a child process
+//! with limits, and computes nothing before the self-test has passed. [`Model`] processes images in this
+//! process; the Python package wraps it. [`Engine`] creates the pipelines with which `nunetd` processes
+//! streams. Errors have a [kind](EngineError::kind) and a [hint](nunet_types::Hint).
 //!
 //! # Example: depth of one image
 //! ```no_run
@@ -22,9 +21,9 @@
 //! # }
 //! ```
 //!
-//! The model check needs a `nunetd` beside the program or in `PATH`; a program with its own nunetd describes it
-//! ([`Installation`]). `NUNET_MODELS` names the folder of the bundled models, `ORT_DYLIB_PATH` the library of
-//! [`Model::open`].
+//! The model check needs `nunetd` next to the program or in `PATH`; a program with its own nunetd describes
+//! it ([`Installation`]). `NUNET_MODELS` names the folder of the bundled models, `ORT_DYLIB_PATH` the library
+//! of [`Model::open`].
 
 mod checked_load;
 mod clock;

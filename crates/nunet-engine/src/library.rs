@@ -1,6 +1,6 @@
-//! Where ONNX Runtime's shared library is searched: the path given, the installation (beside the executable; in Python,
-//! the package `onnxruntime`), the active environment's Python packages, the cache that `cargo xtask setup` fills, the
-//! system's folders.
+//! Searches ONNX Runtime's shared library: the given path, the installation (beside the executable; in
+//! Python, the package `onnxruntime`), the active environment's Python packages, the cache that `cargo xtask
+//! setup` fills, the system's folders.
 
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ impl LibraryFile {
     /// Finds the library: at `path`, else in the usual places.
     ///
     /// # Errors
-    /// The given path is no file, or no place holds a library.
+    /// The given path is not a file, or no library was found.
     pub fn find(path: Option<&Path>) -> Result<Self, EngineError> {
         if let Some(path) = path.filter(|path| !path.as_os_str().is_empty()) {
             return if path.is_file() {
@@ -57,7 +57,7 @@ fn not_found(places: &[SearchFolder]) -> EngineError {
     EngineError::LibraryNotFound { places: places.iter().map(line).collect() }
 }
 
-/// Where the library is in a folder.
+/// The location of the library in a folder.
 #[derive(Debug, Clone, Copy)]
 enum FolderLayout {
     /// In the folder itself.

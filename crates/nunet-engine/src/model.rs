@@ -1,4 +1,4 @@
-//! A model in this process: images in, results out.
+//! A model that processes images in this process.
 
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
@@ -23,16 +23,16 @@ use crate::options::EngineOptions;
 use crate::pool::{Pool, Pooled};
 use crate::text::LIBRARY_VARIABLE;
 
-/// How a model is run.
+/// The options of a model.
 #[derive(Debug, Clone, Default)]
 pub struct ModelOptions {
     /// Which execution provider computes.
     pub provider: Provider,
     /// Threads of one prediction; `None` for one per core.
     pub threads: Option<NonZeroUsize>,
-    /// What is done to depth after the network; each filter at most once.
+    /// The filters for depth; each at most once.
     pub filters: Vec<FilterSpec>,
-    /// What the network's meters are multiplied by.
+    /// The source of the factor by which the network's meters are multiplied.
     pub scale: ScaleMode,
     /// The factor of this camera and model, if it was measured.
     pub factor: Option<f32>,
@@ -47,9 +47,9 @@ pub struct Model {
     report: String,
     pipeline: Pipeline,
     camera: Option<Camera>,
-    /// That of the options.
+    /// The factor of the options.
     own_factor: Option<f32>,
-    /// That of the pipeline.
+    /// The factor of the pipeline.
     factor: Option<f32>,
     runs: u64,
     pools: Pools,
@@ -72,7 +72,7 @@ pub struct Inferred {
     pub labels: Option<Pooled<u8>>,
     /// `[H, W, 3]`, RGB: the image as the network saw it, at the size of the results.
     pub rgb: Pooled<u8>,
-    /// What happened in the pipeline.
+    /// The report of the pipeline.
     pub report: FrameReport,
     /// The camera on whose rays the points lie, at [`Model::size`]: the given one, else the assumed one.
     pub points_camera: Camera,
@@ -85,7 +85,7 @@ impl Model {
     /// it. The library is the one of `ORT_DYLIB_PATH`, else it is searched.
     ///
     /// # Errors
-    /// No such model, no library, a file that is refused, options that do not go with the network.
+    /// No such model, no library, a file that is refused, options that do not fit the network.
     pub fn open(name: &Path, options: ModelOptions) -> Result<Self, EngineError> {
         let ModelOptions { provider, threads, filters, scale, factor } = options;
         let filters = FilterOptions::new(&filters)?;
@@ -142,8 +142,8 @@ impl Model {
         self.runs
     }
 
-    /// Takes the factor of a calibration from the next image on; `None` for that of the options. Returns whether it is used: one
-    /// that was measured with another model is not.
+    /// Sets the factor of a calibration for the next images; `None` for that of the options. Returns
+    /// whether it is used: a factor that was measured with another model is not.
     ///
     /// # Errors
     /// Depth without a unit.
@@ -158,8 +158,8 @@ impl Model {
         Ok(fitting.is_some() == scale.is_some())
     }
 
-    /// Takes another mount from the next image on, such as the attitude of an inertial sensor. Only the scale from the
-    /// floor uses it.
+    /// Sets the mount for the next images, for example with the attitude of an inertial sensor. Only the
+    /// scale from the floor uses it.
     pub fn set_mount(&mut self, mount: Mount) {
         self.pipeline.set_mount(mount);
     }
@@ -174,7 +174,7 @@ impl Model {
     /// With `keep_state`, a recurrent network and the temporal filter keep their state from the image before.
     ///
     /// # Errors
-    /// A camera that does not go with the image, and what ONNX Runtime reports.
+    /// A camera that does not fit the image, and errors of ONNX Runtime.
     pub fn infer(
         &mut self,
         image: &ImageView<'_>,
@@ -193,7 +193,7 @@ impl Model {
         let pixels = self.pipeline.size().pixel_count();
         let mut depth = self.pools.depth.take(pixels);
         let mut labels = self.pipeline.graph().has_labels().then(|| self.pools.labels.take(pixels));
-        // Decimation reduces the colors only for a cloud, and they must lie pixel on pixel with depth.
+        // Colors must match depth pixel by pixel, and decimation reduces them only for a cloud.
         let mut points =
             (self.pipeline.decimation() > NonZeroU32::MIN).then(|| vec![CloudPoint::NONE; pixels]);
         let cloud = points.as_deref_mut();

@@ -27,9 +27,9 @@ use crate::verdict::{Verdict, VerdictRecord};
 
 /// Loading and one prediction on a slow board.
 const TIME_LIMIT: Duration = Duration::from_mins(2);
-/// The same if an engine is first built for the model and the graphics card.
+/// The time limit if TensorRT first builds an engine for the model.
 const TIME_LIMIT_WITH_ENGINE: Duration = Duration::from_mins(30);
-/// The most that is read of each of the child's outputs.
+/// The largest output of the child that is read.
 const MAX_OUTPUT_BYTES: u64 = 64 * 1024;
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// The hidden subcommand of `nunetd` that runs in the child process.
@@ -42,12 +42,12 @@ pub struct Refusal {
     kind: String,
     /// The error and its causes, one a line.
     message: String,
-    /// What to do about it.
+    /// The hint.
     hint: Option<String>,
 }
 
 impl Refusal {
-    /// The report about an error; `message` and `hint` are what a user sees of it.
+    /// The report about an error; `message` and `hint` are shown to the user.
     #[must_use]
     pub fn new(kind: EngineErrorKind, message: impl Into<String>, hint: Option<String>) -> Self {
         Self { kind: kind.name().to_owned(), message: message.into(), hint }
@@ -139,7 +139,7 @@ fn start_child(
 /// An output of the child up to a bound. Read while the child runs, so that a full pipe cannot stop it.
 fn read_output(pipe: impl std::io::Read) -> String {
     let mut bytes = Vec::new();
-    // A broken pipe ends the text, nothing else: the exit code decides.
+    // A broken pipe only ends the text; the exit code decides.
     let _ = pipe.take(MAX_OUTPUT_BYTES).read_to_end(&mut bytes);
     String::from_utf8_lossy(&bytes).into_owned()
 }
@@ -159,11 +159,11 @@ fn wait(child: &mut Child, limit: Duration, cancel: &AtomicBool) -> Result<Optio
     if cancel.load(Ordering::Relaxed) { Err(EngineError::Stopped) } else { Ok(None) }
 }
 
-/// Signals by which a process ends that did what no program should.
+/// The signals of a crash.
 const CRASHES: [Signal; 5] = [Signal::SEGV, Signal::BUS, Signal::ABORT, Signal::ILL, Signal::FPE];
 
-/// Only a crash is held against the file and stored. An orderly refusal may be due to this machine (memory, library),
-/// and any other signal came from outside (a user stopped it, or the system ran out of memory).
+/// Only a crash counts against the file and is stored. A reported refusal may be due to this machine
+/// (memory, library), and any other signal came from outside (a user, or the system when memory ran out).
 fn judge(status: ExitStatus, stdout: &str, stderr: &str) -> Result<Verdict, EngineError> {
     match (status.code(), status.signal()) {
         (Some(0), _) => Ok(Verdict::Passed),
@@ -175,7 +175,7 @@ fn judge(status: ExitStatus, stdout: &str, stderr: &str) -> Result<Verdict, Engi
     }
 }
 
-/// What the child reported; of a program that reports nothing (another version, bad arguments), its stderr.
+/// The report of the child, or its stderr if it reported nothing (another version, bad arguments).
 fn refusal(stdout: &str, stderr: &str) -> Refusal {
     let report = stdout.lines().rev().find_map(|line| serde_json::from_str(line).ok());
     report.unwrap_or_else(|| {

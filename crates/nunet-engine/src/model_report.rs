@@ -23,19 +23,19 @@ impl ModelReport<'_> {
         self.graph.description()
     }
 
-    /// Of all components; `None` if the file names none.
+    /// The sum over all components; `None` if the file states none.
     fn parameters(&self) -> Option<u64> {
         let components = &self.description().components;
         (!components.is_empty()).then(|| components.iter().map(|component| component.parameters).sum())
     }
 
-    /// Of all components; `None` if the file names none.
+    /// The sum over all components; `None` if the file states none.
     fn gflop(&self) -> Option<f64> {
         let components = &self.description().components;
         (!components.is_empty()).then(|| components.iter().map(|component| component.gflop).sum())
     }
 
-    /// `None` for a foreign network, whose file does not say.
+    /// `None` for a foreign network, whose file does not state it.
     fn trained(&self) -> Option<bool> {
         let about = self.description();
         (!about.is_foreign()).then_some(about.trained)

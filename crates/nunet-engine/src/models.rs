@@ -1,4 +1,4 @@
-//! From a model's name to its file: an existing path first, then the bundled models.
+//! Finds the file of a model by its name: an existing path first, then the bundled models.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ fn find_in(folders: Vec<PathBuf>, name: &Path) -> Result<PathBuf, EngineError> {
     })
 }
 
-/// Only a bare name is looked up: `./x.onnx` must not find another file than it says.
+/// Only a bare name is looked up: `./x.onnx` must not find another file.
 fn is_bare_name(name: &Path) -> bool {
     name.components().count() == 1 && !name.starts_with(".")
 }
@@ -49,7 +49,7 @@ pub fn model_folders() -> Vec<PathBuf> {
     }
 }
 
-/// All models but the stages that a manifest beside them joins: alone those give no depth.
+/// All models except the stages of a manifest in the same folder, because a stage alone gives no depth.
 fn bundled_names(folders: &[PathBuf]) -> Vec<String> {
     let files = folders.iter().filter_map(|folder| folder.read_dir().ok()).flatten().flatten();
     let is_model =

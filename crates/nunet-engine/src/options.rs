@@ -1,4 +1,4 @@
-//! How networks are run.
+//! The options of the engine.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use nunet_core::graph::Provider;
 
 use crate::error::EngineError;
 
-/// How networks are run.
+/// The options for running networks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct EngineOptions {
     /// Which execution provider computes.
@@ -20,8 +20,8 @@ pub struct EngineOptions {
 }
 
 impl EngineOptions {
-    /// ONNX Runtime's threads spin while they wait for each other. With far more of them than cores, a prediction does
-    /// not end.
+    /// ONNX Runtime's threads spin while they wait for each other. With far more threads than cores,
+    /// a prediction may never end.
     const MAX_THREADS_PER_CORE: usize = 4;
 
     /// Checks what can be checked without the library.

@@ -1,4 +1,5 @@
-//! Result buffers, reused once the host drops them: touching fresh memory pages costs more than writing the results.
+//! Result buffers that are reused once they are dropped, because the first write to new memory pages takes
+//! longer than writing the results.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,7 +13,7 @@ type Unused<T> = Arc<Mutex<Vec<Vec<T>>>>;
 #[derive(Debug, Default)]
 pub(crate) struct Pool<T>(Unused<T>);
 
-/// A buffer that returns to its pool when dropped, also after the model is gone.
+/// A buffer that returns to its pool when dropped, even after the model was dropped.
 #[derive(Debug)]
 pub struct Pooled<T> {
     values: Vec<T>,
@@ -51,7 +52,7 @@ impl<T> Drop for Pooled<T> {
     }
 }
 
-/// A thread that panicked while it held the lock left a complete list.
+/// Ignores poisoning, because the list is complete after each step.
 fn lock<T>(unused: &Unused<T>) -> std::sync::MutexGuard<'_, Vec<Vec<T>>> {
     unused.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,6 +1,6 @@
 #![expect(unsafe_code, reason = "ONNX Runtime reads the switch for its telemetry from the environment only")]
 
-//! ONNX Runtime's telemetry stays off unless the user turns it on.
+//! Keeps ONNX Runtime's telemetry off unless the user turns it on.
 //!
 //! The builds on the Python package index resolve their vendor's host about ten seconds after the library is loaded,
 //! open a TLS connection, and send the executable's path, the machine's type and a hashed device ID. The session option
@@ -15,7 +15,7 @@ pub const TELEMETRY_VARIABLE: &str = "ORT_DISABLE_TELEMETRY";
 const OFF: &str = "1";
 const ON: &str = "0";
 
-/// Whether ONNX Runtime may send telemetry, as the environment of this process says.
+/// Whether ONNX Runtime may send telemetry, by the environment of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Telemetry {
     /// It sends nothing.
@@ -25,7 +25,7 @@ pub enum Telemetry {
 }
 
 impl Telemetry {
-    /// What the environment says now.
+    /// The state by the current environment.
     #[must_use]
     pub fn state() -> Self {
         Self::of(std::env::var_os(TELEMETRY_VARIABLE).as_deref())
@@ -50,7 +50,7 @@ impl Telemetry {
     }
 }
 
-/// What to write over `value`: ONNX Runtime takes other words than 1, and an empty one, for "leave it on".
+/// The new value of the variable, if it must change. ONNX Runtime leaves telemetry on for any value except 1.
 fn value_to_set(value: Option<&OsStr>) -> Option<&'static str> {
     value.is_none_or(|value| value != ON && value != OFF).then_some(OFF)
 }

@@ -1,4 +1,4 @@
-//! Names and numbers as users see them.
+//! Texts and numbers for users.
 
 /// The ONNX Runtime release that this version was tested with.
 pub(crate) const ONNX_RUNTIME_VERSION: &str = "1.31.1";

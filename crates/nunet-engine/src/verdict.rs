@@ -13,7 +13,7 @@ use crate::library::{LibraryFile, cache_folder};
 use crate::options::EngineOptions;
 use crate::text::hexadecimal;
 
-/// What the child process found, as it is stored.
+/// The stored result of the child process.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Verdict {
@@ -23,7 +23,7 @@ pub(crate) enum Verdict {
     Crashed(String),
 }
 
-/// What a verdict depends on, and where it is stored.
+/// The inputs of a verdict, and its file.
 #[derive(Debug)]
 pub(crate) struct VerdictRecord {
     /// `None` if this user has no cache folder: in a shared folder, another user could write a false verdict.
@@ -58,7 +58,7 @@ impl VerdictRecord {
         serde_json::from_slice(&std::fs::read(self.path.as_ref()?).ok()?).ok()
     }
 
-    /// Stores a verdict. If that fails, the next start checks the model again, nothing more.
+    /// Stores a verdict. If that fails, the next start only checks the model again.
     pub(crate) fn store(&self, verdict: &Verdict) {
         let Some(path) = &self.path else { return };
         if let Err(error) = write(path, verdict) {
