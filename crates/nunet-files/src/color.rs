@@ -1,6 +1,6 @@
 //! Depth as a color image with a color bar.
 //!
-//! The only place where depth is stretched between its own nearest and farthest point.
+//! Only here is depth stretched to the range of each map.
 
 use colorgrad::Gradient;
 use embedded_graphics::mono_font::MonoTextStyle;
@@ -20,7 +20,7 @@ const BAR_WIDTH: u32 = 16;
 const MARGIN: u32 = 8;
 /// Marks along the bar.
 const MARKS: u32 = 5;
-/// No measurement: a gray that the color map has not.
+/// No measurement: a gray that is not in the color map.
 const NONE: Rgb<u8> = Rgb([150, 150, 150]);
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 /// Share of points beyond each end of the scale, so that a few outliers do not take all colors.

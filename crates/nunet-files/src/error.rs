@@ -1,4 +1,4 @@
-//! Why results could not be written.
+//! The errors of writing results.
 
 use std::borrow::Cow;
 use std::error::Error;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use nunet_types::Hint;
 
-/// Whatever a library reports below.
+/// The error of a library.
 pub(crate) type Cause = Box<dyn Error + Send + Sync>;
 
 /// Why files could not be written.

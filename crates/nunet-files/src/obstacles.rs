@@ -74,7 +74,7 @@ impl BirdsEye<'_> {
         text
     }
 
-    /// Half of the width of what is in view, as a share of the range.
+    /// Half of the width of the field of view, as a share of the range.
     fn half_width(&self) -> f32 {
         let end_rad = self.0.angle_min_rad + self.0.angle_step_rad * self.0.sectors.len() as f32;
         let reaches_side = self.0.angle_min_rad.abs().max(end_rad.abs()) > std::f32::consts::FRAC_PI_2;
@@ -98,7 +98,8 @@ impl BirdsEye<'_> {
         }
     }
 
-    /// What is at a place on the floor, meters forward and to the left; the end of a sector is `end_m` thick on each side.
+    /// The state of a position on the floor, meters forward and to the left; the end of a sector is `end_m`
+    /// thick on each side.
     fn place(&self, x: f32, y: f32, end_m: f32) -> MapCell {
         let range_m = x.hypot(y);
         if range_m > self.0.max_range_m {
@@ -119,7 +120,7 @@ impl BirdsEye<'_> {
     }
 }
 
-/// What is drawn at a place.
+/// The state of a position in the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum MapCell {
     TooFar,

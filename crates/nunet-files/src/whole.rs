@@ -1,4 +1,4 @@
-//! Files that are there complete or not at all.
+//! Atomic file writes: a file is complete or does not exist.
 
 use std::fs::{File, Metadata};
 use std::io::{BufWriter, ErrorKind, Write as _};
@@ -8,8 +8,8 @@ use image::{DynamicImage, ImageFormat};
 
 use crate::error::{Cause, FilesError};
 
-/// Writes a file under a temporary name beside it, and renames it when it is complete: a full disk or an error leaves
-/// neither half a file nor a changed one. What exists and is no regular file (a device, a pipe) is written directly.
+/// Writes a file under a temporary name beside it, and renames it when it is complete: a full disk or an
+/// error leaves neither half a file nor a changed one. An existing device or pipe is written directly.
 ///
 /// # Errors
 /// The file cannot be written, or `write` fails.
