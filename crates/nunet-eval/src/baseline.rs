@@ -1,4 +1,4 @@
-//! The mean image as a baseline beside the network.
+//! The mean image as a baseline for the network.
 
 use std::collections::BTreeMap;
 use std::io::BufReader;
@@ -17,17 +17,17 @@ use crate::mean_image::{MeanImage, MeanPrediction, Scenes, have_scenes, scene};
 use crate::metrics::DepthMetrics;
 use crate::options::{BaselineChoice, EvalOptions, Protocol};
 
-/// How predictions are compared.
+/// The rules by which predictions are compared.
 #[derive(Debug, Clone, Copy)]
 struct Rules {
     protocol: Protocol,
     cap_m: f32,
 }
 
-/// The images that the mean image is the mean of.
+/// The images whose mean is the baseline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(crate) enum BaselineSource {
-    /// The measured images themselves. Such a baseline is better than it can be on other images.
+    /// The measured images themselves. Such a baseline scores better than it would on other images.
     #[serde(rename = "measured images")]
     Measured,
     /// For each image, the other scenes of the dataset.
@@ -46,11 +46,11 @@ pub(crate) enum BaselineSource {
 pub(crate) struct Baseline {
     pub(crate) of: BaselineSource,
     size: ImageSize,
-    /// For every image whose scene has none of its own.
+    /// The prediction for images whose scene has no prediction of its own.
     everywhere: MeanPrediction,
-    /// For the images of each scene.
+    /// The prediction for the images of each scene.
     each: BTreeMap<String, MeanPrediction>,
-    /// In meters.
+    /// Comparison in meters.
     pub(crate) metric: Comparison,
     minmax: Comparison,
 }
@@ -138,8 +138,8 @@ enum Means {
 }
 
 impl Means {
-    /// Those of `ids`. `automatic` allows scenes, and passes over images that cannot be read: they are reported when they
-    /// are measured.
+    /// The mean images of `ids`. `automatic` allows scenes and skips unreadable images, which are
+    /// reported when they are measured.
     fn of(
         dataset: &Dataset,
         ids: &[String],
@@ -171,7 +171,7 @@ impl Means {
         Ok(Some(means))
     }
 
-    /// The comparison to come; `None` before the first image.
+    /// The baseline; `None` without an image.
     fn baseline(&self, of: BaselineSource, rules: Rules) -> Option<Baseline> {
         let (of, mean, each) = match self {
             Self::All(mean) => (of, mean, BTreeMap::new()),

@@ -16,7 +16,7 @@ const MIN_DEPTH_M: f32 = 1e-3;
 const ROOM_CAP_M: f32 = 10.0;
 /// Replaces 0 where a logarithm is taken. Only squared errors of stretched depth are used, and they do not change.
 const CLIP: f32 = 1e-7;
-/// The least range that is stretched to 0..1.
+/// The smallest range that is stretched to 0..1.
 const LEAST_RANGE: f32 = 1e-6;
 
 /// The rows and columns that are compared.
@@ -28,7 +28,7 @@ fn crop(protocol: Protocol, size: ImageSize) -> Result<[Range<usize>; 2], EvalEr
     }
 }
 
-/// Metrics of depth gathered image by image.
+/// Metrics of depth, accumulated image by image.
 #[derive(Debug, Clone)]
 pub(crate) struct Comparison {
     protocol: Protocol,
@@ -37,7 +37,7 @@ pub(crate) struct Comparison {
     kind: DepthKind,
     /// Meters under the protocol; empty where the network has none.
     pub(crate) depth: DepthMetrics,
-    /// Of each image by itself.
+    /// Metrics of each image, averaged over images.
     pub(crate) each: ImageMean,
     /// Whole images, each stretched from its nearest to its farthest point, as the paper did.
     pub(crate) minmax: DepthMetrics,
@@ -47,12 +47,12 @@ pub(crate) struct Comparison {
     truth_m: Option<(f32, f32)>,
 }
 
-/// What predictions are.
+/// The meaning of predicted values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DepthKind {
     /// Meters.
     Metric,
-    /// Stretched to 0..1 already.
+    /// Already stretched to 0..1.
     MinMax,
     /// Without a unit.
     Relative,
@@ -76,12 +76,12 @@ impl Comparison {
         Err(EvalError::TruthOutOfRange { from_m: MIN_DEPTH_M, cap_m: self.cap_m, near_m, far_m })
     }
 
-    /// What is compared: meters where there are any.
+    /// The main metrics: in meters if the network has meters, otherwise of stretched depth.
     pub(crate) fn compared(&self) -> &DepthMetrics {
         if self.kind == DepthKind::Metric { &self.depth } else { &self.minmax }
     }
 
-    /// The share of the truth under the protocol that is not compared because it lies too far, or too near.
+    /// The share of the truth under the protocol that is not compared because it is too far or too near.
     pub(crate) fn share_beyond(&self) -> f64 {
         let all = self.depth.pixels + self.depth.missing + self.beyond;
         self.beyond as f64 / all.max(1) as f64
@@ -102,7 +102,8 @@ impl Comparison {
         self.kind
     }
 
-    /// Counts one image, `[H, W]` in meters (predictions in whatever [`DepthKind`] they are), and returns its own metrics.
+    /// Counts one image, `[H, W]` in meters (predictions as [`DepthKind`] states), and returns its own
+    /// metrics.
     ///
     /// # Errors
     /// The protocol is for images of another size.

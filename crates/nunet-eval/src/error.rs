@@ -1,4 +1,4 @@
-//! Why something could not be measured.
+//! The errors of an evaluation.
 
 use std::borrow::Cow;
 use std::error::Error;
@@ -27,7 +27,7 @@ pub enum EvalError {
     NotADataset {
         /// The folder.
         path: PathBuf,
-        /// What it lacks.
+        /// What is missing.
         missing: &'static str,
     },
     /// A folder without any image.
@@ -36,7 +36,7 @@ pub enum EvalError {
         /// The folder.
         path: PathBuf,
     },
-    /// A recording that nunetd has written: measured against its own depth, the same network would be perfect.
+    /// A recording of nunetd: compared with its own depth, the same network would have no error.
     #[error("`{}` was written by nunetd: its depth is a prediction of `{model:.60}`, not truth", path.display())]
     OwnDepth {
         /// The recording.
@@ -121,8 +121,8 @@ pub enum EvalError {
         /// The size of the image.
         size: ImageSize,
     },
-    /// Obstacles need the camera's place on the robot.
-    #[error("obstacles need the place of the camera on the robot, and `{}` has no `mounts.csv`", path.display())]
+    /// Obstacles need the camera's mount.
+    #[error("obstacles need the pose of the camera on the robot, and `{}` has no `mounts.csv`", path.display())]
     NoMount {
         /// The dataset.
         path: PathBuf,
@@ -144,13 +144,13 @@ pub enum EvalError {
     /// Obstacles of a network whose depth has no unit.
     #[error("obstacles need depth in meters, and the model's depth has no unit")]
     NoMeters,
-    /// What counts as an obstacle cannot be.
+    /// The options of obstacles are invalid.
     #[error(transparent)]
     Obstacles(#[from] ObstacleError),
     /// The camera does not fit the image.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// No image has depth where it would be compared.
+    /// No image has true depth in the compared region.
     #[error("no image has true depth where depth is compared")]
     NoTruth,
     /// All true depth is outside of what is compared.
@@ -185,10 +185,10 @@ pub enum EvalError {
     /// Files cannot be written.
     #[error(transparent)]
     Files(#[from] FilesError),
-    /// The system refused something, or a file is damaged.
+    /// An operation of the system failed, or a file is damaged.
     #[error("{action}")]
     System {
-        /// What was tried: `cannot ...`.
+        /// The failed operation: `cannot ...`.
         action: String,
         /// Why it failed.
         source: Cause,
@@ -314,8 +314,9 @@ impl Hint for EvalError {
     }
 }
 
-/// The cap that would include depth up to `far_m` meters, which is beyond it because the cap itself is not compared; `None` if that is no distance but another unit. No depth camera
-/// or lidar on a robot sees farther than this.
+/// A cap that would include depth up to `far_m` meters. Depth at the cap itself is not compared, so the cap
+/// is larger. `None` if `far_m` is farther than any depth camera or lidar of a robot measures: then the unit
+/// is wrong.
 #[must_use]
 pub fn cap_for(far_m: f32) -> Option<f32> {
     const FARTHEST_M: f32 = 300.0;

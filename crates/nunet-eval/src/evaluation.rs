@@ -26,10 +26,10 @@ use crate::sheet::{self, SheetRow, chosen};
 /// The files that [`Evaluation::write`] writes.
 pub const FILES: [&str; 4] = ["eval.json", "pictures.csv", "contact_sheet.png", "mean_image.npy"];
 
-/// The share of truth beyond the cap from which on its unit looks wrong.
+/// If a larger share of truth is beyond the cap, its unit may be wrong.
 const MUCH_BEYOND: f64 = 0.05;
 
-/// An evaluation that can begin: what needs no model has been checked.
+/// An evaluation whose options were checked, before a model is loaded.
 #[derive(Debug)]
 pub struct Evaluator {
     options: EvalOptions,
@@ -37,7 +37,7 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
-    /// Checks `options` as far as that takes no time, and reads the calibration.
+    /// Does the fast checks of `options`, and reads the calibration.
     ///
     /// # Errors
     /// The calibration cannot be used, or the dataset is a recording of predictions.
@@ -81,7 +81,7 @@ pub struct Evaluation {
     dataset: Dataset,
     pipeline: Pipeline,
     camera: CameraResolver,
-    /// Whether each image follows the one before it.
+    /// Whether the images are consecutive frames.
     is_clip: bool,
     frame: Frame,
     depth: Vec<f32>,
@@ -90,7 +90,7 @@ pub struct Evaluation {
     confusion: LabelMetrics,
     baseline: Option<Baseline>,
     obstacles: Option<(ImageMounts, ObstacleComparison)>,
-    /// Of the scale from the floor.
+    /// The mounts for the scale from the floor.
     mounts: Option<ImageMounts>,
     rows: Vec<ImageRow>,
     skipped: u64,
@@ -102,7 +102,7 @@ struct Prediction {
     labels: Vec<u8>,
 }
 
-/// Which failures were reported: the same one of hundreds of images is reported once, and counted.
+/// The reported failures. A failure of many images is reported once and counted.
 #[derive(Default)]
 struct Reported(BTreeMap<String, Failures>);
 
@@ -204,7 +204,7 @@ impl Evaluation {
         Ok(())
     }
 
-    /// Compares the obstacles of an image, if that is wanted.
+    /// Compares the obstacles of an image, if that was requested.
     fn compare_obstacles(
         &mut self,
         id: &str,
@@ -239,7 +239,7 @@ impl Evaluation {
         Ok((truth, prediction))
     }
 
-    /// Some truth beyond the cap is in every dataset; much of it is a wrong unit or a wrong cap.
+    /// Reports truth beyond the cap. Every dataset has some; a large share is caused by a wrong unit or cap.
     fn report_truth_beyond(&self, on_event: OnEvent<'_>) {
         let share = self.comparison.share_beyond();
         if let Some(farthest_m) = self.comparison.farthest_m().filter(|_| share > MUCH_BEYOND) {
@@ -253,7 +253,7 @@ impl Evaluation {
         self.skipped
     }
 
-    /// What was found.
+    /// The report.
     #[must_use]
     pub fn report(&self, model: ModelName) -> Report {
         Report::new(
@@ -276,7 +276,7 @@ impl Evaluation {
     /// missing. The images of the sheet are predicted once more.
     ///
     /// # Errors
-    /// A file cannot be written, or an image cannot be read any more.
+    /// A file cannot be written, or an image can no longer be read.
     pub fn write(&mut self, folder: &Path, report: &Report) -> Result<(), EvalError> {
         make_folder(folder)?;
         let [eval, rows, sheet, mean] = FILES.map(|name| folder.join(name));
@@ -322,7 +322,7 @@ impl Evaluation {
     }
 }
 
-/// What compares obstacles, if that is wanted.
+/// The comparison of obstacles, if it was requested.
 fn obstacles(
     options: &EvalOptions,
     pipeline: &Pipeline,

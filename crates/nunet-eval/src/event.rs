@@ -1,4 +1,4 @@
-//! What an evaluation reports while it runs. The library prints nothing.
+//! The events of an evaluation. The library prints nothing itself.
 
 /// Progress and problems of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -6,7 +6,7 @@
 pub enum Event<'a> {
     /// A pass over `count` images begins.
     Started {
-        /// What the pass is for.
+        /// The purpose of the pass.
         what: &'static str,
         /// The number of images.
         count: u64,
@@ -33,7 +33,7 @@ pub enum Event<'a> {
         /// What can be done about it.
         hint: Option<&'a str>,
     },
-    /// Something is not as one would expect.
+    /// Something unusual that does not stop the evaluation.
     Warning(&'a str),
     /// The camera is unknown.
     UnknownCamera {
@@ -51,5 +51,5 @@ pub enum Event<'a> {
     },
 }
 
-/// Takes events.
+/// Receives events.
 pub(crate) type OnEvent<'a> = &'a mut dyn FnMut(Event<'_>);

@@ -5,8 +5,8 @@ use image::{ImageBuffer, Luma};
 use nunet_core::pipeline::Pipeline;
 use nunet_types::ImageSize;
 
-/// From the size of results to the size of the truth. The network saw the image stretched to its own size; a decimation
-/// drops incomplete blocks at the right and at the bottom, where the last column and row are repeated.
+/// Resizes results to the size of the truth. The image was stretched to the network's size. Decimation
+/// drops incomplete blocks at the right and at the bottom, so the last column and row are repeated there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fit {
     from: ImageSize,

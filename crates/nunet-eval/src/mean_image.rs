@@ -64,7 +64,7 @@ impl MeanImage {
         Ok(())
     }
 
-    /// The mean without what another one has counted.
+    /// The mean without the images of another one.
     fn without(&self, other: &Self) -> Self {
         let (meters, stretched) =
             (self.meters.without(&other.meters), self.stretched.without(&other.stretched));
@@ -83,7 +83,7 @@ impl MeanImage {
 #[derive(Debug)]
 pub(crate) struct MeanPrediction {
     pub(crate) meters: Vec<f32>,
-    /// `None` for a file: then it is `meters`, stretched as those of a network are.
+    /// `None` for a mean image from a file: then `meters` are stretched like those of a network.
     pub(crate) stretched: Option<Vec<f32>>,
 }
 
@@ -94,7 +94,8 @@ pub(crate) struct Scenes {
     each: BTreeMap<String, MeanImage>,
 }
 
-/// More scenes would take too much memory, and a single one would make little difference.
+/// The largest number of scenes. More would need too much memory, and a single scene would hardly change the
+/// mean.
 const MAX_SCENES: usize = 32;
 
 /// The scene that an id names: `bedroom_` of `bedroom_07`. `None` for an id without a number.

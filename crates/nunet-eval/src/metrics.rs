@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// The ratio of prediction and truth within which a pixel counts for delta 1; its powers for 2 and 3.
 const DELTA: f64 = 1.25;
-/// The label of a pixel about which nothing is known.
+/// The label of a pixel without a true label.
 pub const IGNORE: u8 = 255;
 
 /// Sums over pixels from which the scores are computed.
@@ -21,7 +21,7 @@ pub struct DepthMetrics {
     within: [u64; 3],
     /// Pixels with truth and prediction.
     pub pixels: u64,
-    /// Pixels with truth but without prediction, which count only here.
+    /// Pixels with truth but without prediction. They are in no other metric.
     pub missing: u64,
 }
 
@@ -50,7 +50,7 @@ impl DepthMetrics {
         self.pixels += 1;
     }
 
-    /// Counts what another has counted.
+    /// Adds the pixels of another one.
     pub fn merge(&mut self, other: &Self) {
         self.squared += other.squared;
         self.log += other.log;
@@ -85,8 +85,8 @@ impl DepthMetrics {
     }
 }
 
-/// Scores of depth, after Eigen et al., "Depth map prediction from a single image", 2014; `silog` as KITTI's benchmark
-/// has it. p is the prediction, t the truth, d = ln p - ln t.
+/// Scores of depth, after Eigen et al., "Depth map prediction from a single image", 2014; `silog` as in
+/// KITTI's benchmark. p is the prediction, t the truth, d = ln p - ln t.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct DepthScores {
     /// mean((p - t)^2)
@@ -154,7 +154,7 @@ impl DepthScores {
 #[derive(Debug, Clone)]
 pub struct LabelMetrics {
     classes: usize,
-    /// `[truth][predicted]`, the last column for numbers that are no class.
+    /// `[truth][predicted]`, the last column is for numbers that are not a class.
     confusion: Vec<u64>,
 }
 
@@ -163,7 +163,7 @@ pub struct LabelMetrics {
 pub struct LabelScores {
     /// Mean over the classes that were seen or predicted of hit / (truth + predicted - hit).
     pub miou: f64,
-    /// Share of pixels that are right.
+    /// Share of pixels with the right class.
     pub accuracy: f64,
     /// Pixels that were compared.
     pub pixels: u64,

@@ -1,4 +1,5 @@
-//! Obstacles: what the detector finds in the network's depth and labels, against what it finds in the true ones.
+//! Compares the obstacles in the network's depth and labels with those in the true ones, found by the same
+//! detector.
 
 use std::collections::BTreeMap;
 
@@ -13,13 +14,13 @@ use crate::error::EvalError;
 const NEAR_M: f32 = 2.0;
 /// A range is right within this factor, as for `delta1`.
 const TOLERANCE: f32 = 1.25;
-/// Where the groups by distance begin, meters; the last one has no end.
+/// The lower bounds of the groups by distance, meters; the last group has no upper bound.
 const DISTANCES_M: [f32; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
 
-/// How obstacles are found.
+/// The settings of the comparison of obstacles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObstacleEval {
-    /// Where the camera is; `None` if the dataset says it for each image in `mounts.csv`.
+    /// The camera's mount; `None` if the dataset states it for each image in `mounts.csv`.
     pub mount: Option<Mount>,
     /// What counts as an obstacle.
     pub options: ObstacleOptions,
@@ -55,7 +56,7 @@ impl ObstacleComparison {
     ) -> Result<(), EvalError> {
         let mut detector = ObstacleDetector::new(camera, mount, &self.classes, self.options)?;
         let mut find = |DepthAndLabels { depth_m, labels }: DepthAndLabels<'_>| {
-            detector.reset(); // what was seen in the one must not be remembered in the other
+            detector.reset(); // obstacles of one image must not be remembered in the other
             let image = DepthImage { depth_m, labels, confidence: None };
             detector.detect(&image, 0).map(|found| found.sectors.clone())
         };
@@ -69,7 +70,7 @@ impl ObstacleComparison {
     }
 }
 
-/// What was counted.
+/// Counts of sectors by outcome.
 #[derive(Debug, Default)]
 struct ObstacleCounts {
     by_distance: [Group; DISTANCES_M.len()],
@@ -127,7 +128,7 @@ impl ObstacleCounts {
     }
 }
 
-/// True obstacles, and what was found of them.
+/// The outcome for sectors with a true obstacle.
 #[derive(Debug, Default)]
 struct Group {
     found: u64,
@@ -168,7 +169,7 @@ fn median(mut values: Vec<f32>) -> Option<f64> {
     values.get(values.len() / 2).map(|&value| value.into())
 }
 
-/// How well obstacles are found. A share is `None` where there is nothing to share.
+/// Scores of obstacles. A share is `None` if there are no sectors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ObstacleScores {
     /// Obstacles nearer than this are *near*, meters.
@@ -190,9 +191,9 @@ pub struct ObstacleScores {
 /// Sectors with a true obstacle.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ObstacleGroup {
-    /// Which ones.
+    /// The name of the group.
     pub name: String,
-    /// How many.
+    /// The number of sectors.
     pub sectors: u64,
     /// The share in which an obstacle is reported, at most 1.25 times as far away.
     pub found: Option<f64>,

@@ -1,27 +1,28 @@
-//! Whether observations of a factor agree.
+//! Checks whether observations of a factor agree.
 //!
-//! Their middle is the median, their spread 1.4826 times the median absolute deviation (MAD), which is the standard deviation
-//! for a normal distribution and does not depend on outliers. An observation that is farther from the median than three
-//! times the spread is an outlier: the Hampel identifier, in the form that Leys et al. recommend (Detecting outliers: Do not
-//! use standard deviation around the mean, use absolute deviation around the median, Journal of Experimental Social
-//! Psychology 49, 2013). Logarithms of factors are compared, so that twice and half are equally far from one.
+//! Their center is the median, their spread 1.4826 times the median absolute deviation (MAD), which is the
+//! standard deviation for a normal distribution and does not depend on outliers. An observation that is
+//! farther from the median than three times the spread is an outlier: the Hampel identifier, in the form that
+//! Leys et al. recommend (Detecting outliers: Do not use standard deviation around the mean, use absolute
+//! deviation around the median, Journal of Experimental Social Psychology 49, 2013). Logarithms of factors
+//! are compared, so that twice and half are equally far from one.
 
 use super::CalibrateError;
 
-/// Makes the MAD of a normal distribution its standard deviation.
+/// The ratio of standard deviation and MAD of a normal distribution.
 const MAD_TO_DEVIATION: f64 = 1.4826;
 /// Outliers are farther away than this many spreads.
 const OUTLIER: f64 = 3.0;
-/// Observations within this share of the median always agree: nearly equal ones have a spread of almost nothing.
+/// Observations within this share of the median always agree: the spread of nearly equal ones is almost 0.
 const ALWAYS_AGREE: f64 = 0.05;
 /// The largest spread of observations that have one factor.
 const MAX_SPREAD: f64 = 0.25;
 /// The share of observations that must agree.
 const MIN_AGREEING: f64 = 0.7;
-/// How many observations an error names.
+/// The number of observations that an error names.
 const NAMED: usize = 3;
 
-/// What was seen in one frame, or said by one reading.
+/// The factor in one frame, image or reading.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Observation {
     /// Names it in an error.
@@ -33,9 +34,9 @@ pub(crate) struct Observation {
 /// A factor that observations agree on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
-    /// What the network's meters are multiplied by.
+    /// The factor by which the network's meters are multiplied.
     pub factor: f64,
-    /// By which share single observations differ from it; NaN for a single one.
+    /// The relative spread of the observations; NaN for a single one.
     pub spread: f64,
     /// How many observations there are.
     pub observations: usize,
@@ -70,7 +71,7 @@ fn worst(observations: &[Observation], factor: f64) -> String {
     let mut sorted: Vec<&Observation> = observations.iter().collect();
     let off = |observation: &Observation| (observation.factor / factor).ln().abs();
     sorted.sort_by(|a, b| off(b).total_cmp(&off(a)));
-    let named = sorted.iter().take(NAMED).map(|one| format!("{} says {:.3}", one.name, one.factor));
+    let named = sorted.iter().take(NAMED).map(|one| format!("{} gives {:.3}", one.name, one.factor));
     named.collect::<Vec<_>>().join(", ")
 }
 
@@ -81,8 +82,8 @@ pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     Some((low + high) / 2.0)
 }
 
-/// The factor with the least mean absolute relative error, if each of these is the right one for a pixel: their median,
-/// weighted by their inverses. `None` without any.
+/// The factor with the least mean absolute relative error, given the exact factor of each pixel: their
+/// median, weighted by their inverses. `None` without any.
 pub(crate) fn least_relative_error(mut factors: Vec<f64>) -> Option<f64> {
     factors.sort_unstable_by(f64::total_cmp);
     let half = factors.iter().map(|factor| 1.0 / factor).sum::<f64>() / 2.0;

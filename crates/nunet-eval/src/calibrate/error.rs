@@ -1,4 +1,4 @@
-//! Why no factor was found.
+//! The errors of a calibration.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -49,7 +49,7 @@ pub enum CalibrateError {
         /// The image.
         size: ImageSize,
     },
-    /// A distance that cannot be.
+    /// A distance that is not positive.
     #[error("the distance {distance} is not a number of meters greater than 0")]
     Distance {
         /// The distance.
@@ -75,7 +75,7 @@ pub enum CalibrateError {
     /// The model does not know floor.
     #[error(transparent)]
     Scale(#[from] ScaleError),
-    /// A factor that no camera needs.
+    /// A factor out of range.
     #[error("the found factor cannot be right")]
     Factor(#[from] CameraError),
     /// The dataset cannot be used.
@@ -96,7 +96,7 @@ impl Hint for CalibrateError {
         Some(match self {
             Self::TooFew { .. } => "give more images, and points that have depth".into(),
             Self::Inconsistent { .. } => {
-                "check the unit (meters), the points and the mount; measure where nothing moves".into()
+                "check the unit (meters), the points and the mount; measure a static scene".into()
             }
             Self::Outside { .. } => {
                 "give column and row in pixels of the camera's images; 0,0 is the top left".into()

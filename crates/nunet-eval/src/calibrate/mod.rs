@@ -1,4 +1,4 @@
-//! The factor of a camera: what the network's meters must be multiplied by, from what the user has.
+//! Measures the factor of a camera, by which the network's meters must be multiplied.
 //!
 //! Each frame, image or reading is an observation: true depth over the network's depth. [`Agreement`] is their median, if they
 //! agree.
@@ -38,7 +38,7 @@ const NEEDED: usize = 3;
 pub struct Point {
     /// Column and row in the image, pixels; `None` for its center.
     pub at: Option<[f64; 2]>,
-    /// From the camera straight to the point, meters.
+    /// The straight-line distance from the camera to the point, meters.
     pub distance_m: f64,
 }
 
@@ -57,12 +57,12 @@ impl Point {
     }
 }
 
-/// What each frame is compared with.
+/// The reference that each frame is compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reference {
     /// A point at a known distance.
     Point(Point),
-    /// The floor under a camera at a known place.
+    /// The floor under a camera with a known mount.
     Floor(Mount),
 }
 
@@ -82,7 +82,7 @@ pub struct Calibrator {
 }
 
 impl Calibrator {
-    /// With the camera that `resolver` finds for each image.
+    /// A calibrator. `resolver` finds the camera of each image.
     #[must_use]
     pub fn new(pipeline: Pipeline, resolver: CameraResolver) -> Self {
         let pixels = pipeline.size().pixel_count();
@@ -134,7 +134,7 @@ impl Calibrator {
         let assumption = self.predict(frame)?;
         let factor = match reference {
             Reference::Point(point) => {
-                // One image of a scene at rest says all that more images would.
+                // More images of a static scene would add no information.
                 self.needed = 1;
                 self.at_point(point, frame.size)?
             }

@@ -1,10 +1,10 @@
-//! A table of range-sensor readings: which point of which image is how far.
+//! A table of range-sensor readings: points of images with their distances.
 
 use std::path::{Path, PathBuf};
 
 use super::{CalibrateError, Point};
 
-/// A reading.
+/// The distance of a point in an image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Reading {
     /// The image, resolved from the folder of the table.

@@ -10,7 +10,7 @@ use crate::error::{Cause, EvalError};
 
 /// The byte order mark that some editors write.
 const BYTE_ORDER_MARK: char = '\u{feff}';
-/// A million ids of 64 characters.
+/// The largest list: a million ids of 64 characters.
 const MAX_LIST_BYTES: u64 = 64 << 20;
 
 /// Ids of a list, one per line.

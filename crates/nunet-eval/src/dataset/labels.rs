@@ -1,4 +1,4 @@
-//! True labels: where they lie, and which class of the network each number means.
+//! True labels: their folder, and the network's class of each number.
 
 use std::path::Path;
 
@@ -13,16 +13,16 @@ const OWN_FOLDER: &str = "labels";
 /// The 40 classes of NYU Depth V2.
 const NYU40_FOLDER: &str = "label40";
 
-/// Where true labels lie and what their numbers mean.
+/// The folder of true labels, and the classes of their numbers.
 #[derive(Debug)]
 pub(super) struct LabelFolder {
     pub(super) name: &'static str,
-    /// The network's class of each number, [`IGNORE`] = none; `None` for numbers that mean nothing.
+    /// The network's class of each number, [`IGNORE`] = none; `None` for invalid numbers.
     table: Vec<Option<u8>>,
 }
 
-/// The network's class of each NYU40 class, counted from 0, for the 13 classes of Couprie et al., "Indoor semantic
-/// segmentation using depth information", 2013. 39 is "otherprop" or unlabeled and names no one thing.
+/// The network's class of each NYU40 class, counted from 0, for the 13 classes of Couprie et al., "Indoor
+/// semantic segmentation using depth information", 2013. 39 is "otherprop" or unlabeled, so it has no class.
 const NYU13_OF_NYU40: [u8; 39] = [
     11, 4, 5, 0, 3, 8, 9, 11, 12, 5, 7, 5, 12, 9, 5, 12, 5, 6, 6, 4, 6, 2, 1, 5, 10, 6, 6, 6, 6, 6, 6, 5, 6,
     6, 6, 6, 6, 6, 5,
@@ -58,7 +58,7 @@ impl LabelFolder {
             _ => Err(EvalError::UnknownLabel {
                 path: path.to_owned(),
                 label,
-                // One of the known numbers means none.
+                // One of the known numbers stands for no label.
                 last: self.table.iter().flatten().count().saturating_sub(2),
                 is_nyu40: self.name == NYU40_FOLDER,
             }),

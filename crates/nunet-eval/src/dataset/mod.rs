@@ -31,10 +31,10 @@ use crate::options::{DepthUnits, EvalOptions, Window};
 
 /// Endings of depth and labels.
 const NUMBER_ENDINGS: [&str; 1] = ["png"];
-/// An image and depth whose times differ by no more belong together: half a frame at 25 Hz.
+/// The largest difference of the times of an image and its depth: half a frame at 25 Hz.
 const MAX_APART_NANOS: u64 = 20_000_000;
 const MILLIMETER_M: f64 = 0.001;
-/// What sensors write into 16-bit images where they measured nothing, besides 0: 7-Scenes has both.
+/// The value for no measurement in 16-bit images of some sensors, besides 0. 7-Scenes has both.
 const NO_DEPTH: u16 = u16::MAX;
 
 /// A folder of pairs, read one at a time.
@@ -42,22 +42,22 @@ const NO_DEPTH: u16 = u16::MAX;
 pub(crate) struct Dataset {
     root: PathBuf,
     pub(crate) ids: Vec<String>,
-    /// The names of depth and labels, where they differ from the images' ids.
+    /// The names of depth and labels, if they differ from the images' ids.
     partners: BTreeMap<String, String>,
     units: DepthUnits,
     window: Option<Window>,
     labels: Option<LabelFolder>,
-    /// The camera of all images, where the dataset says it.
+    /// The camera of all images, if the dataset states it.
     camera: Option<Camera>,
-    /// The cameras of single images, where the dataset says them.
+    /// The cameras of single images, if the dataset states them.
     cameras: BTreeMap<String, Camera>,
     /// A recording's images as files; removed at the end.
     _unpacked: Option<TempDir>,
-    /// Images of a recording without depth beside them.
+    /// The number of a recording's images without depth.
     pub(crate) unpaired: u64,
 }
 
-/// What is known of an image.
+/// The true depth and labels of an image.
 #[derive(Debug)]
 pub(crate) struct Truth {
     pub(crate) size: ImageSize,
@@ -96,7 +96,7 @@ impl Dataset {
         let partners = pairs::by_time(&images, &depths);
         let mut ids = match &options.ids {
             Some(list) => read_ids(list)?,
-            // Those of depth as well: what has no partner is found when its turn comes.
+            // Ids of depth are included: a missing image is reported when it is measured.
             None => images.into_iter().chain(depths).collect::<BTreeSet<_>>().into_iter().collect(),
         };
         // Depth that belongs to an image of another name is not an image without a partner.
@@ -132,7 +132,7 @@ impl Dataset {
         decoded.map_err(|source| EvalError::ReadImage { path, source })
     }
 
-    /// Reads what is known of an image, which must have the size `image` if that is given.
+    /// Reads the truth of an image, which must have the size `image` if that is given.
     pub(crate) fn truth(&self, id: &str, image: Option<ImageSize>) -> Result<Truth, EvalError> {
         let (path, depth) = self.numbers("depth", id)?;
         let size = depth.size;
@@ -157,7 +157,7 @@ impl Dataset {
         }
     }
 
-    /// The file of an image, or what it is called where there is none.
+    /// The file of an image. If there is none, the expected path.
     fn path(&self, folder: &str, id: &str, endings: &[&str]) -> PathBuf {
         let folder = self.root.join(folder);
         let named = |ending: &str| folder.join(format!("{id}.{ending}"));
@@ -175,12 +175,12 @@ impl Dataset {
     }
 }
 
-/// An image that its file turns does not lie over its depth, whose file states no orientation.
+/// Refuses an image that was rotated by EXIF, because its depth was not rotated.
 fn refuse_turned(frame: &Frame) -> Result<(), SourceError> {
     if !frame.is_turned {
         return Ok(());
     }
-    Err(SourceError::bad_frame("its EXIF orientation turns it, but not its depth")
+    Err(SourceError::bad_frame("its EXIF orientation rotates it, but not its depth")
         .with_hint("store image and depth upright, without an EXIF orientation"))
 }
 

@@ -1,4 +1,4 @@
-//! `mounts.csv`: where the camera was on the robot, for each image.
+//! `mounts.csv`: the camera's mount for each image.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,16 +24,16 @@ struct MountRow {
     yaw: f64,
 }
 
-/// Where the camera was.
+/// The camera's mounts.
 #[derive(Debug)]
 pub(crate) struct ImageMounts {
-    /// For all images that have no row.
+    /// The mount of all images without a row.
     all: Option<Mount>,
     by_id: BTreeMap<String, Mount>,
 }
 
 impl ImageMounts {
-    /// Those of the dataset in `root`; `all` is for images without a row.
+    /// The mounts of the dataset in `root`; `all` is for images without a row.
     pub(crate) fn new(root: &Path, all: Option<Mount>) -> Result<Self, EvalError> {
         let by_id = read(root)?;
         if by_id.is_empty() && all.is_none() {

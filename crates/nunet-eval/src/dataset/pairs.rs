@@ -1,11 +1,12 @@
-//! Images and depth whose names are different times, as in TUM's sequences: joined where they are nearest.
+//! Pairs images and depth whose names are time stamps, as in TUM's sequences: the nearest times belong
+//! together.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::MAX_APART_NANOS;
 
-/// The depth of each image whose depth has another name. Empty where any image has depth of its own name: then names are
-/// what joins them.
+/// The depth of each image whose depth has another name. Empty if any image has depth with its own name: then
+/// pairs are found by name.
 pub(super) fn by_time(images: &[String], depths: &[String]) -> BTreeMap<String, String> {
     let names: BTreeSet<&String> = depths.iter().collect();
     if images.iter().any(|image| names.contains(image)) {

@@ -1,4 +1,4 @@
-//! A recording with images and depth, as the folder that everything else here reads.
+//! Writes a recording with images and depth as a folder, which the rest of this crate reads.
 
 use std::path::Path;
 
@@ -22,11 +22,12 @@ use crate::options::EvalOptions;
 pub(super) struct Unpacked {
     pub(super) folder: TempDir,
     pub(super) camera: Option<Camera>,
-    /// Images without depth beside them, or unreadable.
+    /// Images without depth, or unreadable.
     pub(super) unpaired: u64,
 }
 
-/// A recording that nunetd has written holds a network's depth: measured against it, the same network would be perfect.
+/// Refuses a recording of nunetd, whose depth comes from a network: compared with it, the same network would
+/// have no error.
 pub(crate) fn refuse_own_depth(options: &EvalOptions) -> Result<(), EvalError> {
     let path = &options.dataset;
     if options.depth_topic.is_some() || !is_recording(path) {
@@ -38,7 +39,7 @@ pub(crate) fn refuse_own_depth(options: &EvalOptions) -> Result<(), EvalError> {
     }
 }
 
-/// Whether a dataset is a recording, and no folder.
+/// Whether a dataset is a recording, not a folder.
 pub(crate) fn is_recording(dataset: &Path) -> bool {
     !dataset.join("rgb").is_dir() && nunet_mcap::is_recording(dataset)
 }
