@@ -1,4 +1,4 @@
-//! The parts of a recording that can be read, and what is missing.
+//! The readable parts of a recording, and the missing ones.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::{RecordingError, parts};
 pub(crate) struct Bag {
     /// At least one, in the order in which they were recorded.
     pub(crate) parts: Vec<RecordingFile>,
-    /// Parts that are missing or cannot be read, while others can.
+    /// Errors of parts that are missing or cannot be read.
     pub(crate) missing: Vec<RecordingError>,
 }
 
@@ -22,7 +22,7 @@ pub(crate) struct RecordingFile {
 }
 
 impl Bag {
-    /// Finds the parts and their channels. `given_up` is asked at each record that has to be read for it.
+    /// Finds the parts and their channels. `given_up` is called at each record that is read.
     pub(crate) fn open(path: &Path, given_up: &dyn Fn() -> bool) -> Result<Self, RecordingError> {
         let files = parts::parts(path)?;
         let (mut parts, mut missing) = (Vec::new(), Vec::new());
@@ -37,7 +37,7 @@ impl Bag {
             return Err(missing.swap_remove(0));
         }
         missing.extend(parts::gaps(&files));
-        // A list in another order, as tools that merge bags write it.
+        // Tools that merge bags may list the parts in another order.
         if parts.iter().all(|part| part.channels.start_nanos().is_some()) {
             parts.sort_by_key(|part| part.channels.start_nanos());
         }

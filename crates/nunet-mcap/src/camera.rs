@@ -1,4 +1,4 @@
-//! What a recording says of a camera.
+//! The description of a camera in a recording.
 
 use nunet_types::ImageSize;
 
@@ -7,7 +7,7 @@ use crate::messages::{CameraInfo, Header, RegionOfInterest};
 /// ROS' name for the fisheye model.
 const FISHEYE: &str = "equidistant";
 
-/// What a recording says of a camera.
+/// The description of a camera in a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CameraDescription {
     /// Pixels of the images that it describes.
@@ -16,13 +16,13 @@ pub struct CameraDescription {
     pub height: u32,
     /// fx, fy, cx, cy in pixels.
     pub intrinsics: [f64; 4],
-    /// Pixels that a column shifts for each `fy` pixels of rows; 0 for almost every camera.
+    /// The skew `K[0][1]`, pixels; 0 for almost every camera.
     pub skew: f64,
     /// `plumb_bob`, `rational_polynomial`, `equidistant` ...; empty for none.
     pub distortion_model: String,
     /// Its coefficients, in the model's order.
     pub coefficients: Vec<f64>,
-    /// Why the numbers above must not be used: the message contradicts itself or cannot be read.
+    /// Why the values above must not be used: the message is inconsistent or cannot be read.
     pub fault: Option<String>,
 }
 
@@ -32,8 +32,8 @@ impl CameraDescription {
         Self { fault: Some(format!("its message cannot be read: {reason}")), ..Self::default() }
     }
 
-    /// From ROS 2's message; `None` for an uncalibrated camera, which has zeros. Rectified images belong to the
-    /// projection P, which has no lens; K and D belong to the image before.
+    /// From ROS 2's message; `None` for an uncalibrated camera, which has zeros. Rectified images have the
+    /// camera of the projection P, without distortion; K and D describe the unrectified image.
     pub(crate) fn of_ros(info: &CameraInfo<'_>, rectified: bool) -> Option<Self> {
         let size = ImageSize::new(info.width, info.height);
         let whole = if rectified {
@@ -44,8 +44,8 @@ impl CameraDescription {
         whole.map(|camera| camera.captured(info))
     }
 
-    /// From the camera of the whole sensor, which K, P, width and height of ROS 2's message describe, to that of the
-    /// images.
+    /// Converts the camera of the full sensor, which K, P, width and height of the ROS 2 message
+    /// describe, to the camera of the images (region of interest and binning).
     fn captured(mut self, info: &CameraInfo<'_>) -> Self {
         let [fx, fy, cx, cy] = self.intrinsics;
         match info.region().captured(ImageSize::new(self.width, self.height), [fx, self.skew, cx, fy, cy]) {
@@ -74,7 +74,7 @@ impl CameraDescription {
     /// From the matrix K, row by row.
     pub(crate) fn new(size: ImageSize, k: &[f64], model: &str, coefficients: Vec<f64>) -> Option<Self> {
         let &[fx, skew, cx, _, fy, cy, ..] = k else { return None };
-        // Foxglove's name, and that of some drivers, for ROS' model.
+        // Foxglove and some drivers use another name for the model.
         let model = if matches!(model, "kannala_brandt" | "fisheye") { FISHEYE } else { model };
         (fx != 0.0).then(|| Self {
             width: size.width,

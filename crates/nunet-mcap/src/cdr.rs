@@ -44,7 +44,8 @@ mod tests {
         }
     }
 
-    /// By hand after the OMG's rules: strings end in a zero byte, numbers are aligned from behind the first four bytes.
+    /// Written by hand from the OMG's rules: strings end with a zero byte; alignment counts from the end of
+    /// the first four bytes.
     #[test]
     fn an_image_is_laid_out_as_ros_lays_it_out() {
         let mut out = Vec::new();

@@ -1,13 +1,13 @@
-//! One channel of a recording, and what its messages are.
+//! One channel of a recording, and the kind of its messages.
 
-/// What a channel's messages are.
+/// The kind of a channel's messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ChannelKind {
     pub(crate) content: Content,
     pub(crate) form: MessageFormat,
 }
 
-/// What a message describes.
+/// The content of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Content {
     RawImage,
@@ -15,7 +15,7 @@ pub(crate) enum Content {
     Camera,
 }
 
-/// How a message is written.
+/// The schema and encoding of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum MessageFormat {
     /// `sensor_msgs` in CDR.
@@ -29,9 +29,9 @@ pub(crate) enum MessageFormat {
 }
 
 impl ChannelKind {
-    /// By the schema's name and the encoding of the messages; a schema's text is not needed.
+    /// The kind by the schema's name and the encoding of the messages. The schema's text is not needed.
     fn of(schema: &str, encoding: &str) -> Option<Self> {
-        // ROS 2's names with and without `msg`: some recorders leave it out.
+        // ROS 2's names with and without `msg`: some recorders omit it.
         let (package, name) = schema.split_once(['/', '.'])?;
         let name = name.strip_prefix("msg/").or(name.strip_prefix("msg.")).unwrap_or(name);
         let form = match (package, encoding) {
@@ -58,7 +58,7 @@ impl ChannelKind {
     }
 }
 
-/// A channel as far as it matters here.
+/// The properties of a channel that this crate needs.
 #[derive(Debug, Clone)]
 pub(crate) struct Channel {
     pub(crate) topic: String,

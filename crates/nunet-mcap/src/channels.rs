@@ -9,22 +9,22 @@ use crate::record::Record;
 use crate::records::Records;
 use crate::topics::{color_topics, depth_topics};
 
-/// The channels of one file, as far as they are known.
+/// The known channels of one file.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct Channels {
     schemas: HashMap<u16, String>,
     by_id: BTreeMap<u16, Channel>,
-    /// Messages of each channel, where the file's index states them.
+    /// The number of messages of each channel, if the file's index states it.
     counts: BTreeMap<u16, u64>,
-    /// Log time of the first message, where the index states it.
+    /// Log time of the first message, if the index states it.
     start_nanos: Option<u64>,
     /// Where the file is damaged or cut off, if the search for channels found that.
     damage: Option<String>,
 }
 
 impl Channels {
-    /// Those of a whole file: from its index, else by reading it up to its end or to where it is cut off. `given_up` is
-    /// asked at each record.
+    /// The channels of a whole file: from its index, otherwise by reading the file. `given_up` is
+    /// called at each record.
     pub(crate) fn of_file(path: &Path, given_up: &dyn Fn() -> bool) -> Result<Self, RecordingError> {
         if let Some(summary) = Records::open_summary(path)? {
             let mut channels = Self::default();
@@ -34,7 +34,7 @@ impl Channels {
         }
         let mut channels = Self::default();
         match channels.learn_all(Records::open(path)?, given_up) {
-            // What was found before the damage can be read.
+            // The channels before the damage can be read.
             Err(RecordingError::Damaged { reason, .. }) => channels.damage = Some(reason),
             learned => learned?,
         }
@@ -53,7 +53,7 @@ impl Channels {
         Err(RecordingError::GivenUp { path: records.path().to_owned() })
     }
 
-    /// Takes note of a schema, a channel or the counts.
+    /// Records a schema, a channel or the counts.
     pub(crate) fn learn(&mut self, record: &Record<'_>) {
         match record {
             Record::Schema { id, name } => {
@@ -94,9 +94,9 @@ pub(crate) struct RecordingTopics {
     damage: Option<String>,
 }
 
-/// How a topic is chosen where names do not tell: by its first message.
+/// Chooses topics by their first messages, if the names are ambiguous.
 pub(crate) trait FirstImages {
-    /// Whether each of the topics begins with depth; unknown ones are missing.
+    /// Whether the first message of each topic is depth; topics without a readable message are missing.
     fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool>;
 }
 
@@ -115,13 +115,13 @@ impl RecordingTopics {
         topics
     }
 
-    /// Nothing was found, perhaps because it was lost.
+    /// The error if nothing was found because the file is damaged.
     fn is_lost(&self, path: &Path) -> Option<RecordingError> {
         let reason = self.damage.clone().filter(|_| self.channels.is_empty())?;
         Some(RecordingError::NothingLeft { path: path.to_owned(), reason })
     }
 
-    /// How many messages a topic has, where every file's index states it.
+    /// The number of messages of a topic, if every file's index states it.
     pub(crate) fn count(&self, topic: &str) -> Option<u64> {
         self.counts.get(topic).copied().filter(|_| self.is_counted)
     }
@@ -133,7 +133,7 @@ impl RecordingTopics {
         topics.into_iter().collect()
     }
 
-    /// The topic to read images from: the one that was asked for, else the only one with color.
+    /// The topic to read images from: the requested one, otherwise the only one with color.
     pub(crate) fn image_topic(
         &self,
         path: &Path,
@@ -160,7 +160,8 @@ impl RecordingTopics {
         }
     }
 
-    /// The topic to read depth from: the one that was asked for, else the only one by name, else by its messages.
+    /// The topic to read depth from: the requested one, otherwise the only one by name, otherwise the only
+    /// one by its messages.
     pub(crate) fn depth_topic(
         &self,
         path: &Path,
@@ -197,14 +198,14 @@ impl RecordingTopics {
         }
     }
 
-    /// The topic that describes the camera of an image topic, in the same namespace, as ROS' drivers have it. That of
-    /// another namespace belongs to another camera.
+    /// The topic that describes the camera of an image topic, in the same namespace, as ROS drivers name it.
+    /// A topic in another namespace belongs to another camera.
     pub(crate) fn camera_topic(&self, image_topic: &str) -> Option<String> {
         let cameras =
             || self.channels.iter().filter(|channel| channel.kind().is_some_and(ChannelKind::is_camera));
         let parent = |topic: &str| topic.rsplit_once('/').map_or("", |(parent, _)| parent).to_owned();
         let beside = |namespace: &str| cameras().find(|channel| parent(&channel.topic) == namespace);
-        // `/front/image_raw/compressed` and `/front/image_raw` both go with `/front/camera_info`.
+        // `/front/image_raw/compressed` and `/front/image_raw` both belong to `/front/camera_info`.
         let namespace = parent(image_topic);
         beside(&namespace).or_else(|| beside(&parent(&namespace))).map(|channel| channel.topic.clone())
     }
@@ -223,7 +224,7 @@ fn list(topics: &[&str]) -> String {
     some_of(topics.iter().map(|topic| format!("`{topic:.60}`")).collect())
 }
 
-/// A robot's recording may have hundreds.
+/// Limits the list, because a robot's recording may have hundreds of topics.
 fn some_of(mut named: Vec<String>) -> String {
     const SHOWN: usize = 12;
     let more = named.len().saturating_sub(SHOWN);

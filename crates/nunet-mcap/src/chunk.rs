@@ -7,16 +7,16 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 
 use crate::record::{Record, U64};
 
-/// No message is larger: an image of 48 megapixels has 144 MB.
+/// The largest record. An image of 48 megapixels has 144 MB.
 pub(crate) const MAX_RECORD_BYTES: u64 = 256 << 20;
 /// Opcode and length.
 pub(crate) const FRAME_BYTES: usize = 1 + 8;
 /// Start and end time, uncompressed size, checksum, length of the compression's name.
 pub(crate) const HEADER_BYTES: u64 = 8 + 8 + 8 + 4 + 4;
-/// What a writer states as the length of a chunk before it is complete.
+/// The length of a chunk that is not complete yet.
 pub(crate) const OPEN: u64 = u64::MAX;
-/// As many bytes are checked before the first record is taken, for each byte of the file: more would be a lie, or an
-/// image of one color, which is checked at its end.
+/// The largest plausible compression ratio. A chunk that states more is wrong, or contains an image of
+/// one color; its checksum is verified at its end instead of before the first record.
 const MAX_COMPRESSION: u64 = 1024;
 
 /// A chunk of a file, from which records are taken.
@@ -27,24 +27,24 @@ pub(crate) struct Chunk {
     /// Size of the chunk's records as its header states it, and of those that were read.
     uncompressed: u64,
     records: u64,
-    /// Whether the file has all of it. Of a whole chunk no record is taken before its checksum is found right; of one that
-    /// is cut off, all that is left is taken.
+    /// Whether the file contains the whole chunk. Records of a whole chunk are returned only after
+    /// its checksum was verified; of a truncated chunk, all remaining records are returned.
     pub(crate) is_whole: bool,
 }
 
-/// What came next.
+/// The outcome of [`Chunk::next`].
 pub(crate) enum ChunkEvent<T> {
     Record(T),
-    /// The reader needs up to so many bytes.
+    /// The reader needs up to this many bytes.
     Needs(usize),
     End,
 }
 
 impl Chunk {
-    /// `start` are the chunk's first bytes up to its compression's name at least.
+    /// `start` contains the chunk's first bytes, at least up to the name of its compression.
     pub(crate) fn new(start: &[u8], remaining: u64, is_whole: bool) -> Self {
         let uncompressed = U64::at(start, FRAME_BYTES + 16).unwrap_or_default();
-        // The limit holds for the chunk's header as well, which is short.
+        // The limit also applies to the chunk's header, which is short.
         let limit = uncompressed.clamp(1 << 16, MAX_RECORD_BYTES);
         let is_plausible = uncompressed <= limit.min(remaining.saturating_mul(MAX_COMPRESSION));
         let options = LinearReaderOptions::default()
@@ -59,7 +59,7 @@ impl Chunk {
         Self { reader, remaining, uncompressed, records: 0, is_whole }
     }
 
-    /// Hands the next record to `take`, if the reader has enough bytes for it.
+    /// Passes the next record to `take`, if the reader has enough bytes for it.
     ///
     /// # Errors
     /// Why the chunk is damaged.
@@ -70,7 +70,7 @@ impl Chunk {
                 Ok(ChunkEvent::Record(take(Record::parse(opcode, data)?)))
             }
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) if self.remaining > 0 || !self.is_whole => {
-                // It asks for the record behind the chunk.
+                // It requests the record after the chunk.
                 let is_over = self.remaining == 0 && self.records == self.uncompressed;
                 Ok(if is_over { ChunkEvent::End } else { ChunkEvent::Needs(wanted) })
             }
@@ -84,7 +84,7 @@ impl Chunk {
         }
     }
 
-    /// Room for `count` bytes of the chunk; [`Self::filled`] says how many came.
+    /// A buffer for `count` bytes of the chunk. Report the number of bytes read to [`Self::filled`].
     pub(crate) fn room(&mut self, count: usize) -> &mut [u8] {
         self.reader.insert(count)
     }
@@ -95,13 +95,13 @@ impl Chunk {
     }
 }
 
-/// mcap 0.26 counts below zero where a chunk's last record is longer than the chunk: a panic in a build with overflow
-/// checks, which this workspace does not use for it.
+/// mcap 0.26 subtracts below zero if a chunk's last record is longer than the chunk. That panics in a
+/// build with overflow checks, which this workspace disables for mcap.
 fn guarded<T>(next: impl FnOnce() -> Option<Result<T, McapError>>) -> Option<Result<T, McapError>> {
     catch_unwind(AssertUnwindSafe(next)).unwrap_or(Some(Err(McapError::UnexpectedEoc)))
 }
 
-/// mcap's own text, without the parser's backtrace that some of its errors carry.
+/// The error text of mcap, without the parser's backtrace that some of its errors contain.
 fn plain(error: &McapError) -> String {
     match error {
         McapError::Parse(_) => "a record's fields do not fit its length".to_owned(),

@@ -1,4 +1,4 @@
-//! Depth as ROS' `compressed_depth_image_transport` writes it, and depth in plain PNG files.
+//! Depth of the ROS package `compressed_depth_image_transport`, and depth in plain PNG files.
 //!
 //! A message is a header of twelve bytes (format, then two quantization parameters as `f32`) and a PNG file of 16 bits or
 //! RVL data. Depth in meters is stored as its inverse: `depth = a / (value - b)`, 0 = none.
@@ -75,7 +75,7 @@ fn rvl(body: &[u8]) -> Result<Values, String> {
         return Err("its data are neither PNG nor RVL".to_owned());
     };
     let pixels = u64::from(width) * u64::from(height);
-    // Every run of pixels takes half a byte at least, and a run of zeros may be long: the sides bound it.
+    // A run of zeros can have any length, so the number of bytes does not limit the size; the sides do.
     if pixels == 0 || pixels > MAX_PIXELS || width > MAX_SIDE_PX || height > MAX_SIDE_PX {
         return Err(format!("its data are neither PNG nor RVL of a possible size ({width}x{height})"));
     }
@@ -84,8 +84,8 @@ fn rvl(body: &[u8]) -> Result<Values, String> {
     Ok((ImageSize { width, height }, values))
 }
 
-/// Numbers of variable length in nibbles: three bits each, the fourth says that more follow. Words of 32 bits are
-/// little-endian, their nibbles from the highest to the lowest.
+/// Numbers of variable length in nibbles: three bits each; the fourth bit is set if more nibbles follow.
+/// Words of 32 bits are little-endian, their nibbles from the highest to the lowest.
 struct Nibbles<'a> {
     bytes: &'a [u8],
     word: u32,
@@ -111,7 +111,7 @@ impl Nibbles<'_> {
         }
     }
 
-    /// Runs of zeros and of differences to the pixel before, in turn.
+    /// Alternating runs of zeros and of differences to the previous pixel.
     fn image(&mut self, pixels: usize) -> Option<Vec<u16>> {
         let (mut values, mut before) = (Vec::new(), 0_i32);
         while values.len() < pixels {

@@ -1,17 +1,18 @@
-//! The images of a damaged chunk: counted by the index behind it, and reported one by one.
+//! The lost images of a damaged chunk. They are counted by the message index after the chunk and reported one
+//! by one.
 
 use std::path::{Path, PathBuf};
 
 use crate::RecordingError;
 
-/// What a damaged chunk has lost.
+/// The lost images of a damaged chunk.
 #[derive(Debug, Default)]
 pub(crate) struct Damage {
     path: PathBuf,
     reason: String,
     /// Lost images that were not reported yet.
     pending: u64,
-    /// No index said so far how many there were.
+    /// Whether no index has stated the number of images yet.
     is_uncounted: bool,
 }
 
@@ -20,7 +21,7 @@ impl Damage {
         Self { path: path.to_owned(), reason: reason.to_owned(), pending: 0, is_uncounted: true }
     }
 
-    /// The index of one channel behind the chunk.
+    /// Adds the images in the index of one channel.
     pub(crate) fn count(&mut self, images: u64) {
         if !self.reason.is_empty() {
             self.pending = self.pending.saturating_add(images);
@@ -28,7 +29,7 @@ impl Damage {
         }
     }
 
-    /// Something else came: without an index it was one image at least.
+    /// Ends the count at any other record. Without an index, at least one image was lost.
     pub(crate) fn close(&mut self) {
         if self.is_uncounted {
             (self.pending, self.is_uncounted) = (1, false);

@@ -1,4 +1,4 @@
-//! A message's bytes as an image or a camera, in every form that is read.
+//! Decodes messages of all supported types as images or cameras.
 
 use foxglove::Decode;
 use foxglove::messages as protobuf;
@@ -11,11 +11,11 @@ use crate::foxglove_json as json;
 use crate::image::{Purpose, Raw, RecordedImage};
 use crate::messages::{self, CameraInfo, CompressedImage, Image};
 
-/// How the messages of a topic are to be read.
+/// How the messages of a topic are read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ReadMode {
     pub(crate) purpose: Purpose,
-    /// Whether the images were rectified, as ROS' names say: their camera is the projection.
+    /// Whether the images are rectified, by the topic's name in ROS: their camera is the projection P.
     pub(crate) rectified: bool,
 }
 
@@ -23,10 +23,10 @@ pub(crate) struct ReadMode {
 pub(crate) fn image(
     kind: ChannelKind,
     data: &[u8],
-    reading: ReadMode,
+    read_mode: ReadMode,
     image: &mut RecordedImage,
 ) -> Result<(), String> {
-    let purpose = reading.purpose;
+    let purpose = read_mode.purpose;
     match (kind.content, kind.form) {
         (Content::Camera, _) => Err("it describes a camera".to_owned()),
         (Content::RawImage, MessageFormat::Ros) => {
@@ -104,9 +104,9 @@ fn compressed_image(
 pub(crate) fn camera(
     kind: ChannelKind,
     data: &[u8],
-    reading: ReadMode,
+    read_mode: ReadMode,
 ) -> Result<Option<CameraDescription>, String> {
-    let rectified = reading.rectified;
+    let rectified = read_mode.rectified;
     let of = |(width, height), [k, r, p]: [&[f64]; 3], model: &str, d: Vec<f64>| {
         check_matrices([k, r, p])?;
         let size = ImageSize { width, height };
@@ -138,7 +138,7 @@ pub(crate) fn camera(
     }
 }
 
-/// Lists of another length than the matrices K, R and P have. Protobuf leaves out a matrix that is not known.
+/// Checks the lengths of the matrices K, R and P. Protobuf omits an unknown matrix.
 fn check_matrices([k, r, p]: [&[f64]; 3]) -> Result<(), String> {
     for (name, matrix, expected) in [("K", k, 9), ("R", r, 9), ("P", p, 12)] {
         if !matrix.is_empty() && matrix.len() != expected {
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use crate::encoding::ImageEncoding;
 
-    const READING: ReadMode = ReadMode { purpose: Purpose::Color, rectified: false };
+    const READ_MODE: ReadMode = ReadMode { purpose: Purpose::Color, rectified: false };
 
     fn foxglove_image() -> protobuf::RawImage {
         protobuf::RawImage {
@@ -178,7 +178,7 @@ mod tests {
     fn assert_read(form: MessageFormat, message: &[u8]) {
         let kind = ChannelKind { content: Content::RawImage, form };
         let mut read = RecordedImage::default();
-        image(kind, message, READING, &mut read).unwrap();
+        image(kind, message, READ_MODE, &mut read).unwrap();
         assert_eq!((read.data.as_slice(), read.encoding), (&[7, 8][..], Some(ImageEncoding::Mono8)));
         assert_eq!((read.stamp_nanos, read.frame_id.as_str()), (3_000_000_005, "eye"));
     }
@@ -213,7 +213,7 @@ mod tests {
         .concat();
         let kind = ChannelKind { content: Content::CompressedImage, form: MessageFormat::FoxgloveCdr };
         let mut read = RecordedImage::default();
-        image(kind, &cdr, READING, &mut read).unwrap();
+        image(kind, &cdr, READ_MODE, &mut read).unwrap();
         assert_eq!((read.data.len(), read.encoding), (4, Some(ImageEncoding::File)));
     }
 
@@ -229,7 +229,7 @@ mod tests {
         };
         let message = serde_json::to_vec(&calibration).unwrap();
         let kind = ChannelKind { content: Content::Camera, form: MessageFormat::FoxgloveJson };
-        let read = camera(kind, &message, READING).unwrap().unwrap();
+        let read = camera(kind, &message, READ_MODE).unwrap().unwrap();
         assert_eq!(read.intrinsics, [500.0, 501.0, 320.0, 240.0]);
         assert_eq!((read.distortion_model.as_str(), read.coefficients.len()), ("plumb_bob", 5));
     }
@@ -246,10 +246,10 @@ mod tests {
             let mut message = Vec::new();
             calibration.encode(&mut message).unwrap();
             let text = serde_json::to_vec(calibration).unwrap();
-            let reading = ReadMode { rectified, ..READING };
+            let read_mode = ReadMode { rectified, ..READ_MODE };
             let kind = |form| ChannelKind { content: Content::Camera, form };
-            let of_protobuf = camera(kind(MessageFormat::FoxgloveProtobuf), &message, reading);
-            assert_eq!(of_protobuf, camera(kind(MessageFormat::FoxgloveJson), &text, reading));
+            let of_protobuf = camera(kind(MessageFormat::FoxgloveProtobuf), &message, read_mode);
+            assert_eq!(of_protobuf, camera(kind(MessageFormat::FoxgloveJson), &text, read_mode));
             of_protobuf
         };
         assert!(read(&good, false).unwrap().is_some());
@@ -277,9 +277,12 @@ mod tests {
         ] {
             for content in [Content::RawImage, Content::CompressedImage] {
                 let kind = ChannelKind { content, form };
-                assert!(image(kind, &[0xff; 9], READING, &mut RecordedImage::default()).is_err(), "{kind:?}");
+                assert!(
+                    image(kind, &[0xff; 9], READ_MODE, &mut RecordedImage::default()).is_err(),
+                    "{kind:?}"
+                );
             }
-            assert!(camera(ChannelKind { content: Content::Camera, form }, &[0xff; 9], READING).is_err());
+            assert!(camera(ChannelKind { content: Content::Camera, form }, &[0xff; 9], READ_MODE).is_err());
         }
     }
 }

@@ -1,6 +1,6 @@
-//! How the bytes of a recorded image are laid out.
+//! The pixel layouts of recorded images.
 
-/// Where the four colors of a Bayer mosaic lie: the first two pixels of the first row, then those of the second.
+/// The pattern of a Bayer mosaic: the first two pixels of the first row, then those of the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BayerPattern {
     /// Red first.
@@ -13,7 +13,7 @@ pub enum BayerPattern {
     Grbg,
 }
 
-/// How a recorded image's bytes are laid out. Numbers of 16 and 32 bits are little-endian.
+/// The pixel layout of a recorded image. Numbers of 16 and 32 bits are little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ImageEncoding {
@@ -61,7 +61,7 @@ pub enum ImageEncoding {
     DepthMillimeters,
 }
 
-/// What error messages name as readable.
+/// The readable encodings, for messages.
 pub(crate) const READABLE: &str = "rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, mono8, mono16, bayer_*8, bayer_*16, yuv422 (uyvy), \
                                    yuv422_yuy2 (yuyv), nv12, nv21, i420 or yv12";
 
@@ -72,7 +72,8 @@ impl ImageEncoding {
         matches!(self, Self::DepthMeters | Self::DepthMillimeters)
     }
 
-    /// By the name in a message of ROS (`sensor_msgs/image_encodings.hpp`) or Foxglove, in any case.
+    /// The encoding by its name in a message of ROS (`sensor_msgs/image_encodings.hpp`) or Foxglove, in any
+    /// case.
     pub(crate) fn named(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "rgb8" | "rgb" => Self::Rgb8,

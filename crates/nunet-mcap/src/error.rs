@@ -1,17 +1,17 @@
-//! What can be wrong with a recording.
+//! The errors of recordings.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
 
 use nunet_types::Hint;
 
-/// What sort of error a [`RecordingError`] is.
+/// The kind of a [`RecordingError`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RecordingErrorKind {
     /// The file cannot be opened, read or written.
     Io,
-    /// A file is where the recording is to be created, or another process writes it.
+    /// The file exists already, or another process writes it.
     Occupied,
     /// The file is not an MCAP file.
     Format,
@@ -21,7 +21,7 @@ pub enum RecordingErrorKind {
     GivenUp,
     /// The recording has no images or no depth.
     NothingToRead,
-    /// The topic that was asked for is missing or carries something else, or one has to be asked for.
+    /// The requested topic is missing or has another type, or a topic must be requested.
     Topic,
     /// One message cannot be read.
     Message,
@@ -34,14 +34,14 @@ pub enum RecordingError {
     /// The file cannot be opened, read or written.
     #[error("cannot {what} the recording `{}`", path.display())]
     Io {
-        /// open, read, write.
+        /// The failed operation: open, read, write.
         what: &'static str,
         /// The file.
         path: PathBuf,
         /// Why.
         source: std::io::Error,
     },
-    /// A file is where the recording is to be created.
+    /// The file exists already.
     #[error("`{}` already exists", path.display())]
     Exists {
         /// The file.
@@ -61,17 +61,17 @@ pub enum RecordingError {
         /// What it is instead.
         reason: &'static str,
     },
-    /// The folder is not that of a recording.
+    /// The folder is not a recording.
     #[error("`{}` is a folder without a recording: {reason}", path.display())]
     NotARecordingFolder {
         /// The folder.
         path: PathBuf,
-        /// What it holds.
+        /// What was found.
         reason: String,
         /// What to name instead.
         hint: String,
     },
-    /// The file is damaged or cut off; every message before was read.
+    /// The file is damaged or truncated here; all messages before were read.
     #[error("the recording `{}` is damaged or cut off: {reason}; every message before was read", path.display())]
     Damaged {
         /// The file.
@@ -79,7 +79,7 @@ pub enum RecordingError {
         /// What was found.
         reason: String,
     },
-    /// A chunk of the file is damaged; what is before and behind it can be read.
+    /// A chunk of the file is damaged; the rest can be read.
     #[error("the recording `{}` has a damaged chunk, and an image in it is lost: {reason}", path.display())]
     DamagedChunk {
         /// The file.
@@ -151,7 +151,7 @@ pub enum RecordingError {
         /// Their names.
         topics: String,
     },
-    /// The topic that was asked for does not exist.
+    /// The requested topic does not exist.
     #[error("`{}` has no topic `{topic:.60}`", path.display())]
     NoSuchTopic {
         /// The file.
@@ -161,7 +161,7 @@ pub enum RecordingError {
         /// The topics that exist.
         topics: String,
     },
-    /// The topic that was asked for carries something else.
+    /// The requested topic has messages of another type.
     #[error("topic `{topic:.60}` of `{}` carries {found}, which is not an image that can be read", path.display())]
     NotAnImage {
         /// The file.
@@ -181,7 +181,7 @@ pub enum RecordingError {
         /// What is wrong with it.
         reason: String,
     },
-    /// The recording cannot be written further.
+    /// The recording cannot be continued.
     #[error("cannot write the recording `{}`", path.display())]
     Write {
         /// The file.
@@ -200,7 +200,7 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
-    /// What sort of error it is.
+    /// The kind of the error.
     #[must_use]
     pub fn kind(&self) -> RecordingErrorKind {
         match self {

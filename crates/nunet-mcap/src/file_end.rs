@@ -1,4 +1,4 @@
-//! Where a recording that cannot be continued is cut off, and the end that it gets there.
+//! Truncates a recording that cannot be continued, and writes its end.
 
 use std::fs::File;
 use std::io::{self, Seek as _, SeekFrom, Write as _};
@@ -20,15 +20,14 @@ pub(crate) const END: [u8; 13 + 29 + 8] = {
     end
 };
 
-/// Keeps a file readable for strict readers when the disk fills up.
-///
-/// A file is cut back to its last sync and gets an end there. The disk may have no byte left even for that, so the sync
-/// before is remembered as well: cutting back to it gives room. Before the first sync there is nothing to give back, so
-/// the end is written behind the header when the file is created, and overwritten by what follows.
+/// Keeps a file readable for strict readers when the disk fills up. A file is truncated to its last sync, and
+/// its end is written there. The disk may not have room even for that, so the previous sync is remembered
+/// too: truncating to it frees space. Before the first sync nothing can be freed, so the end is written after
+/// the header when the file is created, and later data overwrite it.
 pub(crate) struct FileEnd {
-    /// The writer's file once more: another file may have its name by now.
+    /// A second handle of the writer's file, because another file may have its name by then.
     file: File,
-    /// Everything before these places can be read: the last sync, and the one before.
+    /// The lengths of the file at the last two syncs; everything before them can be read.
     synced: [u64; 2],
 }
 
@@ -37,7 +36,8 @@ impl FileEnd {
         Self { file, synced: [0; 2] }
     }
 
-    /// Writes the end behind what was written so far, without moving the writer's position. A device has no such place.
+    /// Writes the end after the current data, without moving the writer's position. Does nothing for a
+    /// device.
     pub(crate) fn reserve(&mut self) -> io::Result<()> {
         let file = self.file.metadata()?;
         if file.is_file() {
@@ -50,7 +50,7 @@ impl FileEnd {
     /// Flushes the file to the disk.
     pub(crate) fn sync(&mut self) -> io::Result<()> {
         self.file.sync_data()?;
-        // What was reserved may reach beyond what was written, if that is little.
+        // The reserved end may be longer than the data that replaced it.
         let written = self.file.stream_position()?;
         if written > self.synced[0] {
             self.synced = [written, self.synced[0]];
@@ -58,7 +58,7 @@ impl FileEnd {
         Ok(())
     }
 
-    /// Cuts the file back to the last sync and ends it there, or at the one before.
+    /// Truncates the file to the last sync, or to the one before, and writes the end.
     pub(crate) fn cut_back(&mut self) -> io::Result<()> {
         let [last, before] = self.synced;
         if last == 0 {
@@ -69,7 +69,7 @@ impl FileEnd {
 
     fn end_at(&mut self, place: u64) -> io::Result<()> {
         self.file.set_len(place)?;
-        // The position is shared with the writer, which is gone.
+        // The position was shared with the writer, which was dropped.
         self.file.seek(SeekFrom::Start(place))?;
         self.file.write_all(&END)?;
         self.file.sync_data()

@@ -1,4 +1,4 @@
-//! Foxglove's messages in JSON, as leniently as its tools write them.
+//! Foxglove's messages in JSON. All spellings of its tools are accepted.
 //!
 //! The published schemas spell the matrices `D K R P`; Foxglove's own Rust types write `d k r p`. Optional fields may be
 //! absent, and protobuf's JSON mapping writes `frameId` and `distortionModel`.
@@ -90,8 +90,8 @@ fn base64_bytes(mut text: String) -> Result<Vec<u8>, base64::DecodeError> {
     GeneralPurpose::new(&alphabet, ANY_PADDING).decode(text)
 }
 
-/// `{sec, nsec}`, with the names of ROS or of protobuf too. One that is written otherwise is unknown: the time of
-/// recording stands in for it.
+/// `{sec, nsec}`, with the names of ROS or of protobuf too. Any other form counts as unknown; the time of
+/// recording replaces it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(transparent)]
 pub(crate) struct Stamp(Value);

@@ -1,4 +1,4 @@
-//! What is recorded of a frame.
+//! The recorded data of a frame.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use crate::messages::{Header, PointCloud2, PointField};
 use crate::mount::CameraMount;
 use serde_bytes::Bytes;
 
-/// The cloud's points: 16 bytes, color and label where ROS' tools expect them.
+/// The cloud's points: 16 bytes, with color and label at the offsets that ROS tools expect.
 const POINT_FIELDS: [PointField; 5] = [
     PointField { name: "x", offset: 0, datatype: PointField::FLOAT32, count: 1 },
     PointField { name: "y", offset: 4, datatype: PointField::FLOAT32, count: 1 },
@@ -17,14 +17,14 @@ const POINT_FIELDS: [PointField; 5] = [
 ];
 const POINT_BYTES: u32 = 16;
 
-/// What a recording holds.
+/// The settings of a recording.
 #[derive(Debug, Clone)]
 pub struct WriterOptions {
     /// First part of the topics' names.
     pub camera: String,
     /// Coordinate frame of images, depth and cloud: the camera's optical frame.
     pub frame_id: String,
-    /// Where the camera is mounted on the robot.
+    /// The pose of the camera on the robot.
     pub mount: Option<CameraMount>,
     /// Facts about the recording as a whole: model, provider, and so on.
     pub about: BTreeMap<String, String>,
@@ -48,7 +48,7 @@ pub struct ScaleRecord {
     pub units: &'static str,
     /// Where the scale comes from, spelled as in shared memory: `focal_scaled`.
     pub source: &'static str,
-    /// What the network's meters were multiplied by; 0 for depth without a unit.
+    /// Factor by which the network's meters were multiplied; 0 for relative depth.
     pub factor: f32,
     /// Nanoseconds since the factor was measured; 0 for one that does not change.
     pub age_nanos: i64,
@@ -100,7 +100,7 @@ pub struct CloudRecord<'a> {
     pub bytes: &'a [u8],
 }
 
-/// Everything that is recorded of a frame.
+/// All recorded data of a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameRecord<'a> {
     /// Time of recording, nanoseconds of the recording's clock.

@@ -1,4 +1,4 @@
-//! A recorded image, whatever message it came in.
+//! A recorded image, independent of the type of its message.
 
 use nunet_types::ImageSize;
 
@@ -9,14 +9,14 @@ use crate::messages::{CompressedImage, Image};
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// What the images of a topic are read as.
+/// How the images of a topic are interpreted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// Something to look at.
+    /// Color or gray images.
     Color,
-    /// The same from an infrared camera: there `16UC1` is brightness.
+    /// Infrared images, in which `16UC1` is brightness.
     Infrared,
-    /// Distances.
+    /// Depth.
     Depth,
 }
 
@@ -41,7 +41,7 @@ pub struct RecordedImage {
     pub frame_id: String,
 }
 
-/// A raw image as a message has it.
+/// A raw image of a message.
 pub(crate) struct Raw<'a> {
     pub(crate) width: u32,
     pub(crate) height: u32,
@@ -163,7 +163,7 @@ impl RecordedImage {
         self.data.extend_from_slice(raw.data.get(..needed as usize).unwrap_or_default());
         let number = encoding.number_bytes();
         if raw.big_endian && number > 1 {
-            // Padding is swapped too; nothing reads it.
+            // Padding is swapped too; it is never read.
             self.data.chunks_exact_mut(number).for_each(<[u8]>::reverse);
         }
         Ok(())

@@ -1,8 +1,9 @@
-//! Recordings of robots: images and cameras out of MCAP files, results into them.
+//! Recordings: reads images and cameras from MCAP files, and writes results into them.
 //!
-//! [`Recording`] reads `sensor_msgs/msg/Image`, `CompressedImage` and `CameraInfo` of ROS 2 (CDR) and Foxglove's
-//! `RawImage`, `CompressedImage` and `CameraCalibration` (protobuf, JSON and CDR), from complete files, from files that were
-//! cut off anywhere, and from split bags. [`RecordingWriter`] writes ROS 2 messages and embeds their schemas.
+//! [`Recording`] reads `sensor_msgs/msg/Image`, `CompressedImage` and `CameraInfo` of ROS 2 (CDR) and
+//! Foxglove's `RawImage`, `CompressedImage` and `CameraCalibration` (protobuf, JSON and CDR), from complete
+//! files, truncated files, and split bags. [`RecordingWriter`] writes ROS 2 messages and embeds their
+//! schemas.
 //!
 //! This crate does not depend on networks or shared memory.
 //!

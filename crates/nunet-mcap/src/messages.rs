@@ -1,4 +1,4 @@
-//! The ROS 2 messages that are read and written, field by field as their `.msg` files have them.
+//! The ROS 2 messages that are read and written, with the fields of their `.msg` files in the same order.
 
 use std::borrow::Cow;
 
@@ -110,7 +110,7 @@ impl CameraInfo<'_> {
     }
 }
 
-/// `foxglove_msgs/msg/RawImage`; its time and frame are laid out like a header.
+/// `foxglove_msgs/msg/RawImage`; its time and frame have the layout of a header.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(crate) struct RawImage<'a> {
     #[serde(borrow)]
@@ -193,7 +193,7 @@ pub(crate) struct LaserScan<'a> {
     pub(crate) intensities: Cow<'a, [f32]>,
 }
 
-/// `geometry_msgs/msg/TransformStamped`, its transform written out.
+/// `geometry_msgs/msg/TransformStamped`, with its transform's fields in place.
 #[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct TransformStamped<'a> {
     pub(crate) header: Header<'a>,

@@ -1,8 +1,9 @@
-//! Where a camera sits on the robot, as a transform of ROS.
+//! The pose of a camera on the robot, as a transform of ROS.
 
 use crate::messages::{Header, TransformStamped};
 
-/// A camera's place on the robot: the body frame (x forward, y left, z up) of the camera in the robot's `base_link`.
+/// A camera's pose on the robot: the body frame (x forward, y left, z up) of the camera in the robot's
+/// `base_link`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraMount {
     /// Meters.

@@ -43,11 +43,11 @@ impl<'a> ObstaclesRecord<'a> {
         }
     }
 
-    /// One beam through the middle of each sector.
+    /// One beam through the middle of each sector. Distances are in meters, angles in radians.
     ///
-    /// Obstacles and drops have their distance. Infinity means free up to `range_max`, because consumers clear their map
-    /// that far; a sector whose floor was seen less far is NaN, like an unknown one. Remembered obstacles are NaN too: a
-    /// scan cannot say that they are old.
+    /// Obstacles and drops have their distance. Infinity means free up to `range_max`, because consumers
+    /// clear their map up to it. A sector whose floor was seen only up to a shorter range is NaN, like an
+    /// unknown one. Remembered obstacles are NaN too, because a scan cannot mark them as old.
     pub(crate) fn scan(&self, header: Header<'a>) -> LaserScan<'a> {
         let range_max = ObstacleSector::scan_range_m(self.map.max_range_m);
         let ranges: Vec<f32> = self.map.sectors.iter().map(|sector| sector.beam_m(range_max)).collect();

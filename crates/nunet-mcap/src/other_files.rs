@@ -1,9 +1,9 @@
-//! What a file is that is not an MCAP file, and how to make one of it.
+//! Recognizes recordings in other formats, and how to convert them.
 
 use std::borrow::Cow;
 use std::path::Path;
 
-/// First bytes of files that users take for recordings that can be read, and what they are.
+/// The first bytes of known other formats, and their names.
 const KNOWN: [(&[u8], &str); 4] = [
     (b"#ROSBAG V", ROS1_BAG),
     (b"SQLite format 3\0", SQLITE_BAG),
@@ -15,7 +15,7 @@ const SQLITE_BAG: &str = "it is a ROS 2 bag in SQLite";
 const ZSTD_FILE: &str = "it is compressed with zstd as a whole";
 const LZ4_FILE: &str = "it is compressed with lz4 as a whole";
 
-/// What a file is by its first bytes, as the reason why it is no MCAP file.
+/// Why a file is not an MCAP file, by its first bytes.
 pub(crate) fn what_it_is(start: &[u8]) -> &'static str {
     let known = KNOWN.iter().find(|(magic, _)| start.starts_with(&magic[..magic.len().min(8)]));
     match known {
@@ -25,7 +25,7 @@ pub(crate) fn what_it_is(start: &[u8]) -> &'static str {
     }
 }
 
-/// What a file is by its first bytes, if it is a recording in another format; sixteen bytes are enough.
+/// The format of a recording that is not MCAP, by its first 16 bytes; `None` for an unknown one.
 #[must_use]
 pub fn recording_of_another_format(start: &[u8]) -> Option<&'static str> {
     KNOWN.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, what)| what)
@@ -43,7 +43,7 @@ pub fn conversion_hint(path: &Path, what: &str) -> Option<Cow<'static, str>> {
             "convert it: `pip install rosbags`, then `rosbags-convert --src {shown} --dst {stem} --dst-storage mcap`, and \
              name the folder `{stem}`"
         ),
-        // Tools go by the ending.
+        // The tools check the extension.
         SQLITE_BAG if is_mcap => {
             format!("convert it: `mv {shown} {stem}.db3`, then `mcap convert {stem}.db3 {shown}`, or `ros2 bag convert`")
         }

@@ -9,12 +9,12 @@ use serde::Deserialize;
 use crate::RecordingError;
 use crate::records::io;
 
-/// What `ros2 bag record` writes beside the parts.
+/// The metadata file of `ros2 bag record`.
 const METADATA: &str = "metadata.yaml";
-/// A bag of a thousand parts has about 100 kB of it.
+/// The largest `metadata.yaml`. That of a bag with a thousand parts has about 100 kB.
 const MAX_METADATA_BYTES: u64 = 16 << 20;
 
-/// `metadata.yaml`, as far as it matters.
+/// The used fields of `metadata.yaml`.
 #[derive(Debug, Deserialize)]
 struct Metadata {
     rosbag2_bagfile_information: Information,
@@ -104,7 +104,7 @@ fn shown_name(file: &Path) -> String {
     file.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Numbers that are missing between those of the parts.
+/// An error for each gap in the numbers of the parts.
 pub(crate) fn gaps(files: &[PathBuf]) -> Vec<RecordingError> {
     if files.len() < 2 || !are_parts(files) {
         return Vec::new();
@@ -126,7 +126,7 @@ fn conversion(folder: &Path) -> String {
     )
 }
 
-/// `None` without the file, and where it is something else.
+/// `None` if the file is missing or is not a bag's metadata.
 fn read_metadata(path: &Path) -> Option<Information> {
     let length = path.metadata().ok().filter(std::fs::Metadata::is_file)?.len();
     let text = (length <= MAX_METADATA_BYTES).then(|| std::fs::read_to_string(path).ok())??;
@@ -147,7 +147,7 @@ fn mcap_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// macOS leaves `._drive.mcap` beside `drive.mcap`.
+/// Hidden files are skipped: macOS writes `._drive.mcap` next to `drive.mcap`.
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
@@ -166,7 +166,7 @@ fn by_number(a: &str, b: &str) -> Ordering {
     numbered(a).cmp(&numbered(b))
 }
 
-/// Whether files are named as `ros2 bag` names parts: one name, and a number each.
+/// Whether the files have the names of `ros2 bag`'s parts: a common name, and a number each.
 fn are_parts(files: &[PathBuf]) -> bool {
     let stems: Vec<String> = files.iter().map(|file| stem(file)).collect();
     let first = numbered(&stems[0]).0;

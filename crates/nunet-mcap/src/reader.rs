@@ -17,13 +17,13 @@ use crate::topics::TopicContent;
 use crate::writer::ABOUT;
 use crate::{RecordingError, parts};
 
-/// How many records are searched for the camera of the first images, and how many bytes of messages.
+/// The number of records, and of bytes in messages, that are searched for the camera of the first images.
 const LOOK_AHEAD: usize = 10_000;
 const LOOK_AHEAD_BYTES: usize = 64 << 20;
-/// How many records without an image are read before the caller is asked again.
+/// How many records without an image are read before [`Recording::next`] returns [`Next::Nothing`].
 const RECORDS_PER_CALL: usize = 256;
 
-/// The model whose results a recording holds that nunetd has written; `None` for any other file.
+/// The model of a recording with nunetd's results; `None` for any other file.
 #[must_use]
 pub fn model_of_results(path: &Path) -> Option<String> {
     let first = parts::parts(path).ok()?.into_iter().next()?;
@@ -55,7 +55,7 @@ pub struct Recording {
     part: usize,
     topic: String,
     camera_topic: Option<String>,
-    reading: ReadMode,
+    read_mode: ReadMode,
     records: Records,
     channels: Channels,
     camera: Option<CameraDescription>,
@@ -64,18 +64,18 @@ pub struct Recording {
     count: Option<u64>,
 }
 
-/// What came next.
+/// The outcome of [`Recording::next`].
 #[derive(Debug)]
 pub enum Next {
     /// An image.
     Image,
     /// An image that cannot be read, or a part that ends early; the next one may be good.
     Bad(RecordingError),
-    /// No image for a while; ask again.
+    /// No image among many records; call again.
     Nothing,
-    /// The recording is over, complete.
+    /// The recording has ended and is complete.
     End,
-    /// The recording is over because it is damaged or was cut off here.
+    /// The recording ends here because it is damaged or truncated.
     Cut(RecordingError),
 }
 
@@ -88,8 +88,8 @@ impl Recording {
         Self::open_unless(path, topic, &|| false)
     }
 
-    /// [`open`](Self::open) for a program that may be asked to stop meanwhile: a file without an index is read to its end,
-    /// which takes long for a large one, and `given_up` is asked at each record.
+    /// [`open`](Self::open) for a program that may be asked to stop meanwhile: a file without an index is
+    /// read to its end, which takes long for a large one, and `given_up` is called at each record.
     ///
     /// # Errors
     /// Those of [`open`](Self::open), and [`RecordingError::GivenUp`].
@@ -126,7 +126,7 @@ impl Recording {
         let rectified = topic.split('/').any(|part| part.starts_with("image_rect"));
         let mut recording = Self {
             camera_topic: topics.camera_topic(&topic),
-            reading: ReadMode { purpose, rectified },
+            read_mode: ReadMode { purpose, rectified },
             count: topics.count(&topic),
             topic,
             records: Records::open(&bag.parts[0].path)?,
@@ -149,22 +149,22 @@ impl Recording {
         &self.topic
     }
 
-    /// How many images there are, if the file's index states it.
+    /// The number of images, if the file's index states it.
     #[must_use]
     pub fn image_count(&self) -> Option<u64> {
         self.count
     }
 
-    /// The camera as last described; at first as it will be described first.
+    /// The camera of the last description. Before the first one, that of the first.
     #[must_use]
     pub fn camera(&self) -> Option<&CameraDescription> {
         self.camera.as_ref()
     }
 
-    /// Begins again.
+    /// Restarts from the beginning.
     ///
     /// # Errors
-    /// The file is gone.
+    /// The file does not exist anymore.
     pub fn rewind(&mut self) -> Result<(), RecordingError> {
         self.open_part(0)?;
         self.camera.clone_from(&self.first_camera);
@@ -174,7 +174,7 @@ impl Recording {
 
     fn open_part(&mut self, part: usize) -> Result<(), RecordingError> {
         self.records = Records::open(&self.parts[part].path)?;
-        // Those of a damaged chunk are known from the index.
+        // Channels of a damaged chunk are known from the index.
         self.channels = self.parts[part].channels.clone();
         self.damage = Damage::default();
         self.part = part;
@@ -210,7 +210,7 @@ impl Recording {
                         return Next::Cut(error);
                     }
                 }
-                // The other parts are good for something.
+                // Continue with the other parts.
                 Err(error) => {
                     return self.open_part(self.part + 1).map_or_else(Next::Cut, |()| Next::Bad(error));
                 }
@@ -220,7 +220,7 @@ impl Recording {
     }
 
     fn step(&mut self, image: &mut RecordedImage) -> Result<Option<RecordOutcome>, RecordingError> {
-        let Self { channels, topic, camera_topic, reading, camera, images, .. } = self;
+        let Self { channels, topic, camera_topic, read_mode, camera, images, .. } = self;
         self.records.next(|record| {
             channels.learn(&record);
             let is_image = |id| {
@@ -236,7 +236,7 @@ impl Recording {
             if channel.topic == *topic && !kind.is_camera() {
                 *images += 1;
                 image.log_nanos = log_time;
-                return match decode::image(kind, data, *reading, image) {
+                return match decode::image(kind, data, *read_mode, image) {
                     Ok(()) => RecordOutcome::Image,
                     Err(reason) => RecordOutcome::Bad(RecordingError::Message {
                         topic: topic.clone(),
@@ -246,9 +246,9 @@ impl Recording {
                 };
             }
             if kind.is_camera() && Some(&channel.topic) == camera_topic.as_ref() {
-                match decode::camera(kind, data, *reading) {
+                match decode::camera(kind, data, *read_mode) {
                     Ok(described) => *camera = described,
-                    // One that cannot be read is known from before, or has to be reported.
+                    // A description that cannot be read is ignored if one is known; otherwise it is reported.
                     Err(reason) if camera.is_none() => *camera = Some(CameraDescription::unreadable(&reason)),
                     Err(_) => {}
                 }
@@ -257,10 +257,10 @@ impl Recording {
         })
     }
 
-    /// Images may come before their camera is described.
+    /// Searches for the first description of the camera, because images may precede it.
     fn find_first_camera(&mut self) -> Result<(), RecordingError> {
         let Some(camera_topic) = self.camera_topic.clone() else { return Ok(()) };
-        let (mut channels, reading, mut bytes) = (self.parts[0].channels.clone(), self.reading, 0);
+        let (mut channels, read_mode, mut bytes) = (self.parts[0].channels.clone(), self.read_mode, 0);
         for _ in 0..LOOK_AHEAD {
             let found = self.records.next(|record| {
                 channels.learn(&record);
@@ -268,10 +268,10 @@ impl Recording {
                 bytes += data.len();
                 let channel = channels.get(channel_id).filter(|channel| channel.topic == camera_topic)?;
                 let kind = channel.kind().filter(|kind| kind.is_camera())?;
-                decode::camera(kind, data, reading).ok()
+                decode::camera(kind, data, read_mode).ok()
             });
             match found {
-                // One that is not calibrated now will not be later.
+                // An uncalibrated camera will not be calibrated later.
                 Ok(Some(Some(camera))) => {
                     self.first_camera = camera;
                     break;
@@ -288,7 +288,7 @@ impl Recording {
 enum RecordOutcome {
     Image,
     Bad(RecordingError),
-    /// As many images are in the chunk before.
+    /// The number of images in the previous chunk.
     Index(u64),
     Other,
 }
@@ -325,9 +325,9 @@ fn peek(
             if !topics.contains(channel.topic.as_str()) || found.contains_key(&channel.topic) {
                 return;
             }
-            let reading = ReadMode { purpose: Purpose::Color, rectified: false };
+            let read_mode = ReadMode { purpose: Purpose::Color, rectified: false };
             let mut image = RecordedImage::default();
-            let read = channel.kind().map(|kind| decode::image(kind, data, reading, &mut image));
+            let read = channel.kind().map(|kind| decode::image(kind, data, read_mode, &mut image));
             let is_depth = match read {
                 Some(Ok(())) => image.encoding.is_some_and(|encoding| encoding.is_depth()),
                 Some(Err(reason)) => reason.ends_with("is depth, not an image"),

@@ -1,7 +1,8 @@
-//! The kinds of records that matter here, parsed by hand.
+//! Parses the kinds of records that this crate needs.
 //!
-//! mcap's own parser reserves memory for the length that a text states before it looks whether the record has as many
-//! bytes, and its errors carry a backtrace. A record here is a slice, so nothing can be longer than it.
+//! mcap's own parser reserves memory for the length that a text states before it checks that the record has
+//! as many bytes, and its errors contain a backtrace. Here a record is a slice, so no field can be longer
+//! than the record.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +36,7 @@ pub(crate) enum Record<'a> {
         /// Log time of the first one.
         start_nanos: u64,
     },
-    /// How many messages of a channel are in the chunk before it.
+    /// The number of messages of a channel in the previous chunk.
     MessageIndex {
         channel_id: u16,
         messages: u64,
@@ -43,7 +44,7 @@ pub(crate) enum Record<'a> {
     Other,
 }
 
-/// What is said of a record that contradicts itself.
+/// The error of an inconsistent record.
 const CONTRADICTION: &str = "a record's fields do not fit its length";
 
 impl<'a> Record<'a> {
@@ -77,7 +78,7 @@ impl U64 {
     }
 }
 
-/// What is left of a record.
+/// The remaining bytes of a record.
 struct Fields<'a>(&'a [u8]);
 
 impl<'a> Fields<'a> {

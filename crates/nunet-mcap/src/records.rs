@@ -1,9 +1,9 @@
 //! The records of an MCAP file in file order, from whole or truncated files, in bounded memory.
 //!
-//! The outer framing (opcode, 64-bit length, body) is read here so that every length can be checked against the rest of
-//! the file before memory is allocated for it. Only chunks go through mcap's own reader, which decompresses them and
-//! verifies their checksum. Its record limit is the uncompressed size that the chunk states, so a wrong length inside a
-//! chunk cannot request more than the chunk has.
+//! The outer framing (opcode, 64-bit length, body) is read here so that every length can be checked against
+//! the rest of the file before memory is allocated for it. Only chunks go through mcap's own reader, which
+//! decompresses them and verifies their checksum. Its record limit is the uncompressed size that the chunk
+//! states, so a wrong length inside a chunk cannot allocate more than the chunk's size.
 
 use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
@@ -18,7 +18,7 @@ use crate::record::{Record, U64};
 const MAGIC_BYTES: u64 = 8;
 /// Opcode, length, start of the summary, start of its offsets, checksum.
 const FOOTER_BYTES: u64 = 9 + 8 + 8 + 4;
-/// No open chunk is larger: writers complete one after some megabytes.
+/// The largest open chunk. Writers complete a chunk after a few megabytes.
 const MAX_OPEN_BYTES: u64 = 1 << 32;
 
 /// Reads a file from its beginning, or its summary.
@@ -74,7 +74,7 @@ impl Records {
         &self.path
     }
 
-    /// Hands the next record to `take`; `None` after the last one.
+    /// Passes the next record to `take`; `None` after the last one.
     ///
     /// # Errors
     /// The file cannot be read further, or is damaged from here on.
@@ -121,7 +121,7 @@ impl Records {
         Ok(None)
     }
 
-    /// Goes on behind a chunk that is damaged, if the file has what comes then.
+    /// Skips the rest of a damaged chunk. Fails if the file ends before that.
     fn skip_chunk(&mut self, reason: String) -> Result<RecordingError, RecordingError> {
         let Some(chunk) = self.chunk.take_if(|chunk| chunk.is_whole) else {
             let is_over = self.chunk.as_ref().is_some_and(|chunk| chunk.remaining == 0);
@@ -161,7 +161,7 @@ impl Records {
         Ok(())
     }
 
-    /// Reads a record into `body` and returns its opcode; `None` where a chunk began instead.
+    /// Reads a record into `body` and returns its opcode; `None` if a chunk began instead.
     fn read_frame(&mut self) -> Result<Option<u8>, RecordingError> {
         let mut frame = [0; FRAME_BYTES];
         self.read_exact(&mut frame)?;
@@ -188,7 +188,7 @@ impl Records {
         Ok(Some(opcode))
     }
 
-    /// A complete file ends with the magic bytes; one that lacks them lost its end.
+    /// Checks the magic bytes at the end; a file without them is truncated.
     fn read_end(&mut self) -> Result<(), RecordingError> {
         let mut magic = [0; MAGIC_BYTES as usize];
         self.read_exact(&mut magic)?;
@@ -221,8 +221,8 @@ impl Records {
         Ok(())
     }
 
-    /// Completes the start of a chunk whose writer was stopped before it knew the chunk's sizes: it reaches to the end of
-    /// the file. Returns how many bytes that are.
+    /// Completes the header of a chunk whose writer was stopped before it wrote the chunk's sizes.
+    /// Such a chunk extends to the end of the file. Returns its length in bytes.
     fn close_chunk(&mut self, start: &mut Vec<u8>, name: u32) -> Result<u64, RecordingError> {
         let mut rest = vec![0; name as usize + 8];
         self.read_exact(&mut rest)?;
@@ -236,7 +236,7 @@ impl Records {
         Ok(left)
     }
 
-    /// Of the file as it is now: it may be growing.
+    /// The number of remaining bytes at this moment; the file may be growing.
     fn bytes_left(&self) -> Result<u64, RecordingError> {
         let file = self.file.get_ref().metadata().map_err(|source| io("read", &self.path, source))?;
         Ok(file.len().saturating_sub(self.position))
@@ -253,7 +253,7 @@ impl Records {
     }
 }
 
-/// Fills `bytes`; returns how many were there before the end.
+/// Fills `bytes`. Returns the number of bytes before the end.
 fn read_up_to(input: &mut impl std::io::Read, bytes: &mut [u8]) -> std::io::Result<usize> {
     let mut filled = 0;
     while filled < bytes.len() {

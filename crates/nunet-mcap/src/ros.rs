@@ -1,6 +1,6 @@
-//! ROS 2 messages as they are recorded and sent: CDR with its four leading bytes.
+//! Encodes ROS 2 messages for recordings and live topics: CDR with its header of four bytes.
 //!
-//! Recordings and live outputs encode by the same code, so that their bytes are equal.
+//! Recordings and live outputs use the same code, so that their bytes are equal.
 
 use serde::Serialize;
 use serde_bytes::Bytes;
@@ -35,7 +35,7 @@ pub enum RosMessage<'a> {
     TfStatic(CameraMount),
 }
 
-/// An image that is not compressed.
+/// An uncompressed image.
 #[derive(Debug, Clone, Copy)]
 pub struct RawImage<'a> {
     /// Pixels.

@@ -7,13 +7,13 @@
 /// The content of an image topic, judged by its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum TopicContent {
-    /// Labels, masks, confidence: an image to ROS, but not of what the camera saw.
+    /// Labels, masks or confidence: images of ROS, but not camera images.
     Result,
     /// Depth or disparity.
     Depth,
     /// Infrared, thermal or gray images.
     Infrared,
-    /// The name does not say.
+    /// Unknown from the name.
     Unmarked,
     /// Color, by its name.
     Color,
@@ -54,7 +54,8 @@ impl TopicContent {
         let words =
             || subject.split(['_', '-', '.']).map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()));
         let holds = |known: &[&str]| words().any(|word| known.contains(&word));
-        // `depth_confidence` is no depth, `depth_registered_color` no color: the least usable decides.
+        // `depth_confidence` is not depth, and `depth_registered_color` is not color: the least usable
+        // content decides.
         let looks = [
             (Self::Result, &RESULT[..]),
             (Self::Depth, &DEPTH),
@@ -71,15 +72,15 @@ fn stream(topic: &str) -> &str {
     if TRANSPORTS.contains(&last) { parent } else { topic }
 }
 
-/// What several streams of one camera share: `/oak` for `/oak/rgb/image_raw`. `None` where nothing is before the
-/// stream's own name.
+/// The common prefix of the streams of one camera: `/oak` for `/oak/rgb/image_raw`. `None` if the name
+/// has no prefix.
 fn device(topic: &str) -> Option<&str> {
     let (stream, _image) = stream(topic).rsplit_once('/')?;
     let (device, _name) = stream.rsplit_once('/')?;
     (!device.is_empty()).then_some(device)
 }
 
-/// Drops a stream's other transports: an image as it is comes before the same image compressed.
+/// Keeps one transport of each stream: the raw image is preferred to the compressed one.
 fn one_transport_each<'a>(topics: &[&'a str]) -> Vec<&'a str> {
     let shortest = |topic: &&str| topics.iter().all(|other| stream(other) != stream(topic) || other >= topic);
     topics.iter().copied().filter(shortest).collect()
@@ -89,7 +90,7 @@ fn one_transport_each<'a>(topics: &[&'a str]) -> Vec<&'a str> {
 pub(crate) fn color_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
     let best = topics.iter().map(|topic| TopicContent::of(topic)).max().unwrap_or(TopicContent::Unmarked);
     let kept: Vec<&str> = match best {
-        // `left` and `right` beside the `rgb` of the same camera are its gray or stereo images.
+        // If a camera has an `rgb` stream, its `left` and `right` streams are gray or stereo images.
         TopicContent::Color => {
             let color: Vec<&str> =
                 topics.iter().copied().filter(|topic| TopicContent::of(topic) == best).collect();
@@ -104,7 +105,8 @@ pub(crate) fn color_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
     one_transport_each(&kept)
 }
 
-/// The depth topics among all image topics: of one camera's several, that in the frame of the color camera.
+/// The depth topics among all image topics. Of several of one camera, the one in the frame of the color
+/// camera is chosen.
 pub(crate) fn depth_topics<'a>(topics: &[&'a str]) -> Vec<&'a str> {
     let depth: Vec<&str> =
         topics.iter().copied().filter(|topic| TopicContent::of(topic) == TopicContent::Depth).collect();

@@ -1,4 +1,4 @@
-//! Results as ROS 2 messages in an MCAP file that can be read wherever it is cut off.
+//! Writes results as ROS 2 messages into an MCAP file that stays readable if it is truncated.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
@@ -16,13 +16,14 @@ use crate::ros::{RawImage, RosMessage};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions, Writer};
 
-/// Name of the metadata that states which model's results a recording holds.
+/// Name of the metadata with the model of a recording's results.
 pub(crate) const ABOUT: &str = "nunet";
-/// Name of the metadata that states units and scale of depth from a time on: ROS' messages have no field for it.
+/// Name of the metadata with the units and scale of depth from a given time, because ROS messages have no
+/// field for them.
 const SCALE: &str = "nunet.scale";
 /// Messages that are compressed together.
 const CHUNK_BYTES: u64 = 4 << 20;
-/// Depth is noise to a compressor: more effort takes time and saves nothing.
+/// Depth hardly compresses, so higher levels take more time without a smaller file.
 const ZSTD_LEVEL: u32 = 1;
 
 /// Writes a recording.
@@ -66,7 +67,7 @@ impl RecordingWriter {
     /// Creates the file.
     ///
     /// # Errors
-    /// A file that already exists or is being written, or a place where none can be created.
+    /// The file exists or is being written, or cannot be created.
     pub fn create(path: &Path, options: WriterOptions) -> Result<Self, RecordingError> {
         let file = own_file(path, options.force)?;
         let same_file = file.try_clone().map_err(|source| io("create", path, source))?;
@@ -98,7 +99,7 @@ impl RecordingWriter {
         Ok(recording)
     }
 
-    /// Writes a frame. An error is final: the file then ends with the last sync.
+    /// Writes a frame. An error is final: the file then ends at the last sync.
     ///
     /// # Errors
     /// The disk is full, or a message cannot be encoded.
@@ -244,7 +245,7 @@ impl RecordingWriter {
         RecordingError::Write { path: self.path.clone(), source }
     }
 
-    /// After a failure the file ends in the middle of a chunk: everything up to the last sync is kept.
+    /// Truncates the file to the last sync, because a failure leaves an incomplete chunk.
     fn cut_back(&mut self) {
         // Dropping the writer would try to write its chunk once more.
         if let Some(writer) = self.writer.take() {
