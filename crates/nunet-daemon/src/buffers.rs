@@ -1,4 +1,4 @@
-//! Results in memory of our own, for subcommands without readers.
+//! Buffers for results outside of shared memory, for subcommands without readers.
 
 use nunet_core::cloud::CloudPoint;
 use nunet_core::pipeline::{Outputs, Pipeline};

@@ -101,7 +101,7 @@ impl Cli {
     }
 }
 
-/// A negative number is the value of the flag before it, so that the error says what is expected.
+/// Accepts negative numbers as values of flags, so that the error states what is expected.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command.mut_args(|argument| {
         let is_option = argument.get_long().is_some() && argument.get_action().takes_values();
@@ -109,7 +109,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     })
 }
 
-/// What `nunetd` can do.
+/// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum SubcommandArgs {
     /// Publish depth of a camera in shared memory (the default)

@@ -30,7 +30,7 @@ impl BadArguments {
         Self { message: message.into(), hint: None }
     }
 
-    /// The same with a hint: one imperative sentence.
+    /// Adds a hint: one imperative sentence.
     pub(crate) fn with_hint(self, hint: impl Into<Cow<'static, str>>) -> Self {
         Self { hint: Some(hint.into()), ..self }
     }
@@ -40,7 +40,7 @@ impl BadArguments {
         Self { message: error.to_string(), hint: error.hint() }
     }
 
-    /// From a text that clap or serde carried; it may have a hint.
+    /// Restores an error from a text of clap or serde, which may contain a hint.
     pub(crate) fn from_text(text: &str) -> Self {
         let (message, hint) = split_hint(text);
         Self { message: message.to_owned(), hint: hint.map(Cow::Owned) }
@@ -77,7 +77,7 @@ pub(crate) struct WithHint {
 }
 
 impl WithHint {
-    /// An error with the hint to do something about it: one imperative sentence.
+    /// An error with a hint: one imperative sentence.
     pub(crate) fn new(message: impl Into<String>, hint: impl Into<Cow<'static, str>>) -> Self {
         Self { message: message.into(), hint: Some(hint.into()), is_usage: false, source: None }
     }
@@ -92,7 +92,7 @@ impl WithHint {
         Self { is_usage: true, ..Self::new(message, hint) }
     }
 
-    /// The same, caused by `source`, whose exit code it keeps.
+    /// Adds the cause, whose exit code it keeps.
     pub(crate) fn because(self, source: impl Into<anyhow::Error>) -> Self {
         let source = source.into();
         Self { is_usage: self.is_usage || is_usage(&source), source: Some(source), ..self }
@@ -140,7 +140,7 @@ pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> an
     if several { error.context(format!("camera `{camera}` cannot begin")) } else { error }
 }
 
-/// Warns what is assumed about a camera without intrinsics.
+/// Warns about the assumption that replaces unknown intrinsics.
 pub(crate) fn warn_of_unknown_camera(assumption: &str) {
     let hint = "pass --intrinsics fx,fy,cx,cy or --calibration FILE.yaml";
     warn!(hint, "no intrinsics: {assumption}");
@@ -200,7 +200,7 @@ fn is_engine_usage(error: &EngineError) -> bool {
     matches!(error.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
 }
 
-/// `nunetd watch front --json | head -1` is a success.
+/// Whether stdout was closed by its reader: `nunetd watch front --json | head -1` is a success.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error
         .chain()

@@ -1,8 +1,8 @@
 //! `nunetd` as a library: everything the binary does, so that the Python package can offer the same command.
 //!
-//! The way in is [`main`]: arguments -> [`cli`] -> [`config`] -> one of the [`subcommands`]. A stream of frames runs through
-//! [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order [`config`], [`sink`],
-//! [`stream`], subcommands, [`cli`], never the other way.
+//! The entry point is [`main`]: arguments -> [`cli`] -> [`config`] -> one of the [`subcommands`]. A stream of
+//! frames runs through [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order
+//! [`config`], [`sink`], [`stream`], subcommands, [`cli`], never the other way.
 
 mod buffers;
 pub mod cli;
@@ -30,7 +30,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     exit_code(arguments).into()
 }
 
-/// The same, for a host that has exit codes of its own.
+/// As [`main`], for a host program that sets the exit code itself.
 pub fn exit_code(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let cli = match cli::Cli::parse_line(arguments.clone()) {

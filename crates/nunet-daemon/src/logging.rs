@@ -16,11 +16,11 @@ pub(crate) fn start(options: LogOptions) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
-    // It has lines of its own for every message that arrives.
+    // It logs every message that arrives.
     let quiet_library = "dust_dds=warn".parse();
     let filter = EnvFilter::default().add_directive(level.into());
     let filter = quiet_library.into_iter().fold(filter, EnvFilter::add_directive);
-    // Without `log_internal_errors(false)`, a log collector that goes away would end the daemon with a panic.
+    // Without `log_internal_errors(false)`, a closed stderr would end the daemon with a panic.
     let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

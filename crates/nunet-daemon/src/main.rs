@@ -1,4 +1,4 @@
-//! `nunetd`: one camera becomes a depth sensor.
+//! `nunetd`: turns a camera into a depth sensor.
 
 use std::process::ExitCode;
 
@@ -9,7 +9,7 @@ use nunet_telemetry::CountingAllocator;
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn main() -> ExitCode {
-    // First of all: while there is one thread, the environment can be written.
+    // First, because the environment can be changed only while there is one thread.
     Telemetry::turn_off_by_default();
     Installation::of_nunetd().describe();
     nunet_daemon::main(std::env::args_os())

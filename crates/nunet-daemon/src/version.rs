@@ -1,4 +1,4 @@
-//! What `nunetd --version` prints: this program, the contract, and the ONNX Runtime that it finds.
+//! The text of `nunetd --version`: this program, the contract, and the ONNX Runtime that it finds.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! The file of `--config`: its keys are the long names of flags, and a `[[camera]]` section is one of several cameras.
+//! The file of `--config`. Its keys are the long names of flags; `[[camera]]` sections are cameras.
 
 use std::io::Read as _;
 use std::path::Path;
@@ -12,9 +12,9 @@ use toml::{Spanned, Table, Value};
 use super::keys::{CAMERA_NAME_KEY, excludes, is_on, is_setting, stream_flags};
 use crate::exit::BadArguments;
 
-/// No key is suggested below this similarity.
+/// The lowest similarity at which a key is suggested.
 const LEAST_LIKENESS: f64 = 0.6;
-/// A hundred times the length of a file with all flags.
+/// The largest file: a hundred times the length of one with all flags.
 const MAX_BYTES: u64 = 64 * 1024;
 /// Keys that must be in the sections if there are any.
 const OF_ONE_CAMERA: [&str; 2] = ["source", "camera"];
@@ -23,9 +23,9 @@ const SECTIONS_HINT: &str =
 
 /// The settings of a file, by the long names of flags.
 pub(super) struct ConfigFile {
-    /// Above the sections.
+    /// Settings above the sections.
     pub(super) shared: Table,
-    /// Of each camera; empty if the file has no sections.
+    /// Settings of each camera; empty if the file has no sections.
     pub(super) sections: Vec<Table>,
 }
 
@@ -36,7 +36,7 @@ impl ConfigFile {
     /// Reads a file whose keys are the flags of `run`.
     ///
     /// # Errors
-    /// The message, with the file's name and the line where there is one.
+    /// The message, with the file's name and the line if it is known.
     pub(super) fn read(path: &Path, run: &Command, check: &ValueCheck<'_>) -> Result<Self, BadArguments> {
         let in_file = |message: &str| format!("`{}`{}", path.display(), shortened(message));
         let text =
@@ -60,7 +60,7 @@ fn text_of_file(path: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// A mistake and its place.
+/// A mistake and its line.
 struct Mistake {
     line: Option<usize>,
     error: BadArguments,
@@ -177,7 +177,7 @@ impl ConfigParser<'_> {
 
 fn syntax_error(error: &toml::de::Error) -> Mistake {
     let text = error.to_string();
-    // The line that it shows is the first section's.
+    // Its line is that of the first section.
     if text.contains("duplicate key") && text.contains("[[camera]]") {
         return BadArguments::new("`camera` stands above the `[[camera]]` sections")
             .with_hint("remove `camera =`: each section has its own `name`")

@@ -8,7 +8,7 @@ use super::StreamArgs;
 /// The key of a camera's name in its section of the file.
 pub(super) const CAMERA_NAME_KEY: &str = "name";
 
-/// Whether a value is one that turns its flag on.
+/// Whether a value turns its flag on.
 pub(super) fn is_on(value: &Value) -> bool {
     !matches!(value, Value::Boolean(false) | Value::Integer(0))
 }
@@ -23,7 +23,7 @@ pub(super) fn excludes(run: &Command, one: &str, other: &str) -> bool {
     names(one, other) || names(other, one)
 }
 
-/// The file cannot name another file, and asking for help is no setting.
+/// Whether a flag is a key of the file. The file cannot name another file, and help is not a setting.
 pub(super) fn is_setting(argument: &Arg) -> bool {
     argument.get_long().is_some_and(|name| !["config", "help", "version"].contains(&name))
 }

@@ -85,10 +85,10 @@ impl LensArgs {
     }
 }
 
-/// The place of the camera, which the floor's depth follows from.
+/// The pose of the camera, from which the depth of the floor follows.
 fn floor_mount(mount: Option<MountOption>) -> Result<Mount, BadArguments> {
     let Some(MountOption { translation_m, roll_pitch_yaw_rad }) = mount else {
-        return Err(BadArguments::new("--scale floor needs the place of the camera on the robot").with_hint(
+        return Err(BadArguments::new("--scale floor needs the pose of the camera on the robot").with_hint(
             "pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor",
         ));
     };

@@ -32,10 +32,10 @@ pub struct ObstacleArgs {
 }
 
 impl ObstacleArgs {
-    /// As checked values; `None` without a mount. `is_required` says that obstacles were asked for in another way.
+    /// As checked values; `None` without a mount. `is_required`: they were requested in another way.
     ///
     /// # Errors
-    /// Obstacles were asked for without a mount, or with one that cannot be.
+    /// Obstacles were requested without a mount, or with an invalid one.
     pub(crate) fn config(
         &self,
         mount: Option<MountOption>,
@@ -85,7 +85,7 @@ impl ObstacleArgs {
 }
 
 fn without_mount() -> BadArguments {
-    BadArguments::new("obstacles need the place of the camera on the robot")
+    BadArguments::new("obstacles need the pose of the camera on the robot")
         .with_hint("pass --mount x,y,z,roll,pitch,yaw, meters and radians; z is the height above the floor")
 }
 

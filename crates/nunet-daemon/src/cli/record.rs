@@ -38,7 +38,7 @@ impl RecordArgs {
     }
 }
 
-/// Where the camera is on the robot.
+/// The pose of the camera on the robot.
 #[derive(Debug, Args, Clone, Deserialize)]
 pub struct MountArgs {
     /// The pose of the camera in `base_link` (x forward, y left, z up), meters and radians; recorded in `/tf_static`

@@ -103,7 +103,7 @@ pub struct ViewArgs {
 
 impl ViewArgs {
     fn config(&self) -> anyhow::Result<Option<ViewConfig>> {
-        // clap and serde would repeat what they refuse.
+        // Checked here, because the errors of clap and serde would contain the secret.
         let token = self
             .view_token
             .as_ref()
@@ -111,7 +111,7 @@ impl ViewArgs {
             .transpose()
             .map_err(|error| BadArguments::of(&error))?;
         let Some(Text(address)) = self.view else {
-            // The environment may be that of another program as well.
+            // A variable in the environment may be meant for another program.
             if token.is_some() && std::env::var_os(TOKEN_VARIABLE).is_none() {
                 let error = BadArguments::new("--view-token is given without --view");
                 return Err(error.with_hint("pass --view ADDRESS:PORT too").into());

@@ -1,5 +1,5 @@
-//! Where the values of `run` come from. From the lowest to the highest: defaults, the environment, the file above its
-//! `[[camera]]` sections, the section of a camera, flags.
+//! The layers of settings of `run`. From the lowest to the highest: defaults, the environment, the file above
+//! its `[[camera]]` sections, the section of a camera, flags.
 //!
 //! Each of them is a table from the long names of flags to values as the user writes them. The tables of a camera become one,
 //! from which serde makes the same struct that clap makes from flags alone.
@@ -20,7 +20,7 @@ use super::{Cli, LogArgs, RunArgs, StreamArgs};
 use crate::config::{CameraConfig, Config};
 use crate::exit::BadArguments;
 
-/// Flags that need another one, which may be in the file.
+/// Flags that need another flag, which may be in the file.
 const NEEDS: [(&str, &str); 6] = [
     ("force", "record"),
     ("record-lossless", "record"),
@@ -39,7 +39,7 @@ pub struct RunCommand {
     pub settings: SettingLayers,
 }
 
-/// The layers.
+/// The layers of settings.
 #[derive(Debug, Clone, Default)]
 pub struct SettingLayers {
     defaults: Table,
@@ -212,8 +212,8 @@ fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Optio
     }
 }
 
-/// A file is written for a robot: a missing line must not publish the depth of the demo scene under a camera's name.
-/// On the command line `--source` is optional.
+/// Requires a source with a file, because a missing line must not publish the depth of the demo scene
+/// under a robot's camera name. On the command line `--source` is optional.
 fn refuse_no_source(path: &Path, cameras: &[StreamArgs]) -> Result<(), BadArguments> {
     let Some(camera) = cameras.iter().find(|camera| camera.source.is_none()) else { return Ok(()) };
     let camera = camera.camera.as_ref().map(|name| format!(" for camera `{name}`")).unwrap_or_default();

@@ -33,7 +33,7 @@ impl<T: FromText> FromStr for Text<T> {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        // clap and serde carry a text only.
+        // clap and serde can carry only a text.
         T::from_text(text).map(Self).map_err(|error| text_with_hint(&error))
     }
 }
@@ -67,7 +67,7 @@ fn plain(error: &impl Display) -> BadArguments {
     BadArguments::new(error.to_string())
 }
 
-/// Counts. The standard library's messages about a bad one name Rust types, so they are replaced.
+/// Counts. The error messages of the standard library name Rust types, so they are replaced.
 macro_rules! count {
     ($($type:ty),+) => {
         $(impl FromText for $type {

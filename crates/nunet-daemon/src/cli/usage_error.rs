@@ -7,11 +7,11 @@ use nunet_types::split_hint;
 use crate::config::LogOptions;
 use crate::{exit, logging};
 
-/// Prints clap's message and returns the exit code (help and version are no failure). `arguments` may ask for JSON also if
-/// the rest of them is wrong.
+/// Prints clap's message and returns the exit code (help and version are no failure). `arguments` may request
+/// JSON even if the rest of them is wrong.
 pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
     if !error.use_stderr() || !asks_for_json_log(arguments) {
-        // Printing fails only if the terminal is gone.
+        // Printing fails only if stderr is closed.
         let _ = error.print();
         return if error.use_stderr() { exit::BAD_ARGUMENTS } else { exit::DONE };
     }
@@ -21,7 +21,7 @@ pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
     exit::log_bad_arguments(text, hint)
 }
 
-/// A message of clap without its frame.
+/// A message of clap without `error:` and the usage.
 fn message_of(text: &str) -> &str {
     let text = text.trim_start_matches("error: ");
     let frame = ["\n\nUsage", "\n\nFor more information"].iter().filter_map(|start| text.find(start)).min();

@@ -22,14 +22,14 @@ pub use values::{LogOptions, MountOption, Publish};
 
 use crate::exit::BadArguments;
 
-/// What `nunetd run` does.
+/// The configuration of `nunetd run`.
 #[derive(Debug, Clone)]
 pub struct Config {
     /// The file that it comes from, if there is one.
     pub file: Option<PathBuf>,
     /// The network.
     pub model: ModelConfig,
-    /// What runs it.
+    /// The inference engine.
     pub engine: EngineOptions,
     /// The cameras; at least one.
     pub cameras: Vec<CameraConfig>,
@@ -46,20 +46,20 @@ pub struct ModelConfig {
     pub every: Vec<(String, NonZeroU32)>,
 }
 
-/// One camera and what is made of its frames.
+/// One camera and the processing of its frames.
 #[derive(Debug, Clone)]
 pub struct CameraConfig {
     /// The name in shared memory.
     pub name: CameraName,
     /// Where its frames come from.
     pub source: SourceConfig,
-    /// Its lens, and the depth made from its images.
+    /// Its lens, and the processing of its depth.
     pub processing: ProcessingConfig,
     /// The coordinate frame of depth and cloud; at most [`MAX_FRAME_ID`] bytes.
     pub frame_id: String,
-    /// Where it is on the robot.
+    /// Its pose on the robot.
     pub mount: Option<MountOption>,
-    /// How obstacles are found; `None` without a place of the camera.
+    /// The settings of obstacles; `None` without a mount.
     pub obstacles: Option<ObstacleConfig>,
     /// The autopilot that obstacles are sent to.
     pub mavlink: Option<MavlinkAddress>,
@@ -97,7 +97,7 @@ pub struct SourceConfig {
     pub size: Option<ImageSize>,
     /// The format of raw images.
     pub format: Option<PixelFormat>,
-    /// Stop after so many frames.
+    /// Stop after this many frames.
     pub frames: Option<NonZeroU64>,
 }
 
@@ -126,7 +126,7 @@ impl SourceConfig {
     }
 }
 
-/// The lens, and the depth made from its images.
+/// The lens, and the processing of depth.
 #[derive(Debug, Clone, Default)]
 pub struct ProcessingConfig {
     /// Intrinsics or calibration, if known.
@@ -161,7 +161,7 @@ pub struct OutputConfig {
     pub stats_json: Option<PathBuf>,
 }
 
-/// Who may read shared memory beside this user.
+/// The users who may read shared memory, besides this one.
 #[derive(Debug, Clone)]
 pub struct AccessConfig {
     /// A group, by name or number.

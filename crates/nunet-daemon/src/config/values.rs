@@ -14,7 +14,7 @@ pub enum Publish {
     Labels,
     /// The organized point cloud.
     Cloud,
-    /// Obstacles around the robot; needs the place of the camera.
+    /// Obstacles around the robot; needs the camera's mount.
     Obstacles,
 }
 

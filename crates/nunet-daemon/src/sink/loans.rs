@@ -1,4 +1,4 @@
-//! Shared memory for results: how much is planned, and the chunks that one frame's results are written into.
+//! Shared memory for results: the planned topics, and the chunks for the results of one frame.
 
 use anyhow::Context as _;
 use nunet_core::obstacle::{ObstacleOptions, Obstacles};
@@ -17,7 +17,7 @@ pub(crate) struct Loans {
 }
 
 impl Loans {
-    /// The chunks as the pipeline fills them. Labels go into `spare_labels` if nothing reads them.
+    /// The buffers for the pipeline. Labels are written into `spare_labels` if no reader or sink needs them.
     pub(crate) fn outputs<'a>(
         &'a mut self,
         spare_labels: Option<&'a mut [u8]>,
@@ -35,7 +35,7 @@ impl Loans {
         Ok((self.depth.slice_mut()?, self.labels.as_mut().map(|labels| &*labels.bytes_mut())))
     }
 
-    /// Writes the obstacles of the frame, if something reads them.
+    /// Writes the obstacles of the frame, if a reader or a sink needs them.
     pub(crate) fn set_obstacles(
         &mut self,
         found: &Obstacles,

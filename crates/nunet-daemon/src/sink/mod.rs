@@ -1,4 +1,4 @@
-//! Where results go. Results are computed in shared memory, published there, and then passed to each [`Sink`].
+//! Outputs. Results are computed and published in shared memory, and then passed to each [`Sink`].
 //!
 //! The sinks are in `nunet-sink`. To add one, write a file there that implements [`Sink`], a file here with its `open` function,
 //! and one line in [`REGISTRY`].
@@ -28,7 +28,7 @@ use nunet_view::ViewServer;
 use self::stats::Common;
 use crate::config::CameraConfig;
 
-/// All sinks but shared memory, which is always on.
+/// All sinks. Shared memory is not one of them: it is always on.
 pub(crate) const REGISTRY: &[OpenSink] =
     &[recording::open, last_frame::open, metrics::open, view::open, mavlink::open, ros2::open];
 
@@ -39,7 +39,7 @@ pub(crate) type OpenSink = fn(&SinkContext<'_>) -> anyhow::Result<Option<Box<dyn
 pub(crate) struct SinkContext<'a> {
     /// The configuration of the camera.
     pub(crate) config: &'a CameraConfig,
-    /// The file that `config.record` means: it does not exist yet, or may be overwritten.
+    /// The file to record into: it does not exist yet, or may be overwritten.
     pub(crate) record: Option<&'a Path>,
     pub(crate) common: Common<'a>,
     pub(crate) pipeline: &'a Pipeline,

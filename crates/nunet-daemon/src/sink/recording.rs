@@ -30,7 +30,7 @@ pub(crate) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
     record_into(Box::new(writer), Arc::clone(&context.on_room)).map(Some)
 }
 
-/// The mount as a recording's `/tf_static` has it.
+/// The mount for `/tf_static`.
 pub(crate) fn mount(mount: MountOption) -> CameraMount {
     CameraMount { translation_m: mount.translation_m, roll_pitch_yaw_rad: mount.roll_pitch_yaw_rad }
 }

@@ -28,7 +28,7 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         ("model", common.model.name.clone()),
         ("model SHA-256", common.model.hash.clone()),
         ("provider", common.provider.to_owned()),
-        // Nothing is published before it passes.
+        // Nothing is published before the self-test has passed.
         ("self-test", "passed".to_owned()),
     ];
     let mount = config.mount.map(mount);

@@ -31,7 +31,7 @@ use crate::source::Frame;
 /// How often percentiles are recomputed; the ledger is updated for every frame.
 const SUMMARY_PERIOD_NANOS: u64 = 500_000_000;
 
-/// The times of a frame that the pipeline does not see: waiting before it, publishing after it.
+/// The stages outside of the pipeline: waiting before it, publishing after it.
 const QUEUE: &str = "queue";
 const PUBLISH: &str = "publish";
 /// The stage after the pipeline.
@@ -98,7 +98,7 @@ struct PublishedPayload<T> {
 }
 
 impl<T> PublishedPayload<T> {
-    /// Notes the payload of a loan before it is sent.
+    /// Records the payload of a loan before it is sent.
     fn of(payload: &mut [T]) -> Self {
         Self { address: payload.as_mut_ptr().expose_provenance(), count: payload.len(), of: PhantomData }
     }
@@ -138,7 +138,7 @@ impl ShmPublisher {
         })
     }
 
-    /// Memory for the results that a reader or a sink (`wants`) takes; depth always.
+    /// Memory for depth, and for the results that a reader or a sink (`wants`) needs.
     pub(crate) fn loan(&self, wants: Wants) -> anyhow::Result<Loans> {
         let is_read = |topic| self.publisher.has_readers(topic);
         self.loan_for(wants.union(Wants {
@@ -148,12 +148,12 @@ impl ShmPublisher {
         }))
     }
 
-    /// Whether something reads obstacles.
+    /// Whether obstacles have readers.
     pub(crate) fn has_obstacle_readers(&self) -> bool {
         self.publisher.has_readers(Topic::Obstacles)
     }
 
-    /// Whether the last frame was published without something that a reader could take.
+    /// Whether the last frame was published without a result that a reader may need.
     pub(crate) fn has_omitted_results(&self) -> bool {
         let Wants { labels, cloud, obstacles } = self.last.has();
         [(labels, Topic::Labels), (cloud, Topic::Cloud), (obstacles, Topic::Obstacles)]
@@ -161,8 +161,8 @@ impl ShmPublisher {
             .any(|(sent, topic)| !sent && self.topics.contains(topic))
     }
 
-    /// Memory for results that the last frame was published without and that a new reader takes; `None` if there is no
-    /// such reader.
+    /// Memory for results that the last frame was published without and that a new reader needs;
+    /// `None` if there is no such reader.
     pub(crate) fn loan_for_late_readers(&self) -> anyhow::Result<Option<Loans>> {
         let sent = self.last.has();
         let late = |sent: bool, topic| !sent && self.publisher.has_readers(topic);
@@ -174,7 +174,7 @@ impl ShmPublisher {
         (wants != Wants::default()).then(|| self.loan_for(wants)).transpose()
     }
 
-    /// Depth always: the pipeline writes it in any case.
+    /// Always includes depth, because the pipeline always writes it.
     fn loan_for(&self, wants: Wants) -> anyhow::Result<Loans> {
         let loan = |wanted: bool, topic| {
             (wanted && self.topics.contains(&topic)).then(|| self.chunk(topic)).transpose()
@@ -281,7 +281,7 @@ impl ShmPublisher {
         Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
-    /// Sends the current stats. A failure is only logged: it must not cost a frame.
+    /// Sends the current stats. A failure is only logged, because it must not fail the frame.
     pub(crate) fn publish_stats(&mut self, counts: &Counts, totals: &Totals, latencies: &Latencies) {
         let now_nanos = MonotonicClock.nanos();
         stats_record::set_counts(&mut self.stats, counts);
@@ -301,8 +301,8 @@ impl ShmPublisher {
         }
     }
 
-    /// iceoryx2 takes a few bytes of heap for each loan, and more when a reader comes; there is no way around it in
-    /// 0.10.
+    /// iceoryx2 0.10 allocates a few bytes for each loan, and more when a reader connects. This
+    /// cannot be avoided.
     fn chunk(&self, topic: Topic) -> Result<Loan, IpcError> {
         foreign_allocations(|| self.publisher.loan(topic))
     }

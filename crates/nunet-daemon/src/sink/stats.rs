@@ -17,9 +17,9 @@ pub(crate) struct Stats {
     pub(crate) classes: Vec<String>,
     /// Unit of the depth maps.
     pub(crate) units: &'static str,
-    /// Where their scale comes from.
+    /// The source of their scale.
     pub(crate) scale_source: &'static str,
-    /// What the network's meters are multiplied by; `null` for depth without a unit, and for several cameras.
+    /// Factor by which the network's meters are multiplied; `null` for relative depth or several cameras.
     pub(crate) scale_factor: Option<f32>,
     /// Seconds since the factor was measured; 0 for one that does not change.
     pub(crate) scale_age_s: f64,
@@ -28,18 +28,17 @@ pub(crate) struct Stats {
     /// Published frames per second, from the first capture to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
-    /// Rust heap allocations of our crates on the inference thread, after the first frames; `null` where they are not
-    /// counted.
+    /// Mean heap allocations of nunet's crates per frame, without the first frames; `null` if not counted.
     pub(crate) allocations_per_frame: Option<f64>,
-    /// The same of iceoryx2: a small one for each message.
+    /// Mean heap allocations of iceoryx2, which makes a small one for each message.
     pub(crate) iceoryx2_allocations_per_frame: Option<f64>,
-    /// What became of its ROS 2 messages, if it publishes any.
+    /// The counts of its ROS 2 messages, if it publishes any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) ros2: Option<MessageStats>,
     /// Why its source failed, if it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) error: Option<String>,
-    /// Of each camera, if there are several: the stats that this camera alone would have.
+    /// The stats of each camera, if there are several.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) cameras: Vec<Stats>,
 }
@@ -118,11 +117,11 @@ impl Stats {
     }
 }
 
-/// Milliseconds, from the source's hand-over to the wake-up of the readers.
+/// Milliseconds, from the delivery by the source to the wake-up of the readers.
 #[derive(Debug, Serialize)]
 pub(crate) struct LatencyMs {
     pub(crate) total: LatencySummary,
-    /// In the order in which a frame passes them.
+    /// In the order in which they run.
     #[serde(serialize_with = "as_map")]
     pub(crate) stages: Vec<(String, LatencySummary)>,
 }

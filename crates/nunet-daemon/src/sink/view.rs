@@ -1,4 +1,4 @@
-//! `--view ADDRESS:PORT`: the results live in the browser.
+//! `--view ADDRESS:PORT`: the live view in the browser.
 
 use std::sync::Arc;
 

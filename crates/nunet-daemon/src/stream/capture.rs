@@ -83,7 +83,7 @@ impl FrameHandler for MailboxFiller<'_> {
     }
 }
 
-/// A stop finishes the frame in work, not the one that waits.
+/// After a stop, the current frame is finished, and the waiting one is superseded.
 fn supersede_when_stopped(state: &StreamState) {
     if state.stop.requested() {
         info!("stopping");

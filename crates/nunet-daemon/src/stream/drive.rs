@@ -33,25 +33,25 @@ impl Pace {
 /// How a source ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum SourceEnd {
-    /// It has no more frames, or no more were wanted.
+    /// It has no more frames, or the limit was reached.
     Complete,
     /// A stop was requested before its end.
     Stopped,
-    /// The rest of it is lost; the reason has been logged.
+    /// The rest of its frames is lost; the reason has been logged.
     Truncated,
 }
 
-/// Takes the frames of a source.
+/// Receives the frames of a source.
 pub(crate) trait FrameHandler {
-    /// A frame to be filled, with memory that is used again.
+    /// A frame to be filled, whose memory is reused.
     fn buffer(&mut self) -> Frame {
         Frame::default()
     }
 
-    /// Takes a frame; `Break` if it takes no more.
+    /// Handles a frame; `Break` to end the loop.
     ///
     /// # Errors
-    /// The end of the run, other than the loss of this frame.
+    /// A failure that ends the run, not only the loss of this frame.
     fn on_frame(&mut self, frame: Frame) -> anyhow::Result<ControlFlow<()>>;
 
     /// An unreadable frame, which has been logged.
@@ -108,7 +108,7 @@ pub(crate) fn drive(
     Ok(SourceEnd::Complete)
 }
 
-/// Gives the outcome of one request to `handler`; `Break` at the end.
+/// Passes the outcome of one request to `handler`; `Break` at the end.
 fn hand_over(
     fill: Fill,
     frame: Frame,
@@ -128,7 +128,7 @@ fn hand_over(
         Fill::Nothing => handler.on_idle(frame, false),
         Fill::Crowded => handler.on_idle(frame, true),
         Fill::End => return Ok(ControlFlow::Break(SourceEnd::Complete)),
-        // Ctrl-C also ends the process that writes into a pipe, in the middle of an image or before the first.
+        // Ctrl-C also ends the process that writes into the pipe, perhaps within an image.
         Fill::Cut(_) | Fill::Broken(_) if stop.requested() => {
             return Ok(ControlFlow::Break(SourceEnd::Stopped));
         }

@@ -1,11 +1,11 @@
-//! The loop: a capture thread per camera, one mailbox per camera, one inference thread; bounded, and every frame accounted
-//! for.
+//! The stream loop: a capture thread and a mailbox per camera, and one inference thread. All queues are
+//! bounded, and every frame is counted.
 //!
-//! [`capture`](capture::capture) reads the source on a thread of its own. [`StreamTask`] turns frames into depth on the
-//! caller's thread, publishes them, and passes them to the sinks. Readers are other processes. Nothing waits for a reader
-//! or a sink, except that a source that has all its frames is asked for the next one when there is room for it.
-//! Several cameras take turns on the inference thread
-//! ([`round_robin`]); a single camera is a round of one.
+//! [`capture`](capture::capture) reads the source on a thread of its own. [`StreamTask`] turns frames into
+//! depth on the caller's thread, publishes them, and passes them to the sinks. Readers are other processes.
+//! Nothing waits for a reader or a sink, except that a source that is not live delivers the next frame only
+//! when there is room for it. Several cameras take turns on the inference thread ([`round_robin`]); a single
+//! camera is a round of one.
 
 mod capture;
 mod drive;
@@ -49,8 +49,9 @@ pub(crate) struct StreamEnd {
     pub(crate) source: anyhow::Result<SourceEnd>,
 }
 
-/// Runs each stream until its source ends, its pace's limit is reached, or `stop` is requested. Returns when all have
-/// ended, in their order. If one fails, the others go on. Sinks notify `notify` when they have room again.
+/// Runs each stream until its source ends, its pace's limit is reached, or `stop` is requested. Returns when
+/// all have ended, in their order. If one fails, the others continue. Sinks notify `notify` when they have
+/// room again.
 pub(crate) fn run(streams: Vec<Stream>, notify: &Arc<Notify>, stop: &Stop) -> anyhow::Result<Vec<StreamEnd>> {
     let (mut sources, mut tasks, mut states) = (Vec::new(), Vec::new(), Vec::new());
     for Stream { source, pace, task, span } in streams {
@@ -91,7 +92,7 @@ fn named(name: &str) -> std::thread::Builder {
 /// How soon the resources of a killed reader are released.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(1);
 
-/// Removes what killed readers left, off the frame's path, until all mailboxes are closed.
+/// Releases the resources of killed readers, outside of the inference thread, until all mailboxes are closed.
 fn clean_up(states: &[StreamState]) {
     while !states.iter().all(|state| state.mailbox.wait_closed(CLEAN_UP_PERIOD)) {
         let has_orphans = orphans::list().is_ok_and(|orphans| !orphans.is_empty());

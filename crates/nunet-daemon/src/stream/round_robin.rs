@@ -14,7 +14,7 @@ pub(super) trait RoundRobinTask: Sized {
     /// Called once before the first frame.
     fn begin(self) -> Self;
 
-    /// Processes the waiting frame, if there is one. It waits for nothing else, because the other cameras wait for it.
+    /// Processes the waiting frame, if there is one. It must not wait: other cameras wait for it.
     fn poll(&mut self, state: &StreamState) -> Poll;
 
     /// Called once after the last frame.

@@ -1,4 +1,4 @@
-//! What the capture thread and the inference thread of one camera share.
+//! The state that the capture thread and the inference thread of one camera share.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,19 +43,19 @@ impl StreamState {
         self.has_reported_waiting.load(Ordering::Relaxed)
     }
 
-    /// Asks for a new report.
+    /// Requests a new report.
     pub(super) fn forget_report(&self) {
         self.has_reported_waiting.store(false, Ordering::Relaxed);
     }
 
-    /// The source reports whether it waits.
+    /// Records whether the source waits.
     pub(super) fn report_waiting(&self, is_waiting: bool) {
         self.is_waiting.store(is_waiting, Ordering::Relaxed);
         self.has_reported_waiting.store(is_waiting, Ordering::Relaxed);
     }
 }
 
-/// Closes the mailbox when one of its ends goes away, also by a panic: the other end must not wait forever.
+/// Closes the mailbox when one of its threads ends, even by a panic: the other one must not wait forever.
 pub(crate) struct CloseOnDrop<'a>(pub(crate) &'a StreamState);
 
 impl Drop for CloseOnDrop<'_> {

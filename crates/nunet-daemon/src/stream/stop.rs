@@ -15,7 +15,7 @@ const INTERRUPTED_TWICE: i32 = 130;
 /// Two signals within this time count as one. `timeout` of coreutils signals the process and its group, `ros2 launch` and
 /// a terminal do the same.
 const ONE_REQUEST: Duration = Duration::from_secs(1);
-/// How long a stop may go unseen.
+/// How often a stop is checked while sleeping.
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// A stop was requested before the first frame.
@@ -23,7 +23,7 @@ const GLANCE: Duration = Duration::from_millis(50);
 #[error("stopped before the first frame")]
 pub(crate) struct Stopped;
 
-/// A request to stop, seen by every thread that holds a copy.
+/// A request to stop. Copies share it, so that every thread can check it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stop(Arc<AtomicBool>);
 
@@ -46,7 +46,7 @@ impl Stop {
         Ok(stop)
     }
 
-    /// The flag itself, for modules that come before this one.
+    /// The flag, for modules that do not depend on this one.
     pub(crate) fn flag(&self) -> &AtomicBool {
         &self.0
     }

@@ -1,5 +1,4 @@
-//! One camera's work on the inference thread: each frame through its pipeline, straight into shared memory, then to the
-//! sinks.
+//! One camera's work on the inference thread: computes results in shared memory and passes them to sinks.
 
 use std::time::{Duration, Instant};
 
@@ -23,7 +22,7 @@ use crate::sink::shm::{ShmPublisher, stage_names};
 use crate::sink::{FinishingSink, PublishedFrame, Results, Sink, Status, Timings, Wants};
 use crate::source::{CameraResolver, Continuity, Frame, Taken};
 
-/// If so many frames fail in a row before the first one is published, the next ones will fail too.
+/// If this many frames fail before the first one is published, the next ones would fail too.
 const MAX_FAILURES_BEFORE_FIRST_FRAME: u32 = 30;
 
 /// The work between a camera's mailbox and its readers and sinks.
@@ -36,7 +35,7 @@ pub(crate) struct StreamTask {
     sinks: Vec<Box<dyn Sink>>,
     totals: Totals,
     latencies: Latencies,
-    /// The counts that readers and sinks were given last.
+    /// The counts that were last reported to readers and sinks.
     last_reported: Counts,
     served: Instant,
     /// The last frame, if missing results can still be computed from it.
@@ -44,7 +43,7 @@ pub(crate) struct StreamTask {
     lost: RateLimit,
     empty_depth: EmptyDepthWarning,
     failures: u32,
-    /// Why the stream cannot go on.
+    /// Why the stream cannot continue.
     failure: Option<anyhow::Error>,
 }
 
@@ -54,9 +53,9 @@ pub(crate) struct StreamSummary {
     pub(crate) scale: Scale,
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
-    /// What became of messages to other machines.
+    /// The counts of messages to other machines.
     pub(crate) messages: Option<MessageCounts>,
-    /// The sinks; their last frames may still be on their way to the disk.
+    /// The sinks, which may still write their last frames.
     pub(crate) sinks: Vec<FinishingSink>,
     /// Why frames could not be processed at all.
     pub(crate) failure: Option<anyhow::Error>,
@@ -88,7 +87,7 @@ impl StreamTask {
         }
     }
 
-    /// The same with a stage that finds obstacles.
+    /// Adds a stage that finds obstacles.
     pub(crate) fn with_obstacles(self, obstacles: Option<ObstacleStage>) -> Self {
         let latencies = Latencies::new(stage_names(&self.pipeline, obstacles.is_some()));
         Self { latencies, obstacles, ..self }
@@ -97,7 +96,7 @@ impl StreamTask {
 
 #[cfg(test)]
 impl StreamTask {
-    /// The same with another camera.
+    /// Replaces the camera.
     pub(super) fn with_camera(self, camera: CameraResolver) -> Self {
         Self { camera, ..self }
     }
@@ -137,7 +136,7 @@ impl RoundRobinTask for StreamTask {
         }
     }
 
-    /// Sinks begin to finish, and shared memory is released. It waits for no disk, because other cameras go on.
+    /// Sinks begin to finish, and shared memory is released. It does not wait: other cameras continue.
     fn end(mut self, state: &StreamState) -> StreamSummary {
         self.report_stats(state, false);
         let mut last = self.publisher.last_results();
@@ -226,7 +225,7 @@ impl StreamTask {
         let Some(frame) = self.kept.take() else { return };
         match self.try_serve_late_readers(&frame) {
             Ok(()) => self.kept = Some(frame),
-            // The frame is not kept: it would fail again, five times per second.
+            // The frame is not kept, because it would fail again five times per second.
             Err(error) => warn!("late readers do not receive frame {}: {error:#}", frame.sequence),
         }
     }
@@ -252,7 +251,7 @@ impl StreamTask {
         }
     }
 
-    /// A failed frame is lost; the stream goes on, unless all following frames would fail as well.
+    /// A failed frame is lost; the stream continues, unless all following frames would fail too.
     fn fail(&mut self, frame: &Frame, error: anyhow::Error) {
         self.failures = self.failures.saturating_add(1);
         let is_first = self.totals.frames() == 0;
@@ -287,7 +286,7 @@ impl StreamTask {
         Ok(())
     }
 
-    /// Computes a frame's results into `loans`: the pipeline, then obstacles if something takes them.
+    /// Computes a frame's results into `loans`: the pipeline, then obstacles if needed.
     fn process(
         &mut self,
         frame: &Frame,
@@ -310,7 +309,7 @@ impl StreamTask {
         Ok(report)
     }
 
-    /// Counts a published frame and gives it to the sinks.
+    /// Counts a published frame and passes it to the sinks.
     fn account(
         &mut self,
         frame: &Frame,

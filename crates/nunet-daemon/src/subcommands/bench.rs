@@ -23,7 +23,7 @@ use nunet_telemetry::{SERIES_HEAD, Series, peak_rss_mb};
 /// Warm-up predictions, in addition to the self-test.
 pub(super) const WARM_UP_RUNS: u32 = 3;
 
-/// The options.
+/// The options of `bench`.
 pub(crate) struct BenchOptions {
     pub(crate) models: Vec<PathBuf>,
     /// The image to predict from; `None` for the first of the demo scene.

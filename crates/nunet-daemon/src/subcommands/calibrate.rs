@@ -1,4 +1,4 @@
-//! `nunetd calibrate`: one factor for the depth of a camera, and a calibration file that holds it.
+//! `nunetd calibrate`: measures the factor of a camera's depth, and writes it into a calibration file.
 
 use std::io::Write as _;
 use std::num::NonZeroU64;
@@ -23,10 +23,10 @@ use crate::exit::{WithHint, warn_of_unknown_camera};
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
 
-/// Frames of a source that are looked at by default.
+/// Frames of a source that are compared by default.
 const FRAMES: u64 = 30;
 
-/// What the user has.
+/// The observations that the factor is computed from.
 pub(crate) enum Evidence {
     /// Frames of a source, each compared with a reference.
     Frames(SourceConfig, Reference),
@@ -36,7 +36,7 @@ pub(crate) enum Evidence {
     Truth(EvalOptions),
 }
 
-/// The options.
+/// The options of `calibrate`.
 pub(crate) struct CalibrateOptions {
     pub(crate) evidence: Evidence,
     pub(crate) geometry: CameraGeometry,
@@ -78,7 +78,7 @@ fn explained(error: CalibrateError) -> anyhow::Error {
     if error.is_argument() { WithHint::usage(text, hint).into() } else { WithHint::new(text, hint).into() }
 }
 
-/// Takes the frames of a source.
+/// Adds the frames of a source.
 struct Taker<'a> {
     calibrator: &'a mut Calibrator,
     reference: Reference,
@@ -109,7 +109,7 @@ fn take_frames(
     Ok(stop.check()?)
 }
 
-/// Writes the calibration file, if one is wanted: the named calibration with the factor, else the known intrinsics.
+/// Writes the calibration file, if requested: the given calibration, else the known intrinsics.
 fn write<'a>(
     options: &'a CalibrateOptions,
     calibrator: &Calibrator,

@@ -89,12 +89,12 @@ fn provider(graph: &SerialGraph) -> Finding {
     let shares: Vec<_> = nodes.iter().map(|(name, nodes)| format!("{nodes} nodes on {name}")).collect();
     let detail = format!("{provider}: {}", shares.join(", "));
     if provider != Provider::Cpu && nodes.keys().all(|name| name == CPU_PROVIDER) {
-        return Err(Problem::new(detail, "it computes nothing of this network: --provider cpu is the same"));
+        return Err(Problem::new(detail, "no node runs on it: --provider cpu is equivalent"));
     }
     Ok(detail)
 }
 
-/// nunet opens no connection of its own; ONNX Runtime may, if the user allows it.
+/// nunet itself opens no connection. ONNX Runtime may, if the user allows it.
 fn network(telemetry: Telemetry) -> Finding {
     Ok(match telemetry {
         Telemetry::Off => format!("no connections; ONNX Runtime's telemetry is off ({TELEMETRY_VARIABLE}=1)"),
@@ -158,7 +158,7 @@ fn published() -> Result<String, IpcError> {
     Ok(format!("{}; {}", list("depth", Topic::Depth)?, list("images", Topic::Rgb)?))
 }
 
-/// A machine without a camera is fine: there are other sources.
+/// A machine without a camera is not a problem, because there are other sources.
 fn check_cameras(checks: &mut Checks) {
     let cameras = source::cameras();
     if cameras.is_empty() {

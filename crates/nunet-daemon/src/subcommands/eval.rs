@@ -1,4 +1,4 @@
-//! `nunetd eval`: the production pipeline against images with true depth. Prints what `nunet-eval` finds.
+//! `nunetd eval`: compares the pipeline's results with true depth. Prints the report of `nunet-eval`.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use super::progress::progress;
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint, warn_of_unknown_camera};
 
-/// The options.
+/// The options of `eval`.
 pub(crate) struct EvalCommandOptions {
     pub(crate) evaluation: EvalOptions,
     pub(crate) model: PathBuf,
@@ -27,7 +27,7 @@ pub(crate) struct EvalCommandOptions {
     pub(crate) json: bool,
 }
 
-/// Measures every image; one that cannot be read is named and counted.
+/// Measures every image. An image that cannot be read is reported and counted.
 pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     file_plan(&options).check().map_err(|error| BadArguments::of(&error))?;
     let evaluator = Evaluator::new(options.evaluation).map_err(with_flags)?;
@@ -80,7 +80,7 @@ impl Printer {
             }
             Event::Advanced => self.0.iter().for_each(|bar| bar.inc(1)),
             Event::Finished => self.finish(),
-            // The line would break the bar.
+            // A log line would corrupt the progress bar.
             problem => match &self.0 {
                 Some(bar) => bar.suspend(|| log(problem)),
                 None => log(problem),
@@ -109,7 +109,7 @@ fn log(problem: Event<'_>) {
     }
 }
 
-/// The same error, with a hint that names flags.
+/// Adds a hint that names flags.
 fn with_flags(error: EvalError) -> anyhow::Error {
     let hint = match error {
         EvalError::NothingMeasured { source } => {
@@ -130,7 +130,7 @@ fn with_flags(error: EvalError) -> anyhow::Error {
     }
 }
 
-/// What to do about true depth that is not compared because it lies beyond the cap.
+/// The hint for true depth that is not compared because it is beyond the cap.
 fn depth_cap_hint(far_m: f32) -> String {
     match cap_for(far_m) {
         Some(cap_m) => format!("compare up to a larger distance: --depth-cap {cap_m}"),

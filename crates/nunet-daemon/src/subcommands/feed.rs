@@ -1,4 +1,4 @@
-//! `nunetd feed`: publishes a source's frames in shared memory, as a camera driver would.
+//! `nunetd feed`: publishes the frames of a source in shared memory, like a camera driver.
 
 use std::ops::ControlFlow;
 use std::sync::OnceLock;
@@ -21,7 +21,7 @@ use crate::exit::{BadArguments, is_usage};
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, drive};
 
-/// What is published.
+/// The options of `feed`.
 pub(crate) struct FeedOptions {
     pub(crate) source: SourceConfig,
     pub(crate) camera: CameraName,
@@ -80,7 +80,7 @@ fn serving_late_joiners(
     })
 }
 
-/// A camera of the first image's size.
+/// Publishes the frames of one camera. All images have the size of the first one.
 struct Feeder<'a> {
     camera: CameraName,
     resolver: CameraResolver,
@@ -97,7 +97,7 @@ struct Feeder<'a> {
 struct RgbPublisher {
     publisher: Publisher,
     size: ImageSize,
-    /// The bytes that fit into a message.
+    /// The capacity of a message, bytes.
     room: usize,
 }
 
@@ -116,7 +116,7 @@ impl<'a> Feeder<'a> {
     fn send(&mut self, frame: &Frame) -> anyhow::Result<ControlFlow<()>> {
         let camera = match self.resolver.resolve(frame).map_err(anyhow::Error::from) {
             Ok(camera) => camera,
-            // The camera does not fit the images: the next frame would fail too.
+            // The camera does not fit the images, so all frames would fail.
             Err(error) if is_usage(&error) => return Err(error),
             Err(error) => {
                 self.lose(frame, &error);

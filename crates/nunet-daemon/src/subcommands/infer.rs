@@ -32,12 +32,12 @@ pub(crate) struct InferOptions {
     pub(crate) out: PathBuf,
     pub(crate) model: PathBuf,
     pub(crate) processing: ProcessingConfig,
-    /// How obstacles are found, if they are wanted.
+    /// The settings of obstacles, if they were requested.
     pub(crate) obstacles: Option<ObstacleConfig>,
     pub(crate) engine: EngineOptions,
 }
 
-/// Processes the images in order; a bad one does not end it. A stop finishes the current image.
+/// Processes the images in order and continues after a bad one. After a stop, the current image is finished.
 pub(crate) fn infer(options: &InferOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
     match infer_unless(options, &stop) {
@@ -98,7 +98,7 @@ fn named_images(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// Fails before the network is loaded if no file looks like an image.
+/// Fails before the network is loaded if no file is an image.
 fn refuse_no_images(images: &[PathBuf]) -> anyhow::Result<()> {
     let mut failures = Vec::new();
     for image in images {
@@ -114,7 +114,7 @@ fn unreadable(error: anyhow::Error, image: &Path) -> anyhow::Error {
     error.context(format!("cannot read the image `{}`", image.display()))
 }
 
-/// It is a failure if every image failed, and a loss if some did.
+/// The outcome: a failure if every image failed, a loss if some did.
 fn judge(mut failures: Vec<anyhow::Error>, images: usize) -> anyhow::Result<Outcome> {
     if failures.is_empty() {
         return Ok(Outcome::Done);
@@ -162,7 +162,7 @@ fn file_plan(options: &InferOptions, images: &[PathBuf], folders: &[PathBuf]) ->
     named.chain(images.iter().cloned()).for_each(|image| files.read("an image", image));
     find_model(&options.model).iter().for_each(|model| files.read_model(model));
     options.processing.geometry.calibration.iter().for_each(|file| files.read("the calibration", file));
-    // Nothing is lost in a folder that is new.
+    // A new folder has no files to overwrite.
     for folder in folders.iter().filter(|folder| folder.exists()) {
         files.write_results(folder);
         files.write("a result", folder.join("stats.json"));
@@ -203,7 +203,7 @@ impl Work {
         Ok(write_json(&folder.join("stats.json"), &stats)?)
     }
 
-    /// Writes the obstacles of the image, if they are wanted.
+    /// Writes the obstacles of the image, if they were requested.
     fn write_obstacles(&mut self, folder: &Path) -> anyhow::Result<()> {
         let Some(stage) = &mut self.obstacles else { return Ok(()) };
         let config = *stage.config();

@@ -29,7 +29,7 @@ pub(super) fn load_unless(engine: &Engine, model: &ModelConfig, stop: &Stop) -> 
     })
 }
 
-/// The stage that finds obstacles; `None` if they are not wanted, or depth has no unit and they were not asked for.
+/// The stage that finds obstacles; `None` if it is off, or off by default for depth without unit.
 pub(super) fn obstacle_stage(
     config: Option<ObstacleConfig>,
     pipeline: &Pipeline,

@@ -1,4 +1,4 @@
-//! What `nunetd` can do, one file per subcommand: its options, as plain values, and a function that takes them.
+//! The subcommands, one file each: the options as plain values, and the function that runs it.
 
 pub(crate) mod bench;
 pub(crate) mod calibrate;

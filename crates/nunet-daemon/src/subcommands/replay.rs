@@ -30,7 +30,7 @@ use crate::sink::stats::ModelName;
 use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
 
-/// The output is synced every so many frames: a full disk loses no more than that.
+/// The output is synced after this many frames, so that a full disk loses at most these.
 const SYNC_FRAMES: u64 = 50;
 
 /// The options of `replay`.
@@ -111,8 +111,8 @@ fn file_plan(options: &ReplayOptions) -> FilePlan {
     files
 }
 
-/// The first result that is not idle. Other topics may have many messages before the first image, and only an image has the
-/// coordinate frame.
+/// The first result that is not idle. Other topics may have many messages before the first image, which
+/// states the coordinate frame.
 fn first_fill(source: &mut dyn Source, frame: &mut Frame, stop: &Stop) -> Fill {
     loop {
         match source.fill(frame) {
@@ -132,7 +132,7 @@ struct Replay {
     writer: FrameWriter,
     labels: bool,
     cloud: bool,
-    /// Covers depth and labels only: equal results have equal hashes, whatever else is recorded.
+    /// Hash of depth and labels only: independent of other recorded data.
     results: Sha256,
     frames: u64,
     failed: u64,
@@ -233,10 +233,10 @@ impl Replay {
         Ok(())
     }
 
-    /// The frame's memory travels into the record and back.
+    /// The frame's memory is moved into the record and back.
     fn replay_frame(&mut self, frame: &mut Frame) -> Result<(), ReplayError> {
         let report = self.infer(frame).map_err(|error| {
-            // The camera does not fit the images: no frame of the recording can be replayed.
+            // The camera does not fit the images, so no frame of the recording can be replayed.
             if is_usage(&error) { ReplayError::Output(error) } else { ReplayError::Frame(error) }
         })?;
         let camera = self.camera.camera_of(frame).map_err(|error| ReplayError::Frame(error.into()))?;

@@ -82,7 +82,7 @@ fn load_pipelines(config: &Config, stop: &Stop) -> anyhow::Result<(ModelName, Ve
     Ok((model, loaded.into_pipelines(options)?))
 }
 
-/// Everything that `run` refuses before its first result. Nothing is created, and no camera or pipe is read. For
+/// Makes all checks of `run` before its first result. Nothing is created, and no camera or pipe is read. For
 /// `nunetd config`.
 pub(super) fn check(config: &Config) -> anyhow::Result<()> {
     let stop = Stop::default();
@@ -159,7 +159,7 @@ fn write_stats(path: &Path, stats: Stats, timeout: &mut DrainTimeout<'_>) -> any
     FileWriter::start(what, move || Ok(write_json(&path, &stats)?))?.end(timeout)
 }
 
-/// Logs how each camera ended. If one fails, the others went on; if all failed, that is the failure of the run.
+/// Logs how each camera ended. If all failed, the run fails; if some failed, the others continued.
 fn conclude(names: &[String], ended: Vec<StreamEnd>) -> (Vec<CameraEnd<'_>>, anyhow::Result<Outcome>) {
     let several = names.len() > 1;
     let all_failed = ended.iter().all(|ended| ended.source.is_err());
@@ -184,8 +184,8 @@ fn conclude(names: &[String], ended: Vec<StreamEnd>) -> (Vec<CameraEnd<'_>>, any
     (ends, failure.map_or(Ok(outcome), Err))
 }
 
-/// Superseded frames are the policy of a live source; failed ones are a loss. What sets the exit code is logged as an
-/// error, so that `-q` shows it.
+/// Superseded frames of a live source are normal; failed ones are a loss. What sets the exit code is logged
+/// as an error, so that `-q` shows it.
 fn log_counts(counts: &Counts, source: SourceEnd) -> Outcome {
     let Counts { captured, published, superseded, failed, in_flight: _ } = counts;
     info!("{captured} frames captured: {published} published, {superseded} superseded, {failed} failed");

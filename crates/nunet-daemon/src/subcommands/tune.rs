@@ -21,7 +21,7 @@ use crate::exit::{BadArguments, WithHint};
 /// other work for its cores.
 const AS_FAST: f64 = 1.05;
 
-/// The options.
+/// The options of `tune`.
 pub(crate) struct TuneOptions {
     pub(crate) model: PathBuf,
     /// The image to predict from; `None` for the first of the demo scene.

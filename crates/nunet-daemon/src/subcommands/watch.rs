@@ -15,7 +15,7 @@ use crate::exit::{BadArguments, WithHint};
 use crate::stream::Stop;
 use text::{json_of, line_of, screen_of};
 
-/// The longest single wait, so that a stop is noticed.
+/// The longest single wait, so that a stop is handled in time.
 const GLANCE: Duration = Duration::from_millis(100);
 /// How long the first frame waits for the stats, which arrive with the next frame or when a late reader is served.
 const FIRST_STATS: Duration = Duration::from_millis(500);
@@ -105,7 +105,7 @@ impl Watcher {
             bail!(
                 "no frame for {} s: {}",
                 self.timeout.as_secs_f64(),
-                if self.reader.is_connected() { "the source is paused" } else { "the daemon is gone" }
+                if self.reader.is_connected() { "the source is paused" } else { "the daemon has ended" }
             );
         }
         Ok(frame)
@@ -158,7 +158,7 @@ impl Output {
         }
     }
 
-    /// What is read. A terminal shows obstacles, if the camera has a mount; reading makes nunetd compute them.
+    /// The topics to read. A terminal shows obstacles, which nunetd computes only for readers.
     fn topics(&self, camera: &CameraName) -> Vec<Topic> {
         let mut topics = vec![Topic::Depth, Topic::Stats];
         let has_obstacles = || cameras::list(Topic::Obstacles).is_ok_and(|all| all.contains(camera));

@@ -1,4 +1,4 @@
-//! What the `stats` topic says.
+//! Fills the record of the `stats` topic.
 
 use nunet_ipc::StatsRecord;
 

@@ -11,7 +11,7 @@ use super::report::{Finding, Problem};
 const SHARED_FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
 const STICKY: u32 = 0o1000;
 const OTHERS_WRITE: u32 = 0o002;
-/// An earlier time is wrong: this program did not exist.
+/// The clock is wrong if it shows an earlier time, because this program did not exist then.
 const EARLIEST_UNIX_SECONDS: u64 = 1_767_225_600; // 2026-01-01
 
 /// All checks by name.
@@ -64,7 +64,7 @@ fn clock(unix_seconds: u64) -> Finding {
     if unix_seconds < EARLIEST_UNIX_SECONDS {
         return Err(Problem::new(
             format!(
-                "the clock says {unix_seconds} s since 1970: stamps of recordings and of ROS will be wrong"
+                "the clock is at {unix_seconds} s since 1970: stamps of recordings and of ROS will be wrong"
             ),
             "set the clock, or start nunetd after it is synchronized (After=time-sync.target)",
         ));

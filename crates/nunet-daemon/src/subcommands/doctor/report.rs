@@ -5,10 +5,10 @@ use serde_json::json;
 
 use crate::exit::message_and_hints;
 
-/// What a check found: a detail, or a problem.
+/// The result of a check: a detail, or a problem.
 pub(super) type Finding = Result<String, Problem>;
 
-/// A problem and what to do about it.
+/// A problem and its fix.
 #[derive(Debug)]
 pub(super) struct Problem {
     pub(super) detail: String,

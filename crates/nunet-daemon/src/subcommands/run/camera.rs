@@ -1,4 +1,4 @@
-//! One camera of a run: from its arguments to a stream.
+//! One camera of a run: turns its configuration into a stream.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -119,8 +119,8 @@ pub(super) struct PreparedCamera<'a> {
     camera: CameraResolver,
 }
 
-/// Opens the sources of all cameras. Bad arguments of one camera are an error, and so is a source that cannot be opened
-/// where no other can; beside others its camera is waited for, or fails alone.
+/// Opens the sources of all cameras. Bad arguments of one camera are an error. So is a source that cannot be
+/// opened, if no other can. Otherwise, a camera device is waited for, and any other source fails alone.
 ///
 /// With `open` of [`probe_source`] nothing is read from cameras and pipes: `nunetd config` refuses what `run` would.
 pub(super) fn prepare<'a>(

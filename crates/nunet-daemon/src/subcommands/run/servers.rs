@@ -9,16 +9,16 @@ use crate::sink::{metrics, ros2, view};
 
 /// What other programs connect to, for all cameras.
 pub(super) struct Servers {
-    /// Counted only if something serves them.
+    /// Counted only if they are served.
     pub(super) metrics: Option<Metrics>,
     pub(super) view: Option<ViewServer>,
     pub(super) ros2: Option<Ros2Node>,
-    /// Open as long as it lives.
+    /// Serves until it is dropped.
     _metrics_server: Option<MetricsServer>,
 }
 
 impl Servers {
-    /// Opens those that the user wants.
+    /// Opens the configured servers.
     pub(super) fn open(config: &OutputConfig) -> anyhow::Result<Self> {
         let all = Metrics::default();
         let own = config.metrics.map(|address| metrics::serve(&all, address)).transpose()?;

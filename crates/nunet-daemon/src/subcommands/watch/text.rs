@@ -1,4 +1,4 @@
-//! What `nunetd watch` prints.
+//! The output of `nunetd watch`.
 
 use nunet_files::{BIRDS_EYE_LEGEND, BirdsEye};
 use nunet_ipc::{
@@ -129,7 +129,7 @@ pub(super) fn screen_of(
     Ok(text)
 }
 
-/// The robot's surroundings from above, and the nearest thing in its way.
+/// The robot's surroundings from above, and the nearest obstacle.
 fn birds_eye_of(record: &ObstacleRecord) -> String {
     let ends = record.sectors().iter().filter(|sector| is_end(sector.state()));
     let nearest = ends.map(|sector| sector.range_m).min_by(f32::total_cmp);
