@@ -64,7 +64,7 @@ impl StatusCode {
         c"too many readers",
         c"too many frames held",
         c"too many loans",
-        c"already owned",
+        c"already published",
         c"other limits",
         c"shared memory",
         c"no such topic",

@@ -65,7 +65,8 @@ impl Progress {
 }
 
 impl<W: Writer> SinkQueue<W> {
-    /// Starts the thread. `capacity` is the number of items in the queue and being written; `on_room` is called after each item.
+    /// Starts the thread. `capacity` is the number of items in the queue and being written; `on_room` is
+    /// called after each item.
     ///
     /// # Errors
     /// The thread cannot be started.

@@ -1,8 +1,8 @@
 //! Recognizes 16-bit images that use only the lower bits.
 //!
-//! Drivers store 10 and 12 bits of a sensor in `mono16` and `bayer_*16` without shifting them. As in ROS's `cv_bridge`, 65535
-//! is white here, so such an image is almost black. It is not stretched by its own range, because that would
-//! change the brightness of the same wall from frame to frame.
+//! Drivers store 10 and 12 bits of a sensor in `mono16` and `bayer_*16` without shifting them. As in ROS's
+//! `cv_bridge`, 65535 is white here, so such an image is almost black. It is not stretched by its own range,
+//! because that would change the brightness of the same wall from frame to frame.
 
 use crate::convert::{ImageView, RawLayout};
 

@@ -51,8 +51,7 @@ pub enum Discontinuity {
 
 impl Continuity {
     /// Why `frame` does not follow the last frame that the network processed; `None` if it does, and for the
-    /// first frame.
-    ///     /// Frames in between that were superseded or failed are ignored, because the network has not
+    /// first frame. Frames in between that were superseded or failed are ignored, because the network has not
     /// processed them. Their time is part of the gap.
     #[must_use]
     pub fn discontinuity_to(&self, frame: &Frame) -> Option<Discontinuity> {

@@ -128,7 +128,7 @@ impl ImageView<'_> {
         self.bytes.chunks(self.row_stride.max(1) as usize)
     }
 
-    ///     /// Of 16 bits, the upper byte is kept, as `cv_bridge` of ROS does. Stretching an image by its own
+    /// Of 16 bits, the upper byte is kept, as `cv_bridge` of ROS does. Stretching an image by its own
     /// range would change the brightness of a wall when a darker object comes into view.
     fn pick_channels(&self, frame: &mut Frame, format: PixelFormat, channels: usize, bytes: usize) {
         let width = self.size.width as usize;

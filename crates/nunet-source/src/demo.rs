@@ -1,7 +1,7 @@
 //! The demo: images of rendered rooms that are installed with the models.
 //!
-//! A folder has `rgb/ID.jpg` and `camera.json` (size, intrinsics, frames per second). It is played in a loop, with the times
-//! of its own frame rate. An `ID` is a scene and a number; another scene is another segment.
+//! A folder has `rgb/ID.jpg` and `camera.json` (size, intrinsics, frames per second). It is played in a loop,
+//! with the times of its own frame rate. An `ID` is a scene and a number; another scene is another segment.
 
 use std::path::{Path, PathBuf};
 

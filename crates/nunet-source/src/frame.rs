@@ -61,8 +61,8 @@ pub struct Frame {
     pub ready_nanos: u64,
     /// The camera that took it, at the image's size, if the source knows it.
     pub camera: Option<Camera>,
-    /// Counts the stretches of a source that begins again: the first frame of a segment does not follow the last one
-    /// of the segment before.
+    /// Counts the stretches of a source that begins again: the first frame of a segment does not follow the
+    /// last one of the segment before.
     pub segment: u64,
     /// Whether a gap in capture time is a gap in the scene. False for images from disk that are read as fast
     /// as they are processed: their capture time is when they were read.

@@ -1,7 +1,6 @@
-//! Rotates a camera together with its image.
-//! EXIF states how the camera was held. The image is rotated upright, so the camera that the source
-//! states is rotated the same way: its sides and focal lengths may swap, the principal point moves, and the
-//! lens is mirrored.
+//! Rotates a camera together with its image. EXIF states how the camera was held. The image is rotated
+//! upright, so the camera that the source states is rotated the same way: its sides and focal lengths may
+//! swap, the principal point moves, and the lens is mirrored.
 
 use image::metadata::Orientation;
 use nunet_core::camera::{BrownConrady, Camera, CameraError, Distortion, Intrinsics};

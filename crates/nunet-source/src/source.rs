@@ -43,7 +43,7 @@ pub trait Source: Send {
     /// Returns within a fraction of a second even if there is no frame, so that a stop is handled in time.
     fn fill(&mut self, frame: &mut Frame) -> Fill;
 
-    ///     /// Whether frames arrive at their own pace, as from a camera. The newest frame of a live source
+    /// Whether frames arrive at their own pace, as from a camera. The newest frame of a live source
     /// replaces older ones. Every frame of another source is processed, unless a rate is requested.
     fn is_live(&self) -> bool {
         false

@@ -25,7 +25,7 @@ pub trait SourceType: Sync {
         Vec::new()
     }
 
-    ///     /// The placeholder for a source that cannot be opened because of `error`, if others can. It fails
+    /// The placeholder for a source that cannot be opened because of `error`, if others can. It fails
     /// at its first frame. For a camera, the placeholder waits until it is plugged in.
     fn stand_in(&self, name: &str, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
         let _ = (name, options);

@@ -69,7 +69,7 @@ impl JpegFrame {
         self.size.0 as u64 * self.size.1 as u64
     }
 
-    ///     /// A progressive image has several scans of increasing detail. The last ones may be missing
+    /// A progressive image has several scans of increasing detail. The last ones may be missing
     /// although all blocks of the others are complete.
     pub(super) fn check_complete(&self) -> Result<(), JpegError> {
         let is_missing = |component: &FrameComponent| {

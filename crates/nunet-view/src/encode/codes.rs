@@ -1,9 +1,9 @@
 //! Depth maps and labels in few bytes: depth in 0.4 % steps, each value as its difference to a prediction, deflated.
 //!
-//! Depth from a network is smooth, so that most differences are 0, 1 or -1 steps and a map of 320x240 takes 10 to 20 kB.
-//! A browser unpacks it with `DecompressionStream` and a loop of ten lines. JPEG would be smaller, but it
-//! blurs edges. That creates points between an object and the wall behind it, and values where there was no
-//! measurement.
+//! Depth from a network is smooth, so that most differences are 0, 1 or -1 steps and a map of 320x240 takes
+//! 10 to 20 kB. A browser unpacks it with `DecompressionStream` and a loop of ten lines. JPEG would be
+//! smaller, but it blurs edges. That creates points between an object and the wall behind it, and values
+//! where there was no measurement.
 
 use std::io::{Read as _, Write as _};
 
