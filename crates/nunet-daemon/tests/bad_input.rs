@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use nunet_testkit::models;
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::support::{Bench, SIZE, calibration, camera, nunetd, run, text};
 
@@ -133,13 +133,13 @@ fn model_without_metadata_and_sidecar() {
 fn model_with_depth_of_the_wrong_type() {
     let bench = Bench::new();
     let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
-    let to_double = [("to", (ElementType::F64 as i64).into())];
+    let to_double = [("to", (OnnxElement::F64 as i64).into())];
     let wrong = ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, height, width, 3])
+        .input("rgb", OnnxElement::U8, &[1, height, width, 3])
         .constant_i64("shape", &[4], &[1, 3, height, width])
         .node("Cast", &["rgb"], &["double"], &to_double)
         .node("Reshape", &["double", "shape"], &["depth"], &[])
-        .output("depth", ElementType::F64, &[1, 3, height, width]);
+        .output("depth", OnnxElement::F64, &[1, 3, height, width]);
     bench.add_model("double.onnx", &models::describe(wrong, "unet", false));
     snapshot!(model(&bench, "double.onnx"));
 }
@@ -162,13 +162,13 @@ fn model_that_asks_for_all_the_memory() {
     let bench = Bench::new();
     let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
     let huge = ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, height, width, 3])
+        .input("rgb", OnnxElement::U8, &[1, height, width, 3])
         .constant_i64("giant", &[4], &[1, 40_000, height, width])
         .node("Expand", &["zero", "giant"], &["all"], &[])
         .node("ReduceSum", &["all", "channels"], &["depth"], &[])
         .constant_f32("zero", &[1, 1, 1, 1], &[1.0])
         .constant_i64("channels", &[1], &[1])
-        .output("depth", ElementType::F32, &[1, 1, height, width]);
+        .output("depth", OnnxElement::F32, &[1, 1, height, width]);
     bench.add_model("huge.onnx", &models::describe(huge, "unet", false));
     let outcome = model(&bench, "huge.onnx");
     assert!(outcome.starts_with("exit code 1\nerror: "), "{outcome}");

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use nunet_ipc::{CameraName, Reader, Topic};
 use nunet_testkit::models;
-use nunet_testkit::onnx::ElementType;
+use nunet_testkit::onnx::OnnxElement;
 use serde_json::Value;
 
 use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd, run, run_well, signal, text, wait_for};
@@ -451,7 +451,7 @@ fn three_cameras_have_the_weights_in_memory_once() {
         .node("Cast", &["brightest"], &["index"], &[("to", 7.into())])
         .node("Gather", &["heavy", "index"], &["weight"], &[])
         .node("Mul", &["depth", "weight"], &["weighed"], &[])
-        .output("weighed", ElementType::F32, &[1, 1, height, width]);
+        .output("weighed", OnnxElement::F32, &[1, 1, height, width]);
     let heavy = models::describe(heavy, "heavy", false);
     bench.add_model("model.onnx", &heavy);
     let memory_with = |cameras: usize| {

@@ -7,7 +7,7 @@ use std::time::Instant;
 use nunet_ipc::{CameraName, FrameSet, Reader, ScaleSource, Topic, Units};
 use nunet_testkit::demo::DemoScene;
 use nunet_testkit::models;
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::support::{Bench, Guarded, SIZE, TIMEOUT, camera, nunetd};
 
@@ -34,10 +34,10 @@ impl Truth {
         let (width, height) = (i64::from(SIZE.0), i64::from(SIZE.1));
         let expected: Vec<f32> = self.rgb.iter().map(|&value| f32::from(value)).collect();
         let labels: Vec<f32> = self.labels.iter().map(|&label| f32::from(label)).collect();
-        let float = [("to", (ElementType::F32 as i64).into())];
-        let byte = [("to", (ElementType::U8 as i64).into())];
+        let float = [("to", (OnnxElement::F32 as i64).into())];
+        let byte = [("to", (OnnxElement::U8 as i64).into())];
         let model = ModelBuilder::new()
-            .input("rgb", ElementType::U8, &[1, height, width, 3])
+            .input("rgb", OnnxElement::U8, &[1, height, width, 3])
             .constant_f32("expected", &[1, height, width, 3], &expected)
             .constant_f32("truth", &[1, 1, height, width], &self.depth_m)
             .constant_f32("classes", &[1, height, width], &labels)
@@ -53,8 +53,8 @@ impl Truth {
             .node("Greater", &["wrong_map", "zero"], &["is_wrong"], &[])
             .node("Where", &["is_wrong", "nan", "truth"], &["depth"], &[])
             .node("Cast", &["classes"], &["labels"], &byte)
-            .output("depth", ElementType::F32, &[1, 1, height, width])
-            .output("labels", ElementType::U8, &[1, height, width]);
+            .output("depth", OnnxElement::F32, &[1, 1, height, width])
+            .output("labels", OnnxElement::U8, &[1, height, width]);
         let intrinsics = self.scene.intrinsics();
         let camera = format!(
             r#"{{"width": {width}, "height": {height}, "fx": {}, "fy": {}}}"#,

@@ -9,14 +9,14 @@ use crate::{RecordingError, parts};
 #[derive(Debug)]
 pub(crate) struct Bag {
     /// At least one, in the order in which they were recorded.
-    pub(crate) parts: Vec<RecordingFile>,
+    pub(crate) parts: Vec<RecordingPart>,
     /// Errors of parts that are missing or cannot be read.
     pub(crate) missing: Vec<RecordingError>,
 }
 
 /// A file of a recording.
 #[derive(Debug)]
-pub(crate) struct RecordingFile {
+pub(crate) struct RecordingPart {
     pub(crate) path: PathBuf,
     pub(crate) channels: Channels,
 }
@@ -28,7 +28,7 @@ impl Bag {
         let (mut parts, mut missing) = (Vec::new(), Vec::new());
         for path in &files {
             match Channels::of_file(path, given_up) {
-                Ok(channels) => parts.push(RecordingFile { path: path.clone(), channels }),
+                Ok(channels) => parts.push(RecordingPart { path: path.clone(), channels }),
                 Err(error @ RecordingError::GivenUp { .. }) => return Err(error),
                 Err(error) => missing.push(error),
             }

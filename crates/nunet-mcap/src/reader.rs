@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use crate::bag::{Bag, RecordingFile};
+use crate::bag::{Bag, RecordingPart};
 use crate::camera::CameraDescription;
 use crate::channel::Channel;
 use crate::channels::{Channels, FirstImages, RecordingTopics};
@@ -47,7 +47,7 @@ pub fn model_of_results(path: &Path) -> Option<String> {
 
 /// A recording that is read from its beginning; of a split bag, part after part.
 pub struct Recording {
-    parts: Vec<RecordingFile>,
+    parts: Vec<RecordingPart>,
     /// Parts that are missing, which are reported at the end.
     missing: Vec<RecordingError>,
     damage: Damage,
@@ -294,7 +294,7 @@ enum RecordOutcome {
 }
 
 /// Reads the first message of topics, to see whether they carry depth.
-struct Peek<'a>(&'a [RecordingFile]);
+struct Peek<'a>(&'a [RecordingPart]);
 
 impl FirstImages for Peek<'_> {
     fn are_depth(&self, topics: &BTreeSet<&str>) -> BTreeMap<String, bool> {

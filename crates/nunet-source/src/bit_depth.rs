@@ -4,7 +4,7 @@
 //! `cv_bridge`, 65535 is white here, so such an image is almost black. It is not stretched by its own range,
 //! because that would change the brightness of the same wall from frame to frame.
 
-use crate::convert::{ImageView, RawLayout};
+use crate::convert::{RawImageView, RawLayout};
 
 /// Values below this are black at any bit depth.
 const BLACK: u16 = 32;
@@ -19,7 +19,7 @@ pub(crate) struct BitDepthCheck {
 
 impl BitDepthCheck {
     /// The largest value of the first image that is not black, if it is far below 65535.
-    pub(crate) fn dim_maximum(&mut self, image: &ImageView<'_>) -> Option<u16> {
+    pub(crate) fn dim_maximum(&mut self, image: &RawImageView<'_>) -> Option<u16> {
         let is_wide =
             matches!(image.layout, RawLayout::Channels { bytes: 2, .. } | RawLayout::Mosaic { bytes: 2, .. });
         if self.is_done || !is_wide {
@@ -48,7 +48,7 @@ mod tests {
     fn found(check: &mut BitDepthCheck, layout: RawLayout, values: [u16; 2]) -> Option<u16> {
         let bytes: Vec<u8> =
             [values[0], values[1], u16::MAX].iter().flat_map(|value| value.to_le_bytes()).collect();
-        check.dim_maximum(&ImageView { layout, size: (2, 1).into(), row_stride: 6, bytes: &bytes })
+        check.dim_maximum(&RawImageView { layout, size: (2, 1).into(), row_stride: 6, bytes: &bytes })
     }
 
     #[test]

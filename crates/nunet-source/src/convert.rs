@@ -38,7 +38,7 @@ pub(crate) enum RawLayout {
 
 /// An image in memory.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct ImageView<'a> {
+pub(crate) struct RawImageView<'a> {
     pub(crate) layout: RawLayout,
     pub(crate) size: ImageSize,
     /// Bytes from row to row.
@@ -75,10 +75,10 @@ impl RawLayout {
 }
 
 /// Converts an image into `frame`. Returns false if it has fewer bytes than its size needs.
-pub(crate) fn fill(frame: &mut Frame, image: ImageView<'_>) -> bool {
+pub(crate) fn fill(frame: &mut Frame, image: RawImageView<'_>) -> bool {
     let needed = image.layout.byte_len(image.size, image.row_stride);
     let Some(bytes) = image.bytes.get(..needed) else { return false };
-    let image = ImageView { bytes, ..image };
+    let image = RawImageView { bytes, ..image };
     match image.layout {
         RawLayout::Direct(format) => {
             image.lay(frame, format, image.row_stride, needed).copy_from_slice(bytes);
@@ -103,7 +103,7 @@ pub(crate) fn fill(frame: &mut Frame, image: ImageView<'_>) -> bool {
     true
 }
 
-impl ImageView<'_> {
+impl RawImageView<'_> {
     /// Sets the size and format of `frame`, and returns its buffer.
     fn lay<'f>(
         &self,
@@ -204,7 +204,7 @@ mod tests {
     fn filled(layout: RawLayout, size: impl Into<ImageSize>, row_stride: u32, bytes: &[u8]) -> Frame {
         let size = size.into();
         let mut frame = Frame::default();
-        assert!(fill(&mut frame, ImageView { layout, size, row_stride, bytes }));
+        assert!(fill(&mut frame, RawImageView { layout, size, row_stride, bytes }));
         frame
     }
 
@@ -268,7 +268,8 @@ mod tests {
     #[test]
     fn too_few_bytes_are_refused() {
         let mut frame = Frame::default();
-        let image = ImageView { layout: RawLayout::Uyvy, size: (2, 2).into(), row_stride: 4, bytes: &[0; 7] };
+        let image =
+            RawImageView { layout: RawLayout::Uyvy, size: (2, 2).into(), row_stride: 4, bytes: &[0; 7] };
         assert!(!fill(&mut frame, image));
     }
 }

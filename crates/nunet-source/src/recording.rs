@@ -14,7 +14,7 @@ use nunet_types::{Hint as _, ImageSize, SensorRegion};
 use tracing::warn;
 
 use crate::bit_depth::BitDepthCheck;
-use crate::convert::{self, Bayer, ImageView, RawLayout};
+use crate::convert::{self, Bayer, RawImageView, RawLayout};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::files::nothing_to_repeat;
 use crate::orientation::oriented_camera;
@@ -167,7 +167,7 @@ impl RecordingSource {
                     .with_hint("name a topic with images")
             })?;
             let size = ImageSize::new(image.width, image.height);
-            let raw = ImageView { layout, size, row_stride: image.row_stride, bytes: &image.data };
+            let raw = RawImageView { layout, size, row_stride: image.row_stride, bytes: &image.data };
             if let Some(maximum) = self.bit_depth.dim_maximum(&raw) {
                 let hint = "scale the values to 16 bits before recording: 10 bits by 64, 12 bits by 16";
                 warn!(

@@ -11,7 +11,7 @@
 
 use nunet_types::ImageSize;
 
-use crate::onnx::{ElementType, ModelBuilder};
+use crate::onnx::{ModelBuilder, OnnxElement};
 
 /// Weights of the depth head for the channels r, g, b of the image or of the logits.
 const DEPTH_WEIGHTS: [f32; 3] = [1.0 / 64.0, 2.0 / 64.0, 3.0 / 64.0];
@@ -74,7 +74,7 @@ pub fn segmentation_stage(size: impl Into<ImageSize>) -> ModelBuilder {
     let size = size.into();
     let model = image_planes(size).node("Identity", &["planes"], &["logits"], &[]).output(
         "logits",
-        ElementType::F32,
+        OnnxElement::F32,
         &planes(3, size),
     );
     segmentation_labels(model, "logits", size)
@@ -85,7 +85,7 @@ pub fn segmentation_stage(size: impl Into<ImageSize>) -> ModelBuilder {
 #[must_use]
 pub fn depth_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder {
     let size = size.into();
-    let features = |model: ModelBuilder| model.input("features", ElementType::F32, &planes(3, size));
+    let features = |model: ModelBuilder| model.input("features", OnnxElement::F32, &planes(3, size));
     let model = if connected {
         connected_depth_head(features(image_planes(size)), "planes", "features", size)
     } else {
@@ -99,7 +99,7 @@ pub fn depth_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder 
 pub fn refine_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder {
     let size = size.into();
     let model = if connected { image_planes(size) } else { ModelBuilder::new() };
-    let model = model.input("coarse", ElementType::F32, &planes(1, size)).node(
+    let model = model.input("coarse", OnnxElement::F32, &planes(1, size)).node(
         "Add",
         &["coarse", "coarse"],
         &[if connected { "doubled" } else { "depth" }],
@@ -113,7 +113,7 @@ pub fn refine_stage(size: impl Into<ImageSize>, connected: bool) -> ModelBuilder
     } else {
         model
     };
-    describe(model.output("depth", ElementType::F32, &planes(1, size)), "nunet3_c", true)
+    describe(model.output("depth", OnnxElement::F32, &planes(1, size)), "nunet3_c", true)
 }
 
 /// The `nunet.state` of [`trail_stage`] and [`remembering`]: `trail` `[1, 1, H, W]`, and `count` `[1]`, the frames
@@ -142,7 +142,7 @@ pub fn remembering(size: impl Into<ImageSize>) -> ModelBuilder {
         .constant_f32("bias", &[1], &[DEPTH_BIAS])
         .node("Conv", &["planes", "weights", "bias"], &["plain"], &[])
         .node("Add", &["plain", "trail_in"], &["depth"], &[])
-        .output("depth", ElementType::F32, &planes(1, size));
+        .output("depth", OnnxElement::F32, &planes(1, size));
     describe(model, "unet_lstm", false)
 }
 
@@ -163,9 +163,9 @@ pub fn fragile(model: ModelBuilder, value: &str) -> ModelBuilder {
         .constant_f32("four", &[4], &[1.0; 4])
         .node("Reshape", &[value, "in_a_row"], &["row"], &[])
         .node("Slice", &["row", "from_first", "to_second"], &["first"], &[])
-        .node("Cast", &["first"], &["index"], &[("to", (ElementType::I64 as i64).into())])
+        .node("Cast", &["first"], &["index"], &[("to", (OnnxElement::I64 as i64).into())])
         .node("Gather", &["four", "index"], &["probe"], &[])
-        .output("probe", ElementType::F32, &[1])
+        .output("probe", OnnxElement::F32, &[1])
 }
 
 /// Adds the metadata that the contract asks for: metric, untrained, 3 classes where it segments.
@@ -186,8 +186,8 @@ pub fn describe(model: ModelBuilder, architecture: &str, segments: bool) -> Mode
 /// `rgb` as float planes `[1, 3, H, W]`, named `planes`, in 0..255.
 fn image_planes(ImageSize { width, height }: ImageSize) -> ModelBuilder {
     ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, i64::from(height), i64::from(width), 3])
-        .node("Cast", &["rgb"], &["float"], &[("to", (ElementType::F32 as i64).into())])
+        .input("rgb", OnnxElement::U8, &[1, i64::from(height), i64::from(width), 3])
+        .node("Cast", &["rgb"], &["float"], &[("to", (OnnxElement::F32 as i64).into())])
         .node("Transpose", &["float"], &["planes"], &[("perm", [0, 3, 1, 2].into())])
 }
 
@@ -198,14 +198,14 @@ fn segmentation_labels(
 ) -> ModelBuilder {
     model
         .node("ArgMax", &[logits], &["class"], &[("axis", 1.into()), ("keepdims", 0.into())])
-        .node("Cast", &["class"], &["labels"], &[("to", (ElementType::U8 as i64).into())])
-        .output("labels", ElementType::U8, &[1, i64::from(height), i64::from(width)])
+        .node("Cast", &["class"], &["labels"], &[("to", (OnnxElement::U8 as i64).into())])
+        .output("labels", OnnxElement::U8, &[1, i64::from(height), i64::from(width)])
 }
 
 fn trail(model: ModelBuilder, size: ImageSize) -> ModelBuilder {
     model
-        .input("trail_in", ElementType::F32, &planes(1, size))
-        .input("count_in", ElementType::F32, &[1])
+        .input("trail_in", OnnxElement::F32, &planes(1, size))
+        .input("count_in", OnnxElement::F32, &[1])
         .constant_f32("red", &[1, 3, 1, 1], &[CONNECTED_WEIGHT, 0.0, 0.0])
         .constant_f32("half", &[1], &[0.5])
         .constant_f32("one", &[1], &[1.0])
@@ -213,8 +213,8 @@ fn trail(model: ModelBuilder, size: ImageSize) -> ModelBuilder {
         .node("Mul", &["trail_in", "half"], &["faded"], &[])
         .node("Add", &["faded", "new"], &["trail_out"], &[])
         .node("Add", &["count_in", "one"], &["count_out"], &[])
-        .output("trail_out", ElementType::F32, &planes(1, size))
-        .output("count_out", ElementType::F32, &[1])
+        .output("trail_out", OnnxElement::F32, &planes(1, size))
+        .output("count_out", OnnxElement::F32, &[1])
         .metadata("nunet.state", &trail_state(size))
 }
 
@@ -223,7 +223,7 @@ fn depth_head(model: ModelBuilder, features: &str, size: ImageSize) -> ModelBuil
         .constant_f32("weights", &[1, 3, 1, 1], &DEPTH_WEIGHTS)
         .constant_f32("bias", &[1], &[DEPTH_BIAS])
         .node("Conv", &[features, "weights", "bias"], &["depth"], &[])
-        .output("depth", ElementType::F32, &planes(1, size))
+        .output("depth", OnnxElement::F32, &planes(1, size))
 }
 
 fn connected_depth_head(model: ModelBuilder, image: &str, features: &str, size: ImageSize) -> ModelBuilder {
@@ -233,7 +233,7 @@ fn connected_depth_head(model: ModelBuilder, image: &str, features: &str, size: 
         .constant_f32("bias", &[1], &[DEPTH_BIAS])
         .node("Concat", &[image, features], &["both"], &[("axis", 1.into())])
         .node("Conv", &["both", "weights", "bias"], &["depth"], &[])
-        .output("depth", ElementType::F32, &planes(1, size))
+        .output("depth", OnnxElement::F32, &planes(1, size))
 }
 
 fn planes(channels: i64, ImageSize { width, height }: ImageSize) -> [i64; 4] {

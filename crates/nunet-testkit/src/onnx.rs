@@ -1,12 +1,12 @@
 //! A builder of small ONNX files, for tests that need a network whose answer can be computed by hand.
 //!
 //! ```
-//! use nunet_testkit::onnx::{ElementType, ModelBuilder};
+//! use nunet_testkit::onnx::{OnnxElement, ModelBuilder};
 //!
 //! let bytes = ModelBuilder::new()
-//!     .input("rgb", ElementType::U8, &[1, 2, 2, 3])
+//!     .input("rgb", OnnxElement::U8, &[1, 2, 2, 3])
 //!     .node("Cast", &["rgb"], &["depth"], &[("to", 1i64.into())])
-//!     .output("depth", ElementType::F32, &[1, 2, 2, 3])
+//!     .output("depth", OnnxElement::F32, &[1, 2, 2, 3])
 //!     .metadata("nunet.version", "1")
 //!     .to_bytes();
 //! assert!(!bytes.is_empty());
@@ -30,7 +30,7 @@ const OPSET: i64 = 17;
 /// The element types that the tests use, with their numbers in `TensorProto.DataType`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
-pub enum ElementType {
+pub enum OnnxElement {
     /// 32-bit float.
     F32 = 1,
     /// Unsigned byte.
@@ -113,14 +113,14 @@ impl ModelBuilder {
 
     /// An input of the graph; a dimension of -1 is left open, as exporters do for the batch.
     #[must_use]
-    pub fn input(mut self, name: &str, element: ElementType, shape: &[i64]) -> Self {
+    pub fn input(mut self, name: &str, element: OnnxElement, shape: &[i64]) -> Self {
         self.graph.input.push(value_info(name, element, shape));
         self
     }
 
     /// An output of the graph.
     #[must_use]
-    pub fn output(mut self, name: &str, element: ElementType, shape: &[i64]) -> Self {
+    pub fn output(mut self, name: &str, element: OnnxElement, shape: &[i64]) -> Self {
         self.graph.output.push(value_info(name, element, shape));
         self
     }
@@ -147,13 +147,13 @@ impl ModelBuilder {
     /// A constant of floats.
     #[must_use]
     pub fn constant_f32(self, name: &str, shape: &[i64], values: &[f32]) -> Self {
-        self.constant(name, ElementType::F32, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
+        self.constant(name, OnnxElement::F32, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
 
     /// A constant of integers, as shapes and axes are.
     #[must_use]
     pub fn constant_i64(self, name: &str, shape: &[i64], values: &[i64]) -> Self {
-        self.constant(name, ElementType::I64, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
+        self.constant(name, OnnxElement::I64, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
 
     /// A constant of floats that lie in another file, as exporters do with large weights.
@@ -161,7 +161,7 @@ impl ModelBuilder {
     pub fn constant_in_file(mut self, name: &str, shape: &[i64], location: &str) -> Self {
         self.graph.initializer.push(TensorProto {
             dims: shape.to_vec(),
-            data_type: ElementType::F32 as i32,
+            data_type: OnnxElement::F32 as i32,
             name: name.to_owned(),
             external_data: vec![entry("location", location)],
             data_location: 1,
@@ -170,7 +170,7 @@ impl ModelBuilder {
         self
     }
 
-    fn constant(mut self, name: &str, element: ElementType, shape: &[i64], raw_data: Vec<u8>) -> Self {
+    fn constant(mut self, name: &str, element: OnnxElement, shape: &[i64], raw_data: Vec<u8>) -> Self {
         self.graph.initializer.push(TensorProto {
             dims: shape.to_vec(),
             data_type: element as i32,
@@ -211,7 +211,7 @@ fn entry(key: &str, value: &str) -> StringStringEntryProto {
     StringStringEntryProto { key: key.to_owned(), value: value.to_owned() }
 }
 
-fn value_info(name: &str, element: ElementType, shape: &[i64]) -> ValueInfoProto {
+fn value_info(name: &str, element: OnnxElement, shape: &[i64]) -> ValueInfoProto {
     let dim = shape
         .iter()
         .map(|&size| match size {

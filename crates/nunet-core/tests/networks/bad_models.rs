@@ -4,14 +4,14 @@ use std::path::Path;
 
 use nunet_core::graph::{GraphError, GraphOptions, SerialGraph, model_hashes};
 use nunet_testkit::models;
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::{Folder, SIZE, options, refusal, runtime};
 
-const F32: ElementType = ElementType::F32;
+const F32: OnnxElement = OnnxElement::F32;
 
 /// A described network with these tensors, whose depth is a constant of the output's shape.
-fn constant(input: (ElementType, &[i64]), output: (ElementType, &[i64])) -> ModelBuilder {
+fn constant(input: (OnnxElement, &[i64]), output: (OnnxElement, &[i64])) -> ModelBuilder {
     let ones: Vec<i64> = vec![1; output.1.len()];
     let model = ModelBuilder::new()
         .input("rgb", input.0, input.1)
@@ -101,7 +101,7 @@ fn weights_outside_the_file_are_refused_even_where_they_can_be_found() {
     // The tests' working directory has this file, which is longer than the weights.
     assert!(std::fs::metadata("Cargo.toml").unwrap().len() > 12);
     let model = ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
         .constant_in_file("weights", &[3, 1], "Cargo.toml")
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
         .node("MatMul", &["float", "weights"], &["depth"], &[])
@@ -136,10 +136,10 @@ fn images_of_another_kind_are_refused() {
     let depth = (F32, &[1, 1, 3, 6][..]);
     for (input, kind) in [
         ((F32, &[1, 3, 6, 3][..]), "float32 [1, 3, 6, 3]"),
-        ((ElementType::U8, &[1, 3, 3, 6]), "uint8 [1, 3, 3, 6]"),
-        ((ElementType::U8, &[3, 6, 3]), "uint8 [3, 6, 3]"),
-        ((ElementType::U8, &[-1, 3, 6, 3]), "uint8 [?, 3, 6, 3]"),
-        ((ElementType::U8, &[1, -1, -1, 3]), "uint8 [1, ?, ?, 3]"),
+        ((OnnxElement::U8, &[1, 3, 3, 6]), "uint8 [1, 3, 3, 6]"),
+        ((OnnxElement::U8, &[3, 6, 3]), "uint8 [3, 6, 3]"),
+        ((OnnxElement::U8, &[-1, 3, 6, 3]), "uint8 [?, 3, 6, 3]"),
+        ((OnnxElement::U8, &[1, -1, -1, 3]), "uint8 [1, ?, ?, 3]"),
     ] {
         let message = message(&constant(input, depth));
         let expected = format!("takes the image as `rgb` of {kind}, but the image is uint8 [1, H, W, 3]");
@@ -149,10 +149,10 @@ fn images_of_another_kind_are_refused() {
 
 #[test]
 fn depth_of_another_kind_is_refused() {
-    let image = (ElementType::U8, &[1, 3, 6, 3][..]);
+    let image = (OnnxElement::U8, &[1, 3, 6, 3][..]);
     for (output, kind) in [
-        ((ElementType::F64, &[1, 1, 3, 6][..]), "float64 [1, 1, 3, 6]"),
-        ((ElementType::U8, &[1, 1, 3, 6]), "uint8 [1, 1, 3, 6]"),
+        ((OnnxElement::F64, &[1, 1, 3, 6][..]), "float64 [1, 1, 3, 6]"),
+        ((OnnxElement::U8, &[1, 1, 3, 6]), "uint8 [1, 1, 3, 6]"),
         ((F32, &[1, 3, 6]), "float32 [1, 3, 6]"),
         ((F32, &[1, 1, 6, 12]), "float32 [1, 1, 6, 12]"),
         ((F32, &[1, 1, 6, 3]), "float32 [1, 1, 6, 3]"),
@@ -168,7 +168,7 @@ fn depth_of_another_kind_is_refused() {
 fn an_input_of_another_name_is_refused_naming_it() {
     let model = models::describe(
         ModelBuilder::new()
-            .input("image", ElementType::U8, &[1, 3, 6, 3])
+            .input("image", OnnxElement::U8, &[1, 3, 6, 3])
             .node("Cast", &["image"], &["depth"], &[("to", 1.into())])
             .output("depth", F32, &[1, 3, 6, 3]),
         "unet",
@@ -180,7 +180,7 @@ fn an_input_of_another_name_is_refused_naming_it() {
 
 #[test]
 fn a_constant_depth_is_written_to_the_caller_like_any_other() {
-    let model = constant((ElementType::U8, &[1, 3, 6, 3]), (F32, &[1, 1, 3, 6]));
+    let model = constant((OnnxElement::U8, &[1, 3, 6, 3]), (F32, &[1, 1, 3, 6]));
     let mut graph = Folder::new().model("m.onnx", &model).load("m.onnx").unwrap();
     assert_eq!(crate::run(&mut graph, &crate::image(SIZE)).depth, [1.0; 18]);
 }

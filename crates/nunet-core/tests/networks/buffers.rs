@@ -2,7 +2,7 @@
 
 use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
 use nunet_testkit::models;
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::{Folder, SIZE, image, pixels, refusal, ticking};
 
@@ -112,7 +112,7 @@ fn labels_cannot_be_requested_from_a_graph_without_labels() {
 #[test]
 fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
     let model = ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
         .constant_i64("start", &[1], &[0])
         .constant_i64("end", &[1], &[1])
         .constant_i64("axis", &[1], &[3])
@@ -120,7 +120,7 @@ fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
         .node("Slice", &["rgb", "start", "end", "axis"], &["red"], &[])
         .node("Cast", &["red"], &["float"], &[("to", 1.into())])
         .node("Reshape", &["float", "shape"], &["depth"], &[])
-        .output("depth", ElementType::F32, &[1, 1, 3, 6]);
+        .output("depth", OnnxElement::F32, &[1, 1, 3, 6]);
     let model = models::describe(model, "red", false);
     let mut graph = Folder::new().model("red.onnx", &model).load("red.onnx").unwrap();
     let rgb = image(SIZE);
@@ -132,11 +132,11 @@ fn a_last_operator_that_moves_nothing_still_writes_the_callers_memory() {
 #[test]
 fn a_model_whose_output_differs_from_its_signature_is_refused() {
     let model = ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
+        .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
         .node("NonZero", &["float"], &["where"], &[])
         .node("Cast", &["where"], &["depth"], &[("to", 1.into())])
-        .output("depth", ElementType::F32, &[1, 1, 3, 6]);
+        .output("depth", OnnxElement::F32, &[1, 1, 3, 6]);
     let folder = Folder::new().model("liar.onnx", &models::describe(model, "liar", false));
     let mut graph = match folder.load("liar.onnx") {
         Err(error) => return drop(refusal(Err(error))),

@@ -3,11 +3,11 @@
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::{Folder, SIZE, image, pixels, refusal, ticking};
 
-const F32: ElementType = ElementType::F32;
+const F32: OnnxElement = OnnxElement::F32;
 
 /// `y` = 4 times the first channel + twice the second + the third, of a tensor `x` of 3 planes.
 fn weighted_planes(input: &[i64], output: &[i64]) -> ModelBuilder {

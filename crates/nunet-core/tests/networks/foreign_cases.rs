@@ -6,12 +6,12 @@ use nunet_core::depth::ScaleSource;
 use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphError, SerialGraph, WiringError};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 use nunet_types::ImageSize;
 
 use crate::{Folder, chain, ticking};
 
-const F32: ElementType = ElementType::F32;
+const F32: OnnxElement = OnnxElement::F32;
 
 /// `tests/cases/NAME.onnx` with its sidecar, changed by `edit`.
 fn case(name: &str, edit: impl Fn(String) -> String) -> Result<SerialGraph, GraphError> {

@@ -4,7 +4,7 @@ use nunet_core::frame::{ImageView, PixelFormat};
 use nunet_core::graph::{GraphInput, GraphOutputs, SerialGraph};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
 use nunet_testkit::models;
-use nunet_testkit::onnx::{ElementType, ModelBuilder};
+use nunet_testkit::onnx::{ModelBuilder, OnnxElement};
 
 use crate::{Folder, SIZE, image, pixels, refusal, run, ticking};
 
@@ -207,16 +207,16 @@ fn the_state_of_a_stage_is_described_in_its_own_file() {
 fn state_of_another_shape_than_declared_is_an_error_of_the_run() {
     let shape: &[i64] = &[1, 1, 3, 6];
     let model = ModelBuilder::new()
-        .input("rgb", ElementType::U8, &[1, 3, 6, 3])
-        .input("kept_in", ElementType::F32, &[2])
+        .input("rgb", OnnxElement::U8, &[1, 3, 6, 3])
+        .input("kept_in", OnnxElement::F32, &[2])
         .constant_i64("shape", &[4], shape)
         .constant_f32("one", &[1, 1, 1, 1], &[1.0])
         .node("Expand", &["one", "shape"], &["depth"], &[])
         .node("Cast", &["rgb"], &["float"], &[("to", 1.into())])
         .node("NonZero", &["float"], &["where"], &[])
         .node("Cast", &["where"], &["kept_out"], &[("to", 1.into())])
-        .output("depth", ElementType::F32, shape)
-        .output("kept_out", ElementType::F32, &[2])
+        .output("depth", OnnxElement::F32, shape)
+        .output("kept_out", OnnxElement::F32, &[2])
         .metadata("nunet.state", r#"[{"input": "kept_in", "output": "kept_out", "shape": [2]}]"#);
     let folder = Folder::new().model("liar.onnx", &models::describe(model, "liar", false));
     match folder.load("liar.onnx") {

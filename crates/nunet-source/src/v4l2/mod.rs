@@ -25,7 +25,7 @@ use self::health::Health;
 use self::linux::Linux;
 pub use self::list::{CameraReport, cameras};
 use self::negotiate::{CaptureMode, Coding, RequestedMode, choose, set};
-use crate::convert::{self, ImageView};
+use crate::convert::{self, RawImageView};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::rate::MAX_HZ;
 use crate::source::Fused;
@@ -281,7 +281,7 @@ impl CaptureMode {
         match self.coding {
             Coding::Jpeg => frame.file.extend_from_slice(bytes),
             Coding::Raw(layout) => {
-                let image = ImageView { layout, size: self.size, row_stride: self.row_stride, bytes };
+                let image = RawImageView { layout, size: self.size, row_stride: self.row_stride, bytes };
                 if !convert::fill(frame, image) {
                     let expected = layout.byte_len(self.size, self.row_stride);
                     let message = format!("it has {} bytes; {self} takes {expected}", bytes.len());

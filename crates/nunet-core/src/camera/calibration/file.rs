@@ -50,7 +50,7 @@ struct CameraInfoFile {
     d: Option<Vec<f64>>,
     binning_x: Option<u32>,
     binning_y: Option<u32>,
-    roi: Option<RegionOfInterest>,
+    roi: Option<RegionFields>,
     /// OpenCV's calibration program writes it for a fisheye.
     fisheye_model: Option<i64>,
 }
@@ -64,7 +64,7 @@ struct Matrix {
 
 #[derive(Deserialize, Default, Clone, Copy)]
 #[serde(default)]
-struct RegionOfInterest {
+struct RegionFields {
     x_offset: u32,
     y_offset: u32,
     width: u32,
@@ -98,7 +98,7 @@ impl CameraInfoFile {
     }
 
     fn region(&self) -> SensorRegion {
-        let RegionOfInterest { x_offset, y_offset, width, height } = self.roi.unwrap_or_default();
+        let RegionFields { x_offset, y_offset, width, height } = self.roi.unwrap_or_default();
         let (binning_x, binning_y) = (self.binning_x.unwrap_or(0), self.binning_y.unwrap_or(0));
         SensorRegion { x_offset, y_offset, width, height, binning_x, binning_y }
     }
