@@ -1,5 +1,6 @@
 """Images on stdin: what `ffmpeg` writes, where it is installed, and what we write by hand as it would."""
 
+import io
 import json
 import os
 import shutil
@@ -8,6 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import MODEL
+from PIL import Image
 
 SIZE = (64, 48)
 FRAMES = 12
@@ -26,7 +28,8 @@ def y4m():
 def run(nunetd, tmp_path, given, *more):
     """Exit code, stderr and stats of a run that reads `given` from stdin."""
     stats, name = tmp_path / "stats.json", f"pytest-pipe-{os.getpid()}"
-    command = [nunetd, "--model", str(MODEL), "--source", "-", "--camera", name, "--stats-json", str(stats), *more]
+    source = [] if "--source" in more else ["--source", "-"]
+    command = [nunetd, "--model", str(MODEL), *source, "--camera", name, "--stats-json", str(stats), *more]
     done = subprocess.run(command, check=False, input=given, capture_output=True, timeout=60)
     return done.returncode, done.stderr.decode(), json.loads(stats.read_text()) if stats.exists() else None
 
@@ -46,6 +49,33 @@ def test_raw_images_need_a_size_and_a_format(nunetd, tmp_path):
     assert code == 2 and "a size without a format" in said
 
 
+def jpegs():
+    """As many JPEGs, each one gray."""
+    file = io.BytesIO()
+    for index in range(FRAMES):
+        Image.new("RGB", SIZE, (20 * index,) * 3).save(file, "JPEG")
+    return file.getvalue()
+
+
+def test_every_jpeg_of_a_stream_is_taken(nunetd, tmp_path):
+    code, said, stats = run(nunetd, tmp_path, jpegs())
+    assert (code, stats["frames"]["published"]) == (0, FRAMES), said
+
+
+@pytest.mark.parametrize("stream", [y4m(), jpegs()], ids=["y4m", "jpegs"])
+def test_a_command_is_a_camera_and_is_started_again(nunetd, tmp_path, stream):
+    (tmp_path / "stream").write_bytes(stream)
+    source = ["--source", f"exec:echo end of file >&2; cat {tmp_path / 'stream'}", "--frames", str(FRAMES + 4)]
+    code, said, stats = run(nunetd, tmp_path, b"", *source)
+    assert code == 0 and stats["frames"]["captured"] >= FRAMES + 4, said
+    assert "it ended with exit code 0: end of file" in said
+
+
+def test_a_command_that_cannot_be_run_is_an_error_with_the_reason(nunetd, tmp_path):
+    code, said, _ = run(nunetd, tmp_path, b"", "--source", "exec:/nonexistent/program -o -")
+    assert code == 1 and "cannot run command `/nonexistent/program -o -`" in said and "hint: " in said, said
+
+
 @pytest.mark.parametrize(
     ("given", "code", "part"),
     [
@@ -53,7 +83,8 @@ def test_raw_images_need_a_size_and_a_format(nunetd, tmp_path):
         (b"RIFF\x00\x00\x00\x00AVI LIST", 1, "does not begin with `YUV4MPEG2`"),
         (b"YUV4MPEG2 W64 H48 F25:1 It C420\n", 1, "interlaced"),
         (b"YUV4MPEG2 W64 H48 F25:1 C420p10\n", 1, "`C420p10`, a color space that cannot be read"),
-        (b"", 1, "it ended before the header did"),
+        (b"YUV4MPEG2", 1, "it ended before the header did"),
+        (b"", 1, "standard input ended before its first image"),
     ],
 )
 def test_a_bad_stream_is_an_error_with_the_reason(nunetd, tmp_path, given, code, part):

@@ -1,4 +1,4 @@
-//! Sources of frames: images on disk, pipes, recordings, V4L2 cameras, shared memory.
+//! Sources of frames: images on disk, pipes, programs, recordings, V4L2 cameras, shared memory.
 //!
 //! [`SourceName::parse`] chooses a kind of source, [`SourceName::open`] opens it, and [`Source::fill`] reads
 //! one [`Frame`] after the other. Adding a source takes a file of its own and a line in the registry
@@ -23,12 +23,14 @@
 mod bit_depth;
 mod camera_file;
 mod camera_resolver;
+mod command;
 mod continuity;
 mod convert;
 mod demo;
 mod error;
 mod files;
 mod frame;
+mod health;
 mod image_file;
 mod jpeg;
 mod listing;

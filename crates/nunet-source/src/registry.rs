@@ -12,6 +12,8 @@ use crate::{OpenOptions, Source};
 const REGISTRY: &[&dyn SourceType] = &[
     &crate::demo::Demo,
     &crate::pipe::StandardInput,
+    &crate::command::ShellCommand,
+    &crate::command::NetworkCamera,
     &crate::shm::SharedMemoryCamera,
     #[cfg(feature = "v4l2")]
     &crate::v4l2::VideoDevice,
@@ -83,18 +85,16 @@ impl SourceName {
         }
         match (properties.size, options.size, options.format) {
             (SizeUse::Raw, Some(_), None) => {
-                return bad("a size without a format: raw images on standard input need both".to_owned());
+                return bad("a size without a format: raw images need both".to_owned());
             }
             (SizeUse::Requested, _, Some(_)) => {
                 return bad(
-                    "a format is for raw images on standard input; for a camera, the best format is chosen"
-                        .to_owned(),
+                    "a format is for raw images: of a camera, the format that fits best is taken".to_owned()
                 );
             }
             (SizeUse::None, Some(_), _) | (SizeUse::None, _, Some(_)) => {
                 return bad(
-                    "a size is for cameras and raw images on standard input, a format for the latter: every other source \
-                     states them itself"
+                    "a size is for cameras and raw images, a format for raw images: every other source states them itself"
                         .to_owned(),
                 );
             }
@@ -140,6 +140,7 @@ mod tests {
         assert_eq!(kind("demo").camera, "demo");
         assert_eq!(kind("./demo").camera, "camera");
         assert!(kind("shm:front").is_shared_memory);
+        assert!(kind("exec:cat images.y4m").is_started && kind("rtsp://10.0.0.4/front").is_started);
         assert_eq!(kind("-").exclusive, Some(Exclusive::StandardInput));
         assert!(kind("drive.mcap").is_recording && !kind("drive/*.jpg").is_recording);
     }
@@ -194,7 +195,7 @@ mod tests {
         let sized = OpenOptions { size, ..OpenOptions::default() };
         for source in ["demo", "drive.mcap", "shm:front", "drive/*.jpg"] {
             let error = refused(source, sized);
-            assert!(error.starts_with("a size is for cameras and raw images on standard input"), "{error}");
+            assert!(error.starts_with("a size is for cameras and raw images"), "{error}");
         }
         assert!(refused("-", sized).starts_with("a size without a format"));
         let both = OpenOptions { size, format, ..OpenOptions::default() };

@@ -43,6 +43,8 @@ pub struct Properties {
     pub is_recording: bool,
     /// Whether another process publishes the frames at its own pace.
     pub is_shared_memory: bool,
+    /// Whether reading starts a program: a mere check must not.
+    pub is_started: bool,
     /// Whether it has topics to choose from.
     pub has_topics: bool,
     /// The use of a size and a format.

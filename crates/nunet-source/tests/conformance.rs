@@ -86,13 +86,33 @@ fn recording(folder: &Path) -> Box<dyn Source> {
     open(path.to_str().unwrap())
 }
 
-fn raw_pipe() -> Box<dyn Source> {
-    let options = OpenOptions {
+/// Options for raw images of 4 bytes.
+fn raw_options() -> OpenOptions<'static> {
+    OpenOptions {
         size: Some(ImageSize { width: 2, height: 2 }),
         format: Some(PixelFormat::Mono8),
         ..OpenOptions::default()
-    };
-    open_pipe(Cursor::new(vec![7; 3 * 4]), options).unwrap()
+    }
+}
+
+fn raw_pipe() -> Box<dyn Source> {
+    open_pipe(Cursor::new(vec![7; 3 * 4]), raw_options()).unwrap()
+}
+
+fn command() -> Box<dyn Source> {
+    SourceName::parse("exec:printf aaaabbbbcccc").open(raw_options()).unwrap()
+}
+
+fn jpeg(side: u32) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    RgbImage::from_pixel(side, side, Rgb([9, 9, 9])).write_to(&mut file, ImageFormat::Jpeg).unwrap();
+    file.into_inner()
+}
+
+/// The second image has an end, but no data.
+fn jpeg_pipe() -> Box<dyn Source> {
+    let stream = [jpeg(2), b"\xff\xd8\xff\xd9".to_vec(), jpeg(4)].concat();
+    open_pipe(Cursor::new(stream), OpenOptions::default()).unwrap()
 }
 
 fn y4m_pipe() -> Box<dyn Source> {
@@ -160,15 +180,25 @@ fn all(folder: &Path) -> Vec<Subject> {
         subject("split recording", split_recording(&within("split")), true, true),
         subject("raw pipe", raw_pipe(), false, false),
         subject("Y4M pipe", y4m_pipe(), false, false),
+        subject("JPEG pipe", jpeg_pipe(), true, true),
     ]
 }
 
-/// Every source that goes on: the demo repeats itself, and shared memory waits for the next frame.
+/// Every source that goes on: the demo repeats itself, shared memory waits, and a command is started again.
 fn endless(folder: &Path) -> Vec<Subject> {
     let (source, offer) = shared_memory();
-    let subject =
-        |name, source, offer| Subject { name, source, has_bad_frames: true, has_sizes: true, offer };
-    vec![subject("demo", demo(folder), Box::new(|_| {})), subject("shared memory", source, offer)]
+    let subject = |name, source, offer, varies| Subject {
+        name,
+        source,
+        has_bad_frames: varies,
+        has_sizes: varies,
+        offer,
+    };
+    vec![
+        subject("demo", demo(folder), Box::new(|_| {}), true),
+        subject("shared memory", source, offer, true),
+        subject("command", command(), Box::new(|_| {}), false),
+    ]
 }
 
 /// The next fill that is more than nothing.
@@ -275,8 +305,9 @@ fn a_source_that_waits_returns_nothing_so_that_a_stop_is_noticed() {
     };
     let silent = camera("silent");
     let _publisher = publisher(&silent);
-    let subjects: [(&str, Box<dyn Source>); 4] = [
+    let subjects: [(&str, Box<dyn Source>); 5] = [
         ("silent pipe", open_pipe(Silent, OpenOptions::default()).unwrap()),
+        ("silent command", open("exec:sleep 1000")),
         ("missing camera", waiting("/dev/video-of-nobody")),
         ("shared memory of nobody", open(&format!("shm:{}", camera("nobody")))),
         ("shared memory without frames", open(&format!("shm:{silent}"))),

@@ -177,7 +177,8 @@ impl AccessArgs {
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct StreamArgs {
-    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, or - for stdin
+    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, exec:COMMAND,
+    /// rtsp://..., or - for stdin
     /// [default: demo; required with --config]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,

@@ -1,5 +1,7 @@
-//! Images on standard input: Y4M, whose header states everything, or raw ones of a size and format that the user states.
+//! Images from a pipe: Y4M or JPEGs, whose headers state everything, or raw ones of a size and format that the user states.
 
+mod image_reader;
+mod jpegs;
 mod raw;
 mod y4m;
 
@@ -9,12 +11,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, s
 use std::time::Duration;
 
 use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
-use nunet_types::{ImageSize, PixelFormat};
 
+use self::image_reader::{ImageReader, PipeImage, RawFormat};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::source::Fused;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
-use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
+use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
@@ -48,7 +50,7 @@ impl SourceType for StandardInput {
     }
 }
 
-/// Opens a pipe: raw images if `options` states a size and a format, else Y4M.
+/// Opens a pipe: raw images if `options` states a size and a format, else Y4M or JPEGs.
 ///
 /// # Errors
 /// No thread can be started.
@@ -56,34 +58,7 @@ pub fn open_pipe(
     input: impl Read + Send + 'static,
     options: OpenOptions<'_>,
 ) -> Result<Box<dyn Source>, SourceError> {
-    let layout = options.size.zip(options.format).map(|(size, format)| RawFormat { size, format });
-    Ok(Box::new(Fused::new(Pipe::open(input, layout)?)))
-}
-
-/// The size and format of raw images on standard input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct RawFormat {
-    size: ImageSize,
-    /// How pixels are laid out; rows follow each other without padding.
-    pub format: PixelFormat,
-}
-
-/// An image from the pipe, in memory that is returned and reused.
-#[derive(Debug)]
-struct PipeImage {
-    bytes: Vec<u8>,
-    size: ImageSize,
-    row_stride: u32,
-    format: Option<PixelFormat>,
-    /// Nanoseconds of the stream's own clock, if it has one.
-    media_nanos: Option<i64>,
-}
-
-impl Default for PipeImage {
-    fn default() -> Self {
-        let size = ImageSize { width: 0, height: 0 };
-        Self { bytes: Vec::new(), size, row_stride: 0, format: None, media_nanos: None }
-    }
+    Ok(Box::new(Fused::new(Pipe::open(input, &options, "standard input")?)))
 }
 
 /// A message from the thread that reads the pipe.
@@ -96,14 +71,10 @@ enum PipeMessage {
     Cut(SourceError),
 }
 
-/// Reads images one after the other.
-trait ImageReader: Send {
-    /// Reads the next image into `image`; false at the end.
-    fn next(&mut self, image: &mut PipeImage) -> Result<bool, SourceError>;
-}
-
 /// A pipe. It is read on a thread of its own: reading may block forever, but a stop must be handled in time.
-struct Pipe {
+pub(crate) struct Pipe {
+    /// What errors call it.
+    name: &'static str,
     messages: Receiver<PipeMessage>,
     used: Sender<PipeImage>,
     sequence: u64,
@@ -111,40 +82,40 @@ struct Pipe {
 
 impl Pipe {
     /// Begins to read. The thread ends with the pipe or with the process.
-    fn open(input: impl Read + Send + 'static, layout: Option<RawFormat>) -> Result<Self, SourceError> {
+    pub(crate) fn open(
+        input: impl Read + Send + 'static,
+        options: &OpenOptions<'_>,
+        name: &'static str,
+    ) -> Result<Self, SourceError> {
+        let format = options.size.zip(options.format).map(|(size, format)| RawFormat { size, format });
         let (send, messages) = sync_channel(1);
         let (used, returned) = channel();
-        let read = move || match layout {
-            Some(layout) => pass_on(&mut raw::RawReader::new(input, layout), &send, &returned),
-            None => match y4m::Y4mReader::open(input) {
-                Ok(mut reader) => pass_on(&mut reader, &send, &returned),
-                // An error here means that the source was dropped.
-                Err(error) => drop(send.send(PipeMessage::Cut(error))),
-            },
+        let read = move || match image_reader::open(input, format, name) {
+            Ok(mut reader) => pass_on(reader.as_mut(), &send, &returned),
+            // An error here means that the source was dropped.
+            Err(error) => drop(send.send(PipeMessage::Cut(error))),
         };
-        std::thread::Builder::new().name("stdin".into()).spawn(read).map_err(|error| {
-            let message = "cannot start the thread for standard input";
+        std::thread::Builder::new().name("pipe".into()).spawn(read).map_err(|error| {
+            let message = format!("cannot start the thread for {name}");
             SourceError::new(SourceErrorKind::Unavailable, message).with_cause(error)
         })?;
-        Ok(Self { messages, used, sequence: 0 })
+        Ok(Self { name, messages, used, sequence: 0 })
     }
 
-    fn take(&mut self, image: PipeImage, frame: &mut Frame) {
+    fn take(&mut self, mut image: PipeImage, frame: &mut Frame) -> Fill {
         frame.sequence = self.sequence;
         self.sequence += 1;
-        frame.size = image.size;
-        frame.row_stride = image.row_stride;
-        frame.format = image.format;
-        frame.camera = None;
         let (clock, nanos) = match image.media_nanos {
             Some(nanos) => (Clock::Media, nanos),
             None => (Clock::Monotonic, monotonic_nanos()),
         };
         frame.capture = CaptureTime { nanos, clock, unix_nanos: unix_nanos() };
-        let bytes = std::mem::replace(&mut frame.pixels, Pixels::Owned(image.bytes));
-        if let Pixels::Owned(bytes) = bytes {
-            // If the thread has ended, the memory is not needed.
-            let _ = self.used.send(PipeImage { bytes, ..PipeImage::default() });
+        let put = image.swap_into(frame);
+        // If the thread has ended, the memory is not needed.
+        let _ = self.used.send(image);
+        match put {
+            Ok(()) => Fill::Frame,
+            Err(error) => Fill::Failed(error.context(format!("image {} of {}", self.sequence, self.name))),
         }
     }
 }
@@ -152,23 +123,20 @@ impl Pipe {
 impl Source for Pipe {
     fn fill(&mut self, frame: &mut Frame) -> Fill {
         match self.messages.recv_timeout(POLL_TIMEOUT) {
-            Ok(PipeMessage::Image(image)) => {
-                self.take(image, frame);
-                Fill::Frame
-            }
+            Ok(PipeMessage::Image(image)) => self.take(image, frame),
             Ok(PipeMessage::Cut(error)) if self.sequence == 0 => Fill::Broken(error),
             Ok(PipeMessage::Cut(error)) => Fill::Cut(error),
             Err(RecvTimeoutError::Timeout) => Fill::Nothing,
             Ok(PipeMessage::End) if self.sequence == 0 => Fill::Broken(
                 SourceError::new(
                     SourceErrorKind::NothingReadable,
-                    "standard input ended before its first image",
+                    format!("{} ended before its first image", self.name),
                 )
                 .with_hint("check the program that should have written it"),
             ),
             Ok(PipeMessage::End) => Fill::End,
             Err(RecvTimeoutError::Disconnected) => {
-                let message = "the thread for standard input has failed";
+                let message = format!("the thread for {} has failed", self.name);
                 Fill::Broken(SourceError::new(SourceErrorKind::Unavailable, message))
             }
         }
@@ -191,59 +159,23 @@ fn pass_on(reader: &mut dyn ImageReader, send: &SyncSender<PipeMessage>, returne
     }
 }
 
-/// Memory for an image is allocated in steps of this size, as its bytes arrive: a large stated size alone
-/// allocates nothing.
-const GROWTH_BYTES: usize = 16 << 20;
-
-/// Reads up to `length` bytes into `bytes`, which grows as they arrive. Returns the number of bytes before
-/// the end.
-fn read_growing(input: &mut impl Read, bytes: &mut Vec<u8>, length: usize) -> std::io::Result<usize> {
-    bytes.truncate(length);
-    let mut filled = 0;
-    while filled < length {
-        let end = bytes.len().max(length.min(filled + GROWTH_BYTES));
-        let more = end - bytes.len();
-        bytes.try_reserve(more).map_err(|_| std::io::Error::from(std::io::ErrorKind::OutOfMemory))?;
-        bytes.resize(end, 0);
-        let read = read_up_to(input, &mut bytes[filled..end])?;
-        filled += read;
-        if filled < end {
-            break;
-        }
-    }
-    Ok(filled)
-}
-
-/// An image that does not fit into memory.
-fn too_large(size: ImageSize) -> SourceError {
-    let message = format!("there is not enough memory for an image of {size} on standard input");
-    SourceError::new(SourceErrorKind::Unavailable, message)
-        .with_hint("make it smaller: networks use some hundred pixels a side")
-}
-
-/// Fills `bytes` from `input`. Returns the number of bytes before its end.
-fn read_up_to(input: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<usize> {
-    let mut filled = 0;
-    while let Some(rest) = bytes.get_mut(filled..).filter(|rest| !rest.is_empty()) {
-        match input.read(rest) {
-            Ok(0) => break,
-            Ok(count) => filled += count,
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(filled)
-}
-
 #[cfg(test)]
 mod tests {
     use std::io::Cursor;
 
+    use nunet_types::{ImageSize, PixelFormat};
+
+    use super::image_reader::{GROWTH_BYTES, read_growing};
     use super::*;
 
     /// The images' bytes, and how the pipe ended.
     fn drain(input: &[u8], layout: Option<RawFormat>) -> (Vec<Vec<u8>>, Fill) {
-        let mut pipe = Pipe::open(Cursor::new(input.to_vec()), layout).unwrap();
+        let options = OpenOptions {
+            size: layout.map(|layout| layout.size),
+            format: layout.map(|layout| layout.format),
+            ..OpenOptions::default()
+        };
+        let mut pipe = Pipe::open(Cursor::new(input.to_vec()), &options, "standard input").unwrap();
         let (mut frame, mut seen) = (Frame::default(), Vec::new());
         loop {
             match pipe.fill(&mut frame) {
@@ -272,6 +204,25 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_jpeg_fails_alone() {
+        let png = b"\xff\xd8\xff\xe0\x00\x04ab\xff\xd9";
+        let mut pipe = Pipe::open(Cursor::new(png.repeat(2)), &OpenOptions::default(), "the stream").unwrap();
+        let (mut frame, mut failed) = (Frame::default(), 0);
+        let end = loop {
+            match pipe.fill(&mut frame) {
+                Fill::Failed(error) => {
+                    assert_eq!(error.kind(), SourceErrorKind::BadFrame);
+                    failed += 1;
+                    assert_eq!(error.to_string(), format!("image {failed} of the stream"));
+                }
+                Fill::Nothing => {}
+                end => break end,
+            }
+        };
+        assert!(matches!(end, Fill::End) && failed == 2, "{end:?}");
+    }
+
+    #[test]
     fn a_stated_size_takes_no_memory_before_its_bytes_come() {
         let mut bytes = Vec::new();
         let read = read_growing(&mut Cursor::new([7; 100]), &mut bytes, usize::MAX / 2).unwrap();
@@ -289,11 +240,12 @@ mod tests {
             (_, Fill::Broken(error)) => error.to_string(),
             (_, end) => panic!("{end:?}"),
         };
-        for (input, layout) in [(&b""[..], Some(GRAY)), (b"YUV4MPEG2 W4 H2 F30:1 C420\n", None)] {
+        for (input, layout) in [(&b""[..], Some(GRAY)), (b"", None), (b"YUV4MPEG2 W4 H2 F30:1 C420\n", None)]
+        {
             let error = broken(input, layout);
             assert!(error == "standard input ended before its first image", "{error}");
         }
-        let error = broken(&[], None);
+        let error = broken(b"YUV4", None);
         assert!(error.starts_with("standard input is not Y4M: it ended before the header did"), "{error}");
     }
 }

@@ -4,18 +4,19 @@ use std::io::{ErrorKind, Read};
 
 use nunet_types::ImageSize;
 
-use super::{ImageReader, PipeImage, RawFormat, read_growing, too_large};
+use super::image_reader::{ImageReader, PipeImage, RawFormat, read_growing, too_large, unreadable};
 use crate::error::{SourceError, SourceErrorKind};
 
 /// Images of one size and format, one after the other.
 pub(super) struct RawReader<R> {
     input: R,
     layout: RawFormat,
+    name: &'static str,
 }
 
 impl<R: Read + Send> RawReader<R> {
-    pub(super) fn new(input: R, layout: RawFormat) -> Self {
-        Self { input, layout }
+    pub(super) fn new(input: R, layout: RawFormat, name: &'static str) -> Self {
+        Self { input, layout, name }
     }
 }
 
@@ -26,17 +27,18 @@ impl<R: Read + Send> ImageReader for RawReader<R> {
         image.format = Some(format);
         image.row_stride = format.min_stride(width);
         let expected = format.byte_len(width, height, image.row_stride);
-        let cut_off = |message: String| SourceError::new(SourceErrorKind::CutOff, message);
-        let read = read_growing(&mut self.input, &mut image.bytes, expected).map_err(|error| match error
-            .kind()
-        {
-            ErrorKind::OutOfMemory => too_large(image.size),
-            _ => cut_off("standard input cannot be read".to_owned()).with_cause(error),
+        let read = read_growing(&mut self.input, &mut image.bytes, expected).map_err(|error| {
+            if error.kind() == ErrorKind::OutOfMemory {
+                too_large(image.size, self.name)
+            } else {
+                unreadable(self.name, error)
+            }
         })?;
         match read {
             0 => Ok(false),
             read if read < expected => {
-                Err(cut_off(format!("standard input ended after {read} of an image's {expected} bytes")))
+                let message = format!("{} ended after {read} of an image's {expected} bytes", self.name);
+                Err(SourceError::new(SourceErrorKind::CutOff, message))
             }
             _ => Ok(true),
         }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nunet_types::{ImageSize, MAX_SIDE_PX, PixelFormat};
 use y4m::{Colorspace, Decoder};
 
-use super::{ImageReader, PipeImage};
+use super::image_reader::{ImageReader, PipeImage, read_up_to, too_large, unreadable};
 use crate::error::{SourceError, SourceErrorKind};
 
 /// The longest header that is read.
@@ -20,6 +20,7 @@ pub(super) struct Y4mReader<R: Read> {
     decoder: Decoder<Counted<Chain<Cursor<Vec<u8>>, R>>>,
     frames: u64,
     read_before: Arc<AtomicU64>,
+    name: &'static str,
 }
 
 /// Counts bytes: the decoder reports an end between two images and one within an image by the same error.
@@ -41,18 +42,18 @@ impl<R: Read + Send> Y4mReader<R> {
     ///
     /// # Errors
     /// Not Y4M, interlaced images, an unknown color space, an impossible size.
-    pub(super) fn open(mut input: R) -> Result<Self, SourceError> {
-        let header = header(&mut input)?;
+    pub(super) fn open(mut input: R, name: &'static str) -> Result<Self, SourceError> {
+        let header = header(&mut input, name)?;
         check(&header)?;
         let size = stated_size(&header);
-        check_memory(size)?;
+        check_memory(size, name)?;
         let count = Arc::default();
         let input = Counted { input: Cursor::new(header).chain(input), count: Arc::clone(&count) };
         let decoder = Decoder::new(input).map_err(|error| match error {
-            y4m::Error::OutOfMemory => super::too_large(size),
-            error => unreadable(format!("standard input is not Y4M: {error}")),
+            y4m::Error::OutOfMemory => too_large(size, name),
+            error => invalid(format!("{name} is not Y4M: {error}")),
         })?;
-        Ok(Self { decoder, frames: 0, read_before: count })
+        Ok(Self { decoder, frames: 0, read_before: count, name })
     }
 }
 
@@ -67,24 +68,23 @@ fn stated_size(header: &[u8]) -> ImageSize {
 }
 
 /// Checks that there is memory for an image, because the decoder does not.
-fn check_memory(size: ImageSize) -> Result<(), SourceError> {
+fn check_memory(size: ImageSize, name: &str) -> Result<(), SourceError> {
     // Three bytes a pixel at most, in the decoder and in the frame.
     let bytes = size.pixel_count().saturating_mul(2 * 3);
-    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| super::too_large(size))
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| too_large(size, name))
 }
 
-fn unreadable(message: String) -> SourceError {
+fn invalid(message: String) -> SourceError {
     SourceError::new(SourceErrorKind::Unavailable, message)
 }
 
 /// The first line, with its end.
-fn header(input: &mut impl Read) -> Result<Vec<u8>, SourceError> {
-    let not_y4m = |what: &str| unreadable(format!("standard input is not Y4M: {what}")).with_hint(HINT);
+fn header(input: &mut impl Read, name: &str) -> Result<Vec<u8>, SourceError> {
+    let not_y4m = |what: &str| invalid(format!("{name} is not Y4M: {what}")).with_hint(HINT);
     let mut header = Vec::new();
     let mut byte = [0];
     while header.last() != Some(&b'\n') {
-        let read = super::read_up_to(input, &mut byte)
-            .map_err(|error| unreadable("standard input cannot be read".to_owned()).with_cause(error))?;
+        let read = read_up_to(input, &mut byte).map_err(|error| unreadable(name, error))?;
         if read == 0 {
             return Err(not_y4m("it ended before the header did"));
         }
@@ -97,8 +97,8 @@ fn header(input: &mut impl Read) -> Result<Vec<u8>, SourceError> {
     Ok(header)
 }
 
-const HINT: &str = "pipe in Y4M, as `ffmpeg -i ... -f yuv4mpegpipe -pix_fmt yuv420p -` writes it, or state size and format of \
-                    raw images";
+const HINT: &str = "write Y4M, as `ffmpeg -i ... -f yuv4mpegpipe -pix_fmt yuv420p -` does, or JPEGs (`-f mjpeg`), or state size \
+                    and format of raw images";
 
 /// Checks the parameters that the decoder would ignore or misread.
 fn check(header: &[u8]) -> Result<(), SourceError> {
@@ -108,7 +108,7 @@ fn check(header: &[u8]) -> Result<(), SourceError> {
 
 fn check_parameter(parameter: &str, header: &str) -> Result<(), SourceError> {
     let (name, value) = parameter.split_at_checked(1).unwrap_or((parameter, ""));
-    let states = |what: &str| unreadable(format!("the Y4M header states `{parameter}`{what}"));
+    let states = |what: &str| invalid(format!("the Y4M header states `{parameter}`{what}"));
     match name {
         "W" | "H" if !value.parse::<u32>().is_ok_and(|side| (1..=MAX_SIDE_PX).contains(&side)) => {
             Err(states(&format!(", expected a side of 1 to {MAX_SIDE_PX} pixels")))
@@ -140,7 +140,7 @@ impl<R: Read + Send> ImageReader for Y4mReader<R> {
         let frame = match self.decoder.read_frame() {
             Ok(frame) => frame,
             Err(y4m::Error::EOF) if count(&self.read_before) == before => return Ok(false),
-            Err(error) => return Err(cut_off(&error, self.frames + 1)),
+            Err(error) => return Err(cut_off(&error, self.frames + 1, self.name)),
         };
         let planes =
             Planes { width, height, y: frame.get_y_plane(), u: frame.get_u_plane(), v: frame.get_v_plane() };
@@ -161,10 +161,10 @@ impl<R: Read + Send> ImageReader for Y4mReader<R> {
     }
 }
 
-fn cut_off(error: &y4m::Error, image: u64) -> SourceError {
+fn cut_off(error: &y4m::Error, image: u64, name: &str) -> SourceError {
     let message = match error {
-        y4m::Error::EOF => format!("standard input ended within image {image}"),
-        error => format!("image {image} of standard input cannot be read: {error}"),
+        y4m::Error::EOF => format!("{name} ended within image {image}"),
+        error => format!("image {image} of {name} cannot be read: {error}"),
     };
     SourceError::new(SourceErrorKind::CutOff, message)
 }
@@ -215,7 +215,7 @@ mod tests {
     use super::*;
 
     fn read(input: &[u8]) -> Result<Vec<PipeImage>, SourceError> {
-        let mut reader = Y4mReader::open(Cursor::new(input.to_vec()))?;
+        let mut reader = Y4mReader::open(Cursor::new(input.to_vec()), "standard input")?;
         let mut all = Vec::new();
         loop {
             let mut image = PipeImage::default();
@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn an_image_that_no_memory_holds_is_refused_by_its_size() {
         let error = read(b"YUV4MPEG2 W32768 H32768 F25:1 C444\n").unwrap_err().to_string();
-        assert_eq!(error, "there is not enough memory for an image of 32768x32768 on standard input");
+        assert_eq!(error, "there is not enough memory for an image of 32768x32768 from standard input");
     }
 
     #[test]

@@ -6,7 +6,6 @@
 mod abi;
 mod device;
 mod fault;
-mod health;
 mod linux;
 mod list;
 mod negotiate;
@@ -21,12 +20,12 @@ use tracing::{debug, info, warn};
 
 use self::device::{Buffer, Device, Host, Now};
 use self::fault::CameraFault;
-use self::health::Health;
 use self::linux::Linux;
 pub use self::list::{CameraReport, cameras};
 use self::negotiate::{CaptureMode, Coding, RequestedMode, choose, set};
 use crate::convert::{self, RawImageView};
 use crate::error::{SourceError, SourceErrorKind};
+use crate::health::Health;
 use crate::rate::MAX_HZ;
 use crate::source::Fused;
 use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};

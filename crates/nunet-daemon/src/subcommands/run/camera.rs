@@ -198,7 +198,8 @@ impl<'a> PreparedCamera<'a> {
         let mut look = || -> anyhow::Result<()> {
             obstacle_stage(plan.config.obstacles, &pipeline)?;
             let properties = plan.config.source.name.properties();
-            let is_file = properties.exclusive.is_none() && !properties.is_shared_memory;
+            let is_file =
+                properties.exclusive.is_none() && !properties.is_shared_memory && !properties.is_started;
             match is_file.then(|| first_frame(&mut *source)).transpose()?.flatten() {
                 Some(frame) => Ok(camera.update(&frame, &mut pipeline).map(drop)?),
                 None => Ok(()),

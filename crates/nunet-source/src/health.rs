@@ -1,4 +1,4 @@
-//! When a lost camera is retried, and when that is reported.
+//! When a lost camera or program is tried again, and when that is reported.
 
 use std::time::Duration;
 
@@ -8,9 +8,9 @@ const FIRST_WAIT: Duration = Duration::from_millis(200);
 /// time.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
-/// Whether the camera delivers images. Only a good image makes it healthy again: opening the device is not enough.
+/// Whether images arrive. Only a good image makes a source healthy again: that it could be opened is not enough.
 #[derive(Debug)]
-pub(super) struct Health {
+pub(crate) struct Health {
     wait: Duration,
     due_nanos: i64,
     reported: Option<String>,
@@ -24,7 +24,7 @@ impl Default for Health {
 
 impl Health {
     /// Records a failure and schedules the next retry. Returns whether to report it: once per reason, not per failure.
-    pub(super) fn fails(&mut self, why: &str, now_nanos: i64) -> bool {
+    pub(crate) fn fails(&mut self, why: &str, now_nanos: i64) -> bool {
         self.due_nanos = now_nanos.saturating_add(self.wait.as_nanos() as i64);
         self.wait = (self.wait * 2).min(LONGEST_WAIT);
         let is_new = self.reported.as_deref() != Some(why);
@@ -33,17 +33,17 @@ impl Health {
     }
 
     /// Whether no good image has arrived since the last failure.
-    pub(super) fn is_bad(&self) -> bool {
+    pub(crate) fn is_bad(&self) -> bool {
         self.reported.is_some()
     }
 
     /// The time until the next try.
-    pub(super) fn wait(&self, now_nanos: i64) -> Duration {
+    pub(crate) fn wait(&self, now_nanos: i64) -> Duration {
         Duration::from_nanos(self.due_nanos.saturating_sub(now_nanos).max(0).unsigned_abs())
     }
 
     /// Records a good image. Returns whether it ends a failure.
-    pub(super) fn recovers(&mut self) -> bool {
+    pub(crate) fn recovers(&mut self) -> bool {
         self.wait = FIRST_WAIT;
         self.reported.take().is_some()
     }

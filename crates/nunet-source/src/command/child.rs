@@ -1,0 +1,173 @@
+//! A program that runs, with what it writes.
+
+use std::io::{BufRead as _, BufReader, Read};
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
+use tracing::debug;
+
+use crate::OpenOptions;
+use crate::error::{SourceError, SourceErrorKind};
+use crate::pipe::Pipe;
+
+/// How long a program may take to end after it is asked to.
+const GRACE: Duration = Duration::from_secs(1);
+/// The longest part of a line that is kept.
+const MAX_LINE_BYTES: u64 = 1024;
+/// What a shell's exit code says: the command cannot be run, or does not exist.
+const CANNOT_RUN: i32 = 126;
+const NOT_FOUND: i32 = 127;
+
+/// A program that runs. It is killed with all that it started when this is dropped.
+pub(super) struct Running {
+    /// Until it is ended.
+    child: Option<Child>,
+    pub(super) images: Pipe,
+    pub(super) started: Instant,
+    errors: LastLine,
+}
+
+/// The last line that the program wrote on standard error, and the thread that reads it.
+struct LastLine {
+    line: Arc<Mutex<String>>,
+    reader: Option<JoinHandle<()>>,
+}
+
+/// How a program ended.
+pub(super) struct Ended {
+    /// `None` if it had to be killed, or its end is unknown.
+    status: Option<ExitStatus>,
+    /// The last line on standard error.
+    pub(super) said: String,
+}
+
+impl Running {
+    /// # Errors
+    /// There is no such program, or no more process or thread.
+    pub(super) fn start(arguments: &[String], options: &OpenOptions<'_>) -> Result<Self, SourceError> {
+        let unavailable = |message: String| SourceError::new(SourceErrorKind::Unavailable, message);
+        let (program, arguments) = arguments.split_first().ok_or_else(|| unavailable("no program".into()))?;
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // A group of its own, which can be ended as a whole.
+        let mut child = command.process_group(0).spawn().map_err(|error| {
+            let is_missing = error.kind() == std::io::ErrorKind::NotFound;
+            let error = unavailable(format!("cannot start `{program}`")).with_cause(error);
+            if is_missing { error.with_hint(format!("install {program}, and check PATH")) } else { error }
+        })?;
+        let errors = LastLine::read(child.stderr.take());
+        let images = match child.stdout.take() {
+            Some(output) => Pipe::open(output, options, "the program's output"),
+            None => Err(unavailable("the program has no output".into())),
+        };
+        match images {
+            Ok(images) => Ok(Self { child: Some(child), images, started: Instant::now(), errors }),
+            Err(error) => {
+                end(child);
+                Err(error)
+            }
+        }
+    }
+
+    /// Ends the program if it still runs.
+    pub(super) fn end(mut self) -> Ended {
+        let status = self.child.take().and_then(end);
+        Ended { status, said: self.errors.get() }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.child.take().and_then(end);
+    }
+}
+
+impl Ended {
+    /// Why the program gives no more images.
+    pub(super) fn reason(&self) -> String {
+        let status = match self.status.map(|status| (status.code(), status.signal())) {
+            Some((Some(code), _)) => format!("it ended with exit code {code}"),
+            Some((None, Some(signal))) => format!("signal {signal} ended it"),
+            _ => "it closed its output".to_owned(),
+        };
+        if self.said.is_empty() { status } else { format!("{status}: {}", self.said) }
+    }
+
+    /// What a shell could not run.
+    pub(super) fn never_starts(&self) -> Option<&str> {
+        let is_refused = matches!(self.status?.code()?, CANNOT_RUN | NOT_FOUND);
+        is_refused.then_some(if self.said.is_empty() { "the shell cannot run it" } else { &self.said })
+    }
+}
+
+/// Waits a moment for a program to end by itself, then asks it and all that it started to end, then kills them.
+/// Returns its status if it ended by itself.
+fn end(mut child: Child) -> Option<ExitStatus> {
+    // Not collected before its group is ended: until then, no other process can have its number.
+    let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw)?;
+    let by_itself = ends_within(pid, GRACE / 20);
+    // Fails if no process of the group is left.
+    let _ = kill_process_group(pid, Signal::TERM);
+    if !by_itself && !ends_within(pid, GRACE) {
+        let _ = kill_process_group(pid, Signal::KILL);
+    }
+    let status = child.wait().ok();
+    status.filter(|_| by_itself)
+}
+
+/// Whether a child ends in time. It is not collected.
+fn ends_within(pid: Pid, time: Duration) -> bool {
+    const STEP: Duration = Duration::from_millis(5);
+    let deadline = Instant::now() + time;
+    let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+    loop {
+        match waitid(WaitId::Pid(pid), options) {
+            Ok(None) if Instant::now() < deadline => std::thread::sleep(STEP),
+            Ok(None) => return false,
+            // An error: there is no such child.
+            Ok(Some(_)) | Err(_) => return true,
+        }
+    }
+}
+
+impl LastLine {
+    /// Reads standard error, so that the program never waits for it.
+    fn read(errors: Option<ChildStderr>) -> Self {
+        let line = Arc::<Mutex<String>>::default();
+        let kept = Arc::clone(&line);
+        let read = move || errors.into_iter().for_each(|errors| keep_last_line(errors, &kept));
+        // Without the thread, only the reason of an end is unknown; the pipe is closed.
+        let reader = std::thread::Builder::new().name("program".into()).spawn(read).ok();
+        Self { line, reader }
+    }
+
+    /// The line, after the thread had a moment to read it.
+    fn get(&self) -> String {
+        const STEP: Duration = Duration::from_millis(5);
+        let deadline = Instant::now() + GRACE / 5;
+        while self.reader.as_ref().is_some_and(|reader| !reader.is_finished()) && Instant::now() < deadline {
+            std::thread::sleep(STEP);
+        }
+        self.line.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+fn keep_last_line(errors: impl Read, kept: &Mutex<String>) {
+    let mut errors = BufReader::new(errors);
+    let mut line = Vec::new();
+    while matches!(errors.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line), Ok(1..)) {
+        let text = String::from_utf8_lossy(&line);
+        // ffmpeg rewrites its progress after a carriage return.
+        let text = text.trim().rsplit('\r').next().unwrap_or_default().trim();
+        if !text.is_empty() {
+            let text = text.escape_debug().to_string();
+            debug!("program: {text}");
+            *kept.lock().unwrap_or_else(PoisonError::into_inner) = text;
+        }
+        line.clear();
+    }
+}

@@ -1,0 +1,263 @@
+//! Images that a program writes to its standard output: any command (`exec:`), or ffmpeg for a network camera (`rtsp:`).
+
+mod child;
+
+use std::time::{Duration, Instant};
+
+use nunet_ipc::{Clock, monotonic_nanos};
+use tracing::{debug, info, warn};
+
+use self::child::Running;
+use crate::error::{SourceError, SourceErrorKind};
+use crate::health::Health;
+use crate::source::Fused;
+use crate::source_type::{Properties, SizeUse, SourceType};
+use crate::{Fill, Frame, OpenOptions, Source};
+
+/// How long one call may wait, so that a stop is noticed.
+const POLL_TIMEOUT: Duration = Duration::from_millis(100);
+/// A program may take so long until its first image: a network camera has to answer.
+const START_TIMEOUT: Duration = Duration::from_secs(30);
+/// A program without an image for so long is started again; slow ones have time for as many frames.
+const STALL: Duration = Duration::from_secs(10);
+const STALL_FRAMES: u32 = 10;
+
+/// A shell command.
+pub(crate) struct ShellCommand;
+/// A network camera, read by ffmpeg.
+pub(crate) struct NetworkCamera;
+
+const EXEC: &str = "exec:";
+const RTSP: [&str; 2] = ["rtsp://", "rtsps://"];
+
+const LIVE: Properties = Properties {
+    exclusive: None,
+    is_recording: false,
+    is_shared_memory: false,
+    is_started: true,
+    has_topics: false,
+    size: SizeUse::None,
+    no_repeat: Some("a program has no end: it is started again"),
+    camera: "camera",
+    default_size: None,
+    default_rate: Some("max"),
+};
+
+impl SourceType for ShellCommand {
+    fn is_named(&self, name: &str) -> bool {
+        name.starts_with(EXEC)
+    }
+
+    fn properties(&self) -> Properties {
+        Properties { size: SizeUse::Raw, ..LIVE }
+    }
+
+    fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        let command = name.strip_prefix(EXEC).unwrap_or(name).trim();
+        if command.is_empty() {
+            return Err(SourceError::bad_arguments("`exec:` names no command")
+                .with_hint("write the command after it, such as `exec:ffmpeg -i ... -f yuv4mpegpipe -`"));
+        }
+        let arguments = ["/bin/sh", "-c", command].map(str::to_owned).to_vec();
+        Ok(Box::new(Fused::new(ProgramSource::new(arguments, format!("command `{command}`"), options))))
+    }
+}
+
+impl SourceType for NetworkCamera {
+    fn is_named(&self, name: &str) -> bool {
+        RTSP.iter().any(|scheme| name.starts_with(scheme))
+    }
+
+    fn properties(&self) -> Properties {
+        LIVE
+    }
+
+    fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        let place = format!("network camera `{}`", without_password(name));
+        Ok(Box::new(Fused::new(ProgramSource::new(ffmpeg(name), place, options))))
+    }
+}
+
+/// Reads a network camera without a queue of old images.
+fn ffmpeg(url: &str) -> Vec<String> {
+    let input = "ffmpeg -nostdin -loglevel warning -fflags nobuffer -flags low_delay -rtsp_transport tcp -i";
+    let output = "-an -f yuv4mpegpipe -pix_fmt yuv420p -";
+    input.split(' ').chain([url]).chain(output.split(' ')).map(str::to_owned).collect()
+}
+
+/// A URL as it may be shown: without its user and password.
+fn without_password(url: &str) -> String {
+    let Some((scheme, rest)) = url.split_once("://") else { return url.to_owned() };
+    let host_end = rest.find('/').unwrap_or(rest.len());
+    match rest[..host_end].rfind('@') {
+        Some(at) => format!("{scheme}://***@{}", &rest[at + 1..]),
+        None => url.to_owned(),
+    }
+}
+
+/// A program that is started, read, and started again when it ends or falls silent.
+struct ProgramSource {
+    arguments: Vec<String>,
+    /// What messages call it.
+    name: String,
+    size: Option<nunet_types::ImageSize>,
+    format: Option<nunet_types::PixelFormat>,
+    running: Option<Running>,
+    health: Health,
+    sequence: u64,
+    /// Counts starts.
+    segment: u64,
+    last_image: Option<Instant>,
+    /// Between the last two images.
+    interval: Duration,
+}
+
+impl ProgramSource {
+    /// Nothing is started before the first frame is asked for.
+    fn new(arguments: Vec<String>, name: String, options: OpenOptions<'_>) -> Self {
+        Self {
+            arguments,
+            name,
+            size: options.size,
+            format: options.format,
+            running: None,
+            health: Health::default(),
+            sequence: 0,
+            segment: 0,
+            last_image: None,
+            interval: Duration::ZERO,
+        }
+    }
+
+    /// Starts the program when it is time to. Returns false while it is not.
+    fn start(&mut self) -> Result<bool, SourceError> {
+        let wait = self.health.wait(monotonic_nanos());
+        if !wait.is_zero() {
+            std::thread::sleep(wait.min(POLL_TIMEOUT));
+            return Ok(false);
+        }
+        let options = OpenOptions { size: self.size, format: self.format, ..OpenOptions::default() };
+        self.running = Some(Running::start(&self.arguments, &options)?);
+        self.segment += 1;
+        (self.last_image, self.interval) = (None, Duration::ZERO);
+        Ok(true)
+    }
+
+    /// The frame as one of a live camera: it was captured when it arrived.
+    fn image(&mut self, frame: &mut Frame) {
+        let now = Instant::now();
+        self.interval = self.last_image.map_or(Duration::ZERO, |last| now - last);
+        self.last_image = Some(now);
+        frame.capture.clock = Clock::Monotonic;
+        frame.capture.nanos = monotonic_nanos();
+        if self.health.recovers() {
+            info!("{} is back", self.name);
+        }
+    }
+
+    fn is_silent(&self, running: &Running) -> bool {
+        match self.last_image {
+            Some(last) => last.elapsed() > STALL.max(self.interval * STALL_FRAMES),
+            None => running.started.elapsed() > START_TIMEOUT,
+        }
+    }
+
+    /// Ends the program. It is tried again, unless it never gave an image and never will.
+    fn lose(&mut self, why: Option<SourceError>) -> Fill {
+        let Some(running) = self.running.take() else { return Fill::Nothing };
+        let ended = running.end();
+        let reason = match why {
+            // The program ended, and says best why.
+            Some(error)
+                if matches!(error.kind(), SourceErrorKind::NothingReadable | SourceErrorKind::CutOff) =>
+            {
+                ended.reason()
+            }
+            Some(error) if self.sequence == 0 => {
+                return Fill::Broken(error.context(format!("cannot read {}", self.name)));
+            }
+            Some(error) => format!("{error:#}"),
+            None => ended.reason(),
+        };
+        if let Some(problem) = ended.never_starts()
+            && self.sequence == 0
+        {
+            let message = format!("cannot run {}: {problem}", self.name);
+            let error = SourceError::new(SourceErrorKind::Unavailable, message);
+            return Fill::Broken(error.with_hint("try the command in a shell"));
+        }
+        self.report(&reason);
+        Fill::Nothing
+    }
+
+    fn report(&mut self, reason: &str) {
+        if self.health.fails(reason, monotonic_nanos()) {
+            warn!("waiting for {}: {reason}", self.name);
+        } else {
+            debug!("{}: {reason}", self.name);
+        }
+    }
+}
+
+impl Source for ProgramSource {
+    fn fill(&mut self, frame: &mut Frame) -> Fill {
+        if self.running.is_none() {
+            match self.start() {
+                Ok(true) => {}
+                Ok(false) => return Fill::Nothing,
+                Err(error) if self.sequence == 0 => {
+                    return Fill::Broken(error.context(format!("cannot run {}", self.name)));
+                }
+                Err(error) => {
+                    self.report(&format!("{error:#}"));
+                    return Fill::Nothing;
+                }
+            }
+        }
+        let Some(running) = &mut self.running else { return Fill::Nothing };
+        let fill = running.images.fill(frame);
+        if fill.had_frame() {
+            frame.sequence = self.sequence;
+            frame.segment = self.segment;
+            self.sequence += 1;
+        }
+        match fill {
+            Fill::Frame => {
+                self.image(frame);
+                Fill::Frame
+            }
+            Fill::Nothing => {
+                if self.running.as_ref().is_some_and(|running| self.is_silent(running)) {
+                    return self.lose_silent();
+                }
+                Fill::Nothing
+            }
+            Fill::End => self.lose(None),
+            Fill::Cut(error) | Fill::Broken(error) => self.lose(Some(error)),
+            other => other,
+        }
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.health.is_bad() || self.sequence == 0
+    }
+}
+
+impl ProgramSource {
+    fn lose_silent(&mut self) -> Fill {
+        if let Some(running) = self.running.take() {
+            let said = running.end().said;
+            let limit = self.last_image.map_or(START_TIMEOUT, |_| STALL.max(self.interval * STALL_FRAMES));
+            let after = if said.is_empty() { String::new() } else { format!("; it last wrote: {said}") };
+            self.report(&format!("no image for {} s{after}", limit.as_secs()));
+        }
+        Fill::Nothing
+    }
+}
+
+#[cfg(test)]
+mod tests;

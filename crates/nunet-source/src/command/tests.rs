@@ -1,0 +1,135 @@
+use std::path::Path;
+
+use nunet_types::{ImageSize, PixelFormat};
+
+use super::*;
+use crate::SourceName;
+
+/// Bounds every loop: fills that wait take a tenth of a second.
+const MAX_FILLS: usize = 600;
+
+fn open(name: &str) -> Box<dyn Source> {
+    let options = OpenOptions {
+        size: Some(ImageSize::new(2, 2)),
+        format: Some(PixelFormat::Mono8),
+        ..OpenOptions::default()
+    };
+    SourceName::parse(name).open(options).unwrap()
+}
+
+/// The next fill that is more than nothing.
+fn next(source: &mut dyn Source, frame: &mut Frame) -> Fill {
+    let fills = (0..MAX_FILLS).map(|_| source.fill(frame));
+    fills.into_iter().find(|fill| !matches!(fill, Fill::Nothing)).expect("nothing comes")
+}
+
+#[test]
+fn images_of_a_command_arrive_and_it_is_started_again() {
+    let mut source = open("exec:printf aaaabbbb");
+    let mut frame = Frame::default();
+    assert!(source.is_live() && source.is_waiting());
+    for (sequence, segment, gray) in [(0, 1, b'a'), (1, 1, b'b'), (2, 2, b'a'), (3, 2, b'b')] {
+        let fill = next(source.as_mut(), &mut frame);
+        assert!(matches!(fill, Fill::Frame), "{fill:?}");
+        assert_eq!((frame.sequence, frame.segment), (sequence, segment));
+        assert_eq!(frame.view().unwrap().bytes(), [gray; 4]);
+        assert_eq!(frame.capture.clock, Clock::Monotonic);
+        assert!(!source.is_waiting());
+    }
+}
+
+#[test]
+fn a_command_that_does_not_exist_is_an_error_that_names_it() {
+    let mut source = open("exec:/nonexistent/program --fast");
+    let Fill::Broken(error) = next(source.as_mut(), &mut Frame::default()) else { panic!("it is broken") };
+    let text = format!("{error:#}");
+    assert!(text.starts_with("cannot run command `/nonexistent/program --fast`: "), "{text}");
+    assert!(matches!(source.fill(&mut Frame::default()), Fill::End));
+    let missing = Running::start(&["/nonexistent/program".into()], &OpenOptions::default()).err().unwrap();
+    assert_eq!(missing.to_string(), "cannot start `/nonexistent/program`");
+}
+
+#[test]
+fn a_command_without_text_is_refused() {
+    let error = SourceName::parse("exec: ").open(OpenOptions::default()).err().unwrap();
+    assert_eq!(error.kind(), SourceErrorKind::BadArguments);
+}
+
+#[test]
+fn output_that_is_no_image_is_an_error() {
+    let mut source = SourceName::parse("exec:echo hello; sleep 5").open(OpenOptions::default()).unwrap();
+    let Fill::Broken(error) = next(source.as_mut(), &mut Frame::default()) else { panic!("it is broken") };
+    let text = format!("{error:#}");
+    assert!(text.contains("the program's output is not Y4M: it does not begin with"), "{text}");
+}
+
+/// A network camera may be switched on later.
+#[test]
+fn a_command_that_fails_is_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = folder.path().join("camera");
+    let mut source = open(&format!("exec:echo no camera >&2; cat {}", camera.display()));
+    let mut frame = Frame::default();
+    for _ in 0..10 {
+        assert!(matches!(source.fill(&mut frame), Fill::Nothing) && source.is_waiting());
+    }
+    std::fs::write(camera, b"cccc").unwrap();
+    assert!(matches!(next(source.as_mut(), &mut frame), Fill::Frame));
+    assert!(!source.is_waiting());
+}
+
+#[test]
+fn the_reason_of_an_end_is_the_exit_code_and_the_last_line() {
+    let ended = |command: &str| {
+        let arguments = ["/bin/sh", "-c", command].map(str::to_owned);
+        let mut running = Running::start(&arguments, &OpenOptions::default()).unwrap();
+        let over = (0..MAX_FILLS).map(|_| running.images.fill(&mut Frame::default()));
+        assert!(over.into_iter().any(|fill| matches!(fill, Fill::Broken(_))));
+        running.end().reason()
+    };
+    assert_eq!(
+        ended("echo one >&2; echo 'no such camera' >&2; exit 3"),
+        "it ended with exit code 3: no such camera"
+    );
+    assert_eq!(ended("printf 'frame=1\\rframe=2\\r\\n' >&2"), "it ended with exit code 0: frame=2");
+    assert_eq!(ended("kill -9 $$"), "signal 9 ended it");
+}
+
+fn is_alive(pid: &str) -> bool {
+    let stat = std::fs::read_to_string(Path::new("/proc").join(pid).join("stat")).unwrap_or_default();
+    !stat.is_empty() && !stat.contains(") Z ")
+}
+
+#[test]
+fn what_was_started_ends_with_the_source_even_if_it_ignores_signals() {
+    let folder = tempfile::tempdir().unwrap();
+    let pids = folder.path().join("pids");
+    let show = format!("echo $$ $! > {0}.new && mv {0}.new {0}", pids.display());
+    let mut source = open(&format!(
+        "exec:trap '' TERM; sleep 1000 & {show}; printf aaaa; while true; do sleep 1000; done"
+    ));
+    assert!(matches!(next(source.as_mut(), &mut Frame::default()), Fill::Frame));
+    let pids = std::fs::read_to_string(pids).unwrap();
+    let pids: Vec<&str> = pids.split_whitespace().collect();
+    assert!(pids.len() == 2 && pids.iter().all(|pid| is_alive(pid)), "{pids:?}");
+    drop(source);
+    let gone = || pids.iter().all(|pid| !is_alive(pid));
+    assert!(
+        (0..MAX_FILLS).any(|_| gone() || {
+            std::thread::sleep(POLL_TIMEOUT / 10);
+            false
+        }),
+        "{pids:?}"
+    );
+}
+
+#[test]
+fn a_password_is_never_shown() {
+    for (url, shown) in [
+        ("rtsp://10.0.0.4/front", "rtsp://10.0.0.4/front"),
+        ("rtsp://admin:s3cret@10.0.0.4:554/a@b", "rtsp://***@10.0.0.4:554/a@b"),
+        ("rtsp://admin:p@ss@cam", "rtsp://***@cam"),
+    ] {
+        assert_eq!(without_password(url), shown);
+    }
+}
