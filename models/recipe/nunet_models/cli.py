@@ -44,14 +44,14 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return options.carry_out(options)
     except (RecipeError, OSError) as error:
-        print(f"nunet_models: {_said(error)}", file=sys.stderr)
+        print(f"nunet_models: {_error_text(error)}", file=sys.stderr)
         return EXIT_USAGE if isinstance(error, OptionError) else EXIT_FAILURE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
 
 
-def _said(error: RecipeError | OSError) -> str:
-    """The system's errors in the form of this package's: the file, then what is wrong."""
+def _error_text(error: RecipeError | OSError) -> str:
+    """A system error as text in this package's form: the file, then the reason."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"`{error.filename}`: {error.strerror.lower()}"
     return with_hint(str(error), getattr(error, "hint", None))

@@ -2,8 +2,8 @@
 
 Depth losses take float `[B, 1, h, w]` prediction and truth of one encoding (meters, or 0..1) and
 skip pixels whose truth is NaN; they give a scalar. n counts the pixels that remain; where none
-does, every loss is at its least and moves no weight. Where a loss works in logarithms, `log_depth`
-tensors are its arguments.
+does, every loss is at its minimum and has no gradient. Where a loss works in logarithms,
+`log_depth` tensors are its arguments.
 """
 
 import math
@@ -54,8 +54,8 @@ def scale_invariant(
     batch. From the code of Cantrell, Miller, Morato, "Practical depth estimation with image
     segmentation and serial U-Nets", 2020 (`losses.py`, `sil`, where n is every pixel of an image
     and lambda 0.5), after Eigen, Puhrsch, Fergus, 2014, equation 4, which has `log p - log t`:
-    `silog` is of that form. `lam` lies in [0, 1): at 1 the scale of the whole image would be
-    free.
+    `silog` is of that form. `lam` lies in [0, 1): at 1 the scale of the whole image would not
+    count.
 
     # Errors
     `OptionError` for another `lam`.
@@ -140,7 +140,7 @@ def scale_shift_invariant(log_predicted: torch.Tensor, log_truth: torch.Tensor) 
     """Mean absolute difference of inverse depths, each shifted by its median and scaled to 1.
 
     Ranftl et al., "Toward robust monocular depth estimation", 2020, equations 6 and 7: an image's
-    own scale and shift do not count, so that images with a wrong scale teach shape. The scale is
+    own scale and shift do not count, so that images of unknown scale can be used. The scale is
     the mean absolute difference from the median. Images with fewer than 16 known pixels are
     skipped.
     """

@@ -3,7 +3,7 @@
 Depth metrics are pooled over all pixels that have truth and prediction, so that an image with
 half its pixels weighs half. The code of AdaBins, BTS and FastDepth averages the metrics of each
 image instead (`picture_mean`). That RMSE is usually smaller, because it is a mean of roots.
-Always say which of the two a number is.
+Always state which of the two a value is.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Results of `evaluate` and of `nunetd eval --json`, which name their model differently."""
+"""Results of `evaluate` and `nunetd eval --json`, which name their model differently."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,13 +12,13 @@ class Measured:
     sha256: str | None = None
 
 
-def measured(answer: dict[str, Any]) -> Measured:
+def measured(result: dict[str, Any]) -> Measured:
     """The model file that a result is for; None if the result does not name it.
 
     # Errors
     `TypeError` where `model` is neither a name nor nunetd's `{"name", "hash"}`.
     """
-    model = answer.get("model")
+    model = result.get("model")
     found = Measured(model)
     if isinstance(model, dict):
         found = Measured(model["name"], model.get("hash")) if model.get("name") else None
@@ -27,7 +27,7 @@ def measured(answer: dict[str, Any]) -> Measured:
     return found
 
 
-def by_name(answer: dict[str, Any]) -> dict[str, Any]:
+def by_name(result: dict[str, Any]) -> dict[str, Any]:
     """The result with its model by name only: the hash changes when metadata is written."""
-    name = measured(answer).name
-    return answer if name is None else {**answer, "model": name}
+    name = measured(result).name
+    return result if name is None else {**result, "model": name}

@@ -5,7 +5,7 @@ import torch
 from timm.layers.conv2d_same import Conv2dSame
 from torch import nn
 
-from nunet_models.training.depthwise import quicken
+from nunet_models.training.depthwise import use_fast_kernels
 
 ROUNDING = 0.01  # bfloat16 has 8 bits; PyTorch's own bfloat16 gradients are off by 0.004
 
@@ -18,7 +18,7 @@ def layers(kind, kernel, stride, channels):
         for _ in range(2)
     ]
     made[1].load_state_dict(made[0].state_dict())
-    quicken(made[0])
+    use_fast_kernels(made[0])
     return made
 
 
@@ -67,5 +67,5 @@ def test_evaluation_and_single_precision_stay_as_they_were():
 )
 def test_other_layers_are_left_alone(layer):
     before = type(layer)
-    quicken(layer)
+    use_fast_kernels(layer)
     assert type(layer) is before

@@ -16,7 +16,7 @@ from nunet_models.classes import labels13_from_labels40
 from nunet_models.cli import main
 from nunet_models.data.pairs import Pair
 from nunet_models.errors import ConfigError, DataError
-from nunet_models.evaluation.clip import clip_figures
+from nunet_models.evaluation.clip import clip_metrics
 from nunet_models.evaluation.compare import (
     Prediction,
     compare,
@@ -165,7 +165,7 @@ def test_the_mean_image_averages_what_is_known():
 def test_a_clip_s_scale_and_flicker():
     frames = [a_pair(np.full((8, 8), 2.0)), a_pair(np.full((8, 8), 2.0))]
     answers = iter([np.full((8, 8), 1.0), np.full((8, 8), 1.1)])
-    found = clip_figures(frames, lambda _: Prediction(next(answers), None))
+    found = clip_metrics(frames, lambda _: Prediction(next(answers), None))
     assert found["abs_rel_median"] == pytest.approx((0.5 + 0.45) / 2)
     assert found["scale"] == pytest.approx((2 + 2 / 1.1) / 2)
     assert found["flicker_m"] == pytest.approx(0.1)
@@ -227,7 +227,7 @@ def test_only_a_clip_carries_the_state_of_a_network(dataset, tmp_path, capsys):
 
     pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (5, 4)]
     pairs = [replace(p, rgb=rgb) for p, rgb in zip(pairs, frames(dataset, 6)[:3:-1], strict=True)]
-    assert measured("--clip")[1]["clip"] == clip_figures(pairs, Predictor(RECURRENT).stream())
+    assert measured("--clip")[1]["clip"] == clip_metrics(pairs, Predictor(RECURRENT).stream())
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path):
@@ -419,7 +419,7 @@ def test_one_frame_is_no_clip(dataset, capsys):
 
 def test_frames_without_depth_have_no_clip_figures():
     frames = [a_pair(np.full((8, 8), np.nan))] * 2
-    assert set(clip_figures(frames, answering(np.ones((8, 8)))).values()) == {None}
+    assert set(clip_metrics(frames, answering(np.ones((8, 8)))).values()) == {None}
 
 
 @pytest.mark.parametrize("fx", ["0", "-500", "nan", "inf"])

@@ -15,7 +15,7 @@ from nunet_models.export import measure
 from nunet_models.export.collections import TINY_ARCHITECTURES, TINY_SEED, tiny_spec
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.onnx_file import read_metadata, run, session
-from nunet_models.export.selftest import answer_from_outputs, selftest_image
+from nunet_models.export.selftest import grid_from_outputs, selftest_image
 from nunet_models.export.untrained import untrained_graph
 from nunet_models.zoo.deploy import FusedModel
 
@@ -35,12 +35,12 @@ def test_the_selftest_image_is_the_documented_one():
     assert hashlib.sha256(image.tobytes()).hexdigest() == digest
 
 
-def test_an_answer_is_lower_medians_and_lowest_majorities():
+def test_a_grid_is_lower_medians_and_lowest_majorities():
     depth = np.full((1, 1, 12, 16), np.nan, np.float32)
     depth[0, 0, :2, :2] = [[4, 1], [3, 2]]
     labels = np.zeros((1, 12, 16), np.uint8)
     labels[0, :2, :2] = [[7, 7], [5, 5]]
-    answer = answer_from_outputs(depth, labels)
+    answer = grid_from_outputs(depth, labels)
     assert answer.depth[0, 0] == 2.0
     assert np.isnan(answer.depth[0, 1])
     assert answer.labels[0, 0] == 5
@@ -80,7 +80,7 @@ def test_a_fused_file_has_the_whole_metadata(wnet_c):
 def test_a_fused_file_passes_its_own_selftest(wnet_c):
     graph, folder = wnet_c
     selftest = json.loads(read_metadata(folder / "fused.onnx")["nunet.selftest"])
-    answer = measure.answer_of(
+    answer = measure.selftest_grid(
         run(folder / "fused.onnx", {"rgb": measure.image_of(graph.spec)}), graph.spec
     )
     assert np.abs(np.array(selftest["depth"]) - answer.depth).max() <= 1e-5
@@ -95,11 +95,13 @@ def test_the_selftest_catches_a_changed_image(wnet_c, change):
     changed = {"mirrored": rgb[:, :, ::-1], "bgr": rgb[..., ::-1], "upside down": rgb[:, ::-1]}
     selftest = json.loads(read_metadata(folder / "fused.onnx")["nunet.selftest"])
     outputs = run(folder / "fused.onnx", {"rgb": np.ascontiguousarray(changed[change])})
-    gap = np.abs(np.array(selftest["depth"]) - measure.answer_of(outputs, graph.spec).depth).max()
+    gap = np.abs(
+        np.array(selftest["depth"]) - measure.selftest_grid(outputs, graph.spec).depth
+    ).max()
     assert gap > selftest["tolerance"]["fp32"]["depth"]
 
 
-def test_stages_wired_by_the_toml_give_the_fused_answer(wnet_c):
+def test_stages_wired_by_the_toml_give_the_fused_outputs(wnet_c):
     graph, folder = wnet_c
     rgb = measure.image_of(graph.spec)
     staged = tomllib.loads((folder / "staged.toml").read_text())

@@ -10,7 +10,7 @@ from PIL import Image
 
 from nunet_models.cli import main
 from nunet_models.errors import DataError
-from nunet_models.reporting.figures import Answer, comparable_panels, evolution
+from nunet_models.reporting.figures import NetworkDepth, comparable_panels, evolution
 from nunet_models.reporting.table import metric_table, paper_table, read_evaluation
 from nunet_models.training.log import RunLog
 
@@ -60,7 +60,7 @@ OF_NUNETD = {
 """As `nunetd eval --json` writes it of a folder where nothing could be stretched."""
 
 
-def test_an_answer_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp_path):
+def test_a_result_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp_path):
     path = tmp_path / "eval.json"
     path.write_text(json.dumps(OF_NUNETD))
     found = [read_evaluation(path)]
@@ -71,10 +71,10 @@ def test_an_answer_of_nunetd_is_reported_and_what_was_not_measured_is_a_dash(tmp
 
 
 @pytest.mark.parametrize("model", [3, {"name": 3}, {}, None])
-def test_an_answer_whose_model_has_no_name_is_none(tmp_path, model):
+def test_a_result_whose_model_has_no_name_is_refused(tmp_path, model):
     path = tmp_path / "eval.json"
     path.write_text(json.dumps(OF_NUNETD | {"model": model}))
-    with pytest.raises(DataError, match="is not an answer of `evaluate`: "):
+    with pytest.raises(DataError, match="is not a result of `evaluate`: "):
         read_evaluation(path)
 
 
@@ -106,8 +106,10 @@ def test_a_report_holds_tables_curves_and_images(dataset, tmp_path, capsys):
 def test_networks_with_and_without_meters_are_shown_in_one_unit():
     """Else the colors of the truth's meters would show a depth of 0..1 as one near wall."""
     truth_m = np.array([[1.0, 3.0], [5.0, np.nan]], np.float32)
-    relative = Answer("relative", np.array([[0.0, 0.5], [1.0, 1.0]], np.float32), metric=False)
-    metric = Answer("metric", np.array([[2.0, 4.0], [6.0, 60.0]], np.float32), metric=True)
+    relative = NetworkDepth(
+        "relative", np.array([[0.0, 0.5], [1.0, 1.0]], np.float32), metric=False
+    )
+    metric = NetworkDepth("metric", np.array([[2.0, 4.0], [6.0, 60.0]], np.float32), metric=True)
 
     def shown(*answers):
         return {caption: depth.tolist() for caption, depth in comparable_panels(truth_m, answers)}
@@ -125,7 +127,7 @@ def test_networks_with_and_without_meters_are_shown_in_one_unit():
     [
         ([], "nothing to report"),
         (["--run", "absent"], "no log `absent/steps.csv`"),
-        (["--evaluation", "README.md"], "is not an answer of `evaluate`"),
+        (["--evaluation", "README.md"], "is not a result of `evaluate`"),
         (["--model", str(TINY)], "which images"),
     ],
 )

@@ -11,7 +11,7 @@ from nunet_models.data.sets.cameras import Pinhole
 from nunet_models.data.sets.entry import read_dataset_list
 from nunet_models.data.sets.folder import CameraSet
 from nunet_models.evaluation.robustness import border_errors, noise_change, roughness
-from nunet_models.evaluation.sets import errors, focal_factor, set_figures
+from nunet_models.evaluation.sets import errors, focal_factor, set_metrics
 from nunet_models.evaluation.sets_command import MEAN, mean_over_sets, table
 from nunet_models.losses import scale_shift_invariant
 from nunet_models.zoo.checkpoint import Checkpoint
@@ -93,9 +93,9 @@ def test_a_set_without_labels_cannot_train_segmentation_alone(sets, tmp_path, ca
 @pytest.mark.parametrize(
     ("more", "what"),
     [
-        (("--data", "x"), "`--data` is given beside `--sets"),
-        (("--cache", "x"), "`--cache` is given beside `--sets"),
-        (("--train-ids", "x"), "`--train-ids` is given beside `--sets"),
+        (("--data", "x"), "`--data` cannot be combined with `--sets"),
+        (("--cache", "x"), "`--cache` cannot be combined with `--sets"),
+        (("--train-ids", "x"), "`--train-ids` cannot be combined with `--sets"),
         (("--patch", "0"), "`--patch 0.0`"),
     ],
 )
@@ -123,7 +123,7 @@ def test_evaluate_measures_every_set_and_their_mean(sets, capsys):
 def figures_of(tmp_path, answer, **more):
     write_set(tmp_path / "a", scenes=("hall", "hall", "hall", "attic"))
     entry = read_dataset_list(write_list(tmp_path / "l.toml", 'name = "a"\nroot = "a"'))[0]
-    return set_figures(CameraSet(entry), answer, **more)
+    return set_metrics(CameraSet(entry), answer, **more)
 
 
 def test_the_truth_itself_is_without_error_whatever_the_camera(tmp_path):

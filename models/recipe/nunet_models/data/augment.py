@@ -18,7 +18,7 @@ GRAY = 127  # what fills an image beyond its edge: zero after normalization
 class Augmentation:
     """How much an image is changed; 0 for every value (and `scale` 1, 1) changes nothing.
 
-    `scale` is the range of the zoom, drawn evenly in its logarithm with probability
+    `scale` is the range of the zoom, drawn uniformly in its logarithm with probability
     `scale_chance`, else 1. `rotation_deg` is the largest turn. `color` scales all color
     changes; `noise` is the largest standard deviation in gray levels; `blur`, `cutout` and `gray`
     are probabilities.
@@ -91,10 +91,10 @@ def augmented(
 def zoomed(sample: Sample, zoom: float, *, size: tuple[int, int], corner: np.ndarray) -> Sample:
     """Enlarge `sample` by `zoom` about a window whose place `corner` (two numbers 0..1) gives.
 
-    A zoom multiplies the focal length in pixels. The network answers for the training camera's
-    focal length, in whose image such an object would be `zoom` times nearer: so depth is
-    divided by `zoom`. A zoom below 1 leaves a gray margin without truth. A window that fits into
-    the part that has truth is placed there: else no depth would ever be learned at an image's edge.
+    A zoom multiplies the focal length in pixels. The network's depth is for the training camera's
+    focal length, in whose image such an object would be `zoom` times nearer, so depth is divided by
+    `zoom`. A zoom below 1 leaves a gray margin without truth. A window that fits into the part that
+    has truth is placed there: otherwise no depth would be learned at an image's edge.
     """
     cut = _window(sample, zoom, corner)
     rgb = Image.fromarray(_cut(sample.rgb, cut, GRAY))
@@ -153,7 +153,7 @@ def _turned(sample: Sample, degrees: float) -> Sample:
 
 
 def recolored(rgb: np.ndarray, how: Augmentation, random: np.random.Generator) -> np.ndarray:
-    """Blur, other colors, noise and covered rectangles: uint8 `[h, w, 3]` to the same."""
+    """Blur, other colors, noise and covered rectangles: uint8 `[h, w, 3]`, same shape and type."""
     if random.random() < how.blur:
         height, width = rgb.shape[:2]
         factor = random.uniform(1.2, 2.5)
@@ -189,7 +189,7 @@ def _color_changed(rgb: np.ndarray, amount: float, random: np.random.Generator) 
 
 
 def _cut_out(x: np.ndarray, random: np.random.Generator) -> None:
-    """Cover one to four rectangles with one color each; the network must guess what is behind."""
+    """Cover one to four rectangles with one color each; the network must infer what is behind."""
     height, width = x.shape[:2]
     for _ in range(random.integers(1, 5)):
         h, w = random.integers(height // 16, height // 4), random.integers(width // 16, width // 4)

@@ -64,7 +64,7 @@ def epoch_batches(  # noqa: PLR0913  (every one of them changes what is drawn)
         batch_size=batch,
         sampler=order.tolist(),
         num_workers=workers,
-        generator=torch.Generator(),  # otherwise the loader would use the run's random numbers
+        generator=torch.Generator(),  # otherwise the loader would consume the run's random numbers
     )
     for rgb, depth_m, labels in loader:
         yield Batch(rgb, depth_m, labels)

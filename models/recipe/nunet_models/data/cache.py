@@ -1,4 +1,4 @@
-"""Decoded images kept as flat arrays on disk, so that an epoch costs no decoding."""
+"""Decoded images kept as flat arrays on disk, so that epochs need no decoding."""
 
 import hashlib
 import json
@@ -28,8 +28,8 @@ VERSION = (
 class Cached:
     """All pairs of a collection, memory-mapped.
 
-    `rgb` uint8 `[N, H, W, 3]`, `depth` uint16 `[N, H, W]` in `UNIT_M` with 0 = none, what lies
-    beyond `REACH_M` among it, `labels` uint8 `[N, H, W]` with `IGNORE` = none.
+    `rgb` uint8 `[N, H, W, 3]`, `depth` uint16 `[N, H, W]` in `UNIT_M` with 0 = none, which includes
+    depth beyond `REACH_M`, `labels` uint8 `[N, H, W]` with `IGNORE` = none.
     """
 
     ids: tuple[str, ...]
@@ -87,13 +87,13 @@ def build_cache(pairs: Pairs, folder: Path, *, quiet: bool = False) -> Cached:
     key = json.dumps([VERSION, pairs.identity, list(pairs.ids)])
     place = folder / hashlib.sha256(key.encode()).hexdigest()[:16]
     if not (place / "done").exists():
-        beside = folder / f"{place.name}.{uuid4().hex}"
-        beside.mkdir(parents=True)
+        partial = folder / f"{place.name}.{uuid4().hex}"
+        partial.mkdir(parents=True)
         try:
-            _decode(pairs, beside, quiet=quiet)
-            _move(beside, place)
+            _decode(pairs, partial, quiet=quiet)
+            _move(partial, place)
         finally:
-            shutil.rmtree(beside, ignore_errors=True)
+            shutil.rmtree(partial, ignore_errors=True)
     far = int((place / "done").read_text(encoding="utf-8"))
     if far:
         print(
@@ -104,10 +104,10 @@ def build_cache(pairs: Pairs, folder: Path, *, quiet: bool = False) -> Cached:
     return Cached(tuple(pairs.ids), *arrays)
 
 
-def _move(beside: Path, place: Path) -> None:
+def _move(partial: Path, place: Path) -> None:
     """Rename a decoded folder to its final name, unless another run was first."""
     try:
-        beside.rename(place)  # replaces an empty folder only
+        partial.rename(place)  # replaces an empty folder only
     except OSError:
         if not (place / "done").exists():
             raise

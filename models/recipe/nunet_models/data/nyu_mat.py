@@ -24,11 +24,11 @@ SPLITS = {"train": "trainNdxs", "test": "testNdxs"}
 
 
 class NyuMatPairs:
-    """Pairs of the .mat file (HDF5; arrays lie transposed, as MATLAB writes them).
+    """Pairs of the .mat file (HDF5; arrays are transposed, as MATLAB writes them).
 
     Ids are the numbers of the images from 0. Depth is the file's dense depth in meters. The
-    file's own labels are 894 raw classes, which `class_map` (see `read_class_map`) makes labels
-    of; without it such pairs have none.
+    file's own labels are 894 raw classes, which `class_map` (see `read_class_map`) maps to labels;
+    without it such pairs have no labels.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ def read_splits(path: Path) -> dict[str, list[str]]:
     """Ids of the official split, `train` and `test`, from `splits.mat`, which counts from 1.
 
     # Errors
-    `DataError` naming a file that is none.
+    `DataError` naming a file that is not such a split.
     """
     of = "NYU Depth V2's `splits.mat`"
     numbers = {name: read_whole_numbers(path, SPLITS[name], of=of) for name in SPLITS}
@@ -113,5 +113,5 @@ def read_splits(path: Path) -> dict[str, list[str]]:
     if not all(part.size for part in numbers.values()) or both.min() < 1:
         raise DataError(f"`{path}` has a list that is empty or not counted from 1; expected {of}")
     if len(np.unique(both)) != len(both):
-        raise DataError(f"`{path}` names an image twice; expected {of}, whose parts are apart")
+        raise DataError(f"`{path}` names an image twice; expected {of}, with disjoint lists")
     return {name: [str(number - 1) for number in part] for name, part in numbers.items()}

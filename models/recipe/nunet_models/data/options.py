@@ -63,7 +63,7 @@ def open_pairs(options: argparse.Namespace, ids: Path) -> Pairs:
 
 
 def add_cache_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option that `open_cached` reads beside the others."""
+    """Add the additional option that `open_cached` reads."""
     parser.add_argument("--cache", type=Path, help="folder for decoded images of `--data`")
 
 
@@ -81,7 +81,7 @@ _WITHOUT_SETS = ("data", "class_map", "depth_scale", "window", "cache")
 
 
 def check_sets_or_data(options: argparse.Namespace, *needed: str) -> None:
-    """Refuse `--sets` beside the options of `--data`, and neither of them.
+    """Refuse `--sets` together with the options of `--data`, and a command with neither.
 
     `needed` names the options that go with `--data`.
 
@@ -96,7 +96,7 @@ def check_sets_or_data(options: argparse.Namespace, *needed: str) -> None:
     for name in (*_WITHOUT_SETS, *needed):
         if getattr(options, name, None) is not None:
             raise OptionError(
-                f"`{_flag(name)}` is given beside `--sets {options.sets}`, which has it per set"
+                f"`{_flag(name)}` cannot be combined with `--sets {options.sets}`; it is set there"
             )
 
 
@@ -105,7 +105,7 @@ def _flag(name: str) -> str:
 
 
 def open_cached(options: argparse.Namespace, ids: Path) -> Cached:
-    """The same, decoded into `--cache`."""
+    """As `open_pairs`, decoded into `--cache`."""
     return build_cache(open_pairs(options, ids), options.cache, quiet=options.quiet)
 
 

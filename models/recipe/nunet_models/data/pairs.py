@@ -1,4 +1,4 @@
-"""Images with depth and labels, wherever they come from."""
+"""Images with depth and labels, from folders and other sources."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ SIXTEEN_TO_EIGHT = 257  # 65535 / 255
 LABEL_FOLDERS = {"labels": len(CLASSES_13), "label40": 40}
 """Number of classes by label folder; the first folder that exists is used, as in nunetd."""
 MILLIMETER_M = 0.001  # default unit of 16-bit depth images
-NO_DEPTH = 65535  # some sensors write this, some 0, where they measured nothing: 7-Scenes has both
+NO_DEPTH = 65535  # some sensors write this and some 0 for no measurement; 7-Scenes has both
 
 
 @dataclass(frozen=True)
@@ -268,7 +268,7 @@ def _upright(image: Image.Image) -> Image.Image:
     """Rotated by its EXIF orientation; unreadable EXIF data is ignored."""
     try:
         return ImageOps.exif_transpose(image)
-    except Exception:  # a damaged block raises whatever PIL meets in it
+    except Exception:  # PIL raises errors of many types for a damaged block
         return image
 
 

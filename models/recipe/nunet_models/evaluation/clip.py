@@ -12,7 +12,7 @@ STATIC = 0.02  # a pixel whose true depth changes by less than this share counts
 STRIDE = 4  # pixels are sampled: neighbors are nearly equal
 
 
-def clip_figures(pairs: Iterable[Pair], predict: Predict) -> dict[str, float | None]:
+def clip_metrics(pairs: Iterable[Pair], predict: Predict) -> dict[str, float | None]:
     """Metrics of consecutive frames; None where no pixel can be compared.
 
     `abs_rel_median`: median of `|p - t| / t`. `aligned_abs_rel_median`: the same after one scale

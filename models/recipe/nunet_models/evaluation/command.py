@@ -22,7 +22,7 @@ from nunet_models.data.options import (
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import ConfigError, DataError, OptionError, with_hint
 from nunet_models.evaluation.baseline import kept_baseline, named_baseline
-from nunet_models.evaluation.clip import clip_figures
+from nunet_models.evaluation.clip import clip_metrics
 from nunet_models.evaluation.compare import (
     ROW,
     Comparison,
@@ -47,7 +47,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--accuracy-only",
         action="store_true",
-        help="of `--sets`: no border, noise, roughness and rotation, a fifth of the time",
+        help="with `--sets`: skip border, noise, roughness and rotation, in a fifth of the time",
     )
     _add_baseline_options(parser)
     parser.add_argument(
@@ -67,7 +67,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         help="the ids are frames of one video, in order; a recurrent network carries its state "
         "from each to the next; for models with metric depth only",
     )
-    parser.add_argument("--csv", type=Path, help="write a row an image")
+    parser.add_argument("--csv", type=Path, help="write one row per image")
     parser.add_argument("--threads", type=int, default=1)
     parser.set_defaults(carry_out=run)
 
@@ -102,8 +102,8 @@ def run(options: argparse.Namespace) -> int:
     pairs = open_pairs(options, options.ids)
     if options.clip:
         _check_clip(options, predictor, pairs)
-    _say_no_labels(options, predictor, pairs)
-    # First: it fails at once on images of another size, and the network takes minutes.
+    _warn_no_labels(options, predictor, pairs)
+    # First, because it fails at once on images of another size, while the network takes minutes.
     baseline = _baseline(options, pairs)
     comparison = compare(
         _progress(pairs, predictor.path.name),
@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
         metric=predictor.metric,
         classes=len(predictor.classes),
     )
-    _say_beyond(comparison)
+    _warn_out_of_range(comparison)
     found = {
         "model": options.model.name,
         "architecture": predictor.metadata["nunet.architecture"],
@@ -123,7 +123,7 @@ def run(options: argparse.Namespace) -> int:
     if baseline:
         found["baseline"] = baseline
     if options.clip:
-        found["clip"] = clip_figures(_progress(pairs, "as a clip"), _predict(predictor, options))
+        found["clip"] = clip_metrics(_progress(pairs, "as a clip"), _predict(predictor, options))
     if options.csv:
         _write_csv(options.csv, comparison)
     print(json.dumps(found, indent=1))
@@ -145,8 +145,8 @@ def _check_options(options: argparse.Namespace) -> None:
         )
 
 
-def _say_no_labels(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
-    """Say why a network with labels gets no label metrics."""
+def _warn_no_labels(options: argparse.Namespace, predictor: Predictor, pairs: Pairs) -> None:
+    """Print why there are no label metrics for a network with labels."""
     if predictor.classes and not pairs.has_labels:
         why, hint = "has no folder `labels` or `label40`", None
         if options.data.suffix == MAT_SUFFIX:
@@ -155,7 +155,7 @@ def _say_no_labels(options: argparse.Namespace, predictor: Predictor, pairs: Pai
         print(with_hint(message, hint), file=sys.stderr)
 
 
-def _say_beyond(comparison: Comparison) -> None:
+def _warn_out_of_range(comparison: Comparison) -> None:
     """Warn if so much truth is out of range that its unit may be wrong."""
     beyond, known = comparison.beyond, comparison.known
     if beyond <= MUCH_BEYOND * known:
@@ -222,7 +222,7 @@ def _baseline(options: argparse.Namespace, pairs: Pairs) -> dict[str, object] | 
 
 
 def _write_csv(path: Path, comparison: Comparison) -> None:
-    """A row an image; a metric that could not be measured is left empty."""
+    """One row per image; a metric that could not be measured is left empty."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=ROW)
         writer.writeheader()

@@ -1,4 +1,4 @@
-"""Predictions against truth over a collection of pairs, with the trivial baseline beside them."""
+"""Predictions against truth over a collection of pairs, and the trivial baseline."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
 from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, picture_mean
 
-MINMAX_METRICS = ("mse", "rmse")  # what the paper measures of stretched depth
+MINMAX_METRICS = ("mse", "rmse")  # metrics of stretched depth in the paper
 ROW = ("id", *METRICS, *(f"minmax_{name}" for name in MINMAX_METRICS))
 """Columns of a row an image, those of the `pictures.csv` that `nunetd eval --out DIR` writes."""
 
@@ -31,7 +31,7 @@ class Comparison:
     """Metrics gathered per image.
 
     `depth` is meters under the protocol; `minmax` compares whole images, each stretched from
-    its nearest to its farthest point, as the paper did; `per_image` holds a row an image.
+    its nearest to its farthest point, as the paper did; `per_image` has one row per image.
     `beyond` counts pixels whose true depth in meters is too near or too far to be compared.
     """
 
@@ -66,8 +66,7 @@ class Comparison:
     def add_depth(self, predicted: np.ndarray, truth_m: np.ndarray) -> dict[str, float]:
         """Count the depth of one image, both `[H, W]`; returns this image's own metrics.
 
-        They are empty where the image has no depth, and without meters where the network has
-        none.
+        They are empty if the image has no depth, and without meters if the network is not metric.
         """
         alone, alone_minmax = DepthMetrics(), DepthMetrics()
         if self.metric:
@@ -92,7 +91,7 @@ class Comparison:
         return self.beyond + self.counted.pixels + self.counted.missing
 
     def values(self) -> dict[str, object]:
-        """All metrics, shaped as `nunetd eval --json` shapes them."""
+        """All metrics, in the structure of `nunetd eval --json`."""
         minmax = self.minmax.values()
         counted = self.counted
         found: dict[str, object] = {
@@ -160,7 +159,7 @@ def mean_image(pairs: Pairs) -> np.ndarray:
 
 
 def mean_stretched_image(pairs: Pairs) -> np.ndarray:
-    """The same of depth stretched to 0..1 per image: the paper's trivial prediction."""
+    """Mean of depth stretched to 0..1 per image, `[H, W]`: the paper's trivial prediction."""
     total, count = 0.0, 0
     for depth in _depths(pairs):
         known = np.isfinite(depth)

@@ -1,4 +1,4 @@
-"""A model file as it answers for images of any size."""
+"""Runs a model file on images of any size."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ class Predictor:
     the frames of one video.
 
     # Errors
-    `ConfigError` naming a file that is none, damaged, or one stage of a graph.
+    `ConfigError` naming a file that is not a model, damaged, or one stage of a graph.
     """
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
@@ -62,7 +62,7 @@ class Predictor:
 
     @property
     def best_epoch(self) -> int | None:
-        """The epoch of its last component's training that the weights are of."""
+        """The epoch of the last component's training from which the weights are."""
         training = json.loads(self.metadata.get("nunet.training", "{}"))
         return training.get("depth", {}).get("epochs_done")
 
@@ -75,17 +75,17 @@ class Predictor:
         return (fx_px / width_px) / (camera["fx"] / camera["width"])
 
     def inputs(self, rgb: np.ndarray) -> dict[str, np.ndarray]:
-        """The session's inputs for an image, uint8 `[H, W, 3]`, of any size, that follows none."""
+        """The session's inputs for an image without predecessor, uint8 `[H, W, 3]`, any size."""
         given = _resized(rgb, self.size, Image.Resampling.BILINEAR)
         return {"rgb": given[None], **self.state}
 
     def __call__(self, rgb: np.ndarray) -> Prediction:
-        """Answer for an image, uint8 `[H, W, 3]`, at its own size.
+        """The prediction for an image, uint8 `[H, W, 3]`, at its own size.
 
         Where the sizes differ the image is resized by PIL's `BILINEAR`, a triangle that grows
         as wide as the image shrinks, and depth back by the same, labels to the nearest. nunetd
-        weighs an image's pixels by another curve (Hermite's), so that its metrics of images of
-        another size than the model's are near these and not the same.
+        resizes with another kernel (Hermite's), so that its metrics differ slightly for images of
+        another size than the model's.
         """
         return self._predicted(rgb, self.inputs(rgb))[0]
 

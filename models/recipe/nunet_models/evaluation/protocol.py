@@ -7,7 +7,7 @@ import numpy as np
 from nunet_models.errors import DataError
 
 MIN_DEPTH_M = 1e-3  # predictions below would make relative errors meaningless; the usual value
-MAX_DEPTH_M = 10.0  # truth beyond is ignored, as in the code of BTS, AdaBins and ZoeDepth
+MAX_DEPTH_M = 10.0  # truth beyond this is ignored, as in the code of BTS, AdaBins and ZoeDepth
 
 
 @dataclass(frozen=True)

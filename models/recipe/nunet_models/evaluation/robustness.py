@@ -10,7 +10,7 @@ from nunet_models.data.sets.view import View, seen
 
 BORDER_PX = 2
 INSIDE_PX = 10
-"""A border is compared with the pixels just inside of it, which see much the same."""
+"""A border is compared with the pixels just inside of it, which show nearly the same scene."""
 NOISE_LEVELS = 1
 
 
@@ -46,10 +46,10 @@ def border_errors(depth: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     return found
 
 
-def turned_errors(
+def rolled_errors(
     image: CameraImage, predict: Callable[[np.ndarray], np.ndarray], degrees: float, cap_m: float
 ) -> dict[str, float]:
-    """Metrics of the image as a camera rolled by `degrees` sees it, gray beyond its edge."""
+    """Metrics for the image that a camera rolled by `degrees` would take, gray beyond its edge."""
     height, width = image.pair.depth_m.shape
     turned = seen(image, View((0, 0, width, height), roll=degrees), size=(height, width))
     truth = np.where(turned.depth_m < cap_m, turned.depth_m, np.float32(np.nan))

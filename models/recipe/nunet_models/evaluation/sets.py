@@ -14,7 +14,7 @@ import numpy as np
 from nunet_models.data.sets.cameras import Pinhole
 from nunet_models.data.sets.folder import CameraImage, CameraSet
 from nunet_models.evaluation.protocol import PROTOCOLS, Protocol
-from nunet_models.evaluation.robustness import border_errors, noise_change, roughness, turned_errors
+from nunet_models.evaluation.robustness import border_errors, noise_change, rolled_errors, roughness
 from nunet_models.metrics import DELTA
 from nunet_models.zoo.spec import Camera
 
@@ -66,7 +66,7 @@ def errors(predicted: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     return found
 
 
-def set_figures(
+def set_metrics(
     images: CameraSet,
     predict: Depth,
     *,
@@ -77,7 +77,7 @@ def set_figures(
 ) -> dict[str, float]:
     """Metrics of one set.
 
-    `baseline_m` is the trivial answer, one depth for every pixel of the training camera; it is
+    `baseline_m` is the trivial prediction, one depth for every pixel of the training camera; it is
     scaled by the focal length as well. `robustness` adds the border, noise, roughness and turns.
     """
     means = Means()
@@ -112,7 +112,7 @@ def _robustness(
         **border_errors(depth, image.pair.depth_m),
     }
     for degrees in (0.0, 20.0):
-        turned = turned_errors(image, lambda rgb: predict(rgb) * factor, degrees, protocol.cap_m)
+        turned = rolled_errors(image, lambda rgb: predict(rgb) * factor, degrees, protocol.cap_m)
         found |= {f"turn{degrees:.0f}_{k}": v for k, v in turned.items()}
     return found
 

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from nunet_models.data.sets.mixture import Mixture, open_dataset_list
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
-from nunet_models.evaluation.sets import Depth, set_figures
+from nunet_models.evaluation.sets import Depth, set_metrics
 from nunet_models.zoo.spec import Camera
 
 COLUMNS = (
@@ -50,7 +50,7 @@ def run_sets(options: argparse.Namespace) -> int:
         def progress(places: Iterable[int], name: str = name) -> Iterable[int]:
             return tqdm(places, desc=name, unit="image", disable=None)
 
-        found[name] = set_figures(
+        found[name] = set_metrics(
             images,
             _depth(predictor),
             training=camera,

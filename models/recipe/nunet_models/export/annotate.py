@@ -1,4 +1,4 @@
-"""The subcommand `annotate`: what is known of a finished model file, written into it."""
+"""The subcommand `annotate`: writes accuracy and license into a finished model file."""
 
 import argparse
 import hashlib
@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import Any, NoReturn
 
-from nunet_models.answer import Measured, by_name, measured
 from nunet_models.errors import ConfigError
 from nunet_models.export.metadata import to_json
 from nunet_models.export.onnx_file import read_metadata, write_metadata
+from nunet_models.results import Measured, by_name, measured
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:
@@ -19,7 +19,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--accuracy",
         type=Path,
-        help="answer of `evaluate` or `nunetd eval --json` for this very file",
+        help="result of `evaluate` or `nunetd eval --json` for exactly this file",
     )
     parser.add_argument(
         "--license", metavar="TEXT", help="license of the weights, attribution of their data"
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check_measured(model: Path, path: Path, of: Measured) -> None:
-    """Refuse what was measured of another file than this one."""
+    """Refuse metrics of another file than this one."""
     if of.sha256 is not None:
         digest = hashlib.sha256(model.read_bytes()).hexdigest()
         if of.sha256 != digest:
@@ -66,10 +66,10 @@ def _check_measured(model: Path, path: Path, of: Measured) -> None:
 
 
 def read_accuracy(path: Path) -> dict[str, Any]:
-    """An answer of `evaluate` or `nunetd eval --json`, or any JSON object.
+    """A result of `evaluate` or `nunetd eval --json`, or any JSON object.
 
     # Errors
-    `ConfigError` naming a file that is none.
+    `ConfigError` naming a file that is not a JSON object.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refused)
@@ -78,11 +78,11 @@ def read_accuracy(path: Path) -> dict[str, Any]:
             f"`{path}` is not JSON: {error}", hint=f"`evaluate ... > {path.name}` writes it"
         ) from error
     if not isinstance(values, dict):
-        raise ConfigError(f"`{path}` is not a JSON object", hint="an answer of `evaluate` is one")
+        raise ConfigError(f"`{path}` is not a JSON object", hint="a result of `evaluate` is one")
     try:
         measured(values)
     except TypeError as error:
-        raise ConfigError(f"`{path}`: {error}", hint="an answer of `evaluate` has one") from error
+        raise ConfigError(f"`{path}`: {error}", hint="a result of `evaluate` has one") from error
     return values
 
 

@@ -4,7 +4,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from nunet_models.answer import by_name
 from nunet_models.errors import ConfigError, with_hint
 from nunet_models.export.annotate import read_accuracy
 from nunet_models.export.blend import blended, with_range
@@ -13,6 +12,7 @@ from nunet_models.export.metadata import DATA_LICENSE
 from nunet_models.export.model_file import Provenance, export_fused, export_staged
 from nunet_models.export.split import split
 from nunet_models.export.untrained import untrained_graph
+from nunet_models.results import by_name
 from nunet_models.zoo import NYU_CAMERA, SerialGraph, architecture_names, graph_spec
 from nunet_models.zoo.checkpoint import Checkpoint
 

@@ -9,17 +9,17 @@ import torch
 
 from nunet_models.errors import ExportError
 from nunet_models.export.onnx_file import run
-from nunet_models.export.selftest import Answer, answer_from_outputs, selftest_image
+from nunet_models.export.selftest import SelfTestGrid, grid_from_outputs, selftest_image
 from nunet_models.zoo import GraphSpec
 from nunet_models.zoo.deploy import FusedModel
 
-FP32_MARGIN = 10.0  # other processors and providers stray further than one machine's settings
+FP32_MARGIN = 10.0  # other processors and providers differ more than one machine's settings
 INT8_MARGIN = 3.0  # integer sums are exact, but providers fuse and round in other places
 INT8_LABEL_CELLS = 3  # of 48; OpenVINO 1.24 differs from ONNX Runtime's own kernels in two
-BF16_MARGIN = 3.0  # bf16 strays much already; three times that still catches a wrong channel
+BF16_MARGIN = 3.0  # bf16 differs much; three times that still detects a wrong channel
 FLOOR = 0.001  # in the depth's unit: smaller errors do not matter
 TORCH_BOUND = 0.001  # largest difference of a pixel between torch and ONNX Runtime, meters
-UNTRAINED_BOUND = 0.01  # random weights magnify rounding as no trained network does
+UNTRAINED_BOUND = 0.01  # random weights magnify rounding more than trained ones
 
 _LEVELS = (
     ort.GraphOptimizationLevel.ORT_DISABLE_ALL,
@@ -36,7 +36,7 @@ def image_of(spec: GraphSpec) -> np.ndarray:
 
 
 class DepthLimits(Protocol):
-    """What decoding needs to know: a `GraphSpec`, or a model file's reader."""
+    """What decoding needs: a `GraphSpec`, or a model file's reader."""
 
     encoding: str
     min_m: float
@@ -53,13 +53,13 @@ def decoded(depth: np.ndarray, spec: DepthLimits) -> np.ndarray:
     return np.where(valid, depth, np.float32(np.nan))
 
 
-def answer_of(outputs: dict[str, np.ndarray], spec: DepthLimits) -> Answer:
-    """The self-test's answer from a model's outputs on the self-test image."""
-    return answer_from_outputs(decoded(outputs["depth"], spec), outputs.get("labels"))
+def selftest_grid(outputs: dict[str, np.ndarray], spec: DepthLimits) -> SelfTestGrid:
+    """The self-test's grid of a model's outputs on the self-test image."""
+    return grid_from_outputs(decoded(outputs["depth"], spec), outputs.get("labels"))
 
 
 def named_inputs(model: FusedModel, rgb: np.ndarray) -> dict[str, np.ndarray]:
-    """What ONNX Runtime is given for `rgb`, uint8 `[1, H, W, 3]`: a state starts at zero."""
+    """Inputs of ONNX Runtime for `rgb`, uint8 `[1, H, W, 3]`: a state starts at zero."""
     example = model.example(torch.from_numpy(rgb))
     return {n: v.numpy() for n, v in zip(model.input_names, example, strict=True)}
 
@@ -93,36 +93,38 @@ def measured_selftest(model: FusedModel, path: Path) -> dict:
     """Run the self-test through every optimization level and thread count; `nunet.selftest`."""
     spec = model.network.spec
     rgb = image_of(spec)
-    answers = _answers_over_settings(path, named_inputs(model, rgb), spec)
-    others = [*answers[1:], answer_of(torch_outputs(model, rgb), spec)]
-    bf16 = answer_of(torch_outputs(model, rgb, bf16=True), spec)
+    grids = _grids_over_settings(path, named_inputs(model, rgb), spec)
+    others = [*grids[1:], selftest_grid(torch_outputs(model, rgb), spec)]
+    bf16 = selftest_grid(torch_outputs(model, rgb, bf16=True), spec)
     tolerance = {
-        "fp32": _tolerance(answers[0], others, FP32_MARGIN),
-        "bf16": _tolerance(answers[0], [bf16], BF16_MARGIN),
+        "fp32": _tolerance(grids[0], others, FP32_MARGIN),
+        "bf16": _tolerance(grids[0], [bf16], BF16_MARGIN),
     }
-    return answers[0].to_json(precision="fp32", tolerance=tolerance)
+    return grids[0].to_json(precision="fp32", tolerance=tolerance)
 
 
 def quantized_selftest(path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits) -> dict:
     """The same for a quantized file, which torch cannot check; `inputs` hold the image."""
-    answers = _answers_over_settings(path, inputs, limits)
-    tolerance = _tolerance(answers[0], answers[1:], INT8_MARGIN)
+    grids = _grids_over_settings(path, inputs, limits)
+    tolerance = _tolerance(grids[0], grids[1:], INT8_MARGIN)
     tolerance["label_cells"] = max(INT8_LABEL_CELLS, tolerance["label_cells"])
-    return answers[0].to_json(precision="int8", tolerance={"int8": tolerance})
+    return grids[0].to_json(precision="int8", tolerance={"int8": tolerance})
 
 
-def _answers_over_settings(
+def _grids_over_settings(
     path: Path, inputs: dict[str, np.ndarray], limits: DepthLimits
-) -> list[Answer]:
-    """Answers at every optimization level with one and two threads, the default first."""
+) -> list[SelfTestGrid]:
+    """Grids at every optimization level with one and two threads, the default first."""
     settings = [(level, threads) for level in reversed(_LEVELS) for threads in (1, 2)]
-    return [answer_of(run(path, inputs, threads=t, level=level), limits) for level, t in settings]
+    return [
+        selftest_grid(run(path, inputs, threads=t, level=level), limits) for level, t in settings
+    ]
 
 
-def _tolerance(answer: Answer, others: list[Answer], margin: float) -> dict[str, float]:
-    distances = [answer.distance(other) for other in others]
+def _tolerance(grid: SelfTestGrid, others: list[SelfTestGrid], margin: float) -> dict[str, float]:
+    distances = [grid.distance(other) for other in others]
     depth = max(FLOOR, margin * max(depth for depth, _ in distances))
-    cells = int(margin * max(cells for _, cells in distances)) + answer.close_calls
+    cells = int(margin * max(cells for _, cells in distances)) + grid.close_calls
     if not np.isfinite(depth):
         raise ExportError("a self-test cell has depth in one run and none in another")
     return {"depth": round(depth, 6), "label_cells": cells}

@@ -27,7 +27,7 @@ def metadata(
     license_text: str | None = None,
     targets: str = "cpu,openvino",
 ) -> dict[str, str]:
-    """Every key of the contract; JSON values without spaces to spare.
+    """Every key of the contract; JSON values in compact form.
 
     Without a `license_text` it is NYU Depth V2's, or that of random weights.
     """

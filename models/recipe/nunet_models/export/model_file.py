@@ -40,20 +40,20 @@ def export_fused(graph: SerialGraph, path: Path, provenance: Provenance) -> None
     `path` is kept then.
     """
     model = FusedModel(graph.eval())
-    beside = path.with_suffix(".partial.onnx")
+    partial = path.with_suffix(".partial.onnx")
     try:
-        export_onnx(model, model.example(torch.from_numpy(image_of(graph.spec))), beside)
-        write_metadata(beside, _metadata(model, beside, provenance))
-        beside.replace(path)
+        export_onnx(model, model.example(torch.from_numpy(image_of(graph.spec))), partial)
+        write_metadata(partial, _metadata(model, partial, provenance))
+        partial.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
 
 
 def export_staged(graph: SerialGraph, path: Path, provenance: Provenance) -> None:
-    """Write a staged graph: `path` is the TOML, with `STEM.STAGE.onnx` beside it.
+    """Write a staged graph: `path` is the TOML, and `STEM.STAGE.onnx` files are written next to it.
 
     The depth stage carries the metadata of the whole graph. The self-test is measured on a fused
-    file, made for that and removed: the stages compute the same.
+    file, made for it and removed; the stages compute the same.
 
     # Errors
     `ExportError` as for `export_fused`, and for a recurrent graph: stages carry no state.
@@ -97,7 +97,7 @@ def staged_toml(graph: SerialGraph, stem: str) -> str:
 
 
 def graph_toml(stem: str, stages: list[tuple[str, dict[str, str]]], results: dict[str, str]) -> str:
-    """A staged graph's text: each stage's name and what feeds its inputs; where results leave."""
+    """The text of a staged graph: stages by name with their input sources, and the results."""
     lines = ["version = 1"]
     for name, inputs in stages:
         wires = ", ".join(f'{tensor} = "{source}"' for tensor, source in inputs.items())

@@ -21,7 +21,7 @@ def export_onnx(module: nn.Module, examples: tuple[torch.Tensor, ...], path: Pat
     """
     module.eval()
     with torch.no_grad(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter's own deprecations, nothing of ours
+        warnings.simplefilter("ignore")  # deprecations inside the exporter
         torch.onnx.export(
             module,
             examples,
@@ -37,7 +37,7 @@ def export_onnx(module: nn.Module, examples: tuple[torch.Tensor, ...], path: Pat
 
 
 def write_metadata(path: Path, values: dict[str, str]) -> None:
-    """Set the file's `metadata_props` to `values`, and drop what the exporter left of its own.
+    """Set the file's `metadata_props` to `values`, and remove the exporter's own entries.
 
     Doc strings and stack traces of the exporter would carry the exporting machine's paths. The file
     is replaced atomically: a crash keeps the earlier file.
@@ -48,7 +48,7 @@ def write_metadata(path: Path, values: dict[str, str]) -> None:
 
 
 def describe(model: onnx.ModelProto, values: dict[str, str]) -> None:
-    """Do the same to a model that is not a file yet."""
+    """As `write_metadata`, for a model in memory."""
     for part in (model, model.graph, *model.graph.node):
         part.doc_string = ""
         del part.metadata_props[:]
@@ -63,12 +63,12 @@ def describe(model: onnx.ModelProto, values: dict[str, str]) -> None:
 
 def save_whole(model: onnx.ModelProto, path: Path) -> None:
     """Write `model` atomically."""
-    beside = path.with_name(f"{path.name}.partial")
+    partial = path.with_name(f"{path.name}.partial")
     try:
-        onnx.save(model, beside)
-        beside.replace(path)
+        onnx.save(model, partial)
+        partial.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
 
 
 def load_model(path: Path) -> onnx.ModelProto:

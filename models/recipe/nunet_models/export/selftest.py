@@ -1,4 +1,4 @@
-"""Self-test of a model file: the image `nunet-selftest-1` and its answer.
+"""Self-test of a model file: the image `nunet-selftest-1` and its expected output.
 
 See docs/book/model-file.md.
 """
@@ -11,7 +11,7 @@ import numpy as np
 IMAGE = "nunet-selftest-1"
 GRID_WIDTH = 8
 GRID_HEIGHT = 6
-CLOSE_CALL = 0.01  # a lead this thin, in shares of a cell, falls either way between runtimes
+CLOSE_CALL = 0.01  # a smaller lead, in shares of a cell, depends on the runtime
 
 
 def selftest_image(width: int, height: int) -> np.ndarray:
@@ -44,7 +44,7 @@ def selftest_image(width: int, height: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Answer:
+class SelfTestGrid:
     """Grid of lower medians of decoded depth and, where there are any, of majority labels.
 
     `depth` is float64 `[6, 8]`, NaN where a cell has no finite depth; `labels` int `[6, 8]`;
@@ -55,10 +55,10 @@ class Answer:
     labels: np.ndarray | None
     close_calls: int
 
-    def distance(self, other: "Answer") -> tuple[float, int]:
+    def distance(self, other: "SelfTestGrid") -> tuple[float, int]:
         """Largest difference of a depth cell, and how many cells differ in label.
 
-        A cell that has depth in one answer only is infinitely far.
+        The distance is infinite if a cell has depth in one grid only.
         """
         gap = np.abs(self.depth - other.depth)
         both_empty = np.isnan(self.depth) & np.isnan(other.depth)
@@ -70,19 +70,19 @@ class Answer:
     def to_json(self, *, precision: str, tolerance: dict[str, dict[str, float]]) -> dict:
         """The value of `nunet.selftest`."""
         rows = [[None if np.isnan(z) else round(float(z), 6) for z in row] for row in self.depth]
-        answer: dict = {"version": 1, "picture": IMAGE, "precision": precision, "depth": rows}
+        result: dict = {"version": 1, "picture": IMAGE, "precision": precision, "depth": rows}
         if self.labels is not None:
-            answer["labels"] = self.labels.tolist()
-        return {**answer, "tolerance": tolerance}
+            result["labels"] = self.labels.tolist()
+        return {**result, "tolerance": tolerance}
 
 
-def answer_from_outputs(depth: np.ndarray, labels: np.ndarray | None) -> Answer:
-    """Sum up decoded depth `[1, 1, H, W]` (NaN = none) and labels `[1, H, W]` on the grid."""
+def grid_from_outputs(depth: np.ndarray, labels: np.ndarray | None) -> SelfTestGrid:
+    """Summarize decoded depth `[1, 1, H, W]` (NaN = none) and labels `[1, H, W]` on the grid."""
     medians = [[_lower_median(cell) for cell in row] for row in _cells(depth[0, 0])]
     if labels is None:
-        return Answer(np.array(medians), labels=None, close_calls=0)
+        return SelfTestGrid(np.array(medians), labels=None, close_calls=0)
     votes = [[_majority(cell) for cell in row] for row in _cells(labels[0])]
-    return Answer(
+    return SelfTestGrid(
         np.array(medians),
         labels=np.array([[label for label, _ in row] for row in votes]),
         close_calls=sum(lead < CLOSE_CALL for row in votes for _, lead in row),

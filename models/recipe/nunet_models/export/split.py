@@ -15,7 +15,7 @@ OF_AN_INNER_STAGE = ("nunet.version", "nunet.classes", "nunet.inner_size")
 
 
 def split(fused: Path, out: Path, *, names: tuple[str, str] = ("segmentation", "depth")) -> None:
-    """Write `out`, the TOML of a staged graph, with one `STEM.NAME.onnx` per stage beside it.
+    """Write `out`, the TOML of a staged graph, and next to it one `STEM.NAME.onnx` per stage.
 
     The file is split at the features of the connected joint. The stages give the same results as
     the fused file, bit for bit: quantized features are dequantized on their way out and quantized

@@ -1,6 +1,6 @@
 """Networks with seeded random weights whose outputs still vary over an image.
 
-Tests and benchmarks need them: depth that is constant could not catch a mirrored image.
+Tests and benchmarks need them: constant depth could not detect a mirrored image.
 """
 
 import math
@@ -20,8 +20,8 @@ STATE_SPREAD = 2.0  # of the weights that add the state: depth changes by centim
 def untrained_graph(spec: GraphSpec, *, seed: int) -> SerialGraph:
     """A graph with weights drawn from `seed`, normalized on the self-test image.
 
-    Batch-norm statistics are those of the image, so that no activation dies on the way; heads
-    are shifted and scaled so that every class wins somewhere and depth spans a room.
+    Batch-norm statistics are those of the image, so that no activation vanishes; heads
+    are shifted and scaled so that every class occurs and depth covers the range of a room.
     """
     torch.manual_seed(seed)
     graph = SerialGraph(spec)
@@ -57,7 +57,7 @@ def _settle_batch_norm(module: nn.Module, x: torch.Tensor) -> None:
     module.eval()
     for norm, momentum in zip(norms, momenta, strict=True):
         norm.momentum = momentum
-        norm.running_var += norm.running_var.mean()  # else a quiet channel magnifies rounding
+        norm.running_var += norm.running_var.mean()  # small variances magnify rounding
 
 
 def _settle_head(head: nn.Conv2d | nn.Linear, raw: torch.Tensor, spec: GraphSpec) -> None:

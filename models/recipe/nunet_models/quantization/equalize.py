@@ -49,7 +49,8 @@ class Site:
 def equalize_channels(model: onnx.ModelProto, ranges: ChannelRanges) -> int:
     """Scale the channels of every site in place; returns how many sites there are.
 
-    Every channel of a site then reaches 1, or as far as what lies beside it and cannot be scaled.
+    Every channel of a site then reaches 1, or the range of the tensors that are concatenated with
+    it and cannot be scaled.
     Channels that are 0 over all calibration images are left as they are.
     """
     sites = _sites(model)
@@ -109,7 +110,7 @@ class _Links:
         )
 
     def channels(self, tensor: str) -> int | None:
-        """Channels of a tensor, by the convolutions that make it; None where they do not tell."""
+        """Channels of a tensor, from the convolutions that make it; None if unknown."""
         node = self.makers.get(tensor)
         if node is None:
             return None

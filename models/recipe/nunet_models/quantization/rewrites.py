@@ -15,11 +15,12 @@ Ranges = Callable[[list[str]], dict[str, float]]
 def balance_joints(model: onnx.ModelProto, ranges: Ranges) -> dict[str, float]:
     """Bring the features that cross a connected joint into the image's range; returns the factors.
 
-    One scale quantizes what a convolution reads. Where logits up to 20 lie beside an image within
-    1, a step of that scale is a seventh of the image. So the head that makes the logits is divided
-    by their range, and the weights that read them are multiplied by it: labels are the same, since
-    the greatest logit stays the greatest, and so is everything behind the joint. Features that are
-    0 over all calibration images have no range to be divided by, and are left as they are.
+    One scale quantizes what a convolution reads. Where logits up to 20 are concatenated with an
+    image within 1, a step of that scale is a seventh of the image. So the head that makes the
+    logits is divided by their range, and the weights that read them are multiplied by it: labels
+    are the same, since the greatest logit stays the greatest, and so are all later results.
+    Features that are 0 over all calibration images have no range to be divided by, and are left as
+    they are.
     """
     joints = list(_joints(model))
     if not joints:

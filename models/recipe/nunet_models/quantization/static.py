@@ -135,18 +135,18 @@ def _check_names(path: Path, model: onnx.ModelProto, keep: list[str]) -> None:
 
 def _save(model: onnx.ModelProto, values: dict[str, str], out: Path) -> None:
     """Write `model` with `values` and its own self-test, which is added to `values`."""
-    beside = out.with_suffix(".partial.onnx")
+    partial = out.with_suffix(".partial.onnx")
     try:
-        onnx.save(model, beside)
-        write_metadata(beside, values)
-        predictor = Predictor(beside)
+        onnx.save(model, partial)
+        write_metadata(partial, values)
+        predictor = Predictor(partial)
         image = selftest_image(*predictor.size[::-1])
-        selftest = quantized_selftest(beside, predictor.inputs(image), predictor)
+        selftest = quantized_selftest(partial, predictor.inputs(image), predictor)
         values["nunet.selftest"] = to_json(selftest)
-        write_metadata(beside, values)
-        beside.replace(out)
+        write_metadata(partial, values)
+        partial.replace(out)
     finally:
-        beside.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
 
 
 def _quantized(

@@ -24,7 +24,7 @@ RANDOM_CAMERAS = 6
 
 
 def problems() -> list[str]:
-    """What is wrong with the clip's camera and with random ones; nothing, if all is right."""
+    """What is wrong with the clip's camera and with random ones; empty if all is right."""
     found = _repeat_problems() + _camera_problems(Intrinsics(), turned(40, -21, 0))
     for number in range(RANDOM_CAMERAS):
         random = Random(number)

@@ -1,4 +1,4 @@
-"""Renders the drive: a robot's way through two rooms and a corridor, with poses."""
+"""Renders the drive: a robot's path through two rooms and a corridor, with poses."""
 
 from __future__ import annotations
 

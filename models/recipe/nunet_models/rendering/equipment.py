@@ -1,4 +1,4 @@
-"""Things of offices, kitchens and halls; each stands on its maker's origin."""
+"""Objects of offices, kitchens and halls; each stands on its maker's origin."""
 
 from __future__ import annotations
 
@@ -248,7 +248,7 @@ def column(maker: Maker, height: float) -> None:
 
 
 def small_thing(maker: Maker) -> None:
-    """One small thing, as lies on tables and floors."""
+    """One small object, as found on tables and floors."""
     random = maker.random
     color = tuple(random.uniform(0.02, 0.65) for _ in range(3))
     maker = maker.at(0, 0, turn=random.uniform(0, 360))

@@ -65,7 +65,7 @@ class RoomsFolder:
         return room in self.rooms
 
     def write_image(self, identity: str, image: Rendered) -> None:
-        """Image, depth and labels, each under its name only when it is whole."""
+        """Image, depth and labels, each renamed to its final name only when complete."""
         buffer = io.BytesIO()
         image.rgb.save(buffer, "JPEG", quality=image.quality)
         replace_file(self.path / f"rgb/{identity}.jpg", buffer.getvalue())
@@ -95,7 +95,7 @@ class RoomsFolder:
 
 
 def is_test_room(room: str, share: float) -> bool:
-    """Whether a room is kept for tests: by its name, so that it never changes sides."""
+    """Whether a room is kept for tests. The name decides, so that it never changes."""
     digest = hashlib.sha256(room.encode()).digest()
     return int.from_bytes(digest[:4], "big") / 2**32 < share
 
@@ -136,7 +136,7 @@ def append_lines(path: Path, lines: list[str], *, header: str | None = None) -> 
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that nobody reads half of it."""
+    """Write a file under a temporary name and rename it, so that no reader sees a partial file."""
     temporary = path.with_name(f".{path.name}.part")
     temporary.write_bytes(content)
     temporary.replace(path)

@@ -31,7 +31,7 @@ class Furnisher:
 
     @property
     def density(self) -> float:
-        """Factor on the number of things: large rooms hold more."""
+        """Factor on the number of objects: large rooms hold more."""
         return min(2.2, max(0.8, self.room.width * self.room.depth / 13))
 
     def some(self, call: Callable[[], None], low: int, high: int) -> None:

@@ -75,7 +75,7 @@ def _render_room(name: str, folder: RoomsFolder, photos: list[str], options: Opt
 def _render_views(
     name: str, views: list[View], renderer: FastRenderer, folder: RoomsFolder
 ) -> dict[str, tuple[Intrinsics, Placement]]:
-    """Render and write a room's views; what `finish_room` needs of them."""
+    """Render and write a room's views; what `finish_room` needs."""
     camera = add_camera(views[0].intrinsics, bpy.context.scene)
     written = {}
     for number, view in enumerate(views):

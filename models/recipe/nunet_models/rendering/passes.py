@@ -72,8 +72,8 @@ def with_noise(rgb: np.ndarray, random: np.random.Generator) -> np.ndarray:
 def truth() -> tuple[np.ndarray, np.ndarray]:
     """Depth in meters along the optical axis (NaN = none) and labels at pixel centers.
 
-    One ray per pixel through its center, without any filter; everything is opaque to it, so that a
-    window's depth is its pane's.
+    One ray per pixel through its center, without any filter; all surfaces count as opaque, so that
+    a window has the depth of its pane.
     """
     scene, layer = bpy.context.scene, bpy.context.view_layer
     layer.use_pass_z = layer.use_pass_object_index = True

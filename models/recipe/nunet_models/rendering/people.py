@@ -1,4 +1,4 @@
-"""Bodies like tailors' dummies in clothes, for obstacles that look like people."""
+"""Clothed mannequins as obstacles that look like people."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the camera stands in a random room: views that show something and are inside of nothing."""
+"""Where the camera stands in a random room: views that show objects and are not inside one."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from nunet_models.data.options import add_data_options, open_pairs
 from nunet_models.errors import ConfigError
 from nunet_models.evaluation.predict import Predictor
 from nunet_models.reporting.figures import (
-    Answer,
+    NetworkDepth,
     Panel,
     comparable_panels,
     evolution,
@@ -27,9 +27,15 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         type=Path,
         action="append",
         default=[],
-        help="an answer of `evaluate` or of `nunetd eval --json`",
+        help="a result of `evaluate` or `nunetd eval --json`",
     )
-    parser.add_argument("--model", type=Path, action="append", default=[], help="to show images")
+    parser.add_argument(
+        "--model",
+        type=Path,
+        action="append",
+        default=[],
+        help="model file whose depth images are shown",
+    )
     add_data_options(parser, required=False)
     parser.add_argument("--ids", type=Path, help="images to show with `--model`")
     parser.set_defaults(carry_out=run)
@@ -62,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _panels(options: argparse.Namespace) -> list[list[Panel]]:
-    """A row an image: input, truth, then every model's depth."""
+    """One row per image: input, truth, then each model's depth."""
     if not (options.data and options.ids):
         raise ConfigError("`--model` needs `--data` and `--ids`: which images to show")
     predictors = [Predictor(path) for path in options.model]
@@ -70,6 +76,8 @@ def _panels(options: argparse.Namespace) -> list[list[Panel]]:
     rows = []
     for index in range(len(pairs)):
         pair = pairs[index]
-        answers = [Answer(p.path.stem, p(pair.rgb).depth, metric=p.metric) for p in predictors]
-        rows.append([(pair.id, pair.rgb), *comparable_panels(pair.depth_m, answers)])
+        outputs = [
+            NetworkDepth(p.path.stem, p(pair.rgb).depth, metric=p.metric) for p in predictors
+        ]
+        rows.append([(pair.id, pair.rgb), *comparable_panels(pair.depth_m, outputs)])
     return rows

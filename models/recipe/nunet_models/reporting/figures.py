@@ -23,8 +23,8 @@ Panel = tuple[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Answer:
-    """A network's depth `[H, W]`, meters if `metric`, else 0 (nearest) to 1 of the image."""
+class NetworkDepth:
+    """A network's depth `[H, W]`: meters if `metric`, else 0 (nearest) to 1 (farthest)."""
 
     caption: str
     depth: np.ndarray
@@ -43,7 +43,7 @@ def loss_curves(runs: list[Path], out: Path) -> None:
         axes.set_prop_cycle(color=colormaps["tab10" if len(runs) <= MANY else "tab20"].colors)
     for run in runs:
         _plot_run(run, left, right)
-    # The first steps lose ten times what all others do: on an even scale these are one flat line.
+    # The first losses are ten times all others, which a linear scale would show as one flat line.
     left.set(xlabel="step", ylabel="training loss", yscale="log")
     right.set(xlabel="epoch", ylabel="validation")
     right.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -88,18 +88,18 @@ def side_by_side(rows: list[list[Panel]], out: Path) -> None:
     figure.savefig(out, dpi=DPI)
 
 
-def comparable_panels(truth_m: np.ndarray, answers: list[Answer]) -> list[Panel]:
-    """The truth and every answer in one unit: meters, or all 0..1 where one answer has no meters.
+def comparable_panels(truth_m: np.ndarray, outputs: list[NetworkDepth]) -> list[Panel]:
+    """The truth and all outputs in one unit: meters, or all 0..1 if one of them is not metric.
 
-    What is in meters is then stretched from its nearest to its farthest point, as the paper does.
+    Metric depth is then stretched from its nearest to its farthest point, as in the paper.
     """
-    if all(answer.metric for answer in answers):
-        return [("truth", truth_m)] + [(answer.caption, answer.depth) for answer in answers]
+    if all(output.metric for output in outputs):
+        return [("truth", truth_m)] + [(output.caption, output.depth) for output in outputs]
     known = np.isfinite(truth_m)
     panels: list[Panel] = [("truth, 0..1", stretched(truth_m, known))]
-    for answer in answers:
-        depth = stretched(answer.depth, known) if answer.metric else answer.depth
-        panels.append((answer.caption, depth))
+    for output in outputs:
+        depth = stretched(output.depth, known) if output.metric else output.depth
+        panels.append((output.caption, depth))
     return panels
 
 

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from nunet_models.answer import by_name
 from nunet_models.errors import DataError
 from nunet_models.metrics import METRICS
+from nunet_models.results import by_name
 
 PAPER_MSE = {
     "unet": 0.0436,
@@ -26,10 +26,10 @@ _COLUMNS = (
 
 
 def read_evaluation(path: Path) -> dict[str, Any]:
-    """An answer of `evaluate` or of `nunetd eval --json`, its `model` by name.
+    """Read a result of `evaluate` or `nunetd eval --json`; its `model` becomes the name alone.
 
     # Errors
-    `DataError` naming a file that is none.
+    `DataError` naming a file that is not such a result.
     """
     try:
         values = by_name(json.loads(path.read_text(encoding="utf-8")))
@@ -38,14 +38,14 @@ def read_evaluation(path: Path) -> dict[str, Any]:
         values["minmax"], values["metrics"], values["pictures"]
     except (ValueError, AttributeError, KeyError, TypeError) as error:
         raise DataError(
-            f"`{path}` is not an answer of `evaluate`: {error}",
-            hint="`evaluate` and `nunetd eval --json` write such answers",
+            f"`{path}` is not a result of `evaluate`: {error}",
+            hint="`evaluate` and `nunetd eval --json` write such results",
         ) from error
     return values
 
 
 def metric_table(evaluations: list[dict[str, Any]]) -> str:
-    """A row a model in meters, then the mean image where an evaluation has it.
+    """One row per model with metric depth, then the mean image where an evaluation has it.
 
     Metrics are pooled over all pixels; the RMSE is given as the mean over images as well.
     """
@@ -66,7 +66,7 @@ def metric_table(evaluations: list[dict[str, Any]]) -> str:
 
 
 def paper_table(evaluations: list[dict[str, Any]]) -> str:
-    """A row a model on depth stretched per image, beside the paper's value."""
+    """One row per model: metrics of depth stretched per image, and the paper's value."""
     rows = [("model", "best epoch", "MSE", "RMSE", "paper's MSE")]
     for found in evaluations:
         minmax = found["minmax"]
@@ -90,7 +90,7 @@ def markdown(rows: list[tuple[str, ...]]) -> str:
 
 
 def _cells(found: dict[str, Any]) -> list[str]:
-    # Answers of earlier versions have no `picture_mean`.
+    # Results of earlier versions have no `picture_mean`.
     return [_n((found.get(group) or {}).get(name)) for group, name in _COLUMNS]
 
 

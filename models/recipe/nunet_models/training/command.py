@@ -45,7 +45,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         help="continue the run in the folder, with the options it was started with; other "
         "`--epochs`, `--threads`, `--workers` and `--validate-every` are taken as given now",
     )
-    parser.add_argument("--minutes", type=float, help="stop after so long, to be resumed")
+    parser.add_argument(
+        "--minutes", type=float, help="stop after this time; continue with `--resume`"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     add_data_options(parser, required=False)
     add_cache_option(parser)
@@ -111,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
     torch.manual_seed(settings.seed)
     graph, before = build_graph(options)
     feed = _sets_feed(options) if options.sets else _folder_feed(options, graph.spec)
-    _say_camera(options, graph.spec, resuming=last.exists())
+    _print_assumed_camera(options, graph.spec, resuming=last.exists())
     before.provenance[settings.component] = run_provenance(options, feed.provenance(options))
     trainer = Trainer(graph, settings, feed=feed, folder=options.folder, before=before)
     if options.resume and last.exists():
@@ -158,8 +160,8 @@ def _check_labels(options: argparse.Namespace, spec: GraphSpec) -> None:
         )
 
 
-def _say_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool) -> None:
-    """Print the camera that is assumed if none was given: the scale of depth depends on it."""
+def _print_assumed_camera(options: argparse.Namespace, spec: GraphSpec, *, resuming: bool) -> None:
+    """Print the camera that is assumed if none was given: it sets the scale of depth."""
     given = options.intrinsics or options.start or options.sets or resuming
     if given or options.data.suffix == MAT_SUFFIX or spec.encoding != "metric":
         return
@@ -183,7 +185,7 @@ def _check_ids(options: argparse.Namespace) -> None:
         raise ConfigError(
             f"`{options.train_ids}` and `{options.val_ids}` share {len(shared)} ids: {some}"
             f"{' ...' if len(shared) > SHARED_SHOWN else ''}",
-            hint="what was trained on tells nothing in validation, so keep these in one list alone",
+            hint="keep each id in one list only: validation needs images that were not trained on",
         )
     if len(train) < options.batch:
         raise ConfigError(

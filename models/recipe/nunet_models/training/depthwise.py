@@ -2,7 +2,7 @@
 
 oneDNN 3.x has no fast kernel for the gradients of 5x5 and of strided depth-wise layers: of a step
 of an EfficientNet-Lite0 U-Net (bfloat16, batch 8, two cores with AMX) they take 0.6 of 1.2 s.
-`depthwise.cpp` takes a tenth of that. All else stays PyTorch's own.
+`depthwise.cpp` takes a tenth of that. Everything else is computed by PyTorch.
 """
 
 import functools
@@ -108,8 +108,8 @@ class _Same(Conv2dSame):
 _QUICK = {nn.Conv2d: _Plain, Conv2dSame: _Same}
 
 
-def quicken(module: nn.Module) -> None:
-    """Let the slow depth-wise layers of `module` train by kernels of our own in bfloat16.
+def use_fast_kernels(module: nn.Module) -> None:
+    """Train the slow depth-wise layers of `module` with `depthwise.cpp`, in bfloat16.
 
     Weights keep their names, and evaluation stays as it was.
     """
@@ -119,7 +119,7 @@ def quicken(module: nn.Module) -> None:
 
 
 def _slow(conv: nn.Conv2d) -> bool:
-    """Whether oneDNN is slow at it and `depthwise.cpp` knows it."""
+    """Whether oneDNN is slow for it and `depthwise.cpp` supports it."""
     depthwise = conv.groups == conv.in_channels == conv.out_channels
     square = conv.kernel_size[0] == conv.kernel_size[1] and conv.stride[0] == conv.stride[1]
     known = conv.kernel_size[0] in {3, 5} and conv.in_channels % _LANES == 0

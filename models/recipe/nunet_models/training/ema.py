@@ -10,8 +10,9 @@ class Averaged:
     """A copy of `module` whose weights and statistics follow it slowly.
 
     Polyak and Juditsky 1992; the decay starts low, `(1 + step) / (10 + step)`, so that the random
-    beginning is forgotten (as TensorFlow's ExponentialMovingAverage does). With a decay of 0 the
-    average is `module` itself, and no second set of weights passes through memory at each step.
+    initial weights soon count little (as TensorFlow's ExponentialMovingAverage does). With a decay
+    of 0 the average is `module` itself, and no second set of weights passes through memory at each
+    step.
     """
 
     def __init__(self, module: nn.Module, decay: float) -> None:

@@ -1,4 +1,4 @@
-"""What a training reads: one folder (`--data`), or the cameras of a dataset list (`--sets`)."""
+"""The data of a training: one folder (`--data`), or the cameras of a dataset list (`--sets`)."""
 
 import argparse
 from collections.abc import Iterable, Iterator
@@ -128,7 +128,7 @@ class SetsFeed:
     def epoch(
         self, graph: SerialGraph, settings: Settings, epoch: int, first: int
     ) -> Iterator[Batch]:
-        """Batches of an epoch from batch `first` on; folders that grow are read again first."""
+        """Batches of an epoch from batch `first` on, after listing growing folders again."""
         self.train.refresh()
         return mixed_batches(
             self.train,

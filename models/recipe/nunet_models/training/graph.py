@@ -1,4 +1,4 @@
-"""The graph to train: the options that say which, and where its weights begin."""
+"""The graph to train: the options that say which, and where its initial weights come from."""
 
 import argparse
 from dataclasses import replace
@@ -79,7 +79,7 @@ def _add_start_options(group: argparse._ArgumentGroup) -> None:
 
 
 def _graph_spec(options: argparse.Namespace, before: Checkpoint | None) -> GraphSpec:
-    """The graph as the options and the checkpoint to start from say."""
+    """The graph that the options and the checkpoint to start from describe."""
     if before is not None:
         _check_of_start(options, before.spec)
     spec = before.spec if before is not None else _spec(options)
@@ -153,7 +153,7 @@ def _earlier(graph: SerialGraph, options: argparse.Namespace) -> Component:
 
 
 def require_shape(camera: Camera, train: Cached) -> None:
-    """The camera's images and those of the data may differ in size, not in shape."""
+    """Check that the camera's images and the data have the same aspect ratio."""
     height, width = train.depth.shape[1:]
     if camera.width * height != camera.height * width:
         raise ConfigError(
@@ -164,7 +164,7 @@ def require_shape(camera: Camera, train: Cached) -> None:
 
 
 def _check_of_start(options: argparse.Namespace, spec: GraphSpec) -> None:
-    """Refuse what would make another graph than that of `--start`, which is taken whole."""
+    """Refuse options that describe another graph than that of `--start`, which is used whole."""
     if options.tasks or options.sigmoid_joint:
         raise ConfigError(
             "`--start` takes tasks and sigmoids from its checkpoint",

@@ -35,7 +35,7 @@ class RunLog:
     def prediction(self, epoch: int, image: np.ndarray) -> None:
         """Save the prediction for the image of `--show`, `[H, W]`, for reports.
 
-        Every second pixel and half precision do for a figure.
+        Every second pixel and half precision are enough for a figure.
         """
         folder = self.folder / EVOLUTION
         folder.mkdir(exist_ok=True)

@@ -11,11 +11,11 @@ from nunet_models.data.sets.mixture import Mixture, mixture_summary
 
 
 def run_provenance(options: argparse.Namespace, data: dict[str, Any]) -> dict[str, Any]:
-    """Data, where the weights began, and what the settings do not hold, of one component's run.
+    """Data, initial weights and what is not in the settings of one component's run.
 
     `data` is `folder_provenance` or `sets_provenance`.
-    `origin` names what the options gave and is empty where all weights began at random. Files and
-    folders are named without the way to them, which is a matter of the machine.
+    `origin` names the weights that options gave and is empty for random weights. Files and
+    folders are recorded by name, without their path, which differs between machines.
     """
     return {
         "data": data,

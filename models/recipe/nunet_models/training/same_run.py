@@ -1,4 +1,4 @@
-"""What of a run's graph, data and weights differs from what options describe, option by option."""
+"""Differences of a run's graph, data and weights from what the options describe, per option."""
 
 from typing import Any
 
@@ -110,7 +110,7 @@ def _origins(origin: dict[str, Any]) -> dict[str, Any]:
 
 
 def _content(value: object) -> object:
-    """What of a value decides whether it is the same: of a file its content."""
+    """The part of a value that is compared: the content of a file."""
     if isinstance(value, dict):
         return value.get("component"), value["sha256"]
     return value.replace(" ", "") if isinstance(value, str) else value
@@ -118,10 +118,10 @@ def _content(value: object) -> object:
 
 def difference(option: str, value: object, given: object) -> str:
     """An option as it was and as it is given now."""
-    return f"{_said(option, value)}, given {_said(option, given)}"
+    return f"{_as_written(option, value)}, given {_as_written(option, given)}"
 
 
-def _said(option: str, value: object) -> str:
+def _as_written(option: str, value: object) -> str:
     """An option and its value as on the command line; `no OPTION` without one."""
     if value is None or value == "":
         return f"no `{option}`"

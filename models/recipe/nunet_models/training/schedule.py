@@ -10,7 +10,7 @@ def learning_rate_factor(
 ) -> float:
     """Factor of the learning rate before step `step` (from 0) of `steps`.
 
-    `cosine`: linear from nothing over the share `warmup`, then half a cosine down to `final`
+    `cosine`: linear from 0 over the share `warmup`, then half a cosine down to `final`
     (Loshchilov and Hutter, "SGDR", 2017). `constant`: 1 throughout, as the paper trained.
     """
     if schedule == "constant":

@@ -57,12 +57,12 @@ class Settings:
     `scale_invariant:LAMBDA=WEIGHT`); `smoothing` and `class_power` for
     segmentation: classes weigh as their frequency to the power `-class_power`. `joint_noise` is
     the probability that an image's features from the component before are withheld, and sets how
-    much they are scaled: a frozen component is surer of images it was trained on than it will
-    be of others, and the next one must not learn to trust that. `unfrozen` lets the earlier
-    components learn along, from this component's loss alone. `validate_every` is how many epochs
-    lie between two validations; the last epoch is always validated. `workers` prepare batches in
-    processes of their own; with 0 the training does it itself, which is quicker where augmentation
-    is little work: a fork breaks the parent's huge pages.
+    much they are scaled: a frozen component is more confident on images it was trained on than on
+    others, and the next one must not rely on that. `unfrozen` lets the earlier components learn
+    along, from this component's loss alone. `validate_every` is how many epochs lie between two
+    validations; the last epoch is always validated. `workers` prepare batches in processes of their
+    own; with 0 the training does it itself, which is quicker where augmentation is little work:
+    forking splits the parent's huge pages.
 
     `patch` trains on parts of the views of `--sets`, of this share of each side: pixels are as
     large as in the whole view, so that the weights fit, and a step takes less time.
@@ -111,7 +111,7 @@ class Settings:
         return asdict(self)
 
     def differences(self, started: dict[str, Any]) -> list[str]:
-        """What differs from the settings that a run was started with (`to_json`'s answer).
+        """What differs from the settings that a run was started with (`to_json`'s result).
 
         One phrase per option, except those of `MAY_CHANGE`. A setting that `started` lacks was
         added after that run, which had its default.

@@ -1,4 +1,4 @@
-"""Training of one component of a serial graph, the earlier ones frozen or along with it."""
+"""Training of one component of a serial graph, the earlier ones frozen or trained with it."""
 
 import copy
 import time
@@ -17,7 +17,7 @@ from nunet_models.data.cache import REACH_M
 from nunet_models.data.encode import encoded_depth
 from nunet_models.errors import ConfigError
 from nunet_models.losses import cross_entropy, parse_loss, weighted_depth_loss
-from nunet_models.training.depthwise import quicken
+from nunet_models.training.depthwise import use_fast_kernels
 from nunet_models.training.ema import Averaged
 from nunet_models.training.feed import Feed
 from nunet_models.training.log import RunLog
@@ -28,7 +28,7 @@ from nunet_models.zoo import Component, SerialGraph
 from nunet_models.zoo.checkpoint import Checkpoint
 from nunet_models.zoo.deploy import normalize
 
-SAVE_EVERY_S = 480.0  # a lost process costs at most this much work
+SAVE_EVERY_S = 480.0  # a crash loses at most this much work
 LOG_EVERY = 20  # steps of which a row of the log is the mean; an epoch's last row may have fewer
 OPTIMIZERS = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
 
@@ -69,7 +69,7 @@ class Trainer:
         for component in self.trained:
             component.train()
             if settings.compile and settings.bf16:
-                quicken(component)
+                use_fast_kernels(component)
         self.averages = [Averaged(component, settings.ema) for component in self.trained]
         self.optimizer = _optimizer(self.trained, settings)
         self.weights = _class_weights(feed, graph, settings) if self.segments else None
@@ -163,7 +163,7 @@ class Trainer:
             group["lr"] = group["base_lr"] * factor
         loss = self._loss(batch, *forward)
         value = loss.item()
-        if not np.isfinite(value):  # before any weight is lost to it
+        if not np.isfinite(value):  # before it reaches the weights
             raise ConfigError(
                 f"the loss is {value} at step {self.step + 1}",
                 hint="lower `--lr` in another `--run`",
@@ -260,7 +260,7 @@ class Trainer:
         ).save(self.folder / (self.BEST if best else self.LAST))
 
     def resume(self) -> None:
-        """Go on from `LAST`: the same losses follow as if nothing had happened.
+        """Continue from `LAST`, with the same losses as an uninterrupted run.
 
         # Errors
         `ConfigError` when the run in the folder is of another graph or another component, or was
@@ -308,7 +308,7 @@ class Trainer:
 
 
 def _score(metrics: dict[str, float]) -> float:
-    """More is better: mIoU of labels; of depth the negative RMSE, or AbsRel of several sets."""
+    """More is better: mIoU of labels; negative RMSE of depth, or AbsRel of several sets."""
     if "miou" in metrics:
         return metrics["miou"]
     return -metrics["rmse"] if "mse" in metrics else -metrics["abs_rel"]

@@ -22,11 +22,11 @@ def validate(
 ) -> dict[str, float]:
     """Depth or label metrics of component `component` over `data`, at the images' own size.
 
-    Metric depth is cropped as `EIGEN` where the size fits; labels, and depth of a network that
-    gives it stretched, are compared over the whole image.
+    Metric depth is cropped as `EIGEN` where the size fits; labels, and stretched depth, are
+    compared over the whole image.
 
     # Errors
-    `ConfigError` where no pixel has both truth and an answer.
+    `ConfigError` if no pixel has both truth and a prediction.
     """
     spec = graph.spec
     segments = spec.components[component].task == "segmentation"
@@ -43,7 +43,7 @@ def validate(
     values = metrics.values()
     if not values:
         raise ConfigError(
-            "no pixel of the validation images has both truth and an answer",
+            "no pixel of the validation images has both truth and a prediction",
             hint=f"of images of {EIGEN.size}, metric depth is compared within Eigen's crop alone",
         )
     return values
@@ -52,7 +52,7 @@ def validate(
 def predictions(
     graph: SerialGraph, data: Cached, *, component: int, batch: int, bf16: bool, workers: int
 ) -> Iterator[np.ndarray]:
-    """What component `component` gives for every image in order, `[H, W]` at its own size.
+    """The prediction of component `component` for each image in order, `[H, W]` at its own size.
 
     Labels uint8, or depth float32 in the graph's encoding, as the model file gives them.
     """

@@ -9,7 +9,7 @@ from PIL import Image
 
 from nunet_models.data.sets.mixture import Mixture
 from nunet_models.errors import ConfigError
-from nunet_models.evaluation.sets import set_figures
+from nunet_models.evaluation.sets import set_metrics
 from nunet_models.metrics import LabelMetrics
 from nunet_models.zoo import SerialGraph
 from nunet_models.zoo.deploy import FromInner, ToInner
@@ -22,10 +22,10 @@ def validate_sets(
 ) -> dict[str, float]:
     """`abs_rel`, `delta1`, ... as the mean over sets, and `SET.abs_rel`, ... of each set.
 
-    Of a component that segments: `miou` and `accuracy` over all images with labels.
+    For a component that segments: `miou` and `accuracy` over all images with labels.
 
     # Errors
-    `ConfigError` where no pixel has both truth and an answer, and for stretched depth.
+    `ConfigError` if no pixel has both truth and a prediction, and for stretched depth.
     """
     spec = graph.spec
     if spec.components[component].task == "segmentation":
@@ -34,11 +34,11 @@ def validate_sets(
         raise ConfigError("a dataset list needs a graph with metric depth (`--encoding metric`)")
     predict = depth_of(graph, component=component, bf16=bf16)
     by_set = {
-        images.entry.name: set_figures(images, predict, training=spec.camera) for images in val.sets
+        images.entry.name: set_metrics(images, predict, training=spec.camera) for images in val.sets
     }
     measured = {name: found for name, found in by_set.items() if "abs_rel" in found}
     if not measured:
-        raise ConfigError("no pixel of the validation sets has both truth and an answer")
+        raise ConfigError("no pixel of the validation sets has both truth and a prediction")
     metrics = {k: float(np.mean([f[k] for f in measured.values()])) for k in METRICS}
     for name, found in measured.items():
         metrics |= {f"{name}.{k}": found[k] for k in METRICS}
@@ -48,7 +48,7 @@ def validate_sets(
 def depth_of(
     graph: SerialGraph, *, component: int, bf16: bool
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The graph as a model file answers: an image of any size to depth at that size."""
+    """Runs the graph as a model file would: an image of any size to depth at that size."""
     spec = graph.spec
     to_inner, from_inner = ToInner(spec), FromInner(spec)
 

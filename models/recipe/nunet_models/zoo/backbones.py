@@ -94,8 +94,8 @@ def build_unet(
     """A U-Net with random weights and a linear head: `[B, in, h, w]` to `[B, out, h, w]`.
 
     `drop_path` is for timm's backbones (Huang et al., "Deep networks with stochastic depth",
-    2016). segmentation_models_pytorch's own know none and take no notice, so that checkpoints which
-    name one still load: `check_drop_path` is for new ones.
+    2016). segmentation_models_pytorch's own backbones ignore it, so that checkpoints that have one
+    still load; `check_drop_path` refuses it for new ones.
 
     # Errors
     `ConfigError` for an unknown backbone, one that the library cannot build a U-Net of, or one of

@@ -1,4 +1,4 @@
-"""Checkpoints: written atomically; reading one that does not fit is a clear error."""
+"""Checkpoints: written atomically; reading an incompatible one is an error."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,7 +37,7 @@ class Checkpoint:
         return graph.eval()
 
     def halved(self) -> Self:
-        """The same to start from, in half the size: convolutions in 16 bits, no optimizer."""
+        """The checkpoint in half the size, to start from: convolutions in 16 bits, no optimizer."""
         weights = {
             name: tensor.half() if tensor.is_floating_point() and tensor.dim() > 1 else tensor
             for name, tensor in self.weights.items()
@@ -69,7 +69,7 @@ class Checkpoint:
 
     def save(self, path: Path) -> None:
         """Write to `path` atomically: a crash keeps the earlier file."""
-        beside = path.with_suffix(".partial")
+        partial = path.with_suffix(".partial")
         torch.save(
             {
                 "version": VERSION,
@@ -80,9 +80,9 @@ class Checkpoint:
                 "settings": _renamed(self.settings, _SETTINGS_IN_FILE),
                 "provenance": self.provenance,
             },
-            beside,
+            partial,
         )
-        beside.replace(path)
+        partial.replace(path)
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -96,7 +96,7 @@ class Checkpoint:
         try:
             values = torch.load(path, weights_only=True, map_location="cpu")
             version = values.pop("version")
-        except Exception as error:  # its text suggests an unsafe way to load the file: not shown
+        except Exception as error:  # not shown: suggests an unsafe way to load
             raise ConfigError(
                 f"`{path}` is not a checkpoint of this package, or damaged",
                 hint="`train` writes `last.pt` and `best.pt`",

@@ -52,7 +52,7 @@ class Component(nn.Module):
 
     @property
     def head(self) -> nn.Conv2d | nn.Linear:
-        """The last layer, which gives the raw numbers."""
+        """The last layer, which outputs the raw numbers."""
         return self.dense.head if hasattr(self, "dense") else self.unet.segmentation_head[0]
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -64,7 +64,7 @@ class Component(nn.Module):
         return self._decoded(self.unet.encoder(x))
 
     def with_state(self, x: torch.Tensor, state: State) -> tuple[torch.Tensor, State]:
-        """Raw numbers of the next image of a stream, and the state to give with the one after."""
+        """Raw numbers of the next image of a stream, and the state to pass with the one after."""
         maps = list(self.unet.encoder(x))
         maps[-1], *state = self.memory(maps[-1], *state)
         return self._decoded(maps), tuple(state)
@@ -107,13 +107,13 @@ class Component(nn.Module):
 
 
 def _last_map(encoder: nn.Module, in_channels: int, size: tuple[int, int]) -> tuple[int, int]:
-    """Height and width of an encoder's last map: some round a side up that 32 does not divide.
+    """Height and width of an encoder's last map; sides that 32 does not divide may be rounded up.
 
-    Found by a pass without numbers, on torch's meta device.
+    Found by a pass on torch's meta device, without data.
     """
     everything = chain(encoder.named_parameters(), encoder.named_buffers())
     shapes = {name: torch.empty_like(tensor, device="meta") for name, tensor in everything}
-    encoder.eval()  # batch norm refuses to learn from one value per channel
+    encoder.eval()  # batch norm cannot train on one value per channel
     image = torch.empty(1, in_channels, *size, device="meta")
     last = functional_call(encoder, shapes, (image,))[-1]
     encoder.train()

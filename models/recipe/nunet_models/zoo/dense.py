@@ -1,7 +1,7 @@
-"""The paper's CNN and RCNN: few convolutions, then dense layers that give every pixel.
+"""The paper's CNN and RCNN: few convolutions, then dense layers that output every pixel.
 
 Layer for layer the paper's published Keras code (convolutions without padding), scaled by
-`width` only for tests. They are bound to one image size, unlike a U-Net.
+`width` only for tests. Unlike a U-Net they work at one image size only.
 """
 
 import torch

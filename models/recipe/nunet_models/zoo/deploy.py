@@ -64,8 +64,8 @@ class FromInner(nn.Module):
         """Logits `[1, C, h, w]` to labels, uint8 `[1, H, W]`.
 
         ArgMax runs at the inner size and each label is then repeated: comparing interpolated
-        logits would cost the square of the factor more for edges no truer. ONNX Runtime resizes
-        bytes in half the time that Expand and Reshape take.
+        logits would cost the square of the factor more, without more accurate edges. ONNX Runtime
+        resizes bytes in half the time that Expand and Reshape take.
         """
         labels = logits.argmax(dim=1, keepdim=True).to(torch.uint8)
         if self.spec.downsampling != (1, 1):
@@ -83,7 +83,7 @@ class FusedModel(nn.Module):
         self.from_inner = FromInner(graph.spec)
         tasks = [c.task for c in graph.spec.components]
         segmenting = [index for index, task in enumerate(tasks) if task == "segmentation"]
-        self.segments = segmenting[-1] if segmenting else None  # the last one has seen the most
+        self.segments = segmenting[-1] if segmenting else None  # trained the longest
 
     def forward(self, rgb: torch.Tensor, *state: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Tensors in the order of `input_names` to tensors in the order of `output_names`.
@@ -124,9 +124,9 @@ class FusedModel(nn.Module):
 class StageModel(nn.Module):
     """One component of a serial graph as a model file of its own.
 
-    Reads `rgb` where it sees the image and `features` (the raw numbers before it, `[1, C, h, w]`)
-    where it is not the first. The last stage gives `depth`; an inner one gives `logits` and, if
-    it segments, `labels`.
+    Reads `rgb` if it is connected to the image, and `features` (raw numbers of the previous stage,
+    `[1, C, h, w]`) unless it is the first. The last stage gives `depth`; an inner one gives
+    `logits` and, if it segments, `labels`.
     """
 
     def __init__(self, graph: SerialGraph, index: int) -> None:

@@ -19,7 +19,7 @@ def _segmentation(backbone: str) -> ComponentSpec:
 
 
 ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
-    # the paper's systems without a U-Net before them
+    # the paper's systems without a U-Net in front
     "cnn": lambda _: (ComponentSpec("depth", "depth", "cnn"),),
     "rcnn": lambda _: (ComponentSpec("depth", "depth", "rcnn"),),
     "unet": lambda b: (_unet("depth", "depth", b),),
@@ -27,14 +27,14 @@ ARCHITECTURES: dict[str, Callable[[str], tuple[ComponentSpec, ...]]] = {
     "unet_cnn": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", "cnn", False)),
     "unet_rcnn": lambda b: (_segmentation(b), ComponentSpec("depth", "depth", "rcnn", False)),
     "wnet": lambda b: (_segmentation(b), _unet("depth", "depth", b, connected=False)),
-    # W-Net Connected: the depth U-Net sees the image beside the logits
+    # W-Net Connected: the depth U-Net sees the image and the logits
     "wnet_c": lambda b: (_segmentation(b), _unet("depth", "depth", b)),
     "wnet_c_lstm": lambda b: (
         _segmentation(b),
         ComponentSpec("depth", "depth", b, memory=MEMORY_UNITS),
     ),
 }
-"""Each from the name of its backbone; `nunetN` and `nunetN_c` beside these for any N."""
+"""Each from the name of its backbone; `nunetN` and `nunetN_c` exist for any N as well."""
 
 _SERIES = re.compile(r"nunet(?P<count>[1-9]\d?)(?P<connected>_c)?")
 

@@ -11,8 +11,8 @@ class SerialGraph(nn.Module):
     """Components in series; each later one reads the raw numbers of the one before it.
 
     A *connected* component reads the image as well, image channels first. Raw numbers cross the
-    joint (a sigmoid only where the spec keeps the paper's): softmax would hide how sure the
-    earlier component is, and costs time.
+    joint (a sigmoid only where the spec keeps the paper's): softmax would hide the confidence of
+    the earlier component, and costs time.
     """
 
     def __init__(self, spec: GraphSpec) -> None:
@@ -45,7 +45,7 @@ class SerialGraph(nn.Module):
         return outputs
 
     def with_state(self, image: torch.Tensor, state: State) -> tuple[list[torch.Tensor], State]:
-        """The same for the next image of a stream; the last component carries the state."""
+        """As `forward`, for the next image of a stream; the last component carries the state."""
         outputs: list[torch.Tensor] = []
         for component in self.components[:-1]:
             outputs.append(component(self.joint(image, outputs)))

@@ -1,4 +1,4 @@
-"""What a serial graph is made of, as plain data: kept in checkpoints and in the model file."""
+"""The parts of a serial graph as plain data, kept in checkpoints and in the model file."""
 
 import re
 from dataclasses import asdict, dataclass, field, replace
@@ -85,7 +85,7 @@ NYU_CAMERA = Camera(width=640, height=480, fx=518.858, fy=519.470)
 class GraphSpec:
     """A serial graph with its sizes and its depth encoding.
 
-    Sizes are (height, width) in pixels. `input_size` is what the model file takes and gives;
+    Sizes are (height, width) in pixels. `input_size` is that of the model file's input and outputs;
     `inner_size`, where the components work, divides it without remainder.
     """
 
@@ -94,8 +94,8 @@ class GraphSpec:
     input_size: tuple[int, int] = (480, 640)
     inner_size: tuple[int, int] = (240, 320)
     encoding: Encoding = "metric"
-    min_m: float = 0.3  # nearer than any training sample, also after augmentation
-    max_m: float = 12.0  # a fifth beyond the training sensor's reach of 10 m
+    min_m: float = 0.3  # below any depth in training, also after augmentation
+    max_m: float = 12.0  # a fifth beyond the training sensor's range of 10 m
     classes: tuple[str, ...] = CLASSES_13
     camera: Camera = field(default=NYU_CAMERA)
 
@@ -136,7 +136,7 @@ class GraphSpec:
         raise ConfigError(f"no component `{name}` in `{self.architecture}`", hint=f"{names}")
 
     def outputs_of(self, component: ComponentSpec) -> int:
-        """Channels that a component gives: one logit per class, or one number of depth."""
+        """Output channels of a component: one logit per class, or one depth value."""
         return len(self.classes) if component.task == "segmentation" else 1
 
     def with_sizes(self, *, input_size: tuple[int, int], inner_size: tuple[int, int]) -> Self:

@@ -46,7 +46,7 @@ class Pinhole:
 
 @dataclass(frozen=True)
 class Row:
-    """What `intrinsics.csv` says of one image, and where."""
+    """One image's row of `intrinsics.csv`, and its place in the file."""
 
     camera: Pinhole
     sensor: str = ""

@@ -19,7 +19,7 @@ class ViewRanges:
     """How far views differ from the images.
 
     `zoom` is the usual range of the focal length's factor; with `near_chance` it is drawn from
-    `near_zoom` instead, which brings rooms as near as a desk. All are drawn evenly in the
+    `near_zoom` instead, which makes rooms as near as a desk. All are drawn evenly in the
     logarithm. `turn_chance` is that of a roll and a pitch up to these angles in degrees.
     `coverage` is the least share of a view that the image must fill. `whole_chance` is that of a
     view without a zoom: the whole image, as nunetd shows it to the network. `square_chance` is
@@ -106,7 +106,7 @@ def drawn_view(
     if random.random() >= ranges.turn_chance:
         return view
     roll, pitch = random.triangular(-1, 0, 1, 2) * np.array([ranges.roll_deg, ranges.pitch_deg])
-    if random.random() < 0.3:  # the far ends of the range as well
+    if random.random() < 0.3:  # also the ends of the range
         roll = random.uniform(-ranges.roll_deg, ranges.roll_deg)
     for half in range(TRIES):
         turned = replace(view, roll=roll / 2**half, pitch=pitch / 4**half)

@@ -159,7 +159,7 @@ class CameraSet:
 
     def _check_unit(self, image: CameraImage) -> None:
         known = image.pair.depth_m[np.isfinite(image.pair.depth_m)]
-        if self.entry.depth_range[1] < math.inf:  # judged by what the sensor gave
+        if self.entry.depth_range[1] < math.inf:  # computed from the sensor's unmasked depth
             known = self.pairs[self.ids.index(image.pair.id)].depth_m
             known = known[np.isfinite(known)]
         if known.size and (median := float(np.median(known))) > MEDIAN_LIMIT_M:

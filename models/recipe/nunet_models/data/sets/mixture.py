@@ -80,7 +80,7 @@ def open_dataset_list(path: Path) -> tuple[Mixture, Mixture]:
 
 
 def _check_apart(train: Mixture, val: Mixture) -> None:
-    """What was trained on says nothing in validation."""
+    """Refuse images or scenes that are in both training and validation sets."""
     known: dict[tuple[Path, str], str] = {}
     for of in train.sets:
         for place, identity in enumerate(of.ids):
