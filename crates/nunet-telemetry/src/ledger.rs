@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "closed once")]
+    #[should_panic(expected = "ends once")]
     fn finishing_a_frame_twice_panics() {
         let ledger = Ledger::default();
         ledger.captured();
