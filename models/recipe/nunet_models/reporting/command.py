@@ -29,13 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         default=[],
         help="a result of `evaluate` or `nunetd eval --json`",
     )
-    parser.add_argument(
-        "--model",
-        type=Path,
-        action="append",
-        default=[],
-        help="model file whose depth images are shown",
-    )
+    parser.add_argument("--model", type=Path, action="append", default=[], help="draw its depth")
     add_data_options(parser, required=False)
     parser.add_argument("--ids", type=Path, help="images to show with `--model`")
     parser.set_defaults(carry_out=run)
@@ -76,8 +70,6 @@ def _panels(options: argparse.Namespace) -> list[list[Panel]]:
     rows = []
     for index in range(len(pairs)):
         pair = pairs[index]
-        outputs = [
-            NetworkDepth(p.path.stem, p(pair.rgb).depth, metric=p.metric) for p in predictors
-        ]
-        rows.append([(pair.id, pair.rgb), *comparable_panels(pair.depth_m, outputs)])
+        shown = [NetworkDepth(p.path.stem, p(pair.rgb).depth, metric=p.metric) for p in predictors]
+        rows.append([(pair.id, pair.rgb), *comparable_panels(pair.depth_m, shown)])
     return rows
