@@ -379,6 +379,31 @@ fn a_camera_that_looks_straight_down_sees_all_around() {
 }
 
 #[test]
+fn a_larger_image_gives_what_its_second_pixels_give() {
+    let scene = [GROUND, Block::new((1.5, 1.8), (-0.3, 0.3), (0.0, 0.4), TABLE)];
+    let (depth_m, labels) = render(&mount(0.5, 5.0), &scene);
+    let place = |pixel: usize| (pixel / 640 / 2) * 320 + pixel % 640 / 2;
+    // Pixels between the samples do not count.
+    let is_sample = |pixel: usize| pixel / 640 % 2 == 0 && pixel % 2 == 0;
+    let large_m: Vec<f32> =
+        (0..4 * PIXELS).map(|i| if is_sample(i) { depth_m[place(i)] } else { 0.1 }).collect();
+    let large_labels: Vec<u8> =
+        (0..4 * PIXELS).map(|i| if is_sample(i) { labels[place(i)] } else { WINDOW }).collect();
+    let camera = Camera::pinhole(Intrinsics::new(524.0, 524.0, 320.6, 238.4, 640, 480).unwrap());
+    let classes = NYU13_CLASSES.map(str::to_owned);
+    let options = ObstacleOptions::default();
+    let mut detector = ObstacleDetector::new(&camera, mount(0.5, 5.0), &classes, options).unwrap();
+    let image = DepthImage { depth_m: &large_m, labels: Some(&large_labels), confidence: None };
+    let large = detector.detect(&image, 0).unwrap();
+    let [small, _] = obstacles(mount(0.5, 5.0), &scene);
+    for (large, small) in large.sectors.iter().zip(&small.sectors) {
+        assert_eq!((large.state(), large.label), (small.state(), small.label));
+        assert!((large.range_m - small.range_m).abs() < 0.01, "{large:?} {small:?}");
+    }
+    assert!(large.points.len().abs_diff(small.points.len()) <= 5 && large.points.len() > 50);
+}
+
+#[test]
 fn buffers_of_another_size_are_refused_by_name() {
     let mut detector = detector(mount(0.25, 0.0), ObstacleOptions::default());
     let depth_m = vec![1.0; PIXELS];

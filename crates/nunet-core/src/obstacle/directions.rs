@@ -12,11 +12,12 @@ const GAP_M: f32 = 0.1;
 const GAP_CELLS: f32 = 3.0;
 
 /// A point of an obstacle, or of a window, mirror or screen.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Hit {
-    pub(super) sector: u32,
     pub(super) range_m: f32,
     pub(super) height_m: f32,
+    /// 16 bits keep the list of all hits small.
+    pub(super) sector: u16,
     pub(super) label: u8,
     pub(super) is_deceptive: bool,
 }
@@ -45,7 +46,7 @@ pub(super) fn fill(view: &View, votes: &[Votes], hits: &[Hit], sectors: &mut [Ob
     // Until it has its state, `range_m` is the distance of the nearest deceptive surface.
     sectors.iter_mut().for_each(|sector| sector.range_m = f32::INFINITY);
     for hit in hits {
-        let sector = &mut sectors[hit.sector as usize];
+        let sector = &mut sectors[usize::from(hit.sector)];
         if hit.is_deceptive {
             sector.range_m = sector.range_m.min(hit.range_m);
         } else if hit.range_m < sector.obstacle_m || sector.obstacle_m.is_nan() {
@@ -53,7 +54,7 @@ pub(super) fn fill(view: &View, votes: &[Votes], hits: &[Hit], sectors: &mut [Ob
         }
     }
     for hit in hits.iter().filter(|hit| !hit.is_deceptive) {
-        let sector = &mut sectors[hit.sector as usize];
+        let sector = &mut sectors[usize::from(hit.sector)];
         if hit.range_m <= sector.obstacle_m + DEPTH_OF_OBSTACLE_M {
             // `min` and `max` return the number if the other one is NaN.
             sector.min_height_m = sector.min_height_m.min(hit.height_m);

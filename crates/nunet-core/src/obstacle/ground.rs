@@ -69,7 +69,15 @@ impl Ground {
 pub(super) struct GroundFit {
     camera_height_m: f32,
     max_slope: f32,
-    candidates: Vec<[f32; 3]>,
+    candidates: Vec<Candidate>,
+}
+
+/// A point that may be ground.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    point: [f32; 3],
+    /// From the base's origin along the floor, meters: each round needs it.
+    distance_m: f32,
 }
 
 impl GroundFit {
@@ -90,7 +98,9 @@ impl GroundFit {
     pub(super) fn fit(&mut self, points: impl Iterator<Item = [f32; 3]>) -> Ground {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.clear();
-        let near = points.filter(|&[x, y, z]| z.abs() < self.gate_m(x, y, 0));
+        let measured = points.map(Candidate::new);
+        let near =
+            measured.filter(|candidate| candidate.point[2].abs() < self.gate_m(candidate.distance_m, 0));
         candidates.extend(near.take(MAX_CANDIDATES));
         self.candidates = candidates;
         if self.candidates.len() < MIN_CANDIDATES {
@@ -107,9 +117,9 @@ impl GroundFit {
     }
 
     /// How far a point may be from the plane, meters.
-    fn gate_m(&self, x: f32, y: f32, round: i32) -> f32 {
+    fn gate_m(&self, distance_m: f32, round: i32) -> f32 {
         let shrunk = 0.5_f32.powi(round);
-        3.0 * self.scatter_m() + shrunk * (GATE_M + GATE_SLOPE * x.hypot(y))
+        3.0 * self.scatter_m() + shrunk * (GATE_M + GATE_SLOPE * distance_m)
     }
 
     /// One step of the reweighted least squares; `None` if there is no solution.
@@ -118,8 +128,8 @@ impl GroundFit {
         let prior = [PRIOR_SLOPE, PRIOR_SLOPE, PRIOR_HEIGHT_M].map(|deviation| deviation.powi(-2));
         let mut normal = Matrix3::from_diagonal(&Vector3::from(prior));
         let mut right = Vector3::zeros();
-        for &[x, y, z] in &self.candidates {
-            let share = ground.height_above([x, y, z]) / self.gate_m(x, y, round);
+        for &Candidate { point: [x, y, z], distance_m } in &self.candidates {
+            let share = ground.height_above([x, y, z]) / self.gate_m(distance_m, round);
             let weight = precision * f64::from((1.0 - share * share).max(0.0).powi(2));
             let row = Vector3::new(f64::from(x), f64::from(y), 1.0);
             normal += weight * row * row.transpose();
@@ -133,11 +143,19 @@ impl GroundFit {
     fn is_plausible(&self, ground: &Ground) -> bool {
         let gate = 3.0 * self.scatter_m();
         let inliers =
-            self.candidates.iter().filter(|point| ground.height_above(**point).abs() < gate).count();
+            self.candidates.iter().filter(|near| ground.height_above(near.point).abs() < gate).count();
         let max_offset_m = MAX_OFFSET_M + MAX_OFFSET_SHARE * self.camera_height_m;
         ground.slope_x.hypot(ground.slope_y) <= self.max_slope
             && ground.height_m.abs() <= max_offset_m
             && inliers as f32 >= MIN_INLIERS * self.candidates.len() as f32
+    }
+}
+
+impl Candidate {
+    fn new(point: [f32; 3]) -> Self {
+        let [x, y] = [point[0], point[1]].map(f64::from);
+        // In double precision nothing overflows, and it is faster than `hypot`.
+        Self { point, distance_m: (x * x + y * y).sqrt() as f32 }
     }
 }
 

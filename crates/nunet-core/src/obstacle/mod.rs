@@ -44,9 +44,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod collect;
 mod directions;
 mod error;
 mod ground;
+mod kind;
 mod mount;
 mod options;
 mod role;
@@ -60,12 +62,13 @@ pub use mount::{Mount, check_angles};
 pub use nunet_types::{ObstacleMap, ObstaclePoint, ObstacleSector, SectorState};
 pub use options::ObstacleOptions;
 
-use directions::{Hit, Memory};
-use ground::{GroundFit, MAX_CANDIDATES};
+use collect::Collector;
+use directions::Memory;
+use ground::GroundFit;
+use kind::Bounds;
 pub(crate) use role::{Role, Roles};
-use scan::{SampleKind, Scan};
-use view::{NONE, View};
-use voxels::Voxels;
+use scan::Scan;
+use view::View;
 
 use crate::camera::{Camera, RayTable};
 
@@ -124,8 +127,7 @@ pub struct ObstacleDetector {
     view: View,
     scan: Scan,
     ground: GroundFit,
-    hits: Vec<Hit>,
-    voxels: Voxels,
+    collector: Collector,
     memory: Memory,
     obstacles: Obstacles,
 }
@@ -158,8 +160,7 @@ impl ObstacleDetector {
             roles: Roles::new(classes),
             scan: Scan::new(&view, mount.position_m()),
             ground: GroundFit::new(&mount, &options),
-            hits: Vec::with_capacity(view.samples.len()),
-            voxels: Voxels::new(),
+            collector: Collector::new(&view),
             memory: Memory::new(options.hold_s, options.sectors),
             obstacles,
             options,
@@ -212,10 +213,17 @@ impl ObstacleDetector {
         self.obstacles.used_labels = image.labels.is_some() && self.roles.has_floor;
         self.scan.gather(image, &self.view);
         let ground = self.fit_ground(image);
-        self.scan.classify(image, &self.view, (&self.roles, &ground, &self.options));
+        let bounds = Bounds::new(&ground, &self.options, self.scan.camera[2]);
+        self.scan.start();
+        self.collector.start();
+        for row in 0..self.view.rows {
+            if self.scan.classify_row(row, image, &self.view, (&self.roles, &bounds)) {
+                self.collector.collect_row(row, &self.scan.line, image, &self.view);
+            }
+        }
         self.obstacles.ground = Ground { floor_fraction: self.scan.floor_fraction(), ..ground };
-        self.collect(image);
-        directions::fill(&self.view, &self.scan.votes, &self.hits, &mut self.obstacles.sectors);
+        self.collector.voxels.take(self.options.max_points, &mut self.obstacles.points);
+        directions::fill(&self.view, &self.scan.votes, self.collector.hits(), &mut self.obstacles.sectors);
         self.memory.update(&mut self.obstacles.sectors, time_nanos);
         Ok(&self.obstacles)
     }
@@ -237,57 +245,28 @@ impl ObstacleDetector {
     fn fit_ground(&mut self, image: &DepthImage<'_>) -> Ground {
         let Self { view, scan, roles, obstacles, .. } = self;
         let used_labels = obstacles.used_labels;
-        let looking = view.cells.iter().map(|cell| cell.samples as usize).sum::<usize>();
-        let step = looking.div_ceil(MAX_CANDIDATES).max(1);
-        let candidates = (0..view.samples.len()).filter(|&index| view.samples[index].cell != NONE);
-        let labeled = candidates.step_by(step).filter(|&index| {
-            !used_labels || image.label(view, index).is_some_and(|label| roles.of(label) == Role::Floor)
+        let candidates = view.ground_samples.iter().map(|at| at.map(|place| place as usize));
+        let labeled = candidates.filter(|&[row, column]| {
+            !used_labels || image.label(view, row, column).is_some_and(|label| roles.of(label) == Role::Floor)
         });
-        self.ground.fit(labeled.map(|index| scan.point(view, index)))
-    }
-
-    /// Collects the samples of obstacles: for the sectors, and reduced as points.
-    fn collect(&mut self, image: &DepthImage<'_>) {
-        let Self { view, scan, hits, voxels, .. } = self;
-        hits.clear();
-        voxels.clear();
-        for (index, &kind) in scan.kinds.iter().enumerate() {
-            if !matches!(kind, SampleKind::Obstacle | SampleKind::Deceptive) || !scan.is_supported(index) {
-                continue;
-            }
-            let [x, y, z] = scan.point(view, index);
-            let height = scan.heights_m[index];
-            let label = image.label(view, index).unwrap_or(Hit::NO_LABEL);
-            let is_deceptive = kind == SampleKind::Deceptive;
-            if !is_deceptive {
-                let confidence = image.confidence(view, index);
-                voxels.add(&ObstaclePoint { x, y, z, height, label, confidence, reserved: [0; 2] });
-            }
-            let sector = view.sectors.find([x, y], view.samples[index].sector);
-            if sector != NONE {
-                let range_m = (x * x + y * y).sqrt();
-                hits.push(Hit { sector, range_m, height_m: height, label, is_deceptive });
-            }
-        }
-        voxels.take(self.options.max_points, &mut self.obstacles.points);
+        self.ground.fit(labeled.map(|[row, column]| scan.point(view, row, column)))
     }
 }
 
 impl DepthImage<'_> {
     /// The pixel of a sample.
     #[inline]
-    fn pixel(view: &View, index: usize) -> usize {
-        let (row, column) = (index / view.columns, index % view.columns);
-        row * view.stride * view.width + column * view.stride
+    fn pixel(view: &View, row: usize, column: usize) -> usize {
+        (row * view.width + column) * view.stride
     }
 
     #[inline]
-    fn label(&self, view: &View, index: usize) -> Option<u8> {
-        self.labels.map(|labels| labels[Self::pixel(view, index)])
+    fn label(&self, view: &View, row: usize, column: usize) -> Option<u8> {
+        self.labels.map(|labels| labels[Self::pixel(view, row, column)])
     }
 
     #[inline]
-    fn confidence(&self, view: &View, index: usize) -> u8 {
-        self.confidence.map_or(u8::MAX, |confidence| confidence[Self::pixel(view, index)])
+    fn confidence(&self, view: &View, row: usize, column: usize) -> u8 {
+        self.confidence.map_or(u8::MAX, |confidence| confidence[Self::pixel(view, row, column)])
     }
 }

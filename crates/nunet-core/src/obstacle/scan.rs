@@ -1,8 +1,9 @@
 //! One pass over the samples: which show floor, which an obstacle, and what each cell of the floor shows.
 
+use super::kind::{Bounds, SampleKind};
 use super::role::{Role, Roles};
 use super::view::{NONE, View};
-use super::{DepthImage, Ground, ObstacleOptions};
+use super::{DepthImage, Ground};
 
 /// Neighbors whose depth differs by less than this share lie on the same surface.
 const SAME_SURFACE: f32 = 0.05;
@@ -10,26 +11,6 @@ const SAME_SURFACE: f32 = 0.05;
 const FLYING_STEP: f32 = 0.06;
 /// Neighbors on the same surface that a sample needs.
 const MIN_SUPPORT: u32 = 2;
-/// A refined ground may be off by this slope (0.25 degrees), the expected one by four times as much.
-const SLOPE_ERROR: f32 = 0.0044;
-/// What is deeper than this below the ground is missing floor: meters, and share of the camera's height.
-const DROP_M: f32 = 0.08;
-const DROP_SHARE: f32 = 0.08;
-
-/// The class of a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum SampleKind {
-    /// No valid depth, or nothing that counts for the robot.
-    Nothing,
-    /// Ground that can be driven on.
-    Floor,
-    /// Part of an obstacle, if its neighbors agree.
-    Obstacle,
-    /// A window, mirror or screen at the height of the robot.
-    Deceptive,
-    /// Below the ground.
-    Drop,
-}
 
 /// The samples of a cell of the floor.
 #[derive(Debug, Clone, Copy, Default)]
@@ -41,138 +22,238 @@ pub(super) struct Votes {
 }
 
 /// The samples of one frame. Allocates once.
+///
+/// Works row by row, in loops without branches over slices of the same length: these are vectorized.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {
-    /// Depth of each sample, meters.
-    pub(super) depth_m: Vec<f32>,
-    pub(super) heights_m: Vec<f32>,
-    pub(super) kinds: Vec<SampleKind>,
+    /// Depth of each sample, meters, with a border of NaN around: a sample at the edge has four neighbors, too.
+    depth_m: Vec<f32>,
     pub(super) votes: Vec<Votes>,
-    camera: [f32; 3],
+    pub(super) line: Line,
+    /// The camera's position in the base frame, meters.
+    pub(super) camera: [f32; 3],
     columns: usize,
+    rows: usize,
 }
 
-/// Bounds of heights and distances.
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    clearance_m: f32,
-    /// By how much the clearance grows per meter of depth.
-    slope_error: f32,
-    robot_height_m: f32,
-    drop_m: f32,
-    max_squared: f32,
+/// What is known of the row at hand.
+#[derive(Debug, Clone)]
+pub(super) struct Line {
+    pub(super) kinds: Vec<SampleKind>,
+    /// x, y, z in the base frame, and height above ground, meters: together, as the cubes have them.
+    pub(super) points: Vec<[f32; 4]>,
+    /// The squares of the distances from the base's origin, square meters.
+    pub(super) ranges_squared: Vec<f32>,
+    roles: Vec<Role>,
 }
 
 impl Scan {
     pub(super) fn new(view: &View, camera: [f64; 3]) -> Self {
-        let samples = view.samples.len();
+        let View { columns, rows, .. } = *view;
         Self {
-            depth_m: vec![f32::NAN; samples],
-            heights_m: vec![f32::NAN; samples],
-            kinds: vec![SampleKind::Nothing; samples],
+            depth_m: vec![f32::NAN; (columns + 2) * (rows + 2)],
             votes: vec![Votes::default(); view.cells.len()],
+            line: Line {
+                kinds: vec![SampleKind::Nothing; columns],
+                points: vec![[f32::NAN; 4]; columns],
+                ranges_squared: vec![f32::NAN; columns],
+                roles: vec![Role::Other; columns],
+            },
             camera: camera.map(|value| value as f32),
-            columns: view.columns,
+            columns,
+            rows,
         }
     }
 
     /// Takes the samples' depth from the image.
     pub(super) fn gather(&mut self, image: &DepthImage<'_>, view: &View) {
         let rows = image.depth_m.chunks_exact(view.width).step_by(view.stride);
-        for (samples, row) in self.depth_m.chunks_exact_mut(view.columns).zip(rows) {
-            for (sample, &depth) in samples.iter_mut().zip(row.iter().step_by(view.stride)) {
-                // False for NaN.
-                *sample = if depth > 0.0 && depth < f32::INFINITY { depth } else { f32::NAN };
+        for (samples, row) in self.depth_m.chunks_exact_mut(self.columns + 2).skip(1).zip(rows) {
+            let samples = &mut samples[1..=self.columns];
+            match view.stride {
+                1 => gather_row::<1>(samples, row),
+                2 => gather_row::<2>(samples, row),
+                stride => {
+                    for (sample, &depth) in samples.iter_mut().zip(row.iter().step_by(stride)) {
+                        *sample = valid(depth);
+                    }
+                }
             }
         }
     }
 
     /// The point of a sample in the base frame.
     #[inline]
-    pub(super) fn point(&self, view: &View, index: usize) -> [f32; 3] {
-        let (depth, direction) = (self.depth_m[index], view.samples[index].direction);
-        let [x, y, z] = self.camera;
-        [x + depth * direction[0], y + depth * direction[1], z + depth * direction[2]]
+    pub(super) fn point(&self, view: &View, row: usize, column: usize) -> [f32; 3] {
+        let depth = self.depth_m[(row + 1) * (self.columns + 2) + 1 + column];
+        let index = row * self.columns + column;
+        [0, 1, 2].map(|axis| self.camera[axis] + depth * view.directions[axis][index])
     }
 
-    /// Says what each sample shows, and counts the cells' votes.
-    pub(super) fn classify(
+    /// Begins a frame.
+    pub(super) fn start(&mut self) {
+        self.votes.fill(Votes::default());
+    }
+
+    /// Says what each sample of a row shows, and counts the cells' votes. Returns whether any is solid.
+    pub(super) fn classify_row(
         &mut self,
+        row: usize,
         image: &DepthImage<'_>,
         view: &View,
-        (roles, ground, options): (&Roles, &Ground, &ObstacleOptions),
-    ) {
-        self.votes.fill(Votes::default());
-        let slope_error = if ground.is_refined { SLOPE_ERROR } else { 4.0 * SLOPE_ERROR };
-        let bounds = Bounds {
-            clearance_m: options.clearance_m,
-            slope_error,
-            robot_height_m: options.robot_height_m,
-            drop_m: options.clearance_m.max(DROP_M + DROP_SHARE * self.camera[2]),
-            max_squared: options.max_range_m * options.max_range_m,
+        (roles, bounds): (&Roles, &Bounds),
+    ) -> bool {
+        self.measure_row(row, view, &bounds.ground);
+        self.find_roles(row, view, image.labels, roles);
+        self.find_kinds(row, bounds);
+        self.vote(row, view);
+        let has_solid = self.line.kinds.iter().any(|kind| kind.is_solid());
+        if has_solid {
+            self.remove_unsupported(row);
+        }
+        has_solid
+    }
+
+    /// The points and distances of a row.
+    #[allow(clippy::needless_range_loop, reason = "several slices at once; zips are not vectorized as well")]
+    fn measure_row(&mut self, row: usize, view: &View, ground: &Ground) {
+        let columns = self.columns;
+        let [camera_x, camera_y, camera_z] = self.camera;
+        let directions = view.directions.each_ref().map(|axis| &axis[row * columns..][..columns]);
+        let depth_m = &self.depth_m[(row + 1) * (columns + 2) + 1..][..columns];
+        let points = &mut self.line.points[..columns];
+        let ranges_squared = &mut self.line.ranges_squared[..columns];
+        for i in 0..columns {
+            let x = camera_x + depth_m[i] * directions[0][i];
+            let y = camera_y + depth_m[i] * directions[1][i];
+            let z = camera_z + depth_m[i] * directions[2][i];
+            points[i] = [x, y, z, ground.height_above([x, y, z])];
+            ranges_squared[i] = x * x + y * y;
+        }
+    }
+
+    /// The roles of a row; without labels all are [`Role::Other`].
+    fn find_roles(&mut self, row: usize, view: &View, labels: Option<&[u8]>, roles: &Roles) {
+        let Some(labels) = labels else {
+            self.line.roles.fill(Role::Other);
+            return;
         };
-        for index in 0..self.depth_m.len() {
-            let point = self.point(view, index);
-            let height_m = ground.height_above(point);
-            let range_squared = point[0] * point[0] + point[1] * point[1];
-            let role = image.label(view, index).map_or(Role::Other, |label| roles.of(label));
-            let kind = bounds.kind(height_m, self.depth_m[index], range_squared, role);
-            self.heights_m[index] = height_m;
-            self.kinds[index] = kind;
-            let cell = view.samples[index].cell;
+        let labels = labels[row * view.stride * view.width..][..view.width].iter().step_by(view.stride);
+        for (role, &label) in self.line.roles.iter_mut().zip(labels) {
+            *role = roles.of(label);
+        }
+    }
+
+    #[allow(clippy::needless_range_loop, reason = "several slices at once; zips are not vectorized as well")]
+    fn find_kinds(&mut self, row: usize, bounds: &Bounds) {
+        let columns = self.columns;
+        let depth_m = &self.depth_m[(row + 1) * (columns + 2) + 1..][..columns];
+        let Line { kinds, points, ranges_squared, roles } = &mut self.line;
+        let (kinds, points) = (&mut kinds[..columns], &points[..columns]);
+        let (ranges_squared, roles) = (&ranges_squared[..columns], &roles[..columns]);
+        for i in 0..columns {
+            kinds[i] = bounds.kind(points[i][3], depth_m[i], ranges_squared[i], roles[i]);
+        }
+    }
+
+    /// Counts the votes of a row.
+    fn vote(&mut self, row: usize, view: &View) {
+        let cells = &view.cell_of[row * self.columns..][..self.columns];
+        let samples = self.line.kinds.iter().zip(cells).zip(&self.line.ranges_squared);
+        for ((&kind, &cell), &range_squared) in samples {
             if cell != NONE {
                 let votes = &mut self.votes[cell as usize];
-                votes.floor += u32::from(kind == SampleKind::Floor);
+                let is_floor = kind == SampleKind::Floor;
+                votes.floor += u32::from(is_floor);
                 votes.drop += u32::from(kind == SampleKind::Drop);
-                if kind == SampleKind::Floor {
-                    votes.far_squared = votes.far_squared.max(range_squared);
-                }
+                votes.far_squared = votes.far_squared.max(if is_floor { range_squared } else { 0.0 });
             }
         }
     }
 
-    /// Whether a sample lies on a surface: some neighbors have almost the same depth, and it is not on the slope that
-    /// networks draw between a near and a far surface.
-    #[inline]
-    pub(super) fn is_supported(&self, index: usize) -> bool {
-        let depth = self.depth_m[index];
-        let column = index % self.columns;
-        let at = |exists: bool, index: usize| if exists { self.depth_m[index] } else { f32::NAN };
-        let steps = [
-            at(column > 0, index.wrapping_sub(1)),
-            at(column + 1 < self.columns, index + 1),
-            at(index >= self.columns, index.wrapping_sub(self.columns)),
-            at(index + self.columns < self.depth_m.len(), index + self.columns),
-        ]
-        .map(|neighbor| (neighbor - depth) / depth);
-        let support: u32 = steps.iter().map(|step| u32::from(step.abs() < SAME_SURFACE)).sum();
-        let flies = |before: f32, after: f32| {
-            before.abs().min(after.abs()) > FLYING_STEP && (before > 0.0) != (after > 0.0)
-        };
-        support >= MIN_SUPPORT && !flies(steps[0], steps[1]) && !flies(steps[2], steps[3])
+    /// Removes samples that do not lie on a surface from the obstacles: too few neighbors have almost the same depth, or
+    /// it is on the slope that networks draw between a near and a far surface.
+    #[allow(clippy::needless_range_loop, reason = "several slices at once; zips are not vectorized as well")]
+    fn remove_unsupported(&mut self, row: usize) {
+        let (columns, pitch) = (self.columns, self.columns + 2);
+        let depth_m = |row: usize, column: usize| &self.depth_m[row * pitch + column..][..columns];
+        let (above, below) = (depth_m(row, 1), depth_m(row + 2, 1));
+        let (left, here, right) = (depth_m(row + 1, 0), depth_m(row + 1, 1), depth_m(row + 1, 2));
+        let kinds = &mut self.line.kinds[..columns];
+        for i in 0..columns {
+            let steps = [left[i], right[i], above[i], below[i]].map(|depth| (depth - here[i]) / here[i]);
+            if kinds[i].is_solid() & !is_supported(steps) {
+                kinds[i] = SampleKind::Nothing;
+            }
+        }
     }
 
     /// The share of all samples that show floor.
     pub(super) fn floor_fraction(&self) -> f32 {
         let floor: u32 = self.votes.iter().map(|votes| votes.floor).sum();
-        floor as f32 / self.kinds.len().max(1) as f32
+        floor as f32 / (self.rows * self.columns).max(1) as f32
     }
 }
 
-impl Bounds {
-    /// All comparisons with NaN are false, so that a sample without depth shows nothing.
-    #[inline]
-    fn kind(&self, height_m: f32, depth_m: f32, range_squared: f32, role: Role) -> SampleKind {
-        let clearance_m = self.clearance_m + self.slope_error * depth_m;
-        let in_reach = range_squared <= self.max_squared;
-        let in_way = in_reach && height_m > clearance_m && height_m < self.robot_height_m;
-        match role {
-            Role::Deceptive if in_reach && height_m < self.robot_height_m => SampleKind::Deceptive,
-            Role::Deceptive => SampleKind::Nothing,
-            _ if height_m.abs() <= clearance_m && in_reach => SampleKind::Floor,
-            Role::Other if in_way => SampleKind::Obstacle,
-            _ if height_m < -(self.drop_m + self.slope_error * depth_m) => SampleKind::Drop,
-            _ => SampleKind::Nothing,
-        }
+/// Takes the first of each `STRIDE` pixels. A constant stride is vectorized.
+fn gather_row<const STRIDE: usize>(samples: &mut [f32], row: &[f32]) {
+    let (chunks, rest) = row.as_chunks::<STRIDE>();
+    for (sample, chunk) in samples.iter_mut().zip(chunks) {
+        *sample = valid(chunk[0]);
+    }
+    if let (Some(sample), Some(&depth)) = (samples.get_mut(chunks.len()), rest.first()) {
+        *sample = valid(depth);
+    }
+}
+
+/// A depth, or NaN.
+#[inline]
+fn valid(depth: f32) -> f32 {
+    // False for NaN.
+    if (depth > 0.0) & (depth < f32::INFINITY) { depth } else { f32::NAN }
+}
+
+/// Whether a sample lies on a surface, from the relative steps of depth to its neighbors: left, right, above, below.
+#[inline]
+fn is_supported(steps: [f32; 4]) -> bool {
+    let [left, right, above, below] = steps;
+    let support: u32 = steps.iter().map(|step| u32::from(step.abs() < SAME_SURFACE)).sum();
+    (support >= MIN_SUPPORT) & !flies(left, right) & !flies(above, below)
+}
+
+/// Whether a line of three samples runs through an edge that depth flows over.
+#[inline]
+fn flies(before: f32, after: f32) -> bool {
+    // `min` returns the number if the other one is NaN.
+    (before.abs().min(after.abs()) > FLYING_STEP) & ((before > 0.0) != (after > 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAN: f32 = f32::NAN;
+
+    #[test]
+    fn every_stride_takes_the_first_pixels_and_the_last_column() {
+        let row = [1.0, -2.0, 3.0, f32::INFINITY, 5.0];
+        let mut samples = [9.0; 5];
+        gather_row::<1>(&mut samples, &row);
+        assert_eq!(samples.map(f32::to_bits), [1.0, NAN, 3.0, NAN, 5.0].map(f32::to_bits));
+        let mut samples = [9.0; 3];
+        gather_row::<2>(&mut samples, &row);
+        assert_eq!(samples, [1.0, 3.0, 5.0]);
+        let mut samples = [9.0; 2];
+        gather_row::<2>(&mut samples, &row[..4]);
+        assert_eq!(samples, [1.0, 3.0]);
+    }
+
+    #[test]
+    fn a_sample_needs_two_neighbors_and_must_not_be_on_a_slope() {
+        assert!(is_supported([0.0, 0.0, 0.0, 0.0]));
+        assert!(is_supported([0.04, NAN, -0.04, NAN]), "a corner");
+        assert!(!is_supported([0.04, NAN, NAN, NAN]), "isolated");
+        assert!(!is_supported([-0.1, 0.1, 0.0, 0.0]), "between a near and a far surface");
+        assert!(is_supported([0.1, 0.1, 0.0, 0.0]), "a thin object before a far one");
     }
 }

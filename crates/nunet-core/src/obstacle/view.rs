@@ -8,6 +8,7 @@ use std::f32::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 
+use super::ground::MAX_CANDIDATES;
 use super::{Mount, ObstacleOptions};
 use crate::camera::RayTable;
 
@@ -27,15 +28,13 @@ const MAX_TANGENT: f32 = 4.0;
 /// means nothing.
 const MAX_ELEVATION_TANGENT: f32 = 1.0;
 
-/// A sampled pixel.
+/// A sampled pixel, while the view is computed.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
+struct Sample {
     /// The point at depth 1, relative to the camera, in the base frame; NaN for a pixel without a ray.
-    pub(super) direction: [f32; 3],
-    /// The cell of the floor it looks at, on level ground; [`NONE`] if it does not look at floor within range.
-    pub(super) cell: u32,
-    /// The sector of its direction; a first guess for the sector of its point.
-    pub(super) sector: u32,
+    direction: [f32; 3],
+    cell: u32,
+    sector: u32,
 }
 
 /// A piece of floor, seen by some samples.
@@ -84,7 +83,7 @@ impl Sectors {
         if index < self.count() {
             let left_of = |[cos, sin]: [f32; 2]| cos * y - sin * x >= 0.0;
             let ahead = self.boundaries[index][0] * x + self.boundaries[index][1] * y > 0.0;
-            if ahead && left_of(self.boundaries[index]) && !left_of(self.boundaries[index + 1]) {
+            if ahead & left_of(self.boundaries[index]) & !left_of(self.boundaries[index + 1]) {
                 return guess;
             }
         }
@@ -93,13 +92,25 @@ impl Sectors {
 }
 
 /// All samples of a camera's image, and the cells of the floor.
+///
+/// What each frame needs of a sample is in one array a value, row by row, so that loops over rows are vectorized.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     /// Pixels of a row of the image.
     pub(super) width: usize,
     pub(super) stride: usize,
+    /// Samples of a row, and rows of samples.
     pub(super) columns: usize,
-    pub(super) samples: Vec<Sample>,
+    pub(super) rows: usize,
+    /// By axis: the point of each sample at depth 1, relative to the camera, in the base frame; NaN without a ray.
+    pub(super) directions: [Vec<f32>; 3],
+    /// The cell of the floor that each sample looks at, on level ground; [`NONE`] if it does not look at floor within
+    /// range.
+    pub(super) cell_of: Vec<u32>,
+    /// The sector of each sample's direction; a first guess for the sector of its point.
+    pub(super) sector_of: Vec<u32>,
+    /// Row and column of the samples that the ground is fitted to: evenly spread over those that look at floor.
+    pub(super) ground_samples: Vec<[u32; 2]>,
     /// By sector, from near to far.
     pub(super) cells: Vec<Cell>,
     /// The cells of each sector: from this index to the next one.
@@ -121,7 +132,7 @@ impl View {
         });
         let sample =
             |direction: Vector3<f32>| Sample { direction: direction.into(), cell: NONE, sector: NONE };
-        let samples: Vec<Sample> = directions.map(sample).collect();
+        let mut samples: Vec<Sample> = directions.map(sample).collect();
         let sectors = field_of_view(&samples, mount, options);
         let height_m = mount.height_m() as f32;
         let step = CELL_SAMPLES * pitch(&samples, columns);
@@ -129,21 +140,36 @@ impl View {
             width,
             stride,
             columns,
-            samples,
+            rows: samples.len() / columns.max(1),
+            directions: Default::default(),
+            cell_of: Vec::new(),
+            sector_of: Vec::new(),
+            ground_samples: Vec::new(),
             cells: Vec::new(),
             first_cells: Vec::new(),
             sectors,
             cell_growth: step / height_m,
         };
-        view.divide_floor(mount, options.max_range_m, step);
+        view.divide_floor(&mut samples, mount, options.max_range_m, step);
+        view.directions = [0, 1, 2].map(|axis| samples.iter().map(|sample| sample.direction[axis]).collect());
+        view.cell_of = samples.iter().map(|sample| sample.cell).collect();
+        view.sector_of = samples.iter().map(|sample| sample.sector).collect();
+        view.ground_samples = view.choose_ground_samples();
         view
     }
 
+    fn choose_ground_samples(&self) -> Vec<[u32; 2]> {
+        let looking = self.cell_of.iter().filter(|cell| **cell != NONE).count();
+        let step = looking.div_ceil(MAX_CANDIDATES).max(1);
+        let candidates = (0..self.cell_of.len()).filter(|&index| self.cell_of[index] != NONE).step_by(step);
+        candidates.map(|index| [(index / self.columns) as u32, (index % self.columns) as u32]).collect()
+    }
+
     /// Gives each sample its sector and the cell it looks at.
-    fn divide_floor(&mut self, mount: &Mount, max_range_m: f32, step: f32) {
+    fn divide_floor(&mut self, samples: &mut [Sample], mount: &Mount, max_range_m: f32, step: f32) {
         let [camera_x, camera_y, height_m] = mount.position_m().map(|value| value as f32);
         let mut seen: Vec<(u32, u32, usize, f32)> = Vec::new();
-        for (index, sample) in self.samples.iter_mut().enumerate() {
+        for (index, sample) in samples.iter_mut().enumerate() {
             let [x, y, z] = sample.direction;
             sample.sector = self.sectors.at(x, y);
             if z < 0.0 {
@@ -167,7 +193,7 @@ impl View {
                 self.first_cells.push(self.cells.len() as u32);
             }
             for &(_, _, index, _) in same {
-                self.samples[index].cell = self.cells.len() as u32;
+                samples[index].cell = self.cells.len() as u32;
             }
             let near_m = same.iter().map(|seen| seen.3).fold(f32::INFINITY, f32::min);
             self.cells.push(Cell { samples: same.len() as u32, near_m });
@@ -182,8 +208,8 @@ impl View {
 
     /// The share of all samples that look at floor within range.
     pub(super) fn floor_in_view(&self) -> f32 {
-        let looking = self.samples.iter().filter(|sample| sample.cell != NONE).count();
-        looking as f32 / self.samples.len().max(1) as f32
+        let looking = self.cell_of.iter().filter(|cell| **cell != NONE).count();
+        looking as f32 / self.cell_of.len().max(1) as f32
     }
 }
 

@@ -12,16 +12,22 @@ const MAX_EDGE_M: f32 = 100.0;
 const CAPACITY: usize = 1 << 14;
 /// Twice as many slots as cubes keep searches short.
 const SLOTS: usize = 2 * CAPACITY;
-const EMPTY: u32 = u32::MAX;
+/// A slot is a key in the upper 48 bits and the cube's index, which is less than `CAPACITY`, in the lower 16.
+const EMPTY: u64 = u64::MAX;
+
+/// Where a cube is, in edges from the base's origin: three numbers of 16 bits.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Key(u64);
 
 /// The points of one cube.
 #[derive(Debug, Clone, Copy)]
 struct Cube {
-    key: [i16; 3],
-    label: u8,
+    key: Key,
+    /// Sums of x, y, z and height.
+    sums: [f32; 4],
+    confidence: f32,
     count: u32,
-    /// Sums of x, y, z, height and confidence.
-    sums: [f32; 5],
+    label: u8,
 }
 
 /// Collects points into cubes. Allocates once, for any number of points.
@@ -31,9 +37,8 @@ pub(super) struct Voxels {
     cubes: Vec<Cube>,
     /// The cubes before they are merged into larger ones.
     smaller: Vec<Cube>,
-    /// Indices into `cubes`, found by a hash of the key and the next slots.
-    slots: Vec<u32>,
-    last: usize,
+    /// Found by a hash of the key, or in the next slots.
+    slots: Vec<u64>,
 }
 
 impl Voxels {
@@ -43,25 +48,38 @@ impl Voxels {
             cubes: Vec::with_capacity(CAPACITY),
             smaller: Vec::with_capacity(CAPACITY),
             slots: vec![EMPTY; SLOTS],
-            last: 0,
         }
     }
 
     pub(super) fn clear(&mut self) {
         self.edge_m = EDGE_M;
-        self.cubes.clear();
-        self.slots.fill(EMPTY);
+        self.remove_all();
     }
 
-    /// Adds a point, which must be finite.
+    /// Length of a cube's edge, meters. Grows when there are too many cubes.
+    pub(super) fn edge_m(&self) -> f32 {
+        self.edge_m
+    }
+
+    /// Adds a point (x, y, z, height) to the cube at `key`, which follows from the present length of edges. The point must
+    /// be finite and within a kilometer. Returns the index of the cube; `guess` is a cube that is probably the same one.
     #[inline]
-    pub(super) fn add(&mut self, point: &ObstaclePoint) {
-        let &ObstaclePoint { x, y, z, height, label, confidence, .. } = point;
-        let sums = [x, y, z, height, f32::from(confidence)];
-        self.merge(&Cube { key: [0; 3], label, count: 1, sums });
+    pub(super) fn add(
+        &mut self,
+        key: Key,
+        guess: usize,
+        point: [f32; 4],
+        (label, confidence): (u8, u8),
+    ) -> usize {
+        let index = match self.cubes.get(guess) {
+            Some(cube) if cube.key == key => guess,
+            _ => self.find_or_insert(key, label),
+        };
+        self.cubes[index].add(point, f32::from(confidence), 1);
         while self.cubes.len() == CAPACITY {
             self.coarsen();
         }
+        index
     }
 
     /// Writes at most `most` points to `out`: the mean of each cube. Makes the cubes larger until they are few enough.
@@ -71,65 +89,83 @@ impl Voxels {
         }
         out.clear();
         out.extend(self.cubes.iter().take(most).map(|cube| {
-            let [x, y, z, height, confidence] = cube.sums.map(|sum| sum / cube.count as f32);
-            let confidence = confidence.round() as u8;
+            let [x, y, z, height] = cube.sums.map(|sum| sum / cube.count as f32);
+            let confidence = (cube.confidence / cube.count as f32).round() as u8;
             ObstaclePoint { x, y, z, height, label: cube.label, confidence, reserved: [0; 2] }
         }));
     }
 
-    /// Adds the points of another cube to the one at their mean. The label of the first point stays.
-    #[inline]
-    fn merge(&mut self, other: &Cube) {
-        let key = [0, 1, 2].map(|axis| {
-            let mean = other.sums[axis] / other.count as f32;
-            (mean / self.edge_m).floor() as i16
-        });
-        let index = match self.cubes.get(self.last) {
-            // Neighboring pixels mostly see the same cube.
-            Some(last) if last.key == key => self.last,
-            _ => self.find_or_insert(key, other.label),
-        };
-        self.last = index;
-        let cube = &mut self.cubes[index];
-        cube.count += other.count;
-        for (sum, more) in cube.sums.iter_mut().zip(other.sums) {
-            *sum += more;
-        }
-    }
-
-    fn find_or_insert(&mut self, key: [i16; 3], label: u8) -> usize {
-        let mut slot = hash(key) % SLOTS;
+    /// The index of the cube at `key`. The label of its first point stays.
+    fn find_or_insert(&mut self, key: Key, label: u8) -> usize {
+        let mut slot = key.hash() % SLOTS;
         // Ends, because at most half of the slots are in use.
         while self.slots[slot] != EMPTY {
-            let index = self.slots[slot] as usize;
-            if self.cubes[index].key == key {
-                return index;
+            if self.slots[slot] >> 16 == key.0 {
+                return usize::from(self.slots[slot] as u16);
             }
             slot = (slot + 1) % SLOTS;
         }
-        self.slots[slot] = self.cubes.len() as u32;
-        self.cubes.push(Cube { key, label, count: 0, sums: [0.0; 5] });
-        self.cubes.len() - 1
+        let index = self.cubes.len();
+        self.slots[slot] = key.0 << 16 | index as u64;
+        self.cubes.push(Cube { key, sums: [0.0; 4], confidence: 0.0, count: 0, label });
+        index
     }
 
     /// Merges the cubes into larger ones.
     fn coarsen(&mut self) {
         self.edge_m *= GROWTH;
         std::mem::swap(&mut self.cubes, &mut self.smaller);
+        self.remove_all();
+        for index in 0..self.smaller.len() {
+            let Cube { sums, confidence, count, label, .. } = self.smaller[index];
+            let mean = [sums[0], sums[1], sums[2]].map(|sum| sum / count as f32);
+            let index = self.find_or_insert(Key::at(mean, self.edge_m), label);
+            self.cubes[index].add(sums, confidence, count);
+        }
+    }
+
+    fn remove_all(&mut self) {
         self.cubes.clear();
         self.slots.fill(EMPTY);
-        for index in 0..self.smaller.len() {
-            let cube = self.smaller[index];
-            self.merge(&cube);
-        }
     }
 }
 
-/// A hash of a key, whose low bits are good.
+impl Cube {
+    #[inline]
+    fn add(&mut self, sums: [f32; 4], confidence: f32, count: u32) {
+        for (sum, more) in self.sums.iter_mut().zip(sums) {
+            *sum += more;
+        }
+        self.confidence += confidence;
+        self.count += count;
+    }
+}
+
+impl Key {
+    /// The key of a point, for cubes of an edge. Both in meters.
+    #[inline]
+    pub(super) fn at([x, y, z]: [f32; 3], edge_m: f32) -> Self {
+        let [x, y, z] = [floor(x / edge_m), floor(y / edge_m), floor(z / edge_m)];
+        Self(u64::from(x) | u64::from(y) << 16 | u64::from(z) << 32)
+    }
+
+    /// A hash whose low bits are good.
+    #[inline]
+    fn hash(self) -> usize {
+        (self.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize
+    }
+}
+
+/// The lower 16 bits of the largest integer up to a number between ±2^21.
+///
+/// Adding this sum of powers of two rounds a number to an integer, which is then in the lower bits. `f32::floor` is a
+/// function call on processors without SSE 4.1, and conversions to integers check the range; this is vectorized.
 #[inline]
-fn hash([x, y, z]: [i16; 3]) -> usize {
-    let packed = u64::from(x as u16) | u64::from(y as u16) << 16 | u64::from(z as u16) << 32;
-    (packed.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize
+fn floor(value: f32) -> u16 {
+    const TO_INTEGER: f32 = (3 << 22) as f32;
+    let nearest = (value + TO_INTEGER) - TO_INTEGER;
+    let floor = if nearest > value { nearest - 1.0 } else { nearest };
+    (floor + TO_INTEGER).to_bits() as u16
 }
 
 #[cfg(test)]
@@ -141,11 +177,16 @@ mod tests {
         ObstaclePoint { x, y, z, height: z, label, confidence: 200, reserved: [0; 2] }
     }
 
+    fn add(voxels: &mut Voxels, point: &ObstaclePoint) {
+        let &ObstaclePoint { x, y, z, height, label, confidence, .. } = point;
+        voxels.add(Key::at([x, y, z], voxels.edge_m()), 0, [x, y, z, height], (label, confidence));
+    }
+
     #[test]
     fn points_of_a_cube_become_their_mean() {
         let mut voxels = Voxels::new();
         for point in [point(1.01, 0.01, 0.2, 3), point(2.0, -1.0, 0.5, 7), point(1.03, 0.03, 0.2, 3)] {
-            voxels.add(&point);
+            add(&mut voxels, &point);
         }
         let mut out = Vec::new();
         voxels.take(100, &mut out);
@@ -162,7 +203,7 @@ mod tests {
         let mut voxels = Voxels::new();
         for index in 0..60_000_u32 {
             let [x, y, z] = [index % 100, index / 100 % 100, index / 10_000].map(|i| i as f32 * 0.06 - 3.0);
-            voxels.add(&point(x, y, z, 0));
+            add(&mut voxels, &point(x, y, z, 0));
         }
         let mut out = Vec::new();
         voxels.take(300, &mut out);
@@ -171,12 +212,18 @@ mod tests {
 
     proptest! {
         #[test]
+        fn floor_is_the_one_of_the_library(value in prop_oneof![-3e4..3e4f32, -3.0..3.0f32, -1e-30..1e-30f32]) {
+            prop_assert_eq!(floor(value), value.floor() as i16 as u16);
+            prop_assert_eq!(floor(value.trunc()), value.trunc() as i16 as u16);
+        }
+
+        #[test]
         fn every_point_has_a_kept_point_near_it(
             points in prop::collection::vec((-5.0..5.0f32, -5.0..5.0f32, 0.0..2.0f32), 1..300), most in 1usize..60,
         ) {
             let mut voxels = Voxels::new();
             for &(x, y, z) in &points {
-                voxels.add(&point(x, y, z, 1));
+                add(&mut voxels, &point(x, y, z, 1));
             }
             let mut out = Vec::new();
             voxels.take(most, &mut out);
