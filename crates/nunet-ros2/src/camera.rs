@@ -18,7 +18,7 @@ use tracing::{info, warn};
 
 use crate::error::Ros2Error;
 use crate::frame_messages::FrameEncoder;
-use crate::link::Publisher;
+use crate::link::{Link, Publisher};
 use crate::messages::{DiagnosticArray, DiagnosticStatus, KeyValue, LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
 use crate::topic::Topic;
@@ -55,7 +55,11 @@ const WITH_OBSTACLES: u32 = bit(Topic::ObstaclePoints) | bit(Topic::Scan);
 
 /// A copy of a frame on its way to the thread.
 #[derive(Default)]
-struct Copy(RecordedFrame);
+struct Copy {
+    record: RecordedFrame,
+    /// The topics that something subscribed to when it was copied. What others need is of an earlier frame.
+    wanted: u32,
+}
 
 impl Reuse for Copy {
     fn release(&mut self) {}
@@ -76,7 +80,8 @@ struct State {
     is_up: bool,
     frames: Counts,
     fps: f64,
-    capture_unix_nanos: i64,
+    /// `None` before the first frame.
+    capture_unix_nanos: Option<i64>,
     total_micros: u32,
     scale: Option<Scale>,
 }
@@ -106,7 +111,7 @@ impl Sink for Ros2Sink {
     fn on_frame(&mut self, published: &PublishedFrame<'_>) {
         let PublishedFrame { frame, camera, results, timings } = published;
         let mut state = self.shared.state();
-        state.capture_unix_nanos = frame.capture.unix_nanos;
+        state.capture_unix_nanos = Some(frame.capture.unix_nanos);
         state.total_micros = timings.total_micros;
         state.scale = Some(results.scale);
         drop(state);
@@ -116,11 +121,12 @@ impl Sink for Ros2Sink {
         }
         let mut copy = self.shared.mailbox.used().unwrap_or_default();
         if wanted & bit(Topic::Image) != 0 {
-            copy.0.copy_frame(frame, *camera);
+            copy.record.copy_frame(frame, *camera);
         }
-        copy.0.frame.capture = frame.capture;
-        copy.0.camera = *camera;
-        copy.0.copy_results(results);
+        copy.wanted = wanted;
+        copy.record.frame.capture = frame.capture;
+        copy.record.camera = *camera;
+        copy.record.copy_results(results);
         if self.shared.mailbox.put_latest(copy) == nunet_source::Put::Replaced {
             self.shared.counts.add_superseded();
         }
@@ -141,12 +147,17 @@ impl Sink for Ros2Sink {
         let Self { shared, thread } = *self;
         FinishingSink::new(move |timeout| {
             let waited = timeout.wait("ROS 2", || thread.is_finished(), || shared.counts.sent());
-            if let Err(why) = waited {
-                warn!("the last ROS 2 messages were not sent: {why}");
-            }
+            let failure = match waited {
+                Ok(()) => thread.join().err().map(|_| "the thread panicked".to_owned()),
+                Err(why) => Some(why.to_string()),
+            };
             let (sent, not_taken) = (shared.counts.sent(), shared.counts.not_taken());
             let superseded = shared.counts.superseded();
             info!("ROS 2: {sent} messages sent, {not_taken} not taken, {superseded} frames superseded");
+            if let Some(why) = failure {
+                warn!("the last ROS 2 messages were not sent: {why}");
+                return Ok(Outcome::Lost);
+            }
             Ok(Outcome::Done)
         })
     }
@@ -164,6 +175,8 @@ pub(crate) struct CameraThread {
     about: Vec<(&'static str, String)>,
     message: Vec<u8>,
     failures: RateLimit,
+    /// Connections that have not announced the node yet.
+    unannounced: Vec<Arc<dyn Link>>,
 }
 
 impl CameraThread {
@@ -172,15 +185,28 @@ impl CameraThread {
         camera: &CameraOptions<'_>,
         depth: DepthFormat,
         outputs: Outputs,
+        unannounced: Vec<Arc<dyn Link>>,
     ) -> Result<Ros2Sink, Ros2Error> {
+        let side = Self::new(camera, depth, outputs, unannounced);
+        let shared = Arc::clone(&side.shared);
+        let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(|| side.run());
+        Ok(Ros2Sink { shared, thread: thread.map_err(Ros2Error::Thread)? })
+    }
+
+    fn new(
+        camera: &CameraOptions<'_>,
+        depth: DepthFormat,
+        outputs: Outputs,
+        unannounced: Vec<Arc<dyn Link>>,
+    ) -> Self {
         let shared = Arc::new(Shared {
             mailbox: Mailbox::default(),
             wanted: AtomicU32::new(0),
             counts: camera.counts.clone(),
             state: Mutex::default(),
         });
-        let side = Self {
-            shared: Arc::clone(&shared),
+        Self {
+            shared,
             outputs,
             encoder: FrameEncoder::new(camera.frame_id, depth),
             name: camera.name.to_owned(),
@@ -190,9 +216,8 @@ impl CameraThread {
             about: camera.about.to_vec(),
             message: Vec::new(),
             failures: RateLimit::default(),
-        };
-        let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(|| side.run());
-        Ok(Ros2Sink { shared, thread: thread.map_err(Ros2Error::Thread)? })
+            unannounced,
+        }
     }
 
     fn run(mut self) {
@@ -204,12 +229,13 @@ impl CameraThread {
                 counted = Some(Instant::now());
             }
             if diagnosed.elapsed() >= DIAGNOSTICS_PERIOD {
+                self.unannounced.retain(|link| link.announce_node(&self.name).is_err());
                 self.send_diagnostics();
                 diagnosed = Instant::now();
             }
             match self.shared.mailbox.take(COUNT_PERIOD) {
                 Taken::Item(copy) => {
-                    self.send_frame(&copy.0);
+                    self.send_frame(&copy);
                     self.shared.mailbox.give_back(copy);
                 }
                 Taken::Nothing => {}
@@ -244,9 +270,9 @@ impl CameraThread {
     }
 
     /// Sends all topics of a frame that something subscribes to.
-    fn send_frame(&mut self, record: &RecordedFrame) {
+    fn send_frame(&mut self, Copy { record, wanted }: &Copy) {
         let Self { shared, outputs, encoder, failures, .. } = self;
-        let wanted = shared.wanted.load(Ordering::Relaxed) & !WITHOUT_FRAME;
+        let wanted = wanted & !WITHOUT_FRAME;
         for (topic, publishers) in outputs.0.iter().filter(|(topic, _)| wanted & bit(*topic) != 0) {
             match encoder.encode(*topic, record) {
                 Ok(Some(message)) => {
@@ -276,12 +302,13 @@ impl CameraThread {
 
     fn diagnostics(&self, state: &State) -> DiagnosticArray<'_> {
         let header = header_now();
-        let age_ms = (header.stamp.unix_nanos() - state.capture_unix_nanos) as f64 / 1e6;
+        let age_ms = |captured: i64| format!("{:.1}", (header.stamp.unix_nanos() - captured) as f64 / 1e6);
+        let age = state.capture_unix_nanos.map_or_else(|| "none".to_owned(), age_ms);
         let Counts { captured, published, superseded, failed, in_flight } = state.frames;
         let counts = &self.shared.counts;
         let values = [
             ("frames per second", format!("{:.2}", state.fps)),
-            ("age of the last frame, ms", format!("{age_ms:.1}")),
+            ("age of the last frame, ms", age),
             ("latency of the last frame, ms", format!("{:.2}", f64::from(state.total_micros) / 1e3)),
             ("units", state.scale.map_or("none", |scale| scale.units.name()).to_owned()),
             ("scale source", state.scale.map_or("none", |scale| scale.source.name()).to_owned()),
@@ -311,3 +338,6 @@ impl CameraThread {
         DiagnosticArray { header, status: vec![status] }
     }
 }
+
+#[cfg(test)]
+mod tests;

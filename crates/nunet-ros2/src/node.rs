@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use nunet_sink::sink::Sink;
-use tracing::info;
+use tracing::{info, warn};
 
 use crate::camera::{CameraThread, Outputs};
 use crate::environment::Environment;
@@ -29,6 +29,11 @@ impl Ros2Node {
         Ok(Self { links, options: options.clone() })
     }
 
+    #[cfg(test)]
+    pub(crate) fn with_links(links: Vec<Arc<dyn Link>>) -> Self {
+        Self { links, options: Ros2Options::default() }
+    }
+
     /// Publishes the topics of a camera.
     ///
     /// # Errors
@@ -41,9 +46,18 @@ impl Ros2Node {
             let publishers = self.links.iter().map(|link| link.publisher(camera.name, topic));
             outputs.add(topic, publishers.collect::<Result<_, _>>()?);
         }
-        self.links.iter().try_for_each(|link| link.announce_node(camera.name))?;
         info!("ROS 2 topics: {}", listed(&topics, camera.name));
-        Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs)?))
+        Ok(Box::new(CameraThread::start(camera, self.options.depth, outputs, self.announce(camera.name))?))
+    }
+
+    /// Announces the node of `camera`. Returns the connections that could not: topics work without it, and a node that has
+    /// not confirmed the last announcement yet may hold back the next.
+    fn announce(&self, camera: &str) -> Vec<Arc<dyn Link>> {
+        let failed = self.links.iter().filter(|link| {
+            let announced = link.announce_node(camera);
+            announced.inspect_err(|error| warn!("camera `{camera}`: {error}, will try again")).is_err()
+        });
+        failed.cloned().collect()
     }
 
     fn topics(&self, camera: &CameraOptions<'_>) -> Result<BTreeSet<Topic>, Ros2Error> {

@@ -203,7 +203,8 @@ static OBSTACLES: LazyLock<Obstacles> = LazyLock::new(|| Obstacles {
     used_labels: false,
 });
 
-/// Without subscribers, nothing is sent; what arrives at some is tested by `cargo xtask test --ros2`.
+/// Without subscribers, nothing is sent. Transports that refuse, hang and panic are tested in `nunet-ros2`; what arrives at
+/// subscribers, by `cargo xtask test --ros2`.
 fn ros2(_folder: &Path, _backend: Backend) -> Rig {
     let node = Ros2Node::open(&Ros2Options::default()).unwrap();
     let counts = MessageCounts::default();

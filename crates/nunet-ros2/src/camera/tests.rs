@@ -1,0 +1,192 @@
+use std::sync::atomic::AtomicUsize;
+
+use nunet_core::depth::DepthEncoding;
+use nunet_sink::sink::Timings;
+use nunet_source::Frame;
+use nunet_telemetry::DrainTimeout;
+use nunet_types::ImageSize;
+
+use super::*;
+
+const SIZE: ImageSize = ImageSize::new(2, 2);
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// What a subscriber does, as its publisher sees it.
+#[derive(Clone, Copy)]
+enum Behavior {
+    Takes,
+    Refuses,
+    Panics,
+    /// Until the test ends.
+    Hangs,
+}
+
+/// A topic that counts its messages.
+#[derive(Clone)]
+struct Fake {
+    behavior: Behavior,
+    sent: Arc<AtomicUsize>,
+}
+
+impl Publisher for Fake {
+    fn subscribers(&self) -> usize {
+        1
+    }
+
+    fn send(&self, _message: &[u8]) -> bool {
+        assert!(!matches!(self.behavior, Behavior::Panics), "as the library may");
+        self.sent.fetch_add(1, Ordering::Relaxed);
+        if matches!(self.behavior, Behavior::Hangs) {
+            std::thread::park_timeout(TIMEOUT);
+        }
+        matches!(self.behavior, Behavior::Takes)
+    }
+}
+
+fn fake(behavior: Behavior) -> Fake {
+    Fake { behavior, sent: Arc::default() }
+}
+
+fn options(counts: &MessageCounts) -> CameraOptions<'_> {
+    CameraOptions {
+        name: "front",
+        frame_id: "eye",
+        classes: &[],
+        mount: None,
+        has_labels: false,
+        has_obstacles: false,
+        counts,
+        about: &[],
+    }
+}
+
+fn outputs(topics: &[(Topic, &Fake)]) -> Outputs {
+    let mut outputs = Outputs::default();
+    topics.iter().for_each(|(topic, fake)| outputs.add(*topic, vec![Box::new((*fake).clone())]));
+    outputs
+}
+
+fn give(sink: &mut dyn Sink, value: u8) {
+    let mut frame = Frame::default();
+    frame.rgb_buffer(SIZE).fill(value);
+    frame.capture.unix_nanos = i64::from(value);
+    let results = Results {
+        scale: Scale::unscaled(DepthEncoding::Metric),
+        size: SIZE,
+        depth: &[1.0; 4],
+        labels: None,
+        cloud_size: SIZE,
+        cloud: None,
+        camera: None,
+        obstacles: None,
+    };
+    let timings = Timings { total_micros: 9, queue_micros: 1, inner_micros: &[5], publish_micros: 3 };
+    sink.on_frame(&PublishedFrame { frame: &frame, camera: None, results, timings });
+}
+
+/// A sink whose thread is played by the test.
+fn played(topics: &[(Topic, &Fake)], counts: &MessageCounts) -> (Ros2Sink, CameraThread) {
+    let side = CameraThread::new(&options(counts), DepthFormat::Meters, outputs(topics), Vec::new());
+    let sink = Ros2Sink { shared: Arc::clone(&side.shared), thread: std::thread::spawn(|| {}) };
+    (sink, side)
+}
+
+#[test]
+fn an_image_has_the_pixels_of_its_own_frame() {
+    let (depth, image, counts) = (fake(Behavior::Takes), fake(Behavior::Takes), MessageCounts::default());
+    let (mut sink, mut side) = played(&[(Topic::HalfDepth, &depth), (Topic::Image, &image)], &counts);
+    let wanted = |topics| side.shared.wanted.store(topics, Ordering::Relaxed);
+    wanted(bit(Topic::HalfDepth));
+    give(&mut sink, 1);
+    // The subscriber of the image comes between the copy and the message.
+    wanted(bit(Topic::HalfDepth) | bit(Topic::Image));
+    let Taken::Item(copy) = side.shared.mailbox.take(TIMEOUT) else { panic!("no frame") };
+    side.send_frame(&copy);
+    let sent = || [&depth, &image].map(|fake| fake.sent.load(Ordering::Relaxed));
+    assert_eq!(sent(), [1, 0], "an image without the pixels of this frame");
+    side.shared.mailbox.give_back(copy);
+    give(&mut sink, 2);
+    let Taken::Item(copy) = side.shared.mailbox.take(TIMEOUT) else { panic!("no frame") };
+    side.send_frame(&copy);
+    assert_eq!(sent(), [2, 1]);
+}
+
+#[test]
+fn diagnostics_state_no_age_before_the_first_frame() {
+    let counts = MessageCounts::default();
+    let (mut sink, side) = played(&[], &counts);
+    let age = || {
+        let array = side.diagnostics(&side.shared.state());
+        let age = array.status[0].values.iter().find(|value| value.key == "age of the last frame, ms");
+        age.expect("it is always stated").value.clone()
+    };
+    assert_eq!(age(), "none");
+    give(&mut sink, 1);
+    assert!(age().parse::<f64>().expect("a number") > 0.0, "{}", age());
+}
+
+/// Feeds frames until the counts satisfy `is_enough`, and ends the sink.
+fn feed(behavior: Behavior, is_enough: impl Fn(&MessageCounts, usize) -> bool) -> Outcome {
+    let (fake, counts) = (fake(behavior), MessageCounts::default());
+    let outputs = outputs(&[(Topic::HalfDepth, &fake)]);
+    let mut sink = CameraThread::start(&options(&counts), DepthFormat::Meters, outputs, Vec::new()).unwrap();
+    let start = Instant::now();
+    while !is_enough(&counts, fake.sent.load(Ordering::Relaxed)) {
+        give(&mut sink, 1);
+        assert!(start.elapsed() < TIMEOUT, "{} sent, {} not taken", counts.sent(), counts.not_taken());
+        std::thread::yield_now();
+    }
+    let is_stuck = matches!(behavior, Behavior::Hangs);
+    let mut timeout = if is_stuck {
+        DrainTimeout::with(&|| true, Duration::ZERO, TIMEOUT)
+    } else {
+        DrainTimeout::new(&|| false)
+    };
+    Box::new(sink).finish(None).wait(&mut timeout).unwrap()
+}
+
+#[test]
+fn messages_are_counted_whether_subscribers_take_them_or_not() {
+    assert_eq!(feed(Behavior::Takes, |counts, sent| counts.sent() >= 5 && sent >= 5), Outcome::Done);
+    assert_eq!(
+        feed(Behavior::Refuses, |counts, _| counts.not_taken() >= 5 && counts.sent() == 0),
+        Outcome::Done
+    );
+}
+
+#[test]
+fn a_transport_that_hangs_or_panics_holds_up_neither_frames_nor_the_shutdown() {
+    for behavior in [Behavior::Hangs, Behavior::Panics] {
+        assert_eq!(feed(behavior, |counts, _| counts.superseded() >= 5), Outcome::Lost);
+    }
+}
+
+/// Takes the second announcement.
+#[derive(Default)]
+struct Shy(AtomicUsize);
+
+impl Link for Shy {
+    fn publisher(&self, _camera: &str, _topic: Topic) -> Result<Box<dyn Publisher>, Ros2Error> {
+        Ok(Box::new(fake(Behavior::Takes)))
+    }
+
+    fn announce_node(&self, _camera: &str) -> Result<(), Ros2Error> {
+        let is_first = self.0.fetch_add(1, Ordering::Relaxed) == 0;
+        let error = Ros2Error::Middleware { action: "announce the node", reason: "Timeout".to_owned() };
+        if is_first { Err(error) } else { Ok(()) }
+    }
+}
+
+#[test]
+fn a_node_that_could_not_be_announced_is_announced_later() {
+    let (link, counts) = (Arc::new(Shy::default()), MessageCounts::default());
+    let node = crate::Ros2Node::with_links(vec![Arc::clone(&link) as Arc<dyn Link>]);
+    let sink = node.add_camera(&options(&counts)).unwrap();
+    let start = Instant::now();
+    while link.0.load(Ordering::Relaxed) < 2 {
+        assert!(start.elapsed() < TIMEOUT, "it is not tried again");
+        std::thread::sleep(COUNT_PERIOD);
+    }
+    assert_eq!(sink.finish(None).wait(&mut DrainTimeout::new(&|| false)).unwrap(), Outcome::Done);
+    assert_eq!(link.0.load(Ordering::Relaxed), 2, "once is enough");
+}
