@@ -12,6 +12,12 @@ pub trait Hint {
     /// One imperative sentence, lower case, without a full stop: ``pass a size of 640x480``. `None` if there is nothing
     /// that a user could do.
     fn hint(&self) -> Option<Cow<'static, str>>;
+
+    /// The setting that the hint is about, as the configuration file names it: `topic`. Front ends add how they spell it:
+    /// the command line `--topic`.
+    fn setting(&self) -> Option<&'static str> {
+        None
+    }
 }
 
 /// An error and its causes in one line: `cannot read a.png: it is cut off`.

@@ -43,6 +43,7 @@ pub mod layout;
 mod message;
 mod obstacle;
 mod pixel_format;
+pub mod printable;
 mod sensor_region;
 mod vocabulary;
 
