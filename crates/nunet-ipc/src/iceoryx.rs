@@ -13,7 +13,7 @@ use iceoryx2::service::attribute::AttributeSet;
 use iceoryx2::service::service_hash::ServiceHash;
 
 use crate::contract::{CONTRACT_ATTRIBUTE, CONTRACT_VERSION};
-use crate::error::IpcError;
+use crate::error::{IceoryxCause, IpcError};
 
 /// The thread-safe kind of service: its ports and samples are `Send`, at the price of an uncontended mutex.
 pub(crate) type Iceoryx = ipc_threadsafe::Service;
@@ -124,6 +124,13 @@ pub fn root() -> PathBuf {
 #[must_use]
 pub fn shared_memory_prefix() -> String {
     config().global.prefix.to_string()
+}
+
+impl IpcError {
+    /// Wraps an error of iceoryx2, whose types do not leave this crate.
+    pub(crate) fn iceoryx(action: impl Into<String>, cause: impl fmt::Debug) -> Self {
+        Self::Iceoryx { action: action.into(), cause: IceoryxCause::new(&cause, root()) }
+    }
 }
 
 /// iceoryx2 logs to stdout and stderr by itself. The errors of this crate report every failure, so the log is

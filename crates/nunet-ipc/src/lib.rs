@@ -72,7 +72,7 @@ pub use crate::contract::{
     CONTRACT_ATTRIBUTE, CONTRACT_VERSION, FrameHeader, MAX_COEFFICIENTS, MAX_STAGES, ObstacleRecord,
     STAGE_NAME_BYTES, StatsRecord,
 };
-pub use crate::error::{IpcError, IpcErrorKind};
+pub use crate::error::{IceoryxCause, IpcError, IpcErrorKind};
 pub use crate::iceoryx::{ROOT_VARIABLE, root, shared_memory_prefix, use_root};
 pub use crate::name::{CameraName, CameraNameError, MAX_CAMERA_NAME_BYTES};
 pub use crate::plan::{Limits, Reservation, SHARED_MEMORY_FOLDER, TopicPlan, TopicReservation};

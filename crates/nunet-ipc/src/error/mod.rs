@@ -1,5 +1,6 @@
 //! The errors of publishers and readers.
 
+mod cause;
 mod hint;
 mod kind;
 
@@ -13,6 +14,7 @@ use crate::name::CameraName;
 use crate::plan::{Reservation, SHARED_MEMORY_FOLDER, megabytes};
 use crate::process::Process;
 
+pub use cause::IceoryxCause;
 pub use kind::IpcErrorKind;
 
 /// The errors of this crate, except those with a type of their own
@@ -256,30 +258,23 @@ pub enum IpcError {
         group: String,
     },
     /// This process cannot use shared memory at all.
-    #[error("cannot join iceoryx2: it reports `{cause}`")]
+    #[error("cannot use shared memory with the folder `{}`: {cause}", root.display())]
     CannotJoin {
         /// iceoryx2's folder.
         root: PathBuf,
-        /// iceoryx2's reason.
-        cause: String,
+        /// Why.
+        cause: IceoryxCause,
     },
     /// iceoryx2 failed.
-    #[error("cannot {action}: iceoryx2 reports `{cause}`")]
+    #[error("cannot {action}: {cause}")]
     Iceoryx {
         /// What was tried.
         action: String,
-        /// iceoryx2's reason.
-        cause: String,
+        /// Why.
+        cause: IceoryxCause,
     },
 }
 
 fn list(topics: &[Topic]) -> String {
     topics.iter().map(|topic| format!("`{topic}`")).collect::<Vec<_>>().join(", ")
-}
-
-impl IpcError {
-    /// Wraps an error of iceoryx2, whose types do not leave this crate.
-    pub(crate) fn iceoryx(action: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
-        Self::Iceoryx { action: action.into(), cause: format!("{cause:?}") }
-    }
 }

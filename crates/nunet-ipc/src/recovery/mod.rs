@@ -16,7 +16,7 @@ use iceoryx2::node::{Node, NodeBuilder, NodeCreationFailure};
 use iceoryx2::prelude::SignalHandlingMode;
 
 use crate::access;
-use crate::error::IpcError;
+use crate::error::{IceoryxCause, IpcError};
 use crate::iceoryx::{Iceoryx, config, root};
 
 pub(crate) use lock::CreationLock;
@@ -38,7 +38,8 @@ pub(crate) fn create_node() -> Result<Node<Iceoryx>, IpcError> {
         Err(NodeCreationFailure::UnableToGenerateUniqueNodeId) if dead::remove_unfilled_counter() => build(),
         result => result,
     };
-    let node = node.map_err(|cause| IpcError::CannotJoin { root: root(), cause: format!("{cause:?}") })?;
+    let node = node
+        .map_err(|cause| IpcError::CannotJoin { root: root(), cause: IceoryxCause::new(&cause, root()) })?;
     dead::remove_orphans(&dead);
     Ok(node)
 }
