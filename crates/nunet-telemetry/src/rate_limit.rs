@@ -1,6 +1,7 @@
 //! Rate limits for log messages that can occur on every frame.
 
 use std::fmt;
+use std::hash::{DefaultHasher, Hasher as _};
 use std::time::{Duration, Instant};
 
 /// The number of messages in a row that are logged.
@@ -14,6 +15,8 @@ pub struct RateLimit {
     tokens: u32,
     refilled: Option<Instant>,
     suppressed: u64,
+    /// The last message of [`Self::allow_text`], and when it was logged.
+    last: Option<(u64, Instant)>,
 }
 
 /// The number of suppressed messages since the last logged one; prints nothing for 0.
@@ -22,7 +25,7 @@ pub struct Suppressed(u64);
 
 impl Default for RateLimit {
     fn default() -> Self {
-        Self { tokens: BURST, refilled: None, suppressed: 0 }
+        Self { tokens: BURST, refilled: None, suppressed: 0, last: None }
     }
 }
 
@@ -42,6 +45,32 @@ impl RateLimit {
         self.tokens -= 1;
         Some(Suppressed(std::mem::take(&mut self.suppressed)))
     }
+
+    /// As [`Self::allow`], but a message that says the same as the last one is logged once per period: "message 7 on topic
+    /// `/a`: unknown encoding" for each message of a recording.
+    pub fn allow_text(&mut self, now: Instant, text: &str) -> Option<Suppressed> {
+        let meaning = meaning(text);
+        let repeats = self.last.is_some_and(|(last, at)| last == meaning && now.duration_since(at) < PERIOD);
+        if repeats {
+            self.suppressed += 1;
+            return None;
+        }
+        let allowed = self.allow(now)?;
+        self.last = Some((meaning, now));
+        Some(allowed)
+    }
+}
+
+/// A hash of a text without its numbers; digits of names, which are between backticks, count.
+fn meaning(text: &str) -> u64 {
+    let (mut hasher, mut is_name) = (DefaultHasher::new(), false);
+    for byte in text.bytes() {
+        is_name ^= byte == b'`';
+        if is_name || !byte.is_ascii_digit() {
+            hasher.write_u8(byte);
+        }
+    }
+    hasher.finish()
 }
 
 impl fmt::Display for Suppressed {
@@ -69,6 +98,22 @@ mod tests {
             }
         }
         assert_eq!(logged, [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (300, 295), (600, 299)]);
+    }
+
+    #[test]
+    fn what_differs_in_numbers_only_is_logged_once_per_period_and_each_name_once() {
+        let (mut limit, start) = (RateLimit::default(), Instant::now());
+        let mut allow = |seconds, text: &str| {
+            limit.allow_text(start + Duration::from_secs(seconds), text).map(|Suppressed(count)| count)
+        };
+        let logged: Vec<_> =
+            (1..40).map(|n| allow(n / 10, &format!("message {n} on `/a1`: unknown"))).collect();
+        assert_eq!(logged.iter().flatten().collect::<Vec<_>>(), [&0]);
+        assert_eq!(allow(12, "message 41 on `/a1`: unknown"), Some(38));
+        assert_eq!(
+            (allow(12, "cannot read `a1.png`"), allow(12, "cannot read `a2.png`")),
+            (Some(0), Some(0))
+        );
     }
 
     #[test]
