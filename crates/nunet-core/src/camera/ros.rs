@@ -28,6 +28,8 @@ impl Distortion {
     /// The lens of a ROS `CameraInfo`: `distortion_model` and `d`.
     ///
     /// No coefficients mean no distortion, and so do zeros, except for `equidistant`, whose zeros are an ideal fisheye.
+    /// Without a model's name, the count of coefficients decides ([`Distortion::model_of`]).
+    ///
     /// Zeros after a model's last coefficient are ignored: the camera `RealSense` T265 writes `equidistant` with a fifth one.
     ///
     /// # Errors
@@ -37,7 +39,8 @@ impl Distortion {
         if coefficients.is_empty() {
             return Ok(Self::None);
         }
-        let name = model.to_ascii_lowercase();
+        let name = if model.is_empty() { Self::model_of(coefficients).unwrap_or_default() } else { model };
+        let name = name.to_ascii_lowercase();
         let found = MODELS.iter().find(|known| known.name == name || known.aliases.contains(&name.as_str()));
         let all_zero = coefficients.iter().all(|&coefficient| coefficient == 0.0);
         let known = match found {
@@ -52,6 +55,20 @@ impl Distortion {
             EQUIDISTANT => Self::KannalaBrandt(KannalaBrandt::new(coefficients)?),
             _ => Self::BrownConrady(BrownConrady::new(coefficients)?),
         })
+    }
+
+    /// The lens model that a ROS `CameraInfo` without a `distortion_model` means: by ROS's convention `plumb_bob` for 4 or 5
+    /// coefficients and `rational_polynomial` for 8, 12 or 14. `None` for other counts, and for zeros, which are no lens.
+    #[must_use]
+    pub fn model_of(coefficients: &[f64]) -> Option<&'static str> {
+        if coefficients.iter().all(|&coefficient| coefficient == 0.0) {
+            return None;
+        }
+        match coefficients.len() {
+            4 | 5 => Some(PLUMB_BOB),
+            8 | 12 | 14 => Some(RATIONAL_POLYNOMIAL),
+            _ => None,
+        }
     }
 
     /// The ROS name of the lens model, and the number of coefficients that ROS tools expect.
@@ -132,6 +149,23 @@ mod tests {
         assert_eq!(lens.to_ros(), ("equidistant", vec![0.1, 0.0, 0.0, 0.0]));
         assert_eq!(Distortion::None.to_ros(), ("plumb_bob", vec![0.0; 5]));
         assert_eq!(Distortion::from_ros("plumb_bob", &[0.0; 5]), Ok(Distortion::None));
+    }
+
+    #[test]
+    fn without_a_name_the_count_of_coefficients_decides() {
+        let long = [0.1, 0.2, 0.001, 0.002, 0.3, 0.4, 0.5, 0.6];
+        for (count, model) in [(4, "plumb_bob"), (5, "plumb_bob"), (8, "rational_polynomial")] {
+            let named = Distortion::from_ros(model, &long[..count]);
+            assert!(named.is_ok(), "{named:?}");
+            assert_eq!(Distortion::from_ros("", &long[..count]), named, "{count}");
+        }
+        for none in [&[][..], &[0.0; 4], &[0.0; 5], &[0.0; 8]] {
+            assert_eq!(Distortion::from_ros("", none), Ok(Distortion::None), "{none:?}");
+        }
+        for count in [1, 3, 6, 7] {
+            let error = Distortion::from_ros("", &long[..count]).unwrap_err();
+            assert!(matches!(error, CalibrationError::UnknownModel { .. }), "{count}: {error}");
+        }
     }
 
     #[test]

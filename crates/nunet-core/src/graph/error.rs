@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use nunet_types::Hint;
 
 use crate::error_kind::ErrorKind;
-use crate::graph::{ElementType, ManifestError, Provider, WiringError};
+use crate::graph::{ElementType, ManifestError, OnnxMessage, Provider, WiringError};
 use crate::model::ModelError;
 
 /// Why a graph cannot be loaded or run.
@@ -61,7 +61,7 @@ pub enum GraphError {
         /// The file.
         path: PathBuf,
         /// ONNX Runtime's message.
-        reason: String,
+        reason: OnnxMessage,
     },
     /// A provider that is not available.
     #[error("provider `{provider}` is not available: {reason}")]
@@ -69,7 +69,7 @@ pub enum GraphError {
         /// The requested provider.
         provider: Provider,
         /// ONNX Runtime's message.
-        reason: String,
+        reason: OnnxMessage,
     },
     /// An invalid manifest.
     #[error("cannot use the staged graph `{}`", path.display())]
@@ -105,7 +105,7 @@ pub enum GraphError {
         /// Image height, pixels.
         height: u32,
         /// ONNX Runtime's message.
-        reason: String,
+        reason: OnnxMessage,
     },
     /// A foreign network that rounds the size in its sidecar.
     #[error(
@@ -131,7 +131,7 @@ pub enum GraphError {
         /// `stage.tensor` or `image`.
         tensor: String,
         /// ONNX Runtime's message.
-        reason: String,
+        reason: OnnxMessage,
     },
     /// A caller's buffer of another length than the tensor.
     #[error("the buffer for `{tensor}` has {got} elements, expected {expected}")]
@@ -180,7 +180,7 @@ pub enum GraphError {
         /// The stage.
         stage: String,
         /// ONNX Runtime's message.
-        reason: String,
+        reason: OnnxMessage,
     },
 }
 
@@ -196,6 +196,19 @@ impl GraphError {
             _ => ErrorKind::Model,
         }
     }
+
+    /// ONNX Runtime's message as it wrote it, for a log of details. `Display` shows the part that matters.
+    #[must_use]
+    pub fn details(&self) -> Option<&str> {
+        match self {
+            Self::Model { reason, .. }
+            | Self::Provider { reason, .. }
+            | Self::ImageSize { reason, .. }
+            | Self::Tensor { reason, .. }
+            | Self::Run { reason, .. } => Some(reason.full()),
+            _ => None,
+        }
+    }
 }
 
 impl Hint for GraphError {
@@ -203,7 +216,7 @@ impl Hint for GraphError {
         Some(match self {
             Self::LfsPointer { .. } => "fetch it: `git lfs pull`".into(),
             Self::Changed { .. } => "start again when nothing writes the file any more".into(),
-            Self::Model { reason, .. } => return hint_of_load(reason).map(Cow::Borrowed),
+            Self::Model { reason, .. } => return hint_of_load(reason.full()).map(Cow::Borrowed),
             Self::Provider { .. } => "use `auto`, the best provider that this ONNX Runtime has".into(),
             Self::ImageSize { .. } => {
                 "set `size = [h, w]` in the sidecar to sides that the network accepts, often multiples of 14 or 32".into()

@@ -99,9 +99,10 @@ impl<'a> Loader<'a> {
             .threads
             .or_else(|| std::thread::available_parallelism().ok())
             .unwrap_or(NonZeroUsize::MIN);
-        let provider = runtime
-            .resolve(options.provider, threads)
-            .map_err(|error| GraphError::Provider { provider: error.provider, reason: error.reason })?;
+        let provider = runtime.resolve(options.provider, threads).map_err(|error| GraphError::Provider {
+            provider: error.provider,
+            reason: error.reason.into(),
+        })?;
         Ok(Self { runtime, allowed_hashes: &options.allowed_hashes, provider, threads })
     }
 
@@ -185,7 +186,7 @@ impl<'a> Loader<'a> {
         // Before ONNX Runtime reads anything of it.
         let hash = self.hash(path, &bytes)?;
         let model = OnnxModel::load(&bytes, self.runtime, self.provider, self.threads)
-            .map_err(|reason| GraphError::Model { path: path.to_owned(), reason })?;
+            .map_err(|reason| GraphError::Model { path: path.to_owned(), reason: reason.into() })?;
         Ok((model, hash))
     }
 

@@ -29,7 +29,7 @@ impl RunTensors<'_> {
         });
         session
             .run(inputs, stage.outputs.clone().map(|index| self.tensor(index)))
-            .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })
+            .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason: reason.into() })
     }
 
     fn tensor(&self, index: usize) -> Lent<'_> {

@@ -53,7 +53,7 @@ impl SerialGraph {
             let info = StageInfo::new(stage, &plan, file, model.signature());
             let session = model
                 .session(&info.inputs, &info.outputs)
-                .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })?;
+                .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason: reason.into() })?;
             sessions.push(session);
             stages.push(info);
         }
@@ -171,7 +171,7 @@ impl SerialGraph {
         for (stage, session) in self.stages.iter().zip(&self.sessions) {
             let part = session
                 .node_assignment()
-                .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason })?;
+                .map_err(|reason| GraphError::Run { stage: stage.name.clone(), reason: reason.into() })?;
             for (provider, nodes) in part {
                 *assignment.entry(provider).or_default() += nodes;
             }

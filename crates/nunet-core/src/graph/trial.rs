@@ -33,7 +33,7 @@ pub(super) fn with_depth_size(
         path: path.to_owned(),
         width,
         height,
-        reason,
+        reason: reason.into(),
     })?;
     let mut sides = depth.shape.iter().filter(|&&dim| dim != 1).map(|&dim| u32::try_from(dim).unwrap_or(0));
     match (sides.next(), sides.next(), sides.next()) {

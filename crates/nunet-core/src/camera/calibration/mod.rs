@@ -53,6 +53,7 @@ const MAX_IGNORED_SKEW: f64 = 0.02;
 pub struct Calibration {
     camera: Camera,
     ignored_skew: Option<IgnoredSkew>,
+    assumed_model: Option<&'static str>,
     scale: Option<CalibratedScale>,
 }
 
@@ -141,7 +142,8 @@ impl Calibration {
         }
         let distortion = Distortion::from_ros(info.distortion_model, info.d)?;
         let ignored_skew = (skew != 0.0).then_some(IgnoredSkew { skew_px: skew, fx_px: fx });
-        Ok(Self { camera: Camera { intrinsics, distortion }, ignored_skew, scale: None })
+        let assumed_model = Distortion::model_of(info.d).filter(|_| info.distortion_model.is_empty());
+        Ok(Self { camera: Camera { intrinsics, distortion }, ignored_skew, assumed_model, scale: None })
     }
 
     /// The camera at the size that it was calibrated at.
@@ -154,6 +156,12 @@ impl Calibration {
     #[must_use]
     pub fn ignored_skew(&self) -> Option<IgnoredSkew> {
         self.ignored_skew
+    }
+
+    /// The lens model that the count of coefficients means, where none is named.
+    #[must_use]
+    pub fn assumed_model(&self) -> Option<&'static str> {
+        self.assumed_model
     }
 
     /// The factor of depth that was measured with this camera, where the file has one.

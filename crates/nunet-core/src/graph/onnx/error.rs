@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use nunet_types::Hint;
 
 use crate::error_kind::ErrorKind;
+use crate::graph::OnnxMessage;
 
 /// Why ONNX Runtime could not be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +64,7 @@ pub enum RuntimeError {
         /// The file.
         library: PathBuf,
         /// Its message.
-        reason: String,
+        reason: OnnxMessage,
     },
 }
 

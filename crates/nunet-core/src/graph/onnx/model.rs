@@ -33,9 +33,9 @@ impl OnnxModel {
     ) -> Result<Self, String> {
         let session = builder(runtime, provider, threads)
             .and_then(|mut builder| builder.commit_from_memory(bytes))
-            .map_err(|error| first_line(error.message()))?;
+            .map_err(|error| error.message().to_owned())?;
         let signature = Signature { inputs: specs(session.inputs()), outputs: specs(session.outputs()) };
-        let metadata = metadata(&session).map_err(|error| first_line(error.message()))?;
+        let metadata = metadata(&session).map_err(|error| error.message().to_owned())?;
         Ok(Self { session: Arc::new(Mutex::new(session)), signature, metadata })
     }
 
@@ -127,9 +127,4 @@ fn element(element: TensorElementType) -> ElementType {
         TensorElementType::Float64 => ElementType::Float64,
         _ => ElementType::Other,
     }
-}
-
-/// ONNX Runtime appends stack traces to some messages.
-fn first_line(message: &str) -> String {
-    message.lines().next().unwrap_or_default().trim_end().to_owned()
 }

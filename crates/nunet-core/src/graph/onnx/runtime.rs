@@ -47,7 +47,7 @@ impl Runtime {
     }
 
     fn start(library: PathBuf, version: String) -> Result<Self, RuntimeError> {
-        let failed = |reason: String| RuntimeError::Start { library: library.clone(), reason };
+        let failed = |reason: String| RuntimeError::Start { library: library.clone(), reason: reason.into() };
         // ONNX Runtime logs to stderr by default; errors are also returned.
         let environment = ort::init_from(&library)
             .map_err(|error| failed(error.to_string()))?

@@ -163,7 +163,7 @@ impl CallerTensor {
         }
         let value = self
             .value_at(address)
-            .map_err(|reason| GraphError::Tensor { tensor: self.role.to_owned(), reason })?;
+            .map_err(|reason| GraphError::Tensor { tensor: self.role.to_owned(), reason: reason.into() })?;
         Ok(Lent { value, writable, memory: PhantomData })
     }
 
@@ -236,7 +236,8 @@ impl OwnTensors {
     /// Zeroed memory for each tensor of `specs`, in their order. Zeroing also maps it before the first frame.
     pub(in crate::graph) fn new(specs: &[TensorSpec]) -> Result<Self, GraphError> {
         let make = |spec: &TensorSpec| {
-            OwnTensor::new(spec).map_err(|reason| GraphError::Tensor { tensor: spec.name.clone(), reason })
+            OwnTensor::new(spec)
+                .map_err(|reason| GraphError::Tensor { tensor: spec.name.clone(), reason: reason.into() })
         };
         specs.iter().map(make).collect::<Result<_, _>>().map(Self)
     }

@@ -110,6 +110,8 @@ impl Hint for WiringError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::NoImage => "bind an input of the first stage to `image`".into(),
+            Self::Image { kind, expected, .. } => image_hint(kind, expected).into(),
+            Self::Result { role, given, expected, .. } => result_hint(role, given, expected)?.into(),
             Self::ImagesDiffer { .. } => "export all stages for one image size".into(),
             Self::EveryZero { .. } => "1 runs the stage for each frame, 2 for every second one".into(),
             Self::DepthSkipped { .. } => "skip an earlier stage instead".into(),
@@ -138,5 +140,87 @@ impl Hint for WiringError {
             Self::StateIsDepth { .. } => "give the state an output of its own".into(),
             _ => return None,
         })
+    }
+}
+
+/// The element type in the text of a tensor: `float16` of `float16 [1, 1, 48, 64]`.
+fn element(kind: &str) -> &str {
+    kind.split(' ').next().unwrap_or_default()
+}
+
+/// How to keep half precision inside of a network.
+const KEEP_FLOAT32: &str = "keep inputs and outputs in float32 when you convert to float16: \
+                            `convert_float_to_float16(model, keep_io_types=True)` of onnxconverter-common";
+
+/// How to make a network take the image of the contract, or of its sidecar.
+fn image_hint(found: &str, expected: &str) -> &'static str {
+    match (element(found), element(expected)) {
+        (found, expected) if found == expected => {
+            "set `layout` and `size` in the sidecar to those of the network, or export it again"
+        }
+        ("float16" | "bfloat16", _) => KEEP_FLOAT32,
+        ("float64", _) => "export the network in float32: call `model.float()` before `torch.onnx.export`",
+        ("uint8", "float32") => "set `dtype = \"uint8\"` in the sidecar",
+        (_, "uint8") => {
+            "export the network with its normalization inside, or describe its input in a sidecar (`dtype`, `mean`, `std`)"
+        }
+        _ => "convert the image inside of the network, and export it with a float32 input",
+    }
+}
+
+/// How to make a network give depth or labels as the contract wants them. `None` if only the shape differs.
+fn result_hint(role: &str, found: &str, expected: &str) -> Option<&'static str> {
+    let (found, expected) = (element(found), element(expected));
+    Some(match found {
+        _ if found == expected => return None,
+        _ if role == "labels" => "end the network with `.to(torch.uint8)`, then export it again",
+        "float16" | "bfloat16" => KEEP_FLOAT32,
+        "float64" => "export the network in float32: call `model.float()` before `torch.onnx.export`",
+        _ => {
+            "end the network with `.float()`, then export it again; the depth's `scale` belongs into its description"
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn depth(given: &str) -> WiringError {
+        let (given, expected) = (given.into(), "float32 [1, 1, 48, 64]".into());
+        WiringError::Result { role: "depth", reference: "out".into(), given, expected, width: 64, height: 48 }
+    }
+
+    #[test]
+    fn every_other_element_type_has_a_hint_that_says_how_to_convert_it() {
+        for (given, word) in
+            [("float16", "keep_io_types"), ("float64", "model.float()"), ("int32", "`.float()`")]
+        {
+            let error = depth(&format!("{given} [1, 1, 48, 64]"));
+            assert!(error.hint().is_some_and(|hint| hint.contains(word)), "{error}: {:?}", error.hint());
+            let text = error.to_string();
+            assert!(
+                text.contains("`out`") && text.contains(given) && text.contains("expected float32"),
+                "{text}"
+            );
+        }
+        assert_eq!(depth("float32 [1, 1, 64, 48]").hint(), None);
+        assert!(
+            result_hint("labels", "int64 [1, 48, 64]", "uint8 [1, 48, 64]")
+                .is_some_and(|hint| hint.contains("uint8"))
+        );
+    }
+
+    #[test]
+    fn an_image_of_another_type_or_shape_has_a_hint() {
+        let image = "float32 [1, 3, 48, 64]";
+        for (found, word) in [
+            ("float16 [1, 3, 48, 64]", "keep_io_types"),
+            ("uint8 [1, 3, 48, 64]", "uint8"),
+            ("float32 [1, 48, 64, 3]", "layout"),
+        ] {
+            assert!(image_hint(found, image).contains(word), "{found}");
+        }
+        assert!(image_hint(image, "uint8 [1, H, W, 3]").contains("sidecar"));
     }
 }

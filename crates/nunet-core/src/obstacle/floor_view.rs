@@ -1,0 +1,150 @@
+//! The floor as depth shows it, whatever the mount says: tells a wrong mount from an unusual scene.
+//!
+//! A plane through three floor points is tried many times, and the one that most points agree with is refined by least
+//! squares. A point agrees if its depth is off by a small share. Only frames that contradict the mount are looked at, so
+//! this may take a millisecond.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Mount;
+
+/// Points that are looked at, at most.
+pub(super) const MAX_POINTS: usize = 1000;
+const MIN_POINTS: usize = 100;
+const TRIALS: usize = 80;
+/// A point agrees with a plane if its depth differs by less than this share.
+const AGREEMENT: f32 = 0.12;
+/// The share of the points that must agree.
+const MIN_AGREEING: f32 = 0.6;
+/// How far the normal of a floor may be from the image's vertical, as a cosine: 70 degrees. A wall ahead has 90.
+const MIN_COSINE: f32 = 0.34;
+/// The mount is wrong if the floor is inclined by more than this, radians, or if the heights differ by this factor.
+/// Networks are off by less: some draw all depth twice too far.
+const MAX_ANGLE_RAD: f32 = 0.14;
+const MAX_FACTOR: f32 = 3.0;
+
+/// The floor in the camera's view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloorView {
+    /// How high the camera is above it, meters.
+    pub height_m: f32,
+    /// The direction straight down in the optical frame (x right, y down, z forward), of length 1.
+    down: Vector3<f32>,
+}
+
+impl FloorView {
+    /// The floor of these points of the optical frame, meters; `None` if they show no plane below the camera.
+    pub(super) fn of(points: &[[f32; 3]]) -> Option<Self> {
+        let points: Vec<Vector3<f32>> = points.iter().map(|&point| point.into()).collect();
+        if points.len() < MIN_POINTS {
+            return None;
+        }
+        // A plane is `inverse . point = 1`, where `inverse` points down and its length is 1 over the height.
+        let agreeing = |inverse: &Vector3<f32>| {
+            let inverse = *inverse;
+            points.iter().filter(move |point| (inverse.dot(point) - 1.0).abs() < AGREEMENT)
+        };
+        let mut random = 1_u32;
+        let mut next = || {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            points[(random >> 8) as usize % points.len()]
+        };
+        let trials = (0..TRIALS).filter_map(|_| through([next(), next(), next()]));
+        let best = trials.filter(is_below).max_by_key(|plane| agreeing(plane).count())?;
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for point in agreeing(&best) {
+            normal += point * point.transpose();
+            right += point;
+        }
+        let refined = normal.cholesky()?.solve(&right);
+        let share = agreeing(&refined).count() as f32 / points.len() as f32;
+        let norm = refined.norm();
+        (is_below(&refined) && share >= MIN_AGREEING)
+            .then(|| Self { height_m: 1.0 / norm, down: refined / norm })
+    }
+
+    /// The floor that the camera would see with this mount.
+    #[must_use]
+    pub fn of_mount(mount: &Mount) -> Self {
+        let [x, y, z] = mount.position_m();
+        let down = Vector3::from(mount.to_optical([x, y, z - 1.0])).cast();
+        Self { height_m: mount.height_m() as f32, down }
+    }
+
+    /// How far the camera looks down, radians; negative if it looks up.
+    #[must_use]
+    pub fn pitch_rad(&self) -> f32 {
+        self.down.z.clamp(-1.0, 1.0).asin()
+    }
+
+    /// Whether both cannot be the same floor: the errors of depth do not explain the difference.
+    #[must_use]
+    pub fn contradicts(&self, other: &Self) -> bool {
+        let factor = self.height_m / other.height_m;
+        self.down.angle(&other.down) > MAX_ANGLE_RAD || !(1.0 / MAX_FACTOR..=MAX_FACTOR).contains(&factor)
+    }
+}
+
+/// The plane through three points; `None` if they are on a line.
+fn through([a, b, c]: [Vector3<f32>; 3]) -> Option<Vector3<f32>> {
+    let normal = (b - a).cross(&(c - a));
+    let distance = normal.dot(&a);
+    let inverse = normal / distance;
+    inverse.iter().all(|number| number.is_finite()).then_some(inverse)
+}
+
+fn is_below(inverse: &Vector3<f32>) -> bool {
+    inverse.y > MIN_COSINE * inverse.norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Floor as a camera with this mount sees it, with depth off by up to 5 % and every fifth point on something else.
+    fn floor(mount: &Mount) -> Vec<[f32; 3]> {
+        let below = FloorView::of_mount(mount);
+        let rays = (0..40).flat_map(|row| {
+            (0..40).map(move |column| [column as f32 / 40.0 - 0.5, row as f32 / 40.0 - 0.5, 1.0])
+        });
+        let points = rays.enumerate().filter_map(|(index, ray)| {
+            let toward = Vector3::from(ray).dot(&below.down);
+            let noise = 1.0 + 0.1 * ((index * 7919 % 100) as f32 / 100.0 - 0.5);
+            let share = if index % 5 == 0 { 0.5 } else { noise };
+            let depth = below.height_m / toward * share;
+            (toward > 0.05).then(|| ray.map(|side| side * depth))
+        });
+        points.take(MAX_POINTS).collect()
+    }
+
+    #[test]
+    fn the_floor_gives_height_and_pitch_whatever_the_mount_says() {
+        for (height, roll, pitch) in [(0.25, 0.0, 0.2), (1.4, 0.05, 0.6), (0.3, -0.1, -0.1)] {
+            let mount = Mount::new([0.1, 0.0, height], [roll, pitch, 0.3]).unwrap();
+            let found = FloorView::of(&floor(&mount)).unwrap();
+            assert!((found.height_m / height as f32 - 1.0).abs() < 0.05, "{found:?}");
+            assert!((found.pitch_rad() - pitch as f32).abs() < 0.03, "{found:?} {pitch}");
+            assert!(!found.contradicts(&FloorView::of_mount(&mount)));
+            for wrong in [
+                Mount::new([0.1, 0.0, height], [roll, -2.0 * pitch, 0.3]),
+                Mount::new([0.1, 0.0, 100.0 * height], [roll, pitch, 0.3]),
+                Mount::new([0.1, 0.0, height], [roll + std::f64::consts::PI, pitch, 0.3]),
+            ] {
+                assert!(found.contradicts(&FloorView::of_mount(&wrong.unwrap())), "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn walls_ceilings_few_points_and_chaos_are_no_floor() {
+        let grid =
+            || (0..30).flat_map(|i| (0..30).map(move |j| (i as f32 / 15.0 - 1.0, j as f32 / 15.0 - 1.0)));
+        let wall: Vec<_> = grid().map(|(x, y)| [x, y, 2.0]).collect();
+        let ceiling: Vec<_> = grid().map(|(x, z)| [x, -1.5, z + 2.0]).collect();
+        let chaos: Vec<_> =
+            grid().map(|(x, y)| [x, y * y * 3.0, 1.0 + (37.0 * x * y).sin().abs() * 4.0]).collect();
+        for points in [&wall[..], &ceiling, &chaos, &[[0.0, 1.0, 1.0]; 99], &[[f32::NAN; 3]; 500]] {
+            assert_eq!(FloorView::of(points), None);
+        }
+    }
+}
