@@ -94,6 +94,8 @@ pub enum EngineError {
         message: String,
         /// The hint.
         hint: Option<String>,
+        /// What only a log of details should show.
+        details: Option<String>,
     },
     /// The child process took too long.
     #[error("the model check of `{}` took longer than {seconds} s", path.display())]
@@ -126,6 +128,17 @@ pub enum EngineError {
 }
 
 impl EngineError {
+    /// ONNX Runtime's message as it wrote it, for a log of details. `Display` shows the part that matters.
+    #[must_use]
+    pub fn details(&self) -> Option<&str> {
+        match self {
+            Self::Refused { details, .. } => details.as_deref(),
+            Self::Graph(error) | Self::Pipeline(PipelineError::Graph(error)) => error.details(),
+            Self::SelfTest { source: PipelineError::Graph(error), .. } => error.details(),
+            _ => None,
+        }
+    }
+
     /// What kind of failure it is.
     #[must_use]
     pub fn kind(&self) -> EngineErrorKind {
@@ -151,6 +164,21 @@ impl EngineError {
         let action = action.into();
         move |source| Self::System { action, source }
     }
+}
+
+/// ONNX Runtime's message as it wrote it, from the first error of a chain that has one; see [`EngineError::details`].
+#[must_use]
+pub fn details_of(error: &(dyn StdError + 'static)) -> Option<String> {
+    let mut chain = std::iter::successors(Some(error), |&error| error.source());
+    chain.find_map(|cause| {
+        let engine = cause.downcast_ref::<EngineError>().and_then(EngineError::details);
+        let pipeline = || match cause.downcast_ref::<PipelineError>()? {
+            PipelineError::Graph(error) => error.details(),
+            _ => None,
+        };
+        let graph = || cause.downcast_ref::<GraphError>()?.details();
+        engine.or_else(pipeline).or_else(graph).map(str::to_owned)
+    })
 }
 
 impl Hint for EngineError {

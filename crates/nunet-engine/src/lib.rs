@@ -25,6 +25,7 @@
 //! it ([`Installation`]). `NUNET_MODELS` names the folder of the bundled models, `ORT_DYLIB_PATH` the library
 //! of [`Model::open`].
 
+mod buffers;
 mod checked_load;
 mod clock;
 mod engine;
@@ -43,10 +44,11 @@ mod telemetry;
 mod text;
 mod verdict;
 
+pub use buffers::Buffers;
 pub use checked_load::check_model_in_this_process;
 pub use clock::MonotonicClock;
 pub use engine::{Engine, LoadedModel, ModelName};
-pub use error::EngineError;
+pub use error::{EngineError, details_of};
 pub use error_kind::EngineErrorKind;
 pub use installation::Installation;
 pub use library::{LibraryFile, cache_folder};

@@ -44,13 +44,22 @@ pub struct Refusal {
     message: String,
     /// The hint.
     hint: Option<String>,
+    /// ONNX Runtime's own message. Absent in reports of older versions.
+    #[serde(default)]
+    details: Option<String>,
 }
 
 impl Refusal {
     /// The report about an error; `message` and `hint` are shown to the user.
     #[must_use]
     pub fn new(kind: EngineErrorKind, message: impl Into<String>, hint: Option<String>) -> Self {
-        Self { kind: kind.name().to_owned(), message: message.into(), hint }
+        Self { kind: kind.name().to_owned(), message: message.into(), hint, details: None }
+    }
+
+    /// The same with what only a log of details should show.
+    #[must_use]
+    pub fn with_details(self, details: Option<&str>) -> Self {
+        Self { details: details.map(str::to_owned), ..self }
     }
 
     /// One line of JSON.
@@ -60,8 +69,8 @@ impl Refusal {
     }
 
     fn into_error(self) -> EngineError {
-        let Self { kind, message, hint } = self;
-        EngineError::Refused { kind: EngineErrorKind::named(&kind), message, hint }
+        let Self { kind, message, hint, details } = self;
+        EngineError::Refused { kind: EngineErrorKind::named(&kind), message, hint, details }
     }
 }
 
@@ -203,7 +212,8 @@ mod tests {
 
     #[test]
     fn a_refusal_keeps_its_kind_its_message_and_its_hint() {
-        let report = Refusal::new(EngineErrorKind::Wiring, "stages do not fit", Some("export again".into()));
+        let report = Refusal::new(EngineErrorKind::Wiring, "stages do not fit", Some("export again".into()))
+            .with_details(Some("/a/b.cc:1 f() stages do not fit"));
         let stdout = format!("{}\n", report.to_json());
         let error = judge(ExitStatus::from_raw(1 << 8), &stdout, "WARN something\n").unwrap_err();
         assert_eq!(error.kind(), EngineErrorKind::Wiring);
@@ -211,6 +221,7 @@ mod tests {
             (error.to_string().as_str(), error.hint().as_deref()),
             ("stages do not fit", Some("export again"))
         );
+        assert_eq!(error.details(), Some("/a/b.cc:1 f() stages do not fit"));
     }
 
     #[test]
