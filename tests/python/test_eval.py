@@ -76,7 +76,7 @@ def expected(session, dataset):
 
 def test_figures_of_depth_and_labels_agree(found, expected):
     ours, theirs = found[0], expected.values()
-    for group in ("metrics", "picture_mean", "minmax", "labels"):
+    for group in ("metrics", "image_mean", "minmax", "labels"):
         assert ours[group].keys() == theirs[group].keys()
         assert ours[group] == pytest.approx(theirs[group], rel=1e-6), group
     for count in ("pixels", "pixels_without_prediction", "pixels_beyond"):
@@ -90,7 +90,7 @@ def test_the_mean_image_agrees(found, dataset):
     ours = found[0]["baseline"]
     mean = Prediction(mean_image(dataset), None)
     theirs = compare(pairs, lambda _: mean, protocol=FULL, metric=True, classes=0).values()
-    for group in ("metrics", "picture_mean"):
+    for group in ("metrics", "image_mean"):
         assert ours[group] == pytest.approx(theirs[group], rel=1e-6), group
     stretched = Prediction(mean_stretched_image(dataset), None)
     theirs = compare(pairs, lambda _: stretched, protocol=FULL, metric=False, classes=0).values()["minmax"]
@@ -98,7 +98,7 @@ def test_the_mean_image_agrees(found, dataset):
 
 
 def test_the_table_has_a_row_an_image(found, expected):
-    lines = (found[1] / "pictures.csv").read_text().splitlines()
+    lines = (found[1] / "images.csv").read_text().splitlines()
     names = lines[0].split(",")
     assert len(lines) == 1 + IMAGES
     for line, theirs in zip(lines[1:], expected.per_image, strict=True):

@@ -267,6 +267,13 @@ impl EvalError {
 }
 
 impl Hint for EvalError {
+    fn setting(&self) -> Option<&'static str> {
+        match self {
+            Self::Source(error) => error.setting(),
+            _ => None,
+        }
+    }
+
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::NotADataset { .. } => {

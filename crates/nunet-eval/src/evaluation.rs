@@ -24,7 +24,7 @@ use crate::report::{self, ImageRow, Measured, Report};
 use crate::sheet::{self, SheetRow, chosen};
 
 /// The files that [`Evaluation::write`] writes.
-pub const FILES: [&str; 4] = ["eval.json", "pictures.csv", "contact_sheet.png", "mean_image.npy"];
+pub const FILES: [&str; 4] = ["eval.json", "images.csv", "contact_sheet.png", "mean_image.npy"];
 
 /// If a larger share of truth is beyond the cap, its unit may be wrong.
 const MUCH_BEYOND: f64 = 0.05;

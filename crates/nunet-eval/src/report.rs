@@ -33,7 +33,7 @@ pub struct Report {
     pixels_without_prediction: u64,
     pixels_beyond: u64,
     metrics: Scores<DepthScores>,
-    picture_mean: Scores<DepthScores>,
+    image_mean: Scores<DepthScores>,
     minmax: Scores<Stretched>,
     labels: Scores<LabelScores>,
     baseline: Option<BaselineReport>,
@@ -83,7 +83,7 @@ struct BaselineReport {
     /// Whose mean it is.
     of: BaselineSource,
     metrics: Scores<DepthScores>,
-    picture_mean: Scores<DepthScores>,
+    image_mean: Scores<DepthScores>,
     minmax: Scores<Stretched>,
 }
 
@@ -121,13 +121,13 @@ impl Report {
             pixels_without_prediction: comparison.compared().missing,
             pixels_beyond: comparison.beyond,
             metrics: comparison.depth.scores().into(),
-            picture_mean: comparison.each.scores().into(),
+            image_mean: comparison.each.scores().into(),
             minmax: Stretched::of(&comparison.minmax).into(),
             labels: labels.scores().into(),
             baseline: baseline.map(|baseline| BaselineReport {
                 of: baseline.of,
                 metrics: baseline.metric.depth.scores().into(),
-                picture_mean: baseline.metric.each.scores().into(),
+                image_mean: baseline.metric.each.scores().into(),
                 minmax: Stretched::of(baseline.minmax()).into(),
             }),
             obstacles: None,
@@ -185,8 +185,8 @@ impl Report {
                 text += &line(name, value, beside.map(|scores| scores.named()[index].1));
             }
         }
-        if let Some(scores) = self.picture_mean.measured() {
-            let beside = trivial.and_then(|baseline| baseline.picture_mean.measured());
+        if let Some(scores) = self.image_mean.measured() {
+            let beside = trivial.and_then(|baseline| baseline.image_mean.measured());
             text += &line("rmse, averaged", scores.rmse, beside.map(|scores| scores.rmse));
         }
         if let Some(scores) = self.minmax.measured() {

@@ -225,6 +225,15 @@ impl RecordingError {
 }
 
 impl Hint for RecordingError {
+    fn setting(&self) -> Option<&'static str> {
+        match self {
+            Self::SeveralTopics { .. } => Some("topic"),
+            Self::SeveralDepths { .. } | Self::NoDepth { .. } => Some("depth-topic"),
+            Self::Exists { .. } => Some("force"),
+            _ => None,
+        }
+    }
+
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::Exists { .. } => "choose another name, or allow the file to be overwritten".into(),
@@ -251,7 +260,38 @@ impl Hint for RecordingError {
             )
             .into(),
             Self::NoSuchTopic { topics, .. } => format!("it has {topics}").into(),
-            _ => return None,
+            Self::NotAnImage { .. } => "name a topic with images, or omit the topic".into(),
+            Self::NothingLeft { .. } => "copy the recording again: nothing can be recovered from this file".into(),
+            Self::Damaged { .. } => "copy the recording again, or repair it with `mcap recover`".into(),
+            Self::DamagedChunk { .. } => "copy the recording again: the other images can be read".into(),
+            Self::MissingParts { .. } => "copy the missing parts into the folder of the recording".into(),
+            Self::Write { source: mcap::McapError::Io(error), .. } | Self::Io { source: error, .. }
+                if error.kind() == std::io::ErrorKind::StorageFull =>
+            {
+                "free some space, or write to another disk".into()
+            }
+            Self::Io { .. }
+            | Self::GivenUp { .. }
+            | Self::Message { .. }
+            | Self::Write { .. }
+            | Self::Encode { .. } => return None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_that_is_cut_in_its_first_record_has_a_hint() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        for bytes in [&b"\x89MCAP0\r\n"[..], b"\x89MCAP0\r\n\x01\x10\0\0\0\0\0\0\0ros2"] {
+            std::fs::write(&path, bytes).unwrap();
+            let error = crate::Recording::open(&path, None).map(drop).unwrap_err();
+            assert_eq!(error.kind(), RecordingErrorKind::Damaged, "{error}");
+            assert!(error.hint().is_some_and(|hint| hint.contains("copy the recording again")), "{error}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 Depth metrics are pooled over all pixels that have truth and prediction, so that an image with
 half its pixels weighs half. The code of AdaBins, BTS and FastDepth averages the metrics of each
-image instead (`picture_mean`). That RMSE is usually smaller, because it is a mean of roots.
+image instead (`image_mean`). That RMSE is usually smaller, because it is a mean of roots.
 Always state which of the two a value is.
 """
 
@@ -90,7 +90,7 @@ def _pixel_sums(p: np.ndarray, t: np.ndarray) -> dict[str, float]:
     }
 
 
-def picture_mean(images: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def image_mean(images: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """The mean over images of each metric, given the depth metrics of each image by name.
 
     Images weigh the same, however many pixels they have; those without metrics do not count.

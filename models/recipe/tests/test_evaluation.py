@@ -137,16 +137,16 @@ def test_the_mean_over_images_stands_beside_the_pooled_figures():
         pairs, lambda _: answering(next(answers))(None), protocol=FULL, metric=True, classes=0
     ).values()
     assert found["metrics"]["mse"] == pytest.approx((3 * 1 + 9) / 4)
-    assert found["picture_mean"]["mse"] == pytest.approx((1 + 9) / 2)
-    assert found["picture_mean"]["rmse"] == pytest.approx((1 + 3) / 2)
-    assert list(found["picture_mean"]) == list(found["metrics"])
+    assert found["image_mean"]["mse"] == pytest.approx((1 + 9) / 2)
+    assert found["image_mean"]["rmse"] == pytest.approx((1 + 3) / 2)
+    assert list(found["image_mean"]) == list(found["metrics"])
 
 
 def test_a_minmax_network_is_not_stretched_again():
     found = compare(
         [a_pair([[1, 3]])], answering([[0.5, 0.5]]), protocol=FULL, metric=False, classes=0
     ).values()
-    assert found["metrics"] == found["picture_mean"] == {}
+    assert found["metrics"] == found["image_mean"] == {}
     assert found["minmax"]["mse"] == pytest.approx(0.25, rel=1e-5)
 
 
@@ -250,12 +250,12 @@ def test_the_command_prints_every_figure(dataset, tmp_path, capsys):
     assert found["pictures"] == 2 and len(rows.read_text().splitlines()) == 3
     deltas = ["delta1", "delta2", "delta3"]
     errors = ["mse", "rmse", "rmse_log", "log10", "abs_rel", "sq_rel", "silog"]
-    assert list(found["metrics"]) == list(found["picture_mean"]) == errors + deltas
-    assert list(found["baseline"]) == ["of", "metrics", "picture_mean", "minmax"]
+    assert list(found["metrics"]) == list(found["image_mean"]) == errors + deltas
+    assert list(found["baseline"]) == ["of", "metrics", "image_mean", "minmax"]
     assert found["baseline"]["of"] == "baseline-ids", "as of `nunetd eval`"
-    assert found["baseline"]["picture_mean"]["rmse"] < found["picture_mean"]["rmse"]
+    assert found["baseline"]["image_mean"]["rmse"] < found["image_mean"]["rmse"]
     own = [float(row["rmse"]) for row in csv.DictReader(rows.open())]
-    assert found["picture_mean"]["rmse"] == pytest.approx(sum(own) / 2)
+    assert found["image_mean"]["rmse"] == pytest.approx(sum(own) / 2)
     assert set(found["labels"]) == {"miou", "accuracy", "pixels"}
     assert found["labels"]["pixels"] == 2 * 96 * 128
     assert found["baseline"]["metrics"]["rmse"] < found["metrics"]["rmse"]
@@ -350,7 +350,7 @@ def test_a_mean_image_is_kept_for_other_data(dataset, tmp_path, capsys):
     (dataset / "train.txt").unlink()
     found = baseline("--baseline", str(kept))
     assert found["of"] == "baseline-file"
-    assert (found["metrics"], found["picture_mean"]) == (named["metrics"], named["picture_mean"])
+    assert (found["metrics"], found["image_mean"]) == (named["metrics"], named["image_mean"])
     pairs = [a_pair(np.array(Image.open(dataset / f"depth/000{i}.png")) / 1000) for i in (4, 5)]
     own = compare(pairs, answering(image), protocol=FULL, metric=True, classes=0).values()
     assert found["minmax"] == pytest.approx(own["minmax"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nunet_models.classes import IGNORE
-from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, picture_mean
+from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, image_mean
 
 
 def metrics(predicted, truth):
@@ -48,12 +48,12 @@ def test_figures_are_pooled_over_pixels_not_images():
 
 def test_images_weigh_alike_in_the_mean_over_images():
     alone = [metrics([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]), metrics([4.0], [1.0]), {}]
-    found = picture_mean(alone)
+    found = image_mean(alone)
     assert list(found) == list(METRICS)
     assert found["rmse"] == pytest.approx((1 + 3) / 2)
     assert found["mse"] == pytest.approx((1 + 9) / 2)
     assert found["abs_rel"] == pytest.approx((0.5 + 3) / 2)
-    assert picture_mean([{}]) == picture_mean([]) == {}
+    assert image_mean([{}]) == image_mean([]) == {}
 
 
 def test_pixels_without_prediction_are_counted():

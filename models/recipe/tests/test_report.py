@@ -21,12 +21,12 @@ EVALUATION = {
     "epoch": 12,
     "pictures": 323,
     "metrics": {"rmse": 0.611, "abs_rel": 0.19, "delta1": 0.719},
-    "picture_mean": {"rmse": 0.59, "abs_rel": 0.18},
+    "image_mean": {"rmse": 0.59, "abs_rel": 0.18},
     "minmax": {"mse": 0.03, "rmse": 0.1732},
     "labels": {"accuracy": 0.7041},
     "baseline": {
         "metrics": {"rmse": 1.203},
-        "picture_mean": {"rmse": 1.115},
+        "image_mean": {"rmse": 1.115},
         "minmax": {"mse": 0.0527, "rmse": 0.23},
     },
 }

@@ -78,7 +78,7 @@ def _metric_figures(
     image: np.ndarray, images: Again, protocol: Protocol, *more: str
 ) -> dict[str, object]:
     found = _figures(image, images, protocol, metric=True)
-    return {name: found[name] for name in ("metrics", "picture_mean", *more)}
+    return {name: found[name] for name in ("metrics", "image_mean", *more)}
 
 
 def _figures(

@@ -8,11 +8,11 @@ import numpy as np
 from nunet_models.data.pairs import Pair, Pairs
 from nunet_models.errors import DataError
 from nunet_models.evaluation.protocol import MIN_DEPTH_M, Protocol
-from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, picture_mean
+from nunet_models.metrics import METRICS, DepthMetrics, LabelMetrics, image_mean
 
 MINMAX_METRICS = ("mse", "rmse")  # metrics of stretched depth in the paper
 ROW = ("id", *METRICS, *(f"minmax_{name}" for name in MINMAX_METRICS))
-"""Columns of a row an image, those of the `pictures.csv` that `nunetd eval --out DIR` writes."""
+"""Columns of a row an image, those of the `images.csv` that `nunetd eval --out DIR` writes."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Comparison:
             "pixels_without_prediction": counted.missing,
             "pixels_beyond": self.beyond,
             "metrics": self.depth.values(),
-            "picture_mean": picture_mean(self.per_image),
+            "image_mean": image_mean(self.per_image),
             "minmax": {name: minmax[name] for name in MINMAX_METRICS} if minmax else {},
         }
         if self.labels is not None:

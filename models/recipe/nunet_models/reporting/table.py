@@ -19,7 +19,7 @@ error of depth stretched to 0..1 per image."""
 _RMSE = METRICS.index("rmse") + 1
 _COLUMNS = (
     *(("metrics", name) for name in METRICS[:_RMSE]),
-    ("picture_mean", "rmse"),  # papers mean either by it, and the two differ by a tenth
+    ("image_mean", "rmse"),  # papers mean either by it, and the two differ by a tenth
     *(("metrics", name) for name in METRICS[_RMSE:]),
 )
 """Group and name of the table's metrics of depth."""
@@ -49,7 +49,7 @@ def metric_table(evaluations: list[dict[str, Any]]) -> str:
 
     Metrics are pooled over all pixels; the RMSE is given as the mean over images as well.
     """
-    names = [f"{n}, mean of images" if group == "picture_mean" else n for group, n in _COLUMNS]
+    names = [f"{n}, mean of images" if group == "image_mean" else n for group, n in _COLUMNS]
     rows = [("model", "images", *names, "mIoU", "accuracy")]
     for found in evaluations:
         if found["metrics"]:
@@ -90,7 +90,7 @@ def markdown(rows: list[tuple[str, ...]]) -> str:
 
 
 def _cells(found: dict[str, Any]) -> list[str]:
-    # Results of earlier versions have no `picture_mean`.
+    # Results of earlier versions have no `image_mean`.
     return [_n((found.get(group) or {}).get(name)) for group, name in _COLUMNS]
 
 
