@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::graph::model_files;
 use nunet_files::RESULT_FILES;
-use nunet_source::IMAGE_EXTENSIONS;
+use nunet_source::{IMAGE_EXTENSIONS, SourceName};
 use nunet_types::Hint;
 
 use crate::obstacle_images::OBSTACLE_FILES;
@@ -39,6 +39,18 @@ pub enum FilePlanError {
         /// What is read.
         input: &'static str,
     },
+    /// An output that the pattern of an input matches: the next run would read it too.
+    #[error("{output} `{}` would match `{pattern}`, which is {input}", path.display())]
+    MatchesInput {
+        /// The output.
+        path: PathBuf,
+        /// What would be written.
+        output: &'static str,
+        /// The name of the input.
+        pattern: String,
+        /// What is read.
+        input: &'static str,
+    },
 }
 
 impl Hint for FilePlanError {
@@ -59,6 +71,7 @@ struct Use {
 pub struct FilePlan {
     inputs: Vec<Use>,
     outputs: Vec<Use>,
+    sources: Vec<(SourceName, &'static str)>,
 }
 
 /// Device and number of a file: the same under each of its names.
@@ -68,6 +81,12 @@ impl FilePlan {
     /// `path` is read: a file, or a folder with all the images or recordings in it.
     pub fn read(&mut self, role: &'static str, path: impl Into<PathBuf>) {
         self.inputs.push(Use { path: path.into(), role });
+    }
+
+    /// `name` is read: what it stands for now, and what it will stand for in the next run.
+    pub fn read_source(&mut self, role: &'static str, name: &SourceName) {
+        name.files().into_iter().for_each(|file| self.read(role, file));
+        self.sources.push((name.clone(), role));
     }
 
     /// The files of a model are read.
@@ -115,7 +134,20 @@ impl FilePlan {
                 return Err(shared(output, input, output));
             }
         }
-        self.check_folders(&existing)
+        self.check_folders(&existing)?;
+        self.check_patterns()
+    }
+
+    /// No output may be one of the files that the pattern of a source matches.
+    fn check_patterns(&self) -> Result<(), FilePlanError> {
+        for output in &self.outputs {
+            let path = place(&output.path);
+            if let Some((name, input)) = self.sources.iter().find(|(name, _)| name.would_read(&path)) {
+                let (path, pattern) = (output.path.clone(), name.as_str().to_owned());
+                return Err(FilePlanError::MatchesInput { path, output: output.role, pattern, input });
+            }
+        }
+        Ok(())
     }
 
     /// No output may be one of the files of a folder that is read.
@@ -268,6 +300,29 @@ mod tests {
         );
         assert!(files.problem(&["in"], &["in/new.mcap"]).is_some(), "the images would become a recording");
         assert_eq!(files.problem(&["in"], &["in/stats.json", "in/results/"]), None);
+    }
+
+    #[test]
+    fn an_output_that_the_pattern_of_the_source_matches_is_refused() {
+        let files = Files::new(&["in/a.png"]);
+        let problem = |pattern: &str, output: &str| {
+            let mut plan = FilePlan::default();
+            plan.read_source("the source", &SourceName::parse(files.path(pattern).to_str().unwrap()));
+            plan.write_results(&files.path(output));
+            plan.check().err()
+        };
+        for (pattern, output) in
+            [("in/*.png", "in/"), ("**/*.png", "in/results"), ("*/*/depth.png", "in/new")]
+        {
+            let error = problem(pattern, output);
+            assert!(
+                matches!(error, Some(FilePlanError::MatchesInput { .. })),
+                "{pattern} {output}: {error:?}"
+            );
+        }
+        for (pattern, output) in [("in/*.png", "in/results"), ("in/a*.png", "in"), ("in/*.png", "out")] {
+            assert!(problem(pattern, output).is_none(), "{pattern} {output}");
+        }
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! The stage that finds obstacles. It runs after the pipeline, only for frames whose obstacles a reader or a
 //! sink needs.
 
+use std::time::Instant;
+
 use nunet_core::camera::Camera;
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleError, ObstacleOptions, Obstacles};
 use nunet_core::pipeline::Pipeline;
 use nunet_types::Units;
 use tracing::{info, warn};
+
+use crate::mount_check::MountCheck;
 
 /// If the image shows less floor than this share, hardly any direction is free.
 const LITTLE_FLOOR: f32 = 0.02;
@@ -30,6 +34,7 @@ pub struct ObstacleStage {
     detector: Option<(Camera, ObstacleDetector)>,
     /// Memory for labels that no reader and no sink needs.
     labels: Vec<u8>,
+    mount_check: MountCheck,
 }
 
 impl ObstacleStage {
@@ -45,7 +50,13 @@ impl ObstacleStage {
             info!("the model has no labels: floor is detected by geometry only, and glass is not detected");
         }
         let classes = graph.description().classes.clone();
-        Some(Self { config, classes, detector: None, labels: vec![0; labels] })
+        Some(Self {
+            config,
+            classes,
+            detector: None,
+            labels: vec![0; labels],
+            mount_check: MountCheck::default(),
+        })
     }
 
     /// How obstacles are found.
@@ -79,7 +90,10 @@ impl ObstacleStage {
         }
         let (_, detector) = self.detector.as_mut().expect("created above");
         let labels = labels.or((!self.labels.is_empty()).then_some(&self.labels));
-        detector.detect(&DepthImage { depth_m, labels, confidence: None }, capture_nanos)
+        let image = DepthImage { depth_m, labels, confidence: None };
+        detector.detect(&image, capture_nanos)?;
+        self.mount_check.check(detector, &self.config.mount, &image, Instant::now());
+        Ok(detector.last())
     }
 
     fn new_detector(&self, camera: &Camera) -> Result<ObstacleDetector, ObstacleError> {

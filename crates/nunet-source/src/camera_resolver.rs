@@ -184,6 +184,9 @@ pub fn read_calibration(path: &Path) -> Result<Calibration, SourceError> {
     if let Some(skew) = calibration.ignored_skew() {
         warn!("calibration `{path_shown}`: {skew}");
     }
+    if let Some(model) = calibration.assumed_model() {
+        warn!("calibration `{path_shown}` names no distortion model: its coefficients are read as `{model}`");
+    }
     Ok(calibration)
 }
 

@@ -28,6 +28,7 @@ pub struct SourceError {
     kind: SourceErrorKind,
     message: String,
     hint: Option<Cow<'static, str>>,
+    setting: Option<&'static str>,
     cause: Option<Box<dyn Error + Send + Sync>>,
 }
 
@@ -35,7 +36,7 @@ impl SourceError {
     /// An error of a kind.
     #[must_use]
     pub fn new(kind: SourceErrorKind, message: impl Into<String>) -> Self {
-        Self { kind, message: message.into(), hint: None, cause: None }
+        Self { kind, message: message.into(), hint: None, setting: None, cause: None }
     }
 
     /// Wrong arguments.
@@ -56,6 +57,12 @@ impl SourceError {
         Self { hint: Some(hint.into()), ..self }
     }
 
+    /// Adds the setting that the hint is about.
+    #[must_use]
+    pub(crate) fn with_setting(self, setting: Option<&'static str>) -> Self {
+        Self { setting, ..self }
+    }
+
     /// Adds the cause.
     #[must_use]
     pub fn with_cause(self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
@@ -64,7 +71,13 @@ impl SourceError {
 
     /// Wraps the error: `message` says what failed, and this error becomes its cause and keeps its hint.
     pub(crate) fn context(self, message: impl Into<String>) -> Self {
-        Self { kind: self.kind, message: message.into(), hint: None, cause: Some(Box::new(self)) }
+        Self {
+            kind: self.kind,
+            message: message.into(),
+            hint: None,
+            setting: None,
+            cause: Some(Box::new(self)),
+        }
     }
 
     /// The kind of the error.
@@ -90,6 +103,10 @@ impl Error for SourceError {
 impl Hint for SourceError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         self.hint.clone()
+    }
+
+    fn setting(&self) -> Option<&'static str> {
+        self.setting
     }
 }
 

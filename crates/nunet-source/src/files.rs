@@ -6,7 +6,7 @@ use nunet_ipc::{Clock, monotonic_nanos, unix_nanos};
 
 use crate::error::{SourceError, SourceErrorKind};
 use crate::image_file::{decode, first_bytes};
-use crate::listing::{list, listed_files};
+use crate::listing::{list, listed_files, would_list};
 use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Source};
@@ -26,6 +26,10 @@ impl SourceType for ImageFiles {
 
     fn files(&self, name: &str) -> Vec<PathBuf> {
         listed_files(Path::new(name))
+    }
+
+    fn would_read(&self, name: &str, path: &Path) -> bool {
+        would_list(Path::new(name), path)
     }
 
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {

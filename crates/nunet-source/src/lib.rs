@@ -55,7 +55,7 @@ pub use continuity::{Continuity, Discontinuity};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{CaptureTime, Frame, Pixels};
 pub use image_file::{IMAGE_EXTENSIONS, SingleChannelImage, decode, decode_file, decode_numbers, glance};
-pub use listing::{list, listed_files};
+pub use listing::{list, listed_files, would_list};
 pub use mailbox::{Mailbox, Put, Reuse, Taken};
 pub use notify::Notify;
 pub use pipe::open_pipe;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use glob::{MatchOptions, Pattern};
 use tracing::debug;
 
 use crate::error::{SourceError, SourceErrorKind};
@@ -27,6 +28,25 @@ pub fn list(path: &Path) -> Result<Vec<PathBuf>, SourceError> {
 #[must_use]
 pub fn listed_files(path: &Path) -> Vec<PathBuf> {
     if path.is_dir() { vec![path.to_owned()] } else { list(path).unwrap_or_default() }
+}
+
+/// Whether a pattern such as `frames/*.png` would list a file at `path`, an absolute path, once it exists. Never for the name
+/// of a file or a folder.
+#[must_use]
+pub fn would_list(pattern: &Path, path: &Path) -> bool {
+    if pattern.exists() {
+        return false;
+    }
+    // Of the pattern's folders, those without wildcards may be links, and may hold characters that look like wildcards.
+    let is_plain = |folder: &&Path| folder.is_dir();
+    let base = pattern.ancestors().find(is_plain).unwrap_or(Path::new(""));
+    let wildcards = pattern.strip_prefix(base).unwrap_or(pattern);
+    let Ok(base) = if base.as_os_str().is_empty() { Path::new(".") } else { base }.canonicalize() else {
+        return false;
+    };
+    let whole = Path::new(&Pattern::escape(&base.to_string_lossy())).join(wildcards);
+    let options = MatchOptions { require_literal_separator: true, ..MatchOptions::new() };
+    Pattern::new(&whole.to_string_lossy()).is_ok_and(|pattern| pattern.matches_path_with(path, options))
 }
 
 fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
@@ -69,6 +89,31 @@ fn matches(pattern: &str) -> Result<Vec<PathBuf>, SourceError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_pattern_would_list_a_file_that_does_not_exist_yet() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().canonicalize().unwrap();
+        std::fs::create_dir(root.join("a[b]")).unwrap();
+        std::os::unix::fs::symlink(root.join("a[b]"), root.join("link")).unwrap();
+        let lists = |pattern: &str, path: &str| would_list(&root.join(pattern), &root.join(path));
+        for (pattern, path) in [
+            ("a[b]/*.png", "a[b]/depth.png"),
+            ("link/*.png", "a[b]/depth.png"),
+            ("*/*.png", "new/depth.png"),
+            ("**/*.png", "a[b]/c/d/depth.png"),
+        ] {
+            assert!(lists(pattern, path), "{pattern} {path}");
+        }
+        for (pattern, path) in [
+            ("a[b]/*.png", "a[b]/c/depth.png"),
+            ("a[b]/*.jpg", "a[b]/depth.png"),
+            ("*.png", "a[b]/depth.png"),
+            ("a[b]", "a[b]"),
+        ] {
+            assert!(!lists(pattern, path), "{pattern} {path}");
+        }
+    }
 
     #[test]
     fn hidden_files_of_a_folder_are_no_images() {

@@ -241,7 +241,7 @@ pub fn from_recording_error(error: RecordingError) -> SourceError {
     };
     let converted = SourceError::new(kind, error.to_string());
     let converted = match error.hint() {
-        Some(hint) => converted.with_hint(hint),
+        Some(hint) => converted.with_hint(hint).with_setting(error.setting()),
         None => converted,
     };
     match error {
@@ -310,6 +310,12 @@ fn camera(
     if let Some(skew) = calibration.ignored_skew() {
         warn!("{skew}");
     }
+    if let Some(model) = calibration.assumed_model() {
+        warn!(
+            "the recording's camera names no distortion model: its {} coefficients are read as `{model}`",
+            d.len()
+        );
+    }
     let camera = oriented_camera(&calibration.camera(), orientation)?;
     camera.fitted_to(size.width, size.height).map_err(|error| error.to_string())
 }
@@ -377,6 +383,24 @@ mod tests {
         assert_eq!(error.kind(), SourceErrorKind::NothingReadable);
         source.sequence = 0;
         assert!(matches!(source.fill(&mut frame), Fill::Broken(_)));
+    }
+
+    #[test]
+    fn a_camera_without_a_distortion_model_has_the_one_of_its_coefficients() {
+        let lens = |coefficients: &[f64]| {
+            let described = CameraDescription {
+                width: 640,
+                height: 480,
+                intrinsics: [500.0, 500.0, 320.0, 240.0],
+                coefficients: coefficients.to_vec(),
+                ..CameraDescription::default()
+            };
+            camera(&described, ImageSize::new(640, 480), UPRIGHT).map(|camera| camera.distortion.to_ros())
+        };
+        let (barrel, none) = ([-0.3, 0.1, 0.001, 0.0005, 0.02], ("plumb_bob", vec![0.0; 5]));
+        assert_eq!(lens(&barrel), Ok(("plumb_bob", barrel.to_vec())));
+        assert_eq!((lens(&[]), lens(&[0.0; 5])), (Ok(none.clone()), Ok(none)));
+        assert!(lens(&[0.1; 3]).is_err());
     }
 
     #[test]

@@ -73,6 +73,13 @@ impl SourceName {
         self.kind.files(&self.name)
     }
 
+    /// Whether a file at `path`, an absolute path, would be a part of the source once it is written: the next run would
+    /// read it too.
+    #[must_use]
+    pub fn would_read(&self, path: &Path) -> bool {
+        self.kind.would_read(&self.name, path)
+    }
+
     /// Refuses options that the source would ignore.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Properties of a kind of source.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::error::SourceError;
 use crate::{Fill, Frame, OpenOptions, Source};
@@ -23,6 +23,12 @@ pub trait SourceType: Sync {
     fn files(&self, name: &str) -> Vec<PathBuf> {
         let _ = name;
         Vec::new()
+    }
+
+    /// Whether a file at `path`, an absolute path, would be a part of the source once it is written.
+    fn would_read(&self, name: &str, path: &Path) -> bool {
+        let _ = (name, path);
+        false
     }
 
     /// The placeholder for a source that cannot be opened because of `error`, if others can. It fails
