@@ -2,8 +2,9 @@
 //!
 //! Prints each frame's sequence number, how long ago its image was taken, and the depth at the image's center.
 
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "data goes to stdout, messages to stderr")]
+#![expect(clippy::print_stderr, reason = "messages go to stderr")]
 
+use std::io::{ErrorKind, Write as _};
 use std::time::Duration;
 
 use nunet_ipc::{CameraName, Message, Reader, Topic, monotonic_nanos, unix_nanos};
@@ -19,7 +20,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // A hint: look for a frame whatever it says.
         let woken = reader.wait(Duration::from_secs(1))?;
         if let Some(frame) = reader.latest(Topic::Depth)? {
-            println!("{}", line(&frame)?);
+            match writeln!(std::io::stdout(), "{}", line(&frame)?) {
+                // The reader is gone, as in `subscribe demo | head -1`.
+                Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
+                written => written?,
+            }
             seen += 1;
         } else if !woken && !reader.is_connected() {
             eprintln!("nobody publishes camera `{camera}` any more; waiting for the next one");

@@ -3,6 +3,7 @@
 Run `nunetd --camera front --mount 0.1,0,0.25,0,-0.07,0`, then `python stop_before_wall.py front`.
 """
 
+import os
 import sys
 
 import numpy as np
@@ -30,4 +31,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except BrokenPipeError:  # the reader is gone, as in `stop_before_wall.py front | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -6,6 +6,7 @@ that the network wrote.
 
 from __future__ import annotations
 
+import os
 import sys
 
 import numpy as np
@@ -43,3 +44,5 @@ if __name__ == "__main__":
         sys.exit(f"subscribe: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
+    except BrokenPipeError:  # the reader is gone, as in `subscribe.py demo | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
