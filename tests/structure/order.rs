@@ -50,7 +50,6 @@ const DAEMON: Order = Order {
         "logging",
         "sink",
         "stream",
-        "buffers",
         "subcommands",
         "embed",
         // Last: the command line makes the configuration that all others take, and only the crate's root calls it.
@@ -62,6 +61,7 @@ const DAEMON: Order = Order {
 const ENGINE: Order = Order {
     folder: "crates/nunet-engine/src/",
     modules: &[
+        "buffers",
         "text",
         "telemetry",
         "clock",

@@ -47,7 +47,7 @@ pub(crate) use dispatch::dispatch;
 pub use eval::{DepthUnitArgs, EvalArgs, ProtocolArg};
 pub use filter::FilterArgs;
 pub use lens::{CameraArgs, FocalArg, GeometryArgs, LensArgs, ScaleArg};
-pub use obstacles::ObstacleArgs;
+pub use obstacles::{ImageObstacleArgs, ObstacleArgs};
 pub use record::{RecordArgs, ReplayArgs};
 pub use run::{AccessArgs, RunArgs, SourceArgs, StreamArgs};
 pub use settings::RunCommand;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::io::Write as _;
 
-use nunet_engine::{EngineError, EngineErrorKind};
+use nunet_engine::{EngineError, EngineErrorKind, details_of};
 use nunet_eval::{EvalError, EvalErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
@@ -13,8 +13,10 @@ use nunet_sink::file_plan::FilePlanError;
 use nunet_sink::file_writer::FilesLate;
 pub use nunet_sink::sink::Outcome;
 use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{Hint, split_hint};
+use nunet_types::{Hint, printable, split_hint};
 use tracing::warn;
+
+use nunet_sink::stdout::StdoutError;
 
 /// An error of the arguments: exit code 2 instead of 1.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -37,7 +39,7 @@ impl BadArguments {
 
     /// The text and the hint of a library's error.
     pub(crate) fn of(error: &(impl StdError + Hint)) -> Self {
-        Self { message: error.to_string(), hint: error.hint() }
+        Self { message: error.to_string(), hint: flag_hint(error) }
     }
 
     /// Restores an error from a text of clap or serde, which may contain a hint.
@@ -127,7 +129,16 @@ const HINTS: &[HintOf] = &[
 ];
 
 fn hint_of<E: StdError + Hint + 'static>(cause: &DynError) -> Option<Cow<'static, str>> {
-    cause.downcast_ref::<E>()?.hint()
+    flag_hint(cause.downcast_ref::<E>()?)
+}
+
+/// A library's hint, completed by the flag of the setting that it is about.
+fn flag_hint(error: &impl Hint) -> Option<Cow<'static, str>> {
+    let hint = error.hint()?;
+    Some(match error.setting() {
+        Some(setting) => format!("{hint} (--{setting})").into(),
+        None => hint,
+    })
 }
 
 /// A camera's name as the user wrote it.
@@ -146,7 +157,7 @@ pub(crate) fn warn_of_unknown_camera(assumption: &str) {
     warn!(hint, "no intrinsics: {assumption}");
 }
 
-pub(crate) const DONE: u8 = 0;
+const DONE: u8 = 0;
 const FAILURE: u8 = 1;
 pub(crate) const BAD_ARGUMENTS: u8 = 2;
 const LOST: u8 = 3;
@@ -165,6 +176,9 @@ pub(crate) fn from_result(result: anyhow::Result<Outcome>, is_json: bool) -> u8 
         Ok(Outcome::Lost) => LOST,
         Err(error) if is_closed_pipe(&error) => DONE,
         Err(error) => {
+            if let Some(details) = details_of(error.as_ref()) {
+                tracing::debug!("ONNX Runtime's message: {details}");
+            }
             let code = if is_usage(&error) { BAD_ARGUMENTS } else { FAILURE };
             if is_json {
                 log_as_json(&FailureReport::of(&error), code);
@@ -200,12 +214,9 @@ fn is_engine_usage(error: &EngineError) -> bool {
     matches!(error.kind(), EngineErrorKind::NotFound | EngineErrorKind::Argument)
 }
 
-/// Whether stdout was closed by its reader: `nunetd watch front --json | head -1` is a success.
+/// `nunetd watch front --json | head -1` is a success. A pipe that is an output file is not: its reader has lost results.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
-    error
-        .chain()
-        .filter_map(|cause| cause.downcast_ref::<std::io::Error>())
-        .any(|cause| cause.kind() == std::io::ErrorKind::BrokenPipe)
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(StdoutError::is_closed_pipe))
 }
 
 /// Prints a failure. If stderr is closed, the message is lost.
@@ -238,9 +249,10 @@ impl FailureReport {
             let text = cause.to_string();
             // Some libraries repeat their cause within their own message.
             if causes.is_empty() || !previous.contains(text.trim()) {
-                causes.push(without_empty_lines(&text));
+                causes.push(without_empty_lines(&printable::message(&text)));
             }
-            hints.extend(HINTS.iter().find_map(|hint| hint(cause)).map(Cow::into_owned));
+            let hint = HINTS.iter().find_map(|hint| hint(cause));
+            hints.extend(hint.map(|hint| printable::message(&hint).into_owned()));
             previous = text;
         }
         Self { causes, hints }
@@ -297,6 +309,26 @@ mod tests {
             chain_text(&error.context("camera `front`")),
             format!("error: camera `front`\n  because: {}", &text[7..])
         );
+    }
+
+    #[test]
+    fn a_name_cannot_add_a_line_or_control_the_terminal() {
+        let error = WithHint::new("cannot read `a\nhint: b\u{1b}[2J`", "remove `a\nhint: b\u{1b}[2J`").into();
+        let name = "`a\\nhint: b\\u{1b}[2J`";
+        assert_eq!(chain_text(&error), format!("error: cannot read {name}\nhint: remove {name}\n"));
+    }
+
+    #[test]
+    fn the_hint_of_a_library_names_the_flag_of_its_setting() {
+        let several =
+            || nunet_mcap::RecordingError::SeveralTopics { path: "a.mcap".into(), topics: "/a, /b".into() };
+        let in_source = nunet_source::from_recording_error(several());
+        let errors =
+            [several().into(), in_source.into(), anyhow::Error::from(several()).context("cannot open")];
+        for error in errors {
+            let (_, hints) = message_and_hints(&error);
+            assert_eq!(hints, ["name one of the topics (--topic)"]);
+        }
     }
 
     #[test]

@@ -4,7 +4,6 @@
 //! frames runs through [`source`] -> the loop in [`stream`] -> [`sink`]; modules import in the order
 //! [`config`], [`sink`], [`stream`], subcommands, [`cli`], never the other way.
 
-mod buffers;
 pub mod cli;
 pub mod config;
 pub mod embed;

@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal as _;
 
+use nunet_sink::stdout::LogLine;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::format::FmtSpan;
@@ -20,13 +21,13 @@ pub(crate) fn start(options: LogOptions) {
     let quiet_library = "dust_dds=warn".parse();
     let filter = EnvFilter::default().add_directive(level.into());
     let filter = quiet_library.into_iter().fold(filter, EnvFilter::add_directive);
+    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     // Without `log_internal_errors(false)`, a closed stderr would end the daemon with a panic.
     let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(move || LogLine { color: color && !options.json })
         .with_span_events(if options.verbose > 1 { FmtSpan::CLOSE } else { FmtSpan::NONE })
         .log_internal_errors(false);
-    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     let started = if options.json {
         lines.json().flatten_event(true).try_init()
     } else {

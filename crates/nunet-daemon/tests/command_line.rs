@@ -1,8 +1,12 @@
 //! What the command line says of mistakes: `config` refuses what `run` refuses, and errors follow the log format.
 
+use std::fs::OpenOptions;
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+
 use serde_json::Value;
 
-use crate::support::{Bench, camera, nunetd, run, text};
+use crate::support::{Bench, Guarded, camera, nunetd, run, run_into, text};
 
 /// The error of a command: its exit code, and its lines without log lines.
 fn error_of(arguments: &[&str]) -> (Option<i32>, String) {
@@ -75,5 +79,105 @@ fn a_camera_that_does_not_fit_ends_run_and_feed_at_the_first_frame() {
         assert_eq!(code, Some(2), "{error}");
         assert!(error.starts_with("error: the given calibration or intrinsics do not fit"), "{error}");
         assert!(error.contains("320x240") && error.lines().count() < 6, "{error}");
+    }
+}
+
+/// Subcommands that print results, and what stops without a model or a camera.
+fn printing(model: &str) -> Vec<Vec<&str>> {
+    vec![
+        vec!["--version"],
+        vec!["--help"],
+        vec!["run", "--help"],
+        vec!["-q", "contract", "--json"],
+        vec!["-q", "config", "--model", model, "--source", "demo"],
+        vec!["-q", "inspect", model],
+        vec!["-q", "inspect", model, "--json"],
+        vec!["-q", "doctor", "--model", model],
+        vec!["-q", "bench", "--model", model, "--runs", "1"],
+        vec!["-q", "tune", model, "--runs", "1", "--provider", "cpu"],
+    ]
+}
+
+#[test]
+fn results_that_cannot_be_written_are_a_failure() {
+    let bench = Bench::new();
+    for arguments in printing(&bench.arg("model.onnx")) {
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = run_into(nunetd(&arguments), full.into());
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
+        let expected = "error: cannot write to standard output\n  because: No space left on device";
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn a_reader_that_closes_the_pipe_ends_the_work_quietly() {
+    let bench = Bench::new();
+    for arguments in printing(&bench.arg("model.onnx")) {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = run_into(nunetd(&arguments), writer.into());
+        assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""), "{arguments:?}");
+    }
+}
+
+#[test]
+fn watch_ends_if_no_frame_comes_within_its_timeout() {
+    let (bench, name) = (Bench::new(), camera("timeout"));
+    let (code, error) = error_of(&["-q", "watch", &name, "--timeout", "0.2"]);
+    assert_eq!(code, Some(1), "{error}");
+    assert!(error.contains(&name) && error.contains("after 0.2 s"), "{error}");
+
+    let model = bench.arg("model.onnx");
+    let mut daemon =
+        Guarded::start(nunetd(&["-q", "--model", &model, "--source", "demo", "--camera", &name]));
+    let mut watch = nunetd(&["-q", "watch", &name, "--timeout", "2"]);
+    let mut watch = watch.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(watch.stdout.take().unwrap()).lines();
+    assert!(lines.next().unwrap().unwrap().starts_with("frame "), "it prints frames while there are some");
+    assert_eq!(daemon.stop(), Some(0));
+    lines.for_each(|line| drop(line.unwrap()));
+    let output = watch.wait_with_output().unwrap();
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.starts_with("error: no frame for 2 s: the daemon has ended"), "{stderr}");
+}
+
+#[test]
+fn a_root_of_shared_memory_that_cannot_be_created_is_explained_in_words() {
+    let bench = Bench::new();
+    let model = bench.arg("model.onnx");
+    // Read-only in a container; elsewhere no user may create a folder there.
+    let root = "/sys/nunet";
+    let mut command = nunetd(&["-q", "--model", &model, "--source", "demo", "--frames", "1"]);
+    let output = run({
+        command.env("NUNET_IPC_ROOT", root);
+        command
+    });
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains(&format!("cannot use shared memory with the folder `{root}`")), "{stderr}");
+    assert!(stderr.contains("\nhint: "), "{stderr}");
+    for name in ["Error", "Failure", "Insufficient", "InternalError"] {
+        assert!(!stderr.contains(name), "a name of iceoryx2: {stderr}");
+    }
+}
+
+#[test]
+fn a_file_name_cannot_add_a_line_to_the_log_or_to_an_error() {
+    let bench = Bench::new();
+    let (model, name) = (bench.arg("model.onnx"), "a\nerror: b\u{1b}[2J.png");
+    std::fs::write(bench.path(name), "not an image").unwrap();
+    bench.add_image("good.png", 0);
+    let (bad, good, out) = (bench.arg(name), bench.arg("good.png"), bench.arg("out"));
+    // Before the escape character, of which there are two spellings.
+    let escaped = "a\\nerror: b\\";
+    for images in [&[bad.as_str()][..], &[&bad, &good]] {
+        let arguments = [&["infer", "--model", &model, "--out", &out][..], images].concat();
+        let output = run(nunetd(&arguments));
+        let stderr = text(&output.stderr);
+        assert!(stderr.contains(escaped) && !stderr.contains('\u{1b}'), "{stderr}");
+        assert!(!stderr.lines().any(|line| line.starts_with("error: b")), "{stderr}");
     }
 }

@@ -148,7 +148,7 @@ fn report_table_and_sheet_are_written() {
     assert!(table.starts_with("model.onnx (wnet_c) on data: 2 images, 0 skipped, protocol full"), "{table}");
     assert!(table.contains("\nrmse              0.1000"), "{table}");
     assert!(table.contains("the baseline is the mean of the measured images themselves"), "{table}");
-    assert_eq!(std::fs::read_to_string(bench.path("out/pictures.csv")).unwrap().lines().count(), 3);
+    assert_eq!(std::fs::read_to_string(bench.path("out/images.csv")).unwrap().lines().count(), 3);
     let sheet = image::open(bench.path("out/contact_sheet.png")).unwrap();
     assert!(sheet.height() > 2 * 240 && sheet.height() < 3 * 280, "two images, once each");
 }
@@ -285,7 +285,7 @@ fn an_image_of_another_size_than_the_mean_image_is_not_compared() {
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&found["pictures"], &found["skipped"]), (&1.into(), &1.into()));
     assert_eq!(found["pixels"], SIZE.0 * SIZE.1, "those of the other alone");
-    assert_eq!(found["metrics"], found["picture_mean"], "of one image");
+    assert_eq!(found["metrics"], found["image_mean"], "of one image");
 }
 
 #[test]

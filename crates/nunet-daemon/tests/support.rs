@@ -27,8 +27,13 @@ pub(crate) fn nunetd(arguments: &[&str]) -> Command {
 }
 
 /// Runs to the end, within [`TIMEOUT`].
-pub(crate) fn run(mut command: Command) -> Output {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+pub(crate) fn run(command: Command) -> Output {
+    run_into(command, Stdio::piped())
+}
+
+/// The same with another stdout.
+pub(crate) fn run_into(mut command: Command, stdout: Stdio) -> Output {
+    let child = command.stdout(stdout).stderr(Stdio::piped()).spawn().unwrap();
     let pid = child.id();
     let (sender, receiver) = std::sync::mpsc::channel();
     std::thread::spawn(move || sender.send(child.wait_with_output().unwrap()));

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::text::{Hash, Text};
-use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, GeometryArgs, ObstacleArgs, SourceArgs};
-use crate::config::MountOption;
+use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, GeometryArgs, ImageObstacleArgs, SourceArgs};
 
 /// `nunetd infer`
 #[derive(Debug, Args, Clone)]
@@ -23,14 +22,8 @@ pub struct InferArgs {
     pub model: PathBuf,
     #[command(flatten)]
     pub processing: CameraArgs,
-    /// Find obstacles: obstacles.json, and images from above and on the camera image; needs --mount
-    #[arg(long)]
-    pub obstacles: bool,
-    /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
-    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
-    pub mount: Option<Text<MountOption>>,
     #[command(flatten)]
-    pub obstacle_options: ObstacleArgs,
+    pub obstacles: ImageObstacleArgs,
     #[command(flatten)]
     pub engine: EngineArgs,
 }

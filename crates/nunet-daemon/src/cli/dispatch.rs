@@ -44,10 +44,10 @@ pub(crate) fn dispatch(subcommand: SubcommandArgs) -> anyhow::Result<Outcome> {
 
 impl InferArgs {
     fn options(self) -> anyhow::Result<infer::InferOptions> {
-        let (mount, engine) = (value(&self.mount), self.engine.options());
+        let (mount, engine) = (value(&self.obstacles.mount), self.engine.options());
         let processing = self.processing.config(mount)?;
         let max_range_m = processing.pipeline.max_range_m;
-        let obstacles = self.obstacle_options.config(mount, max_range_m, self.obstacles)?;
+        let obstacles = self.obstacles.options.config(mount, max_range_m, self.obstacles.obstacles)?;
         let obstacles = obstacles.filter(|obstacles| obstacles.is_required);
         Ok(infer::InferOptions {
             images: self.images,

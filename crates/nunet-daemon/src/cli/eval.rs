@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum};
 use nunet_core::obstacle::Mount;
 use nunet_eval::{BaselineChoice, DepthUnits, EvalOptions, ObstacleEval, Protocol, Window};
 
-use super::text::{Text, value};
-use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, LensArgs, ObstacleArgs};
+use super::text::value;
+use super::{DEFAULT_MODEL, EngineArgs, FilterArgs, ImageObstacleArgs, LensArgs};
 use crate::config::{MountOption, ProcessingConfig};
 use crate::exit::BadArguments;
 use crate::source::CameraGeometry;
@@ -53,20 +53,13 @@ pub struct EvalArgs {
     /// Treat the images as consecutive frames of one video: recurrent models and the temporal filter keep their state
     #[arg(long)]
     pub clip: bool,
-    /// Also compare obstacles with those of the true depth; needs --mount, or `mounts.csv` in the dataset with the columns
-    /// id,x,y,z,roll,pitch,yaw
-    #[arg(long)]
-    pub obstacles: bool,
-    /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
-    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
-    pub mount: Option<Text<MountOption>>,
     #[command(flatten)]
-    pub obstacle_options: ObstacleArgs,
+    pub obstacles: ImageObstacleArgs,
     #[command(flatten)]
     pub lens: LensArgs,
     #[command(flatten)]
     pub filters: FilterArgs,
-    /// Write `eval.json`, `pictures.csv`, `contact_sheet.png` and `mean_image.npy` into this folder
+    /// Write `eval.json`, `images.csv`, `contact_sheet.png` and `mean_image.npy` into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print JSON
@@ -100,7 +93,8 @@ pub enum ProtocolArg {
 impl EvalArgs {
     /// As checked values.
     pub(crate) fn options(&self) -> Result<eval::EvalCommandOptions, BadArguments> {
-        let ProcessingConfig { geometry, pipeline } = self.lens.config(&self.filters, value(&self.mount))?;
+        let ProcessingConfig { geometry, pipeline } =
+            self.lens.config(&self.filters, value(&self.obstacles.mount))?;
         let obstacles = self.obstacle_eval(pipeline.max_range_m)?;
         Ok(eval::EvalCommandOptions {
             evaluation: EvalOptions { obstacles, ..self.evaluation(geometry) },
@@ -114,11 +108,11 @@ impl EvalArgs {
 
     /// How obstacles are found; `None` if they are not compared.
     fn obstacle_eval(&self, max_range_m: Option<f32>) -> Result<Option<ObstacleEval>, BadArguments> {
-        if !self.obstacles {
+        if !self.obstacles.obstacles {
             return Ok(None);
         }
-        let options = self.obstacle_options.options(max_range_m);
-        let mount = value(&self.mount).map(|MountOption { translation_m, roll_pitch_yaw_rad }| {
+        let options = self.obstacles.options.options(max_range_m);
+        let mount = value(&self.obstacles.mount).map(|MountOption { translation_m, roll_pitch_yaw_rad }| {
             Mount::new(translation_m, roll_pitch_yaw_rad)
         });
         let checked = mount.transpose().and_then(|mount| options.check().map(|()| mount));

@@ -31,6 +31,20 @@ pub struct ObstacleArgs {
     pub hold: Option<Text<Seconds>>,
 }
 
+/// Obstacles of single images: found only if they are asked for.
+#[derive(Debug, Args, Clone, Default)]
+pub struct ImageObstacleArgs {
+    /// Find obstacles: `infer` writes obstacles.json and images of them, `eval` compares them with those of the true depth.
+    /// Needs --mount; `eval` also takes `mounts.csv` in the dataset, with the columns id,x,y,z,roll,pitch,yaw
+    #[arg(long)]
+    pub obstacles: bool,
+    /// The pose of the camera in the base frame of the robot, meters and radians; z is the height above the floor
+    #[arg(long, value_name = "x,y,z,roll,pitch,yaw", allow_hyphen_values = true)]
+    pub mount: Option<Text<MountOption>>,
+    #[command(flatten)]
+    pub options: ObstacleArgs,
+}
+
 impl ObstacleArgs {
     /// As checked values; `None` without a mount. `is_required`: they were requested in another way.
     ///

@@ -190,7 +190,7 @@ impl RunCommand {
     fn line_of(&self, key: &str, table: &Table, camera: &CameraConfig, config: &Config) -> String {
         let SettingLayers { defaults, environment, .. } = &self.settings;
         let value = [table, environment, defaults].into_iter().find_map(|layer| layer.get(key)).cloned();
-        match value.or_else(|| dependent_default(key, camera, config).map(Value::String)) {
+        match value.or_else(|| dependent_default(key, camera, config).map(Value::String)).map(as_number) {
             Some(value) => format!("{key} = {value}{}\n", self.settings.mark(table, key)),
             None => format!("# {key} is not set\n"),
         }
@@ -210,6 +210,15 @@ fn dependent_default(key: &str, camera: &CameraConfig, config: &Config) -> Optio
         "access-mode" => config.outputs.access.as_ref().map(|_| "0640".to_owned()),
         _ => None,
     }
+}
+
+/// A number instead of its text, as the file's schema has it: `5`, not `"5"`. Only where the text is the number's usual one,
+/// so that it is read back as the same text; `0640` and `01` remain as they are.
+fn as_number(value: Value) -> Value {
+    let Value::String(text) = &value else { return value };
+    let number = text.parse().map(Value::Integer).or_else(|_| text.parse().map(Value::Float));
+    let ends_with_digit = text.ends_with(|c: char| c.is_ascii_digit()); // not `nan`
+    number.ok().filter(|number| ends_with_digit && number.to_string() == *text).unwrap_or(value)
 }
 
 /// Requires a source with a file, because a missing line must not publish the depth of the demo scene

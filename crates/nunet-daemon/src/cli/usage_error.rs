@@ -1,19 +1,26 @@
 //! Mistakes on the command line.
 
 use std::ffi::OsString;
+use std::io::Write as _;
 
 use nunet_types::split_hint;
 
 use crate::config::LogOptions;
-use crate::{exit, logging};
+use crate::{Outcome, exit, logging};
+use nunet_sink::stdout::StdoutError;
 
 /// Prints clap's message and returns the exit code (help and version are no failure). `arguments` may request
 /// JSON even if the rest of them is wrong.
 pub(crate) fn exit_code_of(error: &clap::Error, arguments: &[OsString]) -> u8 {
-    if !error.use_stderr() || !asks_for_json_log(arguments) {
+    let is_json = asks_for_json_log(arguments);
+    if !error.use_stderr() {
+        let printed = error.print().and_then(|()| std::io::stdout().flush()).map_err(StdoutError::from);
+        return exit::from_result(printed.map(|()| Outcome::Done).map_err(Into::into), is_json);
+    }
+    if !is_json {
         // Printing fails only if stderr is closed.
         let _ = error.print();
-        return if error.use_stderr() { exit::BAD_ARGUMENTS } else { exit::DONE };
+        return exit::BAD_ARGUMENTS;
     }
     logging::start(LogOptions { verbose: 0, quiet: false, json: true });
     let text = error.render().to_string();

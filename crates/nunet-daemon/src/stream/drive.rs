@@ -119,9 +119,9 @@ fn hand_over(
     match fill {
         Fill::Frame => return Ok(handler.on_frame(frame)?.map_break(|()| SourceEnd::Complete)),
         Fill::Failed(error) => {
-            if let Some(suppressed) = lost.allow(Instant::now()) {
-                let text = format!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
-                handler.around_log(&mut || warn!("{text}"));
+            let text = format!("frame {} is lost: {error:#}", frame.sequence);
+            if let Some(suppressed) = lost.allow_text(Instant::now(), &text) {
+                handler.around_log(&mut || warn!("{text}{suppressed}"));
             }
             handler.on_lost(frame);
         }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use nunet_core::clock::Clock as _;
 use nunet_core::depth::Scale;
 use nunet_core::pipeline::{FrameReport, Pipeline};
-use nunet_engine::MonotonicClock;
+use nunet_engine::{MonotonicClock, details_of};
 use nunet_ipc::LATE_JOINER_PERIOD;
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
@@ -259,8 +259,14 @@ impl StreamTask {
             self.failure = Some(error);
         } else if is_first && self.failures >= MAX_FAILURES_BEFORE_FIRST_FRAME {
             self.failure = Some(error.context(format!("the first {} frames failed", self.failures)));
-        } else if let Some(suppressed) = self.lost.allow(Instant::now()) {
-            error!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
+        } else {
+            let text = format!("frame {} is lost: {error:#}", frame.sequence);
+            if let Some(suppressed) = self.lost.allow_text(Instant::now(), &text) {
+                error!("{text}{suppressed}");
+                details_of(error.as_ref())
+                    .into_iter()
+                    .for_each(|text| debug!("ONNX Runtime's message: {text}"));
+            }
         }
     }
 

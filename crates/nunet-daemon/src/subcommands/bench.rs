@@ -1,6 +1,5 @@
 //! `nunetd bench`: measures predictions of one image, as in Table 2 of the paper.
 
-use std::io::Write as _;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
@@ -12,8 +11,9 @@ use serde_json::{Value, json};
 
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
-use crate::buffers::Buffers;
 use crate::source::{Fill, Frame, OpenOptions, SourceName, decode};
+use nunet_engine::Buffers;
+use nunet_sink::stdout::print;
 
 pub(super) mod host;
 mod paper;
@@ -51,7 +51,7 @@ pub(crate) fn bench(options: &BenchOptions) -> anyhow::Result<Outcome> {
     for subject in &subjects {
         let text =
             if options.json { subject.json(&engine, options).to_string() } else { subject.text(options) };
-        writeln!(std::io::stdout(), "{text}")?;
+        print(&text)?;
     }
     Ok(Outcome::Done)
 }

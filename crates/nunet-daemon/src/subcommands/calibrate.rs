@@ -22,6 +22,7 @@ use crate::config::SourceConfig;
 use crate::exit::{WithHint, warn_of_unknown_camera};
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
+use nunet_sink::stdout::print;
 
 /// Frames of a source that are compared by default.
 const FRAMES: u64 = 30;
@@ -163,7 +164,7 @@ fn report(
             if spread.is_finite() { format!("{:.1} %", 100.0 * spread) } else { "unknown".to_owned() };
         format!("factor {factor:.4}, spread {spread}, {agreeing} of {observations} observations agree")
     };
-    writeln!(std::io::stdout(), "{text}")?;
+    print(&text)?;
     match written {
         Some(path) => info!("use it: --calibration {}", path.display()),
         None => info!("use it: --scale {factor:.4}; --out FILE.yaml writes a calibration file"),

@@ -1,12 +1,12 @@
 //! `nunetd check-model` (hidden): the child process of the model check.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use nunet_engine::{EngineErrorKind, EngineOptions, Refusal, check_model_in_this_process};
 
 use crate::Outcome;
 use crate::exit::message_and_hints;
+use nunet_sink::stdout::print;
 
 /// Loads and self-tests a model within limits. A refusal is one JSON object on stdout, and an error as usual.
 pub(crate) fn check_model(
@@ -15,9 +15,9 @@ pub(crate) fn check_model(
     engine: EngineOptions,
 ) -> anyhow::Result<Outcome> {
     let Err(error) = check_model_in_this_process(model, hashes, engine) else { return Ok(Outcome::Done) };
-    let kind = error.kind();
+    let (kind, details) = (error.kind(), error.details().map(str::to_owned));
     let error = anyhow::Error::from(error);
-    writeln!(std::io::stdout(), "{}", refusal(kind, &error).to_json())?;
+    print(refusal(kind, &error).with_details(details.as_deref()).to_json())?;
     Err(error)
 }
 

@@ -1,16 +1,15 @@
 //! `nunetd contract --json`: the shared-memory contract, printed from the code.
 
-use std::io::Write as _;
-
 use nunet_core::model::METADATA_KEYS;
 use nunet_ipc::contract::{self, StructLayout};
 use serde_json::{Map, Value, json};
 
 use crate::Outcome;
+use nunet_sink::stdout::print;
 
 /// Prints the contract as one JSON object.
 pub(crate) fn contract() -> anyhow::Result<Outcome> {
-    writeln!(std::io::stdout(), "{:#}", contract_json())?;
+    print(format_args!("{:#}", contract_json()))?;
     Ok(Outcome::Done)
 }
 

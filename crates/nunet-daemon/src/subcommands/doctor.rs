@@ -1,6 +1,5 @@
 //! `nunetd doctor`: checks this machine and reports every problem with its fix, not only the first.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use nunet_core::graph::{Provider, SerialGraph};
@@ -15,6 +14,7 @@ use crate::config::Publish;
 use crate::exit::WithHint;
 use crate::sink::loans::plans;
 use crate::source;
+use nunet_sink::stdout::print;
 
 mod machine;
 mod report;
@@ -35,7 +35,7 @@ pub(crate) fn doctor(model: &Path, engine: EngineOptions, json: bool) -> anyhow:
     checks.add("published", published().map_err(Problem::of));
     check_cameras(&mut checks);
     let text = if json { checks.json() } else { checks.text() };
-    writeln!(std::io::stdout(), "{}", text.trim_end())?;
+    print(text.trim_end())?;
     match checks.problems() {
         0 => Ok(Outcome::Done),
         1 => anyhow::bail!("1 problem found"),

@@ -1,6 +1,5 @@
 //! `nunetd eval`: compares the pipeline's results with true depth. Prints the report of `nunet-eval`.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use indicatif::ProgressBar;
@@ -15,6 +14,7 @@ use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint, warn_of_unknown_camera};
+use nunet_sink::stdout::print;
 
 /// The options of `eval`.
 pub(crate) struct EvalCommandOptions {
@@ -43,11 +43,11 @@ pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     let mut evaluation = evaluation.map_err(with_flags)?;
     let report = evaluation.report(model);
     let text = if options.json { serde_json::to_string(&report)? } else { report.text() };
-    writeln!(std::io::stdout(), "{text}")?;
+    print(&text)?;
     if !options.json && report.baseline_has_seen_the_images() {
         let text =
             "the baseline is the mean of the measured images themselves; pass --baseline-ids for others";
-        writeln!(std::io::stdout(), "{text}")?;
+        print(&text)?;
     }
     if let Some(out) = &options.out {
         evaluation.write(out, &report)?;

@@ -144,8 +144,9 @@ impl<'a> Feeder<'a> {
     }
 
     fn lose(&mut self, frame: &Frame, error: &anyhow::Error) {
-        if let Some(suppressed) = self.lost.allow(Instant::now()) {
-            warn!("frame {} is lost: {error:#}{suppressed}", frame.sequence);
+        let text = format!("frame {} is lost: {error:#}", frame.sequence);
+        if let Some(suppressed) = self.lost.allow_text(Instant::now(), &text) {
+            warn!("{text}{suppressed}");
         }
         self.failed += 1;
     }

@@ -18,12 +18,12 @@ use tracing::{error, info};
 
 use super::load::{load_unless, obstacle_stage, tested_pipeline};
 use crate::Outcome;
-use crate::buffers::Buffers;
 use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
 use crate::exit::{BadArguments, warn_of_unknown_camera};
 use crate::sink::stats::{Common, ModelName, Stats};
-use crate::source::{CameraResolver, Frame, decode, glance, list, listed_files};
+use crate::source::{CameraResolver, Frame, SourceName, decode, glance, list, listed_files};
 use crate::stream::{Stop, Stopped};
+use nunet_engine::Buffers;
 
 /// The options of `infer`.
 pub(crate) struct InferOptions {
@@ -158,6 +158,8 @@ fn result_folders(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<PathBuf>
 
 fn file_plan(options: &InferOptions, images: &[PathBuf], folders: &[PathBuf]) -> FilePlan {
     let mut files = FilePlan::default();
+    let names = options.images.iter().map(|name| SourceName::parse(&name.to_string_lossy()));
+    names.for_each(|name| files.read_source("an image", &name));
     let named = options.images.iter().flat_map(|name| listed_files(name));
     named.chain(images.iter().cloned()).for_each(|image| files.read("an image", image));
     find_model(&options.model).iter().for_each(|model| files.read_model(model));

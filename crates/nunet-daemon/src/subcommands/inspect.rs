@@ -1,6 +1,5 @@
 //! `nunetd inspect`: describes a model file.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use nunet_core::pipeline::PipelineOptions;
@@ -8,6 +7,7 @@ use nunet_engine::{Engine, EngineOptions, ModelReport};
 
 use super::load::load;
 use crate::Outcome;
+use nunet_sink::stdout::print;
 
 /// Loads and self-tests the model, and prints its description.
 pub(crate) fn inspect(model: &Path, engine: EngineOptions, json: bool) -> anyhow::Result<Outcome> {
@@ -16,6 +16,6 @@ pub(crate) fn inspect(model: &Path, engine: EngineOptions, json: bool) -> anyhow
     let (pipeline, selftest) = loaded.into_pipeline(PipelineOptions::default())?;
     let report = ModelReport { file, hash, graph: pipeline.graph(), selftest: &selftest };
     let text = if json { format!("{:#}", report.json()) } else { report.text() };
-    writeln!(std::io::stdout(), "{}", text.trim_end())?;
+    print(text.trim_end())?;
     Ok(Outcome::Done)
 }

@@ -6,13 +6,14 @@ use nunet_core::pipeline::{FrameReport, Pipeline};
 use nunet_engine::MonotonicClock;
 use nunet_engine::{Engine, EngineOptions, find_model, hexadecimal};
 use nunet_ipc::CameraName;
+use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::file_plan::FilePlan;
 use nunet_sink::frame_writer::{FrameWriter, RecordingOptions, settings};
 use nunet_sink::record::RecordedFrame;
 use nunet_telemetry::RateLimit;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
-use std::io::{Read as _, Write as _};
+use std::io::Read as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,7 +22,6 @@ use tracing::{error, info, warn};
 use super::load::{load_unless, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::buffers::Buffers;
 use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
 use crate::exit::{BadArguments, is_usage, warn_of_unknown_camera};
 use crate::sink::Results;
@@ -29,6 +29,8 @@ use crate::sink::recording::{mount, refuse_output};
 use crate::sink::stats::ModelName;
 use crate::source::{CameraResolver, Continuity, Fill, Frame, OpenOptions, RecordingSource, Source};
 use crate::stream::{FrameHandler, Pace, SourceEnd, Stop, Stopped, drive};
+use nunet_engine::Buffers;
+use nunet_sink::stdout::print;
 
 /// The output is synced after this many frames, so that a full disk loses at most these.
 const SYNC_FRAMES: u64 = 50;
@@ -141,6 +143,7 @@ struct Replay {
     frame: Frame,
     progress: ProgressBar,
     lost: RateLimit,
+    empty_depth: EmptyDepthWarning,
 }
 
 /// A source whose first frame was filled already.
@@ -164,9 +167,9 @@ impl FrameHandler for Replay {
         match self.replay_frame(&mut frame) {
             Ok(()) => self.frames += 1,
             Err(ReplayError::Frame(error)) => {
-                if let Some(suppressed) = self.lost.allow(Instant::now()) {
-                    let number = frame.sequence;
-                    self.progress.suspend(|| warn!("frame {number} is lost: {error:#}{suppressed}"));
+                let text = format!("frame {} is lost: {error:#}", frame.sequence);
+                if let Some(suppressed) = self.lost.allow_text(Instant::now(), &text) {
+                    self.progress.suspend(|| warn!("{text}{suppressed}"));
                 }
                 self.failed += 1;
             }
@@ -210,6 +213,7 @@ impl Replay {
             frame: Frame::default(),
             progress: ProgressBar::hidden(),
             lost: RateLimit::default(),
+            empty_depth: EmptyDepthWarning::default(),
         }
     }
 
@@ -239,6 +243,11 @@ impl Replay {
             // The camera does not fit the images, so no frame of the recording can be replayed.
             if is_usage(&error) { ReplayError::Output(error) } else { ReplayError::Frame(error) }
         })?;
+        // A bar that is hidden for each frame would flicker.
+        if report.invalid_pixels as usize >= self.pipeline.size().pixel_count() {
+            let size = self.pipeline.size();
+            self.progress.suspend(|| self.empty_depth.check(frame.sequence, &report, size));
+        }
         let camera = self.camera.camera_of(frame).map_err(|error| ReplayError::Frame(error.into()))?;
         self.record.take(std::mem::take(frame), camera);
         self.record.copy_results(&Results {
@@ -292,7 +301,7 @@ impl Replay {
         } else {
             format!("{frames} frames, {failed} lost, results sha256 {hash}")
         };
-        writeln!(std::io::stdout(), "{text}")?;
+        print(&text)?;
         info!("`{}` -> `{}`", options.input.display(), options.output.display());
         Ok(if failed == 0 && !cut { Outcome::Done } else { Outcome::Lost })
     }

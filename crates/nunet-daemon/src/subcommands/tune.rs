@@ -16,6 +16,7 @@ use super::bench::{Subject, WARM_UP_RUNS, host, image_or_demo};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
+use nunet_sink::stdout::print;
 
 /// A combination with fewer threads is preferred if it is at most this much slower than the fastest, because a robot has
 /// other work for its cores.
@@ -64,7 +65,7 @@ pub(crate) fn tune(options: &TuneOptions) -> anyhow::Result<Outcome> {
     } else {
         table(&combinations, &combinations[best])
     };
-    writeln!(std::io::stdout(), "{text}")?;
+    print(&text)?;
     if let Some(out) = &options.out {
         let config = config(&options.model, &combinations[best])?;
         write_whole(out, |file| Ok(file.write_all(config.as_bytes())?))?;
@@ -153,7 +154,7 @@ fn json(combinations: &[Combination], best: &Combination, engine: &Engine) -> Va
         "host": host::json(),
         "onnxruntime": engine.runtime().version(),
         "model": { "name": best.subject.name, "hash": best.subject.hash },
-        "ways": combinations.iter().map(combination_json).collect::<Vec<_>>(),
+        "combinations": combinations.iter().map(combination_json).collect::<Vec<_>>(),
         "best": { "provider": best.provider.name(), "threads": best.threads },
     })
 }

@@ -2,7 +2,7 @@
 
 mod text;
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::num::NonZeroU64;
 use std::time::{Duration, Instant};
 
@@ -13,6 +13,7 @@ use nunet_ipc::{CameraName, IpcError, Message, ObstacleRecord, Reader, StatsReco
 use crate::Outcome;
 use crate::exit::{BadArguments, WithHint};
 use crate::stream::Stop;
+use nunet_sink::stdout::{StdoutError, print};
 use text::{json_of, line_of, screen_of};
 
 /// The longest single wait, so that a stop is handled in time.
@@ -171,15 +172,15 @@ impl Output {
     fn show(&mut self, camera: &CameraName, frame: &Message, watcher: &Watcher) -> anyhow::Result<()> {
         let stats = &watcher.stats.unwrap_or_default();
         match self {
-            Self::Json => writeln!(std::io::stdout(), "{}", json_of(frame, stats)?)?,
-            Self::Lines => writeln!(std::io::stdout(), "{}", line_of(frame)?)?,
+            Self::Json => print(json_of(frame, stats)?)?,
+            Self::Lines => print(line_of(frame)?)?,
             Self::Screen { term, drawn, lines } => {
                 if drawn.is_none_or(|last| last.elapsed() >= REDRAW) {
                     *drawn = Some(Instant::now());
                     let text = screen_of(camera, frame, stats, watcher.obstacles()?)?;
-                    term.clear_last_lines(*lines)?;
+                    term.clear_last_lines(*lines).map_err(StdoutError::from)?;
                     *lines = text.lines().count();
-                    term.write_str(&text)?;
+                    term.write_str(&text).map_err(StdoutError::from)?;
                 }
             }
         }

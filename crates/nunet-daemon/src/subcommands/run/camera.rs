@@ -48,7 +48,7 @@ fn file_plan(config: &Config, plans: &[CameraPlan<'_>]) -> FilePlan {
     config.file.iter().for_each(|file| files.read("the configuration", file));
     find_model(&config.model.path).iter().for_each(|model| files.read_model(model));
     for CameraPlan { config: camera, record } in plans {
-        camera.source.name.files().into_iter().for_each(|file| files.read("the source", file));
+        files.read_source("the source", &camera.source.name);
         camera.processing.geometry.calibration.iter().for_each(|file| files.read("the calibration", file));
         camera.out.iter().for_each(|folder| files.write_results(folder));
         record.iter().for_each(|file| files.write("the recording", file));
