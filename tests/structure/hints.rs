@@ -34,6 +34,64 @@ fn hints_in_texts(path: &str, text: &str) -> Vec<String> {
     problems
 }
 
+/// Types with hints that are in no chain of causes, and what their hints are copied into instead.
+const COPIED: [(&str, &str); 3] = [
+    ("AddressError", "`BadArguments`: it is an error of a flag"),
+    ("CameraFault", "`SourceError`"),
+    ("ViewError", "`WithHint`: its hints name the flags"),
+];
+
+/// The variants of transparent errors in a file that its `Hint` does not name. Only the error inside is shown: it is not in
+/// the chain of causes, so that its hint and its kind are lost unless they are passed on.
+fn forgotten_variants(path: &str, text: &str) -> Vec<String> {
+    let text = without_tests(text);
+    let Some((_, hints)) = text.split_once("\nimpl Hint for ") else { return Vec::new() };
+    let hints = hints.split("\n}").next().unwrap_or_default();
+    let variants = text.split("#[error(transparent)]").skip(1);
+    let names = variants.filter_map(|rest| rest.trim_start().split_once('(').map(|(name, _)| name));
+    let is_forgotten = |name: &&str| !hints.contains(&format!("Self::{name}("));
+    let problem = |name| format!("{path}: the hint of `{name}` is lost; pass it on in `impl Hint`");
+    names.filter(is_forgotten).map(problem).collect()
+}
+
+#[test]
+fn the_hint_of_an_error_inside_is_passed_on() {
+    let sources = repository::texts(|path| path.ends_with(".rs") && !is_test_file(path));
+    let with_hints = |(path, text): &(String, String)| forgotten_variants(path, text);
+    assert_none(&sources.iter().flat_map(with_hints).collect::<Vec<_>>());
+    let error = "enum E {\n    #[error(transparent)]\n    Inner(#[from] Inner),\n}\n\nimpl Hint for E {\n    _ => None,\n}\n";
+    assert_eq!(forgotten_variants("a.rs", error).len(), 1);
+    assert_none(&forgotten_variants(
+        "a.rs",
+        &error.replace("_ => None", "Self::Inner(error) => error.hint()"),
+    ));
+}
+
+/// The types with hints in a file that no list of them names.
+fn unlisted_types(path: &str, text: &str, lists: &str) -> Vec<String> {
+    let text = without_tests(text);
+    let types = text.split("\nimpl Hint for ").skip(1).filter_map(|rest| rest.split(' ').next());
+    let is_listed =
+        |name: &str| lists.contains(&format!("of::<{name}>")) || lists.contains(&format!("::{name}>"));
+    let is_copied = |name: &str| COPIED.iter().any(|(copied, _)| *copied == name);
+    let unlisted = types.filter(|name| !is_listed(name) && !is_copied(name));
+    unlisted.map(|name| format!("{path}: no list of hints has `{name}`; add it to `HINTS`")).collect()
+}
+
+#[test]
+fn every_error_with_hints_is_listed_where_hints_are_printed() {
+    let is_list =
+        |path: &str| ["crates/nunet-core/src/hints.rs", "crates/nunet-daemon/src/exit.rs"].contains(&path);
+    let lists: String = repository::texts(is_list).into_iter().map(|(_, text)| text).collect();
+    let sources =
+        repository::texts(|path| path.starts_with("crates/") && path.ends_with(".rs") && !is_test_file(path));
+    let unlisted = |(path, text): &(String, String)| unlisted_types(path, text, &lists);
+    assert_none(&sources.iter().flat_map(unlisted).collect::<Vec<_>>());
+    let (error, list) = ("\nimpl Hint for E {", "hint_of::<E>, hint_of::<a::F>");
+    assert_eq!(unlisted_types("a.rs", error, "hint_of::<EE>").len(), 1);
+    assert_none(&unlisted_types("a.rs", &(error.to_owned() + "\nimpl Hint for F {"), list));
+}
+
 #[test]
 fn no_message_contains_its_hint() {
     let mut sources = repository::texts(|path| path.ends_with(".rs") || path.ends_with(".py"));

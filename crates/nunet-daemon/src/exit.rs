@@ -5,7 +5,7 @@ use std::error::Error as StdError;
 use std::io::Write as _;
 
 use nunet_engine::{EngineError, EngineErrorKind, details_of};
-use nunet_eval::{EvalError, EvalErrorKind};
+use nunet_eval::{CalibrateError, EvalError, EvalErrorKind};
 use nunet_files::FilesError;
 use nunet_ipc::{CameraName, CameraNameError, IpcError};
 use nunet_ros2::{Ros2Error, Ros2ErrorKind};
@@ -118,6 +118,7 @@ const HINTS: &[HintOf] = &[
     nunet_core::hint_of,
     hint_of::<EngineError>,
     hint_of::<EvalError>,
+    hint_of::<CalibrateError>,
     hint_of::<FilesError>,
     hint_of::<FilesLate>,
     hint_of::<FilePlanError>,
@@ -195,18 +196,17 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<BadArguments>()
         || error.is::<NotFound>()
         || error.chain().any(|cause| {
-            cause.downcast_ref::<WithHint>().is_some_and(|error| error.is_usage)
-                || cause.downcast_ref().is_some_and(is_engine_usage)
-                || cause
-                    .downcast_ref::<EvalError>()
-                    .is_some_and(|error| error.kind() == EvalErrorKind::Argument)
-                || cause
-                    .downcast_ref::<SourceError>()
-                    .is_some_and(|error| error.kind() == SourceErrorKind::BadArguments)
-                || cause
-                    .downcast_ref::<Ros2Error>()
-                    .is_some_and(|error| error.kind() == Ros2ErrorKind::Arguments)
+            is_one(cause, |error: &WithHint| error.is_usage)
+                || is_one(cause, is_engine_usage)
+                || is_one(cause, |error: &EvalError| error.kind() == EvalErrorKind::Argument)
+                || is_one(cause, |error: &CalibrateError| error.kind() == EvalErrorKind::Argument)
+                || is_one(cause, |error: &SourceError| error.kind() == SourceErrorKind::BadArguments)
+                || is_one(cause, |error: &Ros2Error| error.kind() == Ros2ErrorKind::Arguments)
         })
+}
+
+fn is_one<E: StdError + 'static>(cause: &DynError, is_usage: fn(&E) -> bool) -> bool {
+    cause.downcast_ref().is_some_and(is_usage)
 }
 
 /// A model that does not exist, or an option out of its range.

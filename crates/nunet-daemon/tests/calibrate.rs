@@ -85,7 +85,7 @@ fn readings_give_a_factor_and_contradicting_ones_are_refused_by_line() {
     table([FACTOR * depth_m, 1000.0 * depth_m, 5.0 * depth_m]);
     let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
     assert!(code == Some(1) && stderr.contains("contradict each other"), "{stderr}");
-    assert!(stderr.contains("line 3 says") && stderr.contains("hint: check the unit"), "{stderr}");
+    assert!(stderr.contains("line 3 gives") && stderr.contains("hint: check the unit"), "{stderr}");
     table([f64::NAN; 3]);
     let (code, stderr) = refused(&bench, &["--pairs", &pairs]);
     assert!(code == Some(2) && stderr.contains("line 2: `NaN` is not a number"), "{stderr}");
@@ -121,12 +121,94 @@ fn what_cannot_give_a_factor_is_refused() {
         (&["--source", &images, "--mount", "0,0,0.5,0,0,0"], 2, "no class for floor"),
         (&["--source", &images, "--mount", "0,0,-1,0,0,0"], 2, "above the floor"),
         (&["--pairs", "none.csv"], 2, "none.csv"),
-        (&["--truth", "none"], 1, "none"),
+        (&["--truth", "none"], 2, "none"),
     ] {
         let (got, stderr) = refused(&bench, rest);
         assert!(got == Some(code) && stderr.contains(words), "{rest:?}: {got:?} {stderr}");
     }
     let out = bench.arg("new.yaml");
     let (code, stderr) = refused(&bench, &[&frames[..], &["--distance", "2", "--out", &out]].concat());
-    assert!(code == Some(2) && stderr.contains("hint: pass --intrinsics"), "{stderr}");
+    assert!(code == Some(2) && stderr.contains("hint: give the intrinsics"), "{stderr}");
+}
+
+#[test]
+fn errors_have_the_hints_and_exit_codes_of_other_subcommands() {
+    let (bench, _) = bench_with_images();
+    let (images, model) = (bench.arg("images"), bench.arg("model.onnx"));
+    let of = |arguments: &[&str]| {
+        let output = run(nunetd(&[&["-q"], arguments, &["--model", &model]].concat()));
+        (output.status.code(), text(&output.stderr))
+    };
+    let calibrated = of(&["calibrate", "--truth", "none"]);
+    assert!(calibrated.0 == Some(2) && calibrated.1.contains("hint: "), "{calibrated:?}");
+    assert_eq!(calibrated, of(&["eval", "none"]));
+    let wide = ["--intrinsics", "500,500,319.5,119.5@640x240"];
+    let image = bench.arg("images/a.png");
+    let distance = ["calibrate", "--source", &images, "--distance", "2"];
+    let (code, stderr) = of(&[&distance[..], &wide].concat());
+    let (expected, _) = of(&[&["infer", &image, "--out", &bench.arg("out")], &wide[..]].concat());
+    assert!(code == Some(2) && code == expected && stderr.contains("do not fit"), "{code:?} {stderr}");
+}
+
+#[test]
+fn no_file_is_overwritten_but_the_named_calibration() {
+    let (bench, depth_m) = bench_with_images();
+    let (images, distance) = (bench.arg("images"), (FACTOR * depth_m).to_string());
+    let (pairs, lens) = (bench.arg("pairs.csv"), bench.arg("front.yaml"));
+    std::fs::write(bench.path("pairs.csv"), "image,u,v,distance\nimages/a.png,1,1,2\n").unwrap();
+    std::fs::copy(bench.path("front.yaml"), bench.path("rear.yaml")).unwrap();
+    std::fs::hard_link(bench.path("images/a.png"), bench.path("linked.yaml")).unwrap();
+    let (model, image) = (bench.arg("model.onnx"), bench.arg("images/a.png"));
+    let (rear, linked) = (bench.arg("rear.yaml"), bench.arg("linked.yaml"));
+    let frames = ["--source", &images, "--distance", &distance, "--calibration", &lens];
+    let readings = ["--pairs", &pairs, "--calibration", &lens];
+    for (evidence, out, words) in [
+        (&readings[..], &pairs, "is both a file of the readings and"),
+        (&readings, &image, "is both a file of the readings and"),
+        (&readings, &linked, "is both a file of the readings and"),
+        (&frames, &image, "the source"),
+        (&frames, &linked, "is both the source and"),
+        (&frames, &model, "is both the model and"),
+        (&frames, &rear, "exists"),
+    ] {
+        let before = std::fs::read(out).unwrap();
+        let flags = [&["--out", out][..], &["--out", out, "--force"]];
+        let refusals = if words == "exists" { &flags[..1] } else { &flags };
+        for flags in refusals {
+            let (code, stderr) = refused(&bench, &[evidence, flags].concat());
+            assert!(code == Some(2) && stderr.contains(words), "{out}: {code:?} {stderr}");
+            assert!(stderr.contains("hint: pass "), "{stderr}");
+        }
+        assert_eq!(std::fs::read(out).unwrap(), before, "{out}");
+    }
+    assert_factor(&calibrate(&bench, &[&frames[..], &["--out", &rear, "--force"]].concat()), 3);
+    assert_factor(&calibrate(&bench, &[&frames[..], &["--out", &lens]].concat()), 3);
+    assert_eq!(std::fs::read(&rear).unwrap(), std::fs::read(&lens).unwrap());
+}
+
+#[test]
+fn a_calibration_of_opencv_stays_one() {
+    let (bench, depth_m) = bench_with_images();
+    let (images, file, distance) =
+        (bench.arg("images"), bench.arg("cv.yaml"), (FACTOR * depth_m).to_string());
+    let before = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
+                  cols: 3\n   dt: d\n   data: [ 500., 0., 319.5, 0., 500., 239.5, 0., 0., 1. ]\n\
+                  distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ 0., 0., 0., \
+                  0., 0. ]\n";
+    std::fs::write(&file, format!("{before}...\n")).unwrap();
+    let again = ["--source", &images, "--distance", &distance, "--calibration", &file];
+    for _ in 0..2 {
+        assert_factor(&calibrate(&bench, &again), 3);
+        let after = std::fs::read_to_string(&file).unwrap();
+        assert!(
+            after.starts_with(&format!("{before}nunet_scale:\n")) && after.ends_with("\"\n...\n"),
+            "{after}"
+        );
+    }
+    let broken = "{image_width: 640, image_height: 480, distortion_model: plumb_bob, camera_matrix: {rows: 3, cols: 3, \
+                  data: [500, 0, 319.5, 0, 500, 239.5, 0, 0, 1]}, distortion_coefficients: {rows: 1, cols: 1, data: [0]}}\n";
+    std::fs::write(&file, broken).unwrap();
+    let (code, stderr) = refused(&bench, &again);
+    assert!(code == Some(2) && stderr.contains("`nunet_scale` cannot be added"), "{code:?} {stderr}");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), broken, "it is not touched");
 }

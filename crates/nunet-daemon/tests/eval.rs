@@ -268,6 +268,13 @@ fn nunetds_own_depth_is_no_truth_unless_it_is_requested() {
     let output = run_well(nunetd(&eval(&own, &model, &["--depth-topic", &topic, "--json"])));
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(found["pictures"], 3, "{found}");
+
+    let calibrate = ["-q", "calibrate", "--truth", &own, "--model", &model, "--json"];
+    let output = run(nunetd(&calibrate));
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(2), stderr), "as `eval` says");
+    let output = run_well(nunetd(&[&calibrate[..], &["--depth-topic", &topic]].concat()));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!((found["factor"].as_f64().unwrap() - 1.0).abs() < 1e-3, "{found}");
 }
 
 /// It would count for the network and not for the mean image.

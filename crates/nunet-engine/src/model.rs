@@ -169,9 +169,16 @@ impl Model {
         self.pipeline.set_frame_nanos(nanos);
     }
 
+    /// A discontinuity of the stream, as in `nunetd`: a recurrent network and the temporal filter lose their state. The scale
+    /// from the floor stays.
+    pub fn reset(&mut self) {
+        self.pipeline.reset();
+    }
+
     /// Processes one image, taken with `camera` at the image's size, if it is known.
     ///
-    /// With `keep_state`, a recurrent network and the temporal filter keep their state from the image before.
+    /// With `keep_state`, a recurrent network, the temporal filter and the scale from the floor keep their state from the image
+    /// before.
     ///
     /// # Errors
     /// A camera that does not fit the image, and errors of ONNX Runtime.

@@ -72,7 +72,7 @@ mod options;
 mod report;
 mod sheet;
 
-pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference};
+pub use calibrate::{Agreement, CalibrateError, Calibrator, Point, Reference, files_of_readings};
 pub use error::{EvalError, EvalErrorKind, cap_for};
 pub use evaluation::{Evaluation, Evaluator, FILES};
 pub use event::Event;

@@ -14,11 +14,18 @@ pub(crate) struct Damage {
     pending: u64,
     /// Whether no index has stated the number of images yet.
     is_uncounted: bool,
+    /// An error that came before the lost images were reported.
+    deferred: Option<RecordingError>,
 }
 
 impl Damage {
-    pub(crate) fn of_chunk(path: &Path, reason: &str) -> Self {
-        Self { path: path.to_owned(), reason: reason.to_owned(), pending: 0, is_uncounted: true }
+    /// A damaged chunk. Returns the lost image of one before it that had no index: it was one image at least.
+    pub(crate) fn begin(&mut self, path: &Path, reason: &str) -> Option<RecordingError> {
+        self.close();
+        let before = self.report();
+        let (path, reason) = (path.to_owned(), reason.to_owned());
+        *self = Self { path, reason, is_uncounted: true, ..Self::default() };
+        before
     }
 
     /// Adds the images in the index of one channel.
@@ -40,6 +47,15 @@ impl Damage {
 
     pub(crate) fn is_pending(&self) -> bool {
         self.pending > 0
+    }
+
+    /// Keeps an error until the lost images are reported.
+    pub(crate) fn defer(&mut self, error: RecordingError) {
+        self.deferred = Some(error);
+    }
+
+    pub(crate) fn take_deferred(&mut self) -> Option<RecordingError> {
+        self.deferred.take()
     }
 
     /// The next lost image.

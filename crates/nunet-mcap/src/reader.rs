@@ -189,10 +189,13 @@ impl Recording {
                 return Next::Bad(error);
             }
             let is_last = self.part + 1 == self.parts.len();
-            let step = self.step(image);
+            let step = self.damage.take_deferred().map_or_else(|| self.step(image), Err);
             match &step {
                 Err(RecordingError::DamagedChunk { path, reason }) => {
-                    self.damage = Damage::of_chunk(path, reason);
+                    if let Some(error) = self.damage.begin(path, reason) {
+                        self.images += 1;
+                        return Next::Bad(error);
+                    }
                     continue;
                 }
                 Ok(Some(RecordOutcome::Index(images))) => self.damage.count(*images),
@@ -204,6 +207,7 @@ impl Recording {
                 Ok(Some(RecordOutcome::Index(_) | RecordOutcome::Other)) => {}
                 Ok(None) if self.damage.is_pending() => {}
                 Ok(None) if is_last => return self.missing.pop().map_or(Next::End, Next::Bad),
+                Err(error) if self.damage.is_pending() => self.damage.defer(error),
                 Err(error) if is_last => return Next::Cut(error),
                 Ok(None) => {
                     if let Err(error) = self.open_part(self.part + 1) {

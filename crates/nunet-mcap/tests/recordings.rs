@@ -252,6 +252,42 @@ fn a_chunk_with_a_wrong_checksum_loses_its_own_images_and_no_others() {
     }
 }
 
+/// Without an index nothing states how many images a chunk had.
+#[test]
+fn each_damaged_chunk_without_an_index_is_one_lost_image_at_least() {
+    let folder = Folder::new();
+    let options = WriteOptions::new()
+        .compression(None)
+        .chunk_size(Some(150))
+        .emit_message_indexes(false)
+        .emit_summary_records(false);
+    let whole = recording(options, &images());
+    let starts = places_of_chunks(&whole);
+    let (all, lost, end) = losses(&folder.file(&whole));
+    assert!(all.len() == usize::from(IMAGES) && lost == 0 && matches!(end, Next::End), "{lost} {end:?}");
+    let damage = |which: std::ops::Range<usize>| {
+        let mut damaged = whole.clone();
+        for &start in &starts[which] {
+            damaged[start + 9 + 8 + 8 + 8] ^= 0x55; // the checksum
+        }
+        damaged
+    };
+    let last = starts.len();
+    assert!(last >= 3, "{starts:?}");
+    for which in [1..2, 1..3, 1..last, last - 2..last] {
+        let count = which.len();
+        let damaged = damage(which.clone());
+        let (values, lost, end) = losses(&folder.file(&damaged));
+        assert!(lost == count && matches!(end, Next::End), "{which:?}: {lost} lost, {end:?}");
+        assert!(values.len() < all.len(), "{values:?}");
+        let mut cut = damaged;
+        cut.truncate(starts[last - 1] + 20);
+        let whole_chunks = count - usize::from(which.end == last);
+        let (_, lost, end) = losses(&folder.file(&cut));
+        assert!(lost == whole_chunks && matches!(end, Next::Cut(_)), "{which:?}, cut: {lost} lost, {end:?}");
+    }
+}
+
 /// Where chunks begin, from record to record.
 fn places_of_chunks(file: &[u8]) -> Vec<usize> {
     let (mut at, mut places) = (mcap::MAGIC.len(), Vec::new());

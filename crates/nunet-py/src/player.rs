@@ -22,6 +22,8 @@ pub(crate) struct Player {
 pub(crate) struct Played {
     /// The results.
     pub(crate) inferred: Inferred,
+    /// `false` if the camera's factor of depth is for another model.
+    pub(crate) uses_factor: bool,
     /// The image's index in the recording, from 0. Unreadable images count.
     pub(crate) sequence: u64,
     /// The image's time stamp, nanoseconds since 1970.
@@ -99,15 +101,23 @@ impl Player {
         let frame = &self.frame;
         let size = frame.size;
         let named = self.camera.map(|camera| camera.fitted_to(size.width, size.height)).transpose()?;
-        let keep_state =
-            self.continuity.discontinuity_to(frame).is_none() && self.left_at == Some(model.runs());
-        model.set_calibrated_scale(self.scale)?;
+        let runs = model.runs();
+        let keep_state = self.left_at == Some(runs);
+        if keep_state && self.continuity.discontinuity_to(frame).is_some() {
+            model.reset();
+        }
+        let uses_factor = model.set_calibrated_scale(self.scale)?;
         model.set_frame_nanos(frame.capture.nanos);
-        let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state)?;
+        let inferred = model.infer(&frame.view()?, named.or(frame.camera), keep_state);
+        // A frame that fails in the network does not change its state.
+        if model.runs() > runs {
+            self.left_at = Some(model.runs());
+        }
+        let inferred = inferred?;
         self.continuity.took(frame);
-        self.left_at = Some(model.runs());
         Ok(Played {
             inferred,
+            uses_factor,
             sequence: frame.sequence,
             capture_unix_nanos: frame.capture.unix_nanos,
             frame_id: self.source.frame_id().to_owned(),

@@ -59,6 +59,7 @@ impl PyReplay {
             match self.step(py)? {
                 ReplayStep::Step(PlayerStep::Played(played)) => {
                     let model = self.model.get();
+                    model.warn_of_factor(py, played.uses_factor)?;
                     model.warn_of_guesses(py, &played.inferred, played.frame_size)?;
                     return Result::of_recording(py, *played, self.topic.clone(), model.shared()).map(Some);
                 }

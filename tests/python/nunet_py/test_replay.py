@@ -11,6 +11,7 @@ import nunet_py as nunet
 import pytest
 from support import ON_THE_COMMAND_LINE, RECURRENT, TINY, hint_of, model
 from test_recordings import FIRST_NANOS, FRAMES, PERIOD_NANOS, K, make_bag
+from test_scale import CALIBRATION
 
 
 def hash_of(results):
@@ -82,6 +83,15 @@ def test_the_camera_argument_overrides_that_of_the_recording(tmp_path, tiny):
         assert list(nunet.replay(bag, tiny, camera=nunet.Camera(100, 100, 50, 50, (100, 100)))) == []
     assert len(warnings) == FRAMES
     assert re.search("cannot read image 0 of .*100x100", str(warnings[0].message))
+
+
+def test_a_factor_of_another_model_is_ignored_with_a_warning(tmp_path):
+    path = tmp_path / "front.yaml"
+    path.write_text(CALIBRATION.replace("factor: 0.5", f'factor: 0.5, model_sha256: "{"0a" * 32}"'))
+    camera = nunet.Camera.from_yaml(path)
+    replay = nunet.replay(make_bag(tmp_path / "bag", "png"), model(), camera=camera)
+    with pytest.warns(UserWarning, match="measured with another model"):
+        assert next(replay).scale_source == "focal_scaled"
 
 
 def test_a_damaged_recording_yields_every_complete_image_and_then_an_error(tmp_path, tiny):

@@ -44,6 +44,9 @@ pub struct CalibrateArgs {
     pub pace: SourceArgs,
     #[command(flatten)]
     pub geometry: GeometryArgs,
+    /// With --truth, the topic with true depth, if the recording has several
+    #[arg(long, value_name = "TOPIC", requires = "truth")]
+    pub depth_topic: Option<String>,
     /// With --truth, the images to use: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE", requires = "truth")]
     pub ids: Option<PathBuf>,
@@ -58,6 +61,9 @@ pub struct CalibrateArgs {
     /// Write intrinsics and factor into this calibration file [default: the file of --calibration, in place]
     #[arg(long, value_name = "FILE.yaml")]
     pub out: Option<PathBuf>,
+    /// Overwrite an existing file of --out
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -111,6 +117,7 @@ impl CalibrateArgs {
             pipeline: PipelineOptions { scale: ScaleMode::Off, ..PipelineOptions::default() },
             engine: self.engine.options(),
             out: self.out.clone().or_else(|| self.geometry.calibration.clone()),
+            force: self.force,
             json: self.json,
         })
     }
@@ -118,6 +125,7 @@ impl CalibrateArgs {
     fn truth(&self, dataset: &std::path::Path) -> EvalOptions {
         EvalOptions {
             topic: self.pace.topic.clone(),
+            depth_topic: self.depth_topic.clone(),
             ids: self.ids.clone(),
             units: DepthUnits { scale: self.units.depth_scale, offset: self.units.depth_offset },
             window: self.window,

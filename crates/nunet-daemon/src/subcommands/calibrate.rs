@@ -3,23 +3,21 @@
 use std::io::Write as _;
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context as _;
-use nunet_core::camera::{Calibration, ScaleNote};
 use nunet_core::pipeline::PipelineOptions;
-use nunet_engine::{Engine, EngineOptions, ModelName, model_folders};
-use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference};
-use nunet_files::write_whole;
-use nunet_types::Hint as _;
+use nunet_engine::{Engine, EngineOptions, ModelName, find_model, model_folders};
+use nunet_eval::{Agreement, CalibrateError, Calibrator, EvalOptions, Event, Reference, files_of_readings};
+use nunet_sink::file_plan::{FilePlan, place};
 use serde_json::json;
 use tracing::{info, warn};
 
-use super::eval::Printer;
+use super::eval::{Printer, with_flags};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::config::SourceConfig;
-use crate::exit::{WithHint, warn_of_unknown_camera};
+use crate::exit::{BadArguments, warn_of_unknown_camera};
+use crate::sink::recording::refuse_output;
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
 use nunet_sink::stdout::print;
@@ -46,12 +44,15 @@ pub(crate) struct CalibrateOptions {
     pub(crate) engine: EngineOptions,
     /// The calibration file to write.
     pub(crate) out: Option<PathBuf>,
+    /// Whether an existing file, other than the named calibration, may be overwritten.
+    pub(crate) force: bool,
     pub(crate) json: bool,
 }
 
 /// Measures the factor, prints it, and writes it into the calibration file.
 pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     let stop = Stop::on_signals()?;
+    check_files(options)?;
     let resolver = CameraResolver::new(&options.geometry)?;
     let loaded = load(&Engine::start(options.engine.clone())?, &options.model)?;
     let model = loaded.model_name();
@@ -67,16 +68,39 @@ pub(crate) fn calibrate(options: &CalibrateOptions) -> anyhow::Result<Outcome> {
     printer.finish();
     collected?;
     let found = calibrator.agreement().map_err(explained)?;
-    let written = write(options, &calibrator, &found, &model)?;
-    report(options, &found, &model, written)?;
+    if let Some(out) = &options.out {
+        let named = options.geometry.calibration.as_deref();
+        let written = calibrator.write_calibration(out, named, &found, (&model.name, &model.hash));
+        written.map_err(explained)?;
+    }
+    report(options, &found, &model)?;
     Ok(Outcome::Done)
 }
 
-/// An error with its hint; wrong arguments stay wrong arguments.
+/// Checks before anything is computed that the output destroys nothing. Only the named calibration may be overwritten
+/// without `--force`, because all of it stays.
+fn check_files(options: &CalibrateOptions) -> anyhow::Result<()> {
+    let mut files = FilePlan::default();
+    find_model(&options.model).iter().for_each(|model| files.read_model(model));
+    let (role, inputs) = match &options.evidence {
+        Evidence::Frames(source, _) => ("the source", source.name.files()),
+        Evidence::Readings(table) => ("a file of the readings", files_of_readings(table)?),
+        Evidence::Truth(truth) => ("an input", truth.files()),
+    };
+    inputs.into_iter().for_each(|file| files.read(role, file));
+    let Some(out) = &options.out else { return Ok(()) };
+    files.write("the calibration to write", out);
+    files.check().map_err(|error| BadArguments::of(&error))?;
+    let named = options.geometry.calibration.as_deref();
+    refuse_output(out, options.force || named.is_some_and(|named| place(named) == place(out)))
+}
+
+/// An error of a dataset names the flags.
 fn explained(error: CalibrateError) -> anyhow::Error {
-    let Some(hint) = error.hint() else { return error.into() };
-    let (text, hint) = (error.to_string(), hint.into_owned());
-    if error.is_argument() { WithHint::usage(text, hint).into() } else { WithHint::new(text, hint).into() }
+    match error {
+        CalibrateError::Dataset(error) => with_flags(error),
+        error => error.into(),
+    }
 }
 
 /// Adds the frames of a source.
@@ -110,62 +134,24 @@ fn take_frames(
     Ok(stop.check()?)
 }
 
-/// Writes the calibration file, if requested: the given calibration, else the known intrinsics.
-fn write<'a>(
-    options: &'a CalibrateOptions,
-    calibrator: &Calibrator,
-    found: &Agreement,
-    model: &ModelName,
-) -> anyhow::Result<Option<&'a Path>> {
-    let Some(out) = options.out.as_deref() else { return Ok(None) };
-    let text = match (&options.geometry.calibration, calibrator.camera()) {
-        (Some(path), _) => {
-            std::fs::read_to_string(path).with_context(|| format!("cannot read `{}`", path.display()))?
-        }
-        (None, Some(camera)) => Calibration::file_of(camera),
-        (None, None) => {
-            let text = format!("cannot write `{}`: the intrinsics are unknown", out.display());
-            let hint =
-                format!("pass --intrinsics or --calibration, or use the factor: --scale {:.4}", found.factor);
-            return Err(WithHint::usage(text, hint).into());
-        }
-    };
-    let note = ScaleNote {
-        factor: found.factor,
-        spread: found.spread,
-        agreeing: found.agreeing,
-        model: model.name.clone(),
-        model_sha256: model.hash.clone(),
-    };
-    write_whole(out, |file| Ok(file.write_all(note.written_into(&text).as_bytes())?))?;
-    Ok(Some(out))
-}
-
-fn report(
-    options: &CalibrateOptions,
-    found: &Agreement,
-    model: &ModelName,
-    written: Option<&Path>,
-) -> anyhow::Result<()> {
+fn report(options: &CalibrateOptions, found: &Agreement, model: &ModelName) -> anyhow::Result<()> {
     let Agreement { factor, spread, observations, agreeing } = *found;
     let text = if options.json {
         json!({
             "contract": nunet_ipc::CONTRACT_VERSION,
             "factor": factor,
-            "spread": spread.is_finite().then_some(spread),
+            "spread": spread, // `null` if it is unknown
             "observations": observations,
             "agreeing": agreeing,
             "model": model,
-            "file": written,
+            "file": options.out,
         })
         .to_string()
     } else {
-        let spread =
-            if spread.is_finite() { format!("{:.1} %", 100.0 * spread) } else { "unknown".to_owned() };
-        format!("factor {factor:.4}, spread {spread}, {agreeing} of {observations} observations agree")
+        found.to_string()
     };
     print(&text)?;
-    match written {
+    match &options.out {
         Some(path) => info!("use it: --calibration {}", path.display()),
         None => info!("use it: --scale {factor:.4}; --out FILE.yaml writes a calibration file"),
     }

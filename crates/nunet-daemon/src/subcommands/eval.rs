@@ -110,7 +110,7 @@ fn log(problem: Event<'_>) {
 }
 
 /// Adds a hint that names flags.
-fn with_flags(error: EvalError) -> anyhow::Error {
+pub(super) fn with_flags(error: EvalError) -> anyhow::Error {
     let hint = match error {
         EvalError::NothingMeasured { source } => {
             return with_flags(*source).context("no image could be measured");

@@ -7,6 +7,8 @@
 //! deviation around the median, Journal of Experimental Social Psychology 49, 2013). Logarithms of factors
 //! are compared, so that twice and half are equally far from one.
 
+use std::fmt;
+
 use super::CalibrateError;
 
 /// The ratio of standard deviation and MAD of a normal distribution.
@@ -42,6 +44,15 @@ pub struct Agreement {
     pub observations: usize,
     /// How many of them agree.
     pub agreeing: usize,
+}
+
+impl fmt::Display for Agreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { factor, spread, observations, agreeing } = self;
+        let spread =
+            if spread.is_finite() { format!("{:.1} %", 100.0 * spread) } else { "unknown".to_owned() };
+        write!(f, "factor {factor:.4}, spread {spread}, {agreeing} of {observations} observations agree")
+    }
 }
 
 impl Agreement {

@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use nunet_core::camera::CameraError;
+use nunet_core::camera::{CalibrationError, CameraError};
 use nunet_core::frame::FrameError;
 use nunet_core::pipeline::PipelineError;
 use nunet_core::scale::ScaleError;
-use nunet_source::SourceError;
+use nunet_source::{SourceError, SourceErrorKind};
 use nunet_types::{Hint, ImageSize};
 
-use crate::error::EvalError;
+use crate::error::{EvalError, EvalErrorKind};
 
 /// Why no factor was found.
 #[derive(Debug, thiserror::Error)]
@@ -63,6 +63,20 @@ pub enum CalibrateError {
         /// Why not.
         reason: String,
     },
+    /// A calibration file of a camera that is not known.
+    #[error("no calibration can be written: the intrinsics are unknown")]
+    NoIntrinsics {
+        /// The factor that was found.
+        factor: f64,
+    },
+    /// A calibration file that the factor cannot be added to.
+    #[error("cannot write the calibration `{}`", path.display())]
+    Calibration {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: CalibrationError,
+    },
     /// An image or a camera that cannot be used.
     #[error(transparent)]
     Source(#[from] SourceError),
@@ -84,10 +98,22 @@ pub enum CalibrateError {
 }
 
 impl CalibrateError {
-    /// Whether the arguments are at fault.
+    /// What kind of failure it is.
     #[must_use]
-    pub fn is_argument(&self) -> bool {
-        matches!(self, Self::Outside { .. } | Self::Distance { .. } | Self::Readings { .. } | Self::Scale(_))
+    pub fn kind(&self) -> EvalErrorKind {
+        match self {
+            Self::Outside { .. }
+            | Self::Distance { .. }
+            | Self::Readings { .. }
+            | Self::NoIntrinsics { .. }
+            | Self::Calibration { .. }
+            | Self::Scale(_) => EvalErrorKind::Argument,
+            Self::TooFew { .. } | Self::Inconsistent { .. } | Self::Factor(_) => EvalErrorKind::Truth,
+            Self::Source(error) if error.kind() == SourceErrorKind::BadArguments => EvalErrorKind::Argument,
+            Self::Source(_) | Self::Frame(_) => EvalErrorKind::Image,
+            Self::Pipeline(_) => EvalErrorKind::Model,
+            Self::Dataset(error) => error.kind(),
+        }
     }
 }
 
@@ -105,10 +131,43 @@ impl Hint for CalibrateError {
                 "write a CSV table with the columns `image`, `u`, `v` and `distance`: file, pixels, meters"
                     .into()
             }
-            Self::Scale(error) => return error.hint(),
-            Self::Pipeline(error) => return error.hint(),
+            Self::NoIntrinsics { factor } => format!(
+                "give the intrinsics or a calibration, or use the factor itself as the scale: {factor:.4}"
+            )
+            .into(),
+            // The cause has a hint.
+            Self::Calibration { .. } => return None,
             Self::Factor(_) => "check the unit: distances are in meters".into(),
-            _ => return None,
+            Self::Distance { .. } => "measure from the camera straight to the point, in meters".into(),
+            // Transparent: these are not in the chain of causes themselves.
+            Self::Source(error) => return error.hint(),
+            Self::Frame(error) => return error.hint(),
+            Self::Pipeline(error) => return error.hint(),
+            Self::Scale(error) => return error.hint(),
+            Self::Dataset(error) => return error.hint(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_kind_and_the_hint_are_those_of_the_error_inside() {
+        let wrong = || SourceError::bad_arguments("no such topic").with_hint("name a topic");
+        for error in [CalibrateError::from(wrong()), EvalError::from(wrong()).into()] {
+            assert_eq!(
+                (error.kind(), error.hint().as_deref()),
+                (EvalErrorKind::Argument, Some("name a topic"))
+            );
+        }
+        let missing = EvalError::NotADataset { path: "none".into(), missing: "rgb" };
+        let hint = missing.hint();
+        assert!(hint.is_some());
+        let error = CalibrateError::from(missing);
+        assert_eq!((error.kind(), error.hint()), (EvalErrorKind::Argument, hint));
+        let bad = CalibrateError::from(SourceError::bad_frame("cut off"));
+        assert_eq!(bad.kind(), EvalErrorKind::Image);
     }
 }

@@ -5,6 +5,7 @@
 
 mod agreement;
 mod error;
+mod file;
 mod readings;
 
 use std::collections::BTreeMap;
@@ -19,7 +20,7 @@ use nunet_types::{ImageSize, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error, median};
 use self::readings::Reading;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, refuse_own_depth};
 use crate::error::{EvalError, hint_of_chain};
 use crate::event::{Event, OnEvent};
 use crate::fit::Fit;
@@ -27,6 +28,7 @@ use crate::options::EvalOptions;
 
 pub use self::agreement::Agreement;
 pub use self::error::CalibrateError;
+pub use self::readings::files as files_of_readings;
 
 /// Depth is the median over a square of this side around a point, in pixels of the depth map.
 const PATCH_PX: usize = 9;
@@ -177,12 +179,13 @@ impl Calibrator {
     /// Compares with the true depth of a dataset, one observation per image.
     ///
     /// # Errors
-    /// A dataset that cannot be used. Images that cannot be read are reported and skipped.
+    /// A dataset that cannot be used, or a recording of predictions. Images that cannot be read are reported and skipped.
     pub fn add_truth(
         &mut self,
         options: &EvalOptions,
         on_event: &mut dyn FnMut(Event<'_>),
     ) -> Result<(), CalibrateError> {
+        refuse_own_depth(options)?;
         let dataset = Dataset::open(options, &self.pipeline.graph().description().classes, on_event)?;
         on_event(Event::Started { what: "images", count: dataset.ids.len() as u64 });
         let mut frame = Frame::default();

@@ -1,5 +1,6 @@
 //! A table of range-sensor readings: points of images with their distances.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::{CalibrateError, Point};
@@ -45,6 +46,15 @@ pub(super) fn read(path: &Path) -> Result<Vec<Reading>, CalibrateError> {
         Ok(Reading { image: folder.join(record.get(image).unwrap_or_default()), point, line })
     };
     reader.records().map(reading).collect()
+}
+
+/// A table of readings, and its images.
+///
+/// # Errors
+/// A table that cannot be used.
+pub fn files(table: &Path) -> Result<Vec<PathBuf>, CalibrateError> {
+    let images: BTreeSet<PathBuf> = read(table)?.into_iter().map(|reading| reading.image).collect();
+    Ok(images.into_iter().chain([table.to_owned()]).collect())
 }
 
 #[cfg(test)]

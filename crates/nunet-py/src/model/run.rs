@@ -43,6 +43,11 @@ impl PyModel {
         self.warnings.issue(py, inferred.report.scale_source, image_size)
     }
 
+    /// Warns, once for a model, that a camera's factor is for another model.
+    pub(crate) fn warn_of_factor(&self, py: Python<'_>, is_used: bool) -> PyResult<()> {
+        self.warnings.issue_of_factor(py, is_used)
+    }
+
     pub(super) fn infer_one(
         &self,
         py: Python<'_>,
@@ -61,7 +66,7 @@ impl PyModel {
             Ok((is_used, model.infer(&frame, camera, keep_state)?))
         })?;
         let (is_used, inferred) = inferred.map_err(|error: EngineError| failure(&error.into()))?;
-        self.warnings.issue_of_factor(py, is_used)?;
+        self.warn_of_factor(py, is_used)?;
         self.warn_of_guesses(py, &inferred, size)?;
         Result::of_image(py, inferred, size, self.shared())
     }

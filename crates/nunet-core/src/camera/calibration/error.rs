@@ -107,6 +107,12 @@ pub enum CalibrationError {
         /// The text.
         text: String,
     },
+    /// A file that a factor of depth cannot be added to.
+    #[error("`nunet_scale` cannot be added to it: {reason}")]
+    NoPlaceForScale {
+        /// What adding it would do.
+        reason: String,
+    },
     /// Coefficients or a factor of depth out of range.
     #[error(transparent)]
     Lens(#[from] CameraError),
@@ -151,6 +157,7 @@ impl Hint for CalibrationError {
                  camera that is not calibrated"
             }
             Self::ModelHash { .. } => "omit it for a factor that holds for any model",
+            Self::NoPlaceForScale { .. } => "write the file with one unindented `key: value` per line",
             Self::Lens(error) => return error.hint(),
         };
         Some(text.into())

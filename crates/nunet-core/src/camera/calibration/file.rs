@@ -3,6 +3,7 @@
 use nunet_types::SensorRegion;
 use serde::Deserialize;
 
+use super::document::first_document;
 use super::yaml::parse_yaml;
 use super::{Calibration, CalibrationError, RosCameraInfo, kalibr, opencv, scale};
 
@@ -16,17 +17,6 @@ pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
         parse_yaml::<CameraInfoFile>(&document)?.calibration(&document)?
     };
     Ok(Calibration { scale, ..calibration })
-}
-
-/// The first document with content, with its line numbers. `ros2 topic echo` ends each message with `---`, and OpenCV
-/// begins with `%YAML:1.0`, which is not YAML.
-fn first_document(text: &str) -> String {
-    let text = text.trim_start_matches('\u{feff}');
-    let is_marker = |line: &str| ["---", "..."].contains(&line.trim_end());
-    let is_before = |line: &str| line.trim().is_empty() || line.starts_with(['#', '%']) || is_marker(line);
-    let before = text.split_inclusive('\n').take_while(|line| is_before(line)).count();
-    let content = text.split_inclusive('\n').skip(before).take_while(|line| !is_marker(line));
-    "\n".repeat(before) + &content.collect::<String>()
 }
 
 /// The keys that are read of a file and of a printed message; others are ignored. All are optional here, so that a missing

@@ -1,6 +1,7 @@
 //! A camera's calibration as ROS describes it: a `camera_info` file in YAML (`camera_calibration_parsers`), or the fields
 //! of a `sensor_msgs/CameraInfo`.
 
+mod document;
 mod error;
 mod file;
 mod kalibr;

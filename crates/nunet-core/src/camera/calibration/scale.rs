@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
+use super::document::document_range;
 use super::yaml::parse_yaml;
 use super::{Calibration, CalibrationError};
 use crate::camera::{Camera, Intrinsics, check_scale_factor};
@@ -49,7 +50,7 @@ struct ScaleEntry {
 /// The factor in a calibration file.
 pub(super) fn parse(text: &str) -> Result<Option<CalibratedScale>, CalibrationError> {
     // Another parser reads the other keys. A file without this key is not parsed twice.
-    if !text.lines().any(is_start) {
+    if !text.contains(KEY) {
         return Ok(None);
     }
     let Some(entry) = parse_yaml::<ScaleFile>(text)?.nunet_scale else { return Ok(None) };
@@ -69,27 +70,47 @@ fn hash(text: &str) -> Result<[u8; 32], CalibrationError> {
 
 /// Whether a line starts the block.
 fn is_start(line: &str) -> bool {
-    line.strip_prefix(KEY).is_some_and(|rest| rest.trim_start().starts_with(':'))
+    let key = line.strip_prefix(['"', '\'']).unwrap_or(line);
+    let rest = key.strip_prefix(KEY).map(|rest| rest.strip_prefix(['"', '\'']).unwrap_or(rest));
+    rest.is_some_and(|rest| rest.trim_start().starts_with(':'))
 }
 
 impl ScaleNote {
-    /// The text of a calibration file with this factor. The rest of the text does not change.
-    #[must_use]
-    pub fn written_into(&self, text: &str) -> String {
-        let (head, tail) = split(text);
+    /// The text of a calibration file with this factor at the end of its document. The rest of the text does not change.
+    ///
+    /// # Errors
+    /// A text that is no calibration, or that would no longer describe the same camera.
+    pub fn written_into(&self, text: &str) -> Result<String, CalibrationError> {
+        let before = Calibration::parse(text)?;
+        let written = self.inserted_into(text);
+        let broken = |reason: String| CalibrationError::NoPlaceForScale { reason };
+        let after = Calibration::parse(&written).map_err(|error| broken(error.to_string()))?;
+        let expected = Calibration { scale: after.scale, ..before };
+        let is_this = |scale: CalibratedScale| {
+            (f64::from(scale.factor) - self.factor).abs() < 1e-5 * (1.0 + self.factor)
+                && scale.model_hash == hash(&self.model_sha256).ok()
+        };
+        if after != expected {
+            return Err(broken("the camera would change".to_owned()));
+        }
+        if !after.scale.is_some_and(is_this) {
+            return Err(broken("the factor would not be read".to_owned()));
+        }
+        Ok(written)
+    }
+
+    /// Not checked.
+    fn inserted_into(&self, text: &str) -> String {
+        let place = document_range(text);
+        let (head, document, tail) = (&text[..place.start], &text[place.clone()], &text[place.end..]);
+        let line_end = if text.contains("\r\n") { "\r\n" } else { "\n" };
         let mut out = String::with_capacity(text.len() + 300);
-        let mut is_inside = false;
-        for line in head.split_inclusive('\n') {
-            // A block ends with the next line that is not indented.
-            is_inside = is_start(line) || is_inside && line.starts_with([' ', '\t']);
-            if !is_inside {
-                out.push_str(line);
-            }
-        }
+        out.push_str(head);
+        out.push_str(&without_block(document));
         if !out.is_empty() && !out.ends_with('\n') {
-            out.push('\n');
+            out.push_str(line_end);
         }
-        out + &self.block() + tail
+        out + &self.block().replace('\n', line_end) + tail
     }
 
     fn block(&self) -> String {
@@ -99,16 +120,23 @@ impl ScaleNote {
             // Writing into a string does not fail.
             let _ = writeln!(text, "  spread: {spread:.4}");
         }
-        let model = model.replace('\\', "\\\\").replace('"', "\\\"");
-        text + &format!("  agreeing: {agreeing}\n  model: \"{model}\"\n  model_sha256: \"{model_sha256}\"\n")
+        // A string of JSON is one of YAML.
+        let model = serde_json::Value::from(model.as_str());
+        text + &format!("  agreeing: {agreeing}\n  model: {model}\n  model_sha256: \"{model_sha256}\"\n")
     }
 }
 
-/// The first document, and the end mark with what follows it.
-fn split(text: &str) -> (&str, &str) {
-    let start = if text.starts_with("---\n") { 4 } else { 0 };
-    let end = text[start..].find("\n---").map_or(text.len(), |end| start + end + 1);
-    text.split_at(end)
+/// A document without the block. It goes on to the last indented line before another key; empty lines and comments may be
+/// between.
+fn without_block(document: &str) -> String {
+    let lines: Vec<&str> = document.split_inclusive('\n').collect();
+    let Some(start) = lines.iter().position(|line| is_start(line)) else { return document.to_owned() };
+    let is_blank = |line: &str| line.trim().is_empty() || line.starts_with('#');
+    let is_part = |line: &str| is_blank(line) || line.starts_with([' ', '\t']);
+    let rest = &lines[start + 1..];
+    let part = rest.iter().take_while(|line| is_part(line)).count();
+    let length = rest[..part].iter().rposition(|line| !is_blank(line)).map_or(0, |last| last + 1);
+    lines[..start].concat() + &rest[length..].concat()
 }
 
 impl Calibration {
@@ -149,15 +177,18 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
         ScaleNote { factor, spread: 0.0213, agreeing: 28, model, model_sha256: "0a".repeat(32) }
     }
 
+    fn written(factor: f64, text: &str) -> String {
+        note(factor).written_into(text).unwrap_or_else(|error| panic!("{error}:\n{text}"))
+    }
+
     #[test]
     fn a_written_factor_is_read_and_the_rest_of_the_file_stays() {
-        let text = note(0.83).written_into(FILE);
+        let text = written(0.83, FILE);
         assert!(text.starts_with(FILE), "{text}");
         let calibration = Calibration::parse(&text).unwrap();
         assert_eq!(calibration.scale(), Some(CalibratedScale { factor: 0.83, model_hash: Some([10; 32]) }));
         assert_eq!(calibration.camera(), Calibration::parse(FILE).unwrap().camera());
-        let again = note(1.2).written_into(&text);
-        assert_eq!(again, note(1.2).written_into(FILE), "the old factor is replaced");
+        assert_eq!(written(1.2, &text), written(1.2, FILE), "the old factor is replaced");
     }
 
     #[test]
@@ -167,11 +198,89 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
         let chain = "cam0:\n  camera_model: pinhole\n  intrinsics: [520, 521, 320, 240]\n  distortion_model: none\n  \
                      resolution: [640, 480]";
         for text in [message, chain] {
-            let written = note(0.7).written_into(text);
+            let written = written(0.7, text);
             let scale = Calibration::parse(&written).unwrap().scale();
             assert_eq!(scale.map(|scale| scale.factor), Some(0.7), "{written}");
         }
-        assert!(note(0.7).written_into(message).ends_with("---\n"));
+        assert!(written(0.7, message).ends_with("---\n"));
+    }
+
+    const OPENCV: &str = "calibration_time: \"today\" # kept
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 520., 0., 320., 0., 521., 240., 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ 0.1, 0., 0., 0., 0. ]
+# the end
+";
+
+    #[test]
+    fn the_factor_is_written_into_the_document_whatever_is_around_it() {
+        let heads =
+            ["", "%YAML:1.0\n---\n", "# made by hand\n\n---\n", "\u{feff}%YAML:1.0\n---\n", "---\n---\n"];
+        let tails = ["", "...\n", "---\n", "...\n# after\n", "---\nimage_width: 3\n---\n"];
+        for (head, tail) in heads.iter().flat_map(|head| tails.map(|tail| (head, tail))) {
+            for document in [FILE, OPENCV] {
+                for line_end in ["\n", "\r\n"] {
+                    let lines = |text: &str| text.replace('\n', line_end);
+                    let (head, document, tail) = (lines(head), lines(document), lines(tail));
+                    let text = format!("{head}{document}{tail}");
+                    let once = written(0.83, &text);
+                    let calibration = Calibration::parse(&once).unwrap();
+                    assert_eq!(calibration.scale().map(|scale| scale.factor), Some(0.83), "{once}");
+                    assert_eq!(calibration.camera(), Calibration::parse(&text).unwrap().camera(), "{once}");
+                    let block = lines(&note(0.83).block());
+                    assert_eq!(
+                        once,
+                        format!("{head}{document}{block}{tail}"),
+                        "the rest stays byte for byte"
+                    );
+                    assert_eq!(written(1.2, &once), written(1.2, &text), "the old factor is replaced");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_old_factor_is_replaced_however_it_was_written() {
+        for old in [
+            "nunet_scale: {factor: 0.9}\n",
+            "\"nunet_scale\": {factor: 0.9}\n",
+            "nunet_scale:\n\n# by hand\n  factor: 0.9\n",
+            "nunet_scale:\n  factor: 0.9\n\n  model: \"a\"\n",
+            "nunet_scale: {\n  factor: 0.9\n  }\n",
+        ] {
+            let rest = "\n# more\nprojection: 1\n";
+            let text = format!("{FILE}{old}{rest}");
+            let read = Calibration::parse(&text).unwrap().scale().map(|scale| scale.factor);
+            assert_eq!((read, written(1.2, &text)), (Some(0.9), written(1.2, &format!("{FILE}{rest}"))));
+        }
+    }
+
+    #[test]
+    fn a_file_that_would_break_is_refused() {
+        let flow =
+            format!("{{{}}}", FILE.trim_end().replace("front   # a comment", "front").replace('\n', ",\n"))
+                .replace(
+                    "camera_matrix:,\n  rows: 3,\n  cols: 3,\n  data: [520, 0, 320, 0, 521, 240, 0, 0, 1]",
+                    "camera_matrix: {rows: 3, cols: 3, data: [520, 0, 320, 0, 521, 240, 0, 0, 1]}",
+                );
+        let indented = FILE.lines().map(|line| format!("  {line}\n")).collect::<String>();
+        for text in [flow, indented] {
+            Calibration::parse(&text).unwrap();
+            let refused = note(0.83).written_into(&text);
+            assert!(matches!(refused, Err(CalibrationError::NoPlaceForScale { .. })), "{refused:?}");
+        }
+        let too_long = format!("{FILE}#{}\n", " ".repeat(Calibration::MAX_BYTES - FILE.len() - 10));
+        assert!(note(0.83).written_into(&too_long).is_err());
+        assert!(note(0.83).written_into("camera_name: a\n").is_err(), "no calibration");
     }
 
     #[test]

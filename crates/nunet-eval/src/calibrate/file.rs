@@ -1,0 +1,41 @@
+//! The calibration file that holds the factor.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use nunet_core::camera::{Calibration, ScaleNote};
+use nunet_files::write_whole;
+
+use super::{Agreement, CalibrateError, Calibrator};
+use crate::error::EvalError;
+
+impl Calibrator {
+    /// Writes a factor into the calibration file `out`: the text of the file `named`, which may be `out` itself, otherwise
+    /// the intrinsics of the last image. `model` has the name of the model and its SHA-256, hexadecimal.
+    ///
+    /// # Errors
+    /// No intrinsics, a file that the factor cannot be added to, or a failure of the system. Nothing is written then.
+    pub fn write_calibration(
+        &self,
+        out: &Path,
+        named: Option<&Path>,
+        found: &Agreement,
+        model: (&str, &str),
+    ) -> Result<(), CalibrateError> {
+        let text = match (named, self.camera()) {
+            (Some(path), _) => std::fs::read_to_string(path).map_err(EvalError::read(path))?,
+            (None, Some(camera)) => Calibration::file_of(camera),
+            (None, None) => return Err(CalibrateError::NoIntrinsics { factor: found.factor }),
+        };
+        let note = ScaleNote {
+            factor: found.factor,
+            spread: found.spread,
+            agreeing: found.agreeing,
+            model: model.0.to_owned(),
+            model_sha256: model.1.to_owned(),
+        };
+        let unwritable = |source| CalibrateError::Calibration { path: out.to_owned(), source };
+        let text = note.written_into(&text).map_err(unwritable)?;
+        Ok(write_whole(out, |file| Ok(file.write_all(text.as_bytes())?)).map_err(EvalError::from)?)
+    }
+}
