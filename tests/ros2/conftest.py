@@ -78,7 +78,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
     """Starts nunetd on one image, again and again: every frame has the same results."""
     started: list[subprocess.Popen] = []
 
-    def begin(image: Path, *arguments: str, rate: str = "10") -> Daemon:
+    def begin(image: Path, *arguments: str, rate: str = "10", env: dict[str, str] | None = None) -> Daemon:
         images, out = tmp_path / "images", tmp_path / "out"
         images.mkdir()
         out.mkdir()
@@ -89,7 +89,8 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
             "--ros2", "dds", "--out", str(out), "--stats-json", str(out / "stats.json"), *arguments,
         ]  # fmt: skip
         with log.open("w") as stderr:
-            process = subprocess.Popen(command, stderr=stderr, stdin=subprocess.DEVNULL)
+            environment = {**os.environ, **(env or {})}
+            process = subprocess.Popen(command, stderr=stderr, stdin=subprocess.DEVNULL, env=environment)
         started.append(process)
         return Daemon(camera, out, process, log)
 

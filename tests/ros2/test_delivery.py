@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from conftest import ROOT, Receiver, stamp_of
+from lost import SUBSCRIBER
 from sensor_msgs.msg import Image
 
 IMAGE = min((ROOT / "models/clip/rgb").iterdir())
@@ -32,16 +33,6 @@ def test_300_of_300_vga_frames_arrive_reliably(start: object, receiver: Receiver
     np.testing.assert_array_equal(first, last)
     gaps = np.diff([sec + nanosec / 1e9 for sec, nanosec in stamps[:FRAMES]])
     print(f"median period {np.median(gaps) * 1e3:.1f} ms, longest {gaps.max() * 1e3:.1f} ms, {stats['ros2']}")
-
-
-SUBSCRIBER = """
-import rclpy, sys
-from sensor_msgs.msg import Image
-rclpy.init()
-node = rclpy.create_node("victim")
-node.create_subscription(Image, sys.argv[1], lambda message: print("received", flush=True), 10)
-rclpy.spin(node)
-"""
 
 
 def test_a_subscriber_that_is_killed_changes_nothing_for_the_others(start: object, receiver: Receiver) -> None:

@@ -22,6 +22,9 @@ pub mod node;
 pub mod options;
 pub mod topic;
 
+#[cfg(feature = "ros2-dds")]
+#[doc(hidden)]
+pub use dds::submessages_read;
 pub use error::{Ros2Error, Ros2ErrorKind};
 pub use node::Ros2Node;
 pub use options::{CameraOptions, DepthFormat, LinkName, Ros2Options, Topics};

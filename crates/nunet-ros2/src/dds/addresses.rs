@@ -62,12 +62,17 @@ pub(super) fn own_addresses() -> Vec<OwnAddress> {
     addresses.filter(|address| !address.ip.is_loopback()).collect()
 }
 
+/// Whether `ip` is of this machine, which has the addresses `own` besides loopback.
+pub(super) fn is_own(ip: Ipv4Addr, own: &[OwnAddress]) -> bool {
+    ip.is_loopback() || own.iter().any(|address| address.ip == ip)
+}
+
 /// The address by which a participant that states `candidates` is reached.
 ///
 /// An address in a network of this machine comes first, then one of this machine itself: other machines have the same
 /// addresses in the networks of their containers. Without either, routing decides about the first.
 pub(super) fn reachable(candidates: &[SocketAddrV4], own: &[OwnAddress]) -> Option<SocketAddrV4> {
-    let is_own = |ip: Ipv4Addr| ip.is_loopback() || own.iter().any(|address| address.ip == ip);
+    let is_own = |ip| is_own(ip, own);
     let is_near = |ip: Ipv4Addr| own.iter().any(|address| address.is_in_network(ip));
     let near = candidates.iter().find(|candidate| is_near(*candidate.ip()) && !is_own(*candidate.ip()));
     let on_this_machine = || candidates.iter().find(|candidate| is_own(*candidate.ip()));

@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, HashMap};
 use std::hash::{BuildHasher as _, RandomState};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use dust_dds::dds_async::configuration::DustDdsConfigurationBuilder;
 use dust_dds::dds_async::domain_participant_factory::DomainParticipantFactoryAsync;
@@ -21,12 +22,13 @@ use dust_dds::infrastructure::status::NO_STATUS;
 use dust_dds::infrastructure::time::{Duration as DdsDuration, DurationKind};
 use dust_dds::publication::data_writer::DataWriter;
 use dust_dds::publication::publisher::Publisher as DdsPublisher;
-use dust_dds::std_runtime::StdRuntime;
 use dust_dds::topic_definition::topic::Topic as DdsTopic;
 use nunet_mcap::ros::encode;
 use serde::Serialize;
 use tracing::{debug, info, warn};
 
+use super::health::{Health, Watched};
+use super::peers::Peers;
 use super::raw_message::RawMessage;
 use super::transport::UdpTransport;
 use crate::environment::{DiscoveryRange, Environment};
@@ -36,6 +38,8 @@ use crate::topic::{Delivery, Topic};
 
 /// How often the participant announces itself.
 const ANNOUNCEMENT_PERIOD: Duration = Duration::from_secs(1);
+/// The most time that leaving may take.
+const MAX_LEAVING: Duration = Duration::from_secs(5);
 /// How long a message waits for room while confirmations are on their way.
 const WAIT_FOR_ROOM: DdsDuration = DdsDuration::new(0, 5_000_000);
 /// The bytes before the fields of a message.
@@ -52,8 +56,10 @@ pub(crate) struct DdsLink {
     publisher: DdsPublisher,
     nodes: DataWriter<RawMessage>,
     state: Mutex<State>,
-    factory: DomainParticipantFactory<UdpTransport>,
+    factory: Arc<DomainParticipantFactory<UdpTransport>>,
     transport_ended: Arc<AtomicBool>,
+    peers: Arc<Peers>,
+    health: Arc<Health>,
 }
 
 #[derive(Default)]
@@ -75,8 +81,8 @@ impl DdsLink {
         }
         let transport = UdpTransport::open(environment);
         let transport = transport.map_err(|source| Ros2Error::Network { domain, source })?;
-        let transport_ended = transport.ended();
-        let factory = factory(transport)?;
+        let (transport_ended, peers, health) = (transport.ended(), transport.peers(), transport.health());
+        let factory = Arc::new(factory(transport)?);
         let participant = factory.create_participant(domain.into(), QosKind::Default, NO_LISTENER, NO_STATUS);
         let participant = participant.map_err(failed("join the ROS 2 domain"))?;
         let publisher = participant.create_publisher(QosKind::Default, NO_LISTENER, NO_STATUS);
@@ -84,7 +90,8 @@ impl DdsLink {
         let topic = new_topic(&participant, NODES_TOPIC, NODES_TYPE)?;
         let nodes = new_writer(&publisher, &topic, Delivery { depth: 1, is_kept: true }, NODES_HASH)?;
         info!("ROS 2 over DDS in domain {domain}");
-        Ok(Self { participant, publisher, nodes, state: Mutex::default(), factory, transport_ended })
+        let state = Mutex::default();
+        Ok(Self { participant, publisher, nodes, state, factory, transport_ended, peers, health })
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -103,18 +110,29 @@ fn factory(transport: UdpTransport) -> Result<DomainParticipantFactory<UdpTransp
     let random = RandomState::new().hash_one(std::process::id()).to_ne_bytes();
     let [a, b, c, d, e, f, g, h] = random;
     let (host, process) = ([a, b, c, d], [e, f, g, h]);
-    let shared =
-        DomainParticipantFactoryAsync::new(StdRuntime::new(), process, host, transport, configuration);
+    let runtime = Watched::new(transport.health());
+    let shared = DomainParticipantFactoryAsync::new(runtime, process, host, transport, configuration);
     Ok(DomainParticipantFactory::new(Box::leak(Box::new(shared))))
 }
 
 impl Drop for DdsLink {
-    /// Other nodes learn at once that this one leaves.
+    /// Other nodes learn at once that this one leaves. The library may not answer.
     fn drop(&mut self) {
-        let left = self.participant.delete_contained_entities();
-        let left = left.and_then(|()| self.factory.delete_participant(&self.participant));
-        if let Err(error) = left {
-            debug!("cannot leave the ROS 2 domain: {error}");
+        if !self.health.has_ended() {
+            let (participant, factory, (left, leaving)) =
+                (self.participant.clone(), Arc::clone(&self.factory), channel());
+            let leave = move || {
+                let deleted = participant.delete_contained_entities();
+                left.send(deleted.and_then(|()| factory.delete_participant(&participant)))
+            };
+            let started = std::thread::Builder::new().name("dds end".to_owned()).spawn(leave);
+            match started.map(|_| leaving.recv_timeout(MAX_LEAVING)) {
+                Ok(Ok(Ok(()))) => {}
+                Ok(Ok(Err(error))) => debug!("cannot leave the ROS 2 domain: {error}"),
+                _ => {
+                    warn!("other ROS 2 nodes may not know that this one has left: no answer from the library")
+                }
+            }
         }
         self.transport_ended.store(true, Ordering::Relaxed);
     }
@@ -131,7 +149,7 @@ impl Link for DdsLink {
         let writer = new_writer(&self.publisher, &dds_topic, topic.delivery(), topic.type_hash())?;
         state.topics.insert(name, dds_topic);
         state.writers.entry(camera.to_owned()).or_default().push(writer.get_instance_handle().into());
-        Ok(Box::new(DdsWriter(writer)))
+        Ok(Box::new(DdsWriter { writer, peers: Arc::clone(&self.peers), health: Arc::clone(&self.health) }))
     }
 
     fn announce_node(&self, _camera: &str) -> Result<(), Ros2Error> {
@@ -200,16 +218,27 @@ fn raw(message: &[u8]) -> RawMessage {
     RawMessage(message.get(ENCAPSULATION_BYTES..).unwrap_or_default().to_vec())
 }
 
-struct DdsWriter(DataWriter<RawMessage>);
+struct DdsWriter {
+    writer: DataWriter<RawMessage>,
+    peers: Arc<Peers>,
+    health: Arc<Health>,
+}
 
 impl Publisher for DdsWriter {
+    /// Those that answer: the library counts the dead for minutes.
     fn subscribers(&self) -> usize {
-        let matched = self.0.get_publication_matched_status();
-        matched.map_or(0, |status| usize::try_from(status.current_count).unwrap_or(0))
+        if self.health.has_ended() {
+            return 0;
+        }
+        let (matched, now) = (self.writer.get_matched_subscriptions().unwrap_or_default(), Instant::now());
+        let answers = |reader: Identifier| {
+            reader.first_chunk().is_some_and(|participant| !self.peers.is_silent(*participant, now))
+        };
+        matched.into_iter().filter(|reader| answers((*reader).into())).count()
     }
 
     fn send(&self, message: &[u8]) -> bool {
-        self.0.write(raw(message), None).is_ok()
+        !self.health.has_ended() && self.writer.write(raw(message), None).is_ok()
     }
 }
 

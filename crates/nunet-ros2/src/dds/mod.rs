@@ -5,10 +5,17 @@
 //! subscribers.
 
 mod addresses;
+mod announcement;
+mod found;
+mod guard;
+mod health;
 mod link;
 mod peers;
 mod raw_message;
+mod receiving;
 mod rtps;
+mod sending;
 mod transport;
 
+pub use guard::submessages_read;
 pub(crate) use link::DdsLink;

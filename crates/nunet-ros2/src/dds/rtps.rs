@@ -1,31 +1,32 @@
 //! The few parts of RTPS messages that the transport looks at (DDSI-RTPS 2.5, sections 8.3 and 9.4).
 
+use std::ops::Range;
+
 /// What identifies a participant: the first bytes of the identifiers of all its readers and writers.
 pub(super) type Prefix = [u8; 12];
 
-const HEADER_BYTES: usize = 20;
-const SUBMESSAGE_HEADER_BYTES: usize = 4;
+pub(super) const HEADER_BYTES: usize = 20;
+pub(super) const SUBMESSAGE_HEADER_BYTES: usize = 4;
 
-const PAD: u8 = 0x01;
-const HEARTBEAT: u8 = 0x07;
-const INFO_TIMESTAMP: u8 = 0x09;
-const INFO_DESTINATION: u8 = 0x0e;
-const INFO_REPLY: u8 = 0x0f;
-const DATA: u8 = 0x15;
+pub(super) const PAD: u8 = 0x01;
+pub(super) const ACKNACK: u8 = 0x06;
+pub(super) const HEARTBEAT: u8 = 0x07;
+pub(super) const GAP: u8 = 0x08;
+pub(super) const INFO_TIMESTAMP: u8 = 0x09;
+pub(super) const INFO_DESTINATION: u8 = 0x0e;
+pub(super) const NACK_FRAG: u8 = 0x12;
+pub(super) const HEARTBEAT_FRAG: u8 = 0x13;
+pub(super) const DATA: u8 = 0x15;
+pub(super) const DATA_FRAG: u8 = 0x16;
+/// The first of those that vendors define. All others skip them.
+pub(super) const VENDOR_SUBMESSAGES: u8 = 0x80;
 
-const FLAG_LITTLE_ENDIAN: u8 = 1;
-const FLAG_INLINE_QOS: u8 = 2;
-const FLAG_DATA: u8 = 4;
+pub(super) const FLAG_LITTLE_ENDIAN: u8 = 1;
+pub(super) const FLAG_INLINE_QOS: u8 = 2;
+pub(super) const FLAG_DATA: u8 = 4;
+pub(super) const FLAG_KEY: u8 = 8;
 
-const SENTINEL: u16 = 0x0001;
-const LIVELINESS: u16 = 0x001b;
-const DEADLINE: u16 = 0x0023;
-const TYPE_INFORMATION: u16 = 0x0075;
-/// Parameters of vendors are ignored by others.
-const VENDOR_SPECIFIC: u8 = 0x80;
-
-/// The writers by which participants announce their writers and readers.
-const ENDPOINT_WRITERS: [[u8; 4]; 2] = [[0, 0, 3, 0xc2], [0, 0, 4, 0xc2]];
+pub(super) const SENTINEL: u16 = 0x0001;
 
 /// The participant that sent a datagram; `None` if it is not RTPS.
 pub(super) fn sender(datagram: &[u8]) -> Option<Prefix> {
@@ -33,106 +34,117 @@ pub(super) fn sender(datagram: &[u8]) -> Option<Prefix> {
     header.get(8..)?.try_into().ok()
 }
 
-/// Whether `dust_dds` 0.16 can take a datagram: it panics at `INFO_REPLY`, which no middleware of ROS 2 sends.
-pub(super) fn is_acceptable(datagram: &[u8]) -> bool {
-    sender(datagram).is_some() && submessages(datagram).all(|part| part.id != INFO_REPLY)
+/// The participant that a datagram is for.
+pub(super) fn destination(datagram: &[u8]) -> Option<Prefix> {
+    let named = submessages(datagram).find(|part| part.id == INFO_DESTINATION)?;
+    datagram.get(named.body)?.get(..12)?.try_into().ok()
 }
 
-/// The participant whose answer a datagram asks for by a heartbeat.
-pub(super) fn asks_for_answer(datagram: &[u8]) -> Option<Prefix> {
-    let mut destination = None;
-    for Submessage { id, body, .. } in submessages(datagram) {
-        match id {
-            INFO_DESTINATION => {
-                destination = datagram.get(body).and_then(|body| body.get(..12)?.try_into().ok());
-            }
-            HEARTBEAT => return destination,
-            _ => {}
-        }
-    }
-    None
+/// A reader and a writer.
+pub(super) type Endpoints = [u8; 8];
+
+/// Whether they belong to a topic, and not to discovery.
+pub(super) fn is_of_topic(endpoints: Endpoints) -> bool {
+    const BUILT_IN: u8 = 0xc0;
+    endpoints[7] & BUILT_IN != BUILT_IN
 }
 
-/// Hides parameters that `dust_dds` 0.16 misunderstands when endpoints are announced:
-/// - type information, because it would compare the type with that of [`RawMessage`](super::raw_message::RawMessage);
-///   without it, types are compared by name, as between ROS 2 nodes of different vendors;
-/// - deadlines and liveliness that are infinite in the way of Fast DDS, which it takes for finite ones and refuses.
-pub(super) fn hide_misunderstood(datagram: &mut [u8]) {
-    let announcements: Vec<_> = submessages(datagram).filter(|part| part.id == DATA).collect();
-    for Submessage { flags, body, .. } in announcements {
-        if let Some(body) = datagram.get_mut(body) {
-            hide_in_announcement(body, flags);
-        }
-    }
-}
-
-fn hide_in_announcement(body: &mut [u8], flags: u8) {
-    let Some(writer) = body.get(8..12) else { return };
-    if flags & FLAG_DATA == 0 || !ENDPOINT_WRITERS.iter().any(|known| known == writer) {
-        return;
-    }
-    let Some(payload) = payload_start(body, flags) else { return };
-    // The encapsulation's second byte: 3 is a parameter list in little endian, 2 in big endian.
-    let is_little = body.get(payload + 1) == Some(&3);
-    let found: Vec<_> = parameters(body, payload + 4, is_little).collect();
-    for (at, id, value) in found {
-        let value = body.get(value).unwrap_or_default();
-        if id == TYPE_INFORMATION || ([DEADLINE, LIVELINESS].contains(&id) && ends_infinite(value)) {
-            let high_byte = at + usize::from(is_little);
-            body.get_mut(high_byte).into_iter().for_each(|byte| *byte = VENDOR_SPECIFIC);
-        }
-    }
-}
-
-/// 0x7fffffff seconds and 0xffffffff fractions of a second.
-fn ends_infinite(value: &[u8]) -> bool {
-    value.ends_with(&[0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff])
-        || value.ends_with(&[0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff])
-}
-
-/// Where the data of a DATA submessage begins, behind its inline parameters.
-fn payload_start(body: &[u8], flags: u8) -> Option<usize> {
-    let is_little = flags & FLAG_LITTLE_ENDIAN != 0;
-    let start = 4 + usize::from(number(body, 2, is_little)?);
-    if flags & FLAG_INLINE_QOS == 0 {
-        return Some(start);
-    }
-    let mut at = start;
-    while number(body, at, is_little)? != SENTINEL {
-        at += 4 + usize::from(number(body, at + 2, is_little)?);
-    }
-    Some(at + 4)
-}
-
-/// Place, identifier and value of each parameter, up to the sentinel.
-fn parameters(
-    body: &[u8],
-    start: usize,
-    is_little: bool,
-) -> impl Iterator<Item = (usize, u16, std::ops::Range<usize>)> {
-    let mut at = start;
-    std::iter::from_fn(move || {
-        let id = number(body, at, is_little).filter(|id| *id != SENTINEL)?;
-        let length = usize::from(number(body, at + 2, is_little)?);
-        let here = at;
-        at += 4 + length;
-        Some((here, id, here + 4..at))
+/// Whether a datagram has something of a writer of a topic.
+pub(super) fn carries_topic(datagram: &[u8]) -> bool {
+    submessages(datagram).any(|part| {
+        let body = datagram.get(part.body).unwrap_or_default();
+        let endpoints = match part.id {
+            HEARTBEAT | GAP => body.get(..8),
+            DATA | DATA_FRAG => body.get(4..12),
+            _ => None,
+        };
+        endpoints.and_then(|endpoints| endpoints.try_into().ok()).is_some_and(is_of_topic)
     })
 }
 
-fn number(bytes: &[u8], at: usize, is_little: bool) -> Option<u16> {
+/// A heartbeat, which a reader has to answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Question {
+    peer: Prefix,
+    pub(super) endpoints: Endpoints,
+    /// The number of the last message, in little endian words.
+    last: [u32; 2],
+}
+
+/// The heartbeat in a datagram that the library sends.
+pub(super) fn question(datagram: &[u8]) -> Option<Question> {
+    let peer = destination(datagram)?;
+    let part = submessages(datagram).find(|part| part.id == HEARTBEAT)?;
+    let body = datagram.get(part.body)?;
+    let is_little = part.flags & FLAG_LITTLE_ENDIAN != 0;
+    let last = [word(body, 16, is_little)?, word(body, 20, is_little)?];
+    Some(Question { peer, endpoints: body.get(..8)?.try_into().ok()?, last })
+}
+
+/// What the reader would answer that has got everything.
+pub(super) fn answer(question: &Question, count: u32) -> Vec<u8> {
+    const FLAG_FINAL: u8 = 2;
+    let [high, low] = question.last;
+    let next = ((u64::from(high) << 32) | u64::from(low)) + 1;
+    let words = [(next >> 32) as u32, next as u32, 0, count];
+    let body: Vec<u8> =
+        question.endpoints.into_iter().chain(words.into_iter().flat_map(u32::to_le_bytes)).collect();
+    let header = [ACKNACK, FLAG_LITTLE_ENDIAN | FLAG_FINAL, body.len() as u8, 0];
+    [&b"RTPS\x02\x04\0\0"[..], &question.peer, &header, &body].concat()
+}
+
+/// Replaces the numbers of confirmations.
+pub(super) fn renumber(datagram: &mut [u8], mut number: impl FnMut(Endpoints, u32) -> u32) {
+    let parts: Vec<_> = submessages(datagram).filter(|part| part.id == ACKNACK).collect();
+    for Submessage { flags, body, .. } in parts {
+        let is_little = flags & FLAG_LITTLE_ENDIAN != 0;
+        let Some(body) = datagram.get_mut(body) else { continue };
+        let place = word(body, 16, is_little).map(|bits| 20 + 4 * bits.div_ceil(32) as usize);
+        let endpoints = body.get(..8).and_then(|endpoints| endpoints.try_into().ok());
+        let (Some(place), Some(endpoints)) = (place, endpoints) else { continue };
+        let Some(count) = word(body, place, is_little) else { continue };
+        let count = number(endpoints, count);
+        let bytes = if is_little { count.to_le_bytes() } else { count.to_be_bytes() };
+        body.get_mut(place..place + 4).into_iter().for_each(|own| own.copy_from_slice(&bytes));
+    }
+}
+
+/// Place, identifier and value of each parameter, up to the sentinel or to one that is longer than what is left.
+pub(super) fn parameters(
+    body: &[u8],
+    start: usize,
+    is_little: bool,
+) -> impl Iterator<Item = (usize, u16, Range<usize>)> {
+    let mut at = start;
+    std::iter::from_fn(move || {
+        let id = number(body, at, is_little).filter(|id| *id != SENTINEL)?;
+        let value = at + 4..at + 4 + usize::from(number(body, at + 2, is_little)?);
+        let here = std::mem::replace(&mut at, value.end);
+        (value.end <= body.len()).then_some((here, id, value))
+    })
+}
+
+pub(super) fn number(bytes: &[u8], at: usize, is_little: bool) -> Option<u16> {
     let bytes = bytes.get(at..at.checked_add(2)?)?.try_into().ok()?;
     Some(if is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
 }
 
-/// A part of a datagram.
-struct Submessage {
-    id: u8,
-    flags: u8,
-    body: std::ops::Range<usize>,
+pub(super) fn word(bytes: &[u8], at: usize, is_little: bool) -> Option<u32> {
+    let bytes = bytes.get(at..at.checked_add(4)?)?.try_into().ok()?;
+    Some(if is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
 }
 
-fn submessages(datagram: &[u8]) -> impl Iterator<Item = Submessage> {
+/// A part of a datagram.
+pub(super) struct Submessage {
+    pub(super) id: u8,
+    pub(super) flags: u8,
+    /// As stated.
+    pub(super) length: usize,
+    pub(super) body: Range<usize>,
+}
+
+/// The submessages of a datagram, up to one that is longer than what is left.
+pub(super) fn submessages(datagram: &[u8]) -> impl Iterator<Item = Submessage> {
     let mut at = if sender(datagram).is_some() { HEADER_BYTES } else { datagram.len() };
     std::iter::from_fn(move || {
         let &[id, flags, ..] = datagram.get(at..at + SUBMESSAGE_HEADER_BYTES)? else { return None };
@@ -140,118 +152,77 @@ fn submessages(datagram: &[u8]) -> impl Iterator<Item = Submessage> {
         let length = usize::from(number(datagram, at + 2, flags & FLAG_LITTLE_ENDIAN != 0)?);
         // Length 0 means: up to the end, but not for those that may be empty.
         let is_last = length == 0 && ![PAD, INFO_TIMESTAMP].contains(&id);
-        at = if is_last { datagram.len() } else { (start + length).min(datagram.len()) };
-        Some(Submessage { id, flags, body: start..at })
+        at = if is_last { datagram.len() } else { start + length };
+        (at <= datagram.len()).then_some(Submessage { id, flags, length, body: start..at })
     })
 }
 
-/// A message by which `participant` would say that it leaves.
-pub(super) fn farewell_of(participant: Prefix) -> Vec<u8> {
-    const PARTICIPANT: [u8; 4] = [0, 0, 1, 0xc1];
-    const PARTICIPANT_READER: [u8; 4] = [0, 1, 0, 0xc7];
-    const PARTICIPANT_WRITER: [u8; 4] = [0, 1, 0, 0xc2];
+/// A reader or writer of a participant.
+type Entity = [u8; 4];
+
+const PARTICIPANT: Entity = [0, 0, 1, 0xc1];
+const PARTICIPANT_READER: Entity = [0, 1, 0, 0xc7];
+const PARTICIPANT_WRITER: Entity = [0, 1, 0, 0xc2];
+const READERS_READER: Entity = [0, 0, 4, 0xc7];
+const READERS_WRITER: Entity = [0, 0, 4, 0xc2];
+/// Higher than all numbers of announcements of a participant.
+const LAST_ANNOUNCEMENT: u64 = 1 << 40;
+
+/// How `participant` says that it leaves.
+pub(super) fn farewell_of(participant: Prefix, sequence: u64) -> Vec<u8> {
+    let leaving = disposal([PARTICIPANT_READER, PARTICIPANT_WRITER], sequence, participant, PARTICIPANT);
+    [&header_of(participant)[..], &leaving].concat()
+}
+
+/// How `participant` would say that its `readers` end.
+pub(super) fn end_of_readers(participant: Prefix, readers: &[Endpoints]) -> Vec<u8> {
+    let words =
+        [0, 1, LAST_ANNOUNCEMENT >> 32, LAST_ANNOUNCEMENT & u64::from(u32::MAX), 0].map(|word| word as u32);
+    let gap: Vec<u8> = [READERS_READER, READERS_WRITER].concat();
+    let gap: Vec<u8> = gap.into_iter().chain(words.into_iter().flat_map(u32::to_le_bytes)).collect();
+    let mut datagram = header_of(participant);
+    datagram.extend([GAP, FLAG_LITTLE_ENDIAN, gap.len() as u8, 0]);
+    datagram.extend(gap);
+    for (&[a, b, c, d, ..], sequence) in readers.iter().zip(LAST_ANNOUNCEMENT..) {
+        datagram.extend(disposal([READERS_READER, READERS_WRITER], sequence, participant, [a, b, c, d]));
+    }
+    datagram
+}
+
+fn header_of(participant: Prefix) -> Vec<u8> {
+    [&b"RTPS\x02\x04\0\0"[..], &participant].concat()
+}
+
+/// DATA without data: an entity has been disposed of and is not written any more.
+fn disposal([reader, writer]: [Entity; 2], sequence: u64, participant: Prefix, entity: Entity) -> Vec<u8> {
     const DISPOSED_AND_UNREGISTERED: [u8; 4] = [0, 0, 0, 3];
     let body: Vec<u8> = [
         &[0, 0, 16, 0][..], // the inline parameters begin 16 bytes further
-        &PARTICIPANT_READER,
-        &PARTICIPANT_WRITER,
-        &[0, 0, 0, 0, 1, 0, 0, 0], // sequence number
-        &[0x70, 0, 16, 0],         // key hash
+        &reader,
+        &writer,
+        &((sequence >> 32) as u32).to_le_bytes(),
+        &(sequence as u32).to_le_bytes(),
+        &[0x70, 0, 16, 0], // key hash
         &participant,
-        &PARTICIPANT,
+        &entity,
         &[0x71, 0, 4, 0], // status
         &DISPOSED_AND_UNREGISTERED,
         &[1, 0, 0, 0], // sentinel
     ]
     .concat();
-    let length = (body.len() as u16).to_le_bytes();
-    [
-        &b"RTPS\x02\x04\0\0"[..],
-        &participant,
-        &[DATA, FLAG_LITTLE_ENDIAN | FLAG_INLINE_QOS, length[0], length[1]],
-        &body,
-    ]
-    .concat()
+    [&[DATA, FLAG_LITTLE_ENDIAN | FLAG_INLINE_QOS, body.len() as u8, 0][..], &body].concat()
+}
+
+/// The library's departure, as all vendors understand it: Cyclone DDS cannot read the key that the library sends as data.
+pub(super) fn understood_departure(datagram: &[u8]) -> Option<Vec<u8>> {
+    let part = submessages(datagram).find(|part| part.id == DATA)?;
+    let body = datagram.get(part.body)?;
+    let is_little = part.flags & FLAG_LITTLE_ENDIAN != 0;
+    let is_departure =
+        part.flags & (FLAG_DATA | FLAG_KEY) == FLAG_KEY && body.get(8..12)? == PARTICIPANT_WRITER;
+    let sequence = (u64::from(word(body, 12, is_little)?) << 32) | u64::from(word(body, 16, is_little)?);
+    if is_departure { Some(farewell_of(sender(datagram)?, sequence)) } else { None }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const PEER: Prefix = [9; 12];
-
-    fn datagram(parts: &[&[u8]]) -> Vec<u8> {
-        [&b"RTPS\x02\x04\x01\x0f"[..], &PEER, &parts.concat()].concat()
-    }
-
-    /// As Fast DDS announces a reader.
-    fn announcement() -> Vec<u8> {
-        let body: Vec<u8> = [
-            &[0, 0, 16, 0][..],
-            &[0, 0, 4, 0xc7],
-            &[0, 0, 4, 0xc2],
-            &[0, 0, 0, 0, 5, 0, 0, 0],
-            &[0, 3, 0, 0],
-            &[0x23, 0, 8, 0, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff],
-            &[0x75, 0, 4, 0, 1, 2, 3, 4],
-            &[0x1b, 0, 12, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0],
-            &[1, 0, 0, 0],
-        ]
-        .concat();
-        datagram(&[&[9, 1, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0], &[DATA, 5, body.len() as u8, 0], &body])
-    }
-
-    #[test]
-    fn what_the_library_misunderstands_is_hidden_and_nothing_else() {
-        let (before, mut after) = (announcement(), announcement());
-        hide_misunderstood(&mut after);
-        let changed: Vec<_> = (0..before.len()).filter(|&at| before[at] != after[at]).collect();
-        assert_eq!(
-            changed.len(),
-            2,
-            "an infinite deadline and the type, not a finite liveliness: {changed:?}"
-        );
-        assert!(changed.iter().all(|&at| after[at] == VENDOR_SPECIFIC));
-        assert_eq!((before[changed[0] - 1], before[changed[1] - 1]), (0x23, 0x75));
-    }
-
-    #[test]
-    fn a_heartbeat_asks_the_participant_that_the_datagram_is_for() {
-        let other = [7; 12];
-        let destination = [&[INFO_DESTINATION, 1, 12, 0][..], &other].concat();
-        let heartbeat = [&[HEARTBEAT, 1, 28, 0][..], &[0; 28]].concat();
-        assert_eq!(asks_for_answer(&datagram(&[&destination, &heartbeat])), Some(other));
-        assert_eq!(asks_for_answer(&datagram(&[&destination])), None);
-        assert_eq!(sender(&datagram(&[])), Some(PEER));
-        assert!(is_acceptable(&announcement()));
-        assert!(!is_acceptable(&datagram(&[&destination, &[INFO_REPLY, 1, 4, 0, 0, 0, 0, 0]])));
-    }
-
-    #[test]
-    fn cut_and_damaged_datagrams_never_panic() {
-        let whole = announcement();
-        for length in 0..whole.len() {
-            hide_misunderstood(&mut whole[..length].to_vec());
-            asks_for_answer(&whole[..length]);
-        }
-        for at in 0..whole.len() {
-            for value in [0, 1, 2, 0x7f, 0xff] {
-                let mut damaged = whole.clone();
-                damaged[at] = value;
-                hide_misunderstood(&mut damaged);
-                asks_for_answer(&damaged);
-            }
-        }
-    }
-
-    #[test]
-    fn a_farewell_is_one_submessage_of_the_participant_that_leaves() {
-        let farewell = farewell_of(PEER);
-        assert_eq!(sender(&farewell), Some(PEER));
-        assert_eq!(farewell[28..36], [0, 1, 0, 0xc7, 0, 1, 0, 0xc2], "from the writer of announcements");
-        let parts: Vec<_> = submessages(&farewell).collect();
-        assert_eq!((parts.len(), parts[0].body.end), (1, farewell.len()));
-        let found: Vec<_> = parameters(&farewell[24..], 20, true).map(|(_, id, _)| id).collect();
-        assert_eq!(found, [0x70, 0x71]);
-    }
-}
+pub(super) mod tests;

@@ -2,11 +2,9 @@
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
-use dust_dds::std_runtime::executor::block_on;
 use dust_dds::transport::interface::{
     RtpsTransportParticipant, TransportDataReceiver, TransportParticipantFactory, WriteMessage,
 };
@@ -15,33 +13,29 @@ use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tracing::debug;
 
 use super::addresses::{
-    MAX_PARTICIPANTS, MULTICAST_GROUP, OwnAddress, data_port, discovery_port, multicast_port, own_addresses,
-    participants_on, reachable,
+    MAX_PARTICIPANTS, MULTICAST_GROUP, OwnAddress, data_port, discovery_port, is_own, multicast_port,
+    own_addresses, participants_on,
 };
+use super::health::{Health, Library};
 use super::peers::Peers;
-use super::rtps::{asks_for_answer, farewell_of, hide_misunderstood, is_acceptable, sender};
+use super::receiving::Receiving;
+use super::sending::{Announcements, MAX_DATAGRAM_BYTES, Nowhere, Sending};
 use crate::environment::{DiscoveryRange, Environment};
 
-/// The largest UDP datagram.
-const MAX_DATAGRAM_BYTES: usize = 65_507;
 /// One fragment per datagram. Readers name missing fragments in groups of 256: a fragment may not be much smaller, or a
 /// large message takes several rounds to repair. It may not be much larger, or the loss of one packet of a wireless
 /// network costs more.
 const FRAGMENT_BYTES: usize = 16_000;
-/// After so many bytes the sender pauses: a default receive buffer holds three times as much, and what does not fit is lost.
-const BURST_BYTES: usize = 48 * 1024;
-/// Time for readers to empty their receive buffers.
-const PAUSE: Duration = Duration::from_micros(500);
 /// Images that arrive must fit. The kernel limits it to `net.core.rmem_max`.
 const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
-/// How often receiving threads check whether they have to end.
-const POLL_PERIOD: Duration = Duration::from_millis(200);
 
 /// The open sockets of a participant.
 pub(super) struct UdpTransport {
     /// Taken by the participant.
     sockets: Mutex<Option<Sockets>>,
     ended: Arc<AtomicBool>,
+    peers: Arc<Peers>,
+    health: Arc<Health>,
 }
 
 struct Sockets {
@@ -54,39 +48,45 @@ struct Sockets {
     announcements: Announcements,
 }
 
-/// Where the participant announces itself.
-struct Announcements {
-    /// One for each interface, to the multicast group.
-    groups: Vec<UdpSocket>,
-    group: SocketAddrV4,
-    peers: Vec<SocketAddrV4>,
-}
-
 impl UdpTransport {
     /// Opens the sockets of the first free participant of the domain.
     pub(super) fn open(environment: &Environment) -> io::Result<Self> {
         let &Environment { domain, range, ref static_peers } = environment;
         let is_local = range != DiscoveryRange::Subnet;
-        let own = if is_local { Vec::new() } else { own_addresses() };
-        let host = if is_local { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
+        // Nothing can be sent to another machine from a socket of the loopback.
+        let is_on_loopback = is_local && static_peers.is_empty();
+        let own = if is_on_loopback { Vec::new() } else { own_addresses() };
+        let host = if is_on_loopback { Ipv4Addr::LOCALHOST } else { Ipv4Addr::UNSPECIFIED };
         let (participant, discovery, data) = free_participant(domain, host)?;
         SockRef::from(&data).set_recv_buffer_size(RECEIVE_BUFFER_BYTES)?;
         let multicast = if is_local { None } else { Some(multicast_socket(domain, &own)?) };
         let machines = static_peers.iter().copied().chain([Ipv4Addr::LOCALHOST]);
         let is_self = |peer: &SocketAddrV4| {
-            peer.ip().is_loopback() && peer.port() == discovery_port(domain, participant)
+            is_own(*peer.ip(), &own) && peer.port() == discovery_port(domain, participant)
         };
         let peers = machines.flat_map(|machine| participants_on(machine, domain));
         let announcements = Announcements {
-            groups: own.iter().filter_map(|address| group_sender(address.ip).ok()).collect(),
+            groups: if is_local { Vec::new() } else { group_senders(&own) },
             group: SocketAddrV4::new(MULTICAST_GROUP, multicast_port(domain)),
             peers: match range {
                 DiscoveryRange::Off => Vec::new(),
                 _ => peers.filter(|peer| !is_self(peer)).collect(),
             },
+            found: Arc::default(),
         };
         let sockets = Sockets { domain, participant, data, discovery, multicast, own, announcements };
-        Ok(Self { sockets: Mutex::new(Some(sockets)), ended: Arc::default() })
+        let sockets = Mutex::new(Some(sockets));
+        Ok(Self { sockets, ended: Arc::default(), peers: Arc::default(), health: Arc::default() })
+    }
+
+    /// What is known of other participants.
+    pub(super) fn peers(&self) -> Arc<Peers> {
+        Arc::clone(&self.peers)
+    }
+
+    /// Whether the library works.
+    pub(super) fn health(&self) -> Arc<Health> {
+        Arc::clone(&self.health)
     }
 
     /// Set it to end the threads.
@@ -123,6 +123,10 @@ fn multicast_socket(domain: u16, own: &[OwnAddress]) -> io::Result<UdpSocket> {
     Ok(socket.into())
 }
 
+fn group_senders(own: &[OwnAddress]) -> Vec<UdpSocket> {
+    own.iter().filter_map(|address| group_sender(address.ip).ok()).collect()
+}
+
 fn group_sender(interface: Ipv4Addr) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
     socket.set_multicast_if_v4(&interface)?;
@@ -133,7 +137,7 @@ fn group_sender(interface: Ipv4Addr) -> io::Result<UdpSocket> {
 impl TransportParticipantFactory for UdpTransport {
     fn create_participant(&self, _domain: i32, receiver: TransportDataReceiver) -> RtpsTransportParticipant {
         let taken = self.sockets.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match taken.map(|sockets| sockets.start(receiver, &self.ended)) {
+        match taken.map(|sockets| sockets.start(receiver, self)) {
             Some(Ok(participant)) => participant,
             Some(Err(_)) | None => {
                 participant_of(Box::new(Nowhere(Vec::new())), [Vec::new(), Vec::new(), Vec::new()])
@@ -160,17 +164,21 @@ impl Sockets {
     fn start(
         self,
         receiver: TransportDataReceiver,
-        ended: &Arc<AtomicBool>,
+        transport: &UdpTransport,
     ) -> io::Result<RtpsTransportParticipant> {
         let Self { domain, participant, data, discovery, multicast, own, announcements } = self;
-        let peers = Arc::new(Peers::default());
+        let library = Library { receiver, health: transport.health() };
+        let peers = transport.peers();
         let socket = data.try_clone()?;
         for socket in [Some(data), Some(discovery), multicast].into_iter().flatten() {
             let thread = Receiving {
                 socket,
-                receiver: receiver.clone(),
+                library: library.clone(),
                 peers: Arc::clone(&peers),
-                ended: Arc::clone(ended),
+                found: Arc::clone(&announcements.found),
+                own: own.clone(),
+                own_port: discovery_port(domain, participant),
+                ended: transport.ended(),
             };
             thread.start()?;
         }
@@ -182,7 +190,8 @@ impl Sockets {
             vec![locator(MULTICAST_GROUP, multicast_port(domain))],
         ];
         let buffer = vec![0; MAX_DATAGRAM_BYTES];
-        let writer = Sending { socket, buffer, own, announcements, peers, burst_bytes: 0 };
+        let answers = library.start_answering()?;
+        let writer = Sending { socket, buffer, own, announcements, peers, answers, burst_bytes: 0 };
         Ok(participant_of(Box::new(writer), locators))
     }
 }
@@ -191,107 +200,4 @@ fn locator(ip: Ipv4Addr, port: u16) -> Locator {
     let mut address = [0; 16];
     address[12..].copy_from_slice(&ip.octets());
     Locator::new(LOCATOR_KIND_UDP_V4, port.into(), address)
-}
-
-/// `None` for other transports, such as shared memory.
-fn socket_address(locator: &Locator) -> Option<SocketAddrV4> {
-    let [.., a, b, c, d] = locator.address();
-    let port = u16::try_from(locator.port()).ok()?;
-    (locator.kind() == LOCATOR_KIND_UDP_V4).then(|| SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), port))
-}
-
-/// Hands what a socket receives to the library, on a thread.
-struct Receiving {
-    socket: UdpSocket,
-    receiver: TransportDataReceiver,
-    peers: Arc<Peers>,
-    ended: Arc<AtomicBool>,
-}
-
-impl Receiving {
-    fn start(self) -> io::Result<()> {
-        self.socket.set_read_timeout(Some(POLL_PERIOD))?;
-        std::thread::Builder::new().name("dds".to_owned()).spawn(move || self.run()).map(drop)
-    }
-
-    fn run(&self) {
-        let mut buffer = vec![0; MAX_DATAGRAM_BYTES];
-        while !self.ended.load(Ordering::Relaxed) {
-            // A timeout, or an error that is about an earlier datagram.
-            let received = self.socket.recv(&mut buffer).unwrap_or_default();
-            let datagram = buffer.get_mut(..received).unwrap_or_default();
-            if let Some(peer) = sender(datagram).filter(|_| is_acceptable(datagram)) {
-                self.peers.heard(peer);
-                hide_misunderstood(datagram);
-                block_on(self.receiver.receive_message(datagram.to_vec()));
-            }
-            for silent in self.peers.take_silent(Instant::now()) {
-                debug!("a ROS 2 participant does not answer: {silent:02x?}");
-                block_on(self.receiver.receive_message(farewell_of(silent)));
-            }
-        }
-    }
-}
-
-/// Sends what the library writes.
-struct Sending {
-    socket: UdpSocket,
-    buffer: Vec<u8>,
-    own: Vec<OwnAddress>,
-    announcements: Announcements,
-    peers: Arc<Peers>,
-    /// Sent since the last pause.
-    burst_bytes: usize,
-}
-
-impl Sending {
-    /// A datagram that is lost is sent again, or was not worth it.
-    fn send(&mut self, length: usize, to: SocketAddrV4) {
-        let datagram = self.buffer.get(..length).unwrap_or_default();
-        let _ = self.socket.send_to(datagram, to);
-        if let Some(peer) = asks_for_answer(datagram) {
-            self.peers.asked(peer, Instant::now());
-        }
-        self.burst_bytes += length;
-        if self.burst_bytes > BURST_BYTES {
-            self.burst_bytes = 0;
-            std::thread::sleep(PAUSE);
-        }
-    }
-
-    fn announce(&self, length: usize) {
-        let datagram = self.buffer.get(..length).unwrap_or_default();
-        let Announcements { groups, group, peers } = &self.announcements;
-        groups.iter().for_each(|socket| drop(socket.send_to(datagram, group)));
-        peers.iter().for_each(|peer| drop(self.socket.send_to(datagram, peer)));
-    }
-}
-
-impl WriteMessage for Sending {
-    fn write_buffer_mut(&mut self) -> &mut [u8] {
-        &mut self.buffer
-    }
-
-    fn write_message(&mut self, length: usize, locators: &[Locator]) {
-        let (groups, addresses): (Vec<_>, Vec<_>) =
-            locators.iter().filter_map(socket_address).partition(|address| address.ip().is_multicast());
-        if !groups.is_empty() {
-            self.announce(length);
-        }
-        if let Some(address) = reachable(&addresses, &self.own) {
-            self.send(length, address);
-        }
-    }
-}
-
-/// The sockets are gone.
-struct Nowhere(Vec<u8>);
-
-impl WriteMessage for Nowhere {
-    fn write_buffer_mut(&mut self) -> &mut [u8] {
-        self.0.resize(MAX_DATAGRAM_BYTES, 0);
-        &mut self.0
-    }
-
-    fn write_message(&mut self, _length: usize, _locators: &[Locator]) {}
 }

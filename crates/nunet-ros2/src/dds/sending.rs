@@ -1,0 +1,108 @@
+//! What the library sends.
+
+use std::net::{SocketAddrV4, UdpSocket};
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use dust_dds::transport::interface::WriteMessage;
+use dust_dds::transport::types::{LOCATOR_KIND_UDP_V4, Locator};
+
+use super::addresses::{OwnAddress, reachable};
+use super::found::Found;
+use super::peers::{Outgoing, Peers};
+use super::rtps::understood_departure;
+
+/// The largest UDP datagram.
+pub(super) const MAX_DATAGRAM_BYTES: usize = 65_507;
+/// After so many bytes the sender pauses: a default receive buffer holds three times as much, and what does not fit is lost.
+const BURST_BYTES: usize = 48 * 1024;
+/// Time for readers to empty their receive buffers.
+const PAUSE: Duration = Duration::from_micros(500);
+
+/// Where the participant announces itself.
+pub(super) struct Announcements {
+    /// One for each interface, to the multicast group.
+    pub(super) groups: Vec<UdpSocket>,
+    pub(super) group: SocketAddrV4,
+    pub(super) peers: Vec<SocketAddrV4>,
+    pub(super) found: Arc<Found>,
+}
+
+/// Sends what the library writes.
+pub(super) struct Sending {
+    pub(super) socket: UdpSocket,
+    pub(super) buffer: Vec<u8>,
+    pub(super) own: Vec<OwnAddress>,
+    pub(super) announcements: Announcements,
+    pub(super) peers: Arc<Peers>,
+    /// Takes what the library gets in the place of silent readers. It is inside the library when it sends.
+    pub(super) answers: Sender<Vec<u8>>,
+    /// Sent since the last pause.
+    pub(super) burst_bytes: usize,
+}
+
+impl Sending {
+    /// A datagram that is lost is sent again, or was not worth it.
+    fn send(&mut self, length: usize, to: SocketAddrV4) {
+        let datagram = self.buffer.get(..length).unwrap_or_default();
+        let Outgoing { is_sent, answer } = self.peers.outgoing(datagram, to, Instant::now());
+        answer.into_iter().for_each(|answer| drop(self.answers.send(answer)));
+        if !is_sent {
+            return;
+        }
+        let _ = self.socket.send_to(datagram, to);
+        self.burst_bytes += length;
+        if self.burst_bytes > BURST_BYTES {
+            self.burst_bytes = 0;
+            std::thread::sleep(PAUSE);
+        }
+    }
+
+    fn announce(&self, length: usize) {
+        let datagram = self.buffer.get(..length).unwrap_or_default();
+        let departure = understood_departure(datagram);
+        let datagram = departure.as_deref().unwrap_or(datagram);
+        let Announcements { groups, group, peers, found } = &self.announcements;
+        groups.iter().for_each(|socket| drop(socket.send_to(datagram, group)));
+        let found = found.at(Instant::now());
+        let others = found.iter().filter(|address| !peers.contains(address));
+        peers.iter().chain(others).for_each(|peer| drop(self.socket.send_to(datagram, peer)));
+    }
+}
+
+impl WriteMessage for Sending {
+    fn write_buffer_mut(&mut self) -> &mut [u8] {
+        &mut self.buffer
+    }
+
+    fn write_message(&mut self, length: usize, locators: &[Locator]) {
+        let (groups, addresses): (Vec<_>, Vec<_>) =
+            locators.iter().filter_map(socket_address).partition(|address| address.ip().is_multicast());
+        if !groups.is_empty() {
+            self.announce(length);
+        }
+        if let Some(address) = reachable(&addresses, &self.own) {
+            self.send(length, address);
+        }
+    }
+}
+
+/// `None` for other transports, such as shared memory.
+fn socket_address(locator: &Locator) -> Option<SocketAddrV4> {
+    let [.., a, b, c, d] = locator.address();
+    let port = u16::try_from(locator.port()).ok()?;
+    (locator.kind() == LOCATOR_KIND_UDP_V4).then(|| SocketAddrV4::new([a, b, c, d].into(), port))
+}
+
+/// The sockets are gone.
+pub(super) struct Nowhere(pub(super) Vec<u8>);
+
+impl WriteMessage for Nowhere {
+    fn write_buffer_mut(&mut self) -> &mut [u8] {
+        self.0.resize(MAX_DATAGRAM_BYTES, 0);
+        &mut self.0
+    }
+
+    fn write_message(&mut self, _length: usize, _locators: &[Locator]) {}
+}
