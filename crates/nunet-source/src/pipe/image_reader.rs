@@ -1,10 +1,9 @@
 //! Images one after the other in a stream of bytes: Y4M, JPEG after JPEG, or raw ones.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 
 use nunet_types::{ImageSize, PixelFormat};
 
-use super::{jpegs, raw, y4m};
 use crate::error::{SourceError, SourceErrorKind};
 use crate::{Frame, Pixels, decode_file};
 
@@ -61,36 +60,6 @@ impl PipeImage {
 pub(super) trait ImageReader: Send {
     /// Reads the next image into `image`; false at the end.
     fn next(&mut self, image: &mut PipeImage) -> Result<bool, SourceError>;
-}
-
-/// No images: the stream was empty.
-struct Empty;
-
-impl ImageReader for Empty {
-    fn next(&mut self, _shot: &mut PipeImage) -> Result<bool, SourceError> {
-        Ok(false)
-    }
-}
-
-/// Chooses the reader: for raw images if `format` is given, else by the first byte. Errors call the stream `name`.
-///
-/// # Errors
-/// The stream cannot be read, or contains something else.
-pub(super) fn open(
-    input: impl Read + Send + 'static,
-    format: Option<RawFormat>,
-    name: &'static str,
-) -> Result<Box<dyn ImageReader>, SourceError> {
-    let mut input = BufReader::with_capacity(1 << 16, input);
-    if let Some(format) = format {
-        return Ok(Box::new(raw::RawReader::new(input, format, name)));
-    }
-    let start = input.fill_buf().map_err(|error| unreadable(name, error))?;
-    match start.first() {
-        None => Ok(Box::new(Empty)),
-        Some(byte) if jpegs::STARTS.contains(byte) => Ok(Box::new(jpegs::JpegReader::new(input, name))),
-        Some(_) => Ok(Box::new(y4m::Y4mReader::open(input, name)?)),
-    }
 }
 
 /// The system refuses to read the stream.

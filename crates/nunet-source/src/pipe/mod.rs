@@ -5,7 +5,7 @@ mod jpegs;
 mod raw;
 mod y4m;
 
-use std::io::Read;
+use std::io::{BufRead as _, BufReader, Read};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::time::Duration;
@@ -61,6 +61,36 @@ pub fn open_pipe(
     Ok(Box::new(Fused::new(Pipe::open(input, &options, "standard input")?)))
 }
 
+/// No images: the stream was empty.
+struct Empty;
+
+impl ImageReader for Empty {
+    fn next(&mut self, _shot: &mut PipeImage) -> Result<bool, SourceError> {
+        Ok(false)
+    }
+}
+
+/// Chooses the reader: for raw images if `format` is given, else by the first byte. Errors call the stream `name`.
+///
+/// # Errors
+/// The stream cannot be read, or contains something else.
+fn open_reader(
+    input: impl Read + Send + 'static,
+    format: Option<RawFormat>,
+    name: &'static str,
+) -> Result<Box<dyn ImageReader>, SourceError> {
+    let mut input = BufReader::with_capacity(1 << 16, input);
+    if let Some(format) = format {
+        return Ok(Box::new(raw::RawReader::new(input, format, name)));
+    }
+    let start = input.fill_buf().map_err(|error| image_reader::unreadable(name, error))?;
+    match start.first() {
+        None => Ok(Box::new(Empty)),
+        Some(byte) if jpegs::STARTS.contains(byte) => Ok(Box::new(jpegs::JpegReader::new(input, name))),
+        Some(_) => Ok(Box::new(y4m::Y4mReader::open(input, name)?)),
+    }
+}
+
 /// A message from the thread that reads the pipe.
 #[derive(Debug)]
 enum PipeMessage {
@@ -90,7 +120,7 @@ impl Pipe {
         let format = options.size.zip(options.format).map(|(size, format)| RawFormat { size, format });
         let (send, messages) = sync_channel(1);
         let (used, returned) = channel();
-        let read = move || match image_reader::open(input, format, name) {
+        let read = move || match open_reader(input, format, name) {
             Ok(mut reader) => pass_on(reader.as_mut(), &send, &returned),
             // An error here means that the source was dropped.
             Err(error) => drop(send.send(PipeMessage::Cut(error))),
