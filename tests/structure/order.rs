@@ -31,6 +31,7 @@ const CORE: Order = Order {
         "cloud",
         "obstacle",
         "scale",
+        "stability",
         "pipeline",
         "hints",
     ],

@@ -297,8 +297,16 @@ typedef struct nunet_stats_t {
   double stage_max_us[NUNET_MAX_STAGES];
   /** Each stage's mean. */
   double stage_mean_us[NUNET_MAX_STAGES];
+  /** 1 if `depth_drift` and `depth_flicker` are known, 0 if not: the image changes. */
+  uint32_t has_stability;
+  /** 1 while drift or flicker is above the daemon's limit. */
+  uint32_t is_unstable;
+  /** Growth of the depth's scale per frame, mean of the last frames; 0.01 is one percent. */
+  double depth_drift;
+  /** Change of points per frame beside the scale, mean of the last frames; 0.01 is one percent. */
+  double depth_flicker;
   /** Zero; room for later fields. */
-  uint8_t reserved[1168];
+  uint8_t reserved[1144];
 } nunet_stats_t;
 
 /**
@@ -475,7 +483,11 @@ NUNET_CHECK(stats_stage_p90_us, offsetof(nunet_stats_t, stage_p90_us) == 880);
 NUNET_CHECK(stats_stage_p99_us, offsetof(nunet_stats_t, stage_p99_us) == 1008);
 NUNET_CHECK(stats_stage_max_us, offsetof(nunet_stats_t, stage_max_us) == 1136);
 NUNET_CHECK(stats_stage_mean_us, offsetof(nunet_stats_t, stage_mean_us) == 1264);
-NUNET_CHECK(stats_reserved, offsetof(nunet_stats_t, reserved) == 1392);
+NUNET_CHECK(stats_has_stability, offsetof(nunet_stats_t, has_stability) == 1392);
+NUNET_CHECK(stats_is_unstable, offsetof(nunet_stats_t, is_unstable) == 1396);
+NUNET_CHECK(stats_depth_drift, offsetof(nunet_stats_t, depth_drift) == 1400);
+NUNET_CHECK(stats_depth_flicker, offsetof(nunet_stats_t, depth_flicker) == 1408);
+NUNET_CHECK(stats_reserved, offsetof(nunet_stats_t, reserved) == 1416);
 NUNET_CHECK(point_size, sizeof(nunet_point_t) == 16);
 NUNET_CHECK(point_x, offsetof(nunet_point_t, x) == 0);
 NUNET_CHECK(point_y, offsetof(nunet_point_t, y) == 4);

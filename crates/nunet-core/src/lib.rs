@@ -57,6 +57,7 @@ pub mod pipeline;
 pub mod plain_file;
 pub mod preprocess;
 pub mod scale;
+pub mod stability;
 pub mod text;
 
 pub use error_kind::ErrorKind;

@@ -15,6 +15,7 @@ use crate::model::{SelfTestGrid, SelfTestReport, selftest};
 use crate::obstacle::Mount;
 use crate::preprocess::Preprocessor;
 use crate::scale::ScaleMode;
+use crate::stability::StabilityGauge;
 
 mod decoder;
 mod error;
@@ -68,6 +69,7 @@ pub struct Pipeline {
     options: PipelineOptions,
     decimation: Option<Decimation>,
     chain: FilterChain,
+    stability: StabilityGauge,
     stage_names: Vec<String>,
 }
 
@@ -88,6 +90,7 @@ impl Pipeline {
             options,
             decimation: decimation.transpose()?,
             chain: FilterChain::default(),
+            stability: StabilityGauge::default(),
             stage_names: Vec::new(),
             graph,
         };
@@ -127,6 +130,8 @@ impl Pipeline {
     /// Sets the options, and computes the values that depend on them and the lens.
     fn set_options(&mut self, options: PipelineOptions) -> Result<(), PipelineError> {
         self.decoder = Decoder::new(&self.graph, &options, &self.lens)?;
+        // Another scale is no drift.
+        self.stability.reset();
         self.options = options;
         Ok(())
     }
@@ -230,6 +235,7 @@ impl Pipeline {
     pub fn reset(&mut self) {
         self.graph.reset();
         self.chain.reset();
+        self.stability.reset();
     }
 
     /// Makes the next frame independent of all earlier ones: [`Self::reset`], and the scale from the floor is forgotten.
@@ -256,6 +262,7 @@ impl Pipeline {
         if labels.is_some() && !self.graph.has_labels() {
             return Err(GraphError::NoLabels.into());
         }
+        let size = self.size();
         let mut timer = StageTimer::new(clock);
 
         let (image, (input, bytes_filled)) = timer.time(|| {
@@ -280,11 +287,13 @@ impl Pipeline {
         self.chain.apply(depth_m, clock, timer.stages())?;
         let is_filtered = self.options.filters != FilterOptions::default();
         let invalid_pixels = if is_filtered { filter::count_invalid(depth_m) } else { decoded };
+        let stability = self.stability.update((image.rgb, self.graph.size()), (depth_m, size));
         let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
 
         let bytes_copied = image.bytes_copied + bytes_filled;
-        Ok(self.report(timer.finish(), run, bytes_copied, invalid_pixels))
+        let report = self.report(timer.finish(), run, bytes_copied, invalid_pixels);
+        Ok(FrameReport { stability, ..report })
     }
 
     fn report(
@@ -304,6 +313,7 @@ impl Pipeline {
             scale_age_nanos: scale.age_nanos,
             bytes_copied: bytes_copied + run.bytes_copied,
             invalid_pixels,
+            stability: None,
             camera: self.lens.known,
         }
     }

@@ -44,6 +44,7 @@ mod tests {
             scale_age_nanos: 0,
             bytes_copied: 0,
             invalid_pixels,
+            stability: None,
             camera: None,
         };
         let mut warning = EmptyDepthWarning::default();

@@ -12,6 +12,8 @@
 //! | [`last_frame`], [`file_writer`] | the results of the last frame as files; a thread that writes files |
 //! | [`metrics`], [`view`] | counts and latencies for Prometheus; frames for the live view |
 //! | [`empty_depth`] | a warning about depth maps without valid depth |
+//! | [`stats_record`] | counts and latencies as stored in shared memory |
+//! | [`stability`] | a warning about depth that drifts or flickers while the image does not change |
 //! | [`mavlink`] | obstacles for an autopilot |
 //! | [`obstacles`] | the stage that finds obstacles, only for frames whose obstacles a reader or a sink needs
 //! |
@@ -37,5 +39,7 @@ pub mod record;
 pub mod recorder;
 pub mod results;
 pub mod sink;
+pub mod stability;
+pub mod stats_record;
 pub mod stdout;
 pub mod view;

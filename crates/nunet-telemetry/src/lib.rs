@@ -5,6 +5,7 @@
 //! | [`Ledger`] | how every captured frame ended: published, superseded or failed |
 //! | [`Latencies`] | percentiles of the total time and of each stage |
 //! | [`Totals`] | frame rate, copied bytes and allocations per frame |
+//! | [`StabilityTotals`] | drift and flicker of depth while the image does not change |
 //! | [`CountingAllocator`] | heap allocations of each thread |
 //! | [`StallDetector`] | for how long a counter has not grown |
 //! | [`Series`] | quantiles of a benchmark |
@@ -37,6 +38,7 @@ mod messages;
 mod metrics;
 mod rate_limit;
 mod series;
+mod stability;
 mod stall;
 mod supervisor;
 mod totals;
@@ -50,6 +52,7 @@ pub use messages::MessageCounts;
 pub use metrics::{CameraMetrics, Metrics};
 pub use rate_limit::{RateLimit, Suppressed};
 pub use series::{SERIES_HEAD, Series};
+pub use stability::{STABILITY_FRAMES, Stability, StabilitySummary, StabilityTotals};
 pub use stall::StallDetector;
 pub use supervisor::Supervisor;
 pub use totals::Totals;

@@ -56,6 +56,9 @@ struct Families {
     bytes_copied: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     scale: Family<CameraLabels, Gauge<f64, AtomicU64>>,
     scale_age: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    drift: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    flicker: Family<CameraLabels, Gauge<f64, AtomicU64>>,
+    unstable: Family<CameraLabels, Gauge>,
     latency: Histograms<CameraLabels>,
     stage: Histograms<StageLabels>,
     messages: Family<MessageLabels, Counter>,
@@ -77,6 +80,9 @@ impl Families {
             bytes_copied: Family::default(),
             scale: Family::default(),
             scale_age: Family::default(),
+            drift: Family::default(),
+            flicker: Family::default(),
+            unstable: Family::default(),
             latency: Family::new_with_constructor(histogram),
             stage: Family::new_with_constructor(histogram),
             messages: Family::default(),
@@ -97,11 +103,22 @@ impl Families {
         registry.register("scale_factor", help, families.scale.clone());
         let help = "Time since the scale factor was measured; 0 for one that does not change";
         registry.register_with_unit("scale_age", help, Unit::Seconds, families.scale_age.clone());
+        families.register_stability(registry);
         let help = "Time from the arrival of the image to the wake-up of the readers";
         registry.register_with_unit("latency", help, Unit::Seconds, families.latency.clone());
         registry.register_with_unit("stage", "Time of each stage", Unit::Seconds, families.stage.clone());
         registry.register("messages", "Messages to other machines by outcome", families.messages.clone());
         families
+    }
+
+    fn register_stability(&self, registry: &mut Registry) {
+        let help = "Growth of the depth's scale per frame while the image does not change; NaN if it does";
+        registry.register("depth_drift_ratio", help, self.drift.clone());
+        let help =
+            "Change of points per frame beside the scale while the image does not change; NaN if it does";
+        registry.register("depth_flicker_ratio", help, self.flicker.clone());
+        let help = "1 while drift or flicker is above the limit";
+        registry.register("depth_unstable", help, self.unstable.clone());
     }
 }
 
@@ -160,9 +177,13 @@ impl Metrics {
             bytes_copied: families.bytes_copied.get_or_create_owned(&labels),
             scale: families.scale.get_or_create_owned(&labels),
             scale_age: families.scale_age.get_or_create_owned(&labels),
+            drift: families.drift.get_or_create_owned(&labels),
+            flicker: families.flicker.get_or_create_owned(&labels),
+            unstable: families.unstable.get_or_create_owned(&labels),
             latency: families.latency.get_or_create_owned(&labels),
             stages: stages.into_iter().map(|name| families.stage.get_or_create_owned(&stage(name))).collect(),
         };
+        metrics.set_stability(&Totals::default());
         // A camera is up until its source reports otherwise.
         metrics.set_up(true);
         metrics
@@ -182,6 +203,9 @@ pub struct CameraMetrics {
     bytes_copied: Gauge<f64, AtomicU64>,
     scale: Gauge<f64, AtomicU64>,
     scale_age: Gauge<f64, AtomicU64>,
+    drift: Gauge<f64, AtomicU64>,
+    flicker: Gauge<f64, AtomicU64>,
+    unstable: Gauge,
     latency: Histogram,
     stages: Vec<Histogram>,
 }
@@ -206,6 +230,14 @@ impl CameraMetrics {
         self.in_flight.set(i64::try_from(counts.in_flight).unwrap_or(i64::MAX));
         self.fps.set(totals.fps());
         self.bytes_copied.set(totals.bytes_copied_per_frame());
+        self.set_stability(totals);
+    }
+
+    fn set_stability(&self, totals: &Totals) {
+        let recent = totals.stability.recent();
+        self.drift.set(recent.map_or(f64::NAN, |recent| recent.drift));
+        self.flicker.set(recent.map_or(f64::NAN, |recent| recent.flicker));
+        self.unstable.set(totals.stability.is_unstable().into());
     }
 
     /// Sets the factor of depth, and the seconds since it was measured.
@@ -223,6 +255,7 @@ impl CameraMetrics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stability::Stability;
 
     #[test]
     fn counts_and_histograms_of_each_camera_are_written() {
@@ -231,7 +264,10 @@ mod tests {
         let (front, rear) = (camera("front"), camera("rear"));
         rear.set_up(false);
         let counts = Counts { captured: 7, published: 4, superseded: 2, failed: 1, in_flight: 0 };
-        front.set(&counts, &Totals::default());
+        let mut totals = Totals::default();
+        totals.stability.set_limit(Some(0.05));
+        (0..8).for_each(|_| totals.stability.add(Some(Stability { drift: -0.25, flicker: 0.5 })));
+        front.set(&counts, &totals);
         front.record(40_000, [500, 30_000, 9]);
         front.set_scale(0.5, 1.5);
         let answer = metrics.text();
@@ -241,6 +277,11 @@ mod tests {
             "nunet_camera_up{camera=\"rear\"} 0\n",
             "nunet_scale_factor{camera=\"front\"} 0.5\n",
             "nunet_scale_age_seconds{camera=\"front\"} 1.5\n",
+            "nunet_depth_drift_ratio{camera=\"front\"} -0.25\n",
+            "nunet_depth_flicker_ratio{camera=\"front\"} 0.5\n",
+            "nunet_depth_unstable{camera=\"front\"} 1\n",
+            "nunet_depth_drift_ratio{camera=\"rear\"} NaN\n",
+            "nunet_depth_unstable{camera=\"rear\"} 0\n",
             "nunet_frames_captured_total{camera=\"front\"} 7\n",
             "nunet_frames_captured_total{camera=\"rear\"} 0\n",
             "nunet_frames_ended_total{camera=\"front\",end=\"superseded\"} 2\n",

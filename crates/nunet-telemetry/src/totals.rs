@@ -1,6 +1,7 @@
 //! Sums over a stream, for the values per frame.
 
 use crate::allocations::{Allocations, allocations_of_this_thread};
+use crate::stability::StabilityTotals;
 
 /// Allocations of so many frames at the start are not counted, because buffers are allocated then.
 const FIRST_FRAMES: u64 = 16;
@@ -14,6 +15,8 @@ pub struct Totals {
     bytes_copied: u64,
     steady_frames: u64,
     steady_allocations: Allocations,
+    /// Drift and flicker of depth.
+    pub stability: StabilityTotals,
 }
 
 impl Totals {
@@ -44,6 +47,7 @@ impl Totals {
         self.steady_frames += other.steady_frames;
         self.steady_allocations.own += other.steady_allocations.own;
         self.steady_allocations.foreign += other.steady_allocations.foreign;
+        self.stability.join(&other.stability);
     }
 
     /// The inference thread's allocations before and after one frame.

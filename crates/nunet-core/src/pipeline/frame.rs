@@ -4,6 +4,7 @@ use crate::camera::Camera;
 use crate::cloud::CloudPoint;
 use crate::depth::{Scale, ScaleSource, Units};
 use crate::graph::{Quality, StageTimes};
+use crate::stability::StabilityChange;
 
 /// Buffers of the caller for the results of a frame.
 #[derive(Debug)]
@@ -35,6 +36,8 @@ pub struct FrameReport {
     pub bytes_copied: u64,
     /// Pixels of the depth map that are NaN, after the filters.
     pub invalid_pixels: u32,
+    /// How depth changed since the last frame, if the image did not; see [`crate::stability`].
+    pub stability: Option<StabilityChange>,
     /// The camera at [`super::Pipeline::size`], with its lens distortion: depth maps are not rectified. `None` if the camera is
     /// not known.
     pub camera: Option<Camera>,

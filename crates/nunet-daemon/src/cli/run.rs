@@ -18,7 +18,8 @@ use tracing::warn;
 use super::text::{FileMode, FrameId, Readers, StageEvery, Text, value};
 use super::{CameraArgs, DEFAULT_MODEL, EngineArgs, ObstacleArgs, RecordArgs};
 use crate::config::{
-    AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, frame_id,
+    AccessConfig, CameraConfig, Config, ModelConfig, OutputConfig, Publish, SourceConfig, StabilityLimit,
+    frame_id,
 };
 use crate::exit::{BadArguments, WithHint, camera_name, in_camera};
 use crate::source::{Rate, SourceName};
@@ -209,6 +210,10 @@ pub struct StreamArgs {
     /// serial:DEVICE:BAUD; needs --mount
     #[arg(long, value_name = "ADDRESS")]
     pub mavlink: Option<Text<MavlinkAddress>>,
+    /// Warn if depth drifts or flickers by more than this per frame while the image does not change: percent, or `off`
+    /// [default: 5]
+    #[arg(long, value_name = "PERCENT|off")]
+    pub stability_limit: Option<Text<StabilityLimit>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub recording: RecordArgs,
@@ -241,6 +246,7 @@ impl StreamArgs {
             processing,
             mount,
             mavlink: value(&self.mavlink),
+            stability_limit: value(&self.stability_limit).unwrap_or_default(),
             publish: self.publish.clone(),
             readers: readers.unwrap_or(Limits::DEFAULT.max_readers),
             record: self.recording.config(),

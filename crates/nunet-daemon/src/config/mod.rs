@@ -18,6 +18,7 @@ use nunet_types::ImageSize;
 use nunet_view::ViewConfig;
 
 pub use nunet_sink::obstacles::ObstacleConfig;
+pub use nunet_sink::stability::StabilityLimit;
 pub use values::{LogOptions, MountOption, Publish};
 
 use crate::exit::BadArguments;
@@ -61,6 +62,8 @@ pub struct CameraConfig {
     pub mount: Option<MountOption>,
     /// The settings of obstacles; `None` without a mount.
     pub obstacles: Option<ObstacleConfig>,
+    /// The drift or flicker of depth above which a warning is logged.
+    pub stability_limit: StabilityLimit,
     /// The autopilot that obstacles are sent to.
     pub mavlink: Option<MavlinkAddress>,
     /// The topics that can be read.

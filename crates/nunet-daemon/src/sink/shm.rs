@@ -4,8 +4,6 @@
 //! publishing.
 #![expect(unsafe_code, reason = "published messages are read in place")]
 
-mod stats_record;
-
 use std::marker::PhantomData;
 
 use anyhow::Context as _;
@@ -22,6 +20,7 @@ use nunet_types::ImageSize;
 use tracing::{info, warn};
 
 use nunet_sink::obstacle_record::BASE_FRAME;
+use nunet_sink::stats_record;
 
 use super::loans::{Loans, plans};
 use super::{Results, Wants};

@@ -4,7 +4,7 @@ use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
-use nunet_telemetry::{Counts, Latencies, LatencySummary, MessageCounts, Totals};
+use nunet_telemetry::{Counts, Latencies, LatencySummary, MessageCounts, StabilitySummary, Totals};
 
 /// The stats of a camera, or of several together.
 #[derive(Debug, Serialize)]
@@ -28,6 +28,8 @@ pub(crate) struct Stats {
     /// Published frames per second, from the first capture to the last publication.
     pub(crate) fps: f64,
     pub(crate) bytes_copied_per_frame: f64,
+    /// Drift and flicker of depth while the image did not change.
+    pub(crate) stability: StabilitySummary,
     /// Mean heap allocations of nunet's crates per frame, without the first frames; `null` if not counted.
     pub(crate) allocations_per_frame: Option<f64>,
     /// Mean heap allocations of iceoryx2, which makes a small one for each message.
@@ -88,6 +90,7 @@ impl Stats {
             latency_ms: latencies.into(),
             fps: totals.fps(),
             bytes_copied_per_frame: totals.bytes_copied_per_frame(),
+            stability: totals.stability.summary(),
             allocations_per_frame: totals.allocations_per_frame(),
             iceoryx2_allocations_per_frame: totals.foreign_allocations_per_frame(),
             ros2: None,

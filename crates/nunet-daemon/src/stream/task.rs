@@ -9,6 +9,7 @@ use nunet_engine::{MonotonicClock, details_of};
 use nunet_ipc::LATE_JOINER_PERIOD;
 use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
+use nunet_sink::stability::{StabilityLimit, StabilityWarning};
 use nunet_telemetry::{
     Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread,
 };
@@ -42,6 +43,7 @@ pub(crate) struct StreamTask {
     kept: Option<Frame>,
     lost: RateLimit,
     empty_depth: EmptyDepthWarning,
+    stability: StabilityWarning,
     failures: u32,
     /// Why the stream cannot continue.
     failure: Option<anyhow::Error>,
@@ -82,6 +84,7 @@ impl StreamTask {
             kept: None,
             lost: RateLimit::default(),
             empty_depth: EmptyDepthWarning::default(),
+            stability: StabilityWarning::default(),
             failures: 0,
             failure: None,
         }
@@ -91,6 +94,12 @@ impl StreamTask {
     pub(crate) fn with_obstacles(self, obstacles: Option<ObstacleStage>) -> Self {
         let latencies = Latencies::new(stage_names(&self.pipeline, obstacles.is_some()));
         Self { latencies, obstacles, ..self }
+    }
+
+    /// The same with another limit of drift and flicker.
+    pub(crate) fn with_stability_limit(mut self, limit: StabilityLimit) -> Self {
+        self.totals.stability.set_limit(limit.0);
+        self
     }
 }
 
@@ -285,6 +294,7 @@ impl StreamTask {
         let report = self.process(frame, &mut loans, with_obstacles)?;
         self.continuity.took(frame);
         self.empty_depth.check(frame.sequence, &report, self.pipeline.size());
+        self.stability.check(frame.sequence, &report, &mut self.totals);
         let queue_micros = micros(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.publisher.publish(loans, frame, &report, queue_micros)?;

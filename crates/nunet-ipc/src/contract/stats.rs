@@ -66,8 +66,16 @@ contract_struct! {
         pub stage_max_us: [f64; MAX_STAGES],
         /// Each stage's mean.
         pub stage_mean_us: [f64; MAX_STAGES],
+        /// 1 if `depth_drift` and `depth_flicker` are known, 0 if not: the image changes.
+        pub has_stability: u32,
+        /// 1 while drift or flicker is above the daemon's limit.
+        pub is_unstable: u32,
+        /// Growth of the depth's scale per frame, mean of the last frames; 0.01 is one percent.
+        pub depth_drift: f64,
+        /// Change of points per frame beside the scale, mean of the last frames; 0.01 is one percent.
+        pub depth_flicker: f64,
         /// Zero; room for later fields. Public only so that `..Default::default()` works.
-        pub reserved: [u8; 1168],
+        pub reserved: [u8; 1144],
     }
 }
 
@@ -99,7 +107,11 @@ impl Default for StatsRecord {
             stage_p99_us: [0.0; MAX_STAGES],
             stage_max_us: [0.0; MAX_STAGES],
             stage_mean_us: [0.0; MAX_STAGES],
-            reserved: [0; 1168],
+            has_stability: 0,
+            is_unstable: 0,
+            depth_drift: 0.0,
+            depth_flicker: 0.0,
+            reserved: [0; 1144],
         }
     }
 }
@@ -119,6 +131,18 @@ impl StatsRecord {
             set_text(slot, name);
             self.stage_count += 1;
         }
+    }
+
+    /// Drift and flicker of depth, shares per frame; `None` if they are unknown.
+    #[must_use]
+    pub fn stability(&self) -> Option<[f64; 2]> {
+        (self.has_stability == 1).then_some([self.depth_drift, self.depth_flicker])
+    }
+
+    /// Sets drift and flicker of depth.
+    pub fn set_stability(&mut self, stability: Option<[f64; 2]>) {
+        self.has_stability = stability.is_some().into();
+        [self.depth_drift, self.depth_flicker] = stability.unwrap_or_default();
     }
 
     /// The model file's name.
@@ -147,6 +171,16 @@ impl StatsRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_stability_of_an_older_daemon_is_unknown() {
+        let mut record = StatsRecord::default();
+        assert_eq!(record.stability(), None);
+        record.set_stability(Some([-0.01, 0.02]));
+        assert_eq!(record.stability(), Some([-0.01, 0.02]));
+        record.set_stability(None);
+        assert_eq!((record.stability(), record.depth_flicker), (None, 0.0));
+    }
 
     #[test]
     fn stage_names_read_back_as_they_were_set() {

@@ -279,6 +279,7 @@ impl Opened<'_> {
         let pace = Pace::of(&config.source);
         drop(entered);
         let task = StreamTask::new(pipeline, camera, publisher, sinks).with_obstacles(obstacles);
+        let task = task.with_stability_limit(config.stability_limit);
         Ok(Stream { source, pace, task, span })
     }
 }

@@ -41,6 +41,9 @@ pub(super) fn json_of(frame: &Message, stats: &StatsRecord) -> anyhow::Result<Va
         "scale_age_s": header.scale_age_nanos as f64 / 1e9,
         "depth_center_m": depth_center(frame)?.filter(|_| metric),
         "invalid_pixels": header.invalid_pixels,
+        "drift": stats.stability().map(|[drift, _]| drift),
+        "flicker": stats.stability().map(|[_, flicker]| flicker),
+        "unstable": stats.is_unstable == 1,
         "bytes_copied": header.bytes_copied,
         "stages": stages,
         "frames": {
@@ -94,7 +97,7 @@ pub(super) fn screen_of(
         "camera {camera} · {} on {} · {}x{} · {:.1} frames/s\n\
          frame {} · age {} · center {} · scale {} · quality {}\n\
          captured {} = published {} + superseded {} + failed {} + in flight {}\n\
-         copied {} bytes · without depth {} pixels\n\
+         {}\n\
          {:<14} {:>9} {:>9} {:>9} {:>9}\n",
         stats.model_name(),
         stats.provider(),
@@ -111,8 +114,7 @@ pub(super) fn screen_of(
         stats.superseded,
         stats.failed,
         stats.in_flight,
-        header.bytes_copied,
-        header.invalid_pixels,
+        depth_of(header, stats),
         "stage, ms",
         "p50",
         "p90",
@@ -127,6 +129,21 @@ pub(super) fn screen_of(
         &row_of("total", [stats.total_p50_us, stats.total_p90_us, stats.total_p99_us, stats.total_max_us]);
     text += &obstacles.map(birds_eye_of).unwrap_or_default();
     Ok(text)
+}
+
+/// The depth map's missing pixels, and its stability.
+fn depth_of(header: &FrameHeader, stats: &StatsRecord) -> String {
+    let (copied, invalid) = (header.bytes_copied, header.invalid_pixels);
+    format!("copied {copied} bytes · without depth {invalid} pixels\n{}", stability_of(stats))
+}
+
+/// Drift and flicker of depth, and whether they are too much.
+fn stability_of(stats: &StatsRecord) -> String {
+    let Some([drift, flicker]) = stats.stability() else {
+        return "drift and flicker unknown: the image changes".to_owned();
+    };
+    let alarm = if stats.is_unstable == 1 { " · UNSTABLE" } else { "" };
+    format!("per frame: drift {:+.2} % · flicker {:.2} %{alarm}", 100.0 * drift, 100.0 * flicker)
 }
 
 /// The robot's surroundings from above, and the nearest obstacle.
@@ -155,6 +172,16 @@ mod tests {
     use nunet_ipc::ObstacleSector;
 
     use super::*;
+
+    #[test]
+    fn drift_and_flicker_are_percent_and_an_alarm_is_named() {
+        let mut stats = StatsRecord::default();
+        assert!(stability_of(&stats).contains("unknown"));
+        stats.set_stability(Some([-0.0123, 0.004]));
+        assert_eq!(stability_of(&stats), "per frame: drift -1.23 % · flicker 0.40 %");
+        stats.is_unstable = 1;
+        assert!(stability_of(&stats).ends_with("UNSTABLE"));
+    }
 
     #[test]
     fn the_view_from_above_names_the_nearest_thing_in_the_way() {

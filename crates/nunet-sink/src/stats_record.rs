@@ -5,7 +5,7 @@ use nunet_ipc::StatsRecord;
 use nunet_telemetry::{Counts, Latencies, Totals};
 
 /// The frame counts.
-pub(super) fn set_counts(record: &mut StatsRecord, counts: &Counts) {
+pub fn set_counts(record: &mut StatsRecord, counts: &Counts) {
     record.captured = counts.captured;
     record.published = counts.published;
     record.superseded = counts.superseded;
@@ -14,11 +14,13 @@ pub(super) fn set_counts(record: &mut StatsRecord, counts: &Counts) {
 }
 
 /// Rates and percentiles.
-pub(super) fn set_summaries(record: &mut StatsRecord, totals: &Totals, latencies: &Latencies) {
+pub fn set_summaries(record: &mut StatsRecord, totals: &Totals, latencies: &Latencies) {
     const US_PER_MS: f64 = 1e3;
     record.fps = totals.fps();
     record.bytes_copied_per_frame = totals.bytes_copied_per_frame();
     record.allocations_per_frame = totals.allocations_per_frame().unwrap_or(f64::NAN);
+    record.set_stability(totals.stability.recent().map(|recent| [recent.drift, recent.flicker]));
+    record.is_unstable = totals.stability.is_unstable().into();
     let total = latencies.total();
     record.total_p50_us = total.p50 * US_PER_MS;
     record.total_p90_us = total.p90 * US_PER_MS;
