@@ -15,7 +15,7 @@ use super::rtps::{
     SUBMESSAGE_HEADER_BYTES, Submessage, VENDOR_SUBMESSAGES, number, parameters, sender, submessages,
 };
 
-/// The flag of INFO_TIMESTAMP without a timestamp.
+/// The flag of `INFO_TIMESTAMP` without a timestamp.
 const FLAG_INVALID: u8 = 2;
 /// Sets of missing messages or fragments have at most so many.
 const MAX_SET: u32 = 256;

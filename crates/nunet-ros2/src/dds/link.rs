@@ -130,7 +130,9 @@ impl Drop for DdsLink {
                 Ok(Ok(Ok(()))) => {}
                 Ok(Ok(Err(error))) => debug!("cannot leave the ROS 2 domain: {error}"),
                 _ => {
-                    warn!("other ROS 2 nodes may not know that this one has left: no answer from the library")
+                    warn!(
+                        "other ROS 2 nodes may not know that this one has left: no answer from the library"
+                    );
                 }
             }
         }
