@@ -23,6 +23,7 @@ const CORE: Order = Order {
         "error_kind",
         "frame",
         "camera",
+        "framing",
         "preprocess",
         "model",
         "graph",

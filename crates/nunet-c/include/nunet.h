@@ -239,8 +239,16 @@ typedef struct nunet_header_t {
   double scale_factor;
   /** Nanoseconds since `scale_factor` was measured; 0 for one that does not change. */
   int64_t scale_age_nanos;
+  /** The part of the camera's image that this message covers: its first column, pixels of the image. */
+  uint32_t view_x;
+  /** The first row. */
+  uint32_t view_y;
+  /** Columns; 0 if the part is unknown, and in images. */
+  uint32_t view_width;
+  /** Rows; 0 if the part is unknown, and in images. */
+  uint32_t view_height;
   /** Zero; room for later fields. */
-  uint8_t reserved[600];
+  uint8_t reserved[584];
 } nunet_header_t;
 
 /**
@@ -457,7 +465,11 @@ NUNET_CHECK(header_invalid_pixels, offsetof(nunet_header_t, invalid_pixels) == 3
 NUNET_CHECK(header_frame_id, offsetof(nunet_header_t, frame_id) == 344);
 NUNET_CHECK(header_scale_factor, offsetof(nunet_header_t, scale_factor) == 408);
 NUNET_CHECK(header_scale_age_nanos, offsetof(nunet_header_t, scale_age_nanos) == 416);
-NUNET_CHECK(header_reserved, offsetof(nunet_header_t, reserved) == 424);
+NUNET_CHECK(header_view_x, offsetof(nunet_header_t, view_x) == 424);
+NUNET_CHECK(header_view_y, offsetof(nunet_header_t, view_y) == 428);
+NUNET_CHECK(header_view_width, offsetof(nunet_header_t, view_width) == 432);
+NUNET_CHECK(header_view_height, offsetof(nunet_header_t, view_height) == 436);
+NUNET_CHECK(header_reserved, offsetof(nunet_header_t, reserved) == 440);
 NUNET_CHECK(stats_size, sizeof(nunet_stats_t) == 2560);
 NUNET_CHECK(stats_contract_version, offsetof(nunet_stats_t, contract_version) == 0);
 NUNET_CHECK(stats_stage_count, offsetof(nunet_stats_t, stage_count) == 4);

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nunet_types::{Hint, ImageSize};
+use nunet_types::{Hint, ImageSize, PixelRect};
 pub use nunet_types::{MAX_SIDE_PX, PixelFormat};
 
 use crate::error_kind::ErrorKind;
@@ -98,6 +98,23 @@ impl<'a> ImageView<'a> {
         self.format
     }
 
+    /// A part of the image, without a copy; `None` for a part that is empty or not within the image, and for formats that
+    /// share color between pixels.
+    #[must_use]
+    pub fn part(&self, PixelRect { x, y, width, height }: PixelRect) -> Option<Self> {
+        let bytes_per_pixel = match self.format {
+            PixelFormat::Rgb8 | PixelFormat::Bgr8 | PixelFormat::Mono8 => self.format.min_stride(1),
+            PixelFormat::Yuyv | PixelFormat::Nv12 => return None,
+        };
+        let within =
+            |first: u32, count: u32, side: u32| first.checked_add(count).is_some_and(|end| end <= side);
+        if !within(x, width, self.width) || !within(y, height, self.height) {
+            return None;
+        }
+        let start = y as usize * self.row_stride as usize + x as usize * bytes_per_pixel as usize;
+        Self::new(self.bytes.get(start..)?, width, height, self.row_stride, self.format).ok()
+    }
+
     /// Whether there is no padding between rows.
     #[must_use]
     pub fn is_packed(&self) -> bool {
@@ -171,6 +188,21 @@ mod tests {
     fn the_last_row_needs_no_padding() {
         assert!(ImageView::new(&[0; 206], 2, 3, 100, PixelFormat::Rgb8).is_ok());
         assert!(ImageView::new(&[0; 205], 2, 3, 100, PixelFormat::Rgb8).is_err());
+    }
+
+    #[test]
+    fn a_part_shares_the_bytes_and_ends_with_its_last_pixel() {
+        let bytes: Vec<u8> = (0..3 * 4 + 2 * 5).collect(); // 3 rows of 4 pixels, 5 bytes of padding
+        let gray = ImageView::new(&bytes, 4, 3, 9, PixelFormat::Mono8).unwrap();
+        let part = gray.part(PixelRect { x: 2, y: 1, width: 2, height: 2 }).unwrap();
+        assert_eq!((part.size(), part.row_stride()), ((2, 2).into(), 9));
+        assert_eq!(part.bytes(), &bytes[11..22]);
+        let outside = [(3, 0, 2, 1), (0, 3, 1, 1), (0, 0, 0, 1), (u32::MAX, 0, 2, 1)];
+        for (x, y, width, height) in outside {
+            assert!(gray.part(PixelRect { x, y, width, height }).is_none(), "{x} {y} {width} {height}");
+        }
+        let yuyv = ImageView::packed(&bytes, 4, 2, PixelFormat::Yuyv).unwrap();
+        assert!(yuyv.part(PixelRect { x: 0, y: 0, width: 2, height: 1 }).is_none());
     }
 
     #[test]

@@ -49,6 +49,7 @@ pub mod depth;
 mod error_kind;
 pub mod filter;
 pub mod frame;
+pub mod framing;
 pub mod graph;
 mod hints;
 pub mod model;

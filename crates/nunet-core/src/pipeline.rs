@@ -13,16 +13,18 @@ use crate::frame::ImageView;
 use crate::graph::{GraphError, GraphOutputs, GraphReport, SerialGraph, StageTimes};
 use crate::model::{SelfTestGrid, SelfTestReport, selftest};
 use crate::obstacle::Mount;
-use crate::preprocess::Preprocessor;
 use crate::scale::ScaleMode;
 use crate::stability::StabilityGauge;
 
 mod decoder;
 mod error;
+mod fit;
 mod floor;
 mod frame;
 mod input;
 mod lens;
+mod letterbox;
+mod network;
 mod options;
 mod timer;
 
@@ -30,8 +32,8 @@ use decoder::Decoder;
 pub use error::PipelineError;
 use floor::FloorScale;
 pub use frame::{FrameReport, Outputs};
-use input::GraphImage;
 use lens::Lens;
+use network::Network;
 pub use options::{MAX_RAY_ANGLE_RAD, PipelineOptions};
 use timer::StageTimer;
 
@@ -61,9 +63,7 @@ use timer::StageTimer;
 /// # }
 /// ```
 pub struct Pipeline {
-    preprocessor: Preprocessor,
-    input: GraphImage,
-    graph: SerialGraph,
+    network: Network,
     decoder: Decoder,
     lens: Lens,
     options: PipelineOptions,
@@ -79,20 +79,21 @@ impl Pipeline {
     /// # Errors
     /// A camera that cannot be scaled to the network's size, a network too small for the decimation.
     pub fn new(mut graph: SerialGraph, options: PipelineOptions) -> Result<Self, PipelineError> {
-        let ImageSize { width, height } = graph.size();
         let decimation = options.filters.decimation().map(|options| Decimation::new(options, graph.size()));
-        let lens = Lens::new(&options, &mut graph)?;
+        let framing = fit::initial_framing(&options, graph.size());
+        let lens = Lens::new(&options, &framing, &mut graph)?;
+        let decoder = Decoder::new(&graph, &options, &lens)?;
+        let mut network = Network::new(graph);
+        network.set_framing(framing);
         let mut pipeline = Self {
-            preprocessor: Preprocessor::new(width, height),
-            input: GraphImage::new(&graph),
-            decoder: Decoder::new(&graph, &options, &lens)?,
+            network,
+            decoder,
             lens,
             options,
             decimation: decimation.transpose()?,
             chain: FilterChain::default(),
             stability: StabilityGauge::default(),
             stage_names: Vec::new(),
-            graph,
         };
         pipeline.chain = FilterChain::new(&options.filters, pipeline.size());
         pipeline.stage_names = pipeline.named_stages().map(str::to_owned).collect();
@@ -100,22 +101,10 @@ impl Pipeline {
     }
 
     fn named_stages(&self) -> impl Iterator<Item = &str> {
-        let graph = self.graph.stages().iter().map(|stage| stage.name.as_str());
+        let graph = self.network.graph.stages().iter().map(|stage| stage.name.as_str());
         let decimation = self.decimation.iter().map(|_| Decimation::NAME);
         let after = ["decode"].into_iter().chain(decimation).chain(self.chain.names()).chain(["cloud"]);
         ["preprocess"].into_iter().chain(graph).chain(after)
-    }
-
-    /// Sets the camera of the frames from now on; `None` if it is not known.
-    ///
-    /// Without a camera, points and meters are those of an assumed one: the training camera, else a webcam with a
-    /// horizontal field of view of 60 degrees. Computes the table of rays again.
-    ///
-    /// # Errors
-    /// A camera that cannot be scaled to the network's size.
-    pub fn set_camera(&mut self, camera: Option<Camera>) -> Result<(), PipelineError> {
-        self.lens = Lens::new(&PipelineOptions { camera, ..self.options }, &mut self.graph)?;
-        self.set_options(PipelineOptions { camera, ..self.options })
     }
 
     /// Sets the factor that was measured for this camera and model; `None` if there is none. It replaces the ratio of the
@@ -129,7 +118,7 @@ impl Pipeline {
 
     /// Sets the options, and computes the values that depend on them and the lens.
     fn set_options(&mut self, options: PipelineOptions) -> Result<(), PipelineError> {
-        self.decoder = Decoder::new(&self.graph, &options, &self.lens)?;
+        self.decoder = Decoder::new(&self.network.graph, &options, &self.lens)?;
         // Another scale is no drift.
         self.stability.reset();
         self.options = options;
@@ -160,13 +149,13 @@ impl Pipeline {
     /// The graph.
     #[must_use]
     pub fn graph(&self) -> &SerialGraph {
-        &self.graph
+        &self.network.graph
     }
 
     /// Width and height of depth map and labels, pixels: the network's, or less with decimation.
     #[must_use]
     pub fn size(&self) -> ImageSize {
-        let size = self.graph.size();
+        let size = self.network.graph.size();
         self.options.filters.decimation().map_or(size, |decimation| decimation.reduced(size))
     }
 
@@ -176,11 +165,11 @@ impl Pipeline {
         &self.lens.camera
     }
 
-    /// The network's image of `frame`, the last one that was processed: `[H, W, 3]`, RGB, at the network's size. It is the
-    /// frame itself if that has the network's size and format.
+    /// The image of `frame`, the last one that was processed, pixel on pixel with the results before decimation:
+    /// `[H, W, 3]`, RGB, at the network's size. It is the frame itself if that has the network's size and format.
     #[must_use]
     pub fn network_image<'a>(&'a self, frame: &ImageView<'a>) -> &'a [u8] {
-        self.preprocessor.last(frame)
+        self.network.appearance(frame).rgb
     }
 
     /// Pixels of the network along each side of a pixel of the depth map: 1 without decimation.
@@ -224,7 +213,7 @@ impl Pipeline {
     /// ones.
     #[must_use]
     pub fn is_stateless(&self) -> bool {
-        self.graph.is_stateless() && self.options.filters.temporal.is_none() && self.mount().is_none()
+        self.network.graph.is_stateless() && self.options.filters.temporal.is_none() && self.mount().is_none()
     }
 
     /// Marks a discontinuity: the next frame does not continue the stream. State starts with zeros, every
@@ -233,7 +222,7 @@ impl Pipeline {
     ///
     /// The caller decides when a discontinuity occurs.
     pub fn reset(&mut self) {
-        self.graph.reset();
+        self.network.graph.reset();
         self.chain.reset();
         self.stability.reset();
     }
@@ -259,27 +248,26 @@ impl Pipeline {
         clock: &dyn Clock,
     ) -> Result<FrameReport, PipelineError> {
         let Outputs { depth_m, mut labels, cloud } = outputs;
-        if labels.is_some() && !self.graph.has_labels() {
+        if labels.is_some() && !self.network.graph.has_labels() {
             return Err(GraphError::NoLabels.into());
         }
+        self.fit_to(frame.size())?;
         let size = self.size();
         let mut timer = StageTimer::new(clock);
-
-        let (image, (input, bytes_filled)) = timer.time(|| {
-            let image = self.preprocessor.prepare(frame);
-            (image, self.input.fill(image.rgb))
-        });
         // With decimation, the network's results are kept in internal buffers.
         let (network_depth, mut network_labels) = match &mut self.decimation {
             None => (&mut *depth_m, labels.as_deref_mut()),
             Some(decimation) => (decimation.network_depth(), None),
         };
         let results = GraphOutputs { depth: network_depth, labels: network_labels.as_deref_mut() };
-        let run = timer.extend(self.graph.run(input, results, clock)?);
-        let network_labels = network_labels.as_deref().or(self.graph.labels());
-        let decoded = timer.time(|| self.decoder.decode(network_depth, network_labels));
+        let (run, bytes_copied) = self.network.run(frame, results, clock, &mut timer)?;
+        let decoded = timer.time(|| {
+            self.network.take_results(network_depth, network_labels.as_deref_mut());
+            let labels = network_labels.as_deref().or(self.network.appearance(frame).labels);
+            self.decoder.decode(network_depth, labels)
+        });
 
-        let full = Appearance { rgb: image.rgb, labels: self.graph.labels() };
+        let full = self.network.appearance(frame);
         let appearance = match &mut self.decimation {
             None => Appearance { labels: labels.as_deref().or(full.labels), ..full },
             Some(decimation) => timer.time(|| decimation.reduce(full, depth_m, labels, cloud.is_some()))?,
@@ -287,11 +275,10 @@ impl Pipeline {
         self.chain.apply(depth_m, clock, timer.stages())?;
         let is_filtered = self.options.filters != FilterOptions::default();
         let invalid_pixels = if is_filtered { filter::count_invalid(depth_m) } else { decoded };
-        let stability = self.stability.update((image.rgb, self.graph.size()), (depth_m, size));
+        let stability = self.stability.update((full.rgb, self.network.graph.size()), (depth_m, size));
         let max_range_m = self.decoder.max_range_m();
         timer.time(|| self.lens.fill_cloud(depth_m, &appearance, max_range_m, cloud))?;
 
-        let bytes_copied = image.bytes_copied + bytes_filled;
         let report = self.report(timer.finish(), run, bytes_copied, invalid_pixels);
         Ok(FrameReport { stability, ..report })
     }
@@ -315,6 +302,7 @@ impl Pipeline {
             invalid_pixels,
             stability: None,
             camera: self.lens.known,
+            view: self.framing().view(),
         }
     }
 
@@ -324,18 +312,23 @@ impl Pipeline {
     /// # Errors
     /// Outputs that differ by more than the tolerance, and ONNX Runtime's errors.
     pub fn selftest(&mut self, clock: &dyn Clock) -> Result<SelfTestReport, PipelineError> {
-        let ImageSize { width, height } = self.graph.size();
-        let pixels = self.graph.size().pixel_count();
-        let (mut depth, mut labels) = (vec![0.0; pixels], self.graph.has_labels().then(|| vec![0; pixels]));
+        let ImageSize { width, height } = self.network.graph.size();
+        let pixels = self.network.graph.size().pixel_count();
+        let (mut depth, mut labels) =
+            (vec![0.0; pixels], self.network.graph.has_labels().then(|| vec![0; pixels]));
         let image = selftest::image(width, height);
 
-        self.graph.reset();
-        let (input, _) = self.input.fill(&image);
-        self.graph.run(input, GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut() }, clock)?;
-        self.graph.reset();
+        self.network.graph.reset();
+        let (input, _) = self.network.input.fill(&image);
+        self.network.graph.run(
+            input,
+            GraphOutputs { depth: &mut depth, labels: labels.as_deref_mut() },
+            clock,
+        )?;
+        self.network.graph.reset();
 
         self.decoder.decode_unscaled(&mut depth);
-        match &self.graph.description().selftest {
+        match &self.network.graph.description().selftest {
             Some(expected) => {
                 Ok(expected.compare(&SelfTestGrid::of(&depth, labels.as_deref(), width, height))?)
             }

@@ -8,6 +8,7 @@ use nunet_core::camera::{Camera, Intrinsics};
 use nunet_core::cloud::CloudPoint;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::{ImageView, PixelFormat};
+use nunet_core::framing::AspectMode;
 use nunet_core::graph::{GraphOptions, Runtime, SerialGraph};
 use nunet_core::obstacle::{DepthImage, Mount, ObstacleDetector, ObstacleOptions};
 use nunet_core::pipeline::{Outputs, Pipeline, PipelineOptions};
@@ -104,11 +105,26 @@ fn a_steady_frame_allocates_nothing() {
             (SIZE, PixelFormat::Bgr8),
             (ImageSize::new(128, 96), PixelFormat::Rgb8),
             (ImageSize::new(160, 120), PixelFormat::Nv12),
+            (ImageSize::new(160, 90), PixelFormat::Rgb8), // cropped
+            (ImageSize::new(161, 90), PixelFormat::Nv12),
         ] {
             let allocations = steady_allocations(&mut pipeline, size, format);
             assert_eq!(allocations, 0, "every {every}, {format} of {size}");
         }
     }
+}
+
+#[test]
+fn a_padded_frame_allocates_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.onnx");
+    models::wnet(SIZE, true).write(&path);
+    let runtime = Runtime::load(&nunet_testkit::runtime_library()).unwrap();
+    let graph = SerialGraph::load(&path, &runtime, &GraphOptions::default()).unwrap();
+    let options = PipelineOptions { aspect: AspectMode::Letterbox, ..Default::default() };
+    let mut pipeline = Pipeline::new(graph, options).unwrap();
+    assert_eq!(steady_allocations(&mut pipeline, ImageSize::new(160, 90), PixelFormat::Rgb8), 0);
+    assert_eq!(steady_allocations(&mut pipeline, ImageSize::new(90, 160), PixelFormat::Bgr8), 0);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use nunet_ros2::{Ros2Error, Ros2ErrorKind};
 use nunet_sink::file_plan::FilePlanError;
 use nunet_sink::file_writer::FilesLate;
 pub use nunet_sink::sink::Outcome;
-use nunet_source::{SourceError, SourceErrorKind};
+use nunet_source::{CameraNews, SourceError, SourceErrorKind};
 use nunet_types::{Hint, printable, split_hint};
 use tracing::warn;
 
@@ -152,10 +152,19 @@ pub(crate) fn in_camera(error: anyhow::Error, camera: &str, several: bool) -> an
     if several { error.context(format!("camera `{camera}` cannot begin")) } else { error }
 }
 
-/// Warns about the assumption that replaces unknown intrinsics.
-pub(crate) fn warn_of_unknown_camera(assumption: &str) {
-    let hint = "pass --intrinsics fx,fy,cx,cy or --calibration FILE.yaml";
-    warn!(hint, "no intrinsics: {assumption}");
+/// Warns about the assumption that replaces unknown intrinsics, and about images that are cropped or stretched.
+pub(crate) fn warn_of_camera(CameraNews { assumption, framing }: &CameraNews) {
+    if let Some(assumption) = assumption {
+        let hint = "pass --intrinsics fx,fy,cx,cy or --calibration FILE.yaml";
+        warn!(hint, "no intrinsics: {assumption}");
+    }
+    let Some(framing) = framing else { return };
+    let hint = if framing.is_stretched() {
+        "pass --aspect crop, or --aspect letterbox to see the whole image"
+    } else {
+        "pass --aspect letterbox to see the whole image, or choose a camera mode of the network's aspect ratio"
+    };
+    framing.notice().into_iter().for_each(|notice| warn!(hint, "{notice}"));
 }
 
 const DONE: u8 = 0;

@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first thing that is wrong")]
 
 mod access;
+mod aspect;
 mod bad_input;
 mod calibrate;
 mod command_line;

@@ -9,6 +9,7 @@ use nunet_core::camera::{CalibratedScale, Camera};
 use nunet_core::cloud::CloudPoint;
 use nunet_core::filter::{FilterOptions, FilterSpec};
 use nunet_core::frame::ImageView;
+use nunet_core::framing::{AspectMode, Framing};
 use nunet_core::graph::Provider;
 use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::{FrameReport, Outputs, Pipeline, PipelineOptions};
@@ -30,6 +31,8 @@ pub struct ModelOptions {
     pub provider: Provider,
     /// Threads of one prediction; `None` for one per core.
     pub threads: Option<NonZeroUsize>,
+    /// What is done with images of another aspect ratio than the network's.
+    pub aspect: AspectMode,
     /// The filters for depth; each at most once.
     pub filters: Vec<FilterSpec>,
     /// The source of the factor by which the network's meters are multiplied.
@@ -76,6 +79,8 @@ pub struct Inferred {
     pub report: FrameReport,
     /// The camera on whose rays the points lie, at [`Model::size`]: the given one, else the assumed one.
     pub points_camera: Camera,
+    /// Which part of the image the results cover.
+    pub framing: Framing,
     /// Nanoseconds of the whole call.
     pub total_nanos: u64,
 }
@@ -87,15 +92,20 @@ impl Model {
     /// # Errors
     /// No such model, no library, a file that is refused, options that do not fit the network.
     pub fn open(name: &Path, options: ModelOptions) -> Result<Self, EngineError> {
-        let ModelOptions { provider, threads, filters, scale, factor } = options;
+        let ModelOptions { provider, threads, aspect, filters, scale, factor } = options;
         let filters = FilterOptions::new(&filters)?;
         let library = std::env::var_os(LIBRARY_VARIABLE).filter(|path| !path.is_empty());
         let onnxruntime = library.map(PathBuf::from);
         let engine = Engine::start(EngineOptions { provider, threads, onnxruntime })?;
         let loaded = engine.load(name, &[], &AtomicBool::new(false))?;
         let (path, hash) = (loaded.path().to_owned(), loaded.hash());
-        let options =
-            PipelineOptions { filters, scale, calibrated_factor: factor, ..PipelineOptions::default() };
+        let options = PipelineOptions {
+            aspect,
+            filters,
+            scale,
+            calibrated_factor: factor,
+            ..PipelineOptions::default()
+        };
         let (pipeline, selftest) = loaded.into_pipeline(options)?;
         let file = path.display().to_string();
         let report = ModelReport { file, hash, graph: pipeline.graph(), selftest: &selftest };
@@ -209,7 +219,8 @@ impl Model {
         let rgb = self.colors(image, points.as_deref(), pixels);
         let points_camera = *self.pipeline.points_camera();
         let total_nanos = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        Ok(Inferred { depth, labels, rgb, report, points_camera, total_nanos })
+        let framing = *self.pipeline.framing();
+        Ok(Inferred { depth, labels, rgb, report, points_camera, framing, total_nanos })
     }
 
     /// The colors of the last image's results: those of the cloud if there is one, else the network's input.

@@ -9,7 +9,7 @@ use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_engine::ModelName;
 use nunet_files::{make_folder, write_json, write_rgb};
 use nunet_source::{CameraResolver, Frame};
-use nunet_types::{ImageSize, Units, text_with_causes};
+use nunet_types::{Units, text_with_causes};
 
 use crate::baseline::Baseline;
 use crate::comparison::{Comparison, DepthKind};
@@ -212,8 +212,9 @@ impl Evaluation {
         predicted: &Prediction,
     ) -> Result<(), EvalError> {
         let Some((mounts, comparison)) = &mut self.obstacles else { return Ok(()) };
-        let ImageSize { width, height } = truth.size;
-        let camera = self.pipeline.points_camera().scaled_to(width, height)?;
+        let view = self.pipeline.framing().view();
+        let of_view = self.pipeline.points_camera().scaled_to(view.width, view.height)?;
+        let camera = of_view.padded(view, truth.size);
         let labels = (!predicted.labels.is_empty()).then_some(&predicted.labels[..]);
         let truth = DepthAndLabels { depth_m: &truth.depth_m, labels: truth.labels.as_deref() };
         comparison.add(&camera, mounts.of(id)?, [truth, DepthAndLabels { depth_m: &predicted.depth, labels }])
@@ -221,20 +222,19 @@ impl Evaluation {
 
     fn predict(&mut self, id: &str, on_event: OnEvent<'_>) -> Result<(Truth, Prediction), EvalError> {
         self.dataset.image(id, &mut self.frame)?;
-        let truth = self.dataset.truth(id, Some(self.frame.size))?;
+        let mut truth = self.dataset.truth(id, Some(self.frame.size))?;
         if !self.is_clip {
             self.pipeline.forget();
         }
-        if let Some(assumption) = self.camera.update(&self.frame, &mut self.pipeline)? {
-            on_event(Event::UnknownCamera { assumption });
-        }
+        on_event(Event::Camera(self.camera.update(&self.frame, &mut self.pipeline)?));
         if let Some(mounts) = &self.mounts {
             self.pipeline.set_mount(mounts.of(id)?);
         }
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth, labels, cloud: None };
         self.pipeline.process(&self.frame.view()?, outputs, &|| 0)?;
-        let fit = Fit::new(&self.pipeline, truth.size);
+        truth.blank_outside(self.pipeline.framing().view());
+        let fit = Fit::new(&self.pipeline);
         let prediction = Prediction { depth: fit.depth(&self.depth), labels: fit.labels(&self.labels) };
         Ok((truth, prediction))
     }

@@ -1,5 +1,7 @@
 //! The events of an evaluation. The library prints nothing itself.
 
+use nunet_source::CameraNews;
+
 /// Progress and problems of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -35,11 +37,8 @@ pub enum Event<'a> {
     },
     /// Something unusual that does not stop the evaluation.
     Warning(&'a str),
-    /// The camera is unknown.
-    UnknownCamera {
-        /// What is assumed instead.
-        assumption: &'static str,
-    },
+    /// The camera is unknown, or the network does not see all of its images.
+    Camera(CameraNews),
     /// Much of the true depth is not compared: its unit or the cap may be wrong.
     TruthBeyondCap {
         /// The share of the true depth.

@@ -1,35 +1,59 @@
-//! Results at the size of the truth.
+//! Results at the size of the image.
 
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma};
 use nunet_core::pipeline::Pipeline;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, NO_LABEL};
 
-/// Resizes results to the size of the truth. The image was stretched to the network's size. Decimation
-/// drops incomplete blocks at the right and at the bottom, so the last column and row are repeated there.
+/// Resizes results to the size of the image. The view was stretched to the network's size. Decimation drops
+/// incomplete blocks at the right and at the bottom, so the last column and row are repeated there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fit {
     from: ImageSize,
     covered: ImageSize,
+    /// The view.
     to: ImageSize,
+    /// Where the view begins in the image.
+    at: (u32, u32),
+    image: ImageSize,
 }
 
 impl Fit {
-    pub(crate) fn new(pipeline: &Pipeline, to: ImageSize) -> Self {
+    pub(crate) fn new(pipeline: &Pipeline) -> Self {
+        let (view, image) = (pipeline.framing().view(), pipeline.framing().image());
+        let to = view.size();
         let (network, from) = (pipeline.graph().size(), pipeline.size());
         let factor = pipeline.decimation().get();
         let covered = ImageSize {
             width: covered(to.width, from.width * factor, network.width),
             height: covered(to.height, from.height * factor, network.height),
         };
-        Self { from, covered, to }
+        Self { from, covered, to, at: (view.x, view.y), image }
     }
 
-    /// `[H, W]` depth of the results at the truth's size.
+    /// `[H, W]` depth of the results at the image's size, NaN outside the view.
     ///
     /// The crate `image` takes 0 to 1 as the range of `f32` and clamps to it, which would end depth at a meter: numbers
     /// are brought there and back.
     pub(crate) fn depth(&self, depth: &[f32]) -> Vec<f32> {
+        self.in_image(self.depth_of_view(depth), f32::NAN)
+    }
+
+    /// Surrounds the view with `outside`.
+    fn in_image<T: Copy>(&self, view: Vec<T>, outside: T) -> Vec<T> {
+        if view.is_empty() || self.to == self.image {
+            return view;
+        }
+        let mut image = vec![outside; self.image.pixel_count()];
+        let (columns, rows) = (self.at.0 as usize, self.at.1 as usize);
+        let lines = image.chunks_exact_mut(self.image.width as usize).skip(rows);
+        for (line, from) in lines.zip(view.chunks_exact(self.to.width as usize)) {
+            line[columns..columns + from.len()].copy_from_slice(from);
+        }
+        image
+    }
+
+    fn depth_of_view(&self, depth: &[f32]) -> Vec<f32> {
         if self.from == self.to {
             return depth.to_vec();
         }
@@ -42,9 +66,9 @@ impl Fit {
         resized.into_iter().map(|unit| unit * range + near).collect()
     }
 
-    /// `[H, W]` labels of the results at the truth's size.
+    /// `[H, W]` labels of the results at the image's size, [`NO_LABEL`] outside the view.
     pub(crate) fn labels(&self, labels: &[u8]) -> Vec<u8> {
-        self.resized(labels, FilterType::Nearest)
+        self.in_image(self.resized(labels, FilterType::Nearest), NO_LABEL)
     }
 
     fn resized<T>(&self, values: &[T], filter: FilterType) -> Vec<T>
@@ -84,10 +108,28 @@ mod tests {
         ImageSize { width, height }
     }
 
+    fn whole(from: ImageSize, to: ImageSize) -> Fit {
+        Fit { from, covered: to, to, at: (0, 0), image: to }
+    }
+
+    #[test]
+    fn results_lie_where_the_view_lies_in_the_image() {
+        let fit =
+            Fit { from: size(2, 1), covered: size(2, 1), to: size(2, 1), at: (1, 1), image: size(4, 3) };
+        let depth = fit.depth(&[3.0, 5.0]);
+        assert_eq!((depth.len(), depth[5], depth[6]), (12, 3.0, 5.0));
+        assert_eq!(depth.iter().filter(|depth| depth.is_nan()).count(), 10);
+        let mut expected = [NO_LABEL; 12];
+        expected[5..7].copy_from_slice(&[7, 8]);
+        assert_eq!(fit.labels(&[7, 8]), expected);
+        assert!(fit.labels(&[]).is_empty(), "a network without labels");
+    }
+
     #[test]
     fn pixels_outside_whole_blocks_take_the_last_column_and_row() {
         // A network of 7x5 and blocks of 2: 3x2 pixels cover 6x4 of it.
-        let fit = Fit { from: size(3, 2), covered: size(covered(7, 6, 7), covered(5, 4, 5)), to: size(7, 5) };
+        let covered = size(covered(7, 6, 7), covered(5, 4, 5));
+        let fit = Fit { from: size(3, 2), covered, to: size(7, 5), at: (0, 0), image: size(7, 5) };
         assert_eq!(fit.covered, size(6, 4));
         let labels = fit.labels(&[1, 2, 3, 4, 5, 6]);
         #[rustfmt::skip]
@@ -103,7 +145,7 @@ mod tests {
 
     #[test]
     fn depth_beyond_a_meter_and_numbers_below_zero_keep_their_values() {
-        let fit = Fit { from: size(2, 1), covered: size(4, 1), to: size(4, 1) };
+        let fit = whole(size(2, 1), size(4, 1));
         for (depth, expected) in [([7.5, 7.5], [7.5; 4]), ([-3.0, 5.0], [-3.0, -1.0, 3.0, 5.0])] {
             let got = fit.depth(&depth);
             assert!(got.iter().zip(expected).all(|(got, want)| (got - want).abs() < 1e-5), "{got:?}");
@@ -117,7 +159,7 @@ mod tests {
 
     #[test]
     fn results_of_the_truths_size_are_as_they_are() {
-        let fit = Fit { from: size(2, 1), covered: size(2, 1), to: size(2, 1) };
+        let fit = whole(size(2, 1), size(2, 1));
         let depth = fit.depth(&[1.0, f32::NAN]);
         assert!(depth[0] == 1.0 && depth[1].is_nan());
     }

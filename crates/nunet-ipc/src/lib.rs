@@ -83,6 +83,6 @@ pub use crate::recovery::orphans;
 pub use nunet_types::layout::Field;
 pub use nunet_types::{
     CameraInfo, Clock, CloudPoint, DistortionModel, Encoding, ImageSize, MAX_OBSTACLE_POINTS, MAX_SECTORS,
-    MAX_SIDE_PX, NO_LABEL, ObstaclePoint, ObstacleSector, PixelFormat, Quality, ScaleSource, SectorState,
-    Topic, Units, UnknownValue, UnknownWord, Wake,
+    MAX_SIDE_PX, NO_LABEL, ObstaclePoint, ObstacleSector, PixelFormat, PixelRect, Quality, ScaleSource,
+    SectorState, Topic, Units, UnknownValue, UnknownWord, Wake,
 };

@@ -1,7 +1,9 @@
 //! The layout of the header, said a second time: a change here is a new version of the contract.
 
 use nunet_ipc::contract::{BLOCK, ENUMS, HEADER, OBSTACLE_POINT, OBSTACLE_SECTOR, OBSTACLES, POINT, STATS};
-use nunet_ipc::{Clock, DistortionModel, Encoding, FrameHeader, Quality, ScaleSource, Topic, Units};
+use nunet_ipc::{
+    Clock, DistortionModel, Encoding, FrameHeader, PixelRect, Quality, ScaleSource, Topic, Units,
+};
 
 fn filled() -> FrameHeader {
     let mut header = FrameHeader {
@@ -23,6 +25,10 @@ fn filled() -> FrameHeader {
         invalid_pixels: 6,
         scale_factor: 0.75,
         scale_age_nanos: 9,
+        view_x: 160,
+        view_y: 1,
+        view_width: 960,
+        view_height: 720,
         ..Default::default()
     };
     header.set_topic(Topic::Depth);
@@ -74,6 +80,10 @@ fn golden() -> Vec<u8> {
     put(344, b"camera_optical"); // frame_id
     put(408, &0.75_f64.to_le_bytes()); // scale_factor
     put(416, &9_i64.to_le_bytes()); // scale_age_nanos
+    put(424, &160_u32.to_le_bytes()); // view_x
+    put(428, &1_u32.to_le_bytes()); // view_y
+    put(432, &960_u32.to_le_bytes()); // view_width
+    put(436, &720_u32.to_le_bytes()); // view_height
     bytes
 }
 
@@ -120,6 +130,10 @@ fn bytes_of_field(header: &FrameHeader, name: &str) -> Vec<u8> {
         "frame_id" => header.frame_id.to_vec(),
         "scale_factor" => header.scale_factor.to_le_bytes().to_vec(),
         "scale_age_nanos" => header.scale_age_nanos.to_le_bytes().to_vec(),
+        "view_x" => header.view_x.to_le_bytes().to_vec(),
+        "view_y" => header.view_y.to_le_bytes().to_vec(),
+        "view_width" => header.view_width.to_le_bytes().to_vec(),
+        "view_height" => header.view_height.to_le_bytes().to_vec(),
         "reserved" => header.reserved.to_vec(),
         other => panic!("field `{other}` is new: say here what its bytes are"),
     }
@@ -183,10 +197,13 @@ fn a_reader_from_before_obstacles_and_calibrated_scale_still_reads_every_frame()
 }
 
 #[test]
-fn a_header_from_before_has_no_scale_factor() {
+fn a_header_from_before_has_no_scale_factor_and_no_view() {
     let mut old = golden();
     old[408..].fill(0);
     let header: FrameHeader = bytemuck::pod_read_unaligned(&old);
     assert_eq!((header.scale_factor, header.scale_age_nanos), (0.0, 0));
     assert_eq!(header.scale_source(), Ok(ScaleSource::FocalScaled));
+    assert_eq!(header.view(), None);
+    let view = PixelRect { x: 160, y: 1, width: 960, height: 720 };
+    assert_eq!(filled().view(), Some(view));
 }

@@ -30,8 +30,6 @@ pub(crate) struct Played {
     pub(crate) capture_unix_nanos: i64,
     /// The image's coordinate frame.
     pub(crate) frame_id: String,
-    /// The size as recorded.
-    pub(crate) frame_size: nunet_types::ImageSize,
 }
 
 /// The outcome of [`Player::step`].
@@ -121,7 +119,6 @@ impl Player {
             sequence: frame.sequence,
             capture_unix_nanos: frame.capture.unix_nanos,
             frame_id: self.source.frame_id().to_owned(),
-            frame_size: frame.size,
         })
     }
 }

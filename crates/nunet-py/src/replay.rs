@@ -60,7 +60,7 @@ impl PyReplay {
                 ReplayStep::Step(PlayerStep::Played(played)) => {
                     let model = self.model.get();
                     model.warn_of_factor(py, played.uses_factor)?;
-                    model.warn_of_guesses(py, &played.inferred, played.frame_size)?;
+                    model.warn_of_guesses(py, &played.inferred)?;
                     return Result::of_recording(py, *played, self.topic.clone(), model.shared()).map(Some);
                 }
                 ReplayStep::Step(PlayerStep::Lost { sequence, error }) => {

@@ -110,7 +110,7 @@ fn halved(camera: CameraDescription) -> CameraDescription {
 mod tests {
     use nunet_core::depth::{DepthEncoding, Scale};
     use nunet_sink::results::Results;
-    use nunet_types::ImageSize;
+    use nunet_types::{ImageSize, PixelRect};
 
     use super::*;
 
@@ -124,6 +124,7 @@ mod tests {
             cloud_size: size,
             cloud: None,
             camera: None,
+            view: PixelRect::whole(size),
             obstacles: None,
         });
         record

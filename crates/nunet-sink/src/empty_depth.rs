@@ -29,7 +29,7 @@ impl EmptyDepthWarning {
 mod tests {
     use nunet_core::depth::ScaleSource;
     use nunet_core::graph::{Quality, StageTimes};
-    use nunet_types::Units;
+    use nunet_types::{PixelRect, Units};
 
     use super::*;
 
@@ -42,6 +42,7 @@ mod tests {
             scale_source: ScaleSource::Metric,
             scale_factor: 1.0,
             scale_age_nanos: 0,
+            view: PixelRect::default(),
             bytes_copied: 0,
             invalid_pixels,
             stability: None,

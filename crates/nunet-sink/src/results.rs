@@ -4,7 +4,7 @@ use nunet_core::camera::Camera;
 use nunet_core::cloud::CloudPoint;
 use nunet_core::depth::Scale;
 use nunet_core::obstacle::Obstacles;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelRect};
 
 /// The results of a frame: slices of shared memory, or of a buffer of the subcommand.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +23,8 @@ pub struct Results<'a> {
     pub cloud: Option<&'a [CloudPoint]>,
     /// The camera at the size of depth, if it is known.
     pub camera: Option<Camera>,
+    /// The part of the image that the results cover, pixels of the image.
+    pub view: PixelRect,
     /// Obstacles; `None` if they were not computed.
     pub obstacles: Option<&'a Obstacles>,
 }

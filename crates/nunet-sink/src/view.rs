@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use nunet_core::camera::{Camera, RayTable};
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelRect};
 use nunet_view::{CameraFeed, CameraStatus, DepthInfo, OnDemand, RayGrid, ViewFrame, ViewServer};
 
 use crate::results::Results;
@@ -79,12 +79,19 @@ fn copy(published: &PublishedFrame<'_>, frame: &mut ViewFrame) {
     if let Ok(image) = source.view() {
         frame.set_image(image.bytes(), image.size(), image.row_stride(), image.format());
     }
-    let Results { scale, size, depth, labels, obstacles, .. } = *results;
-    frame.set_depth(depth, DepthInfo { size, units: scale.units, scale_source: scale.source });
+    let Results { scale, size, depth, labels, obstacles, view, .. } = *results;
+    let view = shares_of(view, source.size);
+    frame.set_depth(depth, DepthInfo { size, units: scale.units, scale_source: scale.source, view });
     frame.set_labels(labels.unwrap_or_default());
     if let Some(found) = obstacles {
         frame.set_obstacles(&found.map());
     }
+}
+
+/// A part of an image as shares of it.
+fn shares_of(part: PixelRect, ImageSize { width, height }: ImageSize) -> [f32; 4] {
+    let (columns, rows) = (width.max(1) as f32, height.max(1) as f32);
+    [part.x as f32 / columns, part.y as f32 / rows, part.width as f32 / columns, part.height as f32 / rows]
 }
 
 #[cfg(test)]
@@ -96,6 +103,12 @@ mod tests {
     /// A server on a free port of loopback.
     fn server() -> ViewServer {
         ViewServer::open("127.0.0.1:0".parse().unwrap(), ViewOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn a_part_of_an_image_becomes_shares_of_it() {
+        let part = PixelRect { x: 160, y: 0, width: 960, height: 720 };
+        assert_eq!(shares_of(part, ImageSize::new(1280, 720)), [0.125, 0.0, 0.75, 1.0]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nunet_core::camera::{CalibratedScale, Calibration, Camera, CameraError, IntrinsicsSpec};
 use nunet_core::depth::ScaleSource;
+use nunet_core::framing::Framing;
 use nunet_core::pipeline::Pipeline;
 use nunet_core::plain_file;
 use nunet_types::ImageSize;
@@ -31,6 +32,7 @@ pub struct CameraResolver {
     /// The inputs of the pipeline's current camera.
     current: Option<Key>,
     has_reported: bool,
+    has_reported_framing: bool,
     /// The named camera, if any, fitted a frame.
     fits: bool,
 }
@@ -49,6 +51,15 @@ impl Named {
             Self::Calibration(calibration) => calibration.at_size(width, height),
         }
     }
+}
+
+/// What a user should know about the camera of a stream, each once.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CameraNews {
+    /// What is assumed about an unknown camera: "points assume the training camera".
+    pub assumption: Option<&'static str>,
+    /// How images of another aspect ratio than the network's are taken ([`Framing::notice`]).
+    pub framing: Option<Framing>,
 }
 
 /// A camera is resolved again when one of these changes.
@@ -112,23 +123,18 @@ impl CameraResolver {
         Ok(camera)
     }
 
-    /// Passes the camera to the pipeline if it changed. If the camera is unknown, the first call returns the
-    /// assumption that replaces it: "points assume the training camera".
+    /// Passes the camera and the size of the frame to the pipeline if they changed. Returns what a user should know, once.
     ///
     /// # Errors
     /// As [`CameraResolver::resolve`], or [`BadFrame`](crate::SourceErrorKind::BadFrame) if the camera does not fit the
     /// network.
-    pub fn update(
-        &mut self,
-        frame: &Frame,
-        pipeline: &mut Pipeline,
-    ) -> Result<Option<&'static str>, SourceError> {
+    pub fn update(&mut self, frame: &Frame, pipeline: &mut Pipeline) -> Result<CameraNews, SourceError> {
         let key = Key { size: frame.size, camera: frame.camera };
         if self.current == Some(key) {
-            return Ok(None);
+            return Ok(CameraNews::default());
         }
         let camera = self.resolve(frame)?;
-        pipeline.set_camera(camera).map_err(|error| {
+        pipeline.set_camera(camera).and_then(|()| pipeline.fit_to(frame.size)).map_err(|error| {
             SourceError::bad_frame("the camera does not fit the network").with_cause(error)
         })?;
         if self.current.is_none() {
@@ -136,7 +142,10 @@ impl CameraResolver {
         }
         self.current = Some(key);
         let is_news = camera.is_none() && !std::mem::replace(&mut self.has_reported, true);
-        Ok(is_news.then(|| assumption(pipeline)))
+        let framing = Some(*pipeline.framing()).filter(|framing| {
+            framing.notice().is_some() && !std::mem::replace(&mut self.has_reported_framing, true)
+        });
+        Ok(CameraNews { assumption: is_news.then(|| assumption(pipeline)), framing })
     }
 }
 

@@ -50,7 +50,7 @@ mod source_type;
 mod v4l2;
 
 pub use camera_file::CameraFile;
-pub use camera_resolver::{CameraGeometry, CameraResolver, read_calibration};
+pub use camera_resolver::{CameraGeometry, CameraNews, CameraResolver, read_calibration};
 pub use continuity::{Continuity, Discontinuity};
 pub use error::{SourceError, SourceErrorKind};
 pub use frame::{CaptureTime, Frame, Pixels};

@@ -2,7 +2,7 @@
 //!
 //! | item | what it is |
 //! |------|------------|
-//! | [`ImageSize`], [`PixelFormat`] | the layout of an image in memory |
+//! | [`ImageSize`], [`PixelFormat`], [`PixelRect`] | the layout of an image in memory, and a part of it |
 //! | [`Units`], [`ScaleSource`], [`Quality`] | the meaning of a depth map's numbers |
 //! | [`CameraInfo`], [`DistortionModel`] | intrinsics and lens of a camera, as messages carry them |
 //! | [`SensorRegion`] | the part of its sensor that a camera delivers |
@@ -43,6 +43,7 @@ pub mod layout;
 mod message;
 mod obstacle;
 mod pixel_format;
+mod pixel_rect;
 pub mod printable;
 mod sensor_region;
 mod vocabulary;
@@ -59,5 +60,6 @@ pub use obstacle::{
     MAX_OBSTACLE_POINTS, MAX_SECTORS, ObstacleMap, ObstaclePoint, ObstacleSector, SectorState,
 };
 pub use pixel_format::PixelFormat;
+pub use pixel_rect::PixelRect;
 pub use sensor_region::{RegionOutside, SensorRegion};
 pub use vocabulary::{UnknownValue, UnknownWord};

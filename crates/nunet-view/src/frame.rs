@@ -37,7 +37,7 @@ pub(crate) struct ImageInfo {
 }
 
 /// What the numbers of a depth map mean.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthInfo {
     /// Width and height of the depth map and of the labels.
     pub size: ImageSize,
@@ -45,7 +45,12 @@ pub struct DepthInfo {
     pub units: Units,
     /// Where the scale of depth comes from.
     pub scale_source: ScaleSource,
+    /// The part of the image that depth covers: left, top, width, height, as shares of the image.
+    pub view: [f32; 4],
 }
+
+/// Depth covers the whole image ([`DepthInfo::view`]).
+pub const WHOLE_IMAGE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
 
 /// The directions that a camera's pixels see, on a coarse grid: viewers interpolate between its nodes.
 ///
@@ -178,8 +183,12 @@ mod tests {
     #[test]
     fn depth_and_labels_of_another_size_count_as_none() {
         let mut frame = ViewFrame::default();
-        let info =
-            DepthInfo { size: ImageSize::new(2, 1), units: Units::Metre, scale_source: ScaleSource::Metric };
+        let info = DepthInfo {
+            size: ImageSize::new(2, 1),
+            units: Units::Metre,
+            scale_source: ScaleSource::Metric,
+            view: [0.0, 0.0, 1.0, 1.0],
+        };
         frame.set_depth(&[1.0, 2.0], info);
         frame.set_labels(&[1, 2]);
         assert_eq!((frame.depth(), frame.labels()), (Some((info, &[1.0, 2.0][..])), Some(&[1, 2][..])));

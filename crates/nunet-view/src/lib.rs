@@ -32,7 +32,7 @@
 //! let mut feed = server.add_camera("front", &["floor".to_owned(), "wall".to_owned()]);
 //! if feed.is_wanted() {
 //!     let size = ImageSize::new(2, 2);
-//!     let depth = DepthInfo { size, units: Units::Metre, scale_source: ScaleSource::Metric };
+//!     let depth = DepthInfo { size, units: Units::Metre, scale_source: ScaleSource::Metric, view: [0.0, 0.0, 1.0, 1.0] };
 //!     feed.offer(|frame| {
 //!         frame.set_image(&[0, 64, 128, 255], size, 2, PixelFormat::Mono8);
 //!         frame.set_depth(&[1.0, 1.5, 2.0, f32::NAN], depth);
@@ -58,7 +58,7 @@ mod token;
 pub use camera::{CameraFeed, CameraStatus, OnDemand};
 pub use encode::{DepthMap, DepthMapError};
 pub use error::{ViewError, ViewErrorKind};
-pub use frame::{DepthInfo, RayGrid, ViewFrame};
+pub use frame::{DepthInfo, RayGrid, ViewFrame, WHOLE_IMAGE};
 pub use http::MetricsText;
 pub use protocol::{FrameMessage, MessageError, PROTOCOL_VERSION, Request, RequestError, Section, Watch};
 pub use server::{MetricsServer, ViewConfig, ViewOptions, ViewServer, check_address};

@@ -22,7 +22,12 @@ fn sent_frame() -> Vec<u8> {
     let server = ViewServer::open("127.0.0.1:0".parse().unwrap(), ViewOptions::default()).unwrap();
     let mut feed = server.add_camera("front", &[]);
     let size = ImageSize::new(4, 2);
-    let info = DepthInfo { size, units: Units::Metre, scale_source: ScaleSource::Metric };
+    let info = DepthInfo {
+        size,
+        units: Units::Metre,
+        scale_source: ScaleSource::Metric,
+        view: [0.0, 0.0, 1.0, 1.0],
+    };
     feed.offer(|frame| {
         frame.set_depth(&[1.0, 1.1, 1.2, f32::NAN, 2.0, 2.1, 2.2, 2.3], info);
         frame.set_labels(&[0, 0, 1, 1, 2, 2, 3, 3]);

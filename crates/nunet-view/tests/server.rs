@@ -38,8 +38,12 @@ fn depth(sequence: u64) -> Vec<f32> {
     (0..SIZE.pixel_count() as u32).map(|index| if index == 0 { f32::NAN } else { value(index) }).collect()
 }
 
-const DEPTH_INFO: DepthInfo =
-    DepthInfo { size: SIZE, units: Units::Metre, scale_source: ScaleSource::Metric };
+const DEPTH_INFO: DepthInfo = DepthInfo {
+    size: SIZE,
+    units: Units::Metre,
+    scale_source: ScaleSource::Metric,
+    view: [0.0, 0.0, 1.0, 1.0],
+};
 
 fn offer(feed: &mut CameraFeed, sequence: u64) {
     feed.offer(|frame| {
@@ -379,7 +383,12 @@ fn a_video_is_one_jpeg_after_the_other() {
 #[test]
 fn relative_depth_has_no_millimeters() {
     let (server, mut feed) = server();
-    let info = DepthInfo { size: SIZE, units: Units::Relative, scale_source: ScaleSource::Relative };
+    let info = DepthInfo {
+        size: SIZE,
+        units: Units::Relative,
+        scale_source: ScaleSource::Relative,
+        view: [0.0, 0.0, 1.0, 1.0],
+    };
     feed.offer(|frame| frame.set_depth(&depth(0), info));
     assert_eq!(status_of(&get(server.address(), "/front/depth.png", "")), StatusCode::CONFLICT);
 }

@@ -230,8 +230,12 @@ def test_another_aspect_ratio_causes_one_warning():
     wide, high = noise(90, 160), noise(160, 90)
     camera = nunet.Camera(128, 128, 80, 45, (160, 90))
     (message,) = messages(lambda: net.infer(wide, camera=camera))
-    assert "160x90" in message and "128x96" in message and "\nhint: " in message
+    assert "160x90" in message and "120x90 at (20, 0)" in message and "\nhint: " in message
     upright = nunet.Camera(128, 128, 45, 80, (90, 160))
     assert messages(lambda: net.infer(high, camera=upright)) == []
+    squeezed = model(aspect="stretch")
+    (message,) = messages(lambda: squeezed.infer(wide, camera=camera))
+    assert "stretched to 128x96" in message
+    assert messages(lambda: model(aspect="letterbox").infer(wide, camera=camera)) == []
     nearly = nunet.Camera(256, 256, 128, 96, (257, 193))
     assert messages(lambda: model().infer(noise(193, 257), camera=nearly)) == []

@@ -2,6 +2,8 @@
 
 use std::num::NonZeroU32;
 
+use nunet_types::{ImageSize, PixelRect};
+
 use super::CameraError;
 use super::accepted_range::accepted_range;
 
@@ -55,6 +57,12 @@ impl Intrinsics {
         Ok(Self { fx_px, fy_px, cx_px, cy_px, width, height })
     }
 
+    /// Width and height of the image that these numbers are for.
+    #[must_use]
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
+    }
+
     /// The intrinsics after the whole image is resized to `width` x `height` pixels, each axis by its own factor.
     ///
     /// Pixel centers lie at whole numbers, so the image's left edge is at -0.5: `cx' = (cx + 0.5) * s - 0.5`.
@@ -91,6 +99,20 @@ impl Intrinsics {
             return Err(CameraError::Aspect { calibrated_width, calibrated_height, width, height });
         }
         self.scaled_to(width, height)
+    }
+
+    /// The intrinsics of a part of the image: the principal point moves, the focal lengths stay.
+    #[must_use]
+    pub fn cropped(&self, PixelRect { x, y, width, height }: PixelRect) -> Self {
+        let (cx_px, cy_px) = (self.cx_px - f64::from(x), self.cy_px - f64::from(y));
+        Self { cx_px, cy_px, width, height, ..*self }
+    }
+
+    /// The intrinsics of an image of size `canvas` in which this image lies at `place`, which has its size.
+    #[must_use]
+    pub fn padded(&self, place: PixelRect, canvas: ImageSize) -> Self {
+        let (cx_px, cy_px) = (self.cx_px + f64::from(place.x), self.cy_px + f64::from(place.y));
+        Self { cx_px, cy_px, width: canvas.width, height: canvas.height, ..*self }
     }
 
     /// The intrinsics of the image made of columns and rows 0, `stride`, 2 `stride`, ... of this one.

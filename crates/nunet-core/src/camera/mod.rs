@@ -32,6 +32,7 @@ pub use scale_factor::{MAX_SCALE_FACTOR, MIN_SCALE_FACTOR, check_scale_factor};
 use std::num::NonZeroU32;
 
 use nalgebra::Point2;
+use nunet_types::{ImageSize, PixelRect};
 
 /// Lens distortion: where a point appears, compared with a pinhole camera.
 ///
@@ -108,6 +109,18 @@ impl Camera {
     /// A side of 0 pixels.
     pub fn scaled_to(&self, width: u32, height: u32) -> Result<Self, CameraError> {
         Ok(Self { intrinsics: self.intrinsics.scaled_to(width, height)?, distortion: self.distortion })
+    }
+
+    /// The camera of a part of the image.
+    #[must_use]
+    pub fn cropped(&self, part: PixelRect) -> Self {
+        Self { intrinsics: self.intrinsics.cropped(part), distortion: self.distortion }
+    }
+
+    /// The camera of an image of size `canvas` in which this camera's image lies at `place`, which has its size.
+    #[must_use]
+    pub fn padded(&self, place: PixelRect, canvas: ImageSize) -> Self {
+        Self { intrinsics: self.intrinsics.padded(place, canvas), distortion: self.distortion }
     }
 
     /// The camera of the image made of columns and rows 0, `stride`, 2 `stride`, ...

@@ -1,12 +1,12 @@
 //! Depth of another size than the image, resized to it.
 
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelRect};
 
 /// Resizes the output of a foreign network to the size of its image, bilinearly.
 ///
 /// Values are resized before they are decoded, as the authors of such networks do. Pixel centers follow the half-pixel
 /// rule, and the border is repeated. Indices and weights are computed once; a frame allocates nothing.
-pub(super) struct DepthResize {
+pub(crate) struct DepthResize {
     columns: Vec<Tap>,
     rows: Vec<Tap>,
     source_width: usize,
@@ -23,16 +23,21 @@ struct Tap {
 
 impl DepthResize {
     /// From width and height `source` to `target`, pixels, none of them 0.
-    pub(super) fn new(source: ImageSize, target: ImageSize) -> Self {
+    pub(crate) fn new(source: ImageSize, target: ImageSize) -> Self {
+        Self::of_part(PixelRect::whole(source), source, target)
+    }
+
+    /// From a `part` of an image of size `source` to `target`. Pixels outside the part have no influence.
+    pub(crate) fn of_part(part: PixelRect, source: ImageSize, target: ImageSize) -> Self {
         Self {
-            columns: taps(source.width, target.width),
-            rows: taps(source.height, target.height),
+            columns: taps(part.x, part.width, target.width),
+            rows: taps(part.y, part.height, target.height),
             source_width: source.width as usize,
         }
     }
 
     /// Fills `target` from `source`, both row by row from the top.
-    pub(super) fn fill(&self, source: &[f32], target: &mut [f32]) {
+    pub(crate) fn fill(&self, source: &[f32], target: &mut [f32]) {
         let row_of = |row: usize| &source[row * self.source_width..(row + 1) * self.source_width];
         for (row, target_row) in self.rows.iter().zip(target.chunks_exact_mut(self.columns.len())) {
             let (above, below) = (row_of(row.first), row_of(row.second));
@@ -52,13 +57,15 @@ impl Tap {
     }
 }
 
-fn taps(source: u32, target: u32) -> Vec<Tap> {
-    let last = source as usize - 1;
+/// For `source` pixels from pixel `start` on.
+fn taps(start: u32, source: u32, target: u32) -> Vec<Tap> {
+    let (start, last) = (start as usize, source as usize - 1);
     let tap = |pixel: u32| {
         let place = (f64::from(pixel) + 0.5) * f64::from(source) / f64::from(target) - 0.5;
         let place = place.clamp(0.0, last as f64);
         let first = place as usize;
-        Tap { first, second: (first + 1).min(last), weight: (place - first as f64) as f32 }
+        let weight = (place - first as f64) as f32;
+        Tap { first: start + first, second: start + (first + 1).min(last), weight }
     };
     (0..target).map(tap).collect()
 }
@@ -80,6 +87,21 @@ mod tests {
         let mut target = [0.0; 2];
         DepthResize::new(ImageSize::new(4, 2), ImageSize::new(2, 1)).fill(&source, &mut target);
         assert_eq!(target, [2.0, 6.0]);
+    }
+
+    #[test]
+    fn pixels_outside_the_part_have_no_influence() {
+        let nan = f32::NAN;
+        #[rustfmt::skip]
+        let source = [
+            nan, nan, nan, nan,
+            nan, 1.0, 3.0, nan,
+            nan, nan, nan, nan,
+        ];
+        let part = PixelRect { x: 1, y: 1, width: 2, height: 1 };
+        let mut target = [0.0; 8];
+        DepthResize::of_part(part, (4, 3).into(), (4, 2).into()).fill(&source, &mut target);
+        assert_eq!(target, [1.0, 1.5, 2.5, 3.0, 1.0, 1.5, 2.5, 3.0]);
     }
 
     #[test]

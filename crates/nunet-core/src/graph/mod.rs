@@ -20,6 +20,7 @@ mod times;
 mod trial;
 mod wiring;
 
+pub(crate) use depth_resize::DepthResize;
 pub use error::GraphError;
 pub use io::{GraphInput, GraphOptions, GraphOutputs, GraphReport, StageInfo, TensorView};
 pub use load::{model_files, model_hashes};

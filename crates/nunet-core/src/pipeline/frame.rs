@@ -1,5 +1,7 @@
 //! The output buffers and the report of a frame.
 
+use nunet_types::PixelRect;
+
 use crate::camera::Camera;
 use crate::cloud::CloudPoint;
 use crate::depth::{Scale, ScaleSource, Units};
@@ -41,6 +43,8 @@ pub struct FrameReport {
     /// The camera at [`super::Pipeline::size`], with its lens distortion: depth maps are not rectified. `None` if the camera is
     /// not known.
     pub camera: Option<Camera>,
+    /// The part of the image that the results cover, pixels of the image.
+    pub view: PixelRect,
 }
 
 impl FrameReport {

@@ -8,6 +8,7 @@ use super::PipelineOptions;
 use crate::camera::{Camera, CameraError, Intrinsics, RayTable};
 use crate::cloud::{CloudError, CloudOptions, CloudPoint, organized_cloud};
 use crate::filter::Appearance;
+use crate::framing::Framing;
 use crate::graph::SerialGraph;
 use crate::model::{ModelDescription, TrainingCamera};
 
@@ -20,9 +21,9 @@ pub(super) struct Lens {
     pub(super) known: Option<Camera>,
     /// At the size of depth, known or assumed: the camera of the rays.
     pub(super) camera: Camera,
-    /// At the size of the network, known or assumed.
+    /// At the size of the network, known or assumed: the camera of the results before decimation.
     pub(super) at_network: Camera,
-    /// The known camera's focal length at the network's width, pixels.
+    /// The known camera's focal length in the network's image, pixels.
     pub(super) network_fx_px: Option<f64>,
     /// The ray of every pixel of depth.
     rays: RayTable,
@@ -31,24 +32,30 @@ pub(super) struct Lens {
 
 impl Lens {
     /// Also sets the graph's inputs that depend on the camera.
-    pub(super) fn new(options: &PipelineOptions, graph: &mut SerialGraph) -> Result<Self, CameraError> {
-        let ImageSize { width, height } = graph.size();
-        let known = options.camera.map(|camera| camera.scaled_to(width, height)).transpose()?;
-        let at_network = match known {
-            Some(camera) => camera,
-            None => assumed_camera(graph.description(), width, height)?,
+    pub(super) fn new(
+        options: &PipelineOptions,
+        framing: &Framing,
+        graph: &mut SerialGraph,
+    ) -> Result<Self, CameraError> {
+        let known = options.camera.map(|camera| framing.camera_of_results(&camera)).transpose()?;
+        let (at_network, of_input) = match (known, &options.camera) {
+            (Some(results), Some(camera)) => (results, framing.camera_of_network(camera)?),
+            _ => {
+                let ImageSize { width, height } = graph.size();
+                let assumed = assumed_camera(graph.description(), width, height)?;
+                (framing.results_of_network_camera(&assumed)?, assumed)
+            }
         };
-        graph.set_camera(&at_network.intrinsics);
+        graph.set_camera(&of_input.intrinsics);
         let camera = match options.filters.decimation() {
             Some(decimation) => at_network.decimated(decimation.factor()),
             None => at_network,
         };
-        let network_fx_px = known.map(|camera| camera.intrinsics.fx_px);
         Ok(Self {
             known: known.map(|_| camera),
             camera,
             at_network,
-            network_fx_px,
+            network_fx_px: known.map(|_| of_input.intrinsics.fx_px),
             rays: RayTable::within_angle(&camera, options.max_ray_angle_rad),
             cloud_stride: options.cloud_stride,
         })

@@ -4,6 +4,7 @@ use std::num::NonZeroU32;
 
 use crate::camera::Camera;
 use crate::filter::FilterOptions;
+use crate::framing::AspectMode;
 use crate::scale::ScaleMode;
 
 /// The largest angle of a cloud's rays to the optical axis by default: 85 degrees. Only wide fisheyes reach it. Beyond it
@@ -16,6 +17,8 @@ pub struct PipelineOptions {
     /// The camera; without one, points and meters are those of an assumed camera
     /// ([`Pipeline::set_camera`](super::Pipeline::set_camera)).
     pub camera: Option<Camera>,
+    /// What is done with images of another aspect ratio than the network's.
+    pub aspect: AspectMode,
     /// The source of the factor by which the network's meters are multiplied.
     pub scale: ScaleMode,
     /// The factor that was measured for this camera and model ([`Pipeline::set_calibrated_factor`](super::Pipeline)).
@@ -35,6 +38,7 @@ impl Default for PipelineOptions {
     fn default() -> Self {
         Self {
             camera: None,
+            aspect: AspectMode::default(),
             scale: ScaleMode::Auto,
             calibrated_factor: None,
             cloud_stride: NonZeroU32::MIN,

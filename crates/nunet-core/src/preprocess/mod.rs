@@ -6,7 +6,7 @@ mod tensor;
 
 pub use tensor::{ChannelOrder, TensorFormat, TensorLayout};
 
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelRect};
 
 use crate::frame::{ImageView, PixelFormat};
 use resize::Resizer;
@@ -27,6 +27,8 @@ pub struct Prepared<'a> {
 pub struct Preprocessor {
     width: u32,
     height: u32,
+    /// The part of the camera's image that is taken; `None` for all of it.
+    view: Option<PixelRect>,
     /// The result: RGB at the network's size.
     rgb: Vec<u8>,
     /// Between two steps: the camera's image as RGB, or a gray one at the network's size.
@@ -42,6 +44,7 @@ impl Preprocessor {
         Self {
             width,
             height,
+            view: None,
             rgb: vec![0; 3 * width as usize * height as usize],
             between: Vec::new(),
             resize_rgb: Resizer::to_size(width, height),
@@ -49,19 +52,25 @@ impl Preprocessor {
         }
     }
 
+    /// Takes only this part of the images from now on; `None` for all of them.
+    pub fn set_view(&mut self, view: Option<PixelRect>) {
+        self.view = view;
+    }
+
     /// The network's image of `frame`.
     ///
-    /// A packed RGB frame of the network's size is returned unchanged. Another aspect ratio is stretched: the whole field of
-    /// view is kept, each axis scaled by its own factor. Only the first frame of a size or format allocates.
+    /// A packed RGB frame of the network's size is returned unchanged. Another aspect ratio is stretched: each axis is scaled
+    /// by its own factor. Only the first frame of a size or format allocates.
+    ///
+    /// # Panics
+    /// If the view is not within the frame.
     pub fn prepare<'a>(&'a mut self, frame: &ImageView<'a>) -> Prepared<'a> {
         if self.is_network_format(frame) {
             return Prepared { rgb: frame.bytes(), bytes_copied: 0 };
         }
-        let bytes_between = if frame.size() == ImageSize::new(self.width, self.height) {
-            convert::to_rgb(frame, &mut self.rgb);
-            0
-        } else {
-            self.resize(frame)
+        let bytes_between = match self.view {
+            None => self.fill(frame),
+            Some(view) => self.fill_from_part(frame, view),
         };
         Prepared { rgb: &self.rgb, bytes_copied: (bytes_between + self.rgb.len()) as u64 }
     }
@@ -74,7 +83,35 @@ impl Preprocessor {
 
     fn is_network_format(&self, frame: &ImageView<'_>) -> bool {
         let fits = frame.size() == ImageSize::new(self.width, self.height);
-        fits && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
+        fits && self.view.is_none() && frame.format() == PixelFormat::Rgb8 && frame.is_packed()
+    }
+
+    /// As [`Self::fill`], from a part of the frame. A format that shares color between pixels is converted as a whole first, so
+    /// that a part may begin at any pixel.
+    fn fill_from_part(&mut self, frame: &ImageView<'_>, view: PixelRect) -> usize {
+        const WITHIN: &str = "the view was chosen for this size";
+        if !matches!(frame.format(), PixelFormat::Yuyv | PixelFormat::Nv12) {
+            return self.fill(&frame.part(view).expect(WITHIN));
+        }
+        let ImageSize { width, height } = frame.size();
+        let mut full = std::mem::take(&mut self.between);
+        full.resize(3 * width as usize * height as usize, 0);
+        convert::to_rgb(frame, &mut full);
+        let rgb = ImageView::packed(&full, width, height, PixelFormat::Rgb8)
+            .expect("the buffer was sized for a frame that was checked");
+        self.fill(&rgb.part(view).expect(WITHIN)); // from RGB: needs no `between`
+        let bytes = full.len();
+        self.between = full;
+        bytes
+    }
+
+    /// Fills `rgb`; returns the bytes written on the way.
+    fn fill(&mut self, frame: &ImageView<'_>) -> usize {
+        if frame.size() != ImageSize::new(self.width, self.height) {
+            return self.resize(frame);
+        }
+        convert::to_rgb(frame, &mut self.rgb);
+        0
     }
 
     /// Fills `rgb` from a frame of another size; returns the bytes written on the way.

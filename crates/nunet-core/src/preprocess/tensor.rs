@@ -59,6 +59,16 @@ impl TensorFormat {
         }
     }
 
+    /// The RGB color that becomes 0 in every channel, or the nearest: the mean of training, if the format subtracts it.
+    #[must_use]
+    pub fn mean_color(&self) -> [u8; 3] {
+        let [first, second, third] = self.mean.map(|mean| (mean / self.scale).round() as u8); // saturates
+        match self.channels {
+            ChannelOrder::Rgb => [first, second, third],
+            ChannelOrder::Bgr => [third, second, first],
+        }
+    }
+
     fn fill_planes(&self, pixels: &[[u8; 3]], out: &mut [f32]) {
         let planes = out.chunks_exact_mut(pixels.len().max(1));
         for ((plane, source), (gain, offset)) in planes.zip(self.source_channels()).zip(self.lines()) {
@@ -118,6 +128,20 @@ mod tests {
         let rgb = [2, 4, 6, 20, 40, 60];
         assert_eq!(filled(TensorLayout::Nhwc, ChannelOrder::Rgb, &rgb), [0.0, 0.0, 0.0, 9.0, 9.0, 6.75]);
         assert_eq!(filled(TensorLayout::Nhwc, ChannelOrder::Bgr, &rgb), [2.0, 0.0, -0.5, 29.0, 9.0, 1.75]);
+    }
+
+    #[test]
+    fn the_mean_color_is_in_the_order_of_the_image() {
+        let imagenet = |channels, mean| TensorFormat {
+            layout: TensorLayout::Nchw,
+            channels,
+            scale: 1.0 / 255.0,
+            mean,
+            std: [0.2; 3],
+        };
+        assert_eq!(imagenet(ChannelOrder::Rgb, [0.485, 0.456, 0.406]).mean_color(), [124, 116, 104]);
+        assert_eq!(imagenet(ChannelOrder::Bgr, [0.406, 0.456, 0.485]).mean_color(), [124, 116, 104]);
+        assert_eq!(imagenet(ChannelOrder::Rgb, [-1.0, 0.0, 2.0]).mean_color(), [0, 0, 255]);
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod buffers;
 mod filters;
 mod foreign;
 mod foreign_cases;
+mod framing;
 mod pipeline;
 mod recurrent;
 mod runtime;

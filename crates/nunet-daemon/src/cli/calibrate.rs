@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
+use nunet_core::framing::AspectMode;
 use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
@@ -47,6 +48,9 @@ pub struct CalibrateArgs {
     /// With --truth, the topic with true depth, if the recording has several
     #[arg(long, value_name = "TOPIC", requires = "truth")]
     pub depth_topic: Option<String>,
+    /// As for `nunetd run`: `crop`, `stretch` or `letterbox`; the factor holds for this choice
+    #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop")]
+    pub aspect: Text<AspectMode>,
     /// With --truth, the images to use: a file with one id per line [default: all]
     #[arg(long, value_name = "FILE", requires = "truth")]
     pub ids: Option<PathBuf>,
@@ -114,7 +118,11 @@ impl CalibrateArgs {
             geometry: self.geometry.options(),
             model: self.model.clone(),
             // The network's own meters are compared.
-            pipeline: PipelineOptions { scale: ScaleMode::Off, ..PipelineOptions::default() },
+            pipeline: PipelineOptions {
+                aspect: self.aspect.0,
+                scale: ScaleMode::Off,
+                ..PipelineOptions::default()
+            },
             engine: self.engine.options(),
             out: self.out.clone().or_else(|| self.geometry.calibration.clone()),
             force: self.force,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nunet_core::camera::IntrinsicsSpec;
 use nunet_core::camera::check_scale_factor;
+use nunet_core::framing::AspectMode;
 use nunet_core::obstacle::Mount;
 use nunet_core::pipeline::PipelineOptions;
 use nunet_core::scale::ScaleMode;
@@ -51,6 +52,10 @@ pub struct LensArgs {
     /// on the floor; needs --mount)
     #[arg(long, value_name = "auto|off|NUMBER|floor", default_value = "auto")]
     pub scale: Text<ScaleArg>,
+    /// Images whose aspect ratio differs from the network's by more than 5 %: use the largest centered part of its aspect
+    /// ratio (`crop`), stretch them (`stretch`), or pad them (`letterbox`)
+    #[arg(long, value_name = "crop|stretch|letterbox", default_value = "crop")]
+    pub aspect: Text<AspectMode>,
     /// The old name of --scale auto and --scale off
     #[arg(long, value_enum, conflicts_with = "scale")]
     pub focal: Option<FocalArg>,
@@ -75,6 +80,7 @@ impl LensArgs {
             ScaleArg::Floor => (ScaleMode::Floor(floor_mount(mount)?), None),
         };
         let pipeline = PipelineOptions {
+            aspect: self.aspect.0,
             scale,
             calibrated_factor: factor,
             filters: filters.options()?,
@@ -82,6 +88,15 @@ impl LensArgs {
         };
         let geometry = CameraGeometry { factor, ..self.geometry.options() };
         Ok(ProcessingConfig { geometry, pipeline })
+    }
+}
+
+impl FromText for AspectMode {
+    fn from_text(text: &str) -> Result<Self, BadArguments> {
+        let modes = [Self::Crop, Self::Stretch, Self::Letterbox];
+        modes.into_iter().find(|mode| mode.name() == text).ok_or_else(|| {
+            BadArguments::new(format!("expected `crop`, `stretch` or `letterbox`, got `{text}`"))
+        })
     }
 }
 
@@ -180,6 +195,14 @@ mod tests {
         for wrong in ["", "0", "-1", "nan", "inf", "1e9", "focal", "Floor"] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn an_aspect_is_one_of_three_words() {
+        for mode in [AspectMode::Crop, AspectMode::Stretch, AspectMode::Letterbox] {
+            assert_eq!(AspectMode::from_text(mode.name()), Ok(mode));
+        }
+        assert!(AspectMode::from_text("Crop").is_err() && AspectMode::from_text("").is_err());
     }
 
     #[test]

@@ -206,6 +206,7 @@ impl ShmPublisher {
             cloud_size: self.cloud_size,
             cloud,
             camera: report.camera,
+            view: report.view,
             obstacles: None,
         })
     }
@@ -227,7 +228,7 @@ impl ShmPublisher {
         send(depth, self.shaped(Encoding::DepthF32, self.size, report.camera))?;
         self.last.depth = Some(message);
         self.last.report = Some(*report);
-        self.wake()
+        Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
     /// Sends the results that the last frame was published without. Its depth is not sent again.
@@ -241,7 +242,7 @@ impl ShmPublisher {
         let Loans { depth: _, labels, cloud, obstacles } = loans;
         self.send_beside_depth(labels, cloud, report)?;
         self.send_obstacles(obstacles)?;
-        self.wake()
+        Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
     fn send_beside_depth(
@@ -274,10 +275,6 @@ impl ShmPublisher {
         send(loan, header)?;
         self.last.has_obstacles = true;
         Ok(())
-    }
-
-    fn wake(&self) -> anyhow::Result<()> {
-        Ok(foreign_allocations(|| self.publisher.notify(Wake::Depth))?)
     }
 
     /// Sends the current stats. A failure is only logged, because it must not fail the frame.
@@ -324,6 +321,7 @@ impl ShmPublisher {
         header.set_scale_source(report.scale_source);
         (header.scale_factor, header.scale_age_nanos) = (report.scale_factor.into(), report.scale_age_nanos);
         header.set_quality(report.quality);
+        header.set_view(report.view);
         header.set_stages(std::iter::once(queue_micros).chain(report.stages.micros().iter().copied()));
         header.bytes_copied = report.bytes_copied;
         header.invalid_pixels = report.invalid_pixels.into();

@@ -4,6 +4,8 @@ use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
 use serde::{Serialize, Serializer};
 
+use nunet_types::PixelRect;
+
 use nunet_telemetry::{Counts, Latencies, LatencySummary, MessageCounts, StabilitySummary, Totals};
 
 /// The stats of a camera, or of several together.
@@ -23,6 +25,9 @@ pub(crate) struct Stats {
     pub(crate) scale_factor: Option<f32>,
     /// Seconds since the factor was measured; 0 for one that does not change.
     pub(crate) scale_age_s: f64,
+    /// The part of the image that depth covers: first column, first row, width, height, pixels of the image.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) view: Option<[u32; 4]>,
     pub(crate) frames: Counts,
     pub(crate) latency_ms: LatencyMs,
     /// Published frames per second, from the first capture to the last publication.
@@ -86,6 +91,7 @@ impl Stats {
             scale_source: scale.source.name(),
             scale_factor: (scale.units == Units::Metre).then_some(scale.factor),
             scale_age_s: scale.age_nanos as f64 / 1e9,
+            view: None,
             frames,
             latency_ms: latencies.into(),
             fps: totals.fps(),
@@ -97,6 +103,11 @@ impl Stats {
             error: None,
             cameras: Vec::new(),
         }
+    }
+
+    /// The same with the part of the image that depth covers.
+    pub(crate) fn with_view(self, PixelRect { x, y, width, height }: PixelRect) -> Self {
+        Self { view: Some([x, y, width, height]), ..self }
     }
 
     /// The stats of several cameras, at least one: names joined, frames added up, rates and latencies over all frames.

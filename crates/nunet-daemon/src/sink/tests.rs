@@ -237,6 +237,7 @@ fn results() -> Results<'static> {
         cloud_size: SIZE,
         cloud: Some(&[POINT; 4]),
         camera: None,
+        view: nunet_types::PixelRect::default(),
         obstacles: Some(&OBSTACLES),
     }
 }

@@ -13,11 +13,12 @@ use nunet_sink::stability::{StabilityLimit, StabilityWarning};
 use nunet_telemetry::{
     Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread,
 };
+use nunet_types::PixelRect;
 use tracing::{debug, error, trace_span, warn};
 
 use super::round_robin::{Poll, RoundRobinTask};
 use super::state::StreamState;
-use crate::exit::{is_usage, warn_of_unknown_camera};
+use crate::exit::{is_usage, warn_of_camera};
 use crate::sink::loans::Loans;
 use crate::sink::shm::{ShmPublisher, stage_names};
 use crate::sink::{FinishingSink, PublishedFrame, Results, Sink, Status, Timings, Wants};
@@ -53,6 +54,8 @@ pub(crate) struct StreamTask {
 pub(crate) struct StreamSummary {
     /// The scale of the last frame.
     pub(crate) scale: Scale,
+    /// The part of the last image that depth covers.
+    pub(crate) view: PixelRect,
     pub(crate) totals: Totals,
     pub(crate) latencies: Latencies,
     /// The counts of messages to other machines.
@@ -156,6 +159,7 @@ impl RoundRobinTask for StreamTask {
         let sinks = self.sinks.into_iter().map(|sink| sink.finish(last.as_ref())).collect();
         StreamSummary {
             scale: self.pipeline.scale(),
+            view: self.pipeline.framing().view(),
             totals: self.totals,
             latencies: self.latencies,
             messages,
@@ -281,7 +285,7 @@ impl StreamTask {
 
     fn try_process_frame(&mut self, frame: &Frame) -> anyhow::Result<()> {
         let taken_nanos = MonotonicClock.nanos();
-        self.camera.update(frame, &mut self.pipeline)?.into_iter().for_each(warn_of_unknown_camera);
+        warn_of_camera(&self.camera.update(frame, &mut self.pipeline)?);
         if let Some(reason) = self.continuity.discontinuity_to(frame) {
             debug!("frame {} does not follow the last one: {reason}", frame.sequence);
             self.pipeline.reset();

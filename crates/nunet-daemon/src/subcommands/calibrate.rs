@@ -16,7 +16,7 @@ use super::eval::{Printer, with_flags};
 use super::load::{load, tested_pipeline};
 use crate::Outcome;
 use crate::config::SourceConfig;
-use crate::exit::{BadArguments, warn_of_unknown_camera};
+use crate::exit::{BadArguments, warn_of_camera};
 use crate::sink::recording::refuse_output;
 use crate::source::{CameraGeometry, CameraResolver, Frame, OpenOptions};
 use crate::stream::{FrameHandler, Pace, Stop, drive};
@@ -111,8 +111,7 @@ struct Taker<'a> {
 
 impl FrameHandler for Taker<'_> {
     fn on_frame(&mut self, frame: Frame) -> anyhow::Result<ControlFlow<()>> {
-        let assumption = self.calibrator.add_frame(&frame, &self.reference).map_err(explained)?;
-        assumption.into_iter().for_each(warn_of_unknown_camera);
+        warn_of_camera(&self.calibrator.add_frame(&frame, &self.reference).map_err(explained)?);
         Ok(ControlFlow::Continue(()))
     }
 

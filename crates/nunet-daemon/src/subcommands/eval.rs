@@ -13,7 +13,7 @@ use tracing::{error, warn};
 use super::load::{load, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
-use crate::exit::{BadArguments, WithHint, warn_of_unknown_camera};
+use crate::exit::{BadArguments, WithHint, warn_of_camera};
 use nunet_sink::stdout::print;
 
 /// The options of `eval`.
@@ -100,7 +100,7 @@ fn log(problem: Event<'_>) {
             error!(hint, "skipped {count} images for the same reason: {reason}");
         }
         Event::Warning(text) => warn!("{text}"),
-        Event::UnknownCamera { assumption } => warn_of_unknown_camera(assumption),
+        Event::Camera(news) => warn_of_camera(&news),
         Event::TruthBeyondCap { share, cap_m, farthest_m } => {
             let (percent, hint) = (100.0 * share, depth_cap_hint(farthest_m));
             warn!(hint, "{percent:.0} % of the true depth is at {cap_m} m or beyond and is not compared");

@@ -19,7 +19,7 @@ use tracing::{error, info};
 use super::load::{load_unless, obstacle_stage, tested_pipeline};
 use crate::Outcome;
 use crate::config::{ModelConfig, ObstacleConfig, ProcessingConfig};
-use crate::exit::{BadArguments, warn_of_unknown_camera};
+use crate::exit::{BadArguments, warn_of_camera};
 use crate::sink::stats::{Common, ModelName, Stats};
 use crate::source::{CameraResolver, Frame, SourceName, decode, glance, list, listed_files};
 use crate::stream::{Stop, Stopped};
@@ -192,8 +192,7 @@ impl Work {
         let start_nanos = MonotonicClock.nanos();
         decode(image, &mut self.frame).map_err(|error| unreadable(error.into(), image))?;
         let ready_nanos = MonotonicClock.nanos();
-        let assumption = self.camera.update(&self.frame, &mut self.pipeline)?;
-        assumption.into_iter().for_each(warn_of_unknown_camera);
+        warn_of_camera(&self.camera.update(&self.frame, &mut self.pipeline)?);
         // The images are independent.
         self.pipeline.forget();
         let report = self.pipeline.process(&self.frame.view()?, self.buffers.outputs(), &MonotonicClock)?;
@@ -241,5 +240,6 @@ impl Work {
         let (provider, classes) = (graph.provider().to_string(), &graph.description().classes);
         let common = Common { model: &self.model, provider: &provider, classes };
         Stats::new(camera, common, self.pipeline.scale(), counts, &totals, &latencies)
+            .with_view(self.pipeline.framing().view())
     }
 }

@@ -23,7 +23,7 @@ use super::load::{load_unless, tested_pipeline};
 use super::progress::progress;
 use crate::Outcome;
 use crate::config::{ModelConfig, MountOption, ProcessingConfig, Publish, default_frame_id};
-use crate::exit::{BadArguments, is_usage, warn_of_unknown_camera};
+use crate::exit::{BadArguments, is_usage, warn_of_camera};
 use crate::sink::Results;
 use crate::sink::recording::{mount, refuse_output};
 use crate::sink::stats::ModelName;
@@ -258,6 +258,7 @@ impl Replay {
             cloud_size: self.pipeline.cloud_size(),
             cloud: self.cloud.then(|| self.buffers.cloud()),
             camera: report.camera,
+            view: report.view,
             obstacles: None,
         });
         let written = self.writer.write(&self.record);
@@ -274,7 +275,7 @@ impl Replay {
     }
 
     fn infer(&mut self, frame: &Frame) -> anyhow::Result<FrameReport> {
-        self.camera.update(frame, &mut self.pipeline)?.into_iter().for_each(warn_of_unknown_camera);
+        warn_of_camera(&self.camera.update(frame, &mut self.pipeline)?);
         if self.continuity.discontinuity_to(frame).is_some() {
             self.pipeline.reset();
         }

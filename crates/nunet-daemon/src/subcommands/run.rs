@@ -198,8 +198,9 @@ fn log_counts(counts: &Counts, source: SourceEnd) -> Outcome {
 /// The stats of the camera, or of all together if there are several.
 fn stats(ends: &[CameraEnd<'_>], common: Common<'_>) -> anyhow::Result<Stats> {
     let of = |CameraEnd { camera, counts, error, summary }: &CameraEnd<'_>| {
-        let StreamSummary { scale, totals, latencies, messages, .. } = summary;
+        let StreamSummary { scale, view, totals, latencies, messages, .. } = summary;
         let stats = Stats::new((*camera).to_owned(), common, *scale, *counts, totals, latencies);
+        let stats = stats.with_view(*view);
         Stats { ros2: messages.as_ref().map(Into::into), error: error.clone(), ..stats }
     };
     let (first, others) = ends.split_first().context("one camera at least")?;
@@ -229,6 +230,7 @@ mod tests {
     fn broken(published: u64, why: &'static str) -> StreamEnd {
         let summary = StreamSummary {
             scale: Scale { units: Units::Metre, source: ScaleSource::Metric, factor: 1.0, age_nanos: 0 },
+            view: nunet_types::PixelRect::default(),
             totals: Totals::default(),
             latencies: Latencies::new(["queue"]),
             messages: None,

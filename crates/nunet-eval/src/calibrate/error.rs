@@ -8,7 +8,7 @@ use nunet_core::frame::FrameError;
 use nunet_core::pipeline::PipelineError;
 use nunet_core::scale::ScaleError;
 use nunet_source::{SourceError, SourceErrorKind};
-use nunet_types::{Hint, ImageSize};
+use nunet_types::{Hint, ImageSize, PixelRect};
 
 use crate::error::{EvalError, EvalErrorKind};
 
@@ -48,6 +48,16 @@ pub enum CalibrateError {
         v: f64,
         /// The image.
         size: ImageSize,
+    },
+    /// A point of the image that the network does not see.
+    #[error("the point {u},{v} is outside {view}, the part of the image that the network sees")]
+    OutsideView {
+        /// Column, pixels.
+        u: f64,
+        /// Row, pixels.
+        v: f64,
+        /// The part of the image.
+        view: PixelRect,
     },
     /// A distance that is not positive.
     #[error("the distance {distance} is not a number of meters greater than 0")]
@@ -103,6 +113,7 @@ impl CalibrateError {
     pub fn kind(&self) -> EvalErrorKind {
         match self {
             Self::Outside { .. }
+            | Self::OutsideView { .. }
             | Self::Distance { .. }
             | Self::Readings { .. }
             | Self::NoIntrinsics { .. }
@@ -127,6 +138,7 @@ impl Hint for CalibrateError {
             Self::Outside { .. } => {
                 "give column and row in pixels of the camera's images; 0,0 is the top left".into()
             }
+            Self::OutsideView { .. } => "choose a point in this part, or pad the images (letterbox)".into(),
             Self::Readings { .. } => {
                 "write a CSV table with the columns `image`, `u`, `v` and `distance`: file, pixels, meters"
                     .into()

@@ -15,7 +15,7 @@ use nunet_core::camera::{Camera, RayTable, check_scale_factor};
 use nunet_core::obstacle::{DepthImage, Mount};
 use nunet_core::pipeline::{Outputs, Pipeline};
 use nunet_core::scale::FloorGauge;
-use nunet_source::{CameraResolver, Frame, decode};
+use nunet_source::{CameraNews, CameraResolver, Frame, decode};
 use nunet_types::{ImageSize, text_with_causes};
 
 use self::agreement::{Observation, least_relative_error, median};
@@ -123,17 +123,13 @@ impl Calibrator {
         Ok(found)
     }
 
-    /// Compares a frame of a source with a reference. Returns what is assumed about an unknown camera, once. A frame without
+    /// Compares a frame of a source with a reference. Returns what a user should know about the camera, once. A frame without
     /// depth at the point, or without enough floor, is not an observation.
     ///
     /// # Errors
     /// A point outside the image, a camera that does not fit, or a failure of the network.
-    pub fn add_frame(
-        &mut self,
-        frame: &Frame,
-        reference: &Reference,
-    ) -> Result<Option<&'static str>, CalibrateError> {
-        let assumption = self.predict(frame)?;
+    pub fn add_frame(&mut self, frame: &Frame, reference: &Reference) -> Result<CameraNews, CalibrateError> {
+        let news = self.predict(frame)?;
         let factor = match reference {
             Reference::Point(point) => {
                 // More images of a static scene would add no information.
@@ -143,7 +139,7 @@ impl Calibrator {
             Reference::Floor(mount) => self.on_floor(*mount)?,
         };
         self.observe(format!("frame {}", frame.sequence), factor);
-        Ok(assumption)
+        Ok(news)
     }
 
     /// Compares with a table of readings: CSV with the columns `image` (a file, relative to the table), `u`, `v` (pixels) and
@@ -165,9 +161,12 @@ impl Calibrator {
         for (image, readings) in by_image {
             let unreadable = |source| EvalError::ReadImage { path: image.clone(), source };
             decode(&image, &mut frame).map_err(unreadable)?;
-            self.report_assumption(&frame, on_event)?;
+            self.predict_and_report(&frame, on_event)?;
             for reading in readings {
-                let factor = self.at_point(&reading.point, frame.size)?;
+                let factor = match self.at_point(&reading.point, frame.size) {
+                    Err(CalibrateError::OutsideView { .. }) => None,
+                    other => other?,
+                };
                 self.observe(format!("line {}", reading.line), factor);
             }
             on_event(Event::Advanced);
@@ -193,8 +192,8 @@ impl Calibrator {
             let read = dataset.image(id, &mut frame).and_then(|()| dataset.truth(id, Some(frame.size)));
             match read {
                 Ok(truth) => {
-                    self.report_assumption(&frame, on_event)?;
-                    let factor = self.over_image(&truth.depth_m, truth.size, options.depth_cap_m);
+                    self.predict_and_report(&frame, on_event)?;
+                    let factor = self.over_image(&truth.depth_m, options.depth_cap_m);
                     self.observe(format!("image {id}"), factor);
                 }
                 Err(error) => on_event(Event::Skipped {
@@ -209,22 +208,20 @@ impl Calibrator {
         Ok(())
     }
 
-    fn report_assumption(&mut self, frame: &Frame, on_event: OnEvent<'_>) -> Result<(), CalibrateError> {
-        if let Some(assumption) = self.predict(frame)? {
-            on_event(Event::UnknownCamera { assumption });
-        }
+    fn predict_and_report(&mut self, frame: &Frame, on_event: OnEvent<'_>) -> Result<(), CalibrateError> {
+        on_event(Event::Camera(self.predict(frame)?));
         Ok(())
     }
 
     /// Runs the network.
-    fn predict(&mut self, frame: &Frame) -> Result<Option<&'static str>, CalibrateError> {
-        let assumption = self.resolver.update(frame, &mut self.pipeline)?;
+    fn predict(&mut self, frame: &Frame) -> Result<CameraNews, CalibrateError> {
+        let news = self.resolver.update(frame, &mut self.pipeline)?;
         self.camera = self.resolver.resolve(frame)?;
         self.pipeline.forget();
         let labels = (!self.labels.is_empty()).then_some(&mut self.labels[..]);
         let outputs = Outputs { depth_m: &mut self.depth_m, labels, cloud: None };
         self.pipeline.process(&frame.view()?, outputs, &|| 0)?;
-        Ok(assumption)
+        Ok(news)
     }
 
     fn observe(&mut self, name: String, factor: Option<f64>) {
@@ -240,7 +237,13 @@ impl Calibrator {
         if !inside(u, width) || !inside(v, height) {
             return Err(CalibrateError::Outside { u, v, size: image });
         }
-        let size = self.pipeline.size();
+        let (size, view) = (self.pipeline.size(), self.pipeline.framing().view());
+        let (u, v) = (u - f64::from(view.x), v - f64::from(view.y));
+        let (width, height) = (f64::from(view.width), f64::from(view.height));
+        if !inside(u, width) || !inside(v, height) {
+            let (u, v) = (u + f64::from(view.x), v + f64::from(view.y));
+            return Err(CalibrateError::OutsideView { u, v, view });
+        }
         let place = |place: f64, from: f64, to: u32| {
             let place = (place + 0.5) * f64::from(to) / from - 0.5;
             (place.round().max(0.0) as usize).min(to as usize - 1)
@@ -272,8 +275,8 @@ impl Calibrator {
     }
 
     /// The factor with the least mean absolute relative error over all pixels with truth below the cap.
-    fn over_image(&self, truth_m: &[f32], size: ImageSize, cap_m: f32) -> Option<f64> {
-        let predicted = Fit::new(&self.pipeline, size).depth(&self.depth_m);
+    fn over_image(&self, truth_m: &[f32], cap_m: f32) -> Option<f64> {
+        let predicted = Fit::new(&self.pipeline).depth(&self.depth_m);
         let pairs = truth_m.iter().zip(&predicted).filter(|(truth, _)| **truth > 0.0 && **truth < cap_m);
         let ratios = pairs.map(|(truth, predicted)| f64::from(truth / predicted));
         least_relative_error(ratios.filter(|ratio| ratio.is_finite() && *ratio > 0.0).collect())

@@ -15,7 +15,7 @@ use nunet_core::camera::Camera;
 use nunet_source::{
     CameraFile, Frame, IMAGE_EXTENSIONS, SingleChannelImage, SourceError, decode, decode_numbers,
 };
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelRect};
 use tempfile::TempDir;
 
 pub(crate) use self::ids::read_ids;
@@ -65,6 +65,24 @@ pub(crate) struct Truth {
     pub(crate) depth_m: Vec<f32>,
     /// The network's classes, [`IGNORE`] = none.
     pub(crate) labels: Option<Vec<u8>>,
+}
+
+impl Truth {
+    /// Removes the truth outside of a view, which the network does not see.
+    pub(crate) fn blank_outside(&mut self, view: PixelRect) {
+        if view == PixelRect::whole(self.size) {
+            return;
+        }
+        let columns = view.x as usize..(view.x + view.width) as usize;
+        let rows = view.y as usize..(view.y + view.height) as usize;
+        let width = self.size.width as usize;
+        let is_outside =
+            |place: usize| !columns.contains(&(place % width)) || !rows.contains(&(place / width));
+        let labels = self.labels.as_deref_mut().unwrap_or_default();
+        labels.iter_mut().enumerate().filter(|(place, _)| is_outside(*place)).for_each(|(_, l)| *l = IGNORE);
+        let depth = self.depth_m.iter_mut().enumerate();
+        depth.filter(|(place, _)| is_outside(*place)).for_each(|(_, depth)| *depth = f32::NAN);
+    }
 }
 
 impl Dataset {

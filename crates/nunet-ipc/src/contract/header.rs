@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use iceoryx2::prelude::ZeroCopySend;
 
 use nunet_types::{
-    CameraInfo, Clock, DistortionModel, Encoding, ImageSize, Quality, ScaleSource, Topic, Units,
+    CameraInfo, Clock, DistortionModel, Encoding, ImageSize, PixelRect, Quality, ScaleSource, Topic, Units,
     UnknownValue, contract_struct,
 };
 
@@ -91,8 +91,16 @@ contract_struct! {
         pub scale_factor: f64,
         /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
         pub scale_age_nanos: i64,
+        /// The part of the camera's image that this message covers: its first column, pixels of the image.
+        pub view_x: u32,
+        /// The first row.
+        pub view_y: u32,
+        /// Columns; 0 if the part is unknown, and in images.
+        pub view_width: u32,
+        /// Rows; 0 if the part is unknown, and in images.
+        pub view_height: u32,
         /// Zero; room for later fields. Public only so that `..Default::default()` works.
-        pub reserved: [u8; 600],
+        pub reserved: [u8; 584],
     }
 }
 
@@ -137,7 +145,11 @@ impl Default for FrameHeader {
             frame_id: [0; 64],
             scale_factor: 0.0,
             scale_age_nanos: 0,
-            reserved: [0; 600],
+            view_x: 0,
+            view_y: 0,
+            view_width: 0,
+            view_height: 0,
+            reserved: [0; 584],
         }
     }
 }
@@ -258,6 +270,18 @@ impl FrameHeader {
         (self.cx, self.cy) = (camera.cx_px, camera.cy_px);
         self.set_distortion_model(camera.distortion_model);
         self.distortion = camera.distortion;
+    }
+
+    /// The part of the camera's image that this message covers; `None` if it is unknown, and in images.
+    #[must_use]
+    pub fn view(&self) -> Option<PixelRect> {
+        let Self { view_x: x, view_y: y, view_width: width, view_height: height, .. } = *self;
+        (width > 0 && height > 0).then_some(PixelRect { x, y, width, height })
+    }
+
+    /// Sets the part of the camera's image that this message covers.
+    pub fn set_view(&mut self, PixelRect { x, y, width, height }: PixelRect) {
+        (self.view_x, self.view_y, self.view_width, self.view_height) = (x, y, width, height);
     }
 
     /// Whether the camera's intrinsics are known.

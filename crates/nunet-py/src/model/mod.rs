@@ -45,6 +45,9 @@ use crate::result::{Result, ResultContext};
 ///     The execution provider: `auto`, `cpu`, `openvino`, `cuda` or `tensorrt`.
 /// threads : int, optional
 ///     Number of threads; by default one per core.
+/// aspect : str
+///     What is done with images whose aspect ratio differs from that of `Model.size` by more than 5 %: `crop` (the largest
+///     centered part of the model's aspect ratio is used; `Result.view` says which), `stretch`, or `letterbox` (padded).
 /// filters : str or sequence of str, optional
 ///     Filters for depth, written as in `nunetd --filter`: `"spatial"`, `["decimation=2", "temporal=alpha:0.4"]`. Each may
 ///     be given once. The temporal filter needs `keep_state=True` in `infer`.
@@ -95,14 +98,17 @@ pub(crate) struct PyModel {
 #[pymethods]
 impl PyModel {
     #[new]
+    #[expect(clippy::too_many_arguments, reason = "the arguments of the Python class")]
     #[pyo3(signature = (
-        name_or_path, *, provider = "auto", threads = None, filters = None, scale = None, mount = None
+        name_or_path, *, provider = "auto", threads = None, aspect = "crop", filters = None, scale = None,
+        mount = None
     ))]
     fn new(
         py: Python<'_>,
         #[pyo3(from_py_with = argument::name_or_path)] name_or_path: PathBuf,
         #[pyo3(from_py_with = argument::provider)] provider: &str,
         #[pyo3(from_py_with = argument::threads)] threads: Option<i64>,
+        aspect: &str,
         filters: Option<&Bound<'_, PyAny>>,
         scale: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = optional_mount_argument)] mount: Option<Vec<f64>>,
@@ -111,7 +117,8 @@ impl PyModel {
         let (provider, threads) = (options::provider(provider)?, options::threads(threads)?);
         let filters = filters.map(options::filters).transpose()?.unwrap_or_default();
         let (scale, factor) = scale::of_arguments(scale, mount)?;
-        let options = ModelOptions { provider, threads, filters, scale, factor };
+        let aspect = options::aspect(aspect)?;
+        let options = ModelOptions { provider, threads, aspect, filters, scale, factor };
         let model = py.detach(|| nunet_engine::Model::open(&name_or_path, options));
         let model = model.map_err(|error| failure(&error.into()))?;
         let description = model.pipeline().graph().description();
@@ -124,7 +131,7 @@ impl PyModel {
         }
         let class_names = PyTuple::new(py, &description.classes)?.unbind();
         let shared = Arc::new(ResultContext::new(class_names, model.pipeline().stage_names().to_vec()));
-        let (about, warnings) = (About::of(&model), Warnings::new(model.pipeline().graph().size()));
+        let (about, warnings) = (About::of(&model), Warnings::default());
         let mount = if let ScaleMode::Floor(mount) = scale { Some(mount) } else { None };
         let inner = Own::new(Mutex::new(model));
         Ok(Self { inner, about, shared, warnings, mount, has_factor: factor.is_some() })
@@ -137,8 +144,8 @@ impl PyModel {
     /// rgb : numpy.ndarray, str, os.PathLike or PIL.Image.Image
     ///     An array is uint8 (H, W, 3), rows from the top, with any strides. A path names a JPEG or PNG file, which is
     ///     rotated as its EXIF orientation says. A PIL image of 8 bits per channel is converted to RGB and not rotated.
-    ///     Images of any size are resized to `Model.size` without cropping. An array is read without the GIL: do not
-    ///     write to it meanwhile.
+    ///     Images of any size are resized to `Model.size`, after cropping or padding (`aspect`). An array is read without
+    ///     the GIL: do not write to it meanwhile.
     /// camera : Camera, optional
     ///     The camera of the image. Meters are scaled by its focal length, and points lie on its rays. By default the
     ///     training camera is assumed (`scale_source` is `assumed_camera`).
@@ -175,7 +182,7 @@ impl PyModel {
     /// Warns
     /// -----
     /// UserWarning
-    ///     Once for a model: no camera was given, or the image has another aspect ratio than the network.
+    ///     Once for a model: no camera was given, or the image was cropped or stretched to the model's aspect ratio.
     ///
     /// Examples
     /// --------

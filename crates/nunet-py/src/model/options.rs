@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 
 use nunet_core::filter::{FilterError, FilterOptions, FilterSpec};
+use nunet_core::framing::AspectMode;
 use nunet_core::graph::Provider;
 use nunet_daemon::embed;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -19,6 +20,15 @@ pub(super) fn provider(name: &str) -> PyResult<Provider> {
     known.ok_or_else(|| {
         let hint = format!("pass one of {}", names.join(", "));
         hinted::<PyValueError>(format!("`provider` is `{name}`; expected an execution provider"), hint)
+    })
+}
+
+/// The mode for images of another aspect ratio by its name.
+pub(super) fn aspect(name: &str) -> PyResult<AspectMode> {
+    let modes = [AspectMode::Crop, AspectMode::Stretch, AspectMode::Letterbox];
+    modes.into_iter().find(|mode| mode.name() == name).ok_or_else(|| {
+        let text = format!("`aspect` is `{name}`; expected a way to take images of another aspect ratio");
+        hinted::<PyValueError>(text, format!("pass one of {}", modes.map(AspectMode::name).join(", ")))
     })
 }
 

@@ -4,7 +4,6 @@ use std::sync::{Arc, PoisonError};
 
 use nunet_core::camera::CalibratedScale;
 use nunet_engine::{EngineError, Inferred};
-use nunet_types::ImageSize;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -33,14 +32,9 @@ impl PyModel {
         Arc::clone(&self.shared)
     }
 
-    /// Warns, once for a model, about a missing camera and images with another aspect ratio.
-    pub(crate) fn warn_of_guesses(
-        &self,
-        py: Python<'_>,
-        inferred: &Inferred,
-        image_size: ImageSize,
-    ) -> PyResult<()> {
-        self.warnings.issue(py, inferred.report.scale_source, image_size)
+    /// Warns, once for a model, of a missing camera and of images with another aspect ratio.
+    pub(crate) fn warn_of_guesses(&self, py: Python<'_>, inferred: &Inferred) -> PyResult<()> {
+        self.warnings.issue(py, inferred.report.scale_source, &inferred.framing)
     }
 
     /// Warns, once for a model, that a camera's factor is for another model.
@@ -67,8 +61,8 @@ impl PyModel {
         })?;
         let (is_used, inferred) = inferred.map_err(|error: EngineError| failure(&error.into()))?;
         self.warn_of_factor(py, is_used)?;
-        self.warn_of_guesses(py, &inferred, size)?;
-        Result::of_image(py, inferred, size, self.shared())
+        self.warn_of_guesses(py, &inferred)?;
+        Result::of_image(py, inferred, self.shared())
     }
 }
 

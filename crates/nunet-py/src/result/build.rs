@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use nunet_engine::Inferred;
-use nunet_types::ImageSize;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -13,14 +12,9 @@ use crate::camera::PyCamera;
 use crate::player::Played;
 
 impl Result {
-    /// The results of an image of `image_size`.
-    pub(crate) fn of_image(
-        py: Python<'_>,
-        inferred: Inferred,
-        image_size: ImageSize,
-        shared: Arc<ResultContext>,
-    ) -> PyResult<Self> {
-        Self::new(py, inferred, image_size, Origin::default(), shared)
+    /// The results of an image.
+    pub(crate) fn of_image(py: Python<'_>, inferred: Inferred, shared: Arc<ResultContext>) -> PyResult<Self> {
+        Self::new(py, inferred, Origin::default(), shared)
     }
 
     /// The results of an image of a recording.
@@ -36,17 +30,11 @@ impl Result {
             sequence: Some(played.sequence),
             capture_nanos: Some(played.capture_unix_nanos),
         };
-        Self::new(py, played.inferred, played.frame_size, origin, shared)
+        Self::new(py, played.inferred, origin, shared)
     }
 
-    fn new(
-        py: Python<'_>,
-        inferred: Inferred,
-        image_size: ImageSize,
-        origin: Origin,
-        shared: Arc<ResultContext>,
-    ) -> PyResult<Self> {
-        let Inferred { depth, labels, rgb, report, points_camera, total_nanos } = inferred;
+    fn new(py: Python<'_>, inferred: Inferred, origin: Origin, shared: Arc<ResultContext>) -> PyResult<Self> {
+        let Inferred { depth, labels, rgb, report, points_camera, framing, total_nanos } = inferred;
         let (width, height) = (points_camera.intrinsics.width, points_camera.intrinsics.height);
         let (rows, columns) = (height as usize, width as usize);
         let timings = PyDict::new(py);
@@ -68,7 +56,8 @@ impl Result {
             camera: report.camera.map(|camera| PyCamera(camera, None)),
             origin,
             points_camera,
-            image_size,
+            image_size: framing.image(),
+            view: framing.view(),
             shared,
         })
     }

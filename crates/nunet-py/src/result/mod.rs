@@ -12,7 +12,7 @@ use std::sync::Arc;
 use numpy::{PyArray2, PyArray3};
 use nunet_core::camera;
 use nunet_core::obstacle::ObstacleOptions;
-use nunet_types::ImageSize;
+use nunet_types::{ImageSize, PixelRect};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -61,6 +61,8 @@ struct Origin {
 ///     `full`, or `reused_labels` if a stage was skipped.
 /// camera : Camera or None
 ///     The camera at the size of `depth`; `None` if it is unknown.
+/// view : tuple of int
+///     The part of the image that `depth` covers: first column, first row, width, height, pixels of the image.
 /// capture_nanos : int or None
 ///     For recordings: the image's time stamp, nanoseconds since 1970.
 /// topic, frame_id : str or None
@@ -92,6 +94,7 @@ pub(crate) struct Result {
     origin: Origin,
     points_camera: camera::Camera,
     image_size: ImageSize,
+    view: PixelRect,
     shared: Arc<ResultContext>,
 }
 
@@ -100,6 +103,11 @@ impl Result {
     #[getter]
     fn class_names(&self, py: Python<'_>) -> Py<PyTuple> {
         self.shared.class_names.clone_ref(py)
+    }
+
+    #[getter]
+    fn view(&self) -> (u32, u32, u32, u32) {
+        (self.view.x, self.view.y, self.view.width, self.view.height)
     }
 
     #[getter]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use numpy::{PyArray2, PyArray3};
+use nunet_types::PixelRect;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -23,6 +24,7 @@ pub(super) struct PickledResult {
     camera: Option<PyCamera>,
     points_camera: PyCamera,
     image_size: (u32, u32),
+    view: (u32, u32, u32, u32),
     topic: Option<String>,
     frame_id: Option<String>,
     sequence: Option<u64>,
@@ -47,6 +49,7 @@ pub(super) fn reduce<'py>(py: Python<'py>, result: &Result) -> PyResult<Reduced<
         camera: result.camera,
         points_camera: PyCamera(result.points_camera, None),
         image_size: (result.image_size.width, result.image_size.height),
+        view: (result.view.x, result.view.y, result.view.width, result.view.height),
         topic,
         frame_id,
         sequence,
@@ -65,7 +68,7 @@ pub(super) fn _result(
     rgb: Py<PyArray3<u8>>,
     state: PickledResult,
 ) -> Result {
-    let PickledResult { topic, frame_id, sequence, capture_nanos, .. } = state;
+    let PickledResult { topic, frame_id, sequence, capture_nanos, view: (x, y, width, height), .. } = state;
     Result {
         depth,
         labels,
@@ -80,6 +83,7 @@ pub(super) fn _result(
         origin: Origin { topic, frame_id, sequence, capture_nanos },
         points_camera: state.points_camera.0,
         image_size: state.image_size.into(),
+        view: PixelRect { x, y, width, height },
         shared: Arc::new(ResultContext::new(state.class_names, Vec::new())),
     }
 }

@@ -32,7 +32,7 @@ impl Result {
         let (image, own) = (self.image_size, self.size());
         let fitted = camera
             .fitted_to(image.width, image.height)
-            .and_then(|camera| camera.scaled_to(own.width, own.height));
+            .and_then(|camera| camera.cropped(self.view).scaled_to(own.width, own.height));
         fitted.map_err(of_camera)
     }
 

@@ -73,6 +73,14 @@ pub(crate) struct FrameHeader {
     scale_factor: f64,
     /// Nanoseconds since `scale_factor` was measured; 0 for one that does not change.
     scale_age_nanos: i64,
+    /// First column of the part of the camera's image that this message covers, pixels of the image.
+    view_x: u32,
+    /// First row of this part.
+    view_y: u32,
+    /// Columns of this part; 0 if it is unknown, and in images.
+    view_width: u32,
+    /// Rows of this part; 0 if it is unknown, and in images.
+    view_height: u32,
 }
 
 impl FrameHeader {
@@ -112,6 +120,10 @@ impl FrameHeader {
             frame_id: header.frame_id().into_owned(),
             scale_factor: header.scale_factor,
             scale_age_nanos: header.scale_age_nanos,
+            view_x: header.view_x,
+            view_y: header.view_y,
+            view_width: header.view_width,
+            view_height: header.view_height,
         })
     }
 }

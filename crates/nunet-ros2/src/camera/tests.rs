@@ -78,6 +78,7 @@ fn give(sink: &mut dyn Sink, value: u8) {
         cloud_size: SIZE,
         cloud: None,
         camera: None,
+        view: nunet_types::PixelRect::whole(SIZE),
         obstacles: None,
     };
     let timings = Timings { total_micros: 9, queue_micros: 1, inner_micros: &[5], publish_micros: 3 };

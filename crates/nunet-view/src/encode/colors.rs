@@ -66,7 +66,15 @@ mod tests {
     fn frame(depth: &[f32]) -> ViewFrame {
         let size = ImageSize::new(depth.len() as u32, 1);
         let mut frame = ViewFrame::default();
-        frame.set_depth(depth, DepthInfo { size, units: Units::Metre, scale_source: ScaleSource::Metric });
+        frame.set_depth(
+            depth,
+            DepthInfo {
+                size,
+                units: Units::Metre,
+                scale_source: ScaleSource::Metric,
+                view: [0.0, 0.0, 1.0, 1.0],
+            },
+        );
         frame
     }
 

@@ -31,7 +31,12 @@ mod tests {
     fn the_png_holds_millimeters_and_zero_where_there_is_no_measurement() {
         let mut frame = ViewFrame::default();
         let size = ImageSize::new(2, 2);
-        let info = DepthInfo { size, units: Units::Metre, scale_source: ScaleSource::Metric };
+        let info = DepthInfo {
+            size,
+            units: Units::Metre,
+            scale_source: ScaleSource::Metric,
+            view: [0.0, 0.0, 1.0, 1.0],
+        };
         frame.set_depth(&[1.0, 2.5004, f32::NAN, 70.0], info);
         let image = image::load_from_memory(&depth_png(&frame)).unwrap();
         assert_eq!(image.as_luma16().unwrap().as_raw(), &[1000, 2500, 0, 0]);

@@ -116,7 +116,7 @@ function redraw() {
   arrange();
   if (settings.isBlended) {
     const { image, depth } = canvases;
-    paintBlend(canvases.blend, { image, depth, labels: labels && canvases.labels }, settings.shares);
+    paintBlend(canvases.blend, { image, depth, labels: labels && canvases.labels }, frame.view, settings.shares);
   }
   drawCloud();
   drawObstacles();

@@ -58,15 +58,18 @@ export function paintScale(canvas, palette) {
   paint(canvas, palette.length, 1, (i) => pixel(palette[i]));
 }
 
-/** The image with depth and labels over it. */
-export function paintBlend(canvas, { image, depth, labels }, { depthShare, labelShare }) {
+/** The image with depth and labels over the part of it that they cover. */
+export function paintBlend(canvas, { image, depth, labels }, [left, top, width, height], { depthShare, labelShare }) {
   const base = image.width > 1 ? image : depth;
+  const covered = base === image ? [left, top, width, height] : [0, 0, 1, 1];
   resize(canvas, base.width, base.height);
   const context = canvas.getContext("2d");
   const layers = [[base, 1], [depth, depthShare], [labels, labelShare]];
   for (const [layer, share] of layers) {
+    const [x, y, columns, rows] = layer === base ? [0, 0, 1, 1] : covered;
+    const { width: w, height: h } = canvas;
     context.globalAlpha = share;
-    if (layer) context.drawImage(layer, 0, 0, canvas.width, canvas.height);
+    if (layer) context.drawImage(layer, x * w, y * h, columns * w, rows * h);
   }
   context.globalAlpha = 1;
 }

@@ -7,7 +7,7 @@ const VERSION = 1;
 /** Reads a message. `depth` and `labels` are unpacked by `unpackDepth` and `unpackLabels`. */
 export function parseFrame(buffer) {
   const view = new DataView(buffer);
-  if (buffer.byteLength < 64 || view.getUint32(0, false) !== 0x4e555646) throw new Error("not a frame");
+  if (buffer.byteLength < 80 || view.getUint32(0, false) !== 0x4e555646) throw new Error("not a frame");
   if (view.getUint16(4, true) !== VERSION) throw new Error("a frame of another version");
   return {
     sequence: Number(view.getBigUint64(8, true)),
@@ -24,6 +24,8 @@ export function parseFrame(buffer) {
     isLogarithmic: view.getUint8(48) === 1,
     first: view.getFloat32(52, true),
     step: view.getFloat32(56, true),
+    // Left, top, width, height of the part that depth covers, as shares of the image.
+    view: [0, 1, 2, 3].map((index) => view.getFloat32(64 + 4 * index, true)),
     bytes: buffer.byteLength,
     sections: sections(buffer, view),
   };

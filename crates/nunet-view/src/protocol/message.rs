@@ -1,6 +1,6 @@
 //! A frame as one binary message.
 //!
-//! Little-endian. A header of 64 bytes, then sections: kind (`u32`), length in bytes (`u32`), content, and zeros up to a
+//! Little-endian. A header of 80 bytes, then sections: kind (`u32`), length in bytes (`u32`), content, and zeros up to a
 //! multiple of 4. A reader skips sections of a kind that it does not know.
 //!
 //! | offset | type | field |
@@ -21,17 +21,22 @@
 //! | 49 | 3 bytes | 0 |
 //! | 52 | `f32`, `f32` | first value and step of the curve |
 //! | 60 | 4 bytes | 0 |
+//! | 64 | 4 x `f32` | the part of the image that depth covers: left, top, width, height, as shares of the image |
+//!
+//! The first version of the header ended at byte 64: depth covered the whole image.
 
 use bytes::Bytes;
 use nunet_types::ImageSize;
 
 use crate::encode::{DepthMap, DepthMapError, LevelCurve, inflate};
-use crate::frame::DepthInfo;
+use crate::frame::{DepthInfo, WHOLE_IMAGE};
 
 /// The version of requests and messages.
 pub const PROTOCOL_VERSION: u16 = 1;
 const MAGIC: [u8; 4] = *b"NUVF";
-const HEADER_BYTES: usize = 64;
+const HEADER_BYTES: usize = 80;
+/// The first version of the header.
+const MIN_HEADER_BYTES: usize = 64;
 /// The longest message that is accepted. An image of 32768x32768 pixels would exceed it.
 const MAX_MESSAGE_BYTES: usize = 256 << 20;
 
@@ -86,7 +91,8 @@ pub(crate) fn encode(parts: &FrameParts) -> Vec<u8> {
     message.extend([parts.range.0, parts.range.1].map(f32::to_le_bytes).as_flattened());
     message.extend([parts.curve.number(), 0, 0, 0]);
     message.extend([first, step].map(f32::to_le_bytes).as_flattened());
-    message.resize(HEADER_BYTES, 0);
+    message.extend([0; 4]);
+    message.extend(depth.map_or(WHOLE_IMAGE, |depth| depth.view).map(f32::to_le_bytes).as_flattened());
     for (kind, bytes) in &parts.sections {
         message.extend((*kind as u32).to_le_bytes());
         message.extend(u32::try_from(bytes.len()).unwrap_or(u32::MAX).to_le_bytes());
@@ -195,7 +201,7 @@ impl<'a> FrameMessage<'a> {
         if bytes > MAX_MESSAGE_BYTES {
             return Err(MessageError::TooLong { bytes });
         }
-        if bytes < HEADER_BYTES {
+        if bytes < MIN_HEADER_BYTES {
             return Err(MessageError::Truncated { bytes, part: "header" });
         }
         let numbers = &mut ByteReader(&message[MAGIC.len()..]);
@@ -203,7 +209,7 @@ impl<'a> FrameMessage<'a> {
         if version != PROTOCOL_VERSION {
             return Err(MessageError::Version { version });
         }
-        let start = usize::from(numbers.short()).max(HEADER_BYTES);
+        let start = usize::from(numbers.short()).max(MIN_HEADER_BYTES);
         let content = message.get(start..).ok_or(MessageError::Truncated { bytes, part: "header" })?;
         let sections = sections(content).ok_or(MessageError::Truncated { bytes, part: "sections" })?;
         Ok(Self::from_header(numbers, sections))
@@ -290,6 +296,7 @@ mod tests {
                 size: ImageSize::new(8, 4),
                 units: Units::Metre,
                 scale_source: ScaleSource::FocalScaled,
+                view: [0.0, 0.0, 1.0, 1.0],
             }),
             map_size: size,
             stride: 2,
