@@ -2,8 +2,6 @@
 
 //! Exact scenes: floor, boxes, stairs and a table, ray by ray, and what must come out.
 
-use std::ops::RangeInclusive;
-
 use nunet_core::ErrorKind;
 use nunet_core::camera::{Camera, Intrinsics, RayTable};
 use nunet_core::obstacle::{
@@ -84,33 +82,42 @@ fn obstacles(mount: Mount, scene: &[Block]) -> [Obstacles; 2] {
     })
 }
 
-/// The nearest obstacle of a part of a sector by the blocks' footprints, meters; infinite for none.
-fn true_range(found: &Obstacles, sector: usize, part: RangeInclusive<i32>, scene: &[Block]) -> f64 {
-    let angles = part.map(|i| {
-        f64::from(found.angle_min_rad)
-            + f64::from(found.angle_step_rad) * (sector as f64 + f64::from(i) / 40.0)
-    });
-    let ranges = angles.flat_map(|angle| {
+/// Rays per sector of the true range: one pixel of the camera is about ten.
+const RAYS: usize = 40;
+
+/// Obstacles along the rays of a sector by the blocks' footprints, meters; infinite for none.
+fn true_ranges(found: &Obstacles, sector: usize, scene: &[Block]) -> Vec<f64> {
+    let range = |ray: usize| {
+        let share = sector as f64 + ray as f64 / RAYS as f64;
+        let angle = f64::from(found.angle_min_rad) + f64::from(found.angle_step_rad) * share;
         let direction = [angle.cos(), angle.sin(), 1e-12];
         let in_way = scene.iter().filter(|block| block.max[2] > 0.06 && block.min[2] < 1.79);
-        in_way.filter_map(move |block| {
+        let hits = in_way.filter_map(|block| {
             let flat = Block {
                 min: [block.min[0], block.min[1], -1.0],
                 max: [block.max[0], block.max[1], 1.0],
                 ..*block
             };
             flat.hit([0.0, 0.0, 0.0], direction)
-        })
-    });
-    ranges.fold(f64::INFINITY, f64::min)
+        });
+        hits.fold(f64::INFINITY, f64::min)
+    };
+    (0..=RAYS).map(range).collect()
+}
+
+/// The nearest obstacle that fills half of the sector: a narrower one, and the part of an oblique side that is
+/// nearer, may be less than a pixel.
+fn surely_seen_m(ranges: &[f64]) -> f64 {
+    let halves = ranges.windows(RAYS / 2 + 1).map(|half| half.iter().copied().fold(0.0, f64::max));
+    halves.fold(f64::INFINITY, f64::min)
 }
 
 /// Every sector within 5 cm of the truth, or unknown; none free past an obstacle.
 fn check_sectors(found: &Obstacles, scene: &[Block]) {
     for (index, sector) in found.sectors.iter().enumerate() {
-        let nearest = true_range(found, index, 0..=40, scene);
-        // A box in less than half of a sector may be less than a pixel.
-        let truth = true_range(found, index, 10..=30, scene);
+        let ranges = true_ranges(found, index, scene);
+        let nearest = ranges.iter().copied().fold(f64::INFINITY, f64::min);
+        let truth = surely_seen_m(&ranges);
         let context = format!("sector {index}: {truth:.3} m, {sector:?}");
         let range_m = f64::from(sector.range_m);
         if sector.state() == SectorState::Occupied {

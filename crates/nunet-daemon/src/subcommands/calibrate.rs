@@ -1,6 +1,5 @@
 //! `nunetd calibrate`: measures the factor of a camera's depth, and writes it into a calibration file.
 
-use std::io::Write as _;
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
