@@ -37,22 +37,13 @@ struct Sample {
     sector: u32,
 }
 
-/// This share of a sector at either side, or as many samples, may be out of view: less than an obstacle fills.
-const UNSEEN_SHARE: f32 = 0.25;
-const UNSEEN_SAMPLES: f32 = 1.5;
-
 /// A piece of floor, seen by some samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
-    /// Samples that look at it; [`Cell::NEVER_SEEN`] if a part of it is out of view.
+    /// Samples that look at it.
     pub(super) samples: u32,
     /// The distance of its nearest point from the base's origin, meters.
     pub(super) near_m: f32,
-}
-
-impl Cell {
-    /// More than there are: the cell never counts as floor.
-    const NEVER_SEEN: u32 = u32::MAX / 2;
 }
 
 /// The directions of the sectors.
@@ -83,21 +74,6 @@ impl Sectors {
         let angle = (y.atan2(x) - self.angle_min_rad).rem_euclid(TAU);
         let index = (angle / self.angle_step_rad) as usize;
         if index < self.count() { index as u32 } else { NONE }
-    }
-
-    /// The angle from the start of a sector to a point in it, radians.
-    fn offset(&self, x: f32, y: f32, sector: u32) -> f32 {
-        let start = self.angle_min_rad + sector as f32 * self.angle_step_rad;
-        (y.atan2(x) - start + PI).rem_euclid(TAU) - PI
-    }
-
-    /// Whether samples at these offsets leave no side of their sector unseen. At the edge of the image, a camera that
-    /// looks down sees a part of the outermost sectors only.
-    fn is_spanned(&self, offsets: impl Iterator<Item = f32>, pitch_rad: f32) -> bool {
-        let ends = |(min, max): (f32, f32), offset: f32| (min.min(offset), max.max(offset));
-        let (min, max) = offsets.fold((f32::INFINITY, f32::NEG_INFINITY), ends);
-        let allowed = (UNSEEN_SHARE * self.angle_step_rad).max(UNSEEN_SAMPLES * pitch_rad);
-        min <= allowed && max >= self.angle_step_rad - allowed
     }
 
     /// The sector of a point, searched from `guess` on: almost always the guess itself, without an arc tangent.
@@ -220,14 +196,7 @@ impl View {
                 samples[index].cell = self.cells.len() as u32;
             }
             let near_m = same.iter().map(|seen| seen.3).fold(f32::INFINITY, f32::min);
-            let bearings = same.iter().map(|seen| {
-                let [x, y, z] = samples[seen.2].direction;
-                let reach = height_m / -z;
-                self.sectors.offset(camera_x + reach * x, camera_y + reach * y, sector)
-            });
-            let is_whole = self.sectors.is_spanned(bearings, step / CELL_SAMPLES);
-            let samples = if is_whole { same.len() as u32 } else { Cell::NEVER_SEEN };
-            self.cells.push(Cell { samples, near_m });
+            self.cells.push(Cell { samples: same.len() as u32, near_m });
         }
         self.first_cells.resize(self.sectors.count() + 1, self.cells.len() as u32);
     }

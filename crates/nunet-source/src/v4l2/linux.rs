@@ -92,7 +92,7 @@ impl LinuxDevice {
             assert!(
                 (OPCODE >> 16) as usize & 0x1fff == size_of::<T>(),
                 "the argument must have the size of the request"
-            )
+            );
         };
         loop {
             // SAFETY: the opcodes of this file are V4L2's, and carry the size of the structure that the kernel reads

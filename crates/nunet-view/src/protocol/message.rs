@@ -349,10 +349,15 @@ mod tests {
     fn a_section_of_an_unknown_kind_and_a_longer_header_are_skipped() {
         let mut bytes = message();
         bytes.extend([99, 0, 0, 0, 1, 0, 0, 0, 5, 0, 0, 0]);
-        bytes.splice(64..64, [0; 8]);
-        bytes[6] = 72;
-        let frame = FrameMessage::parse(&bytes).unwrap();
-        assert_eq!(frame.labels().unwrap(), Some(vec![3; 8]));
+        let labels =
+            |bytes: &[u8]| FrameMessage::parse(bytes).and_then(|frame| frame.labels()).unwrap().unwrap();
+        let mut longer = bytes.clone();
+        longer.splice(HEADER_BYTES..HEADER_BYTES, [0; 8]);
+        longer[6] = 88;
+        assert_eq!(labels(&longer), [3; 8]);
+        bytes.drain(MIN_HEADER_BYTES..HEADER_BYTES);
+        bytes[6] = 64;
+        assert_eq!(labels(&bytes), [3; 8], "the first version of the header");
     }
 
     proptest! {
