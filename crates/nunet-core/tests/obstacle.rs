@@ -391,7 +391,7 @@ fn a_larger_image_gives_what_its_second_pixels_give() {
     let (depth_m, labels) = render(&mount(0.5, 5.0), &scene);
     let place = |pixel: usize| (pixel / 640 / 2) * 320 + pixel % 640 / 2;
     // Pixels between the samples do not count.
-    let is_sample = |pixel: usize| pixel / 640 % 2 == 0 && pixel % 2 == 0;
+    let is_sample = |pixel: usize| (pixel / 640).is_multiple_of(2) && pixel.is_multiple_of(2);
     let large_m: Vec<f32> =
         (0..4 * PIXELS).map(|i| if is_sample(i) { depth_m[place(i)] } else { 0.1 }).collect();
     let large_labels: Vec<u8> =

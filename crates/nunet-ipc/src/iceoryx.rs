@@ -70,11 +70,18 @@ fn configured() -> &'static Result<Config, IpcRootError> {
     silence_logs();
     CONFIG.get_or_init(|| {
         let from_environment = || std::env::var_os(ROOT_VARIABLE).filter(|root| !root.is_empty());
-        match ROOT.get().cloned().or_else(|| from_environment().map(|root| one_spelling(Path::new(&root)))) {
+        let from_environment = || from_environment().map(|root| one_spelling(Path::new(&root)));
+        match ROOT.get().cloned().or_else(from_environment).or_else(root_of_unit_tests) {
             Some(root) => config_in(&root).map_err(|reason| IpcRootError { root, reason }),
             None => Ok(Config::global_config().clone()),
         }
     })
+}
+
+/// Unit tests have their own root, because the default one may belong to another user.
+fn root_of_unit_tests() -> Option<PathBuf> {
+    let name = || format!("nunet-{}", rustix::process::geteuid().as_raw());
+    cfg!(test).then(|| std::env::temp_dir().join(name()))
 }
 
 /// One spelling for `/x/ipc`, `/x/ipc/`, `//x/ipc`, `/x/./ipc` and `/x/y/../ipc`: processes that spell the root differently
@@ -179,12 +186,6 @@ pub(crate) fn check_contract(service: &str, attributes: &AttributeSet) -> Result
         return Ok(());
     }
     Err(IpcError::ContractVersion { service: service.to_owned(), found, expected: CONTRACT_VERSION })
-}
-
-/// For unit tests: their own root, because the default one may belong to another user.
-#[cfg(test)]
-pub(crate) fn use_test_root() {
-    use_root(&std::env::temp_dir().join(format!("nunet-{}", rustix::process::geteuid().as_raw()))).unwrap();
 }
 
 #[cfg(test)]

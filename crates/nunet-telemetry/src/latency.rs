@@ -113,6 +113,12 @@ impl LatencyHistogram {
     }
 }
 
+/// Microseconds between two times in nanoseconds; 0 if the second is earlier.
+#[must_use]
+pub fn micros_between(start_nanos: u64, end_nanos: u64) -> u32 {
+    u32::try_from(end_nanos.saturating_sub(start_nanos) / 1000).unwrap_or(u32::MAX)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

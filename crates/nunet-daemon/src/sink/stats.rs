@@ -2,11 +2,9 @@
 
 use nunet_core::depth::{Scale, Units};
 pub(crate) use nunet_engine::ModelName;
-use serde::{Serialize, Serializer};
-
+use nunet_telemetry::{Counts, Latencies, LatencyMs, MessageStats, StabilitySummary, Totals};
 use nunet_types::PixelRect;
-
-use nunet_telemetry::{Counts, Latencies, LatencySummary, MessageCounts, StabilitySummary, Totals};
+use serde::Serialize;
 
 /// The stats of a camera, or of several together.
 #[derive(Debug, Serialize)]
@@ -48,20 +46,6 @@ pub(crate) struct Stats {
     /// The stats of each camera, if there are several.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) cameras: Vec<Stats>,
-}
-
-/// Messages to other machines, and frames that were replaced before they became messages.
-#[derive(Debug, Serialize)]
-pub(crate) struct MessageStats {
-    sent: u64,
-    not_taken: u64,
-    superseded: u64,
-}
-
-impl From<&MessageCounts> for MessageStats {
-    fn from(counts: &MessageCounts) -> Self {
-        Self { sent: counts.sent(), not_taken: counts.not_taken(), superseded: counts.superseded() }
-    }
 }
 
 /// The fields that all cameras of a process share.
@@ -128,25 +112,5 @@ impl Stats {
         let units = alike(|stats| stats.units, all.units);
         let scale_source = alike(|stats| stats.scale_source, all.scale_source);
         Self { units, scale_source, scale_factor: None, scale_age_s: 0.0, cameras, ..all }
-    }
-}
-
-/// Milliseconds, from the delivery by the source to the wake-up of the readers.
-#[derive(Debug, Serialize)]
-pub(crate) struct LatencyMs {
-    pub(crate) total: LatencySummary,
-    /// In the order in which they run.
-    #[serde(serialize_with = "as_map")]
-    pub(crate) stages: Vec<(String, LatencySummary)>,
-}
-
-fn as_map<S: Serializer>(stages: &[(String, LatencySummary)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(stages.iter().map(|(name, summary)| (name, summary)))
-}
-
-impl From<&Latencies> for LatencyMs {
-    fn from(latencies: &Latencies) -> Self {
-        let stages = latencies.stages().map(|(name, summary)| (name.to_owned(), summary)).collect();
-        Self { total: latencies.total(), stages }
     }
 }

@@ -11,7 +11,7 @@ use nunet_sink::empty_depth::EmptyDepthWarning;
 use nunet_sink::obstacles::ObstacleStage;
 use nunet_sink::stability::{StabilityLimit, StabilityWarning};
 use nunet_telemetry::{
-    Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread,
+    Counts, FrameEnd, Latencies, MessageCounts, RateLimit, Totals, allocations_of_this_thread, micros_between,
 };
 use nunet_types::PixelRect;
 use tracing::{debug, error, trace_span, warn};
@@ -299,7 +299,7 @@ impl StreamTask {
         self.continuity.took(frame);
         self.empty_depth.check(frame.sequence, &report, self.pipeline.size());
         self.stability.check(frame.sequence, &report, &mut self.totals);
-        let queue_micros = micros(frame.ready_nanos, taken_nanos);
+        let queue_micros = micros_between(frame.ready_nanos, taken_nanos);
         let processed_nanos = MonotonicClock.nanos();
         self.publisher.publish(loans, frame, &report, queue_micros)?;
         self.account(frame, &report, (queue_micros, processed_nanos), with_obstacles);
@@ -339,10 +339,10 @@ impl StreamTask {
     ) {
         let now_nanos = MonotonicClock.nanos();
         let timings = Timings {
-            total_micros: micros(frame.ready_nanos, now_nanos),
+            total_micros: micros_between(frame.ready_nanos, now_nanos),
             queue_micros,
             inner_micros: report.stages.micros(),
-            publish_micros: micros(processed_nanos, now_nanos),
+            publish_micros: micros_between(processed_nanos, now_nanos),
         };
         self.latencies.record(timings.total_micros.into(), timings.stages().map(u64::from));
         self.totals.add_published(now_nanos, report.bytes_copied);
@@ -353,8 +353,4 @@ impl StreamTask {
         let published = PublishedFrame { frame, camera, results, timings };
         self.sinks.iter_mut().for_each(|sink| sink.on_frame(&published));
     }
-}
-
-fn micros(start_nanos: u64, end_nanos: u64) -> u32 {
-    u32::try_from(end_nanos.saturating_sub(start_nanos) / 1000).unwrap_or(u32::MAX)
 }

@@ -47,7 +47,7 @@ pub(crate) fn eval(options: EvalCommandOptions) -> anyhow::Result<Outcome> {
     if !options.json && report.baseline_has_seen_the_images() {
         let text =
             "the baseline is the mean of the measured images themselves; pass --baseline-ids for others";
-        print(&text)?;
+        print(text)?;
     }
     if let Some(out) = &options.out {
         evaluation.write(out, &report)?;

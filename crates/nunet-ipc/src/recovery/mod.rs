@@ -50,7 +50,6 @@ mod tests {
 
     #[test]
     fn the_id_of_a_node_contains_its_process() {
-        crate::iceoryx::use_test_root();
         let node = super::create_node().unwrap();
         assert_eq!(pid_of(node.id().value()), std::process::id());
     }
@@ -59,7 +58,6 @@ mod tests {
     fn a_counter_whose_creator_was_killed_before_it_was_filled_is_replaced() {
         use std::os::unix::fs::PermissionsExt as _;
 
-        crate::iceoryx::use_test_root();
         drop(super::create_node().unwrap());
         let counter = super::dead::counters().next().expect("a node was created");
         // As iceoryx2 leaves it before it is filled.
