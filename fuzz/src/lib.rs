@@ -7,5 +7,5 @@ pub mod daemon;
 pub mod description;
 pub mod header;
 pub mod recording;
-pub mod rtps;
+pub mod ros2;
 pub mod view;

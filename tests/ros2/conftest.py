@@ -1,5 +1,6 @@
 """nunetd in a network of its own, and nodes of ROS 2 that receive from it."""
 
+import contextlib
 import ctypes
 import fcntl
 import json
@@ -65,27 +66,25 @@ class Daemon:
     process: subprocess.Popen
     log: Path
 
-    def stop(self) -> dict:
-        """Ends it, and returns its stats; the results of the last frame are in `out`."""
+    def stop(self, code: int = 0) -> dict:
+        """Ends it, which gives an exit code, and returns its stats; the results of the last frame are in `out`."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-        assert self.process.wait(TIMEOUT_S) == 0, self.log.read_text()
+        assert self.process.wait(TIMEOUT_S) == code, self.log.read_text()
         return json.loads((self.out / "stats.json").read_text())
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
-    """Starts nunetd on one image, again and again: every frame has the same results."""
+def start_on(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
+    """Starts nunetd on a source."""
     started: list[subprocess.Popen] = []
 
-    def begin(image: Path, *arguments: str, rate: str = "10", env: dict[str, str] | None = None) -> Daemon:
-        images, out = tmp_path / "images", tmp_path / "out"
-        images.mkdir()
+    def begin(source: str, *arguments: str, env: dict[str, str] | None = None) -> Daemon:
+        out, log = tmp_path / "out", tmp_path / "log"
         out.mkdir()
-        shutil.copy(image, images)
-        camera, log = f"ros{os.getpid()}", tmp_path / "log"
+        camera = f"ros{os.getpid()}"
         command = [
-            nunetd(), "run", "--source", str(images), "--loop", "--rate", rate, "--camera", camera,
+            nunetd(), "run", "--source", source, "--camera", camera,
             "--ros2", "dds", "--out", str(out), "--stats-json", str(out / "stats.json"), *arguments,
         ]  # fmt: skip
         with log.open("w") as stderr:
@@ -98,6 +97,19 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
     for process in started:
         process.kill()
         process.wait()
+
+
+@pytest.fixture
+def start(tmp_path: Path, start_on: Callable[..., Daemon]) -> Callable[..., Daemon]:
+    """Starts nunetd on one image, again and again: every frame has the same results."""
+
+    def begin(image: Path, *arguments: str, rate: str = "10", env: dict[str, str] | None = None) -> Daemon:
+        images = tmp_path / "images"
+        images.mkdir()
+        shutil.copy(image, images)
+        return start_on(str(images), "--loop", "--rate", rate, *arguments, env=env)
+
+    return begin
 
 
 @dataclass
@@ -122,9 +134,9 @@ class Receiver:
             self.executor.spin_once(timeout_sec=0.1)
 
 
-@pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    """A node of ROS 2 in this process."""
+@contextlib.contextmanager
+def participant() -> Iterator[Receiver]:
+    """A node of ROS 2 in this process, seen by others as one of another process."""
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node("receiver", context=context)
@@ -134,6 +146,13 @@ def receiver() -> Iterator[Receiver]:
     executor.shutdown()
     node.destroy_node()
     rclpy.shutdown(context=context)
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    """A node of ROS 2."""
+    with participant() as node:
+        yield node
 
 
 def stamp_of(message: object) -> tuple[int, int]:

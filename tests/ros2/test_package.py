@@ -21,6 +21,11 @@ def test_empty_parameters_leave_the_defaults_of_nunetd() -> None:
     assert " ".join(words) == f"{expected} --ros2-depth 32FC1 --ros2 dds --frames 9"
 
 
+def test_a_topic_of_images_takes_the_place_of_the_source() -> None:
+    words = command({**DEFAULTS, "image_topic": "/camera/image_raw"})
+    assert words[:4] == ["nunetd", "run", "--source", "ros2:/camera/image_raw"]
+
+
 @pytest.fixture
 def make_node() -> object:
     """Makes nodes with parameters, and ends them."""

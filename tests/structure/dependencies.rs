@@ -11,11 +11,11 @@ const HOMES: [(&str, &str); 5] = [
     ("iceoryx2", "crates/nunet-ipc/"),
     ("mcap", "crates/nunet-mcap/"),
     ("foxglove", "crates/nunet-mcap/"),
-    ("dust_dds", "crates/nunet-ros2/src/dds/"),
+    ("dust_dds", "crates/nunet-ros2-link/src/dds/"),
 ];
 
 /// A crate's manifest, and what it must not depend on.
-const NO_DEPENDENCY: [(&str, &[&str]); 16] = [
+const NO_DEPENDENCY: [(&str, &[&str]); 17] = [
     (
         "crates/nunet-c/Cargo.toml",
         &["nunet-core", "nunet-daemon", "nunet-mcap", "ort", "iceoryx2", "serde", "anyhow", "rustix"],
@@ -57,6 +57,21 @@ const NO_DEPENDENCY: [(&str, &[&str]); 16] = [
     (
         "crates/nunet-ros2/Cargo.toml",
         &["ort", "iceoryx2", "mcap", "foxglove", "clap", "nunet-engine", "nunet-ipc", "nunet-daemon"],
+    ),
+    (
+        "crates/nunet-ros2-link/Cargo.toml",
+        &[
+            "ort",
+            "iceoryx2",
+            "mcap",
+            "foxglove",
+            "clap",
+            "anyhow",
+            "nunet-core",
+            "nunet-ipc",
+            "nunet-source",
+            "nunet-daemon",
+        ],
     ),
     (
         "crates/nunet-sink/Cargo.toml",

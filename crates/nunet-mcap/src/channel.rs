@@ -30,7 +30,7 @@ pub(crate) enum MessageFormat {
 
 impl ChannelKind {
     /// The kind by the schema's name and the encoding of the messages. The schema's text is not needed.
-    fn of(schema: &str, encoding: &str) -> Option<Self> {
+    pub(crate) fn of(schema: &str, encoding: &str) -> Option<Self> {
         // ROS 2's names with and without `msg`: some recorders omit it.
         let (package, name) = schema.split_once(['/', '.'])?;
         let name = name.strip_prefix("msg/").or(name.strip_prefix("msg.")).unwrap_or(name);

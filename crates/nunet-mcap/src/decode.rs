@@ -10,6 +10,7 @@ use crate::channel::{ChannelKind, Content, MessageFormat};
 use crate::foxglove_json as json;
 use crate::image::{Purpose, Raw, RecordedImage};
 use crate::messages::{self, CameraInfo, CompressedImage, Image};
+use crate::topics::TopicContent;
 
 /// How the messages of a topic are read.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +18,19 @@ pub(crate) struct ReadMode {
     pub(crate) purpose: Purpose,
     /// Whether the images are rectified, by the topic's name in ROS: their camera is the projection P.
     pub(crate) rectified: bool,
+}
+
+impl ReadMode {
+    /// As the topic's name says.
+    pub(crate) fn of_topic(topic: &str, purpose: Purpose) -> Self {
+        Self { purpose, rectified: topic.split('/').any(|part| part.starts_with("image_rect")) }
+    }
+
+    /// Images to look at.
+    pub(crate) fn of_image_topic(topic: &str) -> Self {
+        let infrared = TopicContent::of(topic) == TopicContent::Infrared;
+        Self::of_topic(topic, if infrared { Purpose::Infrared } else { Purpose::Color })
+    }
 }
 
 /// Decodes an image into `image`.
@@ -97,6 +111,21 @@ fn compressed_image(
             out.set_header(message.header.stamp.unix_nanos(), &message.header.frame_id);
             out.set_file(message.data, &message.format, purpose)
         }
+    }
+}
+
+/// Replaces what is known of a camera by what a message says.
+pub(crate) fn update_camera(
+    kind: ChannelKind,
+    data: &[u8],
+    read_mode: ReadMode,
+    known: &mut Option<CameraDescription>,
+) {
+    match camera(kind, data, read_mode) {
+        Ok(described) => *known = described,
+        // One that cannot be read is known from before, or has to be reported.
+        Err(reason) if known.is_none() => *known = Some(CameraDescription::unreadable(&reason)),
+        Err(_) => {}
     }
 }
 

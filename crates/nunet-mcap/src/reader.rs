@@ -13,7 +13,6 @@ use crate::decode::{self, ReadMode};
 use crate::image::{Purpose, RecordedImage};
 use crate::record::Record;
 use crate::records::Records;
-use crate::topics::TopicContent;
 use crate::writer::ABOUT;
 use crate::{RecordingError, parts};
 
@@ -101,9 +100,8 @@ impl Recording {
         let bag = Bag::open(path, given_up)?;
         let topics = RecordingTopics::of_files(bag.parts.iter().map(|part| &part.channels));
         let topic = topics.image_topic(path, topic, &Peek(&bag.parts))?;
-        let infrared = TopicContent::of(&topic) == TopicContent::Infrared;
-        let purpose = if infrared { Purpose::Infrared } else { Purpose::Color };
-        Self::of_topic(bag, &topics, topic, purpose)
+        let read_mode = ReadMode::of_image_topic(&topic);
+        Self::of_topic(bag, &topics, topic, read_mode)
     }
 
     /// Opens a recording's depth: on `topic`, else on the only topic with depth.
@@ -114,19 +112,19 @@ impl Recording {
         let bag = Bag::open(path, &|| false)?;
         let topics = RecordingTopics::of_files(bag.parts.iter().map(|part| &part.channels));
         let topic = topics.depth_topic(path, topic, &Peek(&bag.parts))?;
-        Self::of_topic(bag, &topics, topic, Purpose::Depth)
+        let read_mode = ReadMode::of_topic(&topic, Purpose::Depth);
+        Self::of_topic(bag, &topics, topic, read_mode)
     }
 
     fn of_topic(
         bag: Bag,
         topics: &RecordingTopics,
         topic: String,
-        purpose: Purpose,
+        read_mode: ReadMode,
     ) -> Result<Self, RecordingError> {
-        let rectified = topic.split('/').any(|part| part.starts_with("image_rect"));
         let mut recording = Self {
             camera_topic: topics.camera_topic(&topic),
-            read_mode: ReadMode { purpose, rectified },
+            read_mode,
             count: topics.count(&topic),
             topic,
             records: Records::open(&bag.parts[0].path)?,
@@ -250,12 +248,7 @@ impl Recording {
                 };
             }
             if kind.is_camera() && Some(&channel.topic) == camera_topic.as_ref() {
-                match decode::camera(kind, data, *read_mode) {
-                    Ok(described) => *camera = described,
-                    // A description that cannot be read is ignored if one is known; otherwise it is reported.
-                    Err(reason) if camera.is_none() => *camera = Some(CameraDescription::unreadable(&reason)),
-                    Err(_) => {}
-                }
+                decode::update_camera(kind, data, *read_mode, camera);
             }
             RecordOutcome::Other
         })

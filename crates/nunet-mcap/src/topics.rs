@@ -72,6 +72,14 @@ fn stream(topic: &str) -> &str {
     if TRANSPORTS.contains(&last) { parent } else { topic }
 }
 
+/// The topic on which ROS' drivers describe the camera of an image topic: `camera_info` in its namespace
+/// (`image_transport::getCameraInfoTopic`). A transport's name does not count as a namespace.
+#[must_use]
+pub fn camera_topic(image_topic: &str) -> String {
+    let (namespace, _image) = stream(image_topic).rsplit_once('/').unwrap_or_default();
+    format!("{namespace}/camera_info")
+}
+
 /// The common prefix of the streams of one camera: `/oak` for `/oak/rgb/image_raw`. `None` if the name
 /// has no prefix.
 fn device(topic: &str) -> Option<&str> {
@@ -126,6 +134,14 @@ mod tests {
     fn check(topics: &[&str], color: &[&str], depth: &[&str]) {
         assert_eq!(color_topics(topics), color, "color of {topics:?}");
         assert_eq!(depth_topics(topics), depth, "depth of {topics:?}");
+    }
+
+    #[test]
+    fn the_camera_of_an_image_is_in_its_namespace() {
+        for topic in ["/front/image_raw", "/front/image_raw/compressed", "/front/image_rect"] {
+            assert_eq!(camera_topic(topic), "/front/camera_info");
+        }
+        assert_eq!(camera_topic("/image"), "/camera_info");
     }
 
     #[test]

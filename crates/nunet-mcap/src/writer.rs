@@ -99,6 +99,11 @@ impl RecordingWriter {
         Ok(recording)
     }
 
+    /// The coordinate frame of the frames to come.
+    pub fn set_frame_id(&mut self, frame_id: &str) {
+        frame_id.clone_into(&mut self.frame_id);
+    }
+
     /// Writes a frame. An error is final: the file then ends at the last sync.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use nunet_core::depth::Scale;
 use nunet_mcap::CameraMount;
 use nunet_mcap::ros::{Header, RosMessage, encode};
+use nunet_ros2_link::{Link, Publisher, Ros2Error};
 use nunet_sink::record::RecordedFrame;
 use nunet_sink::results::Results;
 use nunet_sink::sink::{FinishingSink, Outcome, PublishedFrame, Sink, Status, Wants};
@@ -16,9 +17,7 @@ use nunet_source::{Mailbox, Reuse, Taken};
 use nunet_telemetry::{Counts, MessageCounts, RateLimit};
 use tracing::{info, warn};
 
-use crate::error::Ros2Error;
 use crate::frame_messages::FrameEncoder;
-use crate::link::{Link, Publisher};
 use crate::messages::{DiagnosticArray, DiagnosticStatus, KeyValue, LabelInfo, header_now};
 use crate::options::{CameraOptions, DepthFormat};
 use crate::topic::Topic;
@@ -125,6 +124,7 @@ impl Sink for Ros2Sink {
         }
         copy.wanted = wanted;
         copy.record.frame.capture = frame.capture;
+        copy.record.frame.frame_id.clone_from(&frame.frame_id);
         copy.record.camera = *camera;
         copy.record.copy_results(results);
         if self.shared.mailbox.put_latest(copy) == nunet_source::Put::Replaced {
@@ -229,7 +229,7 @@ impl CameraThread {
                 counted = Some(Instant::now());
             }
             if diagnosed.elapsed() >= DIAGNOSTICS_PERIOD {
-                self.unannounced.retain(|link| link.announce_node(&self.name).is_err());
+                self.unannounced.retain(|link| link.announce_nodes().is_err());
                 self.send_diagnostics();
                 diagnosed = Instant::now();
             }

@@ -31,6 +31,8 @@ impl FrameEncoder {
     pub(crate) fn encode(&mut self, topic: Topic, record: &RecordedFrame) -> anyhow::Result<Option<&[u8]>> {
         let Self { frame_id, depth, images, pixels, message } = self;
         let stamp = Time::from_unix_nanos(record.frame.capture.unix_nanos);
+        let stated = &record.frame.frame_id;
+        let frame_id = if stated.is_empty() { &*frame_id } else { stated };
         let mut header = Header { stamp, frame_id: frame_id.as_str().into() };
         let camera;
         let obstacles = record.obstacles();

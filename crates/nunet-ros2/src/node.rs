@@ -3,13 +3,12 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use nunet_ros2_link::environment::Environment;
+use nunet_ros2_link::{Endpoint, Link, Ros2Error, connect};
 use nunet_sink::sink::Sink;
 use tracing::{info, warn};
 
 use crate::camera::{CameraThread, Outputs};
-use crate::environment::Environment;
-use crate::error::Ros2Error;
-use crate::link::Link;
 use crate::options::{Available, CameraOptions, LinkName, Ros2Options, check_camera_name};
 use crate::topic::Topic;
 
@@ -42,8 +41,11 @@ impl Ros2Node {
         check_camera_name(camera.name)?;
         let topics = self.topics(camera)?;
         let mut outputs = Outputs::default();
+        let node = format!("nunetd_{}", camera.name);
         for topic in topics.iter().copied() {
-            let publishers = self.links.iter().map(|link| link.publisher(camera.name, topic));
+            let name = topic.of_camera(camera.name);
+            let endpoint = Endpoint { topic: &name, message_type: topic.message_type() };
+            let publishers = self.links.iter().map(|link| link.publisher(&node, &endpoint, topic.delivery()));
             outputs.add(topic, publishers.collect::<Result<_, _>>()?);
         }
         info!("ROS 2 topics: {}", listed(&topics, camera.name));
@@ -54,7 +56,7 @@ impl Ros2Node {
     /// not confirmed the last announcement yet may hold back the next.
     fn announce(&self, camera: &str) -> Vec<Arc<dyn Link>> {
         let failed = self.links.iter().filter(|link| {
-            let announced = link.announce_node(camera);
+            let announced = link.announce_nodes();
             announced.inspect_err(|error| warn!("camera `{camera}`: {error}, will try again")).is_err()
         });
         failed.cloned().collect()
@@ -72,14 +74,7 @@ impl Ros2Node {
 
 fn open_link(name: &LinkName) -> Result<Arc<dyn Link>, Ros2Error> {
     match name {
-        #[cfg(feature = "ros2-dds")]
-        LinkName::Dds { domain } => {
-            let mut environment = Environment::of_process()?;
-            environment.domain = domain.unwrap_or(environment.domain);
-            Ok(Arc::new(crate::dds::DdsLink::open(&environment)?))
-        }
-        #[cfg(not(feature = "ros2-dds"))]
-        LinkName::Dds { .. } => Err(Ros2Error::Transport { name: "dds" }),
+        LinkName::Dds { domain } => connect(&Environment::of_process()?.in_domain(*domain)),
     }
 }
 

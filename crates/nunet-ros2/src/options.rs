@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use nunet_mcap::CameraMount;
+use nunet_ros2_link::Ros2Error;
+use nunet_ros2_link::environment::{self, Environment};
+use nunet_ros2_link::name::is_valid_part;
 use nunet_telemetry::MessageCounts;
 
-use crate::environment::Environment;
-use crate::error::{Ros2Error, is_valid_name};
 use crate::topic::Topic;
 
 /// A connection to ROS 2: `dds` or `dds:DOMAIN`.
@@ -27,7 +28,7 @@ impl FromStr for LinkName {
         match text.split_once(':') {
             None if text == "dds" => Ok(Self::Dds { domain: None }),
             Some(("dds", domain)) => {
-                let domain = crate::environment::domain("the domain", domain);
+                let domain = environment::domain("the domain", domain);
                 domain.map(|domain| Self::Dds { domain: Some(domain) })
             }
             _ => Err(unknown("transport", text, "`dds` or `dds:DOMAIN`")),
@@ -159,7 +160,7 @@ impl Ros2Options {
 pub struct CameraOptions<'a> {
     /// First part of its topics.
     pub name: &'a str,
-    /// The coordinate frame of its images.
+    /// The coordinate frame of its images, unless frames state another.
     pub frame_id: &'a str,
     /// The names of the classes, in the order of their indices; empty without labels.
     pub classes: &'a [String],
@@ -177,13 +178,13 @@ pub struct CameraOptions<'a> {
 
 /// Checks whether topics of a camera can have this name.
 pub(crate) fn check_camera_name(name: &str) -> Result<(), Ros2Error> {
-    if is_valid_name(name) { Ok(()) } else { Err(Ros2Error::CameraName { name: name.to_owned() }) }
+    if is_valid_part(name) { Ok(()) } else { Err(Ros2Error::CameraName { name: name.to_owned() }) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Ros2ErrorKind;
+    use nunet_ros2_link::Ros2ErrorKind;
 
     #[test]
     fn links_are_parsed_and_mistakes_are_named() {

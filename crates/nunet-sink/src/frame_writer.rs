@@ -14,7 +14,7 @@ use crate::record::{RecordedFrame, describe};
 pub struct RecordingOptions<'a> {
     /// The camera's name, the first part of the topics' names.
     pub camera: &'a str,
-    /// The coordinate frame of images and depth.
+    /// The coordinate frame of images and depth, unless frames state another.
     pub frame_id: &'a str,
     /// The pose of the camera on the robot, if known.
     pub mount: Option<CameraMount>,
@@ -89,6 +89,9 @@ impl FrameWriter {
         let camera = record.camera.as_ref().map(describe);
         let depth_camera = record.depth_camera.as_ref().map(describe);
         let log_nanos = log_nanos.try_into().unwrap_or_default();
+        if !frame.frame_id.is_empty() {
+            self.writer.set_frame_id(&frame.frame_id);
+        }
         if let Some(obstacles) = record.obstacles() {
             self.writer.write_obstacles(&obstacles, log_nanos, capture.unix_nanos)?;
         }

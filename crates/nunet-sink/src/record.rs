@@ -57,6 +57,7 @@ impl RecordedFrame {
         (own.size, own.row_stride, own.format) = (frame.size, frame.row_stride, frame.format);
         (own.sequence, own.capture, own.ready_nanos) = (frame.sequence, frame.capture, frame.ready_nanos);
         (own.camera, own.segment, own.in_real_time) = (frame.camera, frame.segment, frame.in_real_time);
+        own.frame_id.clone_from(&frame.frame_id);
         self.camera = camera;
     }
 

@@ -177,7 +177,8 @@ fn no_images(path: &Path) -> SourceError {
     SourceError::bad_arguments(format!("no source `{shown}`: no such file or folder, and no file matches it as a glob"))
         .with_hint(
             "expected demo, a folder of JPEG or PNG images, a glob such as 'frames/*.jpg' (quoted), a recording FILE.mcap or \
-             its folder, a camera /dev/videoN, shm:CAMERA, exec:COMMAND, rtsp://..., or - for standard input",
+             its folder, a camera /dev/videoN, shm:CAMERA, ros2:TOPIC, exec:COMMAND, rtsp://..., or - for standard \
+             input",
         )
 }
 

@@ -59,6 +59,8 @@ pub struct Frame {
     pub capture: CaptureTime,
     /// When the source delivered it, nanoseconds of `CLOCK_MONOTONIC`.
     pub ready_nanos: u64,
+    /// The coordinate frame of the camera; empty if the source does not state it, or the user chose another.
+    pub frame_id: String,
     /// The camera that took it, at the image's size, if the source knows it.
     pub camera: Option<Camera>,
     /// Counts the stretches of a source that begins again: the first frame of a segment does not follow the
@@ -87,12 +89,16 @@ impl Frame {
         ImageView::new(self.bytes(), width, height, self.row_stride, format)
     }
 
-    /// Sets the sequence number and the capture time in a header.
+    /// Sets the sequence number, the capture time, and the coordinate frame if the source states one, in a
+    /// header.
     pub fn identify(&self, header: &mut FrameHeader) {
         header.sequence = self.sequence;
         header.capture_nanos = self.capture.nanos;
         header.capture_unix_nanos = self.capture.unix_nanos;
         header.set_capture_clock(self.capture.clock);
+        if !self.frame_id.is_empty() {
+            header.set_frame_id(&self.frame_id);
+        }
     }
 
     /// The owned buffer, `bytes` long. Its content is unspecified.

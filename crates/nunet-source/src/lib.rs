@@ -1,4 +1,4 @@
-//! Sources of frames: images on disk, pipes, programs, recordings, V4L2 cameras, shared memory.
+//! Sources of frames: images on disk, pipes, programs, recordings, V4L2 cameras, shared memory, ROS 2.
 //!
 //! [`SourceName::parse`] chooses a kind of source, [`SourceName::open`] opens it, and [`Source::fill`] reads
 //! one [`Frame`] after the other. Adding a source takes a file of its own and a line in the registry
@@ -41,9 +41,14 @@ mod orientation;
 mod pipe;
 mod rate;
 #[cfg(feature = "mcap")]
+mod recorded_image;
+#[cfg(feature = "mcap")]
 mod recording;
 mod registry;
+#[cfg(feature = "ros2-dds")]
+mod ros2;
 mod shm;
+mod silence;
 mod source;
 mod source_type;
 #[cfg(feature = "v4l2")]
@@ -63,6 +68,8 @@ pub use rate::{Pacer, Rate};
 #[cfg(feature = "mcap")]
 pub use recording::{RecordingSource, from_recording_error};
 pub use registry::SourceName;
+#[cfg(feature = "ros2-dds")]
+pub use ros2::Ros2Source;
 pub use shm::camera_in;
 pub use source::{Fill, OpenOptions, Source, first_frame};
 pub use source_type::{Exclusive, Properties, SizeUse, SourceType};

@@ -5,8 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::SourceError;
-use crate::source_type::{Properties, SizeUse, SourceType};
-use crate::{OpenOptions, Source};
+use crate::source_type::{Exclusive, Properties, SizeUse, SourceType};
+use crate::{Fill, Frame, OpenOptions, Source};
 
 /// Every kind of source, in the order in which names are compared. Image files accept every remaining name.
 const REGISTRY: &[&dyn SourceType] = &[
@@ -15,12 +15,23 @@ const REGISTRY: &[&dyn SourceType] = &[
     &crate::command::ShellCommand,
     &crate::command::NetworkCamera,
     &crate::shm::SharedMemoryCamera,
+    #[cfg(feature = "ros2-dds")]
+    &crate::ros2::Ros2Topic,
     #[cfg(feature = "v4l2")]
     &crate::v4l2::VideoDevice,
     #[cfg(feature = "mcap")]
     &crate::recording::RecordingFile,
     &crate::files::ImageFiles,
 ];
+
+/// A source that must not be read.
+struct NoFrames;
+
+impl Source for NoFrames {
+    fn fill(&mut self, _frame: &mut Frame) -> Fill {
+        Fill::End
+    }
+}
 
 /// A source by its name.
 #[derive(Clone)]
@@ -80,15 +91,21 @@ impl SourceName {
         self.kind.would_read(&self.name, path)
     }
 
-    /// Refuses options that the source would ignore.
+    /// Refuses a name that cannot be right, and options that the source would ignore. Opens nothing.
     ///
     /// # Errors
-    /// An option for another kind of source.
+    /// A bad name, or an option for another kind of source.
     pub fn check(&self, options: &OpenOptions<'_>) -> Result<(), SourceError> {
         let properties = self.properties();
         let bad = |text: String| Err(SourceError::bad_arguments(text));
+        self.kind.check(&self.name)?;
         if let (Some(topic), false) = (options.topic, properties.has_topics) {
             return bad(format!("topic `{topic}` is for recordings: `{}` has no topics", self.name));
+        }
+        if properties.is_ros2 && options.rate.is_some() {
+            return bad(
+                "a rate is for files and devices: a ROS 2 topic has the rate of its publisher".to_owned()
+            );
         }
         match (properties.size, options.size, options.format) {
             (SizeUse::Raw, Some(_), None) => {
@@ -123,6 +140,22 @@ impl SourceName {
         self.kind.open(&self.name, options)
     }
 
+    /// Checks the source without reading from it: a camera may be in use, data read from a pipe is lost, and a
+    /// live topic is on the network. The returned source has no frames then.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open).
+    pub fn probe(&self, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError> {
+        self.check(&options)?;
+        let properties = self.properties();
+        match properties.exclusive {
+            Some(Exclusive::StandardInput) => Ok(Box::new(NoFrames)),
+            Some(Exclusive::Device) if self.path().exists() => Ok(Box::new(NoFrames)),
+            _ if properties.is_ros2 => Ok(Box::new(NoFrames)),
+            _ => self.open(options),
+        }
+    }
+
     /// The placeholder for this source if it cannot be opened, but others can.
     #[must_use]
     pub fn stand_in(&self, options: OpenOptions<'_>, error: SourceError) -> Box<dyn Source> {
@@ -135,8 +168,7 @@ mod tests {
     use nunet_types::{ImageSize, PixelFormat};
 
     use super::*;
-    use crate::source_type::Exclusive;
-    use crate::{Fill, Frame, SourceErrorKind};
+    use crate::SourceErrorKind;
 
     fn kind(name: &str) -> Properties {
         SourceName::parse(name).properties()
@@ -150,6 +182,22 @@ mod tests {
         assert!(kind("exec:cat images.y4m").is_started && kind("rtsp://10.0.0.4/front").is_started);
         assert_eq!(kind("-").exclusive, Some(Exclusive::StandardInput));
         assert!(kind("drive.mcap").is_recording && !kind("drive/*.jpg").is_recording);
+    }
+
+    #[cfg(feature = "ros2-dds")]
+    #[test]
+    fn a_ros_2_topic_is_checked_without_a_network() {
+        let check = |name: &str| SourceName::parse(name).check(&OpenOptions::default());
+        assert!(kind("ros2:/camera/image_raw@7").is_ros2 && !kind("./ros2:/a").is_ros2);
+        assert!(check("ros2:/camera/image_raw@7").is_ok() && check("ros2:camera/image_raw").is_ok());
+        for name in ["ros2:", "ros2:/a b", "ros2:/a@", "ros2:/a@233", "ros2:/a@b@1"] {
+            assert_eq!(check(name).unwrap_err().kind(), SourceErrorKind::BadArguments, "{name}");
+        }
+        let mut probed = SourceName::parse("ros2:/a").probe(OpenOptions::default()).unwrap();
+        assert!(matches!(probed.fill(&mut Frame::default()), Fill::End));
+        let repeat = OpenOptions { repeat: true, ..OpenOptions::default() };
+        let error = SourceName::parse("ros2:/a").check(&repeat).unwrap_err();
+        assert!(error.to_string().contains("a topic has no end"), "{error}");
     }
 
     #[test]

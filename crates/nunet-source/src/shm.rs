@@ -11,17 +11,13 @@ use nunet_types::ImageSize;
 use tracing::{info, warn};
 
 use crate::error::{SourceError, SourceErrorKind};
+use crate::silence::Silence;
 use crate::source::Fused;
 use crate::source_type::{Properties, SourceType};
 use crate::{CaptureTime, Fill, Frame, OpenOptions, Pixels, Source};
 
 /// How long one call may wait, so that a stop is noticed.
 const POLL_TIMEOUT: Duration = Duration::from_millis(100);
-/// A connected camera that sends nothing for this long is reported as missing.
-const SILENCE: Duration = Duration::from_secs(5);
-/// How often the warning about a missing camera is repeated.
-const REMINDER: Duration = Duration::from_secs(10);
-
 /// Another process publishes frames in shared memory under a camera's name.
 pub(crate) struct SharedMemoryCamera;
 
@@ -53,41 +49,6 @@ pub(crate) struct SharedMemory {
     reader: Option<Reader>,
     silence: Silence,
     bad_camera: bool,
-}
-
-/// Since when no frame has arrived, and when that was last reported.
-#[derive(Debug, Default)]
-struct Silence {
-    /// The last frame, or when the camera was connected to.
-    since: Option<Instant>,
-    reminded: Option<Instant>,
-    waiting: bool,
-}
-
-impl Silence {
-    /// Starts the time without frames, when the camera is connected.
-    fn begins(&mut self, now: Instant) {
-        self.since = Some(now);
-    }
-
-    /// Records a frame.
-    fn ends(&mut self, now: Instant) {
-        *self = Self { since: Some(now), reminded: None, waiting: false };
-    }
-
-    fn is_long(&self, now: Instant) -> bool {
-        self.since.is_none_or(|since| now.duration_since(since) >= SILENCE)
-    }
-
-    /// Records that the camera is missing. Returns whether to report it, which is once per [`REMINDER`].
-    fn is_news(&mut self, now: Instant) -> bool {
-        self.waiting = true;
-        let news = self.reminded.is_none_or(|last| now.duration_since(last) >= REMINDER);
-        if news {
-            self.reminded = Some(now);
-        }
-        news
-    }
 }
 
 impl SharedMemory {
@@ -211,7 +172,7 @@ impl Source for SharedMemory {
     }
 
     fn is_waiting(&self) -> bool {
-        self.silence.waiting
+        self.silence.is_waiting()
     }
 }
 
@@ -255,30 +216,5 @@ mod tests {
             let unix = frame.capture.unix_nanos;
             assert!(expected.map_or((started..=unix_nanos()).contains(&unix), |sent| sent == unix), "{unix}");
         }
-    }
-
-    #[test]
-    fn a_camera_that_was_just_connected_is_not_silent_and_later_is_reported_now_and_then() {
-        let (mut silence, start) = (Silence::default(), Instant::now());
-        let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
-        silence.begins(start);
-        assert!(!silence.is_long(at(0.1)) && !silence.waiting);
-        assert!(silence.is_long(at(5.0)));
-        assert!(silence.is_news(at(5.0)) && silence.waiting);
-        assert!(!silence.is_news(at(14.0)));
-        assert!(silence.is_news(at(15.0)));
-        silence.ends(at(16.0));
-        assert!(!silence.is_long(at(20.0)) && !silence.waiting);
-        assert!(silence.is_news(at(21.0)), "a new silence is reported at once");
-    }
-
-    #[test]
-    fn a_camera_that_was_waited_for_is_not_back_before_its_first_frame() {
-        let (mut silence, start) = (Silence::default(), Instant::now());
-        assert!(silence.is_news(start), "it does not exist");
-        silence.begins(start);
-        assert!(silence.waiting, "it exists and has not sent anything");
-        silence.ends(start);
-        assert!(!silence.waiting);
     }
 }

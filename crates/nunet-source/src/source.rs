@@ -86,6 +86,8 @@ pub struct OpenOptions<'a> {
     pub format: Option<PixelFormat>,
     /// The requested rate of a camera; the caller keeps the rate of other sources.
     pub rate: Option<Rate>,
+    /// Whether the caller chose a coordinate frame: that of the source is not stated then.
+    pub has_frame_id: bool,
     /// Set when the caller no longer wants the source: opening may take a long time.
     pub stopped: Option<&'a AtomicBool>,
     /// Folders with the models and the images of the demo.

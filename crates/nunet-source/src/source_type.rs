@@ -19,6 +19,15 @@ pub trait SourceType: Sync {
     /// Nothing of that name, or nothing that can be read.
     fn open(&self, name: &str, options: OpenOptions<'_>) -> Result<Box<dyn Source>, SourceError>;
 
+    /// Checks a name as far as that is possible without opening anything.
+    ///
+    /// # Errors
+    /// Nothing can have it.
+    fn check(&self, name: &str) -> Result<(), SourceError> {
+        let _ = name;
+        Ok(())
+    }
+
     /// The existing files and folders that are read; none if the source is not a file.
     fn files(&self, name: &str) -> Vec<PathBuf> {
         let _ = name;
@@ -51,6 +60,8 @@ pub struct Properties {
     pub is_shared_memory: bool,
     /// Whether reading starts a program: a mere check must not.
     pub is_started: bool,
+    /// Whether it is a live topic of ROS 2: opening it connects to the network, and its publisher has its own pace.
+    pub is_ros2: bool,
     /// Whether it has topics to choose from.
     pub has_topics: bool,
     /// The use of a size and a format.
@@ -63,6 +74,14 @@ pub struct Properties {
     pub default_size: Option<&'static str>,
     /// The usual rate, as a user writes it.
     pub default_rate: Option<&'static str>,
+}
+
+impl Properties {
+    /// Whether frames come by themselves, so that the first one may be long in coming.
+    #[must_use]
+    pub fn is_live(&self) -> bool {
+        self.exclusive.is_some() || self.is_shared_memory || self.is_started || self.is_ros2
+    }
 }
 
 /// A resource that two cameras of one process cannot share.

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use image::{ImageFormat, Rgb, RgbImage};
@@ -13,6 +13,13 @@ use nunet_ipc::{CameraName, Encoding, Limits, Publisher, Topic, TopicPlan, monot
 use nunet_mcap::{DepthRecord, EncodedImage, FrameRecord, RecordingWriter, ScaleRecord, WriterOptions};
 use nunet_source::{Fill, Frame, OpenOptions, Source, SourceErrorKind, SourceName, open_pipe};
 use nunet_types::{ImageSize, PixelFormat};
+#[cfg(feature = "ros2-dds")]
+use {
+    nunet_mcap::ros::{Header, RosMessage, Time},
+    nunet_ros2_link::environment::{DiscoveryRange, Environment},
+    nunet_ros2_link::{Delivery, Endpoint, MessageType, connect_alone},
+    nunet_source::Ros2Source,
+};
 
 /// Bounds every loop.
 const MAX_CALLS: usize = 10_000;
@@ -163,6 +170,55 @@ fn shared_memory() -> (Box<dyn Source>, Offer) {
     (source, Box::new(offer))
 }
 
+/// A domain of this machine that other test processes rarely use.
+#[cfg(feature = "ros2-dds")]
+fn domain() -> Environment {
+    let domain = 101 + u16::try_from(std::process::id() % 100).unwrap();
+    Environment { domain, range: DiscoveryRange::Localhost, static_peers: Vec::new() }
+}
+
+/// The three images as live messages from another participant.
+#[cfg(feature = "ros2-dds")]
+fn ros2() -> (Box<dyn Source>, Offer) {
+    static OPENED: AtomicUsize = AtomicUsize::new(0);
+    // Tests run at the same time: each has a topic of its own.
+    let number = OPENED.fetch_add(1, Ordering::Relaxed);
+    let topic = format!("/conformance{number}/image_raw/compressed");
+    let link = connect_alone(&domain()).unwrap();
+    let endpoint = Endpoint { topic: &topic, message_type: MessageType::CompressedImage };
+    let publisher = link.publisher("camera", &endpoint, Delivery { depth: 1, is_kept: false }).unwrap();
+    link.announce_nodes().unwrap();
+    let source = Ros2Source::open(&topic, &domain()).unwrap();
+    let mut source: Box<dyn Source> = Box::new(source);
+    // It subscribes once it knows the type.
+    let is_subscribed = (0..600).any(|_| {
+        assert!(matches!(source.fill(&mut Frame::default()), Fill::Nothing));
+        publisher.subscribers() > 0
+    });
+    assert!(is_subscribed, "the subscriber was never found");
+    let offer = move |number: u64| {
+        let _link = &link;
+        let data = &images()[number as usize];
+        let header = Header { stamp: Time { sec: 7, nanosec: number as u32 }, frame_id: "eye".into() };
+        let mut message = Vec::new();
+        let image = RosMessage::CompressedImage(EncodedImage { format: "png", data });
+        image.encode(&header, &mut message).unwrap();
+        assert!(publisher.send(&message));
+    };
+    (source, Box::new(offer))
+}
+
+#[cfg(feature = "ros2-dds")]
+#[test]
+fn a_live_message_keeps_its_stamp_and_its_coordinate_frame() {
+    let (mut source, mut offer) = ros2();
+    let mut frame = Frame::default();
+    offer(0);
+    assert!(matches!(next(source.as_mut(), &mut frame), Fill::Frame));
+    assert_eq!((frame.capture.unix_nanos, frame.frame_id.as_str()), (7_000_000_000, "eye"));
+    assert!(source.is_live() && !source.is_waiting());
+}
+
 /// Every source that has an end.
 fn all(folder: &Path) -> Vec<Subject> {
     let within = |name: &str| {
@@ -184,7 +240,7 @@ fn all(folder: &Path) -> Vec<Subject> {
     ]
 }
 
-/// Every source that goes on: the demo repeats itself, shared memory waits, and a command is started again.
+/// Every source that goes on: the demo repeats itself, shared memory and ROS 2 wait, and a command is started again.
 fn endless(folder: &Path) -> Vec<Subject> {
     let (source, offer) = shared_memory();
     let subject = |name, source, offer, varies| Subject {
@@ -194,11 +250,17 @@ fn endless(folder: &Path) -> Vec<Subject> {
         has_sizes: varies,
         offer,
     };
-    vec![
+    let mut all = vec![
         subject("demo", demo(folder), Box::new(|_| {}), true),
         subject("shared memory", source, offer, true),
         subject("command", command(), Box::new(|_| {}), false),
-    ]
+    ];
+    #[cfg(feature = "ros2-dds")]
+    {
+        let (source, offer) = ros2();
+        all.push(subject("ROS 2", source, offer, true));
+    }
+    all
 }
 
 /// The next fill that is more than nothing.

@@ -9,6 +9,7 @@ from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
     "source": ("/dev/video0", "where frames come from"),
+    "image_topic": ("", "a topic with images, instead of the source"),
     "camera": ("front", "the first part of the topics' names"),
     "calibration": ("", "a camera calibration file"),
     "mount": ("", "x,y,z,roll,pitch,yaw of the camera in base_link"),

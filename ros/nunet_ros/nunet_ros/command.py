@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 DEFAULTS: dict[str, object] = {
     "executable": "nunetd",
     "source": "/dev/video0",
+    "image_topic": "",
     "camera": "front",
     "model": "",
     "calibration": "",
@@ -30,7 +31,9 @@ FLAGS = {
 
 
 def command(parameters: Mapping[str, object]) -> list[str]:
-    """`nunetd run` with the flags of all parameters that are not empty."""
+    """`nunetd run` with the flags of all parameters that are not empty. A topic of images takes the source's place."""
+    topic = parameters["image_topic"]
+    parameters = {**parameters, "source": f"ros2:{topic}"} if topic else parameters
     flags = [word for name, flag in FLAGS.items() if parameters[name] != "" for word in (flag, str(parameters[name]))]
     further = parameters["arguments"]
     assert isinstance(further, Sequence)

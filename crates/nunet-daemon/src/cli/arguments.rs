@@ -31,7 +31,8 @@ pub struct InferArgs {
 /// `nunetd feed`
 #[derive(Debug, Args, Clone)]
 pub struct FeedArgs {
-    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, or - for stdin
+    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, a ROS 2 topic
+    /// ros2:TOPIC[@DOMAIN], or - for stdin
     pub source: String,
     /// The name of the camera in shared memory
     #[arg(long, value_name = "NAME")]

@@ -178,12 +178,13 @@ impl AccessArgs {
 #[derive(Debug, Args, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct StreamArgs {
-    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, exec:COMMAND,
-    /// rtsp://..., or - for stdin
+    /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, a ROS 2 topic
+    /// ros2:TOPIC[@DOMAIN], exec:COMMAND, rtsp://..., or - for stdin
     /// [default: demo; required with --config]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
-    /// The name of the camera in shared memory [default: demo for the demo scene, otherwise camera]
+    /// The name of the camera in shared memory [default: demo for the demo scene, nunet for a ROS 2
+    /// topic, otherwise camera]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
     #[command(flatten)]
@@ -192,7 +193,8 @@ pub struct StreamArgs {
     #[command(flatten)]
     #[serde(flatten)]
     pub processing: CameraArgs,
-    /// The coordinate frame of depth and cloud [default: the name of the camera + `_optical_frame`]
+    /// The coordinate frame of depth and cloud [default: that of the images for a ROS 2 topic, otherwise the name of the
+    /// camera + `_optical_frame`]
     #[arg(long, value_name = "NAME")]
     pub frame_id: Option<Text<FrameId>>,
     /// The topics that can be read; all but depth are computed only while something reads them. With --mount, obstacles can
@@ -240,6 +242,7 @@ impl StreamArgs {
         let readers = value(&self.readers).map(|Readers(readers)| readers.get() as usize);
         Ok(CameraConfig {
             frame_id: frame_id(&name, value(&self.frame_id).map(|FrameId(name)| name))?,
+            is_frame_id_chosen: self.frame_id.is_some(),
             name,
             source,
             obstacles: self.obstacles.config(mount, processing.pipeline.max_range_m, is_required)?,

@@ -56,8 +56,11 @@ pub struct CameraConfig {
     pub source: SourceConfig,
     /// Its lens, and the processing of its depth.
     pub processing: ProcessingConfig,
-    /// The coordinate frame of depth and cloud; at most [`MAX_FRAME_ID`] bytes.
+    /// The coordinate frame of depth and cloud, unless the source states another; at most [`MAX_FRAME_ID`]
+    /// bytes.
     pub frame_id: String,
+    /// Whether the user chose it: then that of the source does not count.
+    pub is_frame_id_chosen: bool,
     /// Its pose on the robot.
     pub mount: Option<MountOption>,
     /// The settings of obstacles; `None` without a mount.

@@ -31,7 +31,9 @@ pub(super) fn open(context: &SinkContext<'_>) -> anyhow::Result<Option<Box<dyn S
         // Nothing is published before the self-test has passed.
         ("self-test", "passed".to_owned()),
     ];
-    let mount = config.mount.map(mount);
+    // The robot that publishes the images publishes the transform of their frame, too.
+    let has_own_frame = config.is_frame_id_chosen || !config.source.name.properties().is_ros2;
+    let mount = config.mount.filter(|_| has_own_frame).map(mount);
     let sink = node.add_camera(&CameraOptions {
         name,
         frame_id: &config.frame_id,

@@ -88,7 +88,7 @@ pub(super) fn check(config: &Config) -> anyhow::Result<()> {
     let stop = Stop::default();
     access(config.outputs.access.as_ref())?;
     config.engine.check()?;
-    let cameras = camera::prepare(camera::plans(config)?, &stop, camera::probe_source)?;
+    let cameras = camera::prepare(camera::plans(config)?, &stop, SourceName::probe)?;
     OutputPaths::of(&cameras, config.outputs.stats_json.as_deref()).check()?;
     let (_, pipelines) = load_pipelines(config, &stop)?;
     let several = cameras.len() > 1;

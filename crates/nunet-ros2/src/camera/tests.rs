@@ -1,6 +1,7 @@
 use std::sync::atomic::AtomicUsize;
 
 use nunet_core::depth::DepthEncoding;
+use nunet_ros2_link::{Delivery, Endpoint, Subscriber};
 use nunet_sink::sink::Timings;
 use nunet_source::Frame;
 use nunet_telemetry::DrainTimeout;
@@ -167,11 +168,24 @@ fn a_transport_that_hangs_or_panics_holds_up_neither_frames_nor_the_shutdown() {
 struct Shy(AtomicUsize);
 
 impl Link for Shy {
-    fn publisher(&self, _camera: &str, _topic: Topic) -> Result<Box<dyn Publisher>, Ros2Error> {
+    fn publisher(
+        &self,
+        _node: &str,
+        _endpoint: &Endpoint<'_>,
+        _delivery: Delivery,
+    ) -> Result<Box<dyn Publisher>, Ros2Error> {
         Ok(Box::new(fake(Behavior::Takes)))
     }
 
-    fn announce_node(&self, _camera: &str) -> Result<(), Ros2Error> {
+    fn subscriber(&self, _node: &str, _endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error> {
+        Err(Ros2Error::Transport { name: "shy" })
+    }
+
+    fn published_types(&self, _topic: &str) -> Result<Vec<String>, Ros2Error> {
+        Ok(Vec::new())
+    }
+
+    fn announce_nodes(&self) -> Result<(), Ros2Error> {
         let is_first = self.0.fetch_add(1, Ordering::Relaxed) == 0;
         let error = Ros2Error::Middleware { action: "announce the node", reason: "Timeout".to_owned() };
         if is_first { Err(error) } else { Ok(()) }

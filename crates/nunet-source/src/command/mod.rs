@@ -31,6 +31,7 @@ const EXEC: &str = "exec:";
 const RTSP: [&str; 2] = ["rtsp://", "rtsps://"];
 
 const LIVE: Properties = Properties {
+    is_ros2: false,
     exclusive: None,
     is_recording: false,
     is_shared_memory: false,

@@ -19,8 +19,8 @@ use crate::sink::shm::{ShmPublisher, ShmPublisherOptions};
 use crate::sink::stats::Common;
 use crate::sink::{self, SinkContext};
 use crate::source::{
-    CameraResolver, Exclusive, Fill, Frame, Notify, OpenOptions, Source, SourceError, SourceErrorKind,
-    SourceName, first_frame,
+    CameraResolver, Exclusive, Notify, OpenOptions, Source, SourceError, SourceErrorKind, SourceName,
+    first_frame,
 };
 use crate::stream::{Pace, Stop, Stream, StreamTask};
 use crate::subcommands::load::obstacle_stage;
@@ -122,7 +122,7 @@ pub(super) struct PreparedCamera<'a> {
 /// Opens the sources of all cameras. Bad arguments of one camera are an error. So is a source that cannot be
 /// opened, if no other can. Otherwise, a camera device is waited for, and any other source fails alone.
 ///
-/// With `open` of [`probe_source`] nothing is read from cameras and pipes: `nunetd config` refuses what `run` would.
+/// With `open` of [`SourceName::probe`] nothing is read from cameras and pipes: `nunetd config` refuses what `run` would.
 pub(super) fn prepare<'a>(
     plans: Vec<CameraPlan<'a>>,
     stop: &Stop,
@@ -134,6 +134,7 @@ pub(super) fn prepare<'a>(
         let options = OpenOptions {
             stopped: Some(stop.flag()),
             model_folders: &model_folders,
+            has_frame_id: plan.config.is_frame_id_chosen,
             ..plan.config.source.open_options()
         };
         let source = open(&plan.config.source.name, options);
@@ -164,28 +165,6 @@ pub(super) fn prepare<'a>(
     Ok(cameras)
 }
 
-/// A placeholder for a source that must not be read.
-struct Unread;
-
-impl Source for Unread {
-    fn fill(&mut self, _frame: &mut Frame) -> Fill {
-        Fill::End
-    }
-}
-
-/// Checks a source without reading from it: a camera may be in use, and data read from a pipe is lost.
-pub(super) fn probe_source(
-    name: &SourceName,
-    options: OpenOptions<'_>,
-) -> Result<Box<dyn Source>, SourceError> {
-    name.check(&options)?;
-    match name.properties().exclusive {
-        Some(Exclusive::StandardInput) => Ok(Box::new(Unread)),
-        Some(Exclusive::Device) if name.path().exists() => Ok(Box::new(Unread)),
-        _ => name.open(options),
-    }
-}
-
 /// The span for log lines of one camera, if there are several.
 pub(super) fn span_of(camera: &str, several: bool) -> Span {
     if several { error_span!("camera", name = %camera) } else { Span::none() }
@@ -197,10 +176,8 @@ impl<'a> PreparedCamera<'a> {
         let Self { plan, mut source, mut camera } = self;
         let mut look = || -> anyhow::Result<()> {
             obstacle_stage(plan.config.obstacles, &pipeline)?;
-            let properties = plan.config.source.name.properties();
-            let is_file =
-                properties.exclusive.is_none() && !properties.is_shared_memory && !properties.is_started;
-            match is_file.then(|| first_frame(&mut *source)).transpose()?.flatten() {
+            let is_live = plan.config.source.name.properties().is_live();
+            match (!is_live).then(|| first_frame(&mut *source)).transpose()?.flatten() {
                 Some(frame) => Ok(camera.update(&frame, &mut pipeline).map(drop)?),
                 None => Ok(()),
             }

@@ -16,6 +16,8 @@ use dust_dds::std_runtime::executor::block_timeout;
 use dust_dds::transport::interface::TransportDataReceiver;
 use tracing::error;
 
+use crate::error::Ros2Error;
+
 /// The library takes 256 datagrams before it has to work on one. If it takes none for so long, it is stuck.
 const MAX_WAIT: Duration = Duration::from_secs(20);
 
@@ -29,9 +31,18 @@ impl Health {
         self.0.load(Ordering::Relaxed)
     }
 
+    /// Whether the library can `action`. Its calls would not return.
+    pub(super) fn check(&self, action: &'static str) -> Result<(), Ros2Error> {
+        if self.has_ended() {
+            let reason = "ROS 2 over DDS has ended".to_owned();
+            return Err(Ros2Error::Middleware { action, reason });
+        }
+        Ok(())
+    }
+
     fn end(&self, why: &str) {
         if !self.0.swap(true, Ordering::Relaxed) {
-            error!("ROS 2 over DDS has ended: {why}; restart nunetd to publish again");
+            error!("ROS 2 over DDS has ended: {why}; restart nunetd to use it again");
         }
     }
 }
@@ -142,5 +153,7 @@ mod tests {
             assert!(start.elapsed() < TIMEOUT, "the panic is not noticed");
             std::thread::yield_now();
         }
+        let error = health.check("list publishers").unwrap_err();
+        assert_eq!(error.to_string(), "cannot list publishers: ROS 2 over DDS has ended");
     }
 }

@@ -16,16 +16,20 @@ use super::health::Library;
 use super::peers::{Peers, REMOVED_AFTER};
 use super::rtps::{Prefix, end_of_readers, farewell_of, sender};
 use super::sending::MAX_DATAGRAM_BYTES;
+use super::subscriber::Inboxes;
+use super::user_data::is_only_user_data;
 
 /// How often receiving threads check whether they have to end.
 const POLL_PERIOD: Duration = Duration::from_millis(200);
-/// The transport removes participants that answer nothing, and not the library, which would match their readers again.
+/// The transport removes participants that answer nothing, and not the library, which would match their readers
+/// again.
 const LEASE_SECONDS: i32 = 2 * REMOVED_AFTER.as_secs() as i32;
 
-/// Hands what a socket receives to the library, on a thread.
+/// Hands what a socket receives to the subscribers and to the library, on a thread.
 pub(super) struct Receiving {
     pub(super) socket: UdpSocket,
     pub(super) library: Library,
+    pub(super) inboxes: Arc<Inboxes>,
     pub(super) peers: Arc<Peers>,
     pub(super) found: Arc<Found>,
     pub(super) own: Vec<OwnAddress>,
@@ -62,6 +66,10 @@ impl Receiving {
         for (held, to) in self.peers.heard(peer, now) {
             // One that is lost is sent again.
             let _ = self.socket.send_to(&held, to);
+        }
+        self.inboxes.put(datagram);
+        if is_only_user_data(datagram) {
+            return;
         }
         if let Some(payload) = participant_payload(datagram).and_then(|range| datagram.get_mut(range)) {
             let is_self =

@@ -49,7 +49,7 @@ pub(super) fn hide_misunderstood(datagram: &mut [u8]) {
     let parts: Vec<_> = submessages(datagram).collect();
     for part in parts {
         let is_hidden = match part.id {
-            // Nothing here reads messages from the library.
+            // Subscribers get their messages from the transport.
             DATA => datagram.get(part.body.clone()).is_none_or(|body| !is_announcement(body)),
             DATA_FRAG => true,
             _ => false,
@@ -112,8 +112,8 @@ fn shorten_gap(body: &mut [u8], flags: u8) {
     }
 }
 
-/// Where the data of a DATA submessage begins, behind its inline parameters.
-fn payload_start(body: &[u8], flags: u8) -> Option<usize> {
+/// Where the data of a `DATA` or `DATA_FRAG` submessage begins, behind its inline parameters.
+pub(super) fn payload_start(body: &[u8], flags: u8) -> Option<usize> {
     let is_little = flags & FLAG_LITTLE_ENDIAN != 0;
     let start = 4 + usize::from(number(body, 2, is_little)?);
     if flags & FLAG_INLINE_QOS == 0 {

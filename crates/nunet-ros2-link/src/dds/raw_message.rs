@@ -8,8 +8,8 @@ use dust_dds::xtypes::type_support::{Type, TypeSupport};
 
 /// The fields of a message in CDR, without the four leading bytes.
 ///
-/// To the library it is an array of bytes. Arrays have no length in CDR, and the library writes as many elements as there
-/// are, so that the bytes arrive as they are.
+/// To the library it is an array of bytes. Arrays have no length in CDR, and the library writes as many
+/// elements as there are, so that the bytes arrive as they are.
 #[derive(Debug)]
 pub(super) struct RawMessage(pub(super) Vec<u8>);
 

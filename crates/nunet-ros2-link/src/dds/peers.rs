@@ -20,6 +20,9 @@ const SILENCE: Duration = Duration::from_secs(2);
 const PROBE_PERIOD: Duration = Duration::from_secs(1);
 /// A participant that is silent for so long is removed. One that comes back later has to subscribe again.
 pub(super) const REMOVED_AFTER: Duration = Duration::from_secs(300);
+/// A publisher of which nothing came for so long does not count any more. All announce themselves, Cyclone DDS
+/// every 30 s.
+const LOST_AFTER: Duration = Duration::from_secs(70);
 /// Further participants are not watched. Any machine can make up participants.
 const MAX_PEERS: usize = 1024;
 
@@ -111,6 +114,12 @@ impl Peers {
     /// Whether `prefix` does not answer at `now`.
     pub(super) fn is_silent(&self, prefix: Prefix, now: Instant) -> bool {
         self.lock().get(&prefix).is_some_and(|peer| peer.is_silent(now))
+    }
+
+    /// Whether `prefix` does not answer at `now`, or nothing has come from it for long.
+    pub(super) fn is_lost(&self, prefix: Prefix, now: Instant) -> bool {
+        let is_old = |peer: &Peer| now.saturating_duration_since(peer.heard) >= LOST_AFTER;
+        self.lock().get(&prefix).is_some_and(|peer| peer.is_silent(now) || is_old(peer))
     }
 
     /// Whether `prefix` has readers that confirm messages.
@@ -235,6 +244,18 @@ mod tests {
         assert!(peers.is_silent(PEER, start + REMOVED_AFTER + SILENCE), "the library may match it again");
         peers.take_gone(start + 2 * REMOVED_AFTER);
         assert!(peers.lock().is_empty(), "nothing is kept for ever");
+    }
+
+    #[test]
+    fn one_of_which_nothing_comes_is_lost_until_it_is_heard_again() {
+        let (peers, start) = (Peers::default(), Instant::now());
+        assert!(!peers.is_lost(PEER, start), "nothing is known of it");
+        peers.heard(PEER, start);
+        assert!(!peers.is_lost(PEER, start + SILENCE) && peers.is_lost(PEER, start + LOST_AFTER));
+        peers.heard(PEER, start + LOST_AFTER);
+        peers.outgoing(&heartbeat(PEER, BUILTIN, 1), TO, start + LOST_AFTER);
+        assert!(!peers.is_lost(PEER, start + LOST_AFTER));
+        assert!(peers.is_lost(PEER, start + LOST_AFTER + SILENCE), "it does not answer");
     }
 
     #[test]

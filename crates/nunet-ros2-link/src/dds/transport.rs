@@ -20,11 +20,12 @@ use super::health::{Health, Library};
 use super::peers::Peers;
 use super::receiving::Receiving;
 use super::sending::{Announcements, MAX_DATAGRAM_BYTES, Nowhere, Sending};
+use super::subscriber::Inboxes;
 use crate::environment::{DiscoveryRange, Environment};
 
-/// One fragment per datagram. Readers name missing fragments in groups of 256: a fragment may not be much smaller, or a
-/// large message takes several rounds to repair. It may not be much larger, or the loss of one packet of a wireless
-/// network costs more.
+/// One fragment per datagram. Readers name missing fragments in groups of 256: a fragment may not be much
+/// smaller, or a large message takes several rounds to repair. It may not be much larger, or the loss of one
+/// packet of a wireless network costs more.
 const FRAGMENT_BYTES: usize = 16_000;
 /// Images that arrive must fit. The kernel limits it to `net.core.rmem_max`.
 const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
@@ -33,9 +34,20 @@ const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
 pub(super) struct UdpTransport {
     /// Taken by the participant.
     sockets: Mutex<Option<Sockets>>,
-    ended: Arc<AtomicBool>,
-    peers: Arc<Peers>,
-    health: Arc<Health>,
+    shared: Shared,
+}
+
+/// What the transport and its users share.
+#[derive(Clone, Default)]
+pub(super) struct Shared {
+    /// Where messages for subscribers arrive.
+    pub(super) inboxes: Arc<Inboxes>,
+    /// What is known of other participants.
+    pub(super) peers: Arc<Peers>,
+    /// Whether the library works.
+    pub(super) health: Arc<Health>,
+    /// Set it to end the threads.
+    pub(super) ended: Arc<AtomicBool>,
 }
 
 struct Sockets {
@@ -75,23 +87,11 @@ impl UdpTransport {
             found: Arc::default(),
         };
         let sockets = Sockets { domain, participant, data, discovery, multicast, own, announcements };
-        let sockets = Mutex::new(Some(sockets));
-        Ok(Self { sockets, ended: Arc::default(), peers: Arc::default(), health: Arc::default() })
+        Ok(Self { sockets: Mutex::new(Some(sockets)), shared: Shared::default() })
     }
 
-    /// What is known of other participants.
-    pub(super) fn peers(&self) -> Arc<Peers> {
-        Arc::clone(&self.peers)
-    }
-
-    /// Whether the library works.
-    pub(super) fn health(&self) -> Arc<Health> {
-        Arc::clone(&self.health)
-    }
-
-    /// Set it to end the threads.
-    pub(super) fn ended(&self) -> Arc<AtomicBool> {
-        Arc::clone(&self.ended)
+    pub(super) fn shared(&self) -> Shared {
+        self.shared.clone()
     }
 }
 
@@ -137,7 +137,7 @@ fn group_sender(interface: Ipv4Addr) -> io::Result<UdpSocket> {
 impl TransportParticipantFactory for UdpTransport {
     fn create_participant(&self, _domain: i32, receiver: TransportDataReceiver) -> RtpsTransportParticipant {
         let taken = self.sockets.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match taken.map(|sockets| sockets.start(receiver, self)) {
+        match taken.map(|sockets| sockets.start(receiver, self.shared())) {
             Some(Ok(participant)) => participant,
             Some(Err(_)) | None => {
                 participant_of(Box::new(Nowhere(Vec::new())), [Vec::new(), Vec::new(), Vec::new()])
@@ -161,24 +161,21 @@ fn participant_of(
 }
 
 impl Sockets {
-    fn start(
-        self,
-        receiver: TransportDataReceiver,
-        transport: &UdpTransport,
-    ) -> io::Result<RtpsTransportParticipant> {
+    fn start(self, receiver: TransportDataReceiver, shared: Shared) -> io::Result<RtpsTransportParticipant> {
         let Self { domain, participant, data, discovery, multicast, own, announcements } = self;
-        let library = Library { receiver, health: transport.health() };
-        let peers = transport.peers();
+        let Shared { inboxes, peers, health, ended } = shared;
+        let library = Library { receiver, health };
         let socket = data.try_clone()?;
         for socket in [Some(data), Some(discovery), multicast].into_iter().flatten() {
             let thread = Receiving {
                 socket,
                 library: library.clone(),
+                inboxes: Arc::clone(&inboxes),
                 peers: Arc::clone(&peers),
                 found: Arc::clone(&announcements.found),
                 own: own.clone(),
                 own_port: discovery_port(domain, participant),
-                ended: transport.ended(),
+                ended: Arc::clone(&ended),
             };
             thread.start()?;
         }

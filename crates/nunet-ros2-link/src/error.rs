@@ -5,6 +5,8 @@ use std::io;
 
 use nunet_types::Hint;
 
+use crate::name::valid_part;
+
 /// Why there is no connection to ROS 2.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -42,6 +44,12 @@ pub enum Ros2Error {
         "camera name `{name}` cannot be part of a ROS 2 topic, expected letters, digits and single underscores, and no digit first"
     )]
     CameraName {
+        /// The name.
+        name: String,
+    },
+    /// A name that no topic can have.
+    #[error("`{name}` cannot be the name of a ROS 2 topic, expected parts like `camera` separated by `/`")]
+    TopicName {
         /// The name.
         name: String,
     },
@@ -101,6 +109,7 @@ impl Ros2Error {
             | Self::Unknown { .. }
             | Self::Variable { .. }
             | Self::CameraName { .. }
+            | Self::TopicName { .. }
             | Self::Missing { .. }
             | Self::Transport { .. } => Ros2ErrorKind::Arguments,
             Self::Network { .. } => Ros2ErrorKind::Network,
@@ -115,43 +124,12 @@ impl Hint for Ros2Error {
             Self::Domain { .. } => {
                 Some("use the domain of the nodes that are to receive, 0 by default".into())
             }
-            Self::CameraName { name } => Some(format!("use a name like `{}`", valid_name(name)).into()),
+            Self::CameraName { name } => Some(format!("use a name like `{}`", valid_part(name)).into()),
+            Self::TopicName { .. } => {
+                Some("a part has letters, digits and single underscores, and no digit first".into())
+            }
             Self::Network { .. } => Some("another domain has other ports".into()),
             _ => None,
-        }
-    }
-}
-
-/// Whether ROS 2 accepts `name` as a part of a topic.
-pub(crate) fn is_valid_name(name: &str) -> bool {
-    let is_word = |character: char| character.is_ascii_alphanumeric() || character == '_';
-    !name.is_empty()
-        && name.chars().all(is_word)
-        && !name.contains("__")
-        && !name.starts_with(|first: char| first.is_ascii_digit())
-}
-
-fn valid_name(name: &str) -> String {
-    let word = |character: char| if character.is_ascii_alphanumeric() { character } else { '_' };
-    let mut valid: String = name.chars().map(word).collect();
-    while valid.contains("__") {
-        valid = valid.replace("__", "_");
-    }
-    if is_valid_name(&valid) { valid } else { format!("camera_{valid}") }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_name_that_ros_does_not_take_gets_one_that_it_takes() {
-        for name in ["front", "_a", "left_arm0"] {
-            assert!(is_valid_name(name), "{name}");
-        }
-        for name in ["left-arm.0", "0", "a__b", "", "é", "9-"] {
-            assert!(!is_valid_name(name), "{name}");
-            assert!(is_valid_name(&valid_name(name)), "{name}: {}", valid_name(name));
         }
     }
 }

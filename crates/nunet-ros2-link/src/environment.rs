@@ -38,6 +38,12 @@ impl Environment {
         Self::from_variables(&|name| std::env::var(name).ok())
     }
 
+    /// The same in another domain, if one is given.
+    #[must_use]
+    pub fn in_domain(self, domain: Option<u16>) -> Self {
+        Self { domain: domain.unwrap_or(self.domain), ..self }
+    }
+
     /// As `variable` states it.
     fn from_variables(variable: &dyn Fn(&str) -> Option<String>) -> Result<Self, Ros2Error> {
         let text = |name| variable(name).filter(|value| !value.is_empty());
@@ -55,7 +61,10 @@ impl Environment {
 }
 
 /// A domain that `origin` states as `value`.
-pub(crate) fn domain(origin: &'static str, value: &str) -> Result<u16, Ros2Error> {
+///
+/// # Errors
+/// ROS 2 has no such domain.
+pub fn domain(origin: &'static str, value: &str) -> Result<u16, Ros2Error> {
     let domain = value.parse().ok().filter(|domain| *domain <= MAX_DOMAIN);
     domain.ok_or_else(|| Ros2Error::Domain { origin, value: value.to_owned() })
 }

@@ -69,8 +69,8 @@ pub(super) fn is_own(ip: Ipv4Addr, own: &[OwnAddress]) -> bool {
 
 /// The address by which a participant that states `candidates` is reached.
 ///
-/// An address in a network of this machine comes first, then one of this machine itself: other machines have the same
-/// addresses in the networks of their containers. Without either, routing decides about the first.
+/// An address in a network of this machine comes first, then one of this machine itself: other machines have
+/// the same addresses in the networks of their containers. Without either, routing decides about the first.
 pub(super) fn reachable(candidates: &[SocketAddrV4], own: &[OwnAddress]) -> Option<SocketAddrV4> {
     let is_own = |ip| is_own(ip, own);
     let is_near = |ip: Ipv4Addr| own.iter().any(|address| address.is_in_network(ip));

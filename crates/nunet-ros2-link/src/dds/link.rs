@@ -1,0 +1,310 @@
+//! A participant of a DDS domain, its publishers and its subscribers.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::hash::{BuildHasher as _, RandomState};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+use dust_dds::builtin_topics::{DCPS_PUBLICATION, PublicationBuiltinTopicData};
+use dust_dds::dds_async::configuration::DustDdsConfigurationBuilder;
+use dust_dds::dds_async::domain_participant_factory::DomainParticipantFactoryAsync;
+use dust_dds::domain::domain_participant::DomainParticipant;
+use dust_dds::domain::domain_participant_factory::DomainParticipantFactory;
+use dust_dds::infrastructure::error::DdsError;
+use dust_dds::infrastructure::listener::NO_LISTENER;
+use dust_dds::infrastructure::qos::QosKind;
+use dust_dds::infrastructure::sample_info::{ANY_SAMPLE_STATE, ANY_VIEW_STATE, InstanceStateKind};
+use dust_dds::infrastructure::status::NO_STATUS;
+use dust_dds::publication::data_writer::DataWriter;
+use dust_dds::publication::publisher::Publisher as DdsPublisher;
+use dust_dds::subscription::data_reader::DataReader;
+use dust_dds::subscription::subscriber::Subscriber as DdsSubscriber;
+use dust_dds::topic_definition::topic::Topic as DdsTopic;
+use tracing::{debug, info, warn};
+
+use super::failed::failed;
+use super::health::{Health, Watched};
+use super::nodes::{self, Identifier, Nodes};
+use super::peers::Peers;
+use super::qos::{reader_qos, writer_qos};
+use super::raw_message::RawMessage;
+use super::subscriber::TopicSubscriber;
+use super::transport::{Shared, UdpTransport};
+use crate::environment::{DiscoveryRange, Environment};
+use crate::error::Ros2Error;
+use crate::link::{Delivery, Endpoint, Link, Publisher, Subscriber};
+use crate::message_type::MessageType;
+
+/// How often the participant announces itself.
+const ANNOUNCEMENT_PERIOD: Duration = Duration::from_secs(1);
+/// The most time that leaving may take.
+const MAX_LEAVING: Duration = Duration::from_secs(5);
+/// Announcements of nodes that may be unconfirmed. The last one counts, but each camera announces its node,
+/// and a peer may not have confirmed the one before.
+const MAX_ANNOUNCEMENTS: u32 = 16;
+/// The bytes before the fields of a message.
+const ENCAPSULATION_BYTES: usize = 4;
+/// Publishers of other nodes that are looked at.
+const MAX_PUBLICATIONS: i32 = 10_000;
+
+/// A connection of its own to the domain of `environment`.
+pub(crate) fn alone(environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
+    Ok(Arc::new(DdsLink::open(environment)?))
+}
+
+/// The connection of this process to the domain of `environment`; it is opened if there is none.
+pub(crate) fn shared(environment: &Environment) -> Result<Arc<dyn Link>, Ros2Error> {
+    static LINKS: Mutex<BTreeMap<u16, Weak<DdsLink>>> = Mutex::new(BTreeMap::new());
+    let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(link) = links.get(&environment.domain).and_then(Weak::upgrade) {
+        return Ok(link);
+    }
+    let link = Arc::new(DdsLink::open(environment)?);
+    links.insert(environment.domain, Arc::downgrade(&link));
+    Ok(link)
+}
+
+/// A participant of a DDS domain.
+struct DdsLink {
+    participant: DomainParticipant,
+    publisher: DdsPublisher,
+    subscriber: DdsSubscriber,
+    /// Of the publishers of other nodes.
+    publications: DataReader<PublicationBuiltinTopicData>,
+    announcer: DataWriter<RawMessage>,
+    state: Arc<Mutex<State>>,
+    factory: Arc<DomainParticipantFactory<UdpTransport>>,
+    shared: Shared,
+}
+
+#[derive(Default)]
+struct State {
+    /// By their full names: cameras share some.
+    topics: HashMap<String, (MessageType, DdsTopic)>,
+    nodes: Nodes,
+}
+
+impl DdsLink {
+    /// Joins the domain of `environment`.
+    fn open(environment: &Environment) -> Result<Self, Ros2Error> {
+        let domain = environment.domain;
+        if environment.range == DiscoveryRange::Off {
+            warn!("ROS_AUTOMATIC_DISCOVERY_RANGE is OFF: only nodes that look for this one find it");
+        }
+        let transport = UdpTransport::open(environment);
+        let transport = transport.map_err(|source| Ros2Error::Network { domain, source })?;
+        let shared = transport.shared();
+        let factory = Arc::new(factory(transport)?);
+        let participant = factory.create_participant(domain.into(), QosKind::Default, NO_LISTENER, NO_STATUS);
+        let participant = participant.map_err(failed("join the ROS 2 domain"))?;
+        let publisher = participant.create_publisher(QosKind::Default, NO_LISTENER, NO_STATUS);
+        let publisher = publisher.map_err(failed("make a publisher"))?;
+        let subscriber = participant.create_subscriber(QosKind::Default, NO_LISTENER, NO_STATUS);
+        let subscriber = subscriber.map_err(failed("make a subscriber"))?;
+        let publications = participant.get_builtin_subscriber().lookup_datareader(DCPS_PUBLICATION);
+        let publications = publications.and_then(|reader| reader.ok_or(DdsError::Unsupported));
+        let publications = publications.map_err(failed("list publishers"))?;
+        let topic = new_topic(&participant, nodes::TOPIC, nodes::TYPE)?;
+        let qos = writer_qos(Delivery { depth: MAX_ANNOUNCEMENTS, is_kept: true }, nodes::TYPE_HASH);
+        let announcer = publisher.create_datawriter(&topic, QosKind::Specific(qos), NO_LISTENER, NO_STATUS);
+        let announcer = announcer.map_err(failed("make a publisher"))?;
+        info!("ROS 2 over DDS in domain {domain}");
+        let state = Arc::default();
+        Ok(Self { participant, publisher, subscriber, publications, announcer, state, factory, shared })
+    }
+
+    /// The topic of an endpoint. A topic without users can get another type.
+    fn topic(&self, state: &mut State, endpoint: &Endpoint<'_>) -> Result<DdsTopic, Ros2Error> {
+        let Endpoint { topic: name, message_type } = *endpoint;
+        match state.topics.get(name) {
+            Some((known, topic)) if *known == message_type => return Ok(topic.clone()),
+            Some((_, topic)) => {
+                self.participant.delete_topic(topic).map_err(failed("change the type of a topic"))?;
+            }
+            None => {}
+        }
+        let topic = new_topic(&self.participant, &dds_name(name), &dds_type(message_type.name()))?;
+        state.topics.insert(name.to_owned(), (message_type, topic.clone()));
+        Ok(topic)
+    }
+}
+
+fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The factory lives as long as the process: the library lends it for ever. There is one per connection.
+fn factory(transport: UdpTransport) -> Result<DomainParticipantFactory<UdpTransport>, Ros2Error> {
+    let configuration = DustDdsConfigurationBuilder::new()
+        .enable_type_information(false)
+        .participant_announcement_interval(ANNOUNCEMENT_PERIOD)
+        .build()
+        .map_err(failed("configure DDS"))?;
+    // Identifiers must differ between processes on all machines; in containers, process numbers do not.
+    let random = RandomState::new().hash_one(std::process::id()).to_ne_bytes();
+    let [a, b, c, d, e, f, g, h] = random;
+    let (host, process) = ([a, b, c, d], [e, f, g, h]);
+    let runtime = Watched::new(transport.shared().health);
+    let shared = DomainParticipantFactoryAsync::new(runtime, process, host, transport, configuration);
+    Ok(DomainParticipantFactory::new(Box::leak(Box::new(shared))))
+}
+
+impl Drop for DdsLink {
+    /// Other nodes learn at once that this one leaves. The library may not answer.
+    fn drop(&mut self) {
+        if !self.shared.health.has_ended() {
+            let (participant, factory, (left, leaving)) =
+                (self.participant.clone(), Arc::clone(&self.factory), channel());
+            let leave = move || {
+                let deleted = participant.delete_contained_entities();
+                left.send(deleted.and_then(|()| factory.delete_participant(&participant)))
+            };
+            let started = std::thread::Builder::new().name("dds end".to_owned()).spawn(leave);
+            match started.map(|_| leaving.recv_timeout(MAX_LEAVING)) {
+                Ok(Ok(Ok(()))) => {}
+                Ok(Ok(Err(error))) => debug!("cannot leave the ROS 2 domain: {error}"),
+                _ => {
+                    warn!(
+                        "other ROS 2 nodes may not know that this one has left: no answer from the library"
+                    );
+                }
+            }
+        }
+        self.shared.ended.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Link for DdsLink {
+    fn publisher(
+        &self,
+        node: &str,
+        endpoint: &Endpoint<'_>,
+        delivery: Delivery,
+    ) -> Result<Box<dyn Publisher>, Ros2Error> {
+        self.shared.health.check("make a publisher")?;
+        let mut state = lock(&self.state);
+        let topic = self.topic(&mut state, endpoint)?;
+        let qos = QosKind::Specific(writer_qos(delivery, endpoint.message_type.hash()));
+        let writer = self.publisher.create_datawriter::<RawMessage>(&topic, qos, NO_LISTENER, NO_STATUS);
+        let writer = writer.map_err(failed("make a publisher"))?;
+        state.nodes.add_writer(node, writer.get_instance_handle().into());
+        let Shared { peers, health, .. } = self.shared.clone();
+        Ok(Box::new(TopicPublisher { writer, peers, health }))
+    }
+
+    fn subscriber(&self, node: &str, endpoint: &Endpoint<'_>) -> Result<Box<dyn Subscriber>, Ros2Error> {
+        self.shared.health.check("make a subscriber")?;
+        let mut state = lock(&self.state);
+        let topic = self.topic(&mut state, endpoint)?;
+        let qos = QosKind::Specific(reader_qos(endpoint.message_type.hash()));
+        let reader = self.subscriber.create_datareader::<RawMessage>(&topic, qos, NO_LISTENER, NO_STATUS);
+        let reader = reader.map_err(failed("make a subscriber"))?;
+        let identifier = reader.get_instance_handle().into();
+        state.nodes.add_reader(node, identifier);
+        let all = Arc::clone(&self.state);
+        let Shared { inboxes, peers, health, .. } = self.shared.clone();
+        Ok(Box::new(TopicSubscriber {
+            subscriber: self.subscriber.clone(),
+            reader,
+            inbox: inboxes.add(),
+            peers,
+            health,
+            on_end: Box::new(move || lock(&all).nodes.remove_reader(identifier)),
+        }))
+    }
+
+    fn published_types(&self, topic: &str) -> Result<Vec<String>, Ros2Error> {
+        self.shared.health.check("list publishers")?;
+        let name = dds_name(topic);
+        let alive = &[InstanceStateKind::Alive];
+        let samples = match self.publications.read(MAX_PUBLICATIONS, ANY_SAMPLE_STATE, ANY_VIEW_STATE, alive)
+        {
+            Err(DdsError::NoData) => Vec::new(),
+            samples => samples.map_err(failed("list publishers"))?,
+        };
+        let publications = samples.iter().filter_map(|sample| sample.data.as_ref());
+        let named = publications.filter(|publication| publication.topic_name() == name);
+        let types: BTreeSet<_> = named.map(|publication| ros_type(publication.get_type_name())).collect();
+        Ok(types.into_iter().collect())
+    }
+
+    fn announce_nodes(&self) -> Result<(), Ros2Error> {
+        const ACTION: &str = "announce the node";
+        self.shared.health.check(ACTION)?;
+        let message = lock(&self.state).nodes.message(self.participant.get_instance_handle().into());
+        let message = message.map_err(|reason| Ros2Error::Middleware { action: ACTION, reason })?;
+        self.announcer.write(raw(&message), None).map_err(failed(ACTION))
+    }
+}
+
+/// `/front/scan` as DDS names it: `rt/front/scan`.
+fn dds_name(topic: &str) -> String {
+    format!("rt{topic}")
+}
+
+/// `sensor_msgs/msg/Image` as DDS names it: `sensor_msgs::msg::dds_::Image_`.
+fn dds_type(type_name: &str) -> String {
+    let (package, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
+    format!("{}::dds_::{name}_", package.replace('/', "::"))
+}
+
+/// The reverse of [`dds_type`]; other types stay as they are.
+fn ros_type(dds_type: &str) -> String {
+    let named = dds_type.strip_suffix('_').and_then(|name| name.split_once("::dds_::"));
+    named.map_or_else(
+        || dds_type.to_owned(),
+        |(package, name)| format!("{}/{name}", package.replace("::", "/")),
+    )
+}
+
+fn new_topic(participant: &DomainParticipant, name: &str, type_name: &str) -> Result<DdsTopic, Ros2Error> {
+    let topic =
+        participant.create_topic::<RawMessage>(name, type_name, QosKind::Default, NO_LISTENER, NO_STATUS);
+    topic.map_err(failed("make a topic"))
+}
+
+fn raw(message: &[u8]) -> RawMessage {
+    RawMessage(message.get(ENCAPSULATION_BYTES..).unwrap_or_default().to_vec())
+}
+
+struct TopicPublisher {
+    writer: DataWriter<RawMessage>,
+    peers: Arc<Peers>,
+    health: Arc<Health>,
+}
+
+impl Publisher for TopicPublisher {
+    /// Those that answer: the library counts the dead for minutes.
+    fn subscribers(&self) -> usize {
+        if self.health.has_ended() {
+            return 0;
+        }
+        let (matched, now) = (self.writer.get_matched_subscriptions().unwrap_or_default(), Instant::now());
+        let answers = |reader: Identifier| {
+            reader.first_chunk().is_some_and(|participant| !self.peers.is_silent(*participant, now))
+        };
+        matched.into_iter().filter(|reader| answers((*reader).into())).count()
+    }
+
+    fn send(&self, message: &[u8]) -> bool {
+        !self.health.has_ended() && self.writer.write(raw(message), None).is_ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_are_named_as_dds_names_those_of_ros() {
+        for (ros, dds) in [
+            ("sensor_msgs/msg/Image", "sensor_msgs::msg::dds_::Image_"),
+            ("tf2_msgs/msg/TFMessage", "tf2_msgs::msg::dds_::TFMessage_"),
+        ] {
+            assert_eq!((dds_type(ros).as_str(), ros_type(dds).as_str()), (dds, ros));
+        }
+        assert_eq!(ros_type("HelloWorld"), "HelloWorld");
+    }
+}

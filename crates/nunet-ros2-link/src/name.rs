@@ -1,0 +1,55 @@
+//! Names of topics.
+
+/// Whether ROS 2 accepts `name` as a part of a topic.
+#[must_use]
+pub fn is_valid_part(name: &str) -> bool {
+    let is_word = |character: char| character.is_ascii_alphanumeric() || character == '_';
+    !name.is_empty()
+        && name.chars().all(is_word)
+        && !name.contains("__")
+        && !name.starts_with(|first: char| first.is_ascii_digit())
+}
+
+/// A name that ROS 2 accepts, made of one that it does not.
+pub(crate) fn valid_part(name: &str) -> String {
+    let word = |character: char| if character.is_ascii_alphanumeric() { character } else { '_' };
+    let mut valid: String = name.chars().map(word).collect();
+    while valid.contains("__") {
+        valid = valid.replace("__", "_");
+    }
+    if is_valid_part(&valid) { valid } else { format!("camera_{valid}") }
+}
+
+/// The full name of a topic: `camera/image_raw` is `/camera/image_raw`. `None` if ROS 2 has no such name.
+#[must_use]
+pub fn full_name(topic: &str) -> Option<String> {
+    let parts = topic.strip_prefix('/').unwrap_or(topic);
+    parts.split('/').all(is_valid_part).then(|| format!("/{parts}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_that_ros_does_not_take_gets_one_that_it_takes() {
+        for name in ["front", "_a", "left_arm0"] {
+            assert!(is_valid_part(name), "{name}");
+        }
+        for name in ["left-arm.0", "0", "a__b", "", "é", "9-"] {
+            assert!(!is_valid_part(name), "{name}");
+            assert!(is_valid_part(&valid_part(name)), "{name}: {}", valid_part(name));
+        }
+    }
+
+    #[test]
+    fn a_topic_has_one_full_name_or_is_refused() {
+        for topic in ["/camera/image_raw", "camera/image_raw"] {
+            assert_eq!(full_name(topic).unwrap(), "/camera/image_raw");
+        }
+        assert_eq!(full_name("/image").unwrap(), "/image");
+        for topic in ["", "/", "//a", "/a/", "/a//b", "/0a", "/a b", "~/a", "/a__b", "/a@1"] {
+            assert!(full_name(topic).is_none(), "{topic}");
+        }
+    }
+}
