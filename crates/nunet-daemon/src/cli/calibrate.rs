@@ -21,7 +21,7 @@ use crate::subcommands::calibrate::{CalibrateOptions, Evidence};
 #[command(group(ArgGroup::new("evidence").args(["distance", "pairs", "truth", "mount"]).required(true)))]
 pub struct CalibrateArgs {
     /// With --distance or --mount, the camera: a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN,
-    /// shm:CAMERA, ros2:TOPIC[@DOMAIN], exec:COMMAND, rtsp://..., or - for stdin
+    /// shm:CAMERA, ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["pairs", "truth"])]
     pub source: Option<String>,
     /// The reference is a distance: from the camera straight to the point of --at, meters

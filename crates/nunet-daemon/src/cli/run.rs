@@ -179,7 +179,7 @@ impl AccessArgs {
 #[serde(rename_all = "kebab-case")]
 pub struct StreamArgs {
     /// demo, a folder, a glob of images, a recording FILE.mcap, a camera /dev/videoN, shm:CAMERA, a ROS 2 topic
-    /// ros2:TOPIC[@DOMAIN], exec:COMMAND, rtsp://..., or - for stdin
+    /// ros2:TOPIC, exec:COMMAND, rtsp://..., or - for stdin
     /// [default: demo; required with --config]
     #[arg(long, value_name = "SOURCE")]
     pub source: Option<String>,
