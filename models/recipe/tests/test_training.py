@@ -498,6 +498,23 @@ def test_unfrozen_components_learn_along_and_resume_to_the_same_weights(dataset,
     assert not torch.equal(start[name], one.weights[name])
 
 
+def test_labels_train_an_earlier_component_beside_depth(dataset, tmp_path, capsys):
+    plain, labeled, still = (tmp_path / name for name in ("plain", "labeled", "still"))
+    depth = {"component": "depth", "epochs": 1}
+    options = ("--unfrozen", "--no-bf16", "--ema", "0")
+    assert train(dataset, plain, *options, **depth) == 0
+    assert train(dataset, labeled, *options, "--label-loss", "0.5", **depth) == 0
+    loss = [float(rows(run, "steps.csv")[0]["loss"]) for run in (plain, labeled)]
+    # 13 classes, random weights: the cross-entropy is about ln 13 = 2.56, of which half counts.
+    assert 0.5 < loss[1] - loss[0] < 2.5
+    capsys.readouterr()
+    assert train(dataset, still, "--label-loss", "0.5", **depth) == 2
+    assert "hint: add `--unfrozen`" in capsys.readouterr().err
+    unet = ("--architecture", "unet", *options)
+    assert train(dataset, still, *unet, "--label-loss", "0.5", **depth) == 1
+    assert "no component before `depth` segments" in capsys.readouterr().err
+
+
 def test_a_checkpoint_that_knows_no_provenance_still_loads_resumes_and_exports(dataset, tmp_path):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     unet = ("--architecture", "unet")

@@ -45,6 +45,7 @@ _NUMBERS = {
     "class_power": ("a number", math.isfinite),
     "clip": ("0 (none) or more", lambda x: 0.0 <= x < math.inf),
     "joint_noise": ("0 <= x <= 1", lambda x: 0.0 <= x <= 1.0),
+    "label_loss": ("0 or more", lambda x: 0.0 <= x < math.inf),
 }
 """What a setting must be, in words and as a test that NaN does not pass."""
 
@@ -59,7 +60,8 @@ class Settings:
     the probability that an image's features from the component before are withheld, and sets how
     much they are scaled: a frozen component is more confident on images it was trained on than on
     others, and the next one must not rely on that. `unfrozen` lets the earlier components learn
-    along, from this component's loss alone. `validate_every` is how many epochs lie between two
+    along, from this component's loss; `label_loss` adds the cross-entropy of those that segment,
+    with this weight, for images that have labels. `validate_every` is how many epochs lie between two
     validations; the last epoch is always validated. `workers` prepare batches in processes of their
     own; with 0 the training does it itself, which is quicker where augmentation is little work:
     forking splits the parent's huge pages.
@@ -89,6 +91,7 @@ class Settings:
     class_power: float = 0.5
     joint_noise: float = 0.0
     unfrozen: bool = False
+    label_loss: float = 0.0
     augmentation: str = "strong"
     patch: float = 1.0
     ema: float = 0.998
@@ -105,6 +108,11 @@ class Settings:
             if not holds(getattr(self, name)):
                 raise OptionError(f"`{_option(name, getattr(self, name))}`; expected {expected}")
         parse_loss(self.loss)
+        if self.label_loss and not self.unfrozen:
+            raise OptionError(
+                f"`--label-loss {self.label_loss}` trains the components before `{self.component}`",
+                hint="add `--unfrozen`",
+            )
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON types."""

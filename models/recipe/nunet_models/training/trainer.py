@@ -58,6 +58,7 @@ class Trainer:
         self.index = list(graph.components).index(self.component)
         self.segments = graph.spec.components[self.index].task == "segmentation"
         self._check_truth()
+        self._check_label_loss()
         torch.manual_seed(settings.seed)
         torch.set_num_threads(settings.threads)
         graph.to(memory_format=torch.channels_last)
@@ -72,7 +73,8 @@ class Trainer:
                 use_fast_kernels(component)
         self.averages = [Averaged(component, settings.ema) for component in self.trained]
         self.optimizer = _optimizer(self.trained, settings)
-        self.weights = _class_weights(feed, graph, settings) if self.segments else None
+        labels = self.segments or settings.label_loss > 0.0
+        self.weights = _class_weights(feed, graph, settings) if labels else None
         self.loss_weights = parse_loss(settings.loss)
         self.step, self.epoch, self.batch = 0, 0, 0
         self.losses: list[float] = []
@@ -93,6 +95,18 @@ class Trainer:
                     hint=f"every pixel of `depth` is 0, outside of "
                     f"`--window`, or beyond {REACH_M:.1f} m by `--depth-scale`",
                 )
+
+    def _check_label_loss(self) -> None:
+        if not self.settings.label_loss:
+            return
+        earlier = self.graph.spec.components[: self.index]
+        if not any(component.task == "segmentation" for component in earlier):
+            raise ConfigError(
+                f"`--label-loss`: no component before `{self.settings.component}` segments",
+                hint="leave the option out",
+            )
+        if not self.feed.has("labels")["training"]:
+            raise ConfigError("`--label-loss`: the training data has no labels")
 
     @property
     def batches(self) -> int:
@@ -190,17 +204,24 @@ class Trainer:
                     outputs[-1] = self._disturbed(outputs[-1])
             for module in trained:
                 outputs.append(module(self.graph.joint(image, outputs)))
-            raw = outputs[-1]
         if self.segments:
-            return cross_entropy(
-                raw, batch.labels, weights=self.weights, smoothing=self.settings.smoothing
-            )
+            return self._label_loss(outputs[-1], batch)
         spec = self.graph.spec
-        return weighted_depth_loss(
-            raw,
+        loss = weighted_depth_loss(
+            outputs[-1],
             encoded_depth(batch.depth_m, spec.encoding),
             weights=self.loss_weights,
             log_network=spec.encoding == "metric",
+        )
+        if self.settings.label_loss:
+            for component, logits in zip(spec.components, outputs[:-1], strict=False):
+                if component.task == "segmentation":
+                    loss = loss + self.settings.label_loss * self._label_loss(logits, batch)
+        return loss
+
+    def _label_loss(self, logits: torch.Tensor, batch: Batch) -> torch.Tensor:
+        return cross_entropy(
+            logits, batch.labels, weights=self.weights, smoothing=self.settings.smoothing
         )
 
     def _disturbed(self, features: torch.Tensor) -> torch.Tensor:
