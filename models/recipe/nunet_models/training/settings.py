@@ -61,8 +61,8 @@ class Settings:
     much they are scaled: a frozen component is more confident on images it was trained on than on
     others, and the next one must not rely on that. `unfrozen` lets the earlier components learn
     along, from this component's loss; `label_loss` adds the cross-entropy of those that segment,
-    with this weight, for images that have labels. `validate_every` is how many epochs lie between two
-    validations; the last epoch is always validated. `workers` prepare batches in processes of their
+    with this weight, for images that have labels. `validate_every` is how many epochs lie between
+    two validations; the last epoch is always validated. `workers` prepare batches in processes of their
     own; with 0 the training does it itself, which is quicker where augmentation is little work:
     forking splits the parent's huge pages.
 
