@@ -62,9 +62,9 @@ class Settings:
     others, and the next one must not rely on that. `unfrozen` lets the earlier components learn
     along, from this component's loss; `label_loss` adds the cross-entropy of those that segment,
     with this weight, for images that have labels. `validate_every` is how many epochs lie between
-    two validations; the last epoch is always validated. `workers` prepare batches in processes of their
-    own; with 0 the training does it itself, which is quicker where augmentation is little work:
-    forking splits the parent's huge pages.
+    two validations; the last epoch is always validated. `workers` prepare batches in processes of
+    their own; with 0 the training does it itself, which is quicker where augmentation is little
+    work: forking splits the parent's huge pages.
 
     `patch` trains on parts of the views of `--sets`, of this share of each side: pixels are as
     large as in the whole view, so that the weights fit, and a step takes less time.
